@@ -75,7 +75,7 @@ def seen(name):
     """What `--draw` prints of a package with a fault: the property, and the number of examples."""
     with tempfile.TemporaryDirectory() as folder:
         with_fault(FAULTS[name], folder)
-        path = os.pathsep.join([folder, str(ROOT / "tests"), str(ROOT / "tests" / "properties")])
+        path = os.pathsep.join([folder, str(ROOT / "tests")])
         run = subprocess.run(
             [sys.executable, __file__, "--draw"],
             env=os.environ | {"PYTHONPATH": path},
@@ -101,14 +101,14 @@ class Kept:
 
 def draw():
     """Draw for every property in turn until one fails."""
-    import test_properties as tests
+    from support import properties
 
     logging.disable(logging.CRITICAL)
-    rounds = MOST // len(tests.PROPERTIES)
+    rounds = MOST // len(properties.PROPERTIES)
     drawn = {}
-    for check, (strategy, _) in tests.PROPERTIES.items():
+    for check, (strategy, _) in properties.PROPERTIES.items():
         drawn[check] = []
-        tests.holds(Kept(drawn[check]), strategy(False), examples=rounds)
+        properties.holds(Kept(drawn[check]), strategy(False), examples=rounds)
     turns = itertools.chain(*itertools.zip_longest(*([(c, d) for d in drawn[c]] for c in drawn)))
     for number, (check, data) in enumerate(filter(None, turns), 1):
         try:

@@ -17,7 +17,7 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from support.bodies import COMM, block, table_of
+from support.bodies import block, table_of
 from support.branches import solved_start
 from support.checks import on_rank_0
 from support.numbers import condensed, dense, tangent
@@ -35,6 +35,8 @@ from dolfinx_contact.proofs import (
     check_proof,
     prove_solutions,
 )
+
+COMM = MPI.COMM_WORLD
 
 CHECKER = Path(check_proof.__file__)
 

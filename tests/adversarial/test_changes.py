@@ -8,9 +8,11 @@ be changed afterwards raises an error.
 from dataclasses import dataclass
 from typing import Any
 
+from mpi4py import MPI
+
 import numpy as np
 import pytest
-from support.bodies import COMM, block, floor, friction_ratio, move, normal_force, two_blocks
+from support.bodies import block, floor, friction_ratio, move, normal_force, two_blocks
 from support.checks import assert_close
 
 import ufl
@@ -29,6 +31,8 @@ from dolfinx_contact import (
 from dolfinx_contact.continuation import find_solutions, follow
 from dolfinx_contact.evolution import NSCD, QuasiStatic
 from dolfinx_contact.laws import FrictionLaw
+
+COMM = MPI.COMM_WORLD
 
 
 def lowered(law=None, *, aside=0.0, obstacle=None):

@@ -9,7 +9,7 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 import scipy.linalg
-from support.bodies import COMM, block, two_blocks
+from support.bodies import block, two_blocks
 from support.checks import assert_close
 from support.numbers import condensed, dense, nodes_of, tangent
 
@@ -18,6 +18,8 @@ from dolfinx import fem, la
 
 from dolfinx_contact import ContactPair, ContactProblem, Coulomb, materials
 from dolfinx_contact.analysis import critical_friction
+
+COMM = MPI.COMM_WORLD
 
 SELF = MPI.COMM_SELF
 

@@ -6,13 +6,17 @@ error, nothing hangs, and the next problem is solved.
 
 import gc
 
+from mpi4py import MPI
+
 import pytest
-from support.bodies import COMM, block, normal_force
+from support.bodies import block, normal_force
 from support.checks import assert_close
 
 from dolfinx_contact import ConvergenceError, Coulomb
 from dolfinx_contact.algorithms import Uzawa
 from dolfinx_contact.evolution import NSCD, QuasiStatic
+
+COMM = MPI.COMM_WORLD
 
 
 def pressed(law=None):

@@ -4,9 +4,11 @@ Cracks cross, gaps turn negative after the pair was made, and rigid pushers move
 back. Uniform states and springs have closed forms.
 """
 
+from mpi4py import MPI
+
 import numpy as np
 import pytest
-from support.bodies import COMM, block, floor, free_row, normal_force, one_point, two_blocks
+from support.bodies import block, floor, free_row, normal_force, one_point, two_blocks
 from support.checks import assert_close
 
 import ufl
@@ -22,6 +24,8 @@ from dolfinx_contact import (
     meshing,
 )
 from dolfinx_contact.evolution import NSCD
+
+COMM = MPI.COMM_WORLD
 
 
 def squeezed(arms):

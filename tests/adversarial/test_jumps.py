@@ -5,9 +5,11 @@ The states before and after are known in closed form; "no solution continues" is
 it is true.
 """
 
+from mpi4py import MPI
+
 import numpy as np
 import pytest
-from support.bodies import COMM, block, floor, free_row, one_point, table_of
+from support.bodies import block, floor, free_row, one_point, table_of
 from support.checks import assert_close, assert_warned
 from support.laws import SlipWeakening
 
@@ -25,6 +27,8 @@ from dolfinx_contact import (
 from dolfinx_contact.evolution import NoContinuation, QuasiStatic
 from dolfinx_contact.grids import create_grid
 from dolfinx_contact.meshing import join
+
+COMM = MPI.COMM_WORLD
 
 TURNS = [[1.0, -1.5], [-1.5, 4.0]]  # with friction 1: no solution continues beyond the lift 0.2
 PROOF = "no solution continues"

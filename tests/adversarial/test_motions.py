@@ -12,7 +12,7 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from support.bodies import COMM, block, floor, move
+from support.bodies import block, floor, move
 from support.checks import assert_close, assert_warned
 
 import ufl
@@ -20,6 +20,8 @@ from dolfinx import fem
 
 from dolfinx_contact import Coulomb, Frictionless, HalfSpace, materials
 from dolfinx_contact.evolution import NSCD
+
+COMM = MPI.COMM_WORLD
 
 
 @dataclass

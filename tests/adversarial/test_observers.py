@@ -9,7 +9,7 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from support.bodies import COMM, block, floor, table_of, two_blocks
+from support.bodies import block, floor, table_of, two_blocks
 from support.checks import assert_close
 
 import ufl
@@ -30,6 +30,8 @@ from dolfinx_contact import (
 from dolfinx_contact.continuation import Observer, Observers, StepControl, explore, follow
 from dolfinx_contact.evolution import ArcLength, QuasiStatic
 from dolfinx_contact.records import BranchRecord, read_journal, resume
+
+COMM = MPI.COMM_WORLD
 
 
 def lowered(law=None, degree=1, **options):

@@ -11,9 +11,11 @@ import subprocess
 import sys
 from pathlib import Path
 
+from mpi4py import MPI
+
 import numpy as np
 import pytest
-from support.bodies import COMM, block, floor, two_blocks
+from support.bodies import block, floor, two_blocks
 from support.checks import assert_close
 
 import basix.ufl
@@ -39,6 +41,8 @@ from dolfinx_contact.records import (
     read_journal,
     resume,
 )
+
+COMM = MPI.COMM_WORLD
 
 REFUSED = "another problem|differs"
 TIMES = (0.0, 1.0, 2.0, 3.0)

@@ -4,9 +4,11 @@ Opposing points, gaps and normals are those of the reference configuration. Wher
 turn far the answer is wrong, which a warning has to say, and no proof may call it the only one.
 """
 
+from mpi4py import MPI
+
 import numpy as np
 import pytest
-from support.bodies import COMM, move, normal_force, two_blocks
+from support.bodies import move, normal_force, two_blocks
 from support.branches import solved_start
 from support.checks import assert_close, assert_warned, verdict, warnings_in, warnings_of
 
@@ -28,6 +30,8 @@ from dolfinx_contact import (
 from dolfinx_contact.analysis import contact_family, count_solutions, renard_criterion
 from dolfinx_contact.continuation import find_solutions, follow
 from dolfinx_contact.evolution import NSCD, QuasiStatic
+
+COMM = MPI.COMM_WORLD
 
 NOT_SMALL = "(misfit|slip|turn) of 'contact'.* [0-9].*sliding='large'"
 

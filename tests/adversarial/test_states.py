@@ -7,17 +7,11 @@ them raises an error that gives the residual or names the way.
 
 import pickle
 
+from mpi4py import MPI
+
 import numpy as np
 import pytest
-from support.bodies import (
-    COMM,
-    block,
-    free_row,
-    friction_ratio,
-    normal_force,
-    one_point,
-    table_of,
-)
+from support.bodies import block, free_row, friction_ratio, normal_force, one_point, table_of
 from support.branches import solved_start
 from support.checks import assert_close
 
@@ -28,6 +22,8 @@ from dolfinx_contact import RCCM, Coulomb, ParametricContact, State
 from dolfinx_contact.analysis import critical_friction
 from dolfinx_contact.continuation import find_solutions, follow, points_at
 from dolfinx_contact.evolution import QuasiStatic
+
+COMM = MPI.COMM_WORLD
 
 
 def dragged(aside=0.05, friction=0.2, cells=(2, 1)):

@@ -7,15 +7,19 @@ stress is that of the bulk.
 
 import xml.etree.ElementTree as ET
 
+from mpi4py import MPI
+
 import numpy as np
 import pytest
-from support.bodies import COMM, block, move, two_blocks
+from support.bodies import block, move, two_blocks
 from support.checks import assert_close
 
 import ufl
 from dolfinx import fem, mesh
 
 from dolfinx_contact import ContactPair, ContactProblem, Frictionless, io, materials
+
+COMM = MPI.COMM_WORLD
 
 STEEL = materials.LinearElastic.from_young(1000.0, 0.0)
 GLASS = materials.LinearElastic.from_young(3000.0, 0.0)

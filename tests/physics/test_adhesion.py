@@ -4,67 +4,20 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from _triangle import linear_triangle
-from support.blocks import block, box, facets
-from test_law import randomise, remainders
-from test_pair import displacement, held, stacked
+from support.blocks import block, box
+from support.bonds import U0, C, W, along, bonded, drawn_node, gap_of_node, put
+from support.jacobians import randomise, remainders
 
 import ufl
-from dolfinx import fem
 
-from dolfinx_contact import RCCM, ContactPair, ContactProblem, ContactSurface, HalfSpace
+from dolfinx_contact import RCCM
 from dolfinx_contact.analysis import stability_at_rest
 from dolfinx_contact.continuation import follow
 from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.laws.status import DAMAGING
-from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.points.memory import Memory
 
 COMM = MPI.COMM_WORLD
-C = 100.0
-W = 1.0
-U0 = np.sqrt(W / C)
-TIGHT = {"snes_rtol": 1e-13}
-
-
-def bonded(
-    cell="quad", n=2, *, law, method=None, degree=1, young=1000.0, pair=False, comm=COMM, **options
-):
-    """A block on a floor or on another block, nu = 0, and the Function by which its top moves."""
-    dim = 2 if cell in ("tri", "quad") else 3
-    energy = LinearElastic.from_young(young, 0.0).energy
-    if pair:
-        both = stacked(dim, cell, n)
-        domain = both.mesh
-        tags = both.facet_tags
-        u = displacement(domain)
-        surface = ContactPair(u, tags, slave=3, master=2, law=law)
-        below = [held(u, tags, 1, np.zeros(dim))]
-        above = tags.find(4)
-    else:
-        domain = box(comm, n, cell)
-        below = []
-        u = displacement(domain, degree)
-        floor = HalfSpace(np.zeros(dim), np.eye(dim)[-1])
-        given = {"obstacle": floor, "law": law, "method": method}
-        surface = ContactSurface(u, facets(domain, dim - 1, 0.0), **given)
-        above = facets(domain, dim - 1, 1.0)
-    V = u.function_space
-    top = fem.Function(V)
-    bcs = [fem.dirichletbc(top, fem.locate_dofs_topological(V, dim - 1, above)), *below]
-    return ContactProblem(
-        energy(u) * ufl.dx, u, [surface], bcs=bcs, petsc_options=TIGHT | options
-    ), top
-
-
-def put(top, motion):
-    top.x.array[:] = np.tile(motion, len(top.x.array) // len(motion))
-
-
-def along(top, *corners):
-    """A load from corner to corner, one in each unit of time."""
-    x = np.array([np.zeros_like(corners[0]), *corners], dtype=float)
-    return lambda t: put(top, [np.interp(t, np.arange(len(x)), v) for v in x.T])
 
 
 def weakest(table, before):
@@ -306,19 +259,6 @@ def test_jacobian_by_taylor(cell, method, viscosity):
     assert (codes >= DAMAGING).any()
     assert sizes[0] > 1e-9
     np.testing.assert_allclose(np.log2(sizes[:-1] / sizes[1:]), 2.0, atol=0.35)
-
-
-def drawn_node(stiffness, **given):
-    """One node that a load gamma pulls off the floor, bonded by a stiffness."""
-    law = RCCM(stiffness, 0.0, W, **given)
-    return linear_triangle(
-        1, None, (0.0, -1.0), (1.0, 1.0), 1.0, law=lambda _: law, comm=MPI.COMM_SELF
-    )
-
-
-def gap_of_node(system):
-    (table,) = system.problem.solve().tables.values()
-    return float(table.un[table.letters != "d"][0])
 
 
 @pytest.mark.parametrize("k", [1.0, pytest.param(0.3, marks=pytest.mark.long)])

@@ -1,20 +1,16 @@
 """Steps of adhesion in time: orders, exponents, recovery, at one point whose jump is given."""
 
-from mpi4py import MPI
-
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from support.blocks import block
+from support.bonds import Point
 
 import ufl
 
 from dolfinx_contact import RCCM
-from dolfinx_contact.laws import LawAtPoints, PointData
 from dolfinx_contact.laws.damage import DamageStep
-from dolfinx_contact.points.memory import Memory, with_memory
 
-COMM = MPI.COMM_WORLD
 C = 100.0
 W = 1.0
 U0 = np.sqrt(W / C)
@@ -25,38 +21,6 @@ OPENED = {
 }
 #: Each is compiled by itself.
 EXPONENTS = [0.5, 2.0, *(pytest.param(p, marks=pytest.mark.long) for p in (3.0, 0.1, 5.0, 10.0))]
-
-
-class Point:
-    """A point on a floor at y = 0, led through jumps; open, or pressed with friction's slip."""
-
-    def __init__(self, law, dim=2, r=1.0):
-        self._r = r
-        self.law = law
-        self.at = LawAtPoints(law, dim, 1, COMM)
-        self._fields = {k: np.full(1, float(v)) for k, v in law.given.items()}
-        self._n = -np.eye(dim)[-1:]
-        self.time = 0.0
-        self.memory = None
-        self.answers = None
-        self.values = None
-
-    def to(self, time, jump, traction=None):
-        """The intensity at the end of a step."""
-        jump = np.array([jump], dtype=float)
-        traction = 0.0 * jump if traction is None else np.array([traction], dtype=float)
-        memory = None if self.memory is None else self.memory.later(time - self.time)
-        data = PointData(self._n, np.zeros(1), np.full(1, self._r), self._fields)
-        seen = jump if memory is None else jump - memory.reference(self._n)
-        self.answers = self.at(seen, traction, with_memory(self.at.compiled, memory, data))
-        names = self.law.memory(self._n.shape[1])
-        fields = {name: self.answers.bond(f"after.{name}") for name in names}
-        self.time = time
-        self.memory = Memory(jump, fields)
-        before = self.values
-        self.values = np.array([values[0] for values in fields.values()])
-        self.lost = 0.0 if before is None else float(before[0] - self.values[0])
-        return float(self.values[0]) if names[0] in self.law.given else self.values
 
 
 def opened(law, times, speed=U0):

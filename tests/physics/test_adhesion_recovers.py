@@ -4,8 +4,7 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from test_adhesion import U0, C, W, along, bonded
-from test_adhesion_in_time import Point
+from support.bonds import U0, C, Point, W, along, bonded
 
 from dolfinx_contact import RCCM, Coulomb, NormalCompliance
 from dolfinx_contact.evolution import QuasiStatic

@@ -10,10 +10,21 @@ import pytest
 from scipy.integrate import quad
 from scipy.spatial.transform import Rotation
 from support.blocks import box, facets, same_tables
-from test_large_sliding import DX, OBSTACLES, RUBBER, block, ellipse, shaken
-from test_sliding_pair import smooth
+from support.curved_obstacles import (
+    DX,
+    OBSTACLES,
+    RUBBER,
+    OnBody,
+    block,
+    ellipse,
+    errors_of_differences,
+    pressed_and_led,
+    remembering,
+    shaken,
+)
+from support.sliding_bodies import smooth
 
-from dolfinx import fem, mesh
+from dolfinx import fem
 
 from dolfinx_contact import (
     RCCM,
@@ -29,12 +40,10 @@ from dolfinx_contact import (
     Sphere,
     plot,
 )
-from dolfinx_contact.equations.jacobian import Jacobian
 from dolfinx_contact.evolution import NSCD, QuasiStatic
 from dolfinx_contact.points.memory import Memory
 
 COMM = MPI.COMM_WORLD
-
 
 # -- slips along surfaces --------------------------------------------------------------------------
 
@@ -159,42 +168,6 @@ def on_turned(dim, shape, **given):
     return RigidBody(shape, about=about, motion=motion, load={"y" if dim == 2 else "z": 5.0})
 
 
-def remembering(problem):
-    """The problem of a step at whose beginning the contact points were somewhere else."""
-    (s,) = problem.surfaces
-    place = smooth(s.positions, 5, 0.05)
-    return problem.with_memory([Memory(np.zeros_like(place), place=place, step=1.0)])
-
-
-def errors_of_differences(problem, x, v, sizes):
-    """Of J v against central differences of these sizes at x, over its size. Collective.
-
-    Every status is somewhere, the same at x and beside it; of the rows of contact alone.
-    """
-    eq = problem.equations
-    (s,) = problem.surfaces
-    n = eq.owned_sizes[0]
-    codes = s.law_at_points.codes
-    mine = np.arange(s.points.number) + COMM.rank
-    statuses = [np.array(codes, dtype=np.int8)[mine % len(codes)]]
-    b, after, before, product = (x.duplicate() for _ in range(4))
-    jacobian = Jacobian(eq)
-    jacobian.update(eq.residual(x, b, statuses))
-    jacobian.matrix.mult(v, product)
-    errors = []
-    for eps in sizes:
-        for sign, f in ((eps, after), (-eps, before)):
-            y = x.copy()
-            y.axpy(sign, v)
-            eq.residual(y, f, statuses)
-        after.axpy(-1.0, before)
-        after.scale(0.5 / eps)
-        after.axpy(-1.0, product)
-        rows = [np.sum(f.array_r[n:] ** 2) for f in (after, product)]
-        errors.append(np.sqrt(np.divide(*COMM.allreduce(np.array(rows)))))
-    return errors
-
-
 @pytest.mark.ranks(2, 3)
 @pytest.mark.parametrize("remembers", [False, True])
 @pytest.mark.parametrize("turned", [False, True])
@@ -304,64 +277,6 @@ def test_derivative_by_the_motion(dim, method, remembers):
 
 
 # -- what turns, what slides -----------------------------------------------------------------------
-
-
-class OnBody:
-    """A block held and moved at its top, on a body or another obstacle at its bottom."""
-
-    def __init__(self, dim, obstacle, law, *, n=3, comm=COMM, cell=None, **given):
-        cell = cell or ("quad" if dim == 2 else "hex")
-        domain = box(comm, n, cell)
-        lifted = given.pop("lifted", None)
-        if lifted is not None:
-            x = domain.geometry.x
-            x[:, dim - 1] += (1.0 - x[:, dim - 1]) * lifted(x[:, : dim - 1])
-        self.dim = dim
-        V = fem.functionspace(domain, ("Lagrange", given.pop("degree", 1), (dim,)))
-        self.X = V.tabulate_dof_coordinates()[:, :dim]
-        self.u = fem.Function(V)
-        self.top = fem.Function(V)
-        material = given.pop("material", RUBBER)
-        bottom = mesh.locate_entities_boundary(domain, dim - 1, self._below(dim, lifted))
-        obstacle = obstacle(domain) if callable(obstacle) else obstacle
-        surface = ContactSurface(self.u, bottom, obstacle=obstacle, law=law, **given)
-        held = fem.locate_dofs_topological(V, dim - 1, facets(domain, dim - 1, 1.0))
-        bcs = [fem.dirichletbc(self.top, held)]
-        energy = material.energy(self.u) * DX
-        options = {"snes_rtol": 1e-11}
-        self.problem = ContactProblem(energy, self.u, [surface], bcs=bcs, petsc_options=options)
-        (self.surface,) = self.problem.surfaces
-
-    @staticmethod
-    def _below(dim, lifted):
-        """Which points are on the lower face."""
-
-        def at(x):
-            z = np.zeros(x.shape[1]) if lifted is None else lifted(x[: dim - 1].T)
-            return np.isclose(x[dim - 1], z, atol=1e-9)
-
-        return at
-
-    def move(self, motion):
-        """Prescribe displacements (n, dim) of the positions X (n, dim) at the top."""
-        self.top.x.array[:] = motion(self.X).reshape(-1)
-
-    def run(self, motion, times, **given):
-        """A history; its energies, tables and steps."""
-
-        def load(t):
-            self.move(lambda X: motion(t, X))
-
-        self.evolution = QuasiStatic(self.problem, load)
-        return self.evolution.run(times, **given)
-
-
-def pressed_and_led(t, X, press=0.06, shear=0.04):
-    """Down until t = 1, then to the side."""
-    moved = np.zeros_like(X)
-    moved[:, -1] = -press * min(t, 1.0)
-    moved[:, 0] = shear * max(t - 1.0, 0.0)
-    return moved
 
 
 @pytest.mark.each_value
@@ -618,10 +533,6 @@ def test_motion():
         rests.append(abs(last.residue) / last.external)
     assert rests[1] < 0.03
     assert rests[1] < 0.85 * rests[0]
-
-
-class Stopped(Exception):
-    """What an observer raises."""
 
 
 # -- what is not there -----------------------------------------------------------------------------

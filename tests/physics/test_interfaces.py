@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 from support.blocks import block
-from test_adhesion import along, bonded
-from test_adhesion_in_time import Point
-from test_arc_length import bar
+from support.bonded_bar import bar
+from support.bonds import Point, along, bonded
 
 import ufl
 

@@ -8,6 +8,7 @@ import demo_around_a_cylinder
 import numpy as np
 import pytest
 from support.blocks import box, facets
+from support.curved_obstacles import DX, OBSTACLES, RUBBER, block, ellipse, shaken
 
 import ufl
 from dolfinx import fem, mesh
@@ -31,26 +32,8 @@ from dolfinx_contact.equations.jacobian import Jacobian
 from dolfinx_contact.laws.status import closed
 
 COMM = MPI.COMM_WORLD
-DX = ufl.dx(metadata={"quadrature_degree": 2})  # assembly would take most of the time
-RUBBER = materials.NeoHookean(*materials.lame(1000.0, 0.3))
+
 STEEL = materials.LinearElastic.from_young(1000.0, 0.3)
-
-
-def block(obstacle, *, cell="quad", n=4, top=None, law=None, material=RUBBER, degree=1, **given):
-    """A unit block held and moved at its top, in contact at its bottom."""
-    domain = box(COMM, n, cell)
-    dim = domain.geometry.dim
-    V = fem.functionspace(domain, ("Lagrange", degree, (dim,)))
-    u = fem.Function(V)
-    options = given.pop("options", None)
-    surface = ContactSurface(
-        u, facets(domain, dim - 1, 0.0), obstacle=obstacle, law=law or Frictionless(), **given
-    )
-    moved = np.array(top if top is not None else [*[0.0] * (dim - 1), -0.1])
-    held = fem.locate_dofs_topological(V, dim - 1, facets(domain, dim - 1, 1.0))
-    bcs = [fem.dirichletbc(moved, held, V)]
-    energy = material.energy(u) * DX
-    return ContactProblem(energy, u, [surface], bcs=bcs, petsc_options=options)
 
 
 def strip(n=4, push=-0.4, cell=mesh.CellType.quadrilateral, solid=False, **given):
@@ -150,31 +133,6 @@ def test_around_a_cylinder(solid):
     assert np.ptp(angles) > (0.7 if solid else 1.0)
     size = np.linalg.norm(table.force, axis=1)
     np.testing.assert_allclose(table.pressure * table.area, size, atol=1e-15 * size.max(initial=0))
-
-
-OBSTACLES = {
-    "disc": Sphere((0.4, -3.0), 3.0),
-    "ball": Sphere((0.4, 0.6, -3.0), 3.0),
-    "cylinder": Cylinder((0.4, 0.5, -2.0), (0.3, 1.0, 0.1), 2.0),
-    "ellipse": LevelSet(lambda x: (x[0] - 0.4) ** 2 / 4 + (x[1] + 1.0) ** 2 - 1.0),
-    "bumps": LevelSet(lambda x: x[2] + 0.1 * ufl.sin(3 * x[0]) * ufl.cos(2 * x[1])),
-}
-
-
-def shaken(problem, size, seed):
-    """Unknowns of some size, the same on any number of ranks."""
-    units = problem.equations.units
-    x = problem.create_vector()
-    for f, unit in zip(problem.fields, units, strict=False):
-
-        def waves(x, unit=unit, n=f.function_space.dofmap.index_map_bs):
-            phase = 12.99 * x[0] + 78.23 * x[1] + 37.72 * x[2] + seed
-            return unit * size * np.array([np.sin(43.76 * (phase + i)) for i in range(n)])
-
-        f.interpolate(waves)
-        f.x.scatter_forward()
-    problem.write(x)
-    return x
 
 
 @pytest.mark.ranks(2, 3)
@@ -373,19 +331,6 @@ def test_led_around_a_cylinder(cell, n):
     result = problem.solve()
     assert quadratic(result.history)
     agrees(result.tables["contact"])
-
-
-def ellipse(domain, centre, angle):
-    """An ellipse about a centre that has turned by an angle; both may be UFL of Constants."""
-
-    def phi(x):
-        c = ufl.cos(angle)
-        s = ufl.sin(angle)
-        a = x[0] - centre[0]
-        b = x[1] - centre[1]
-        return (c * a + s * b) ** 2 / 4 + (c * b - s * a) ** 2 - 1.0
-
-    return LevelSet(phi)
 
 
 @pytest.mark.parametrize("method", ["nodal", "integral"])

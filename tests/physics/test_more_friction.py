@@ -5,7 +5,7 @@ from mpi4py import MPI
 import demo_more_friction as demo
 import numpy as np
 import pytest
-from test_certificates import enumerated
+from support.enumeration import enumerated
 
 serial = pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="numpy alone, the same on every rank")
 

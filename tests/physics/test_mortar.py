@@ -1,15 +1,12 @@
 """Contact between faces of different meshes."""
 
-from itertools import pairwise
-
 from mpi4py import MPI
 
 import demo_two_cylinders
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
-from support.blocks import CELLS
-from test_pair import MATERIAL, displacement, held, largest, tagged
+from support.mortars import BASE, CASES, SIDES, SOLID_CASES, TILT, hats, sheared, solids, stacked
+from support.pairs import MATERIAL, displacement, held, largest
 
 import ufl
 from dolfinx import fem, la
@@ -19,55 +16,12 @@ from dolfinx_contact import (
     ContactProblem,
     Coulomb,
     Frictionless,
-    ParametricContact,
     records,
 )
 from dolfinx_contact.continuation import StepControl, follow
-from dolfinx_contact.grids import create_grid
-from dolfinx_contact.meshing import join
 from dolfinx_contact.problem import discretise
 
 COMM = MPI.COMM_WORLD
-#: Cells along the lower and the upper face, and from where to where these reach.
-CASES = [
-    (5, 7, (0.0, 1.0), (0.0, 1.0)),
-    (20, 3, (0.0, 1.0), (0.0, 1.0)),
-    (7, 3, (-0.3, 1.45), (0.0, 1.0)),  # a short one on a long one, its ends inside facets
-    (3, 3, (-0.3, 1.45), (0.0, 1.0)),
-]
-SIDES = [(3, 2), (2, 3)]  # tags of slave and master: 3 is above
-BASE = np.array([[0.3, -0.1], [0.07, -0.4]])  # of the linear field of the patch test
-
-
-def stacked(below, above, x_below, x_above, cell="quad", *, angle=0.0, comm=COMM):
-    """Two boxes of height 1, face to face on y = 0; tags 1 below, 2 and 3, 4 above, 5, 6 aside."""
-    bodies = []
-    tags = []
-    for i, (n, reach) in enumerate([(below, x_below), (above, x_above)]):
-        y = np.linspace(i - 1.0, i, max(n // 2, 1) + 1)
-        body = create_grid(comm, [np.linspace(*reach, n + 1), y], CELLS[cell])
-        planes = {f"t{2 * i + 1}": (1, i - 1.0), f"t{2 * i + 2}": (1, float(i))}
-        tags.append(tagged(body, **planes, t5=(0, reach[0]), t6=(0, reach[1])))
-        bodies.append(body)
-    both = join(bodies, facet_tags=tags)
-    x = both.mesh.geometry.x
-    c = np.cos(angle)
-    s = np.sin(angle)
-    x[:, :2] = x[:, :2] @ np.array([[c, -s], [s, c]]).T
-    return both
-
-
-def hats(points, a, b):
-    """Exact integrals of the hat functions of sorted points from ``a`` to ``b``."""
-    found = np.zeros(len(points))
-    for k, (p, q) in enumerate(pairwise(points)):
-        c = max(p, a)
-        d = min(q, b)
-        if d > c:
-            share = ((d - p) ** 2 - (c - p) ** 2) / (2 * (q - p))
-            found[k + 1] += share
-            found[k] += d - c - share
-    return found
 
 
 @pytest.mark.parametrize("angle", [0.0, 0.7])
@@ -215,31 +169,6 @@ def test_bad_mortars():
 
 # -- in space --------------------------------------------------------------------------------------
 
-SOLID_CASES = [
-    (2, 3, (0.0, 1.0), (0.0, 1.0)),
-    (4, 2, (0.0, 1.0), (0.0, 1.0)),  # nodes of one are some of the other's
-    (4, 2, (-0.3, 1.45), (0.0, 1.0)),
-    (3, 3, (-0.3, 1.45), (0.0, 1.0)),
-]
-TILT = Rotation.from_rotvec([0.3, -0.5, 0.8]).as_matrix()
-
-
-def solids(below, above, x_below, x_above, cells, *, comm=COMM):
-    """As `stacked`, in 3D and turned: the interface is tilted; tags 7 and 8 aside as well."""
-    bodies = []
-    tags = []
-    for i, (n, reach) in enumerate([(below, x_below), (above, x_above)]):
-        x = np.linspace(*reach, n + 1)
-        z = np.linspace(i - 1.0, i, max(n // 2, 1) + 1)
-        body = create_grid(comm, [x, x, z], CELLS[cells])
-        planes = {f"t{2 * i + 1}": (2, i - 1.0), f"t{2 * i + 2}": (2, float(i))}
-        aside = dict(t5=(0, reach[0]), t6=(0, reach[1]), t7=(1, reach[0]), t8=(1, reach[1]))
-        tags.append(tagged(body, **planes, **aside))
-        bodies.append(body)
-    both = join(bodies, facet_tags=tags)
-    both.mesh.geometry.x[:] = both.mesh.geometry.x @ TILT.T
-    return both
-
 
 @pytest.mark.each_value
 @pytest.mark.parametrize("cells", ["tet", "hex"])
@@ -326,27 +255,6 @@ def test_patch_in_space(case, slave, master, cells):
     np.testing.assert_allclose(table.pressure, pressure, rtol=1e-11)
     np.testing.assert_allclose(np.linalg.norm(table.shear, axis=1), shear, rtol=1e-11)
     assert largest(u.x.array - exact.x.array) < 1e-11 * largest(exact.x.array)
-
-
-def sheared(options=None, law=Coulomb(0.15)):  # noqa: B008
-    """Two blocks of different meshes, pressed and then drawn more and more to the right."""
-    both = stacked(9, 6, (0.0, 1.0), (0.0, 1.0))
-    u = displacement(both.mesh)
-    V = u.function_space
-    gamma = fem.Constant(both.mesh, 0.0)
-    moved = fem.Function(V)
-    pair = ContactPair(u, both, slave=2, master=3, law=law)
-    top = fem.locate_dofs_topological(V, 1, both.facet_tags.find(4))
-    ends = [held(u, both.facet_tags, 1, (0, 0)), fem.dirichletbc(moved, top)]
-    energy = MATERIAL.energy(u) * ufl.dx
-    problem = ContactProblem(energy, u, [pair], bcs=ends, petsc_options=options)
-    way = ufl.as_vector((0.02 * gamma, -0.02 + 0.012 * gamma))
-    system = ParametricContact(problem, gamma, driven=[(moved, way)])
-    system.set_parameter(0.0)
-    problem.solve()
-    x = system.create_vector()
-    problem.write(x)
-    return system, x
 
 
 @pytest.mark.chatty

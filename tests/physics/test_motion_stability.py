@@ -4,9 +4,8 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from test_critical_friction import on_box
-from test_evolution import klarbring
-from test_steady_sliding import FASTEST, pad
+from support.histories import klarbring
+from support.leaning_bodies import FASTEST, on_box, pad
 
 from dolfinx import fem, mesh
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy.spatial.distance import cdist
 from support.blocks import block, box, same_tables
-from test_compliant import sheared_block
-from test_law import randomise, remainders
-from test_pair import displacement, held, stacked
+from support.jacobians import randomise, remainders
+from support.pairs import displacement, held, stacked
+from support.sheared_blocks import sheared_block
 
 import ufl
 from dolfinx import fem, mesh

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from _surfaces import brick
 from support.blocks import CELLS
-from test_large_sliding import block
-from test_pair import displacement
+from support.curved_obstacles import block
+from support.pairs import displacement
 
 import ufl
 from dolfinx import fem, mesh

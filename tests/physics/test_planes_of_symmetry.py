@@ -5,7 +5,7 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from support.blocks import CELLS
-from test_pair import displacement
+from support.pairs import displacement
 
 import ufl
 from dolfinx import fem, mesh

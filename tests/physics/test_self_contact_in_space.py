@@ -5,8 +5,8 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from test_pair import displacement
-from test_sliding_pair import hairpin, smooth
+from support.pairs import displacement
+from support.sliding_bodies import hairpin, smooth
 
 import basix.ufl
 import ufl

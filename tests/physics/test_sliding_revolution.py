@@ -6,8 +6,8 @@ import demo_press_fit
 import numpy as np
 import pytest
 from support.blocks import CELLS
-from test_mortar import hats, stacked
-from test_pair import displacement, tagged
+from support.mortars import hats, stacked
+from support.pairs import displacement, tagged
 
 import ufl
 from dolfinx import fem, mesh

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from demo_own_law import SlipWeakening
 from support.blocks import box, facets
-from test_evolution import put
-from test_pair import displacement, held, stacked
+from support.histories import put
+from support.pairs import displacement, held, stacked
 
 import ufl
 from dolfinx import fem

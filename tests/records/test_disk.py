@@ -314,10 +314,11 @@ def test_ranks_that_outlive_a_killed_mpirun(folder):
     taken = ("OMPI_", "PRTE_", "PMIX_", "PETSC_OPTIONS")
     clean = {k: v for k, v in os.environ.items() if not k.startswith(taken)}
     program = ["python3", str(TREE / "tests/support/recorded_run.py"), str(folder)]
+    path = os.pathsep.join([str(TREE / "tests"), os.environ.get("PYTHONPATH", "")])
     process = subprocess.Popen(
         [TREE / "docker/run", "mpirun", "-n", "2", *program],
         # A killed mpirun leaves its folder, in whose way a later one of the same number would be.
-        env=clean | {"DOLFINX_CONTACT_ENV": "direct", "TMPDIR": str(folder)},
+        env=clean | {"DOLFINX_CONTACT_ENV": "direct", "TMPDIR": str(folder), "PYTHONPATH": path},
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
     )

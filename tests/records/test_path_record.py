@@ -9,7 +9,7 @@ import pytest
 from support.blocks import same_tables
 from support.killing import killed_and_resumed
 from support.recorded_path import CASES, LONGEST, STARTS, made, record, resume
-from test_evolution_record import Stop, require_same, stopping
+from support.stopping import Stop, require_same, stopping
 
 from dolfinx_contact.continuation import StepControl
 from dolfinx_contact.records import BranchRecord, EvolutionRecord, PathRecord, read_journal

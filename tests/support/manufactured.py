@@ -261,7 +261,7 @@ def revolution(n, cell, law):
 
 def pair(n, cell, law, other=1.0):
     """Two blocks, n cells along the face of the upper one, ``other`` times as many of the lower."""
-    from test_mortar import stacked  # which imports demos
+    from support.mortars import stacked
 
     both = stacked(int(other * n), n, (0.0, 1.0), (0.0, 1.0), cell)
     domain = both.mesh
@@ -369,7 +369,7 @@ def slid(x, last, *, below):
 
 def sliding(n, cell, other=0.75):
     """Two blocks of different meshes that have slid far, and slip and stick in a second step."""
-    from test_mortar import stacked  # which imports demos
+    from support.mortars import stacked
 
     both = stacked(int(2 * other * n), n, (-0.25, 1.75), (0.0, 1.0), cell)
     domain = both.mesh

@@ -193,3 +193,10 @@ def coulomb_system(S, load, rate, friction, *, r=1.0):
     load = np.asarray(load, float)
     rate = np.asarray(rate, float)
     return AffineSystem(M, load, rate, B, C, laws.classify, exists)
+
+
+def start(system, values):
+    """The vector with the values, on every rank its part."""
+    x = system.create_vector()
+    x.array[:] = np.asarray(values, float)[slice(*x.getOwnershipRange())]
+    return x

@@ -10,6 +10,7 @@ import scipy.sparse
 from _triangle import linear_triangle
 from demo_critical_friction import main as demo
 from support.blocks import restore_statuses
+from support.leaning_bodies import block, in_plane, leaning, on_box
 
 import ufl
 from dolfinx import fem, mesh
@@ -29,45 +30,10 @@ from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.meshing import join
 
 COMM = MPI.COMM_WORLD
+
 QUADRILATERAL = mesh.CellType.quadrilateral
 LAME = {(1.0, 1.0): (2.0, 1.83333333, 1.78580249, 1.7666602)}
 LAME[(100.0, 82.0)] = (1.9010989, 1.73663256, 1.68791278, 1.66953114)
-
-
-def on_box(
-    domain,
-    *,
-    material=None,
-    sides=None,
-    law=None,
-    friction=0.3,
-    clamped=True,
-    floor=None,
-    **surface,
-):
-    """A body clamped at its top, the last coordinate, with contact at its bottom."""
-    material = material or LinearElastic.from_young(1.0, 0.3)
-    dim = domain.geometry.dim
-    top = domain.comm.allreduce(domain.geometry.x[:, dim - 1].max(initial=-np.inf), op=MPI.MAX)
-    facets = [
-        mesh.locate_entities_boundary(domain, dim - 1, lambda x, y=y: np.isclose(x[dim - 1], y))
-        for y in (0.0, top)
-    ]
-    V = fem.functionspace(domain, ("Lagrange", 1, (dim,)))
-    u = fem.Function(V)
-    dofs = fem.locate_dofs_topological(V, dim - 1, facets[1])
-    bcs = [fem.dirichletbc(np.zeros(dim), dofs, V)] if clamped else []
-    bcs += sides(V) if sides else []
-    floor = floor or HalfSpace(np.zeros(dim), np.eye(dim)[-1])
-    s = ContactSurface(u, facets[0], obstacle=floor, law=law or Coulomb(friction), **surface)
-    return ContactProblem(material.energy(u) * ufl.dx, u, [s], bcs=bcs)
-
-
-def leaning(n, *, height=2.0, offset=1.0, cell=mesh.CellType.quadrilateral, width=1.0, comm=COMM):
-    box = [[0.0, 0.0], [width, height]]
-    domain = mesh.create_rectangle(comm, box, [n, max(round(n * height / width), 1)], cell)
-    domain.geometry.x[:, 0] += offset * domain.geometry.x[:, 1] / height
-    return on_box(domain)
 
 
 def by_hand(problem, xi=None):
@@ -170,25 +136,6 @@ def test_units():
 
 
 # -- 3D ----------------------------------------------------------------------------------------
-
-
-def block(n, lean=(0.5, 0.2), comm=COMM, **given):
-    domain = mesh.create_box(
-        comm, [[0, 0, 0], [1, 0.6, 1.5]], [n, max(n // 2, 1), n], mesh.CellType.hexahedron
-    )
-    x = domain.geometry.x
-    x[:, :2] += np.outer(x[:, 2], lean)
-    return on_box(domain, **given)
-
-
-def in_plane(V):
-    """Plane strain: no motion along y."""
-    domain = V.mesh
-    domain.topology.create_connectivity(3, 3)
-    cells = domain.topology.index_map(3)
-    every = np.arange(cells.size_local + cells.num_ghosts, dtype=np.int32)
-    dofs = fem.locate_dofs_topological(V.sub(1), 3, every)
-    return [fem.dirichletbc(0.0, dofs, V.sub(1))]
 
 
 @pytest.mark.ranks(2)

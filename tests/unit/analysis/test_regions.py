@@ -8,7 +8,7 @@ from mpi4py import MPI
 import demo_regions
 import numpy as np
 import pytest
-from test_two_parameters import enumerated, holds, random_family
+from support.families import enumerated, holds, random_family
 
 from dolfinx_contact import plot
 from dolfinx_contact.analysis import EventCurves, contact_family, solution_regions

@@ -4,20 +4,15 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-import scipy.sparse
 from _triangle import linear_triangle
 from demo_own_law import SlipWeakening
-from test_critical_friction import block, in_plane, on_box
+from support.leaning_bodies import block, in_plane, on_box, stiffness_of_points, swirl, to_the
 
 from dolfinx import mesh
 
 from dolfinx_contact.analysis import renard_criterion
 
 COMM = MPI.COMM_WORLD
-
-
-def to_the(sign):
-    return lambda x: np.tile(sign * np.eye(x.shape[1])[0], (len(x), 1))
 
 
 @pytest.mark.ranks(2)
@@ -41,31 +36,6 @@ def test_hild_triangle(dense):
             assert found.friction == pytest.approx(friction, abs=1e-6 if n > 1 else 1e-12)
             assert found.factor == pytest.approx(friction / 0.4, abs=3e-6)
             assert found.unique
-
-
-def stiffness_of_points(problem):
-    """S (m, dim, m, dim) and the local nodes, dense, on one rank; gaps along -n."""
-    V = problem.V
-    dim = V.mesh.geometry.dim
-    n = V.dofmap.index_map.size_local
-    K = problem.equations.bulk.stiffness(problem.u.x.array).getValuesCSR()
-    K = scipy.sparse.csr_matrix((K[2], K[1], K[0])).toarray()
-    free = ~problem.equations.fixed
-    nodes = problem.surfaces[0].points.trace_dofs
-    nodes = nodes[free.reshape(n, dim)[nodes].all(axis=1)]
-    on = (dim * nodes[:, None] + np.arange(dim)).ravel()
-    inside = np.setdiff1d(np.flatnonzero(free), on)
-    S = K[np.ix_(on, on)] - K[np.ix_(on, inside)] @ np.linalg.solve(
-        K[np.ix_(inside, inside)], K[np.ix_(inside, on)]
-    )
-    return S.reshape(len(nodes), dim, len(nodes), dim), V.tabulate_dof_coordinates()[nodes]
-
-
-def swirl(x):
-    """Directions that turn, shorter than 1 here and there."""
-    angle = 5 * x[:, 0] + 3 * x[:, 1]
-    size = 0.5 + 0.5 * np.cos(7 * x[:, 0]) ** 2
-    return (size * np.array([np.cos(angle), np.sin(angle), 0 * angle])).T
 
 
 @pytest.mark.parametrize("dense", [True, False])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from _triangle import linear_triangle
 from support.blocks import restore_statuses
-from test_critical_friction import block, leaning, on_box
+from support.leaning_bodies import block, leaning, on_box
 
 import ufl
 from dolfinx import fem, mesh

@@ -9,17 +9,15 @@ import scipy.linalg
 import scipy.sparse
 from _triangle import linear_triangle
 from support.blocks import restore_statuses
-from test_critical_friction import block, on_box
+from support.leaning_bodies import FASTEST, block, pad
 
 import dolfinx.fem.petsc
 import ufl
-from dolfinx import fem, mesh
+from dolfinx import fem
 
 from dolfinx_contact.analysis import SteadySliding
 from dolfinx_contact.laws import PLUS
 
-COMM = MPI.COMM_WORLD
-QUADS = mesh.CellType.quadrilateral
 #: Onset and frequency by damping, eigenvalues of largest growth at F = 0.5 and 1 (damping 0.02).
 ONSET = {
     2: {
@@ -33,14 +31,6 @@ ONSET = {
         0.1: (0.94991906, 2.930980),
     },
 }
-FASTEST = {
-    2: (0.1987611737 + 3.4110748932j, 0.4313555153 + 3.2384000632j),
-    4: (0.0980819683 + 2.9400657677j, 0.3760006800 + 4.1775935998j),
-}
-
-
-def pad(n, comm=COMM, **given):
-    return on_box(mesh.create_unit_square(comm, n, n, QUADS), **given)
 
 
 @pytest.mark.ranks(2)

@@ -10,6 +10,7 @@ import demo_followed_mesh
 import numpy as np
 import pytest
 from _triangle import element
+from support.families import enumerated, holds, random_family
 
 import ufl
 from dolfinx import fem, mesh
@@ -23,7 +24,6 @@ from dolfinx_contact.analysis import (
     event_curves,
 )
 from dolfinx_contact.analysis.curve_search import follow_events
-from dolfinx_contact.analysis.family import ContactFamily, Frame
 from dolfinx_contact.analysis.two_parameters import contact_family
 from dolfinx_contact.continuation import follow
 from dolfinx_contact.records import journal_of
@@ -174,28 +174,6 @@ def test_vee(vee):
     assert branch_of(vee).folds == []
 
 
-def enumerated(family, mu, gammas):
-    """Codes and gamma of all borders with a state at mu, by trying all."""
-    found = {}
-    for i in range(family.points):
-        for codes in itertools.product(range(4), repeat=family.points):
-            for border in (4, 5, 6, 7):
-                new = np.array(codes, dtype=np.int8)
-                new[i] = border
-                frame = Frame(family, new)
-                if frame.is_inside(mu) and gammas[0] < frame.gamma(mu) < gammas[1]:
-                    found[new.tobytes()] = frame
-    return found
-
-
-def random_family(seed, m=2):
-    random = np.random.default_rng(seed)
-    R = random.standard_normal((2 * m, 2 * m))
-    S = R @ R.T + 0.3 * np.eye(2 * m)
-    p, q = random.standard_normal((2, 2 * m))
-    return ContactFamily(S, p, q, np.zeros(2 * m), np.zeros(m), np.ones(m))
-
-
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.verifies(
     "curves of folds", reference="enumeration: borders of all pieces", aspects=("2D",), alone=True
@@ -278,18 +256,6 @@ def test_demo_of_one_element(folder):
     for F, gamma, count, _ in summary["cells"]:
         assert count == (3 if 2 < gamma < F else 1)
     assert (folder / "chart.png").stat().st_size > 10_000
-
-
-def holds(family, codes, mu, gamma):
-    """Whether a piece holds a solution."""
-    A, E = family.columns(codes)
-    w = family.state(codes, np.linalg.solve(A + mu * E, family.p + gamma * family.q), mu)
-    slacks = [
-        (C_0 + mu * C_1) @ w[i]
-        for i, code in enumerate(codes)
-        for C_0, C_1, _ in family.inequalities(i, int(code))
-    ]
-    return min(slacks) > 0
 
 
 @pytest.mark.ranks(2)

@@ -7,8 +7,7 @@ import pytest
 from _triangle import linear_triangle
 from scipy.optimize import root
 from support.blocks import block as body
-from test_critical_friction import block
-from test_renard import stiffness_of_points, swirl, to_the
+from support.leaning_bodies import block, stiffness_of_points, swirl, to_the
 
 from dolfinx_contact import Coulomb
 from dolfinx_contact.analysis import renard_criterion

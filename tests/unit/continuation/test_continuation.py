@@ -4,7 +4,7 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from support.textbook import SymmetricGuess, Textbook, one_node, smooth
+from support.textbook import SymmetricGuess, Textbook, one_node, smooth, start
 
 from dolfinx_contact.continuation import (
     Ending,
@@ -25,12 +25,6 @@ def algebra(request, monkeypatch):
     if request.param == "krylov":
         monkeypatch.setattr(Textbook, "preconditioner", SymmetricGuess())
     return request.param
-
-
-def start(system, values):
-    x = system.create_vector()
-    x.array[:] = np.asarray(values, float)[slice(*x.getOwnershipRange())]
-    return x
 
 
 def values(system, point):

@@ -2,15 +2,9 @@
 
 import numpy as np
 import pytest
-from support.textbook import Textbook, one_node, smooth
+from support.textbook import Textbook, one_node, smooth, start
 
 from dolfinx_contact.continuation import Ending, Observer, explore, follow
-
-
-def start(system, values):
-    x = system.create_vector()
-    x.array[:] = np.asarray(values, float)[slice(*x.getOwnershipRange())]
-    return x
 
 
 def gammas(branch):

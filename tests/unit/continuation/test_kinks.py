@@ -6,17 +6,11 @@ import demo_3d_branch
 import demo_followed_mesh
 import numpy as np
 import pytest
-from support.textbook import Textbook, one_node
+from support.textbook import Textbook, one_node, start
 
 from dolfinx_contact.continuation import Follower, StepControl, follow
 
 COMM = MPI.COMM_WORLD
-
-
-def start(system, values):
-    x = system.create_vector()
-    x.array[:] = np.asarray(values, float)[slice(*x.getOwnershipRange())]
-    return x
 
 
 @pytest.mark.parametrize("kinks", ["batched", "stepping"])

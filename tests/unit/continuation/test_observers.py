@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from _triangle import linear_triangle
 from support import recorded_evolution, recorded_path
+from support.driven_blocks import driven_block
 from support.recorded_run import CONTROL, moved_block, start
-from test_parametric import driven_block
 
 from dolfinx_contact.continuation import Observer, explore, follow
 from dolfinx_contact.records import (

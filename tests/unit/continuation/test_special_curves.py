@@ -8,19 +8,13 @@ from mpi4py import MPI
 import demo_followed_mesh
 import numpy as np
 import pytest
-from support.textbook import one_node, smooth
+from support.textbook import one_node, smooth, start
 
 from dolfinx_contact import ParametricContact
 from dolfinx_contact.analysis import event_curves
 from dolfinx_contact.continuation import follow, follow_special
 
 COMM = MPI.COMM_WORLD
-
-
-def start(system, values):
-    x = system.create_vector()
-    x.array[:] = np.asarray(values, float)[slice(*x.getOwnershipRange())]
-    return x
 
 
 @pytest.mark.verifies(

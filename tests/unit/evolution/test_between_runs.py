@@ -5,7 +5,7 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from support.blocks import box, facets
-from test_evolution import dragged, put
+from support.histories import dragged, put
 
 import ufl
 from dolfinx import fem

@@ -7,8 +7,8 @@ from mpi4py import MPI
 import demo_flattened_ring
 import numpy as np
 import pytest
-from test_mortar import stacked
-from test_sliding_pair import TIMES, Bodies, sliding_history
+from support.mortars import stacked
+from support.sliding_bodies import TIMES, Bodies, sliding_history
 
 from dolfinx_contact import Coulomb, Frictionless
 from dolfinx_contact.evolution import NoContinuation, QuasiStatic

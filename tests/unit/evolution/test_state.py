@@ -7,7 +7,7 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from support.blocks import block
-from test_evolution import dragged, put
+from support.histories import dragged, put
 
 from dolfinx_contact import RCCM, ContactProblem, Coulomb
 from dolfinx_contact.evolution import QuasiStatic

@@ -7,7 +7,7 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from support.blocks import box, facets
-from test_evolution import cycle, dragged, put
+from support.histories import cycle, dragged, put
 
 import ufl
 from dolfinx import fem

@@ -6,8 +6,8 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
+from support.pictures import number_of_colours
 from support.recorded_evolution import pair
-from test_output import number_of_colours
 
 from dolfinx_contact import io, plot, records
 from dolfinx_contact.io import EvolutionSeries

@@ -11,6 +11,7 @@ import matplotlib.image
 import numpy as np
 import pytest
 from support.blocks import block, box, facets
+from support.pictures import number_of_colours
 
 import ufl
 from dolfinx import fem
@@ -386,11 +387,6 @@ def test_contact_table(folder, cell):
 
 
 # -- pictures ------------------------------------------------------------------------------------
-
-
-def number_of_colours(pixels):
-    """Of whole numbers up to 255 in three channels, as one number a pixel, which is sorted soon."""
-    return len(np.unique(pixels.astype(np.int32) @ np.array([1, 256, 65536], np.int32)))
 
 
 def drawn(file):

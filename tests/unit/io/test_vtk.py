@@ -9,9 +9,9 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from support.blocks import block
+from support.loaded_pairs import pressed
 from support.recorded_run import moved_block, record
 from support.vtk_files import read_grid
-from test_two_faces import pressed
 
 from dolfinx_contact.io import write_fields
 from dolfinx_contact.materials import LinearElastic

@@ -6,29 +6,32 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from test_mortar import BASE, CASES, SIDES, SOLID_CASES, TILT, solids, stacked
-from test_pair import MATERIAL, displacement, held, largest
+from support.mortars import (
+    BASE,
+    CASES,
+    SIDES,
+    SOLID_CASES,
+    TILT,
+    largest_sum,
+    pair_of,
+    solids,
+    solved_patch,
+    stacked,
+)
+from support.pairs import MATERIAL, displacement, held
 
 import basix
 import basix.ufl
 import ufl
 from dolfinx import fem, la, mesh
 
-from dolfinx_contact import ContactPair, ContactProblem, Coulomb
+from dolfinx_contact import ContactProblem, Coulomb
 from dolfinx_contact.body.cells import midpoints
-from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.problem import discretise
 
 COMM = MPI.COMM_WORLD
 DEGREES = [(1, 1), (2, 1), (2, 2)]  # of displacement and multiplier
 SHORT = [*CASES[2:], (5, 3, (-0.46, 1.51), (0.0, 1.0))]
-
-
-def pair_of(u, both, degrees, sides=(3, 2), law=Coulomb(0.5), **options):  # noqa: B008
-    """An integral pair; tags of slave and master."""
-    sides = dict(zip(("slave", "master"), sides, strict=True))
-    options = {"method": "integral", "multiplier_degree": degrees[1], **options}
-    return ContactPair(u, both, law=law, **sides, **options)
 
 
 def integrals(points, a, b, degree):
@@ -46,14 +49,6 @@ def integrals(points, a, b, degree):
             key = round(p + (q - p) * place, 9)
             found[key] = found.get(key, 0.0) + value
     return found
-
-
-def largest_sum(pair):
-    """Of the weights of a contact point, all of which are to be zero."""
-    ones, sums = pair.points.operator.B.createVecs()
-    ones.set(1.0)
-    pair.points.operator.B.mult(ones, sums)
-    return largest(sums.array_r)
 
 
 @pytest.mark.parametrize(
@@ -90,48 +85,6 @@ def test_uniform_tractions(case, sides, degrees):
     x = V.tabulate_dof_coordinates()[:n, :2]
     moment = COMM.allreduce(float(np.sum(x[:, 0] * force[:, 1] - x[:, 1] * force[:, 0])))
     assert abs(moment) < 1e-13
-
-
-def solved_patch(
-    both, frame, base, sides, degrees, aside, *, load=None, clear=1e-11, fixed=(1,), **options
-):
-    """A linear displacement, with pressure and a shear below the bound, to round-off.
-
-    It is given on the facets of the tags ``fixed``, and the traction on those ``aside``.
-    """
-    dim = len(base)
-    u = displacement(both.mesh, degrees[0])
-    V = u.function_space
-    gradient = 1e-3 * frame @ base @ frame.T
-    strain = (gradient + gradient.T) / 2
-    stress = MATERIAL.lmbda * np.trace(strain) * np.eye(dim) + 2 * MATERIAL.mu * strain
-    normal = frame[:, -1]
-    traction = stress @ normal
-    pressure = -normal @ traction
-    shear = np.linalg.norm(traction + pressure * normal)
-    assert 0 < 3 * shear < pressure
-    exact = fem.Function(V)
-    exact.interpolate(lambda x: gradient @ x[:dim])
-    pair = pair_of(u, both, degrees, sides, **options)
-    assert largest_sum(discretise(pair)) < 1e-14
-    ds = ufl.Measure("ds", both.mesh, subdomain_data=both.facet_tags)
-    given = ufl.dot(fem.Constant(both.mesh, stress), ufl.FacetNormal(both.mesh))
-    energy = MATERIAL.energy(u) * ufl.dx - ufl.dot(given, u) * ds(aside)
-    if load is not None:
-        energy -= load(u, traction)
-    facets = np.concatenate([both.facet_tags.find(tag) for tag in fixed])
-    ends = [fem.dirichletbc(exact, fem.locate_dofs_topological(V, dim - 1, np.sort(facets)))]
-    accurate = {"snes_rtol": 1e-13}
-    result = ContactProblem(energy, u, [pair], bcs=ends, petsc_options=accurate).solve()
-    table = result.tables["contact"]
-    free = table.letters != "d"
-    assert set(table.letters[free]) == {"k"}
-    np.testing.assert_allclose(table.pressure[free], pressure, rtol=clear)
-    found = np.linalg.norm(table.shear[free], axis=1)
-    np.testing.assert_allclose(found, shear, atol=clear * pressure)
-    assert largest(u.x.array - exact.x.array) < 1e-11 * largest(exact.x.array)
-    assert result.imbalance < 1e-12
-    return table
 
 
 @pytest.mark.ranks(2, 3)
@@ -221,25 +174,6 @@ def test_patch_of_a_short_block(case, sides, degrees):
     # Of three functions on a fifth of a facet little can be told apart.
     clear = 1e-8 if degrees == (2, 2) and sides[0] == 2 else 1e-11
     solved_patch(both, np.eye(2), BASE, sides, degrees, (4, 5, 6), load=load, clear=clear)
-
-
-def pressed(comm, dim, degrees, *, law=Coulomb(0.2), unit=1.0):  # noqa: B008
-    """A block with a round face, pressed on another and drawn aside: all statuses."""
-    if dim == 2:
-        both = stacked(5, 7, (-0.3, 1.3), (0.0, 1.0), "tri", comm=comm)
-        x = both.mesh.geometry.x
-    else:
-        both = solids(3, 4, (-0.3, 1.3), (0.0, 1.0), "tet", comm=comm)
-        x = both.mesh.geometry.x @ TILT
-    upper = np.unique(both.mesh.geometry.dofmap[both.cell_tags.find(2)])
-    x[upper, dim - 1] += 0.2 * (x[upper, 0] - 0.4) ** 2 * (1 - x[upper, dim - 1])
-    both.mesh.geometry.x[:] = unit * x
-    u = displacement(both.mesh, degrees[0])
-    pair = pair_of(u, both, degrees, law=law)
-    way = unit * np.array([0.015, *[0.0] * (dim - 2), -0.04])
-    ends = [held(u, both.facet_tags, 1, np.zeros(dim)), held(u, both.facet_tags, 4, way)]
-    steel = LinearElastic.from_young(1000.0, 0.3)
-    return ContactProblem(steel.energy(u) * ufl.dx, u, [pair], bcs=ends)
 
 
 @pytest.mark.parametrize("degrees", DEGREES[:2])

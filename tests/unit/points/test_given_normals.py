@@ -5,7 +5,7 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from support.blocks import KINDS, box
-from test_pair import MATERIAL, displacement, held, tagged
+from support.pairs import MATERIAL, displacement, held, tagged
 
 import ufl
 

@@ -2,9 +2,8 @@
 
 import numpy as np
 import pytest
-from test_common_points import solved_patch
-from test_mortar import BASE, TILT, solids, stacked
-from test_pair import MATERIAL, displacement, held
+from support.mortars import BASE, TILT, solids, solved_patch, stacked
+from support.pairs import MATERIAL, displacement, held
 
 import ufl
 from dolfinx import fem

@@ -4,10 +4,7 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-import test_common_points
-import test_mortar
-import test_pair
-import test_rigid_body
+from support import mortars, pairs, rigid_punches
 from support.blocks import block
 
 import ufl
@@ -32,15 +29,15 @@ STEEL = materials.LinearElastic.from_young(1000.0, 0.3)
 
 def pressed(u, pair, tags):
     dim = u.function_space.mesh.geometry.dim
-    bcs = [test_pair.held(u, tags, tag, np.zeros(dim)) for tag in (1, 4)]
+    bcs = [pairs.held(u, tags, tag, np.zeros(dim)) for tag in (1, 4)]
     return ContactProblem(STEEL.energy(u) * ufl.dx, u, [pair], bcs=bcs)
 
 
 def pair(dim, cell, **given):
     """Two blocks whose faces match."""
-    both = test_pair.stacked(dim, cell, 2)
+    both = pairs.stacked(dim, cell, 2)
     degree = given.pop("degree", 1)
-    u = test_pair.displacement(both.mesh, degree)
+    u = pairs.displacement(both.mesh, degree)
     law = given.pop("law", Coulomb(0.2))
     return pressed(u, ContactPair(u, both, slave=2, master=3, law=law, **given), both.facet_tags)
 
@@ -48,10 +45,10 @@ def pair(dim, cell, **given):
 def mortar(dim, **given):
     """Two blocks whose faces do not match, in the plane at an angle."""
     if dim == 2:
-        both = test_mortar.stacked(2, 3, (0.0, 1.0), (0.0, 1.0), "tri", angle=0.7)
+        both = mortars.stacked(2, 3, (0.0, 1.0), (0.0, 1.0), "tri", angle=0.7)
     else:
-        both = test_mortar.solids(2, 3, (0.0, 1.0), (0.0, 1.0), "tet")
-    u = test_pair.displacement(both.mesh, given.pop("degree", 1))
+        both = mortars.solids(2, 3, (0.0, 1.0), (0.0, 1.0), "tet")
+    u = pairs.displacement(both.mesh, given.pop("degree", 1))
     law = Coulomb(0.2)
     return pressed(u, ContactPair(u, both, slave=3, master=2, law=law, **given), both.facet_tags)
 
@@ -70,10 +67,10 @@ def round_floor(obstacle, cell, **given):
 
 def rigid(dim, degree=1):
     names = ("x", "y", "rz") if dim == 2 else ("x", "y", "z", "rx", "ry", "rz")
-    body = test_rigid_body.punch(dim, load={names[dim - 1]: -3.0}, free=names[:1] + names[dim:],
+    body = rigid_punches.punch(dim, load={names[dim - 1]: -3.0}, free=names[:1] + names[dim:],
                                  held=names[1 : dim - 1])  # fmt: skip
     method = None if degree == 1 else "integral"
-    return test_rigid_body.block(body, dim, n=3, method=method, degree=degree)
+    return rigid_punches.block(body, dim, n=3, method=method, degree=degree)
 
 
 def ball():
@@ -83,7 +80,7 @@ def ball():
     body = RigidBody(
         Sphere(about, 0.5), about=about, load={"z": -6.0}, motion={"x": 0.2}, held=held
     )
-    return test_rigid_body.block(body, 3, n=3, law=Frictionless(), hyper=True)
+    return rigid_punches.block(body, 3, n=3, law=Frictionless(), hyper=True)
 
 
 CASES = {
@@ -105,7 +102,7 @@ CASES = {
     "common points, P1": lambda: mortar(2, method="integral"),
     "common points, P2": lambda: mortar(2, degree=2),
     "common points in space": lambda: mortar(3, degree=2),
-    "a round face": lambda: test_common_points.pressed(COMM, 2, (1, 1)),
+    "a round face": lambda: mortars.pressed(COMM, 2, (1, 1)),
     "circle": lambda: round_floor(Sphere((0.3, -0.6), 0.5), "quad"),
     "circle, P2": lambda: round_floor(Sphere((0.3, -0.6), 0.5), "tri", degree=2),
     "cylinder": lambda: round_floor(Cylinder((0.3, 0.0, -0.6), (0.0, 1.0, 0.0), 0.5), "hex"),

@@ -12,7 +12,7 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from test_certificates import enumerated, random_problem
+from support.enumeration import enumerated, random_problem
 
 from dolfinx_contact.proofs import (
     Certificate,

@@ -5,7 +5,7 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from support.blocks import box, facets
-from test_pair import tagged
+from support.pairs import tagged
 
 import ufl
 from dolfinx import fem

@@ -9,14 +9,15 @@ from _surfaces import ball, brick, cylinder, disc, write_stl
 from scipy.spatial.transform import Rotation
 from support import blocks
 from support.blocks import same_tables
-from test_curved_friction import (
+from support.curved_obstacles import (
     OnBody,
     Stopped,
+    block,
     errors_of_differences,
     pressed_and_led,
     remembering,
+    shaken,
 )
-from test_large_sliding import block, shaken
 
 import ufl
 from dolfinx import fem

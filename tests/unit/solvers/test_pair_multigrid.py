@@ -5,9 +5,9 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from support.blocks import box
-from test_mortar import sheared, solids
-from test_mortar import stacked as unequal
-from test_pair import MATERIAL, cracked, displacement, held, stacked, tagged
+from support.mortars import sheared, solids
+from support.mortars import stacked as unequal
+from support.pairs import MATERIAL, cracked, displacement, held, stacked, tagged
 
 import ufl
 from dolfinx import fem, mesh

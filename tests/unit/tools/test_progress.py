@@ -10,7 +10,7 @@ from mpi4py import MPI
 import pytest
 from support import recorded_evolution
 from support.blocks import block
-from test_diagram import smooth, start
+from support.textbook import smooth, start
 
 from dolfinx_contact import ConvergenceError, _progress
 from dolfinx_contact.continuation import explore, follow
