@@ -47,8 +47,8 @@ help:
 	@echo "make clean      remove what demos, tests and tools wrote"
 
 demo:
-	DOLFINX_CONTACT_WHEEL=yes $(RUN) mpirun -n 2 python3 demos/demo_linear_triangle.py --output "$$OUTPUT/linear_triangle"
-	DOLFINX_CONTACT_WHEEL=yes $(RUN) mpirun -n 2 python3 demos/demo_dragged_body.py --output "$$OUTPUT/dragged_body"
+	DOLFINX_CONTACT_WHEEL=yes $(RUN) mpirun -n 2 python3 benchmarks/cases/linear_triangle.py --output "$$OUTPUT/linear_triangle"
+	DOLFINX_CONTACT_WHEEL=yes $(RUN) mpirun -n 2 python3 benchmarks/cases/dragged_body.py --output "$$OUTPUT/dragged_body"
 
 # Two at a time, in this order: types and docs-check have a core each, and what is left at the end,
 # the two ranks of test-pip, has both.

@@ -21,10 +21,9 @@ from mpi4py import MPI
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "demos"))
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
-import demo_greco_block
-import demo_two_blocks
+import cases.greco_block
+import cases.two_blocks
 from support.blocks import block
 
 from dolfinx import mesh
@@ -56,11 +55,11 @@ LARGE = [
 
 
 def greco(comm):
-    return demo_greco_block.problem(demo_greco_block.arguments([]), comm)
+    return cases.greco_block.problem(cases.greco_block.arguments([]), comm)
 
 
 def two_bodies(comm):
-    return demo_two_blocks.problem(demo_two_blocks.arguments(["--n=8"]), comm)[0]
+    return cases.two_blocks.problem(cases.two_blocks.arguments(["--n=8"]), comm)[0]
 
 
 def slab(comm):

@@ -15,16 +15,13 @@ from __future__ import annotations
 import argparse
 import json
 import os
-import sys
 import time
 from pathlib import Path
 
+import cases.ciarlet_geymonat
 import numpy as np
+from cases._triangle import linear_triangle
 from getfem_side import GetFEM
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "demos"))
-import demo_ciarlet_geymonat
-from _triangle import linear_triangle
 
 from dolfinx_contact.continuation import StepControl, explore
 from dolfinx_contact.continuation.follow import follower_for
@@ -310,7 +307,7 @@ def triangle_kinks(args):
 
 def block_steps(args):
     """The block from gamma = 1 down."""
-    system = demo_ciarlet_geymonat.block(args.nx, 2 * args.nx, 1.0)
+    system = cases.ciarlet_geymonat.block(args.nx, 2 * args.nx, 1.0)
     side = GetFEM("block", nx=args.nx, ny=2 * args.nx, friction=1.0, r=R_BLOCK)
     side.ask("solve", gammas=np.linspace(0.1, 1.0, 10).tolist(), tolerance=BLOCK["max_res"])
     side.ask("begin", sense=-1.0, **BLOCK)
@@ -436,7 +433,7 @@ def triangle_rays(args):
 
 
 def block_rays(args):
-    system = demo_ciarlet_geymonat.block(args.nx, 2 * args.nx, 1.0)
+    system = cases.ciarlet_geymonat.block(args.nx, 2 * args.nx, 1.0)
 
     def side():
         return GetFEM("block", nx=args.nx, ny=2 * args.nx, friction=1.0, r=R_BLOCK)

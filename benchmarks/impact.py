@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """What schemes, levels, theta and mass do to a bar that bounces, over elements and time steps.
 
-Contact force and energy of `demo_bouncing_bar.py` against its exact solution. The library runs with
+Contact force and energy of `cases.bouncing_bar` against its exact solution. The library runs with
 ``--library`` elements; a numpy code (`tests/support/moving_bar.py`), from which the forces of the
 library differ by round-off, as is measured here, runs them all. It also runs what the library
 refuses. Then a bar that is thrown at a wall, over its elements, with orders, and two bars by the
@@ -22,11 +22,10 @@ from mpi4py import MPI
 import numpy as np
 from timing import save
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "demos"))
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 
-import demo_bouncing_bar as demo
-import demo_two_bars
+import cases.bouncing_bar as demo
+import cases.two_bars
 from support.moving_bar import Bar
 
 from dolfinx_contact.evolution import NSCD
@@ -112,10 +111,10 @@ def by_elements(rows):
 def two_bars(n):
     """Errors of the velocities of two bars after their impact, over that of the first."""
     with tempfile.TemporaryDirectory() as folder:
-        found = demo_two_bars.main([f"--elements={n}", f"--output={folder}"])
+        found = cases.two_bars.main([f"--elements={n}", f"--output={folder}"])
     return {
-        "velocity": abs(found["velocities"][0]) / demo_two_bars.SPEED,
-        "duration": abs(1 - found["duration"] / (2 * demo_two_bars.LENGTH / demo_two_bars.C)),
+        "velocity": abs(found["velocities"][0]) / cases.two_bars.SPEED,
+        "duration": abs(1 - found["duration"] / (2 * cases.two_bars.LENGTH / cases.two_bars.C)),
         "vibration": found["vibration"],
     }
 

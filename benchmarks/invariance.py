@@ -157,14 +157,14 @@ def seeded(seed):
 def problems(full):
     size = ("--nx", "20", "--ny", "40") if full else ("--nx", "10", "--ny", "20")
     return {
-        "single element, pivoting": SingleElement("demo_single_element", ("--route", "pivoting")),
-        "single element, steps": SingleElement("demo_single_element", ("--route", "steps")),
-        "friction parameter": FrictionParameter("demo_friction_parameter", ()),
-        "linear triangle, pivoting": LinearTriangle("demo_linear_triangle", ("--route=pivoting",)),
-        "linear triangle, steps": LinearTriangle("demo_linear_triangle", ("--route=steps",)),
-        "hyperelastic block": Block("demo_ciarlet_geymonat", size),
-        "V-shaped body, pivoting": Vee("demo_followed_mesh", ("--route", "pivoting")),
-        "V-shaped body, steps": Vee("demo_followed_mesh", ("--route", "steps")),
+        "single element, pivoting": SingleElement("single_element", ("--route", "pivoting")),
+        "single element, steps": SingleElement("single_element", ("--route", "steps")),
+        "friction parameter": FrictionParameter("friction_parameter", ()),
+        "linear triangle, pivoting": LinearTriangle("linear_triangle", ("--route=pivoting",)),
+        "linear triangle, steps": LinearTriangle("linear_triangle", ("--route=steps",)),
+        "hyperelastic block": Block("ciarlet_geymonat", size),
+        "V-shaped body, pivoting": Vee("followed_mesh", ("--route", "pivoting")),
+        "V-shaped body, steps": Vee("followed_mesh", ("--route", "steps")),
     }
 
 
@@ -261,10 +261,10 @@ def table(records):
 
 
 def write_vee(path):
-    """The default body of demo_followed_mesh with its nodes and cells in another order."""
-    sys.path.insert(0, str(ROOT / "demos"))
+    """The default body of cases.followed_mesh with its nodes and cells in another order."""
+    sys.path.insert(0, str(ROOT / "benchmarks"))
     import gmsh
-    from demo_followed_mesh import SIDES, VEE, arguments
+    from cases.followed_mesh import SIDES, VEE, arguments
 
     from dolfinx_contact.meshing import draw_polygon
 

@@ -2,7 +2,7 @@
 """How far proofs in space go, over the number of contact points and the friction.
 
 Random stiffnesses (condition 10), four problems of each size and coefficient; blocks with one
-solution, of the bodies of `demo_proofs_3d.py`; and its triangles with several. Columns: how many
+solution, of the bodies of `cases.proofs_3d`; and its triangles with several. Columns: how many
 are closed within the seconds of processor time, solutions, branches, steps, open regions, and the
 processor time and wall time of searches, and the time of the check. On a machine that others use a
 search may take ``--patience`` times the seconds of wall time.
@@ -13,18 +13,13 @@ search may take ``--patience`` times the seconds of wall time.
 from __future__ import annotations
 
 import argparse
-import sys
 import time
-from pathlib import Path
 
 from mpi4py import MPI
 
+import cases.proofs_3d
 import numpy as np
 from timing import save
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "demos"))
-
-import demo_proofs_3d
 
 from dolfinx_contact.proofs import ReducedProblem, check, prove_solutions
 
@@ -55,8 +50,8 @@ def random_problem(n, friction, number):
 
 def body(*words):
     """The reduced problem of a body of the demo."""
-    args = demo_proofs_3d.arguments(list(map(str, words)))
-    points = demo_proofs_3d.body(args, MPI.COMM_SELF).problem.reduced()
+    args = cases.proofs_3d.arguments(list(map(str, words)))
+    points = cases.proofs_3d.body(args, MPI.COMM_SELF).problem.reduced()
     errors = points.S_error, points.p_error
     return ReducedProblem(points.S, points.p, points.friction, points.bound, *errors)
 

@@ -22,9 +22,7 @@ from mpi4py import MPI
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "demos"))
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
-import demo_block
 from support.harness import varied
 
 from dolfinx_contact import ConvergenceError
@@ -50,7 +48,7 @@ def main() -> None:
     for (dim, cell, n, obstacle), factor in cases[:: 4 if args.quick else 1]:
         options = [f"--dim={dim}", f"--cell={cell}", f"--n={n}", f"--obstacle={obstacle}"]
         with varied(r=None if factor is None else factor * 1000.0):  # E = 1000, size 1
-            problem = demo_block.problem(demo_block.arguments(options), comm)
+            problem = cases.block.problem(cases.block.arguments(options), comm)
         zero = problem.create_vector()
         for friction in FRICTION:
             problem.surfaces[0].law.friction.value = friction

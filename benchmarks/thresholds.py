@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """From which friction on the linear triangle has three solutions, by discretisation of contact.
 
-The triangle of `demo_linear_triangle.py` under gamma = 1. Nodal and mixed contact are bisected with
+The triangle of `cases.linear_triangle` under gamma = 1. Nodal and mixed contact are bisected with
 all solutions at hand (`find_solutions`); integral contact, whose statuses are no cones, is followed
 down from a friction coefficient of 4, where its three solutions are found from the nodal ones,
 until one of them is lost. The thresholds meet as the mesh is refined.
@@ -10,16 +10,13 @@ until one of them is lost. The thresholds meet as the mesh is refined.
 import argparse
 import functools
 import json
-import sys
 from pathlib import Path
 
 import numpy as np
+from cases import _triangle
 
 from dolfinx_contact import ContactSurface, ConvergenceError, parse_arguments
 from dolfinx_contact.continuation import find_solutions
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "demos"))
-import _triangle
 
 STRONG = 4.0
 

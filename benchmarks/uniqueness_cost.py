@@ -3,9 +3,9 @@
 
 `problem.uniqueness()` after a solve from zero, over that solve and in milliseconds of processor
 time; every run makes its problem again, warm, in turns, medians of three (`timing.py`). The solve
-does not include the set-up. Blocks are those of `demo_block.py`, the triangle that of
-`demo_linear_triangle.py`, at gamma = -1 (one solution) and 1 (three for 64 nodes), GRECO that of
-`demo_greco_block.py`.
+does not include the set-up. Blocks are those of `benchmarks/cases/block.py`, the triangle that of
+`cases.linear_triangle`, at gamma = -1 (one solution) and 1 (three for 64 nodes), GRECO that of
+`benchmarks/cases/greco_block.py`.
 
     python3 benchmarks/uniqueness_cost.py --output uniqueness.json
 """
@@ -13,27 +13,22 @@ does not include the set-up. Blocks are those of `demo_block.py`, the triangle t
 from __future__ import annotations
 
 import argparse
-import sys
 from functools import partial
-from pathlib import Path
 
 from mpi4py import MPI
 
+import cases.block
+import cases.greco_block
+from cases._triangle import linear_triangle
 from timing import Timer, in_turns, save
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "demos"))
-
-import demo_block
-import demo_greco_block
-from _triangle import linear_triangle
 
 
 def block(dim, n, comm):
-    return demo_block.problem(demo_block.arguments([f"--dim={dim}", f"--n={n}"]), comm)
+    return cases.block.problem(cases.block.arguments([f"--dim={dim}", f"--n={n}"]), comm)
 
 
 def greco(n, comm):
-    return demo_greco_block.problem(demo_greco_block.arguments([f"--n={n}"]), comm)
+    return cases.greco_block.problem(cases.greco_block.arguments([f"--n={n}"]), comm)
 
 
 def triangle(n, gamma, comm):

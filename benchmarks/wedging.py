@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """What does the smallest friction that wedges cost, over the contact nodes?
 
-The triangle of `demo_wedging.py` on meshes of 1 to 32 cells an edge: coefficient, whether it is
+The triangle of `cases.wedging` on meshes of 1 to 32 cells an edge: coefficient, whether it is
 proved, and processor time of the reduction and the search, which has one process.
 
     python3 benchmarks/wedging.py --output wedging.json
@@ -10,15 +10,10 @@ proved, and processor time of the reduction and the search, which has one proces
 from __future__ import annotations
 
 import argparse
-import sys
 import time
-from pathlib import Path
 
+from cases._triangle import linear_triangle
 from timing import save
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "demos"))
-
-from _triangle import linear_triangle
 
 from dolfinx_contact.analysis import wedging_friction
 

@@ -3,21 +3,18 @@
 #
 # This demo illustrates how to:
 #
-# - follow a 3D body as its load grows, while hundreds of contact points close, stick and slip;
-# - have these events passed in batches, and one that matters located to round-off;
-# - read off how the contact area and the sliding part of it grow.
+# - follow a 3D body as its load grows, while many contact points close, stick and slip;
+# - drive Dirichlet data by the parameter of a continuation (`driven=`);
+# - pass changes of status in batches, and locate one of them exactly (`Follower`, `locate=`).
 #
-# The foot is a block of hexahedra with a rounded sole, just above a rigid floor. Its top is lowered
-# by gamma and moved sideways by gamma^2: it touches first at its lowest point, sticks, then slips
-# from the rim of the contact area inwards, until the last point that stuck gives way. The law is
-# static, without memory: a point sticks as long as it has not moved sideways.
-#
-# Above 5000 unknowns a Krylov method takes the place of factorisations; `--n 32` takes minutes.
+# The foot is a cube of hexahedra with a rounded sole, just above a rigid floor. Its top is moved by
+# $\gamma^2 s$ sideways and by $\gamma d$ downwards. It touches first at its lowest point and
+# sticks. Then it slips from the rim of the contact area inwards, until the last sticking point
+# gives way. The static law applies: a point sticks as long as it has not moved sideways.
 
 from mpi4py import MPI
 
 import numpy as np
-from _case import ScriptParser, number
 
 import ufl
 from dolfinx import fem, mesh
@@ -35,120 +32,81 @@ from dolfinx_contact import (
 from dolfinx_contact.continuation import Follower, StepControl
 from dolfinx_contact.materials import LinearElastic
 
-GAP = 0.005  # between floor and sole
-CENTRE = (0.46, 0.53)  # where the sole is lowest
+comm = MPI.COMM_WORLD
+n = 8  # cells along an edge
+friction, gap = 0.4, 0.005
+lowered, shifted = 0.06, 0.12  # displacements of the top at gamma = 1
+lowest_point = (0.46, 0.53)
+roundness = 0.08
 
+# ## The body
 
-def arguments(argv=None):
-    given = dict(friction=0.4, young=1000.0, poisson=0.3, max_steps=500, kinks="batched")
-    parser = ScriptParser("A 3D body, up to sliding", output="output/3d_branch", **given)
-    add = parser.add_argument
-    add("--n", type=number(int, least=2), default=16, help="cells along an edge")
-    add("--lower", type=number(above=GAP), default=0.06, help="the top by this")
-    add("--shift", type=number(), default=0.12, help="and sideways by this")
-    add("--round", type=number(least=0, below=1), default=0.08, help="of the sole")
-    return parser.parse(argv)
+domain = mesh.create_unit_cube(comm, n, n, n, mesh.CellType.hexahedron)
+sole = mesh.locate_entities_boundary(domain, 2, lambda x: np.isclose(x[2], 0.0))
+top = mesh.locate_entities_boundary(domain, 2, lambda x: np.isclose(x[2], 1.0))
+x = domain.geometry.x
+x[:, 2] += roundness * (1 - x[:, 2]) * ((x[:, :2] - lowest_point) ** 2).sum(axis=1)
+V = fem.functionspace(domain, ("Lagrange", 1, (3,)))
+u = fem.Function(V, name="displacement")
+floor = HalfSpace((0.0, 0.0, -gap), (0.0, 0.0, 1.0))
+surface = ContactSurface(u, sole, obstacle=floor, law=Coulomb(friction))
+energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx
 
-
-# ## The body and its load
+# ## The parameter
 #
-# gamma is a Constant that the Dirichlet data of the top contain.
+# The Dirichlet data are a Function. The continuation evaluates the expression `motion` in it, and
+# differentiates it.
 
+gamma = fem.Constant(domain, 0.0)
+moved = fem.Function(V)
+aside = shifted * gamma**2
+motion = ufl.as_vector([0.94 * aside, 0.34 * aside, -lowered * gamma])
+held = fem.dirichletbc(moved, fem.locate_dofs_topological(V, 2, top))
+problem = ContactProblem(energy, u, [surface], bcs=[held])
+system = ParametricContact(problem, gamma, driven=[(moved, motion)])
 
-def foot(args, comm):
-    n = args.n
-    domain = mesh.create_unit_cube(comm, n, n, n, mesh.CellType.hexahedron)
-    sole = mesh.locate_entities_boundary(domain, 2, lambda x: np.isclose(x[2], 0.0))
-    top = mesh.locate_entities_boundary(domain, 2, lambda x: np.isclose(x[2], 1.0))
-    x = domain.geometry.x
-    squares = (x[:, :2] - CENTRE) ** 2
-    x[:, 2] += args.round * (1 - x[:, 2]) * squares.sum(axis=1)
-
-    V = fem.functionspace(domain, ("Lagrange", 1, (3,)))
-    u = fem.Function(V, name="displacement")
-    moved = fem.Function(V)
-    gamma = fem.Constant(domain, 0.0)
-    aside = args.shift * gamma**2
-    move = ufl.as_vector([0.94 * aside, 0.34 * aside, -args.lower * gamma])
-    dofs = fem.locate_dofs_topological(V, 2, top)
-    held = fem.dirichletbc(moved, dofs)
-    floor = HalfSpace((0.0, 0.0, -GAP), (0.0, 0.0, 1.0))
-    surface = ContactSurface(u, sole, obstacle=floor, law=Coulomb(args.friction))
-    material = LinearElastic.from_young(args.young, args.poisson)
-    problem = ContactProblem(material.energy(u) * ufl.dx, u, [surface], bcs=[held])
-    return ParametricContact(problem, gamma, driven=[(moved, move)]), material
-
-
-def first_contact(system):
-    """The predicate of the event at which the lowest point closes. Collective."""
-    heights = system.positions[:, 2]
-    least = system.comm.allreduce(heights.min(initial=np.inf), op=MPI.MIN)
-    return lambda change: heights[change.point] == least and change.before == 0
-
-
-def draw(folder, comm, system, material, branch, journal):
-    """The body where most points stick, where most stick and slip, at the end; and the branch."""
-    problem = system.problem
-    columns = journal.columns()
-    gammas = columns["gamma"]
-    most = {
-        "sticking": columns["stick"],
-        "partial_slip": columns["stick"] * columns["slip"],
-        "sliding": gammas,
-    }
-    for name, values in most.items():
-        best = values.argmax()
-        system.result_at(branch.points[best])  # into the problem
-        title = f"gamma = {gammas[best]:.4f}"
-        plot.picture_of_contact(folder / f"contact_{name}.png", problem, title=title)
-    stress = material.full_stress(problem.u)
-    plot.picture_of_body(folder / "body.png", problem, stress=stress)
-    if comm.rank == 0:
-        labels = {"sum_rn": "normal force", "sum_rt": "tangential force"}
-        plot.draw_diagram(folder / "branch.png", journal, labels, counts=True)
-
-
-# ## Follow it
+# ## The branch
 #
-# `kinks="batched"` lets a step pass many events; it is the default for so many contact points. The
-# predicate `locate`, called on the rank that owns a point, locates the first contact.
+# With `kinks="batched"` one step may pass several changes of status, which is the default for many
+# contact points. The predicate `first_contact` selects the change that is located exactly.
+
+heights = system.positions[:, 2]
+lowest = comm.allreduce(heights.min(initial=np.inf), op=MPI.MIN)
 
 
-def main(argv=None):
-    args = arguments(argv)
-    comm = MPI.COMM_WORLD
-    say = io.Report(comm)
-    folder = io.output_folder(comm, args.output)
-    system, material = foot(args, comm)
-    x = system.create_vector()  # zero: in its place, nothing touches
-    locate = first_contact(system) if args.kinks == "batched" else None
-    control = StepControl(kinks=args.kinks)
-    with Follower(system, control, gamma_scale=1.0, locate=locate) as follower:
-        start = follower.start(x, 0.0)
-        branch = follower.run(
-            start, gamma_range=(0.0, 1.0), max_steps=args.max_steps, progress=True
-        )
-    forces = {"sum_rn": records.total("rn"), "sum_rt": records.total("rt")}
-    journal = records.journal_of(system, [branch], forces)
-    draw(folder, comm, system, material, branch, journal)
-
-    seen = journal.rows(0, ("gamma", "open", "stick", "slip", *forces))
-    columns = journal.columns()
-    changes = np.diff(np.sign(columns["stick"]))
-    gone = np.flatnonzero(changes < 0) + 1  # the last point that stuck has given way
-    sliding = float(columns["gamma"][gone[-1]]) if len(gone) else None
-    events = [s for s in branch.special if s.changes]
-    summary = branch.summary()
-    summary["dofs"] = x.getSize()
-    summary["events"] = sum(len(s.changes) for s in events)
-    summary["first_contact"] = min((s.gamma for s in events), default=None)
-    summary["full_sliding_by"] = sliding
-    summary["along"] = seen
-    summary["end"] = seen[-1]
-    for key in ("dofs", "points", "reason", "events", "first_contact", "full_sliding_by", "end"):
-        say(f"{key}: {summary[key]}")
-    return io.write_summary(comm, folder, summary)
+def first_contact(change):
+    return heights[change.point] == lowest and change.before == 0
 
 
-if __name__ == "__main__":
-    main()
+control = StepControl(kinks="batched")
+with Follower(system, control, gamma_scale=1.0, locate=first_contact) as follower:
+    start = follower.start(system.create_vector(), 0.0)
+    branch = follower.run(start, gamma_range=(0.0, 1.0))
+
+# ## Results
+#
+# Until it touches, the body moves rigidly: the first contact is at $\gamma = $ gap/lowering plus
+# the small initial height of the lowest node.
+
+say = io.Report(comm)
+forces = {"sum_rn": records.total("rn"), "sum_rt": records.total("rt")}
+journal = records.journal_of(system, [branch], forces)
+along = journal.columns()
+events = [special for special in branch.special if special.changes]
+contact_at = min(special.gamma for special in events)
+exact = (gap + lowest) / lowered
+say(f"first contact at gamma = {contact_at:.10f}, closed form {exact:.10f}")
+say(f"{sum(len(special.changes) for special in events)} changes of status")
+slips = along["gamma"][np.flatnonzero(along["stick"])[-1]]
+say(f"the last point sticks up to gamma = {slips:.4f}")
+F = abs(along["sum_rt"][-1]) / along["sum_rn"][-1]
+say(f"shear over normal force at the end {F:.4f}; the friction coefficient is {friction:g}")
+
+folder = io.output_folder(comm, "output/3d_branch")
+if comm.rank == 0:
+    labels = {"sum_rn": "normal force", "sum_rt": "tangential force"}
+    plot.draw_diagram(folder / "branch.png", journal, labels, counts=True)
+partial_slip = branch.points[(along["stick"] * along["slip"]).argmax()]
+system.result_at(partial_slip)
+title = f"gamma = {partial_slip.gamma:.3f}"
+plot.picture_of_contact(folder / "contact.png", problem, title=title)

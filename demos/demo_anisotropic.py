@@ -1,25 +1,28 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-# # Oblique fibres: beyond which friction a finer mesh has more solutions
+# # Oblique fibres: friction beyond which finer meshes have more solutions
 #
 # This demo illustrates how to:
 #
-# - write an anisotropic body in UFL, and get at the compliance of its contact points;
-# - look, with a proof, at how many solutions a mesh and a finer one have.
+# - define an anisotropic material in UFL by a residual;
+# - access the compliance of the contact points (`reduced`);
+# - count, with a proof, the solutions on two meshes.
 #
-# P. Ballard and F. Iurlano (arXiv:2303.16298) prove that an isotropic plane body has a solution for
-# any friction, an anisotropic one as long as friction is not too strong; beyond, there may be none.
-# A discrete problem always has one; what can be seen is that meshes do not agree.
+# Ballard and Iurlano (arXiv:2303.16298) prove that an isotropic plane body has a solution for any
+# friction coefficient, and an anisotropic one only below a bound. A discrete problem always has a
+# solution; the bound shows as disagreement between meshes.
 #
-# A half-plane whose surface is drawn in waves exp(i k x) answers by forces |k| Z u, with a matrix Z
-# of the material, Hermitian (Stroh). Where it slips to the left under the pressure p the shear is
-# F p, and the gap that p makes is (A_nn + F Re A_nt) p / |k|, A = Z^-1, however short the waves.
-# Of an isotropic body Re A_nt = 0. Of one with oblique fibres this is negative beyond
-# F* = -A_nn / Re A_nt: the harder a wave of pressure presses, the less it holds.
+# A half-plane with the surface displacement $\mathrm{Re}\,(w e^{ikx})$ responds with the traction
+# $|k| Z w$, where $Z$ is a matrix of the material (Stroh). With $A = Z^{-1}$, a wave of pressure
+# $p$ on a face that slips to the left opens the gap $(A_{nn} + F\, \mathrm{Re} A_{nt})\, p/|k|$.
+# With oblique fibres $\mathrm{Re} A_{nt}$ is negative, so that beyond
+#
+# $$F^* = -A_{nn}/\mathrm{Re} A_{nt}$$
+#
+# pressure no longer closes the face, for waves of any length.
 
 from mpi4py import MPI
 
 import numpy as np
-from _case import ScriptParser, number
 
 import ufl
 from dolfinx import fem, mesh
@@ -35,136 +38,96 @@ from dolfinx_contact import (
 )
 from dolfinx_contact.continuation import find_solutions
 
+comm = MPI.COMM_WORLD
+fibres, angle = 20.0, np.radians(45.0)  # stiffness over that of the matrix, angle with the floor
+frictions = [1.6, 5.0]
+meshes = [5, 7]  # cells along an edge, for all solutions
+finer = [8, 16, 32]  # for the eigenvalues
 
-def elasticity(fibres, degrees):
-    """C with lambda = mu = 1, and fibres at an angle (2, 2, 2, 2)."""
-    angle = np.radians(degrees)
-    a = np.array([np.cos(angle), np.sin(angle)])
-    unit = np.eye(2)
-    volume = np.einsum("ij,kl->ijkl", unit, unit)
-    along_fibres = np.einsum("i,j,k,l->ijkl", a, a, a, a)
-    straight = np.einsum("ik,jl->ijkl", unit, unit)
-    crossed = np.einsum("il,jk->ijkl", unit, unit)
-    return volume + fibres * along_fibres + straight + crossed
-
-
-def threshold(C):
-    """F* of slip to the left, of the half-plane above the floor; infinite if there is none."""
-    Q = C[:, 0, :, 0]
-    R = C[:, 0, :, 1]
-    T = C[:, 1, :, 1]
-    inverse = np.linalg.inv(T)
-    upper = [np.zeros((2, 2)), np.eye(2)]
-    lower = [-inverse @ Q, -inverse @ (R + R.T)]
-    N = np.block([upper, lower])
-    p, vectors = np.linalg.eig(N)  # waves exp(i (x + p y))
-    decays = p.imag > 0  # upwards
-    A = vectors[:2, decays]
-    columns = []
-    for root, a in zip(p[decays], A.T, strict=True):
-        columns.append((R.T + root * T) @ a)
-    forces = np.stack(columns, axis=1)
-    Z = -1j * forces @ np.linalg.inv(A)
-    compliance = np.linalg.inv(Z).real
-    normal = compliance[1, 1]
-    coupling = compliance[1, 0]
-    if coupling < -1e-12:
-        return -normal / coupling
-    return np.inf
-
-
-# ## A block that may slip uniformly
+# ## The material
 #
-# The block hangs from its held top. Its loads are such that the state u = (-0.1 (1 - y), 0) with a
-# pressure of 1 all over the contact face, which slips to the left, is a solution on every mesh.
+# $C = \lambda\, I \otimes I + 2 \mu\, \mathbb{I} + f\, a \otimes a \otimes a \otimes a$ with
+# $\lambda = \mu = 1$ and the direction $a$ of the fibres.
+
+a = np.array([np.cos(angle), np.sin(angle)])
+unit = np.eye(2)
+C = (
+    np.einsum("ij,kl->ijkl", unit, unit)
+    + np.einsum("ik,jl->ijkl", unit, unit)
+    + np.einsum("il,jk->ijkl", unit, unit)
+    + fibres * np.einsum("i,j,k,l->ijkl", a, a, a, a)
+)
+
+# ## The bound of the half-plane
+#
+# The waves $e^{ik(x + py)}$ that decay upwards are eigenvectors of Stroh's matrix.
+
+Q, R, T = C[:, 0, :, 0], C[:, 0, :, 1], C[:, 1, :, 1]
+inverse = np.linalg.inv(T)
+N = np.block([[np.zeros((2, 2)), unit], [-inverse @ Q, -inverse @ (R + R.T)]])
+roots, vectors = np.linalg.eig(N)
+decays = roots.imag > 0
+modes = vectors[:2, decays]
+tractions = np.stack(
+    [(R.T + root * T) @ mode for root, mode in zip(roots[decays], modes.T, strict=True)], axis=1
+)
+A = np.linalg.inv(-1j * tractions @ np.linalg.inv(modes)).real
+bound = -A[1, 1] / A[1, 0]
+say = io.Report(comm)
+say(f"half-plane: F* = {bound:.6f}")
+
+# ## A block that slips uniformly
+#
+# The loads are such that $u = (-(1 - y)/10, 0)$ with the pressure 1 on the whole face is a solution
+# on every mesh.
 
 
-def body(n, friction, fibres, degrees, comm=MPI.COMM_WORLD):
+def block(n, friction):
     domain = mesh.create_unit_square(comm, n, n)
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-    u = fem.Function(V)
-    v = ufl.TestFunction(V)
-    y = ufl.SpatialCoordinate(domain)[1]
-    values = elasticity(fibres, degrees)
-    C = ufl.as_tensor(values.tolist())
+    u, v = fem.Function(V), ufl.TestFunction(V)
+    tensor = ufl.as_tensor(C.tolist())
     i, j, k, m = ufl.indices(4)
 
-    def work(a, b):  # C has the symmetries of strains
-        stress = C[i, j, k, m] * ufl.grad(a)[i, j]
-        return stress * ufl.grad(b)[k, m] * ufl.dx
+    def work(w):
+        return tensor[i, j, k, m] * ufl.grad(w)[i, j] * ufl.grad(v)[k, m] * ufl.dx
 
-    def edge(height):
-        return mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[1], height))
-
-    bottom = np.sort(edge(0.0))
+    bottom = np.sort(mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[1], 0)))
+    top = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[1], 1))
     ones = np.ones(len(bottom), dtype=np.int32)
-    tags = mesh.meshtags(domain, 1, bottom, ones)
-    ds = ufl.Measure("ds", domain, subdomain_data=tags)(1)
+    ds = ufl.Measure("ds", domain, subdomain_data=mesh.meshtags(domain, 1, bottom, ones))(1)
+    y = ufl.SpatialCoordinate(domain)[1]
     slid = ufl.as_vector((-0.1 * (1 - y), 0 * y))
-    reaction = friction * v[0] + v[1]
-    residual = work(u, v) - work(slid, v) + reaction * ds
-    top = fem.locate_dofs_topological(V, 1, edge(1.0))
-    held = fem.dirichletbc(np.zeros(2), top, V)
+    residual = work(u) - work(slid) + (friction * v[0] + v[1]) * ds
+    held = fem.dirichletbc(np.zeros(2), fem.locate_dofs_topological(V, 1, top), V)
     floor = HalfSpace((0, 0), (0, 1))
     surface = ContactSurface(u, bottom, obstacle=floor, law=Coulomb(friction))
     return ContactProblem(residual, u, [surface], bcs=[held])
 
 
-# ## What the meshes say
+# ## What the meshes show
 #
-# Of the symmetric part of A_nn + F A_nt of all contact points the negative eigenvalues are counted:
-# the directions in which pressure does not hold the face. And all solutions are looked for.
+# Negative eigenvalues of the symmetric part of $A_{nn} + F A_{nt}$ count the distributions of
+# pressure that do not close the face. Below the bound there are none; above it, their number grows
+# with the mesh, and so may the number of solutions.
 
+numbers = {}
+for friction in frictions:
+    negative = []
+    for n in finer:
+        compliance = np.linalg.inv(block(n, friction).reduced().S)
+        matrix = compliance[1::2, 1::2] + friction * compliance[1::2, 0::2]
+        negative.append(int(np.sum(np.linalg.eigvalsh(matrix + matrix.T) < 0)))
+    say(f"F = {friction:g}: {negative} negative eigenvalues for n = {finer}")
+    numbers[friction] = []
+    for n in meshes:
+        problem = block(n, friction)
+        unused = fem.Constant(problem.V.mesh, 0.0)  # the load does not vary
+        system = ParametricContact(problem, unused)
+        found = find_solutions(system, [system.create_vector()], 0.0)
+        numbers[friction].append(len(found.found))
+        proved = "proved" if found.complete else "not proved"
+        say(f"  n = {n}: {len(found.found)} solutions, {proved}")
 
-def negative(n, friction, *material, comm=MPI.COMM_WORLD):
-    problem = body(n, friction, *material, comm)
-    A = np.linalg.inv(problem.reduced().S)
-    normal = A[1::2, 1::2]
-    coupling = A[1::2, 0::2]
-    held = normal + friction * coupling
-    eigenvalues = np.linalg.eigvalsh(held + held.T)
-    return int(np.sum(eigenvalues < 0))
-
-
-def main(argv=None):
-    parser = ScriptParser("Oblique fibres", output="output/anisotropic")
-    add = parser.add_argument
-    add("--fibres", type=number(), default=20.0, help="stiffness, matrix: 1")
-    add("--degrees", type=number(), default=45.0, help="to the floor")
-    add("--frictions", type=number(above=0), nargs="+", default=[1.6, 5.0])
-    add("--n", type=int, nargs="+", default=[5, 7], help="cells: all solutions")
-    add("--fine", type=int, nargs="+", default=[8, 16, 32], help="eigenvalues")
-    args = parser.parse(argv)
-    comm = MPI.COMM_WORLD
-    folder = io.output_folder(comm, args.output)
-    say = io.Report(comm)
-    material = (args.fibres, args.degrees)
-    limit = threshold(elasticity(*material))
-    say(f"the half-plane holds up to F* = {limit:.6g}")
-    rows = []
-    for friction in args.frictions:
-        counts = [negative(n, friction, *material, comm=comm) for n in args.fine]
-        say(f"F = {friction:g}: negative eigenvalues {counts} for n = {args.fine}")
-        solutions = []
-        statuses = []
-        for n in args.n:
-            problem = body(n, friction, *material, comm)
-            unused = fem.Constant(problem.V.mesh, 0.0)  # the load does not vary
-            system = ParametricContact(problem, unused)
-            start = system.create_vector()
-            found = find_solutions(system, [start], 0.0)
-            count = len(found.found)
-            solutions.append([count, found.complete])
-            letters = [system.letters(s.piece) for s in found.found]
-            statuses.append(sorted(letters))
-            say(f"  n = {n}: {count} solutions, {found.method}")
-        row = {"friction": friction, "solutions": solutions, "statuses": statuses}
-        row["negative"] = counts
-        rows.append(row)
-    points = found.points(system)
-    plot.picture_of_states(folder / "states.png", system, points)
-    return io.write_summary(comm, folder, {"rows": rows})
-
-
-if __name__ == "__main__":
-    main()
+folder = io.output_folder(comm, "output/anisotropic")
+plot.picture_of_states(folder / "states.png", system, found.points(system))

@@ -1,24 +1,27 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-# # A long bar pulled over a floor that holds it by friction
+# # A long bar pulled to and fro over a floor
 #
 # This demo illustrates how to:
 #
-# - load a body back and forth in time (`QuasiStatic`), by a force;
-# - look at what friction dissipates in a cycle, and compare with closed forms.
+# - load a body in a cycle (`QuasiStatic`), so that friction depends on the history;
+# - read the energies of a history, and compare the dissipation of a cycle with a closed form;
+# - write the steps for ParaView (`EvolutionSeries`).
 #
-# A strip lies between two floors that press on it; of one half the upper face is the mirror plane,
-# held where the pressure is p. It is pulled at its end by a force P per width, and slips as far as
-# friction, q = mu p per length, must hold it: with the stiffness EA by P/q, its end by
-# P^2/(2 EA q). When the force falls by D the end slips back over D/(2 q), by D^2/(4 EA q). A cycle
-# between P and -P dissipates 2 P^3/(3 EA q). Shear across the thickness, which a bar does not know,
-# moves the end of the slip by about that.
+# A strip lies between two floors that press on it; one half is meshed. Its end is pulled by a force
+# $P$ per width. With the stiffness $EA$ and the friction $q = \mu p$ per length, it slips over the
+# length $P/q$, and its end moves by $P^2/(2 EA\, q)$. When the force falls by $D$, the end slips
+# back by $D^2/(4 EA\, q)$. A cycle between $P$ and $-P$ dissipates
+#
+# $$\frac{2 P^3}{3 EA\, q}.$$
+#
+# This loop is the hysteresis of the bar. The shear across the thickness, which a bar neglects,
+# changes the numbers by about the thickness over the slip length.
 
 from itertools import pairwise
 
 from mpi4py import MPI
 
 import numpy as np
-from _case import ScriptParser, number
 
 import ufl
 from dolfinx import fem, mesh
@@ -28,138 +31,91 @@ from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.grids import create_grid
 from dolfinx_contact.materials import LinearElastic
 
+comm = MPI.COMM_WORLD
+n = 80  # cells on the slip length
+steps = 4  # up to the first turn
+thickness = 1 / 40  # over the slip length, which is 1
+length, young, friction, pressure = 1.25, 1000.0, 0.5, 1.0
+q = friction * pressure
+EA = young * thickness
 
-def arguments(argv=None):
-    parser = ScriptParser("A bar on a floor", output="output/bar", n=200, young=1000.0)
-    add = parser.add_argument
-    add("--friction", action="store_true", help="what holds it; nothing else does")
-    add("--pressure", type=number(above=0), default=1.0, help="on the floor")
-    add("--mu", type=number(above=0), default=0.5, help="friction coefficient")
-    add("--thin", type=number(above=1), default=100.0, help="slip over thickness")
-    add("--steps", type=number(int, above=0), default=10, help="to the first turn")
-    return parser.parse(argv)
+# ## The strip
+#
+# The upper face is the plane of symmetry, held at the height at which the pressure is as given.
 
-
-def strip(args, comm):
-    """The problem, its end force, and the mean motion of its end; n cells on the slip length 1."""
-    length = 1.25
-    thick = 1.0 / args.thin
-    along = round(length * args.n)
-    across = max(2, round(thick * args.n))
-    x = np.linspace(-length, 0.0, along + 1)
-    y = np.linspace(0.0, thick, across + 1)
-    domain = create_grid(comm, (x, y), mesh.CellType.quadrilateral)
-    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-    u = fem.Function(V)
-    pull = fem.Constant(domain, 0.0)
-
-    def facets(axis, value):
-        return mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[axis], value))
-
-    def held(component, facets, value):
-        W = V.sub(component)
-        dofs = fem.locate_dofs_topological(W, 1, facets)
-        return fem.dirichletbc(value, dofs, W)
-
-    height = -args.pressure * thick / args.young
-    mirror = held(1, facets(1, thick), height)
-    far_end = held(0, facets(0, -length), 0.0)
-    tags = mesh.meshtags(domain, 1, np.sort(facets(0, 0.0)), 1)
-    ds = ufl.Measure("ds", subdomain_data=tags)
-    moved = u[0] / thick * ds(1)
-    material = LinearElastic.from_young(args.young, 0.0)
-    energy = material.energy(u) * ufl.dx - pull * moved
-    floor = HalfSpace((0, 0), (0, 1))
-    contact = ContactSurface(u, facets(1, 0.0), obstacle=floor, law=Coulomb(args.mu))
-    problem = ContactProblem(energy, u, [contact], bcs=[mirror, far_end])
-    mean = fem.form(moved)
-
-    def end():
-        mine = fem.assemble_scalar(mean)
-        return comm.allreduce(mine)
-
-    return problem, pull, end
+x = np.linspace(-length, 0.0, round(length * n) + 1)
+y = np.linspace(0.0, thickness, max(2, round(thickness * n)) + 1)
+domain = create_grid(comm, (x, y), mesh.CellType.quadrilateral)
+V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+u = fem.Function(V, name="displacement")
 
 
-def closed_form(forces, EA, q):
-    """End displacements along forces that go up and down: parabolas from turn to turn."""
-    found = [0.0]
-    turn_at = 0.0
-    turn_force = 0.0
-    sign = 1.0
-    factor = 2.0
-    for before, now in pairwise(forces):
-        if (now - before) * sign < 0:
-            turn_at = found[-1]
-            turn_force = before
-            sign = -sign
-            factor = 4.0
-        way = (now - turn_force) ** 2 / (factor * EA * q)
-        found.append(turn_at + sign * way)
-    return np.array(found)
+def facets(axis, place):
+    return mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[axis], place))
 
 
-def slip_length(table):
-    """From the end to the middle between the last point that slips and the first that sticks."""
-    x = table.x[:, 0]
-    stuck = x[table.letters == "k"].max()
-    slips = x[x > stuck].min()
-    return -0.5 * (stuck + slips)
+def held(component, on, value):
+    W = V.sub(component)
+    return fem.dirichletbc(value, fem.locate_dofs_topological(W, 1, on), W)
 
 
-def main(argv=None):
-    args = arguments(argv)
-    comm = MPI.COMM_WORLD
-    folder = io.output_folder(comm, args.output)
-    say = io.Report(comm)
-    problem, pull, end = strip(args, comm)
-    EA = args.young / args.thin
-    q = args.mu * args.pressure
-    n = args.steps
-    problem.solve()
+squeezed = held(1, facets(1, thickness), -pressure * thickness / young)
+far_end = held(0, facets(0, -length), 0.0)
+pull = fem.Constant(domain, 0.0)
+ds = ufl.Measure("ds", subdomain_data=mesh.meshtags(domain, 1, np.sort(facets(0, 0.0)), 1))(1)
+mean_displacement = u[0] / thickness * ds
+energy = LinearElastic.from_young(young, 0.0).energy(u) * ufl.dx - pull * mean_displacement
+floor = HalfSpace((0, 0), (0, 1))
+contact = ContactSurface(u, facets(1, 0.0), obstacle=floor, law=Coulomb(friction))
+problem = ContactProblem(energy, u, [contact], bcs=[squeezed, far_end])
+problem.solve()
 
-    def load(t):
-        pull.value = q * np.interp(t, [0, 1, 3, 5], [0, 1, -1, 1])
-
-    curve = [[0.0, 0.0]]
-    times = np.linspace(0.0, 5.0, 5 * n + 1)
-    with io.EvolutionSeries(folder, problem, every=n) as series:
-
-        def watch(step):
-            series(step)
-            curve.append([end(), float(pull.value)])
-
-        history = QuasiStatic(problem, load).run(times, observer=watch)
-
-    moved, forces = np.transpose(curve)
-    closed = closed_form(forces, EA, q)
-    turns = [history.at(t) for t in (1.0, 3.0, 5.0)]
-    table = turns[0].result.tables["contact"]
-    cycle = turns[2].energies.dissipated - turns[0].energies.dissipated
-    found = {
-        "slip_length": slip_length(table),
-        "end_displacement": moved[n],
-        "dissipation": cycle,
-    }
-    exact = {
-        "slip_length": 1.0,
-        "end_displacement": closed[n],
-        "dissipation": 2 * q**2 / (3 * EA),
-    }
-    summary = turns[2].result.summary()
-    summary["curve"] = curve
-    summary["closed_form"] = np.column_stack([closed, forces])
-    for name, value in found.items():
-        say(f"{name}: {value:.6g}, closed form {exact[name]:.6g}")
-        summary[name] = value
-        summary[f"{name}_closed_form"] = exact[name]
-    if comm.rank == 0:
-        lines = {"plane strain": (moved, forces)}
-        dotted = {"closed form": (closed, forces)}
-        plot.draw_curves(folder / "curve.png", lines, dotted=dotted, labels=("end", "force"))
-    io.write_contact_table(comm, folder, [table])
-    return io.write_summary(comm, folder, summary)
+# ## One and a quarter cycles
+#
+# The force rises to $q$, falls to $-q$ and rises again. The observer records the end.
 
 
-if __name__ == "__main__":
-    main()
+def load(t):
+    pull.value = q * np.interp(t, [0, 1, 3, 5], [0, 1, -1, 1])
+
+
+end_form = fem.form(mean_displacement)
+curve = [(0.0, 0.0)]
+folder = io.output_folder(comm, "output/bar")
+with io.EvolutionSeries(folder, problem, every=steps) as series:
+
+    def record(step):
+        series(step)
+        curve.append((comm.allreduce(fem.assemble_scalar(end_form)), float(pull.value)))
+
+    history = QuasiStatic(problem, load).run(np.linspace(0.0, 5.0, 5 * steps + 1), observer=record)
+
+# ## Comparison
+#
+# The closed form is a parabola from each turn of the force.
+
+displacement, force = np.transpose(curve)
+exact = [0.0]
+turn, start, factor = 0.0, 0.0, 2.0
+sign = 1.0
+for before, now in pairwise(force):
+    if (now - before) * sign < 0:
+        turn, start, factor, sign = before, exact[-1], 4.0, -sign
+    exact.append(start + sign * (now - turn) ** 2 / (factor * EA * q))
+
+table = history.at(1.0).result.tables["contact"]
+stuck = table.x[table.letters == "k", 0].max()
+slipping = table.x[table.x[:, 0] > stuck, 0].min()
+slip_length = -0.5 * (stuck + slipping)
+dissipation = history.at(5.0).energies.dissipated - history.at(1.0).energies.dissipated
+closed_form = 2 * q**2 / (3 * EA)
+say = io.Report(comm)
+say(f"slip length {slip_length:.4f}, closed form 1")
+say(f"displacement of the end {displacement[steps]:.6f}, closed form {exact[steps]:.6f}")
+say(f"dissipation of a cycle {dissipation:.6f}, closed form {closed_form:.6f}")
+
+if comm.rank == 0:
+    curves = {"strip in plane strain": (displacement, force)}
+    dotted = {"bar": (np.array(exact), force)}
+    labels = ("displacement of the end", "force")
+    plot.draw_curves(folder / "loop.png", curves, dotted=dotted, labels=labels)

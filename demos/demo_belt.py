@@ -3,23 +3,22 @@
 #
 # This demo illustrates how to:
 #
-# - let a body slide with friction along a curved obstacle as far as it likes, many facets in all:
-#   slips are arcs along the surface of the obstacle (`points.arcs`), summed up step by step;
-# - go through a history with memory, and take forces from supports.
+# - let a body slide with friction along a curved obstacle over many facets;
+# - run a history in which the slip accumulates, and read reactions of supports.
 #
-# A thin belt hangs over half of a fixed drum. One of its straight ends carries a weight T1; the
-# other one is pulled down until the whole belt slips, and further, so that the straight part on the
-# side of the weight is wound up on the drum. With the friction mu and the angle alpha of contact,
-# forces of a belt without thickness go like T2/T1 = exp(mu alpha) (Euler, 1769; Eytelwein, 1808).
-# Friction acts on the inner face, at the radius R, the tension in the middle of the thickness h, at
-# R + h/2: the balance of moments about the axis, dT (R + h/2) = mu T R dalpha, makes it
+# A thin belt hangs over half of a fixed drum. One end carries a weight $T_1$; the other end is
+# pulled down until the whole belt slips. For a belt without thickness, with the friction
+# coefficient $\mu$ and the angle $\alpha$ of contact, the forces obey
+# $T_2/T_1 = e^{\mu\alpha}$ (Euler, 1769; Eytelwein, 1808).
 #
-#     T2/T1 = exp(mu alpha R/(R + h/2)).
+# Friction acts at the radius $R$ and the tension at $R + h/2$, the middle of the thickness $h$. The
+# balance of moments, $dT\,(R + h/2) = \mu T R\, d\alpha$, gives
+#
+# $$\frac{T_2}{T_1} = \exp\left(\frac{\mu\, \alpha\, R}{R + h/2}\right).$$
 
 from mpi4py import MPI
 
 import numpy as np
-from _case import ScriptParser, number
 
 import ufl
 from dolfinx import fem, mesh
@@ -28,110 +27,83 @@ from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, Sphere, io,
 from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.materials import NeoHookean, lame
 
-RADIUS = 1.0
-WEIGHT = 1.0
-STIFFNESS = 50.0  # E h, over the weight
-STRAIGHT = (0.4, 0.2)  # lengths of the straight parts: of the weight, of the hand
-ALPHA = np.pi
-
-
-def arguments(argv=None):
-    parser = ScriptParser("A belt over a drum", output="output/belt", friction=0.3)
-    parser.add_argument("--n", type=number(int, least=8), default=64, help="cells around the drum")
-    parser.add_argument(
-        "--thickness", type=number(above=0, below=0.5), default=0.005, help="over the radius"
-    )
-    parser.add_argument("--pull", type=number(above=0), default=0.25, help="way of the pulled end")
-    parser.add_argument("--steps", type=number(int, least=1), default=32, help="of the pull")
-    return parser.parse(argv)
-
+comm = MPI.COMM_WORLD
+n = 64  # cells around the drum
+steps, pull = 32, 0.25  # of the pulled end
+friction, radius, thickness, weight = 0.3, 1.0, 0.005, 1.0
+stiffness = 50.0  # E h over the weight
+straight = (0.4, 0.2)  # lengths of the straight ends: of the weight, of the hand
 
 # ## The belt
 #
-# A strip of quadrilaterals, one across, bent to where it hangs: s goes along its inner face.
+# A strip with one quadrilateral across its thickness is bent to where it hangs. The coordinate
+# $s$ runs along its inner face.
+
+size = np.pi * radius / n
+cells = [round(length / size) for length in straight]
+lower = np.array([-cells[0] * size, 0.0])
+upper = lower + np.array([(sum(cells) + n) * size, thickness])
+shape = [sum(cells) + n, 1]
+domain = mesh.create_rectangle(comm, [lower, upper], shape, mesh.CellType.quadrilateral)
 
 
-def belt(args, comm):
-    h = args.thickness
-    size = ALPHA * RADIUS / args.n
-    cells = [round(length / size) for length in STRAIGHT]
-    length = (sum(cells) + args.n) * size
-    lower = np.array([-cells[0] * size, 0.0])
-    upper = lower + np.array([length, h])
-    shape = [sum(cells) + args.n, 1]
-    domain = mesh.create_rectangle(comm, [lower, upper], shape, mesh.CellType.quadrilateral)
-    tdim = domain.topology.dim
-    domain.topology.create_connectivity(tdim - 1, tdim)
-    faces = [
-        mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[1], 0.0)),
-        mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[0], lower[0])),
-        mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[0], upper[0])),
-    ]
-    s, across = domain.geometry.x[:, :2].T.copy()
-    on_drum = np.clip(s, 0.0, ALPHA * RADIUS)
-    angle = np.pi - on_drum / RADIUS
-    down = np.abs(s - on_drum)
-    r = RADIUS + across
-    domain.geometry.x[:, 0] = r * np.cos(angle)
-    domain.geometry.x[:, 1] = r * np.sin(angle) - down
-    return domain, faces
+def facets(axis, place):
+    return mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[axis], place))
 
 
-def hung(args, comm):
-    """The problem, the weight and the way of the pulled end."""
-    domain, (inner, weighted, pulled) = belt(args, comm)
-    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-    u = fem.Function(V, name="displacement")
-    drum = Sphere((0.0, 0.0), RADIUS)
-    contact = ContactSurface(u, inner, obstacle=drum, law=Coulomb(args.friction), name="drum")
-    rubber = NeoHookean(*lame(STIFFNESS * WEIGHT / args.thickness, 0.0))
-    weight = fem.Constant(domain, 0.0)
-    tags = mesh.meshtags(domain, 1, np.sort(weighted), np.full(len(weighted), 1, dtype=np.int32))
-    ds = ufl.Measure("ds", domain, subdomain_data=tags)(1)
-    energy = rubber.energy(u) * ufl.dx + weight / args.thickness * u[1] * ds
-    way = fem.Constant(domain, np.zeros(2))
-    held = fem.dirichletbc(way, fem.locate_dofs_topological(V, 1, pulled), V)
-    return ContactProblem(energy, u, [contact], bcs=[held]), weight, way
+inner, weighted, pulled = facets(1, 0.0), facets(0, lower[0]), facets(0, upper[0])
+s, across = domain.geometry.x[:, :2].T.copy()
+on_drum = np.clip(s, 0.0, np.pi * radius)
+angle = np.pi - on_drum / radius
+domain.geometry.x[:, 0] = (radius + across) * np.cos(angle)
+domain.geometry.x[:, 1] = (radius + across) * np.sin(angle) - np.abs(s - on_drum)
+
+# ## The problem
+#
+# The body is not linear, so that large sliding is the default: gap and normal are those at the
+# displaced points, and slips are arcs along the drum.
+
+V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+u = fem.Function(V, name="displacement")
+drum = Sphere((0.0, 0.0), radius)
+contact = ContactSurface(u, inner, obstacle=drum, law=Coulomb(friction), name="drum")
+material = NeoHookean(*lame(stiffness * weight / thickness, 0.0))
+tension = fem.Constant(domain, 0.0)
+tags = mesh.meshtags(domain, 1, np.sort(weighted), np.full(len(weighted), 1, dtype=np.int32))
+ds = ufl.Measure("ds", domain, subdomain_data=tags)(1)
+energy = material.energy(u) * ufl.dx + tension / thickness * u[1] * ds
+way = fem.Constant(domain, np.zeros(2))
+held = fem.dirichletbc(way, fem.locate_dofs_topological(V, 1, pulled), V)
+problem = ContactProblem(energy, u, [contact], bcs=[held])
+
+# ## The history
+#
+# The weight is applied until $t = 1$; then the other end is pulled.
 
 
-def main(argv=None):
-    args = arguments(argv)
-    comm = MPI.COMM_WORLD
-    say = io.Report(comm)
-    folder = io.output_folder(comm, args.output)
-    problem, weight, way = hung(args, comm)
-
-    def load(t):
-        weight.value = WEIGHT * min(t, 1.0)
-        way.value[1] = -args.pull * max(t - 1.0, 0.0)
-
-    def ratio(step):
-        return -float(step.result.support[1]) / WEIGHT
-
-    def watch(step):
-        say(f"pulled by {-way.value[1]:.4f}: T2/T1 = {ratio(step):.6f}")
-
-    hang = np.linspace(0.0, 1.0, 3)
-    pull = 1.0 + np.arange(1, args.steps + 1) / args.steps
-    times = [*hang, *pull]
-    history = QuasiStatic(problem, load).run(times, observer=watch)
-    last = history.steps[-1]
-    table = last.result.tables["drum"]
-    plot.picture_of_body(folder / "belt.png", problem)
-    io.write_contact_table(comm, folder, [table])
-    touching = table.rn > 0
-    exact = float(np.exp(args.friction * ALPHA))
-    thick = float(np.exp(args.friction * ALPHA / (1 + args.thickness / (2 * RADIUS))))
-    say(f"T2/T1 = {ratio(last):.6f}, without thickness {exact:.6f}, with it {thick:.6f}")
-    summary = last.result.summary()
-    summary["ratio"] = ratio(last)
-    summary["ratio_closed_form"] = exact
-    summary["ratio_of_thickness"] = thick
-    summary["way"] = args.pull
-    summary["cell"] = ALPHA * RADIUS / args.n
-    summary["slid"] = float(np.linalg.norm(table.ut[touching], axis=1).max())
-    return io.write_summary(comm, folder, summary)
+def load(t):
+    tension.value = weight * min(t, 1.0)
+    way.value[1] = -pull * max(t - 1.0, 0.0)
 
 
-if __name__ == "__main__":
-    main()
+def ratio(step):
+    return -float(step.result.support[1]) / weight
+
+
+say = io.Report(comm)
+times = [0.0, 0.5, 1.0, *(1.0 + np.arange(1, steps + 1) / steps)]
+history = QuasiStatic(problem, load).run(times)
+ratios = [ratio(step) for step in history.steps]
+thick = float(np.exp(friction * np.pi / (1 + thickness / (2 * radius))))
+thin = float(np.exp(friction * np.pi))
+say(f"T2/T1 = {ratios[-1]:.6f}; closed form with the thickness {thick:.6f}, without {thin:.6f}")
+table = history.steps[-1].result.tables["drum"]
+slid = float(np.linalg.norm(table.ut[table.rn > 0], axis=1).max())
+say(f"slid by {slid:.3f}, {slid / size:.1f} facets")
+
+folder = io.output_folder(comm, "output/belt")
+plot.picture_of_body(folder / "belt.png", problem)
+if comm.rank == 0:
+    travelled = [pull * max(step.time - 1.0, 0.0) for step in history.steps]
+    labels = ("displacement of the pulled end", "$T_2/T_1$")
+    plot.draw_curves(folder / "ratio.png", {"belt": (travelled, ratios)}, labels=labels)

@@ -1,31 +1,26 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-# # How many solutions, over the load and the friction coefficient
+# # How many solutions, over load and friction coefficient
 #
 # This demo illustrates how to:
 #
-# - follow the folds of branches as the friction coefficient F varies too: curves in (F, gamma),
-#   with the statuses along them, and the points at which they meet and end;
-# - count the solutions between them, with proofs, in a chart whose cells are fine at the borders;
-#   cells whose proof takes longer than `--seconds` are hatched.
+# - follow folds of branches while a second parameter varies (`event_curves`);
+# - divide a plane of parameters into regions with equal sets of solutions (`solution_regions`);
+# - prove the solutions in each region.
 #
-# Without a mesh the body is Hild's triangle (see `demo_hild_triangle.py`) with lambda = mu = 1, of
-# which one node moves, under the nodal force (-gamma, -1). Its folds lie at gamma = F, where stick
-# ends, and at gamma = kt/k = 2, where the pressure vanishes. The two lines cross at the critical
-# coefficient F = 2: below it the solution is unique. With a mesh, of groups as in
-# `demo_followed_mesh.py`, it is a body under the body force (1 - gamma) (FX, FY) + gamma (GX, GY).
+# The body is Hild's triangle, one element clamped on its slope (see `demo_hild_triangle.py`).
+# First, the load grows to the left while the friction coefficient $F$ varies. Folds are located at
+# $\gamma = F$ (stick to slip) and at $\gamma = k_t/k = 2$ (slip to separation). They meet and end
+# in a cusp at $F = \gamma = 2$: below it, the solution is unique.
 #
-# A linear body is condensed onto its contact points, once. In that problem F multiplies the
-# pressures of slipping points, so that along a fold gamma is a rational function of F until another
-# point changes its status. Where it does is found exactly: there are no steps in F.
+# Second, both components of the load vary at a fixed friction coefficient. The regions are those of
+# Hild's Proposition 2.
 
 from mpi4py import MPI
 
 import numpy as np
-from _case import ScriptParser, number
-from _triangle import element
 
 import ufl
-from dolfinx import fem
+from dolfinx import fem, mesh
 
 from dolfinx_contact import (
     ContactProblem,
@@ -36,139 +31,96 @@ from dolfinx_contact import (
     io,
     plot,
 )
-from dolfinx_contact.analysis import contact_family, count_solutions, event_curves
+from dolfinx_contact.analysis import contact_family, event_curves, solution_regions
 from dolfinx_contact.continuation import follow
 from dolfinx_contact.materials import LinearElastic
-from dolfinx_contact.meshing import read_mesh
+
+frictions = (1.0, 4.0)  # range of the chart
+largest_load = 3.0  # of the regions
+say = io.Report(MPI.COMM_WORLD)
+
+# ## The element
+#
+# Its traction is any UFL expression of two Constants.
 
 
-def arguments(argv=None):
-    parser = ScriptParser("Numbers of solutions", output="output/chart", mesh=None, lame=None)
-    add = parser.add_argument
-    positive = number(above=0)
-    count = number(int, above=0)
-    depth = number(int, least=0)
-    forces = ("FX", "FY", "GX", "GY")
-    add("--body-force", type=number(), nargs=4, metavar=forces, default=(0.0, -6.0, -14.0, -6.0))
-    span = dict(type=positive, nargs=2, metavar=("F0", "F1"), default=(1.0, 4.0))
-    add("--friction", **span, help="least and largest coefficient")
-    listed = dict(type=positive, nargs="*", default=[])
-    add("--at", **listed, help="list the folds at these coefficients")
-    add("--cells", type=count, default=5, help="along an edge")
-    add("--depth", type=depth, default=2, help="of their division")
-    add("--seconds", type=positive, default=1.0, help="for a proof")
-    args = parser.parse(argv)
-    least, largest = args.friction
-    if not least < largest:
-        parser.error("--friction needs F0 < F1")
-    if not all(least <= F <= largest for F in args.at):
-        parser.error("--at must lie in the range of --friction")
-    return args
-
-
-def meshed(args):
-    """A meshed body with the parameter gamma, held on `dirichlet`; `contact` is above the floor."""
-    body = read_mesh(MPI.COMM_WORLD, args.mesh, dim=2, groups=("dirichlet", "contact"))
-    domain = body.mesh
+def element(law, traction, first, second):
+    square = mesh.create_unit_square(MPI.COMM_SELF, 1, 1, diagonal=mesh.DiagonalType.left)
+    half = mesh.locate_entities(square, 2, lambda x: x[0] + x[1] < 1 + 1e-9)
+    domain = mesh.create_submesh(square, 2, half)[0]
+    slope = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[0] + x[1], 1))
+    side = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[0], 0))
+    bottom = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[1], 0))
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
     u = fem.Function(V, name="displacement")
-    gamma = fem.Constant(domain, 0.0)
-    first = fem.Constant(domain, np.array(args.body_force[:2]))
-    last = fem.Constant(domain, np.array(args.body_force[2:]))
-    force = (1 - gamma) * first + gamma * last
-    material = LinearElastic(*(args.lame or (100.0, 82.0)))
-    energy = material.energy(u) * ufl.dx - ufl.dot(force, u) * ufl.dx
-    clamped = fem.dirichletbc(np.zeros(2), body.dofs(V, "dirichlet"), V)
-    floor = HalfSpace((0.0, body.bounds("contact")[0, 1]), (0.0, 1.0))
-    law = Coulomb(args.friction[1])
-    surface = ContactSurface(u, body, tag="contact", obstacle=floor, law=law)
-    return ParametricContact(ContactProblem(energy, u, [surface], bcs=[clamped]), gamma)
+    a, b = fem.Constant(domain, first), fem.Constant(domain, second)
+    ds = ufl.Measure("ds", domain, subdomain_data=mesh.meshtags(domain, 1, side, 1))(1)
+    energy = LinearElastic(1.0, 1.0).energy(u) * ufl.dx - ufl.dot(traction(a, b), u) * ds
+    clamped = fem.dirichletbc(np.zeros(2), fem.locate_dofs_topological(V, 1, slope), V)
+    floor = HalfSpace((0, 0), (0, 1))
+    surface = ContactSurface(u, bottom, obstacle=floor, law=law)
+    return ContactProblem(energy, u, [surface], bcs=[clamped]), a, b
 
 
-def problem(args):
-    """The problem with gamma, and the range of that."""
-    if args.mesh is not None:
-        return meshed(args), (0.0, 1.0)
-    largest = args.friction[1]
-    lame = args.lame or (1.0, 1.0)
-    triangle = element(lame, largest, 1.0, (-2.0, 0.0), (0.0, -2.0))
-    return triangle, (0.0, 1.2 * largest)
+def branch_of(system, gammas):
+    """Branch through the solution at the smallest value of the parameter."""
+    system.set_parameter(gammas[0])
+    system.problem.solve()
+    x = system.create_vector()
+    system.problem.write(x)
+    return follow(system, x, gammas[0], gamma_range=gammas)
 
 
-# ## Branches at some coefficients, and the curves that pass through their folds
+# ## Folds over the friction coefficient
 #
-# The second parameter is the Constant in the friction law. A fold that no branch has met is not
-# followed, so that branches at both ends of the range, and at `--at`, are better than one.
+# A branch is followed at each end of the range. From its folds, the curves of folds are followed
+# exactly while both parameters vary.
 
+law = Coulomb(frictions[1])
+problem, gamma, _ = element(law, lambda a, b: ufl.as_vector([-2 * a, -2 + 0 * b]), 0.0, 0.0)
+system = ParametricContact(problem, gamma)
+friction = problem.surfaces[0].law.friction
+gammas = (0.0, 1.2 * frictions[1])
+branches = []
+for value in reversed(frictions):
+    friction.value = value
+    branches.append((value, branch_of(system, gammas)))
+curves = event_curves(system, friction, branches, mu_range=frictions, gamma_range=gammas)
+for curve in curves.folds:
+    start, end = curve.span
+    say(f"folds from F = {start:.6f} to {end:.6f}")
+cusps = curves.cusps
+for F, load in cusps:
+    say(f"they meet at F = {F:.10f}, gamma = {load:.10f}; closed form 2, 2")
 
-def curves_of(system, friction, span, gammas, coefficients):
-    first = gammas[0]
+# ## Regions of loads
+#
+# For each sign of a small horizontal load, a branch over all vertical loads meets the borders of
+# the regions. In every region a proof lists the solutions.
+
+critical = 2.0
+span = (-largest_load, largest_load)
+folder = io.output_folder(MPI.COMM_WORLD, "output/chart")
+words = {"o": "open", "k": "stick", "+": "slip right", "-": "slip left"}
+numbers = {}
+for F in (0.5 * critical, 1.5 * critical):
+    problem, horizontal, vertical = element(
+        Coulomb(F), lambda a, b: ufl.as_vector([a, b]), 1.0, 0.0
+    )
+    system = ParametricContact(problem, vertical)
     branches = []
-    iterations = 0
-    for F in sorted({*span, *coefficients}, reverse=True):
-        friction.value = F
-        system.set_parameter(first)
-        result = system.problem.solve()
-        iterations += result.iterations
-        x = system.create_vector()
-        system.problem.write(x)
-        branch = follow(system, x, first, gamma_range=gammas)
-        branches.append((F, branch))
-    curves = event_curves(system, friction, branches, mu_range=span, gamma_range=gammas)
-    return curves, iterations
-
-
-def report(say, curves, folds_at):
-    for curve in curves.folds:
-        first, last = curve.span
-        say(f"folds from F = {first:.10f} to {last:.10f}, gamma = {curve.at(last):.10f}")
-        for s in curve.segments:
-            statuses = " | ".join(s.statuses)
-            say(f"   F = {s.low:.8f} to {s.high:.8f}: {statuses}")
-    meetings = [f"they meet at F = {F:.10f}, gamma = {gamma:.10f}" for F, gamma in curves.cusps]
-    say("\n".join(meetings))
-    folds = [f"F = {F}: folds at {found}" for F, found in folds_at.items()]
-    say("\n".join(folds))
-
-
-def main(argv=None):
-    args = arguments(argv)
-    comm = MPI.COMM_WORLD
-    say = io.Report(comm)
-    folder = io.output_folder(comm, args.output)
-    span = tuple(args.friction)
-    system, gammas = problem(args)
-    (surface,) = system.problem.surfaces
-    friction = surface.law.friction
-    curves, iterations = curves_of(system, friction, span, gammas, args.at)
-    folds_at = {f"{F:g}": curves.folds_at(F) for F in args.at}
-    report(say, curves, folds_at)
-
-    # ## Count between the curves
-    family = contact_family(system, friction, mu_range=span)
-    grid = dict(cells=(args.cells, args.cells), depth=args.depth, proof_seconds=args.seconds)
-    chart = count_solutions(family, mu_range=span, gamma_range=gammas, curves=curves, **grid)
-    if comm.rank == 0:
-        axes = ("friction coefficient F", r"load $\gamma$")
-        plot.draw_chart(folder / "chart.png", chart, curves, labels=axes)
-
-    named = []
-    for curve in curves.curves:
-        points = curve.points().tolist()
-        named.append({"kind": curve.kind, "points": points})
-    cells = [[*cell.middle, cell.count, cell.proved] for cell in chart.cells]
-    summary = {
-        "converged": True,
-        "newton_iterations": iterations,
-        "proved": chart.proved,
-        "dofs": system.create_vector().getSize(),
-        "curves": named,
-        "cells": cells,
-        "cusps": [list(cusp) for cusp in curves.cusps],
-        "folds_at": folds_at,
-    }
-    return io.write_summary(comm, folder, summary)
-
-
-if __name__ == "__main__":
-    main()
+    for value in (-largest_load / 10, largest_load / 10):
+        horizontal.value = value
+        branches.append((value, branch_of(system, span)))
+    borders = event_curves(
+        system, horizontal, branches, mu_range=span, gamma_range=span, folds_only=False
+    )
+    family = contact_family(system, horizontal, mu_range=span)
+    regions = solution_regions(family, borders, mu_range=span, gamma_range=span)
+    sets = sorted({cell.solutions for cell in regions.cells}, key=len)
+    numbers[F] = max(len(solutions) for solutions in sets)
+    names = {s: ", ".join(words[letter] for letter in s) for s in sets}
+    say(f"F = {F:g}: {'; '.join(names.values())}; proved: {regions.proved}")
+    if MPI.COMM_WORLD.rank == 0:
+        labels = dict(labels=("$F_1$", "$F_2$"), title=f"F = {F:g}, critical: {critical:g}")
+        plot.draw_chart(folder / f"regions_{F:g}.png", regions, borders, names, **labels)

@@ -3,23 +3,20 @@
 #
 # This demo illustrates how to:
 #
-# - follow branches of a *large deformation* problem through changes of status and points where many
-#   nodes change at once;
-# - switch to every branch that leaves such a point;
+# - find all branches of a *large deformation* problem that leave a degenerate point (`explore`);
 # - draw diagrams with the statuses along each branch.
 #
-# A block of 40 x 80 mm of Ciarlet and Geymonat's material hangs from its top just above a rigid
-# floor, with friction on all of its bottom, and a dead traction -gamma (2, 0.12 (20 - x)) MPa acts
-# on both sides (the hyperelastic example of Ligursky and Renard). At gamma = 0 the undeformed block
-# grazes the floor: all bottom nodes are at a kink. From there three branches lead to gamma = 1, and
-# their mirror images to gamma = -1; a proof says that there are no others.
-
-import time
+# A block of 40 x 80 mm hangs from its top just above a rigid floor, with friction on all of its
+# bottom. The dead traction $-\gamma\,(2,\ 0.12\,(20 - x))$ MPa acts on both sides (Ligursky and
+# Renard). The material is that of Ciarlet and Geymonat with $\lambda = 4000$ and $\mu = 120$ MPa.
+#
+# At $\gamma = 0$ the undeformed block grazes the floor and all contact nodes are at a kink. Three
+# branches lead from there to $\gamma = 1$, and their mirror images to $\gamma = -1$. The search
+# over all combinations of statuses proves that no other branch leaves this point.
 
 from mpi4py import MPI
 
 import numpy as np
-from _case import ScriptParser
 
 import ufl
 from dolfinx import fem, mesh
@@ -38,118 +35,78 @@ from dolfinx_contact.continuation import Branch, explore
 from dolfinx_contact.materials import CiarletGeymonat
 from dolfinx_contact.records import leftmost, rightmost, total
 
-#: Outputs: both corners, and the forces of the floor.
-FUNCTIONALS = {
+comm = MPI.COMM_WORLD
+nx, ny = 10, 20  # cells; the publication has 20 x 40
+width, height = 40.0, 80.0  # mm
+friction = 1.0
+
+# ## The problem
+
+corners = [[0.0, 0.0], [width, height]]
+domain = mesh.create_rectangle(comm, corners, [nx, ny], mesh.CellType.quadrilateral)
+
+
+def edge(axis, place):
+    return mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[axis], place))
+
+
+V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+u = fem.Function(V, name="displacement")
+gamma = fem.Constant(domain, 1.0)
+sides = np.sort(np.concatenate([edge(0, 0.0), edge(0, width)]))
+tags = mesh.meshtags(domain, 1, sides, np.ones(len(sides), dtype=np.int32))
+ds = ufl.Measure("ds", domain, subdomain_data=tags)(1)
+x = ufl.SpatialCoordinate(domain)
+traction = ufl.as_vector([2.0 + 0 * x[0], 0.12 * (20.0 - x[0])])
+material = CiarletGeymonat(4000.0, 120.0, 30.0)
+energy = material.energy(u) * ufl.dx(metadata={"quadrature_degree": 4})
+energy += gamma * ufl.dot(traction, u) * ds
+held = fem.dirichletbc(np.zeros(2), fem.locate_dofs_topological(V, 1, edge(1, height)), V)
+floor = HalfSpace((0, 0), (0, 1))
+surface = ContactSurface(u, edge(1, 0.0), obstacle=floor, law=Coulomb(friction))
+problem = ContactProblem(energy, u, [surface], bcs=[held])
+system = ParametricContact(problem, gamma)
+
+# ## The branches
+#
+# The first branch is followed from $\gamma = 1$ to the degenerate point, the others from there.
+
+problem.solve()
+start = system.create_vector()
+problem.write(start)
+diagram = explore(system, [(start, 1.0)], gamma_range=(-1.0, 1.0))
+say = io.Report(comm)
+say(f"rays out of the degenerate point: {', '.join(diagram.summary()['methods'])}")
+
+# The far end of a branch is its first point if it was followed towards the degenerate point.
+
+far = [e.branch.points[0 if e.start is None else -1] for e in diagram.edges]
+far.sort(key=lambda point: (-point.gamma, system.letters(point.piece)))
+outputs = {
     "ut_left": leftmost("ut"),
-    "un_left": leftmost("un"),
     "ut_right": rightmost("ut"),
-    "un_right": rightmost("un"),
     "sum_rt": total("rt"),
     "sum_rn": total("rn"),
 }
+rows = records.journal_of(system, [Branch(far)], outputs).rows()
+for row in rows:
+    values = ", ".join(f"{name} = {row[name]:.6f}" for name in outputs)
+    say(f"gamma = {row['gamma']:g}, {row['status']}: {values}")
 
+# ## Comparison
+#
+# The branches are mirror images in pairs: the slip of the left corner on one branch is opposite to
+# that of the right corner on the other.
 
-def block(nx, ny, friction, *, mm=1.0, MPa=1.0):
-    """The block with gamma in its traction; a millimetre and a megapascal in the units used."""
-    comm = MPI.COMM_WORLD
-    cell = mesh.CellType.quadrilateral
-    corners = [[0.0, 0.0], [40.0 * mm, 80.0 * mm]]
-    domain = mesh.create_rectangle(comm, corners, [nx, ny], cell)
+half = len(rows) // 2
+left = np.sort([row["ut_left"] for row in rows[:half]])
+right = np.sort([-row["ut_right"] for row in rows[half:]])
+asymmetry = float(np.abs(left - right).max())
+say(f"{len(rows)} branches, mirror images up to {asymmetry:.1e} mm")
 
-    def edge(axis, value):
-        return mesh.locate_entities_boundary(
-            domain, 1, lambda x: np.isclose(x[axis], value * mm, atol=1e-9 * mm)
-        )
-
-    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-    u = fem.Function(V, name="displacement")
-    gamma = fem.Constant(domain, 1.0)
-    sides = np.sort(np.concatenate([edge(0, 0.0), edge(0, 40.0)]))
-    tags = mesh.meshtags(domain, 1, sides, np.ones(len(sides), dtype=np.int32))
-    ds = ufl.Measure("ds", domain, subdomain_data=tags)(1)
-    x = ufl.SpatialCoordinate(domain)
-    across = 2.0 * MPa + 0 * x[0]
-    up = 0.12 * MPa * (20.0 - x[0] / mm)
-    traction = ufl.as_vector([across, up])
-    material = CiarletGeymonat(4000.0 * MPa, 120.0 * MPa, 30.0 * MPa)
-    energy = material.energy(u) * ufl.dx(metadata={"quadrature_degree": 4})
-    energy += gamma * ufl.dot(traction, u) * ds
-    top = fem.locate_dofs_topological(V, 1, edge(1, 80.0))
-    held = fem.dirichletbc(np.zeros(2), top, V)
-    floor = HalfSpace((0, 0), (0, 1))
-    bottom = edge(1, 0.0)
-    surface = ContactSurface(u, bottom, obstacle=floor, law=Coulomb(friction))
-    problem = ContactProblem(energy, u, [surface], bcs=[held])
-    return ParametricContact(problem, gamma)
-
-
-def gammas_outwards(branch):
-    """gamma along a branch, listed from its end at the degenerate point."""
-    gammas = [p.gamma for p in branch.points]
-    if abs(gammas[0]) < abs(gammas[-1]):
-        return gammas
-    return gammas[::-1]
-
-
-# ## From gamma = 1 to the degenerate point, and out along every ray
-
-
-def main(argv=None):
-    given = dict(nx=20, ny=40, friction=1.0)
-    parser = ScriptParser("A hyperelastic block", output="output/ciarlet_geymonat", **given)
-    args = parser.parse(argv)
-    comm = MPI.COMM_WORLD
-    folder = io.output_folder(comm, args.output)
-    say = io.Report(comm)
-    system = block(args.nx, args.ny, args.friction)
-    result = system.problem.solve()
-    x = system.create_vector()
-    system.problem.write(x)
-    begun = time.perf_counter()
-    diagram = explore(system, [(x, 1.0)], gamma_range=(-1.0, 1.0), progress=True)
-    seconds = time.perf_counter() - begun
-
-    # The first branch was followed from its far end, the others from the degenerate point.
-    far = []
-    for edge in diagram.edges:
-        end = 0 if edge.start is None else -1
-        far.append(edge.branch.points[end])
-
-    def by_load_and_statuses(k):
-        return -far[k].gamma, system.letters(far[k].piece)
-
-    order = sorted(range(len(far)), key=by_load_and_statuses)
-    ends = [far[k] for k in order]
-    branches = [diagram.branches[k] for k in order]
-    journal = records.journal_of(system, branches, FUNCTIONALS)
-    found = records.journal_of(system, [Branch(ends)], FUNCTIONALS).rows()
-    titles = [f"branch {k}: gamma = {p.gamma:g}" for k, p in enumerate(ends)]
-    plot.picture_of_states(folder / "states.png", system, ends, titles=titles)
-    if comm.rank == 0:
-        seen = {
-            "ut_left": "$u_t$ of the left corner",
-            "un_left": "gap of the left corner",
-            "sum_rn": "normal force",
-        }
-        plot.draw_diagram(folder / "diagram.png", journal, seen, strips=6)
-    for title, s in zip(titles, found, strict=True):
-        say(f"{title}, {s['status']}, left corner {s['ut_left']:.6g}, {s['un_left']:.6g}")
-    summary = diagram.summary()
-    methods = ", ".join(summary["methods"])
-    points = sum(summary["points"])
-    say(f"rays out of the degenerate point: {methods}")
-    say(f"{points} points in {seconds:.1f} s; pictures in {folder}")
-
-    gammas = [gammas_outwards(branch) for branch in branches]
-    summary["newton_iterations"] = result.iterations
-    summary["dofs"] = result.dofs
-    summary["branches"] = found
-    summary["points"] = [len(along) for along in gammas]
-    summary["gammas"] = gammas
-    summary["augmentation"] = system.problem.surfaces[0].points.mean_augmentation
-    summary["explore_seconds"] = seconds
-    return io.write_summary(comm, folder, summary)
-
-
-if __name__ == "__main__":
-    main()
+folder = io.output_folder(comm, "output/ciarlet_geymonat")
+plot.picture_of_states(folder / "states.png", system, far)
+journal = records.journal_of(system, diagram.branches, outputs)
+if comm.rank == 0:
+    labels = {"ut_left": "$u_t$ of the left corner", "sum_rn": "normal force"}
+    plot.draw_diagram(folder / "diagram.png", journal, labels, strips=6)

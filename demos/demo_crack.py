@@ -3,25 +3,23 @@
 #
 # This demo illustrates how to:
 #
-# - draw a plane crack inside a body in gmsh, and double its nodes there (`meshing.crack`);
-# - let its sides press and slip on each other, with friction, in 3D or 2D;
-# - compare the slip with closed forms, mesh by mesh.
+# - draw a crack in gmsh and double the nodes on it (`meshing.crack`);
+# - let its faces press on each other and slip with friction;
+# - improve a result by extrapolation from two meshes.
 #
-# A block with a crack of radius 1, which dips, is compressed and sheared by displacements of its
-# boundary, as for a uniform stress, with the pressure p and the shear t > F p on the plane of the
-# crack. A small crack, a disc or in 2D (plane strain) a strip, slips from side to side by
+# A block with a short crack of half length 1, inclined by 35 degrees, is compressed and sheared at
+# its boundary as by a uniform stress (plane strain). With the pressure $p$ and the shear $t > F p$
+# on the plane of the crack, its faces slip by
 #
-#     16 (1 - nu^2) / (pi (2 - nu) E) (t - F p) sqrt(1 - r^2), or
-#      4 (1 - nu^2) / E (t - F p) sqrt(1 - r^2)
+# $$\delta(r) = \frac{4 (1 - \nu^2)}{E}\,(t - F p)\, \sqrt{1 - r^2}$$
 #
-# (Segedin, Proc. Camb. Phil. Soc. 47, 1951; Tada, Paris and Irwin, Handbook, 2000). Such a root at
-# the front costs an error of the order of the cells: two meshes together are nearer than either.
+# (Tada, Paris and Irwin, 2000). The root at the tip causes an error of the order of the cell size.
+# The same problem in 3D, with a disc, is `benchmarks/cases/crack.py`.
 
 from mpi4py import MPI
 
 import gmsh
 import numpy as np
-from _case import ScriptParser, number
 
 import ufl
 from dolfinx import fem
@@ -30,153 +28,90 @@ from dolfinx_contact import ContactPair, ContactProblem, Coulomb, io, plot
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.meshing import crack, mesh_from_gmsh
 
+comm = MPI.COMM_WORLD
+sizes = [0.1, 0.05]  # of the cells at the tips
+half_edge = 20.0  # of the block
+friction, young, poisson = 0.3, 1000.0, 0.3
+dip = np.radians(35.0)
+stress = np.array([[0.0, 0.3], [0.3, -1.0]])  # far from the crack
 
-def arguments(argv=None):
-    given = dict(dim=3, degree=1, friction=0.3, young=1000.0, poisson=0.3)
-    parser = ScriptParser("A crack", output="output/crack", **given)
-    add = parser.add_argument
-    positive = number(above=0)
-    angle = number(least=0, below=90)
-    edge = number(least=2)
-    add("--levels", type=positive, nargs="+", help="cell sizes at the front")
-    add("--dip", type=angle, default=35.0, help="of the crack, degrees")
-    add("--press", type=positive, default=1.0, help="vertical pressure")
-    add("--shear", type=number(), default=0.3, help="horizontal shear stress")
-    add("--size", type=edge, help="half of an edge of the block (default: 6, in 2D 20)")
-    args = parser.parse(argv)
-    if args.dim == 3:
-        levels = [0.2, 0.14, 0.1]
-        size = 6.0
-    else:
-        levels = [0.1, 0.05, 0.025]
-        size = 20.0
-    args.levels = args.levels or levels
-    args.size = args.size or size
+# ## The load on the crack
 
-    # The stress far away, and what it is on the plane of the crack with the normal n.
-    stress = np.zeros((args.dim, args.dim))
-    stress[0, -1] = args.shear
-    stress[-1, 0] = args.shear
-    stress[-1, -1] = -args.press
-    dip = np.radians(args.dip)
-    n = np.zeros(args.dim)
-    n[0] = np.sin(dip)
-    n[-1] = np.cos(dip)
-    traction = stress @ n
-    args.stress = stress
-    args.p = -n @ stress @ n
-    args.excess = np.linalg.norm(traction + args.p * n) - args.friction * args.p
-    if min(args.p, args.excess) <= 0 or len(args.levels) < 2:
-        parser.error("two meshes are needed, and a crack that is pressed and slips")
-    return args
+n = np.array([np.sin(dip), np.cos(dip)])
+traction = stress @ n
+p = -n @ traction
+excess = np.linalg.norm(traction + p * n) - friction * p
+largest_slip = 4 * (1 - poisson**2) / young * excess
+
+# ## The mesh
+#
+# The crack is a line inside the block. gmsh meshes both with common nodes; cells grow with the
+# distance from the tips.
 
 
-# ## The block, with facets that become a crack, from the front of which cells grow
-
-
-def draw(h, args):
+def draw(size):
     occ = gmsh.model.occ
     field = gmsh.model.mesh.field
-    dim = args.dim
-    L = args.size
-    dip = np.radians(args.dip)
-    if dim == 3:
-        block = occ.addBox(-L, -L, -L, 2 * L, 2 * L, 2 * L)
-        disc = occ.addDisk(0, 0, 0, 1, 1)
-        occ.rotate([(2, disc)], 0, 0, 0, 0, 1, 0, dip)
-    else:
-        x = np.cos(dip)
-        y = np.sin(dip)
-        left = occ.addPoint(-x, y, 0)
-        right = occ.addPoint(x, -y, 0)
-        block = occ.addRectangle(-L, -L, 0, 2 * L, 2 * L)
-        disc = occ.addLine(left, right)
-    _, parts = occ.fragment([(dim, block)], [(dim - 1, disc)])
+    x, y = np.cos(dip), np.sin(dip)
+    left, right = occ.addPoint(-x, y, 0), occ.addPoint(x, -y, 0)
+    block = occ.addRectangle(-half_edge, -half_edge, 0, 2 * half_edge, 2 * half_edge)
+    _, parts = occ.fragment([(2, block)], [(1, occ.addLine(left, right))])
     occ.synchronize()
-    body = parts[0][0]
-    fault = parts[1][0]
-    for name, (d, tag) in (("block", body), ("fault", fault)):
-        gmsh.model.addPhysicalGroup(d, [tag], name=name)
-
-    front = [abs(tag) for _, tag in gmsh.model.getBoundary(parts[1])]
-    away = field.add("Distance")
-    size = field.add("MathEval")
-    field.setNumbers(away, "CurvesList" if dim == 3 else "PointsList", front)
-    field.setNumber(away, "Sampling", 200)
-    field.setString(size, "F", f"{h} * (1 + 3 * F{away})")
-    field.setAsBackgroundMesh(size)
+    gmsh.model.addPhysicalGroup(2, [parts[0][0][1]], name="block")
+    gmsh.model.addPhysicalGroup(1, [parts[1][0][1]], name="fault")
+    tips = [abs(tag) for _, tag in gmsh.model.getBoundary(parts[1])]
+    distance, size_field = field.add("Distance"), field.add("MathEval")
+    field.setNumbers(distance, "PointsList", tips)
+    field.setString(size_field, "F", f"{size} * (1 + 3 * F{distance})")
+    field.setAsBackgroundMesh(size_field)
     gmsh.option.setNumber("Mesh.MeshSizeExtendFromBoundary", 0)
-    gmsh.model.mesh.generate(dim)
+    gmsh.model.mesh.generate(2)
 
 
-def problem(h, args, comm):
-    body = mesh_from_gmsh(comm, lambda: draw(h, args))
-    body = crack(body, ["fault"])
-    V = fem.functionspace(body.mesh, ("Lagrange", args.degree, (args.dim,)))
+# ## The problem
+#
+# `crack` doubles the nodes of the group `fault`, except at the tips, and names the second face
+# `fault_opposite`. The boundary follows the uniform strain of the stress far away.
+
+
+def solved(size):
+    body = crack(mesh_from_gmsh(comm, lambda: draw(size)), ["fault"])
+    V = fem.functionspace(body.mesh, ("Lagrange", 1, (2,)))
     u = fem.Function(V, name="displacement")
-    nu = args.poisson
-
-    # The strain of the stress far away; in 2D it is a plane one.
-    plane = 1 if args.dim == 3 else 1 + nu
-    across = nu * np.trace(args.stress) * plane * np.eye(args.dim)
-    strain = ((1 + nu) * args.stress - across) / args.young
+    strain = (1 + poisson) / young * (stress - poisson * np.trace(stress) * np.eye(2))
     far = fem.Function(V)
-    far.interpolate(lambda x: strain @ x[: args.dim])
-    sides = fem.locate_dofs_geometrical(V, lambda x: np.isclose(abs(x).max(axis=0), args.size))
-    held = fem.dirichletbc(far, sides)
-
-    law = Coulomb(args.friction)
+    far.interpolate(lambda x: strain @ x[:2])
+    sides = fem.locate_dofs_geometrical(V, lambda x: np.isclose(abs(x).max(axis=0), half_edge))
+    law = Coulomb(friction)
     fault = ContactPair(u, body, slave="fault", master="fault_opposite", law=law)
-    elastic = LinearElastic.from_young(args.young, nu)
-    energy = elastic.energy(u) * ufl.dx
-    return ContactProblem(energy, u, [fault], bcs=[held])
+    energy = LinearElastic.from_young(young, poisson).energy(u) * ufl.dx
+    problem = ContactProblem(energy, u, [fault], bcs=[fem.dirichletbc(far, sides)])
+    return problem, problem.solve().tables["contact"]
 
 
-def main(argv=None):
-    args = arguments(argv)
-    comm = MPI.COMM_WORLD
-    folder = io.output_folder(comm, args.output)
-    say = io.Report(comm)
-    shape = 4 if args.dim == 2 else 16 / (np.pi * (2 - args.poisson))
-    compliance = (1 - args.poisson**2) / args.young
-    largest = shape * (compliance * args.excess)
-    levels = []
-    for h in args.levels:
-        block = problem(h, args, comm)
-        result = block.solve()
-        table = result.tables["contact"]
-        r = np.linalg.norm(table.x, axis=1)
-        slip = np.linalg.norm(table.ut, axis=1)
-        root = np.sqrt(np.maximum(1 - r**2, 0))
-        exact = table.area @ (largest * root)
-        inner = np.where(r < 0.7, table.area, 0)
-        weights = inner / table.area[r < 0.7].sum()
-        level = {
-            "size": h,
-            "dofs": result.dofs,
-            "peak": slip.max(),
-            "peak_closed_form": largest,
-            "error": table.area @ slip / exact - 1,
-            "pressure": weights @ table.pressure,
-            "pressure_closed_form": args.p,
-        }
-        levels.append(level)
-        say(", ".join(f"{name} {value:.6g}" for name, value in level.items()))
+# ## Comparison
+#
+# The error of the mean slip is proportional to the cell size. A line through the errors of two
+# meshes gives the error for cells of size zero.
 
-    # The error is of the order of the cells: a line through the last two, at cells of no size.
-    coarse = levels[-2]
-    fine = levels[-1]
-    numerator = coarse["size"] * fine["error"] - fine["size"] * coarse["error"]
-    extrapolated = numerator / (coarse["size"] - fine["size"])
-    say(f"error of the mean slip by the last two: {extrapolated:.2g}")
-    say.result(result)
-    plot.picture_of_contact(folder / "crack.png", block)
-    io.write_rows(comm, folder / "convergence.csv", levels)
-    summary = result.summary() | fine
-    summary["extrapolated_error"] = extrapolated
-    summary["levels"] = levels
-    return io.write_summary(comm, folder, summary)
+say = io.Report(comm)
+errors = []
+for size in sizes:
+    problem, table = solved(size)
+    r = np.linalg.norm(table.x, axis=1)
+    slip = np.linalg.norm(table.ut, axis=1)
+    exact = largest_slip * np.sqrt(np.maximum(1 - r**2, 0))
+    errors.append(float(table.area @ slip / (table.area @ exact) - 1))
+    say(f"cells of {size:g}: largest slip {slip.max():.6f}, closed form {largest_slip:.6f}")
+    say(f"  error of the mean slip {errors[-1]:.2%}")
+coarse, fine = sizes
+extrapolated = (coarse * errors[1] - fine * errors[0]) / (coarse - fine)
+say(f"error after extrapolation {extrapolated:.2%}")
 
-
-if __name__ == "__main__":
-    main()
+folder = io.output_folder(comm, "output/crack")
+if comm.rank == 0:
+    order = np.argsort(table.x[:, 0])
+    along = np.sign(table.x[:, 0]) * r
+    curves = {"cells of 0.05": (along[order], slip[order])}
+    dotted = {"closed form": (along[order], exact[order])}
+    plot.draw_curves(folder / "slip.png", curves, dotted=dotted, labels=("r", "slip"))

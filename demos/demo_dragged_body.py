@@ -1,80 +1,91 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-# # A rubber rocker pressed on the floor and dragged
+# # A rubber rocker dragged over a floor, and over an elastic base
 #
 # This demo illustrates how to:
 #
-# - mesh a body with a curved contact face in gmsh, finer where it touches, or read one from a file
-#   with named physical groups;
-# - press it on a plane, drag it, and solve for contact with Coulomb friction, on any number of MPI
-#   ranks, watching Newton's method work;
-# - write displacement, stresses and contact fields for ParaView, the table of contact points,
-#   pictures and a summary.
+# - mesh one or two bodies in gmsh and use its physical groups;
+# - solve a 3D problem with a rigid floor (`ContactSurface`) and with a second body (`ContactPair`);
+# - write fields for ParaView, and draw the deformed body and the contact face.
 #
-# The body is a block that lies on a round face, a part of a cylinder. Its flat top is moved down
-# and sideways as a rigid plate. Where the block is pressed hard its face sticks to the floor;
-# around that, the shear reaches the friction bound and the face slips; farther out it does not
-# touch. This is the static form of the problem of Cattaneo (1938) and Mindlin (1949), for a finite
-# body.
+# The rocker is a block that lies on a round face of radius 1. Its flat top is pressed down and
+# moved sideways like a rigid plate. The face sticks to the floor where the pressure is high. Around
+# this zone the shear reaches the bound $F p$ and the face slips; farther away it is open. This is
+# the problem of Cattaneo (1938) and Mindlin (1949) for a finite body, in its static form.
+#
+# The demo runs on any number of MPI ranks: `mpirun -n 2 python3 demo_dragged_body.py`.
 
 from mpi4py import MPI
 
 import gmsh
 import numpy as np
-from _case import ScriptParser, number
 
 import ufl
 from dolfinx import fem
 
-from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, io, plot
+from dolfinx_contact import (
+    ContactPair,
+    ContactProblem,
+    ContactSurface,
+    Coulomb,
+    HalfSpace,
+    io,
+    plot,
+)
 from dolfinx_contact.materials import LinearElastic
-from dolfinx_contact.meshing import mesh_from_gmsh, read_mesh
+from dolfinx_contact.meshing import mesh_from_gmsh
 
-RADIUS = 1.0
-HALF_LENGTH = 0.8
-HEIGHT = 0.8
-WIDTH = 1.0
+comm = MPI.COMM_WORLD
+size_on_floor = 0.07  # of the cells at the contact
+size_on_base = 0.15
+friction = 0.4
+poisson = 0.4
+young = 10.0  # of the rocker
+young_of_base = 8.0
+radius, half_length, height, width = 1.0, 0.8, 0.8, 1.0  # of the rocker
+base_half_length, base_depth = 1.3, 0.6
 
-
-def arguments(argv=None):
-    given = dict(mesh=None, degree=1, friction=0.4, press=0.12, shift=0.08, young=10.0, poisson=0.4)
-    parser = ScriptParser("A rubber rocker, dragged", output="output/dragged_body", **given)
-    parser.add_argument("--size", type=number(least=0.01, most=0.5), help="of cells at the floor")
-    args = parser.parse(argv)
-    if args.size is None:
-        args.size = 0.05 if args.degree == 1 else 0.1
-    return args
-
-
-# ## The mesh
+# ## The meshes
 #
-# Rank 0 draws the section of the block, an arc and three straight lines, meshes it with cells that
-# are small at the lowest point and larger at the top, and extrudes it. The physical groups
-# `rocker`, `contact` (the round face) and `top` travel with the mesh.
+# The section of the rocker, an arc and three lines, is extruded across. The base is a box below it,
+# in the same mesh but without common nodes. Cells grow with the distance from the contact.
 
 
 def draw_rocker(size):
     occ = gmsh.model.occ
-    rise = RADIUS - np.sqrt(RADIUS**2 - HALF_LENGTH**2)
-    left = occ.addPoint(-HALF_LENGTH, 0, rise)
-    right = occ.addPoint(HALF_LENGTH, 0, rise)
-    top_right = occ.addPoint(HALF_LENGTH, 0, HEIGHT)
-    top_left = occ.addPoint(-HALF_LENGTH, 0, HEIGHT)
+    rise = radius - np.sqrt(radius**2 - half_length**2)
+    corners = [(-half_length, rise), (half_length, rise), (half_length, height)]
+    left, right, top_right, top_left = [
+        occ.addPoint(x, 0, z) for x, z in [*corners, (-half_length, height)]
+    ]
     lowest = occ.addPoint(0, 0, 0)
     arc = occ.addCircleArc(left, lowest, right, center=False)
     occ.remove([(0, lowest)])
-    up = occ.addLine(right, top_right)
-    back = occ.addLine(top_right, top_left)
-    down = occ.addLine(top_left, left)
-    outline = occ.addCurveLoop([arc, up, back, down])
-    section = occ.addPlaneSurface([outline])
-    layers = round(WIDTH / (1.4 * size))
-    # The faces come in the order of the curves, after the opposite section and the volume.
-    _, block, contact, _, top, _ = occ.extrude([(2, section)], 0, WIDTH, 0, numElements=[layers])
+    lines = [occ.addLine(right, top_right), occ.addLine(top_right, top_left)]
+    lines.append(occ.addLine(top_left, left))
+    section = occ.addPlaneSurface([occ.addCurveLoop([arc, *lines])])
+    layers = round(width / (1.4 * size))
+    # Extruding returns the opposite section, the volume, and one face for each curve.
+    _, volume, contact, _, top, _ = occ.extrude([(2, section)], 0, width, 0, numElements=[layers])
     occ.synchronize()
-    groups = {"rocker": block, "contact": contact, "top": top}
-    for name, (dim, tag) in groups.items():
+    for name, (dim, tag) in {"rocker": volume, "contact": contact, "top": top}.items():
         gmsh.model.addPhysicalGroup(dim, [tag], name=name)
 
+
+def draw_base():
+    occ = gmsh.model.occ
+    box = occ.addBox(-base_half_length, 0, -base_depth, 2 * base_half_length, width, base_depth)
+    occ.synchronize()
+    gmsh.model.addPhysicalGroup(3, [box], name="base")
+    for _, face in gmsh.model.getBoundary([(3, box)], oriented=False):
+        z = round(occ.getCenterOfMass(2, face)[2], 6)
+        if z in (0.0, -base_depth):
+            gmsh.model.addPhysicalGroup(2, [face], name="face" if z == 0.0 else "bottom")
+
+
+def draw(size, with_base):
+    draw_rocker(size)
+    if with_base:
+        draw_base()
     field = gmsh.model.mesh.field.add("MathEval")
     gmsh.model.mesh.field.setString(field, "F", f"{size} * (1 + 2 * Sqrt(x^2 + z^2))")
     gmsh.model.mesh.field.setAsBackgroundMesh(field)
@@ -83,54 +94,70 @@ def draw_rocker(size):
     gmsh.model.mesh.generate(3)
 
 
-# ## Solve and write
+# ## On a rigid floor
 #
-# The floor is the plane through the lowest point of the contact face. The folder is made before
-# anything expensive happens, and rank 0 reports the progress.
+# `mesh_from_gmsh` calls the drawing function on rank 0 and distributes the mesh.
 
+say = io.Report(comm)
+folder = io.output_folder(comm, "output/dragged_body")
+body = mesh_from_gmsh(comm, lambda: draw(size_on_floor, False))
+V = fem.functionspace(body.mesh, ("Lagrange", 1, (3,)))
+u = fem.Function(V, name="displacement")
+motion = np.array([0.08, 0.0, -0.12])
+moved = fem.dirichletbc(motion, body.dofs(V, "top"), V)
+floor = HalfSpace((0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
+surface = ContactSurface(u, body, tag="contact", obstacle=floor, law=Coulomb(friction))
+material = LinearElastic.from_young(young, poisson)
+problem = ContactProblem(material.energy(u) * ufl.dx, u, [surface], bcs=[moved])
+result = problem.solve(monitor=say.newton)
+say.result(result)
 
-def main(argv=None):
-    args = arguments(argv)
-    comm = MPI.COMM_WORLD
-    folder = io.output_folder(comm, args.output)
-    say = io.Report(comm)
-    if args.mesh:
-        say(f"reading {args.mesh}")
-        body = read_mesh(comm, args.mesh, dim=3, groups=("contact", "top"))
-    else:
-        say(f"meshing, cell size {args.size:g}")
-        body = mesh_from_gmsh(comm, lambda: draw_rocker(args.size))
-    V = fem.functionspace(body.mesh, ("Lagrange", args.degree, (3,)))
-    u = fem.Function(V, name="displacement")
-    motion = np.array([args.shift, 0.0, -args.press])
-    held = fem.dirichletbc(motion, body.dofs(V, "top"), V)
-    lowest = body.bounds("contact")[0, 2]
-    floor = HalfSpace([0.0, 0.0, lowest], [0.0, 0.0, 1.0])
-    law = Coulomb(args.friction)
-    surface = ContactSurface(u, body, tag="contact", obstacle=floor, law=law)
-    material = LinearElastic.from_young(args.young, args.poisson)
-    energy = material.energy(u) * ufl.dx
-    problem = ContactProblem(energy, u, [surface], bcs=[held])
-    cells = body.mesh.topology.index_map(3).size_global
-    say(f"solving: {cells} cells of degree {args.degree}, {comm.size} rank(s)")
-    result = problem.solve(monitor=say.newton)
-    say.result(result)
+# The floor carries the whole load: its force is opposite to the reaction of the held top.
 
-    say("writing")
-    stress = material.full_stress(u)
-    title = f"Contact face, friction {args.friction:g}"
-    files = io.write_fields(folder, problem, stress=stress)  # and a script for ParaView
-    above = body.bounds("top").mean(axis=0) + np.array([0.0, 0.0, 0.25 * HEIGHT])
-    arrows = {"press and drag": (above, motion)}
-    plot.picture_of_body(folder / "body.png", problem, stress=stress, arrows=arrows)
-    plot.picture_of_contact(folder / "contact.png", problem, title=title)
-    io.write_contact_table(comm, folder, result.tables.values())
-    summary = io.write_summary(comm, folder, result.summary())
-    others = ("body.png", "contact.png", "paraview.py", "contact.csv", "summary.json")
-    files += [folder / name for name in others]
-    say.files(files)
-    return summary
+force = result.resultants["contact"]
+imbalance = np.linalg.norm(force + result.support) / np.linalg.norm(force)
+say(f"force of the floor {force}, imbalance {imbalance:.1e}")
 
+# The fields open in ParaView with the script `paraview.py` that is written beside them.
 
-if __name__ == "__main__":
-    main()
+stress = material.full_stress(u)
+io.write_fields(folder, problem, stress=stress)
+io.write_contact_table(comm, folder, result.tables.values())
+above = np.array([0.0, 0.5 * width, 1.25 * height])
+arrows = {"press and drag": (above, motion)}
+plot.picture_of_body(folder / "body.png", problem, stress=stress, arrows=arrows)
+title = f"Contact face, friction coefficient {friction:g}"
+plot.picture_of_contact(folder / "contact.png", problem, title=title)
+
+# ## On an elastic base
+#
+# The base yields to pressure and shear. A mortar method couples the faces, whose meshes do not
+# match. One material with a Young's modulus that is constant in each body serves both. The contact
+# normal points downwards, from the rocker (slave) to the base (master). The faces turn by some
+# degrees, which a warning reports: the pair assumes small sliding.
+
+pair_of_bodies = mesh_from_gmsh(comm, lambda: draw(size_on_base, True))
+W = fem.functionspace(pair_of_bodies.mesh, ("Lagrange", 1, (3,)))
+v = fem.Function(W, name="displacement")
+modulus = fem.Function(fem.functionspace(pair_of_bodies.mesh, ("DG", 0)))
+modulus.x.array[:] = young
+modulus.x.array[pair_of_bodies.cell_tags.find(pair_of_bodies.tag("base"))] = young_of_base
+bcs = [
+    fem.dirichletbc(np.array([0.1, 0.0, -0.14]), pair_of_bodies.dofs(W, "top"), W),
+    fem.dirichletbc(np.zeros(3), pair_of_bodies.dofs(W, "bottom"), W),
+]
+contact = ContactPair(
+    v,
+    pair_of_bodies,
+    slave="contact",
+    master="face",
+    normal=(0, 0, -1),
+    law=Coulomb(friction),
+)
+mu = modulus / (2 * (1 + poisson))
+two_materials = LinearElastic(2 * mu * poisson / (1 - 2 * poisson), mu)
+on_base = ContactProblem(two_materials.energy(v) * ufl.dx, v, [contact], bcs=bcs)
+result_on_base = on_base.solve()
+say.result(result_on_base)
+say(f"imbalance of the forces on both faces {result_on_base.pairs['contact'].imbalance:.1e}")
+plot.picture_of_body(folder / "base.png", on_base, stress=two_materials.full_stress(v))

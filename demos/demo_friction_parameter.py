@@ -3,94 +3,104 @@
 #
 # This demo illustrates how to:
 #
-# - follow solutions as the *friction coefficient* varies, the load being fixed;
-# - find the coefficient at which two of them meet and end.
+# - follow solutions as the *friction coefficient* varies while the load is fixed;
+# - locate the coefficients at which solutions appear in pairs and vanish in pairs;
+# - count the solutions between them, with a proof.
 #
-# Hild's triangle (see `demo_hild_triangle.py`) under a load (F1, F2) that pulls to the left more
-# than it presses: |F1|/|F2| beyond the critical coefficient kt/k, which is
-# (lambda + 3 mu)/(lambda + mu). With strong friction A may stick. As the coefficient F falls, the
-# shear reaches its bound at F = |F1|/|F2|; no solution in contact exists below, and the branch
-# turns back: A now slips to the left while F *grows*, with ut = (pt + F |pn|)/(kt - F k) in closed
-# form. Sticking and slipping are born together, and the open solution, which knows no friction,
-# exists beside them.
+# One expects friction to multiply solutions. P. Hild (2002) noted that their number may also
+# *decrease* when the coefficient grows. Two elements with two contact nodes show it: the triangles
+# $ABC$ and $BDC$ with $A = (0, 0)$ and $B = (1, 0)$ on the floor, and the displaced nodes
+# $C = (1/2, 1/2)$ and $D = (3/2, 3/2)$. With growing friction there is one solution, then there are
+# three, and finally one again.
+
+from itertools import pairwise
 
 from mpi4py import MPI
 
 import numpy as np
-from _case import ScriptParser, number
-from _triangle import element
 
-from dolfinx_contact import ParametricContact, io, plot, records
+import basix.ufl
+import ufl
+from dolfinx import fem, mesh
+
+from dolfinx_contact import (
+    ContactProblem,
+    ContactSurface,
+    Coulomb,
+    HalfSpace,
+    ParametricContact,
+    io,
+    plot,
+    records,
+)
 from dolfinx_contact.continuation import find_solutions, follow
+from dolfinx_contact.materials import LinearElastic
+from dolfinx_contact.records import leftmost
+
+comm = MPI.COMM_SELF  # two elements: every rank solves them alone
+low, high = 0.5, 12.0  # friction coefficients
+displaced = {(0.5, 0.5): (-0.02, 0.0), (1.5, 1.5): (0.01, -0.01)}
+
+# ## The body
 
 
-def arguments(argv=None):
-    given = dict(lame=(1.0, 1.0), load=(-2.4, -1.0), length=1.0)
-    parser = ScriptParser("Friction as parameter", output="output/friction_parameter", **given)
-    parser.add_argument("--friction-max", type=number(above=0), default=5.0, help="where to begin")
-    args = parser.parse(argv)
-    lmbda, mu = args.lame
-    critical = (lmbda + 3 * mu) / (lmbda + mu)
-    f1, f2 = args.load
-    if not (f2 < 0 and critical < -f1 / -f2 < args.friction_max):
-        parser.error(f"needs F2 < 0 and {critical:g} < F1/F2 < --friction-max")
-    return args
+def body(friction):
+    corners = np.array([(0.0, 0.0), (1.0, 0.0), *displaced])
+    cells = np.array([[0, 1, 2], [1, 3, 2]])
+    triangle = basix.ufl.element("Lagrange", "triangle", 1, shape=(2,))
+    domain = mesh.create_mesh(comm, cells=cells, x=corners, e=triangle)
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u = fem.Function(V, name="displacement")
+    bcs = []
+    for (x0, y0), value in displaced.items():
+        dofs = fem.locate_dofs_geometrical(
+            V, lambda x, x0=x0, y0=y0: np.isclose(x[0], x0) & np.isclose(x[1], y0)
+        )
+        bcs.append(fem.dirichletbc(np.array(value), dofs, V))
+    bottom = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[1], 0.0))
+    floor = HalfSpace((0, 0), (0, 1))
+    surface = ContactSurface(u, bottom, obstacle=floor, law=Coulomb(friction))
+    energy = LinearElastic.from_young(1.0, 0.3).energy(u) * ufl.dx
+    return ContactProblem(energy, u, [surface], bcs=bcs)
 
 
-# ## Where the branch begins
+# ## The branch
 #
-# `find_solutions` lists all solutions under the load; that in which A sticks is taken. It does not
-# depend on F as long as F is large enough. The parameter is the Constant in the friction law.
+# `Coulomb` turns a number into a Constant, which serves as the parameter of the continuation. At
+# weak friction $A$ is open and $B$ slips to the left. The branch turns back where $A$ touches the
+# floor, and forward again where $A$ sticks. Beyond, $B$ slips however strong friction is.
 
+problem = body(low)
+problem.solve()
+system = ParametricContact(problem, problem.surfaces[0].law.friction)
+x = system.create_vector()
+problem.write(x)
+branch = follow(system, x, low, gamma_range=(low, high))
+folds = sorted(special.gamma for special in branch.folds)
+say = io.Report(MPI.COMM_WORLD)
+say(f"folds at F = {', '.join(f'{fold:.10f}' for fold in folds)}")
 
-def main(argv=None):
-    args = arguments(argv)
-    comm = MPI.COMM_WORLD
-    folder = io.output_folder(comm, args.output)
-    say = io.Report(comm)
-    loaded = element(args.lame, args.friction_max, args.length, args.load)
-    start = loaded.create_vector()
-    every = find_solutions(loaded, [start], 1.0)
-    (stuck,) = [s for s in every.found if loaded.letters(s.piece).startswith("k")]
-    loaded.set_parameter(1.0)
-    (surface,) = loaded.problem.surfaces
-    system = ParametricContact(loaded.problem, surface.law.friction)
-    span = (0.0, args.friction_max)
-    branch = follow(system, stuck.x, args.friction_max, gamma_range=span, direction="decreasing")
-    journal = records.journal_of(system, [branch], {"ut": records.leftmost("ut")})
-    rows = journal.rows()
+# ## The number of solutions
+#
+# Two points have 16 combinations of statuses; all are examined. Between two folds the number does
+# not change, so that one coefficient in each interval suffices.
 
-    # The closed form of the slipping half, S = [[kt, k], [k, kt]] and p = l/2 (F1, F2).
-    lmbda, mu = args.lame
-    kt = (lmbda + 3 * mu) / 2
-    k = (lmbda + mu) / 2
-    pt, pn = args.length * np.asarray(args.load) / 2
-    fold = pt / pn
-    errors = []
-    for s in rows:
-        if s["status"] == "-":
-            friction = s["gamma"]
-            slip = (pt - friction * pn) / (kt - friction * k)
-            errors.append(abs(s["ut"] - slip))
-    slip_error = max(errors) / args.length
+numbers = []
+for a, b in pairwise([low, *folds, high]):
+    at_middle = body((a + b) / 2)
+    unused = fem.Constant(at_middle.V.mesh, 0.0)  # the load does not vary
+    fixed = ParametricContact(at_middle, unused)
+    found = find_solutions(fixed, [fixed.create_vector()], 0.0)
+    statuses = sorted(fixed.letters(solution.piece) for solution in found.found)
+    numbers.append(len(statuses))
+    proved = "proved" if found.complete else "not proved"
+    say(f"F = {(a + b) / 2:.4f}: {len(statuses)} solutions ({', '.join(statuses)}), {proved}")
 
-    for s in branch.folds:
-        say(f"stick and slip meet at F = {s.gamma:.12f} (closed form {fold:.12f})")
-    say(f"slip against the closed form: {slip_error:.1e}; {branch.reason}")
-    if comm.rank == 0:
-        words = dict(label="$u_t$ of A", parameter="friction coefficient F")
-        title = "Two solutions in contact, born at F = |F1|/|F2|"
-        plot.draw_diagram(folder / "branch.png", journal, "ut", title=title, **words)
+# ## The picture
 
-    summary = branch.summary()
-    summary["dofs"] = stuck.x.getSize()
-    summary["folds"] = [{"gamma": s.gamma, "smooth": s.smooth} for s in branch.folds]
-    summary["fold_closed_form"] = fold
-    summary["slip_error"] = slip_error
-    summary["statuses"] = "".join(s["status"] for s in rows)
-    summary["augmentation"] = loaded.problem.discrete(surface).points.mean_augmentation
-    return io.write_summary(comm, folder, summary)
-
-
-if __name__ == "__main__":
-    main()
+folder = io.output_folder(MPI.COMM_WORLD, "output/friction_parameter")
+if MPI.COMM_WORLD.rank == 0:
+    journal = records.journal_of(system, [branch], {"ut_A": leftmost("ut")})
+    title = "One solution, three, and one again"
+    labels = dict(title=title, parameter="friction coefficient F", label="$u_t$ of A")
+    plot.draw_diagram(folder / "branch.png", journal, "ut_A", **labels)

@@ -1,182 +1,146 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-# # All solutions of one element: Hild's triangle
+# # Hild's triangle: one element, all solutions, and the algorithms that find them
 #
 # This demo illustrates how to:
 #
-# - find **all** solutions of a problem with few contact points, and know that there are no others;
-# - see where a problem has one, two, three or infinitely many solutions.
+# - find **all** solutions of a problem with few contact points (`find_solutions`);
+# - follow a branch of solutions through two folds, located to round-off (`follow`);
+# - see in which of several solutions each classical algorithm ends (`algorithms`).
 #
-# P. Hild, *On finite element uniqueness studies for Coulomb's frictional contact model*, Int. J.
-# Appl. Math. Comput. Sci. 12 (2002) 41-50, section 4: the triangle A = (0, 0), B = (l, 0),
-# C = (0, l), one linear element, clamped on BC, in contact on AB, under a traction (F1, F2) on AC.
-# Only A moves. Beyond the critical friction coefficient (lambda + 3 mu)/(lambda + mu) there are
-# loads with three solutions: open, stuck, and slipping to the left; at it, there is a continuum.
+# The body is one linear triangle with corners $A = (0, 0)$, $B = (1, 0)$ and $C = (0, 1)$. It is
+# clamped on $BC$ and may touch the floor on $AB$; a traction $(F_1, F_2)$ acts on $AC$ (P. Hild,
+# *Int. J. Appl. Math. Comput. Sci.* 12, 2002). Only $A$ moves. Its stiffness matrix and load are
+#
+# $$S = \begin{pmatrix} k_t & k \\ k & k_t \end{pmatrix},\qquad
+# k_t = \frac{\lambda + 3\mu}{2},\quad k = \frac{\lambda + \mu}{2},\qquad
+# p = \frac12 (F_1, F_2).$$
+#
+# Below the critical friction coefficient $k_t/k$ the solution is unique. Above it, three solutions
+# exist for some loads: $A$ opens, sticks, or slips to the left.
 
 from mpi4py import MPI
 
 import numpy as np
-from _case import ScriptParser, number
-from _plots import draw_maps
-from _triangle import element
 
-from dolfinx_contact import io, plot, records
-from dolfinx_contact.continuation import Branch, find_solutions
+import ufl
+from dolfinx import fem, mesh
+
+from dolfinx_contact import (
+    ContactProblem,
+    ContactSurface,
+    Coulomb,
+    HalfSpace,
+    ParametricContact,
+    algorithms,
+    io,
+    plot,
+    records,
+)
+from dolfinx_contact.continuation import find_solutions, follow
+from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.records import leftmost
 
-#: Outputs; A is the leftmost contact point.
-FUNCTIONALS = {name: leftmost(name) for name in ("ut", "un", "rt", "rn")}
+lame = (1.0, 1.0)
+friction = 3.0
+kt = (lame[0] + 3 * lame[1]) / 2
+k = (lame[0] + lame[1]) / 2
 
-# ## All solutions at a load
+# ## The element
 #
-# Only A can change its status, so that there are four pieces. `find_solutions` examines all of them
-# and finds the ends of continua too. The element is so small that every rank solves it alone; its
-# traction is preload + gamma load.
+# The problem is so small that every MPI rank solves it alone. The traction is
+# $f_0 + \gamma f_1$ with the parameter $\gamma$.
 
 
-def critical_friction(lame):
-    """The coefficient beyond which there are loads with three solutions."""
-    return (lame[0] + 3 * lame[1]) / (lame[0] + lame[1])
+def element(friction, first, second):
+    square = mesh.create_unit_square(MPI.COMM_SELF, 1, 1, diagonal=mesh.DiagonalType.left)
+    half = mesh.locate_entities(square, 2, lambda x: x[0] + x[1] < 1 + 1e-9)
+    domain = mesh.create_submesh(square, 2, half)[0]
+    slope = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[0] + x[1], 1))
+    side = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[0], 0))
+    bottom = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[1], 0))
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u = fem.Function(V, name="displacement")
+    gamma = fem.Constant(domain, 0.0)
+    traction = fem.Constant(domain, first) + gamma * fem.Constant(domain, second)
+    ds = ufl.Measure("ds", domain, subdomain_data=mesh.meshtags(domain, 1, side, 1))(1)
+    energy = LinearElastic(*lame).energy(u) * ufl.dx - ufl.dot(traction, u) * ds
+    clamped = fem.dirichletbc(np.zeros(2), fem.locate_dofs_topological(V, 1, slope), V)
+    floor = HalfSpace((0, 0), (0, 1))
+    surface = ContactSurface(u, bottom, obstacle=floor, law=Coulomb(friction))
+    problem = ContactProblem(energy, u, [surface], bcs=[clamped])
+    return ParametricContact(problem, gamma)
 
 
-def solutions(system, gamma=1.0):
-    """All solutions at gamma, in the order o, k, +, -; a continuum with its two ends."""
-    start = system.create_vector()
-    found = find_solutions(system, [start], gamma)
-
-    def named(these):
-        points = found.points(system, these)
-        journal = records.journal_of(system, [Branch(points)], FUNCTIONALS)
-        names = ("status", *FUNCTIONALS)
-        return [{name: row[name] for name in names} for row in journal.rows()]
-
-    ends = [id(s) for c in found.continua for s in c.ends]
-    isolated = [s for s in found.found if id(s) not in ends]
-    states = named(isolated)
-    for continuum in found.continua:
-        status = system.letters(continuum.piece)[0]
-        both = named(continuum.ends)
-        both.sort(key=lambda end: -end["rn"])
-        for end in both:
-            end["status"] = status
-        states.append({"status": status, "continuum": True, "ends": both})
-    states.sort(key=lambda state: "ok+-".index(state["status"]))
-    return states
-
-
-# ## The diagram of Proposition 2
+# ## All solutions at one load
 #
-# One picture per regime of friction (below, at and above the critical coefficient), as figures 2 to
-# 4 of the paper. On every piece the state is linear in the load, so that its inequalities tell at
-# which loads of a grid it holds a solution. The borders between the regions are lines through the
-# origin, and two of them carry sets of their own: there `solutions` are searched.
+# One point has four possible statuses; all are examined, so that no solution can be missing. In
+# closed form, the open solution has $u(A) = S^{-1} p$, sticking has $r = -p$, and slip to the left
+# has $u_t = (p_t - F p_n)/(k_t - F k)$.
 
-WORDS = {"o": "separation", "k": "stick", "+": "slip right", "-": "slip left", "~": "a continuum"}
-SETS = ("o", "k", "+", "-", "ok-", "ok", "k-", "-~")
-NAMES = {letters: ", ".join(WORDS[c] for c in letters) for letters in SETS}
+say = io.Report(MPI.COMM_WORLD)
+loaded = element(friction, (0.0, 0.0), (-2.4, -1.0))
+found = find_solutions(loaded, [loaded.create_vector()], 1.0)
+say(f"{found}")
+p = np.array([-1.2, -0.5])
+closed_form = {
+    "o": np.linalg.solve([[kt, k], [k, kt]], p)[0],
+    "k": 0.0,
+    "-": (p[0] - friction * p[1]) / (kt - friction * k),
+}
+points = found.points(loaded)
+slips = {}
+for point in points:
+    table = loaded.result_at(point).tables["contact"]
+    status = table.letters[0]
+    slips[status] = float(table.along(table.ut)[0])
+    say(f"A {status}: slip {slips[status]:.10f}, closed form {closed_form[status]:.10f}")
 
+# ## A branch with two folds
+#
+# The vertical traction is fixed and the horizontal one grows to the left. $A$ sticks until the
+# shear reaches its bound at $\gamma = F/4$. There the branch turns back: $A$ slips while the load
+# decreases. Where the pressure vanishes, at $\gamma = k_t/(4k)$, $A$ opens and the load grows
+# again.
 
-def border_rays(lame, friction):
-    """Points of the border lines, one on each side of the origin."""
-    rays = []
-    for slope in {friction, critical_friction(lame)}:
-        for f1 in (-slope, slope):
-            rays.append((f1, -1))
-            rays.append((f1, 1))
-    for f2 in (-friction, friction):
-        rays.append((-1, f2))
-        rays.append((1, f2))
-    return rays
+pulled = element(friction, (0.0, -1.0), (-4.0, 0.0))
+pulled.set_parameter(0.0)
+pulled.problem.solve()
+x = pulled.create_vector()
+pulled.problem.write(x)
+branch = follow(pulled, x, 0.0, gamma_range=(-0.1, 1.0))
+folds = [special.gamma for special in branch.folds]
+for fold, exact in zip(folds, [friction / 4, kt / k / 4], strict=True):
+    say(f"fold at gamma = {fold:.12f}, closed form {exact:.12f}")
 
+# ## Which solution does an algorithm find?
+#
+# `reduced` condenses the problem onto the contact points, as numpy arrays. From zero contact
+# forces, every algorithm ends in one of the three solutions; which one is not decided by theory.
 
-def diagram(lame, friction, length, size):
-    """Axes of a grid of loads, the statuses at each load, and those on the border lines."""
-    # No load of the grid lies on a border: the axes are shifted, each by its own part of a cell.
-    cells = np.arange(size)
-    f1 = 6 * (cells + 0.5317) / size - 3
-    f2 = 6 * (cells + 0.4829) / size - 3
-    up = element(lame, friction, length, (1, 0), (0.0, 1.0))
-    down = element(lame, friction, length, (1, 0), (0.0, -1.0))
+loaded.constant.value = 1.0
+contact = loaded.problem.reduced()
+names = {
+    "semismooth Newton": algorithms.SemismoothNewton(),
+    "Tresca fixed point": algorithms.TrescaFixedPoint(max_iterations=50),
+    "Uzawa": algorithms.Uzawa(max_iterations=1000),
+    "penalty": algorithms.Penalty(),
+    "Gauss-Seidel": algorithms.GaussSeidel(max_iterations=200),
+    "Lemke": algorithms.Lemke(),
+    "interior point": algorithms.InteriorPoint(max_iterations=60),
+}
+words = {"o": "opens", "k": "sticks", "-": "slips to the left"}
+for name, algorithm in names.items():
+    outcome = algorithm.run(contact)
+    slip, gap = outcome.a[0]
+    end = "opens" if gap > 1e-6 else "sticks" if abs(slip) < 1e-6 else "slips to the left"
+    say(f"{name}: A {end}" if outcome.converged else f"{name}: {outcome.reason}")
 
-    sets = np.full((size, size), "")
-    affine = up.condensed(up.create_vector(), 0.0).system
-    for code, letter in enumerate("ok+-"):
-        status = np.array([code], dtype=np.int8)
-        piece = affine.piece(status)
-        if piece is None:  # a singular one holds solutions on a line alone
-            continue
-        (s_0,), (s_1,) = piece.slack_coefficients
-        s_0 = np.where(np.isfinite(s_0), s_0, 0.0)  # infinite where no inequality is
-        slack = f1[:, None, None] * s_1 + f2[:, None] * s_0
-        holds = (slack >= 0).all(axis=2)
-        sets = np.char.add(sets, np.where(holds, letter, ""))
+# ## The pictures
+#
+# The element in its three solutions, and the slip of $A$ along the branch.
 
-    lines = []
-    for a, b in border_rays(lame, friction):
-        system = up if b > 0 else down
-        word = ""
-        for solution in solutions(system, a / abs(b)):
-            word += solution["status"]
-            if "continuum" in solution:
-                word += "~"
-        lines.append(((a, b), word))
-    return (f1, f2), sets, lines
-
-
-def draw_diagrams(args, folder, comm):
-    """Pictures of the three regimes, and what they show."""
-    critical = critical_friction(args.lame)
-    regimes = {"below": 0.5 * critical, "at": critical, "above": 1.5 * critical}
-    shown = {}
-    for name, friction in regimes.items():
-        axes, sets, lines = diagram(args.lame, friction, args.length, args.grid)
-        if comm.rank == 0:
-            # Only lines with a set of their own are drawn.
-            own = []
-            for (a, b), word in lines:
-                if word not in sets:
-                    own.append((([0, 3 * a], [0, 3 * b]), word))
-            maps = {f"F = {friction:.4g}, {name} critical": sets}
-            labels = ("$F_1$", "$F_2$")
-            picture = folder / f"regions_{name}_critical.png"
-            draw_maps(picture, *axes, maps, NAMES, lines=own, labels=labels)
-        cells = {str(word): int(np.sum(sets == word)) for word in np.unique(sets)}
-        rays = [{"load": list(ray), "solutions": word} for ray, word in lines]
-        shown[name] = {"friction": friction, "cells": cells, "lines": rays}
-    return shown
-
-
-def main(argv=None):
-    given = dict(lame=(1.0, 1.0), friction=3.0, load=(-2.4, -1.0), length=1.0)
-    parser = ScriptParser("Hild's element", output="output/hild_triangle", **given)
-    parser.add_argument("--diagram", action="store_true", help="draw the regions of loads")
-    edge = number(int, least=2)
-    parser.add_argument("--grid", type=edge, default=160, help="loads on its edge")
-    args = parser.parse(argv)
-    comm = MPI.COMM_WORLD
-    folder = io.output_folder(comm, args.output)
-    say = io.Report(comm)
-
-    system = element(args.lame, args.friction, args.length, args.load)
-    found = solutions(system)
-    critical = critical_friction(args.lame)
-    lines = [f"F = {args.friction:g} (critical: {critical:g}):"]
-    lines += [str(solution) for solution in found]
-    say("\n   ".join(lines))
-
-    x = system.create_vector()
-    points = find_solutions(system, [x], 1.0).points(system)
-    if points and comm.rank == 0:
-        plot.picture_of_states(folder / "states.png", system, points)
-    summary = {
-        "converged": bool(found),
-        "solutions": found,
-        "dofs": x.getSize(),
-        "critical_friction": critical,
-    }
-    if args.diagram:
-        summary["diagram"] = draw_diagrams(args, folder, comm)
-    return io.write_summary(comm, folder, summary)
-
-
-if __name__ == "__main__":
-    main()
+folder = io.output_folder(MPI.COMM_WORLD, "output/hild_triangle")
+if MPI.COMM_WORLD.rank == 0:
+    plot.picture_of_states(folder / "states.png", loaded, points)
+    journal = records.journal_of(pulled, [branch], {"ut_A": leftmost("ut")})
+    plot.draw_diagram(folder / "branch.png", journal, {"ut_A": "$u_t$ of A"})

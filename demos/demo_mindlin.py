@@ -1,25 +1,27 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-# # Cattaneo and Mindlin: a contact that is sheared and relieved
+# # Cattaneo and Mindlin: a contact that is sheared and unloaded
 #
 # This demo illustrates how to:
 #
-# - press two bodies together, shear them by a force, and take part of it back (`QuasiStatic`);
-# - compare shear and stick zone with closed forms that know the history.
+# - press two bodies together, shear them by a force, and reverse it (`QuasiStatic`);
+# - give a pair of flat faces an initial gap that represents their curvature (`gap=`);
+# - compare shear traction and stick zone with closed forms that depend on the history.
 #
-# Two cylinders of radius 8 and equal material are pressed together by P per length; only the sum of
-# their curvatures matters, and here it is the gap between two flat faces. Under a tangential force
-# Q < mu P the ends of the contact slip: with Hertz's a and p0, and c = a sqrt(1 - Q/(mu P)),
+# Two equal cylinders are pressed together by $P$ per length and then sheared by $Q < \mu P$. Only
+# the sum of their curvatures matters, which is modelled by the gap $x^2/(2R)$ between two flat
+# blocks. With Hertz's contact radius $a$ and peak pressure $p_0$, the middle $|x| < c$ sticks and
 #
-#     q(x) = mu p0 [sqrt(1 - x^2/a^2) - (c/a) sqrt(1 - x^2/c^2)]
+# $$q(x) = \mu p_0 \left[\sqrt{1 - \frac{x^2}{a^2}} - \frac{c}{a}\sqrt{1 - \frac{x^2}{c^2}}\right],
+# \qquad c = a \sqrt{1 - \frac{Q}{\mu P}},$$
 #
-# (the second root where it sticks, |x| < c). When Q* falls to Q the ends slip back at once, and the
-# same with 2 mu p0 and c' = a sqrt(1 - (Q* - Q)/(2 mu P)) is taken away (K. L. Johnson, Contact
-# Mechanics, 1985, chapter 7). These are half-planes, at the P that is measured.
+# where a root of a negative number counts as zero. When $Q^*$ falls to $Q$, the ends slip back at
+# once. The traction then changes by $-2\mu p_0 [\ldots]$ with
+# $c' = a \sqrt{1 - (Q^* - Q)/(2 \mu P)}$ in place of $c$ (K. L. Johnson, *Contact Mechanics*,
+# 1985, chapter 7). A static solve cannot give this result, since it has no memory.
 
 from mpi4py import MPI
 
 import numpy as np
-from _case import ScriptParser, number
 
 import ufl
 from dolfinx import fem, mesh
@@ -30,154 +32,125 @@ from dolfinx_contact.grids import create_grid
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.meshing import join
 
-RADIUS = 4.0  # of the pair
-SIZE = 12.0  # of the blocks
-DEPTH = 0.215  # of the press
-FINE = 0.68  # the cells on it are counted; about half of the contact
-FACE = 0.9  # half of what may touch
+comm = MPI.COMM_WORLD
+n = 20  # cells on about half of the contact
+steps = 4  # of the shear, each way
+friction, young, poisson = 0.2, 200.0, 0.3
+radius = 4.0  # of the relative curvature
+size = 12.0  # of the blocks
+indentation = 0.215
+loaded, unloaded = 0.46808, -0.1  # Q/(mu P) at the turn and at the end
+
+# ## Two blocks
+#
+# The cells have the size h on the contact and grow away from it. Both blocks have nodes at the same
+# places of the contact line.
+
+h = 0.68 / n
+face_half_length = 0.9
+growing = h * np.cumsum(1.25 ** np.arange(60))
+y = np.concatenate(([0.0], growing[growing < 0.8 * size], [size]))
+half = np.append(np.arange(0.0, face_half_length, h), face_half_length + y[1:])
+x = np.append(-half[:0:-1], half)
+quadrilateral = mesh.CellType.quadrilateral
+blocks = join(
+    [create_grid(comm, (x, y), quadrilateral), create_grid(comm, (x, -y[::-1]), quadrilateral)]
+)
+domain = blocks.mesh
 
 
-def arguments(argv=None):
-    given = dict(n=20, friction=0.2, young=200.0, poisson=0.3)
-    parser = ScriptParser("Cattaneo and Mindlin", output="output/mindlin", **given)
-    part = number(above=0, below=1)
-    count = number(int, above=0)
-    parser.add_argument("--shear", type=part, default=0.46808, help="Q*/(mu P)")
-    parser.add_argument("--back", type=number(), default=-0.1, help="Q/(mu P) at the end")
-    parser.add_argument("--steps", type=count, default=8, help="each way")
-    return parser.parse(argv)
+def facets_at(height, reach=np.inf):
+    def on(x):
+        return np.isclose(x[1], height) & (np.abs(x[0]) < reach)
+
+    return np.sort(mesh.locate_entities_boundary(domain, 1, on))
 
 
-def pair(args, comm):
-    """The problem, the shear on its top, and its descent; n cells on half the contact."""
-    h = FINE / args.n
-    away = h * np.cumsum(1.25 ** np.arange(60))
-    away = away[away < 0.8 * SIZE]
-    y = np.concatenate(([0.0], away, [SIZE]))
-    fine = np.arange(0.0, FACE, h)
-    half = np.append(fine, FACE + y[1:])
-    mirrored = -half[:0:-1]
-    x = np.append(mirrored, half)
-    square = mesh.CellType.quadrilateral
-    above = create_grid(comm, (x, y), square)
-    below = create_grid(comm, (x, -y[::-1]), square)
-    both = join([above, below])
-    domain = both.mesh
+# The faces of both blocks coincide; the tag of the adjacent cell distinguishes them.
 
-    def facets(y, reach=np.inf):
-        def on(x):
-            return np.isclose(x[1], y) & (np.abs(x[0]) < reach)
+face = facets_at(0.0, face_half_length)
+to_cells = domain.topology.connectivity(1, 2)
+cells = to_cells.array[to_cells.offsets[face]]
+upper = np.isin(cells, blocks.cell_tags.find(1))
 
-        return np.sort(mesh.locate_entities_boundary(domain, 1, on))
+# ## The problem
+#
+# The top descends and is loaded by a shear traction, the bottom is held vertically. One node of the
+# bottom is held horizontally as well; friction transmits the shear force to it.
 
-    def on_middle(x):
-        return np.hypot(x[0], x[1] + SIZE) < 1e-9
+V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+u = fem.Function(V)
+traction = fem.Constant(domain, 0.0)
+down = fem.Constant(domain, 0.0)
+top = facets_at(size)
+ds = ufl.ds(subdomain_data=mesh.meshtags(domain, 1, top, 1))
+material = LinearElastic.from_young(young, poisson)
+energy = material.energy(u) * ufl.dx - traction * u[0] * ds(1)
 
-    # The faces lie on each other, and are told apart by their cells.
-    face = facets(0.0, FACE)
-    to_cells = domain.topology.connectivity(1, 2)
-    cells = to_cells.array[to_cells.offsets[face]]
-    upper = np.isin(cells, both.cell_tags.find(1))
+horizontal, vertical = V.sub(0), V.sub(1)
+zero = fem.Constant(domain, 0.0)
+node = mesh.locate_entities_boundary(domain, 0, lambda x: np.hypot(x[0], x[1] + size) < 1e-9)
+bcs = [
+    fem.dirichletbc(down, fem.locate_dofs_topological(vertical, 1, top), vertical),
+    fem.dirichletbc(zero, fem.locate_dofs_topological(vertical, 1, facets_at(-size)), vertical),
+    fem.dirichletbc(zero, fem.locate_dofs_topological(horizontal, 0, node), horizontal),
+]
+gap = ufl.SpatialCoordinate(domain)[0] ** 2 / (2 * radius)
+contact = ContactPair(u, face[upper], master_facets=face[~upper], law=Coulomb(friction), gap=gap)
+problem = ContactProblem(energy, u, [contact], bcs=bcs)
 
-    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-    W = V.sub(1)
-    u = fem.Function(V)
-    pull = fem.Constant(domain, 0.0)
-    down = fem.Constant(domain, 0.0)
-    zero = fem.Constant(domain, 0.0)
-    top = facets(SIZE)
-    bottom = facets(-SIZE)
-    ds = ufl.ds(subdomain_data=mesh.meshtags(domain, 1, top, 1))
-    elastic = LinearElastic.from_young(args.young, args.poisson)
-    load = pull * u[0] * ds(1)
-    energy = elastic.energy(u) * ufl.dx - load
+# ## The history
+#
+# The blocks are pressed until $t = 1$. Then $P$ is known, the shear force rises until $t = 2$ and
+# falls until $t = 3$. The second run continues from the end of the first one.
 
-    # The top goes down, the bottom is held, and one node of it does not move sideways.
-    at_top = fem.locate_dofs_topological(W, 1, top)
-    at_bottom = fem.locate_dofs_topological(W, 1, bottom)
-    middle = mesh.locate_entities_boundary(domain, 0, on_middle)
-    at_middle = fem.locate_dofs_topological(V.sub(0), 0, middle)
-    pressed = fem.dirichletbc(down, at_top, W)
-    held = fem.dirichletbc(zero, at_bottom, W)
-    kept = fem.dirichletbc(zero, at_middle, V.sub(0))
-
-    law = Coulomb(args.friction)
-    position = ufl.SpatialCoordinate(domain)
-    gap = position[0] ** 2 / 2 / RADIUS
-    contact = ContactPair(u, face[upper], master_facets=face[~upper], law=law, gap=gap)
-    problem = ContactProblem(energy, u, [contact], bcs=[pressed, held, kept])
-    width = 2 * half[-1]
-    return problem, pull, down, width
+P = 0.0
 
 
-def main(argv=None):
-    args = arguments(argv)
-    comm = MPI.COMM_WORLD
-    folder = io.output_folder(comm, args.output)
-    say = io.Report(comm)
-    problem, pull, down, width = pair(args, comm)
-    force = 0.0  # P, known when the bodies are pressed
-
-    def load(t):  # down, to and fro
-        part = np.interp(t, [1, 2, 3], [0, args.shear, args.back])
-        down.value = -DEPTH * min(t, 1.0)
-        pull.value = args.friction * force / width * part
-
-    evolution = QuasiStatic(problem, load)
-    descent = evolution.run([0.0, 0.5, 1.0])
-    pressed = descent.steps[-1].result
-    force = pressed.tables["contact"].rn.sum()
-    times = np.linspace(1.0, 3.0, 2 * args.steps + 1)
-    history = evolution.run(times)
-
-    a = np.sqrt(8 * force * RADIUS * (1 - args.poisson**2) / (np.pi * args.young))
-    mu_p0 = args.friction * 2 * force / (np.pi * a)
-    c_loaded = a * np.sqrt(1 - args.shear)
-    c_back = a * np.sqrt(1 - (args.shear - args.back) / 2)
-    c = [c_loaded, c_back]
-    summary = {"force": force, "contact_radius": a, "mu_p0": mu_p0}
-
-    def hertz(x, c):
-        square = np.maximum(1 - (x / c) ** 2, 0.0)
-        return c / a * np.sqrt(square)
-
-    for k, name in enumerate(("loading", "unloading")):
-        table = history.at(2.0 + k).result.tables["contact"]
-        x = table.x[:, 0]
-        q = -table.along(table.shear) / mu_p0
-        exact = hertz(x, a) - hertz(x, c_loaded)
-        if name == "unloading":
-            taken = hertz(x, a) - hertz(x, c_back)
-            exact = exact - 2 * taken
-
-        # The worst error is looked for two cells away from the ends of contact and stick.
-        ends = [a, *c[: k + 1]]
-        radius = np.abs(x)
-        distances = np.abs(radius[:, None] - ends)
-        two_cells = 2 * FINE / args.n
-        error = np.abs(q - exact)
-        inside = error[radius < a]
-        away = error[distances.min(axis=1) > two_cells]
-        stuck = x[table.letters == "k"]
-        summary[name] = {
-            "l2_error": np.sqrt(np.mean(inside**2)),
-            "worst_error": away.max(),
-            "stick_radius": np.abs(stuck).max(),
-            "stick_radius_closed_form": c[k],
-        }
-        say(name + ": " + ", ".join(f"{k} {v:.4g}" for k, v in summary[name].items()))
-        if comm.rank == 0:
-            computed = {"computed": (x, q)}
-            closed_form = {"half-planes": (x, exact)}
-            picture = folder / f"{name}.png"
-            plot.draw_curves(
-                picture, computed, dotted=closed_form, labels=("x", "shear traction"), title=name
-            )
-    io.write_contact_table(comm, folder, [table])
-    last = history.steps[-1].result.summary()
-    summary |= summary["loading"]
-    return io.write_summary(comm, folder, last | summary)
+def load(t):
+    share = np.interp(t, [1, 2, 3], [0, loaded, unloaded])
+    down.value = -indentation * min(t, 1.0)
+    traction.value = friction * P / (2 * half[-1]) * share
 
 
-if __name__ == "__main__":
-    main()
+evolution = QuasiStatic(problem, load)
+pressed = evolution.run([0.0, 0.5, 1.0]).steps[-1]
+P = float(pressed.result.tables["contact"].rn.sum())
+history = evolution.run(np.linspace(1.0, 3.0, 2 * steps + 1))
+
+# ## Comparison
+#
+# The modulus of the pair is $E^* = E/(2(1 - \nu^2))$.
+
+a = np.sqrt(8 * P * radius * (1 - poisson**2) / (np.pi * young))
+bound = friction * 2 * P / (np.pi * a)  # mu p0
+stick_radius = {"loaded": a * np.sqrt(1 - loaded)}
+stick_radius["unloaded"] = a * np.sqrt(1 - (loaded - unloaded) / 2)
+
+
+def hertz(x, c):
+    return c / a * np.sqrt(np.maximum(1 - (x / c) ** 2, 0.0))
+
+
+say = io.Report(comm)
+errors = {}
+curves, exact_curves = {}, {}
+for name, time in (("loaded", 2.0), ("unloaded", 3.0)):
+    table = history.at(time).result.tables["contact"]
+    x = table.x[:, 0]
+    q = -table.along(table.shear) / bound
+    exact = hertz(x, a) - hertz(x, stick_radius["loaded"])
+    if name == "unloaded":
+        exact -= 2 * (hertz(x, a) - hertz(x, stick_radius[name]))
+    inside = np.abs(x) < a
+    errors[name] = float(np.sqrt(np.mean((q - exact)[inside] ** 2)))
+    stuck = np.abs(x[table.letters == "k"]).max()
+    say(f"{name}: stick radius {stuck:.4f}, closed form {stick_radius[name]:.4f}")
+    say(f"{name}: root mean square error of the shear {errors[name]:.4f} (in mu p0)")
+    curves[name] = (x, q)
+    exact_curves[f"closed form, {name}"] = (x, exact)
+
+folder = io.output_folder(comm, "output/mindlin")
+if comm.rank == 0:
+    labels = ("x", r"shear traction over $\mu p_0$")
+    plot.draw_curves(folder / "shear.png", curves, dotted=exact_curves, labels=labels)

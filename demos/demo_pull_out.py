@@ -3,24 +3,27 @@
 #
 # This demo illustrates how to:
 #
-# - solve for bodies of revolution (`axisymmetric`): half of a section is meshed, forces are whole;
-# - clamp a fibre by what the matrix shrinks, a misfit of the radii (`gap`, `interference`);
-# - let a bond break along an interface that rubs (`RCCM`), step by step, past the jump at the end.
+# - solve a problem of revolution with two bodies (`axisymmetric=True`);
+# - clamp one body in the other by a misfit of the radii (`gap`, `interference=True`);
+# - let a bond with friction break along an interface (`RCCM`), past the jump at the end.
 #
-# A polymer fibre of radius a lies in a stiff matrix that has shrunk on it: Lame's pressure p holds
-# it, and a bond of the stiffness C and the work w. Its end is drawn. While the other end is at rest
-# a bar of the stiffness EA knows the force by the slip u where it leaves the matrix,
-#   P^2 = 4 pi a EA Phi(u),  Phi = C u^2/2 up to u0 = (w/C)^(1/2), beyond it
-#   Phi = w - w u0^2/(2 u^2) + mu p (u - u0 + u0 (u0/u - 1)).
-# The matrix is held around. Its face may be one of a crack that the fibre bridges: by symmetry that
-# opens by 2 u, until the load is highest. When the bond has broken all along, the fibre has stored
-# more than is left of it takes: the state jumps to friction alone, 2 pi a L mu p (sliding is small:
-# L stays). The numbers (mm, N) are no source's; with Poisson's ratio 0 tension thins no fibre.
+# A polymer fibre of radius $a$ lies in a stiff matrix that has shrunk on it by a misfit. Lamé's
+# pressure $p$ holds it, and a bond of stiffness $C$ and fracture energy $w$. As long as the inner
+# end of the fibre is at rest, a bar of stiffness $EA$ gives the force for the slip $u$ where the
+# fibre leaves the matrix,
+#
+# $$P^2 = 4 \pi a\, EA\, \Phi(u),\qquad
+# \Phi = \frac{C u^2}{2}\ (u \le u_0),\qquad
+# \Phi = w - \frac{w u_0^2}{2 u^2} + \mu p \left(u - u_0 + u_0 \Big(\frac{u_0}{u} - 1\Big)\right).$$
+#
+# When the bond has broken all along, the fibre has stored more energy than is needed to break the
+# rest. The state jumps to friction alone, $2 \pi a L\, \mu p$. Interfaces of this kind are also
+# steel bars in concrete and piles in soil (`benchmarks/cases/steel_concrete.py` and `pile.py`). The
+# parameters (mm, N) are our own.
 
 from mpi4py import MPI
 
 import numpy as np
-from _case import ScriptParser, number
 
 import ufl
 from dolfinx import fem, mesh
@@ -31,149 +34,105 @@ from dolfinx_contact.grids import create_grid
 from dolfinx_contact.materials import Axisymmetric, LinearElastic
 from dolfinx_contact.meshing import join
 
-A = 0.25  # radius of the fibre
-B = 1.0  # and of the matrix
-FREE = 0.5  # length of the fibre outside
-FIBRE = 5e3
-MATRIX = 30e3
-BOND = 625.0
-WORK = 0.01
-U0 = np.sqrt(WORK / BOND)
-EA = np.pi * A**2 * FIBRE
+comm = MPI.COMM_WORLD
+n = 4  # cells per mm along the fibre
+steps, end = 25, 0.06  # of the history, and the displacement at its end
+length, outside = 5.0, 0.5  # of the fibre in the matrix, and beyond it
+a, outer = 0.25, 1.0  # radii of fibre and matrix
+young_fibre, young_matrix = 5e3, 30e3
+bond, fracture_energy, friction, misfit = 625.0, 0.01, 0.3, 6e-5
+u0 = np.sqrt(fracture_energy / bond)
+EA = np.pi * a**2 * young_fibre
+
+# ## The bodies
+#
+# The section is meshed in the coordinates r, y. Both Poisson's ratios are zero, so that tension
+# does not make the fibre thinner.
+
+quadrilateral = mesh.CellType.quadrilateral
+up = np.linspace(0, length, round(length * n) + 1)
+beyond = np.linspace(0, outside, round(outside * n) + 1)
+fibre = create_grid(comm, (np.linspace(0, a, 3), np.append(up, length + beyond[1:])), quadrilateral)
+radii = a + (outer - a) * np.array([0, 0.1, 0.3, 0.6, 1])
+matrix = create_grid(comm, (radii, up), quadrilateral)
 
 
-def arguments(argv=None):
-    parser = ScriptParser("A fibre that is pulled out", output="output/pull_out", n=8, friction=0.3)
-    add = parser.add_argument
-    add("--length", type=number(above=0), default=10.0, help="of the fibre in the matrix, mm")
-    add("--misfit", type=number(least=0), default=6e-5, help="of the radii, mm")
-    add("--end", type=number(above=0), default=0.12, help="where the fibre is drawn to, mm")
-    add("--steps", type=number(int, above=0), default=60, help="on the way")
-    return parser.parse(argv)
+def facets(domain, axis, place, top=np.inf):
+    found = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[axis], place))
+    return np.sort(found[mesh.compute_midpoints(domain, 1, found)[:, 1] < top])
 
 
-def lame(misfit):
-    of_fibre = 1 / FIBRE
-    of_matrix = (B**2 + A**2) / (B**2 - A**2) / MATRIX
-    return misfit / A / (of_fibre + of_matrix)
+tags = [mesh.meshtags(body, 1, facets(body, 0, a, length), tag)
+        for tag, body in enumerate((fibre, matrix), 1)]  # fmt: skip
+both = join([fibre, matrix], facet_tags=tags)
+domain = both.mesh
+V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+u = fem.Function(V, name="displacement")
+dx = ufl.Measure("dx", subdomain_data=both.cell_tags)
+energy = Axisymmetric(LinearElastic.from_young(young_fibre, 0.0)).energy(u) * dx(1)
+energy += Axisymmetric(LinearElastic.from_young(young_matrix, 0.0)).energy(u) * dx(2)
+
+# The end of the fibre is drawn along the axis; the rim of the matrix is held along it.
+
+drawn = fem.Constant(domain, 0.0)
+W = V.sub(1)
+fibre_end = fem.locate_dofs_topological(W, 1, facets(domain, 1, length + outside))
+rim = fem.locate_dofs_topological(W, 1, facets(domain, 0, outer))
+bcs = [fem.dirichletbc(drawn, fibre_end, W), fem.dirichletbc(0.0, rim, W)]
+
+# ## Bond, friction and misfit
+#
+# A negative gap is an overlap that the bodies have to make room for.
+
+law = RCCM(bond, bond, fracture_energy, friction)
+pair = ContactPair(
+    u, both, slave=1, master=2, law=law, axisymmetric=True, gap=-misfit, interference=True
+)
+problem = ContactProblem(energy, u, [pair], bcs=bcs)
+clamped = problem.solve().tables["contact"]
+pressure = clamped.rn.sum() / clamped.area.sum()
+compliance = 1 / young_fibre + (outer**2 + a**2) / (outer**2 - a**2) / young_matrix
+lame_pressure = misfit / a / compliance
+say = io.Report(comm)
+say(f"pressure {pressure:.5f}, Lamé {lame_pressure:.5f} N/mm^2")
+
+# ## The pull
+#
+# `locate_jumps` finds the time at which the state jumps, and the history continues behind it.
 
 
-def facets(domain, axis, at, top=np.inf):
-    found = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[axis], at))
-    heights = mesh.compute_midpoints(domain, 1, found)[:, 1]
-    return np.sort(found[heights < top])
+def load(t):
+    drawn.value = t * end
 
 
-def problem(args, comm):
-    """The problem, and the Constant by which the end of the fibre is drawn."""
+history = QuasiStatic(problem, load).run(
+    np.linspace(0.0, 1.0, steps + 1), locate_jumps=True, at_jump="jump"
+)
+tables = [step.result.tables["contact"] for step in history.steps]
+displacement = end * np.array([step.time for step in history.steps])
+force = np.array([-step.result.resultants["contact"][1] for step in history.steps])
+foot = np.array([table.ut[0, 1] for table in tables])
+mouth = np.array([table.ut[-1, 1] for table in tables])
 
-    def cut(length):
-        cells = max(1, round(length * args.n))
-        return np.linspace(0, length, cells + 1)
+# ## Comparison
+#
+# The closed form of the bar holds while the inner end is at rest.
 
-    L = args.length
-    up = cut(L)
-    outside = cut(FREE)
-    square = mesh.CellType.quadrilateral
-    fibre_radii = np.linspace(0, A, 3)
-    fibre_heights = np.append(up, L + outside[1:])
-    fibre = create_grid(comm, (fibre_radii, fibre_heights), square)
-    matrix_radii = A + (B - A) * np.array([0, 0.1, 0.3, 0.6, 1])
-    matrix = create_grid(comm, (matrix_radii, up), square)
+v = np.maximum(mouth, u0)
+rubbing = friction * lame_pressure * (v - u0 + u0 * (u0 / v - 1))
+damaged = fracture_energy * (1 - (u0 / v) ** 2 / 2) + rubbing
+phi = np.where(mouth < u0, bond * mouth**2 / 2, damaged)
+bar = np.sqrt(4 * np.pi * a * EA * phi)
+at_rest = foot < 0.1 * u0
+worst = float(np.abs(force / bar - 1)[at_rest].max())
+plateau = clamped.area.sum() * friction * lame_pressure
+say(f"force while the bond breaks: within {worst:.1%} of the bar")
+say(f"force after the jump {force[-1]:.4f}, friction alone {plateau:.4f} N")
 
-    fibre_face = mesh.meshtags(fibre, 1, facets(fibre, 0, A, L), 1)
-    matrix_face = mesh.meshtags(matrix, 1, facets(matrix, 0, A, L), 2)
-    both = join([fibre, matrix], facet_tags=[fibre_face, matrix_face])
-    domain = both.mesh
-    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-    u = fem.Function(V, name="displacement")
-    drawn = fem.Constant(domain, 0.0)
-
-    dx = ufl.Measure("dx", subdomain_data=both.cell_tags)
-    polymer = Axisymmetric(LinearElastic.from_young(FIBRE, 0.0))
-    stiff = Axisymmetric(LinearElastic.from_young(MATRIX, 0.0))
-    energy = polymer.energy(u) * dx(1)
-    energy += stiff.energy(u) * dx(2)
-
-    law = RCCM(BOND, BOND, WORK, args.friction)
-    clamp = dict(gap=-args.misfit, interference=True)
-    pair = ContactPair(u, both, slave=1, master=2, law=law, axisymmetric=True, **clamp)
-
-    W = V.sub(1)
-    end = fem.locate_dofs_topological(W, 1, facets(domain, 1, L + FREE))
-    rim = fem.locate_dofs_topological(W, 1, facets(domain, 0, B))
-    bcs = [fem.dirichletbc(drawn, end, W), fem.dirichletbc(0.0, rim, W)]
-    return ContactProblem(energy, u, [pair], bcs=bcs), drawn
-
-
-def closed_form(u, shear):
-    v = np.maximum(u, U0)  # where the bond damages
-    rubbed = shear * (v - U0 + U0 * (U0 / v - 1))
-    bonded = BOND * u**2 / 2
-    damaged = WORK - WORK * (U0 / v) ** 2 / 2 + rubbed
-    phi = np.where(u < U0, bonded, damaged)
-    return np.sqrt(4 * np.pi * A * EA * phi)
-
-
-def main(argv=None):
-    args = arguments(argv)
-    comm = MPI.COMM_WORLD
-    folder = io.output_folder(comm, args.output)
-    say = io.Report(comm)
-    bodies, drawn = problem(args, comm)
-    clamped = bodies.solve().tables["contact"]
-
-    def load(t):
-        drawn.value = t * args.end
-
-    times = np.linspace(0.0, 1.0, args.steps + 1)
-    with io.EvolutionSeries(folder, bodies, every=5) as series:
-        steps = (
-            QuasiStatic(bodies, load)
-            .run(times, locate_jumps=True, at_jump="jump", observer=series)
-            .steps
-        )
-
-    tables = [s.result.tables["contact"] for s in steps]
-    end = args.end * np.array([s.time for s in steps])
-    force = np.array([-s.result.resultants["contact"][1] for s in steps])
-    foot = np.array([t.ut[0, 1] for t in tables])
-    mouth = np.array([t.ut[-1, 1] for t in tables])
-    pressure = lame(args.misfit)
-    shear = args.friction * pressure
-    closed = closed_form(mouth, shear)
-    area = clamped.area.sum()
-    found = {
-        "pressure": clamped.rn.sum() / area,
-        "peak": force.max(),
-        "plateau": force[-1],
-        "plateau_closed_form": area * shear,
-        "pressure_closed_form": pressure,
-    }
-    words = [f"{name} {value:.6g}" for name, value in found.items()]
-    say(", ".join(words))
-
-    if comm.rank == 0:
-        still = foot < 0.1 * U0  # as the closed form requires
-        curves = {"elastic body": (end, force)}
-        dotted = {"bar": (end[still], closed[still])}
-        names = ("end of the fibre, mm", "force, N")
-        plot.draw_curves(folder / "curve.png", curves, dotted=dotted, labels=names)
-    plot.picture_of_body(folder / "body.png", bodies)
-    io.write_contact_table(comm, folder, tables[-1:])
-
-    found["jumps"] = [s.time * args.end for s in steps if s.jump]
-    found["curve"] = {
-        "end": end,
-        "mouth": mouth,
-        "foot": foot,
-        "force": force,
-        "closed_form": closed,
-        "external": [s.energies.external for s in steps],
-        "residue": [s.energies.residue for s in steps],
-    }
-    return io.write_summary(comm, folder, steps[-1].result.summary() | found)
-
-
-if __name__ == "__main__":
-    main()
+folder = io.output_folder(comm, "output/pull_out")
+if comm.rank == 0:
+    curves = {"elastic bodies": (displacement, force)}
+    dotted = {"bar": (displacement[at_rest], bar[at_rest])}
+    labels = ("displacement of the end, mm", "force, N")
+    plot.draw_curves(folder / "force.png", curves, dotted=dotted, labels=labels)
+plot.picture_of_body(folder / "body.png", problem)

@@ -3,22 +3,18 @@
 #
 # This demo illustrates how to:
 #
-# - read a rigid tool from a file of triangles, `RigidSurface.read("punch.stl", scale=1e-3)`;
-# - press it into a soft slab by a force and drag it along, as a `RigidBody`;
-# - see what the facets of the file cost: the same shape is an exact obstacle as well.
+# - read a rigid tool from a file of triangles (`RigidSurface.read`);
+# - press it into a soft slab by a force and drag it (`RigidBody`);
+# - measure the error due to the triangles, since the shape is also available exactly.
 #
-# The tool is a ball, a roller or a flat punch with sharp edges; its file, in millimetres, is
-# written here. It is pressed down by a force, then led sideways by a given way, with friction. The
-# facets of a curved tool are chords of it: what they are off falls with the square of their size.
-# Those of the flat punch are the punch itself, which `LevelSet` describes by its distance. Its
-# edges stay between nodes of the slab: a node beside a sharp edge would be pushed ahead by its
-# side, which `last.warnings` reports (`across`).
+# The tool is a ball of radius 1. Its file, in millimetres, is written here. The tool is pressed
+# down by a force and then moved sideways with friction. The triangles are chords of the ball; the
+# error falls with the square of their size.
 
 from mpi4py import MPI
 
 import numpy as np
-from _case import ScriptParser, number
-from _surfaces import ball, brick, cylinder, write_stl
+from scipy.spatial import ConvexHull
 
 import ufl
 from dolfinx import fem, mesh
@@ -27,8 +23,6 @@ from dolfinx_contact import (
     ContactProblem,
     ContactSurface,
     Coulomb,
-    Cylinder,
-    LevelSet,
     RigidBody,
     RigidSurface,
     Sphere,
@@ -38,139 +32,120 @@ from dolfinx_contact import (
 from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.materials import NeoHookean, lame
 
-RADIUS = 1.0
-HALF = 0.5625  # width of the flat punch, half of it
-LENGTH = 4.0  # of the roller
-MM = 1e-3
+comm = MPI.COMM_WORLD
+n = 8  # cells along an edge of the slab
+cuts = [4, 8]  # of the edges of an icosahedron, which is projected onto the ball
+friction, force_on_tool, distance, steps = 0.3, 60.0, 0.2, 4
+radius, mm = 1.0, 1e-3
+centre = np.array([0.0, 0.0, radius])
+say = io.Report(comm)
+folder = io.output_folder(comm, "output/punch")
 
-
-def arguments(argv=None):
-    given = dict(n=8, young=1000.0, poisson=0.3, friction=0.3)
-    parser = ScriptParser("A punch from an STL file", output="output/punch", **given)
-    parser.add_argument("--tool", choices=["ball", "roller", "flat"], default="ball")
-    parser.add_argument(
-        "--facets", type=number(int, least=2), default=4, help="cuts of 63 degrees of the coarsest"
-    )
-    parser.add_argument("--force", type=number(above=0), default=60.0)
-    parser.add_argument("--way", type=number(least=0), default=0.2, help="led sideways")
-    parser.add_argument("--steps", type=number(int, least=1), default=4, help="of the way")
-    return parser.parse(argv)
-
-
-# ## Tools
+# ## The file
 #
-# The tool stands on the slab, whose face is at z = 0.
+# The edges of an icosahedron are divided, and the points are moved onto the ball. The convex hull
+# of these points gives the triangles, whose corners are ordered so that their normals point
+# outwards. `RigidSurface.read` accepts STL files in text and in binary form; a closed surface with
+# consistent normals has a definite inside.
 
 
-def box_distance(x):
-    """The distance of a box of the height 1 that stands on the plane z = 0."""
-    over = [abs(x[0]) - HALF, abs(x[1]) - HALF, abs(x[2] - 0.5) - 0.5]
-    outside = sum(ufl.max_value(v, 0.0) ** 2 for v in over)
-    inside = ufl.max_value(over[0], ufl.max_value(over[1], over[2]))
-    far = ufl.gt(outside, 0.0)
-    return ufl.conditional(far, ufl.sqrt(ufl.conditional(far, outside, 1.0)), inside)
+def ball(parts):
+    """Points and outward triangles of an icosahedron whose edges are cut into parts."""
+    golden = (1 + 5**0.5) / 2
+    corners = np.array([[0, s, t * golden] for s in (-1, 1) for t in (-1, 1)])
+    corners = np.concatenate([np.roll(corners, k, axis=1) for k in range(3)])
+    points = np.array(
+        [
+            (a * i + b * j + c * (parts - i - j)) / parts
+            for a, b, c in corners[ConvexHull(corners).simplices]
+            for i in range(parts + 1)
+            for j in range(parts + 1 - i)
+        ]
+    )
+    points /= np.linalg.norm(points, axis=1)[:, None]
+    points = points[np.unique(np.round(points, 9), axis=0, return_index=True)[1]]
+    triangles = ConvexHull(points).simplices
+    a, b, c = (points[triangles[:, k]] for k in range(3))
+    inward = np.einsum("ki,ki->k", np.cross(b - a, c - a), a) < 0
+    triangles[inward] = triangles[inward][:, ::-1]
+    return centre + radius * points, triangles
 
 
-def exact_tool(kind):
-    centre = (0.0, 0.0, RADIUS)
-    if kind == "ball":
-        return Sphere(centre, RADIUS)
-    return Cylinder(centre, (0.0, 1.0, 0.0), RADIUS) if kind == "roller" else LevelSet(box_distance)
+def write_stl(file, points, triangles):
+    lines = ["solid tool"]
+    for corners in points[triangles]:
+        normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])
+        normal /= np.linalg.norm(normal)
+        lines.append("facet normal " + " ".join(f"{v:.9g}" for v in normal))
+        lines.append("outer loop")
+        lines += ["vertex " + " ".join(f"{v:.9g}" for v in corner) for corner in corners]
+        lines += ["endloop", "endfacet"]
+    file.write_text("\n".join([*lines, "endsolid tool"]))
 
 
-def facets_of(kind, cuts):
-    centre = (0.0, 0.0, RADIUS)
-    if kind == "ball":
-        return ball(cuts, RADIUS, centre)
-    if kind == "roller":
-        return cylinder(6 * cuts, RADIUS, LENGTH, centre)
-    return brick((-HALF, -HALF, 0.0), (HALF, HALF, 1.0))
+# ## The slab and the tool
+#
+# The tool may move vertically under its force and follows a prescribed horizontal path. A
+# `RigidBody` has six degrees of freedom: each is loaded (`load`), prescribed (`motion`), or held
+# (`held`). The slab is neo-Hookean, so that gap and normal are evaluated at the displaced points.
 
 
-def tool_from_file(comm, folder, kind, cuts):
-    """The tool, from a file in millimetres."""
-    file = folder / f"{kind}_{cuts}.stl"
-    if comm.rank == 0:
-        points, cells = facets_of(kind, cuts)
-        write_stl(file, points / MM, cells)
-    comm.barrier()
-    return RigidSurface.read(file, scale=MM, comm=comm)
-
-
-# ## The slab
-
-
-def pressed(args, comm, shape):
-    """The problem, the force and the way of the tool."""
+def pressed(shape):
     corners = [np.array([-1.0, -1.0, -0.8]), np.array([1.0, 1.0, 0.0])]
-    cells = (args.n, args.n, max(args.n // 3, 1))
+    cells = (n, n, max(n // 3, 1))
     domain = mesh.create_box(comm, corners, cells, mesh.CellType.hexahedron)
     V = fem.functionspace(domain, ("Lagrange", 1, (3,)))
     u = fem.Function(V, name="displacement")
-    force = fem.Constant(domain, 0.0)
-    way = fem.Constant(domain, 0.0)
+    force, path = fem.Constant(domain, 0.0), fem.Constant(domain, 0.0)
     tool = RigidBody(
         shape,
         about=(0.0, 0.0, 0.0),
         load={"z": force},
-        motion={"x": way},
+        motion={"x": path},
         held=["y", "rx", "ry", "rz"],
         name="tool",
     )
-    faces = [
-        mesh.locate_entities_boundary(domain, 2, lambda x, z=z: x[2] == z) for z in (0.0, -0.8)
-    ]
-    contact = ContactSurface(u, faces[0], obstacle=tool, law=Coulomb(args.friction))
-    held = fem.dirichletbc(np.zeros(3), fem.locate_dofs_topological(V, 2, faces[1]), V)
+    top = mesh.locate_entities_boundary(domain, 2, lambda x: np.isclose(x[2], 0.0))
+    bottom = mesh.locate_entities_boundary(domain, 2, lambda x: np.isclose(x[2], -0.8))
+    contact = ContactSurface(u, top, obstacle=tool, law=Coulomb(friction))
+    held = fem.dirichletbc(np.zeros(3), fem.locate_dofs_topological(V, 2, bottom), V)
     dx = ufl.dx(metadata={"quadrature_degree": 2})
-    energy = NeoHookean(*lame(args.young, args.poisson)).energy(u) * dx
-    return ContactProblem(energy, u, [contact], bcs=[held]), force, way
-
-
-def history(args, comm, shape):
-    """Pressed until t = 1, then led sideways: the problem and its steps."""
-    problem, force, way = pressed(args, comm, shape)
+    energy = NeoHookean(*lame(1000.0, 0.3)).energy(u) * dx
+    problem = ContactProblem(energy, u, [contact], bcs=[held])
 
     def load(t):
-        force.value = -args.force * min(t, 1.0)
-        way.value = args.way * max(t - 1.0, 0.0)
+        force.value = -force_on_tool * min(t, 1.0)
+        path.value = distance * max(t - 1.0, 0.0)
 
-    times = [0.0, 0.5, *np.linspace(1.0, 2.0, args.steps + 1)]
-    return problem, QuasiStatic(problem, load).run(times).steps
-
-
-def main(argv=None):
-    args = arguments(argv)
-    comm = MPI.COMM_WORLD
-    say = io.Report(comm)
-    folder = io.output_folder(comm, args.output)
-    cuts = [args.facets] if args.tool == "flat" else [args.facets * 2**k for k in range(3)]
-    tools = {"exact": exact_tool(args.tool)}
-    tools |= {str(n): tool_from_file(comm, folder, args.tool, n) for n in cuts}
-    found = {}
-    unbalanced = 0.0
-    for name, shape in tools.items():
-        problem, steps = history(args, comm, shape)
-        for step in steps[1:]:
-            up = step.result.rigid_bodies["tool"].contact[2]
-            unbalanced = max(unbalanced, abs(up / args.force - 1))
-        last = steps[-1].result
-        of_tool = last.rigid_bodies["tool"]
-        found[name] = np.array([of_tool.motion[2], of_tool.contact[0]])
-        depth, drag = -found[name][0], abs(found[name][1])
-        size = "" if name == "exact" else f", {len(shape.cells)} facets"
-        say(f"{name}{size}: {depth:.6f} deep, dragged by {drag:.5f}")
-    off = [np.abs(found[str(n)] / found["exact"] - 1).max() for n in cuts]
-    say(f"off by {', '.join(f'{v:.2e}' for v in off)}")
-    plot.picture_of_body(folder / "punch.png", problem)
-    io.write_contact_table(comm, folder, list(last.tables.values()))
-    summary = last.summary()
-    summary["unbalanced"] = unbalanced
-    summary["depth"], summary["drag"] = (abs(float(v)) for v in found[str(cuts[-1])])
-    summary["depth_exact"], summary["drag_exact"] = (abs(float(v)) for v in found["exact"])
-    summary["off"] = [float(v) for v in off]
-    return io.write_summary(comm, folder, summary)
+    times = [0.0, 0.5, *np.linspace(1.0, 2.0, steps + 1)]
+    return problem, QuasiStatic(problem, load).run(times).steps[-1].result
 
 
-if __name__ == "__main__":
-    main()
+# ## Comparison
+#
+# The same history is computed for the exact ball and for two files. The depth of the tool under
+# its force is compared. Halving the triangles divides the error by four. In every step the contact
+# forces on the tool balance the applied force.
+
+shapes = {"exact": Sphere(centre, radius)}
+for parts in cuts:
+    file = folder / f"ball_{parts}.stl"
+    if comm.rank == 0:
+        points, triangles = ball(parts)
+        write_stl(file, points / mm, triangles)
+    comm.barrier()
+    shapes[parts] = RigidSurface.read(file, scale=mm, comm=comm)
+depths = {}
+for name, shape in shapes.items():
+    problem, result = pressed(shape)
+    tool = result.rigid_bodies["tool"]
+    depths[name] = -float(tool.motion[2])
+    drag = abs(float(tool.contact[0]))
+    triangles = "" if name == "exact" else f" ({len(shape.cells)} triangles)"
+    say(f"{name}{triangles}: depth {depths[name]:.6f}, drag {drag:.5f}")
+errors = [abs(depths[parts] / depths["exact"] - 1) for parts in cuts]
+orders = np.log2(np.array(errors[:-1]) / errors[1:])
+say(f"errors of the depth {[f'{e:.2e}' for e in errors]}, order {orders[0]:.2f}, expected 2")
+imbalance = abs(float(tool.contact[2]) / force_on_tool - 1)
+say(f"the slab balances the force on the tool up to {imbalance:.1e}")
+plot.picture_of_body(folder / "punch.png", problem)

@@ -1,140 +1,167 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-# # What regularised friction loses
+# # The price of regularised friction
 #
 # This demo illustrates how to:
 #
-# - replace Coulomb's threshold by a smooth law of a width eps (`Regularised`);
-# - follow a solution in eps, down to the true law and up to where it is lost.
+# - replace Coulomb's threshold by a smooth law of a width (`Regularised`);
+# - follow a solution as the width varies, and find the width at which solutions are lost;
+# - measure the creep that a regularised law causes where Coulomb's law holds a body for ever.
 #
-# The triangle of `demo_linear_triangle.py` has three solutions under the load gamma = 1: its corner
-# A lifts off, sticks, or slips. Regularised friction has them for a small eps alone. As eps grows
-# the one that sticks, which now creeps, and the one that slips meet in a fold and vanish. Who
-# lets a large eps fall arrives at the open one, and never learns of the others.
+# A regularised law replaces the bound by a smooth function of the slip, for instance
+# $t = -F p \tanh(u_t/\varepsilon)$. It is popular since it avoids the nonsmooth problem. This demo
+# shows two consequences: solutions disappear, and nothing sticks.
 
 from mpi4py import MPI
 
 import numpy as np
-from _case import ScriptParser, number
-from _triangle import linear_triangle, true_solutions
 
-from dolfinx import fem
+import ufl
+from dolfinx import fem, mesh
 
-from dolfinx_contact import Coulomb, ParametricContact, Regularised, io, plot, records
-from dolfinx_contact.continuation import Branch, follow
-from dolfinx_contact.records import leftmost, total
+from dolfinx_contact import (
+    ContactProblem,
+    ContactSurface,
+    Coulomb,
+    HalfSpace,
+    ParametricContact,
+    Regularised,
+    io,
+    plot,
+    records,
+)
+from dolfinx_contact.continuation import explore, follow
+from dolfinx_contact.evolution import QuasiStatic
+from dolfinx_contact.materials import LinearElastic
+from dolfinx_contact.records import leftmost
 
-#: Outputs; A is the leftmost contact point.
-FUNCTIONALS = dict(ut_A=leftmost("ut"), un_A=leftmost("un"), sum_rt=total("rt"), sum_rn=total("rn"))
+comm = MPI.COMM_WORLD
+n = 16  # cells along an edge of the triangle
+friction = 2.0
+width = 1e-4
+say = io.Report(comm)
 
-
-def arguments(argv=None):
-    parser = ScriptParser("Regularised friction", output="output/regularised", n=16, friction=2.0)
-    parser.add_argument("--width", type=number(above=0), default=1e-4, help="eps, small")
-    parser.add_argument("--shape", choices=["tanh", "sqrt", "polynomial"], default="tanh")
-    return parser.parse(argv)
-
-
-# ## The smooth problem, with eps as the parameter
+# ## Lost solutions
 #
-# Newton's method begins at the true solution in which A sticks; the true ones are the ends of the
-# branches of the linear triangle.
+# The triangle of `demo_linear_triangle.py` has three solutions under the load $\gamma = 1$: its
+# corner $A$ opens, sticks, or slips to the left.
 
 
-def creeping(args, true, stuck):
-    true.result_at(stuck)
-    given = []
-
-    def law(domain):
-        eps = fem.Constant(domain, args.width)
-        given.append(eps)
-        coulomb = Coulomb(fem.Constant(domain, args.friction))
-        return Regularised(coulomb, eps, args.shape)
-
-    loaded = linear_triangle(args.n, args.friction, law=law)
-    loaded.set_parameter(1.0)
-    problem = loaded.problem
-    problem.u.x.array[:] = true.problem.u.x.array
-    force = problem.surfaces[0].multiplier
-    true_force = true.problem.surfaces[0].multiplier
-    force.x.array[:] = true_force.x.array
-    problem.solve()
-    system = ParametricContact(problem, given[0])
-    x = system.create_vector()
-    problem.write(x)
-    return system, x
+def triangle(law):
+    square = mesh.create_unit_square(comm, n, n, diagonal=mesh.DiagonalType.left)
+    half = mesh.locate_entities(square, 2, lambda x: x[0] + x[1] < 1 + 1e-9)
+    domain = mesh.create_submesh(square, 2, half)[0]
+    slope = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[0] + x[1], 1))
+    side = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[0], 0))
+    bottom = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[1], 0))
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u = fem.Function(V, name="displacement")
+    gamma = fem.Constant(domain, -1.0)
+    ones = np.ones(len(side), dtype=np.int32)
+    ds = ufl.Measure("ds", domain, subdomain_data=mesh.meshtags(domain, 1, np.sort(side), ones))(1)
+    load = fem.Constant(domain, (26.0, 7.5))
+    energy = LinearElastic(100.0, 82.0).energy(u) * ufl.dx + gamma * ufl.dot(load, u) * ds
+    clamped = fem.dirichletbc(np.zeros(2), fem.locate_dofs_topological(V, 1, slope), V)
+    floor = HalfSpace((0, 0), (0, 1))
+    surface = ContactSurface(u, bottom, obstacle=floor, law=law(domain))
+    return ContactProblem(energy, u, [surface], bcs=[clamped]), gamma
 
 
-# ## As others do it: from rest at a large eps, which falls step by step
+# `explore` gives the three solutions of Coulomb's law as ends of branches.
+
+problem, gamma = triangle(lambda _: Coulomb(friction))
+true = ParametricContact(problem, gamma)
+problem.solve()
+x = true.create_vector()
+problem.write(x)
+diagram = explore(true, [(x, -1.0)], gamma_range=(-1.0, 1.0))
+ends = [point for b in diagram.branches for point in (b.points[0], b.points[-1])]
+solutions = {true.letters(point.piece)[0]: point for point in ends if point.gamma == 1.0}
+
+# The regularised problem starts from the solution in which $A$ sticks. The width is a Constant of
+# the law, and the branch is followed in it.
+
+widths = []
 
 
-def from_above(system, widths):
-    for field in system.problem.fields:
-        field.x.array[:] = 0.0
-    rows = []
-    for width in widths:
-        system.set_parameter(width)
-        result = system.problem.solve()
-        table = result.tables["contact"]
-        slips = table.along(table.ut)
-        row = {
-            "eps": width,
-            "status": table.status,
-            "ut_A": float(slips[0]),
-            "un_A": float(table.un[0]),
-        }
-        rows.append(row)
-    return rows
+def smooth(domain):
+    widths.append(fem.Constant(domain, width))
+    return Regularised(Coulomb(fem.Constant(domain, friction)), widths[0], "tanh")
 
 
-# ## Follow it
+true.result_at(solutions["k"])  # writes this solution into the problem
+regularised, load = triangle(smooth)
+load.value = 1.0
+regularised.u.x.array[:] = problem.u.x.array
+force, true_force = (p.surfaces[0].multiplier for p in (regularised, problem))
+force.x.array[:] = true_force.x.array
+regularised.solve()
+system = ParametricContact(regularised, widths[0])
+x = system.create_vector()
+regularised.write(x)
+branch = follow(system, x, width, gamma_range=(0.1 * width, 1.0))
+lost = branch.folds[0].gamma
+say(f"the sticking and the slipping solution vanish in a fold at a width of {lost:.6g}")
+
+# A computation that starts with a larger width and reduces it arrives at the open solution and
+# never detects the others.
+
+# ## Creep
+#
+# A refrigerator of weight $N$ stands on a floor and is pushed by a force $Q$ far below $F N$.
+# Coulomb's friction holds it for ever. If the law is regularised by the slip rate $v$,
+# $t = -F p \tanh(v/\varepsilon)$, every point of the contact face moves with the velocity
+# $v = \varepsilon\, \mathrm{artanh}(Q/(F N))$, whatever the pressure is. With a constant velocity,
+# implicit steps of months are exact.
+
+breadth, height, weight, push = 0.6, 1.8, 800.0, 5.0  # metres and newtons
+friction_of_floor = 0.3
+year = 365.25 * 86400.0  # seconds
+steps = 6
 
 
-def main(argv=None):
-    args = arguments(argv)
-    comm = MPI.COMM_WORLD
-    folder = io.output_folder(comm, args.output)
-    say = io.Report(comm)
-    true, ends = true_solutions(args.n, args.friction)
-    rows = records.journal_of(true, [Branch(ends)], FUNCTIONALS).rows()
-    for row in rows:
-        say(f"true: A {row['status'][0]}, slip {row['ut_A']:.7g}, gap {row['un_A']:.3g}")
-    stuck = next(point for point in ends if true.letters(point.piece)[0] == "k")
-    system, x = creeping(args, true, stuck)
-    branch = follow(system, x, args.width, gamma_range=(0.1 * args.width, 1.0))
-    journal = records.journal_of(system, [branch], FUNCTIONALS)
-    (lost,) = [s.gamma for s in branch.folds]
-    last = journal.rows()[-1]
-    say(f"two of them are lost in a fold at eps = {lost:.7g}; beyond it the branch goes back")
-    say(f"to eps = {last['gamma']:.1e} with a slip of {last['ut_A']:.7g}")
-    widths = np.geomspace(3.0 * lost, 0.1 * args.width, 12)
-    falling = from_above(system, widths.tolist())
-    reached = falling[-1]
-    say(f"a falling eps arrives at A {reached['status'][0]}, slip {reached['ut_A']:.7g}")
-    if comm.rank == 0:
-        points = journal.columns()
-        passed = [row["eps"] for row in falling]
-        slips = [row["ut_A"] for row in falling]
-        curves = {
-            "creep, then slip": (points["gamma"], points["ut_A"]),
-            "from a large eps": (passed, slips),
-        }
-        letters = {"o": "opens", "k": "sticks", "-": "slips"}
-        marks = {}
-        for row in rows:
-            what = letters[row["status"][0]]
-            marks[f"true: A {what}"] = ([0.0], [row["ut_A"]])
-        labels = (r"$\varepsilon$", "$u_t$ of A")
-        plot.draw_curves(folder / "eps.png", curves, marks=marks, labels=labels)
+def metres_in_a_year(law):
+    corners = [(0.0, 0.0), (breadth, height)]
+    domain = mesh.create_rectangle(comm, corners, (4, 12), mesh.CellType.quadrilateral)
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u = fem.Function(V, name="displacement")
+    force = fem.Constant(domain, (0.0, 0.0))
+    bottom = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[1], 0.0))
+    surface = ContactSurface(u, bottom, obstacle=HalfSpace((0, 0), (0, 1)), law=law)
+    stored = LinearElastic.from_young(1e6, 0.3).energy(u)
+    energy = (stored - ufl.dot(force, u)) * ufl.dx
+    options = {"snes_rtol": 1e-11}
+    refrigerator = ContactProblem(energy, u, [surface], petsc_options=options)
 
-    summary = {
-        "true": rows,
-        "lost_at": lost,
-        "end_slip": last["ut_A"],
-        "end_eps": last["gamma"],
-        "reached": reached,
-    }
-    return io.write_summary(comm, folder, summary)
+    def load(t):
+        force.value[:] = np.array((push if t > 0 else 0.0, -weight)) / (breadth * height)
+
+    load(0.0)
+    refrigerator.solve()
+    history = QuasiStatic(refrigerator, load).run(np.linspace(0.0, year, steps + 1))
+    tables = [step.result.tables["contact"] for step in history.steps]
+    slips = [table.area @ table.ut[:, 0] / table.area.sum() for table in tables]
+    return (slips[-1] - slips[0]) * steps / (steps - 1)
 
 
-if __name__ == "__main__":
-    main()
+share = push / (friction_of_floor * weight)
+held = metres_in_a_year(Coulomb(friction_of_floor))
+say(f"Coulomb: {held:.1e} m in a year")
+eps = [1e-9, 1e-7, 1e-5]
+crept = []
+for value in eps:
+    law = Regularised(Coulomb(friction_of_floor), width=1e-4, shape="tanh", speed=value)
+    crept.append(metres_in_a_year(law))
+    exact = year * value * np.arctanh(share)
+    say(f"eps = {value:g} m/s: {crept[-1]:.6g} m in a year, closed form {exact:.6g} m")
+
+# ## The picture
+#
+# Slip of $A$ along the branch: creep at small widths, then the fold, and slip on the way back.
+
+folder = io.output_folder(comm, "output/regularised")
+journal = records.journal_of(system, [branch], {"ut_A": leftmost("ut")})
+if comm.rank == 0:
+    along = journal.columns()
+    curves = {"regularised": (along["gamma"], along["ut_A"])}
+    labels = (r"width $\varepsilon$", "$u_t$ of A")
+    plot.draw_curves(folder / "width.png", curves, labels=labels)

@@ -1,170 +1,143 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-# # A block on a belt: it sticks, and slips
+# # A block that slides to rest, and a block on a belt
 #
 # This demo illustrates how to:
 #
-# - move the floor under a body with mass: a `RigidBody` whose motion is given in time;
-# - find begin and end of sticking in a history, and compare with the oscillator of one degree.
+# - start a motion from a static solution with an initial velocity (`NSCD`);
+# - move the floor under a body with mass (`RigidBody` with a prescribed motion);
+# - find the begin and the end of sticking in a history.
 #
-# A block with springs to its surroundings, of the frequency w, stands on a belt that begins to run
-# with the speed V. The belt drags it along with the force mu g per mass: it slips, from rest, about
-# u = mu g/w^2, u (1 - cos w t), until it is as fast as the belt, at w t = arcsin(V/(u w)). There it
-# sticks, and rides on, until its springs pull with mu g. Then it slips and swings about u with the
-# amplitude V/w, in each period of 2 pi/w it is once as fast as the belt, and slips again at once.
+# First, an elastic block is pushed off with the velocity $v_0$ on a floor. A point mass stops after
+# the time $v_0/(\mu g)$ and the distance $v_0^2/(2\mu g)$. The centre of mass of an elastic block
+# does the same as long as all of its face slips.
 #
-# With a friction coefficient that is the same at rest and in motion it sticks only that once.
-# Where sticking returns in every period friction falls with the speed, or with the way slipped.
-# Some damping calms the rattle of the stiff block on its corners.
+# Second, the block is held by springs of the frequency $\omega$ and stands on a belt that runs with
+# the velocity $V$. It slips until it is as fast as the belt, at $\omega t = \arcsin(V/(\omega m))$
+# with $m = \mu g/\omega^2$. It sticks until the springs pull with $\mu g$, and then oscillates
+# about $m$ with the amplitude $V/\omega$. Since the friction coefficient is the same at rest and in
+# motion, the block sticks only once.
 
 from mpi4py import MPI
 
 import numpy as np
-from _case import ScriptParser, number
 
 import ufl
 from dolfinx import fem, mesh
 
-from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, RigidBody, io, plot
+from dolfinx_contact import (
+    ContactProblem,
+    ContactSurface,
+    Coulomb,
+    Frictionless,
+    HalfSpace,
+    RigidBody,
+    io,
+    plot,
+)
 from dolfinx_contact.evolution import NSCD
 from dolfinx_contact.materials import LinearElastic
 
-WIDTH = 2.0
-HEIGHT = 1.0
-DENSITY = 1.0
-WEIGHT = 10.0
-FREQUENCY = 2 * np.pi
+comm = MPI.COMM_WORLD
+n = 2  # cells over the height
+width, height, density, gravity = 2.0, 1.0, 1.0, 10.0
+friction, young, poisson = 0.3, 1e6, 0.3
+omega = 2 * np.pi
+belt_velocity, v0 = 0.1, 1.0
+mass = density * width * height
+say = io.Report(comm)
+
+# ## A stiff block under its weight
 
 
-def arguments(argv=None):
-    given = dict(n=2, friction=0.3, young=1e6, poisson=0.3)
-    parser = ScriptParser("A block on a belt", output="output/stick_slip", **given)
-    parser.add_argument("--belt", type=number(above=0), default=0.1, help="speed of the belt")
-    parser.add_argument("--dt", type=number(above=0), default=0.005, help="length of a step")
-    parser.add_argument("--damping", type=number(least=0), default=1e-4, help="of K, a time")
-    parser.add_argument("--end", type=number(above=0), default=3.0, help="of the time, in periods")
-    args = parser.parse(argv)
-    reached = args.belt * FREQUENCY < args.friction * WEIGHT
-    if not reached:
-        parser.error("so fast a belt is never reached: w V must be less than mu g")
-    return args
-
-
-def block_on_belt(args, comm):
-    """The block at rest, and the way of the belt."""
-    corners = [[0.0, 0.0], [WIDTH, HEIGHT]]
-    cells = [2 * args.n, args.n]
-    domain = mesh.create_rectangle(comm, corners, cells, mesh.CellType.quadrilateral)
+def block(law, stiffness=0.0, moving=False, held=False):
+    """The problem, and the displacement of the floor (a Constant)."""
+    corners = [[0.0, 0.0], [width, height]]
+    domain = mesh.create_rectangle(comm, corners, [2 * n, n], mesh.CellType.quadrilateral)
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-    way = fem.Constant(domain, 0.0)
     u = fem.Function(V, name="displacement")
+    bottom = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[1], 0))
     floor = HalfSpace((0.0, 0.0), (0.0, 1.0))
-    belt = RigidBody(floor, about=(0, 0), motion={"x": way}, held=("y", "rz"), name="belt")
-    below = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[1], 0))
-    law = Coulomb(args.friction)
-    surface = ContactSurface(u, below, obstacle=belt, law=law)
-    material = LinearElastic.from_young(args.young, args.poisson)
-    stored = material.energy(u)
-    stiffness = fem.Constant(domain, FREQUENCY**2)
-    springs = stiffness * u[0] ** 2 / 2
-    weight = fem.Constant(domain, WEIGHT)
-    per_mass = springs + weight * u[1]
-    energy = (stored + DENSITY * per_mass) * ufl.dx
-    problem = ContactProblem(energy, u, [surface])
-    problem.solve()
-    return problem, way
+    travelled = fem.Constant(domain, 0.0)
+    if moving:
+        floor = RigidBody(floor, about=(0, 0), motion={"x": travelled}, held=("y", "rz"))
+    surface = ContactSurface(u, bottom, obstacle=floor, law=law)
+    per_mass = stiffness * u[0] ** 2 / 2 + fem.Constant(domain, gravity) * u[1]
+    stored = LinearElastic.from_young(young, poisson).energy(u)
+    energy = (stored + density * per_mass) * ufl.dx
+    bcs = []
+    if held:  # one corner, horizontally
+        W = V.sub(0)
+        horizontal, _ = W.collapse()
+        corner = fem.locate_dofs_geometrical(
+            (W, horizontal), lambda x: np.isclose(x[0], 0) & np.isclose(x[1], height)
+        )
+        bcs.append(fem.dirichletbc(fem.Function(horizontal), corner, W))
+    return ContactProblem(energy, u, [surface], bcs=bcs), travelled
 
 
-def one_degree(args):
-    """Mean distance of the oscillator; times when the belt catches and releases it."""
-    w = FREQUENCY
-    mean = args.friction * WEIGHT / w**2
-    caught = np.arcsin(args.belt / (mean * w)) / w
-    released = caught + mean * np.cos(w * caught) / args.belt
-    return mean, caught, released
+# ## Sliding to rest
+#
+# The block starts in its shape at rest without friction. The contact force changes its momentum.
+
+at_rest, _ = block(Frictionless(), held=True)
+at_rest.solve()
+sliding, _ = block(Coulomb(friction))
+sliding.u.x.array[:] = at_rest.u.x.array
+velocity = fem.Function(sliding.V)
+velocity.interpolate(lambda x: np.array([v0 + 0 * x[0], 0 * x[0]]))
+stop = v0 / (friction * gravity)
+motion = NSCD(sliding, density, dt=stop / 200, velocity=velocity)
+history = motion.run([0.0, 1.2 * stop])
+times = np.array([0.0, *(step.time for step in history.steps)])
+force = np.array([step.result.resultants["contact"][0] for step in history.steps])
+speed = v0 + np.append(0.0, np.cumsum(force * np.diff(times))) / mass
+distance = float(((speed[1:] + speed[:-1]) / 2 * np.diff(times)).sum())
+say(f"sliding distance {distance:.5f}, point mass {v0 * stop / 2:.5f}")
+
+# ## On a belt
+#
+# Damping proportional to the stiffness calms the vibration of the stiff block on its corners. An
+# observer records the mean displacement.
+
+on_belt, travelled = block(Coulomb(friction), omega**2, moving=True)
+on_belt.solve()
+mean = fem.form(on_belt.u[0] / (width * height) * ufl.dx)
+places = [0.0]
 
 
-def way_of_one_degree(args, t):
-    mean, caught, released = one_degree(args)
-    w = FREQUENCY
-    slips = mean * (1 - np.cos(w * t))
-    joins = mean * (1 - np.cos(w * caught))
-    rides = joins + args.belt * (t - caught)
-    swings = mean + args.belt / w * np.sin(w * (t - released))
-    return np.select([t < caught, t < released], [slips, rides], swings)
+def load(t):
+    travelled.value = belt_velocity * t
 
 
-def longest_stick(history):
-    """First and last index of the longest time in which a point sticks."""
-    stuck = ["k" in step.status for step in history.steps]
-    changes = np.diff([False, *stuck, False])
-    runs = np.flatnonzero(changes).reshape(-1, 2)
-    if len(runs) == 0:
-        return 0, 0
-    lengths = np.diff(runs)[:, 0]
-    return runs[np.argmax(lengths)]
+def record(_):
+    places.append(comm.allreduce(fem.assemble_scalar(mean)))
 
 
-def period_of(swing, times, later):
-    """Mean time between passages upwards through zero."""
-    rises = (swing[:-1] < 0) & (swing[1:] >= 0)
-    up = np.flatnonzero(rises & later[:-1])
-    steps = np.diff(times)[up]
-    through = times[up] - swing[up] * steps / np.diff(swing)[up]
-    if len(through) < 2:
-        return None
-    return np.diff(through).mean()
+damped = NSCD(on_belt, density, dt=0.005, load=load, damping=(0.0, 1e-4))
+belt_history = damped.run([0.0, 3.0 * 2 * np.pi / omega], observer=record)
+belt_times = np.array([0.0, *(step.time for step in belt_history.steps)])
+u = np.array(places)
 
+# ## Comparison with the oscillator of one degree of freedom
 
-def main(argv=None):
-    args = arguments(argv)
-    comm = MPI.COMM_WORLD
-    folder = io.output_folder(comm, args.output)
-    say = io.Report(comm)
-    problem, way = block_on_belt(args, comm)
-    size = WIDTH * HEIGHT
-    middle = fem.form(problem.u[0] / size * ufl.dx)
-    places = [0.0]
+m = friction * gravity / omega**2
+caught = np.arcsin(belt_velocity / (m * omega)) / omega
+released = caught + m * np.cos(omega * caught) / belt_velocity
+stuck = np.array(["k" in step.status for step in belt_history.steps])
+runs = np.flatnonzero(np.diff([False, *stuck, False])).reshape(-1, 2)
+first, last = runs[np.argmax(np.diff(runs)[:, 0])]
+later = belt_times > released + 0.05
+amplitude = float(np.ptp(u[later]) / 2)
+say(f"sticks at {belt_times[first]:.4f}, closed form {caught:.4f}")
+say(f"slips again at {belt_times[last]:.4f}, closed form {released:.4f}")
+say(f"amplitude {amplitude:.5f}, closed form {belt_velocity / omega:.5f}")
 
-    def load(t):
-        way.value = args.belt * t
-
-    def watch(_):
-        places.append(comm.allreduce(fem.assemble_scalar(middle)))
-
-    damping = (0.0, args.damping)
-    motion = NSCD(problem, DENSITY, dt=args.dt, load=load, damping=damping)
-    period = 2 * np.pi / FREQUENCY
-    history = motion.run([0.0, period * args.end], observer=watch)
-    times = np.array([0.0, *(step.time for step in history.steps)])
-    u = np.array(places)
-    first, last = longest_stick(history)
-    mean, caught, released = one_degree(args)
-    later = times > released + 0.05
-    swing = np.where(later, u - mean, 0.0)
-    account = history.energies
-    residues = [abs(step.energies.residue) for step in history.steps]
-    found = {
-        "stick": [times[first], times[last]],
-        "stick_closed_form": [caught, released],
-        "amplitude": np.ptp(u[later]) / 2,
-        "amplitude_closed_form": args.belt / FREQUENCY,
-        "period": period_of(swing, times, later),
-        "period_closed_form": period,
-        "work_of_the_belt": account.external,
-        "energy_residue": max(residues) / account.external,
-    }
-    for key, value in found.items():
-        say(f"{key}: {value}")
-    io.write_rows(comm, folder / "steps.csv", history.rows())
-    if comm.rank == 0:
-        exact = way_of_one_degree(args, times)
-        curves = {"block": (times, u)}
-        dotted = {"one degree": (times, exact)}
-        plot.draw_curves(folder / "way.png", curves, dotted=dotted, labels=("time", "way"))
-    last_result = history.steps[-1].result
-    summary = last_result.summary() | found
-    return io.write_summary(comm, folder, summary)
-
-
-if __name__ == "__main__":
-    main()
+folder = io.output_folder(comm, "output/stick_slip")
+if comm.rank == 0:
+    t = belt_times
+    slips = m * (1 - np.cos(omega * t))
+    rides = m * (1 - np.cos(omega * caught)) + belt_velocity * (t - caught)
+    swings = m + belt_velocity / omega * np.sin(omega * (t - released))
+    exact = np.select([t < caught, t < released], [slips, rides], swings)
+    curves, dotted = {"block": (t, u)}, {"one degree of freedom": (t, exact)}
+    plot.draw_curves(folder / "belt.png", curves, dotted=dotted, labels=("time", "displacement"))

@@ -1,175 +1,120 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-# # Wedged: friction that holds a body without any load
+# # Wedged: friction holds a body without any load
 #
 # This demo illustrates how to:
 #
-# - compute the smallest friction with which a body that was loaded and unloaded may stay wedged,
+# - compute the smallest friction coefficient with which a body can stay wedged after unloading,
 #   with a proof that there is no smaller one (`wedging_friction`);
-# - compare it with the critical friction of sliding states, and with the friction up to which a
-#   solution is certainly the only one;
-# - follow a body by arc length, with memory, as it is loaded, unloaded, loaded again and pulled
-#   (`ArcLength`): whether it stays wedged without load, and which load frees it.
+# - compare it with the critical friction of sliding states;
+# - follow loading and unloading with memory by arc length (`ArcLength`).
 #
-# Kim, Jang and Barber (2019): a state of forces and displacements without load, in which every
-# point is off the floor, or touches it with a force in its friction cone. The direction of the
-# shear is free: what happened before decides it. Everything is homogeneous, so that neither a load
-# nor its history enters. On a coarse mesh of the triangle (`_triangle`) the coefficient is that of
-# the first continuum of sliding states; it lies below from four contact nodes on, where points in
-# the middle lift off.
+# A wedged state consists of displacements and contact forces without load, in which each point is
+# open, or closed with a force in its friction cone (Kim, Jang and Barber, 2019). The direction of
+# the shear is free: it depends on the history. Since everything is homogeneous, the coefficient
+# depends on neither the load nor the history.
 
 from mpi4py import MPI
 
 import numpy as np
-from _case import ScriptParser
-from _triangle import linear_triangle
 
-from dolfinx_contact import io, plot
-from dolfinx_contact.analysis import critical_friction, renard_criterion, wedging_friction
+import ufl
+from dolfinx import fem, mesh
+
+from dolfinx_contact import (
+    ContactProblem,
+    ContactSurface,
+    Coulomb,
+    HalfSpace,
+    ParametricContact,
+    io,
+    plot,
+)
+from dolfinx_contact.analysis import critical_friction, wedging_friction
 from dolfinx_contact.continuation import StepControl
 from dolfinx_contact.evolution import ArcLength
+from dolfinx_contact.materials import LinearElastic
 
-LOAD = (-98.5, -17.4)  # a traction that wedges the triangle as it goes
-SHARES = (0.99, 1.01, 1.3)  # of the smallest friction that wedges: coefficients of branches
-#: Loaded, unloaded, loaded again, unloaded and pulled: directions, and where they end below.
-WAYS = (("increasing", 0.0), ("back", 0.0), ("back", 0.0), ("back", -1.0))
-NEAR = 0.02  # of loads in the picture of the branches without load
-NONE = 1e-9  # of the force under the load, a force that is none
+comm = MPI.COMM_WORLD
+meshes = [1, 2, 4, 8]  # cells along an edge
+lame = (100.0, 82.0)
+load = (-98.5, -17.4)  # a traction that wedges the triangle
 
-
-def arguments(argv=None):
-    parser = ScriptParser("Wedged", output="output/wedging", n=8, lame=(100.0, 82.0))
-    return parser.parse(argv)
-
-
-# ## The coefficient, and others beside it
+# ## The body
 #
-# That of sliding states: a slip of all points that changes nothing. Renard's: up to which a
-# solution that slips to the right everywhere is certainly the only one.
+# Half of the unit square, clamped on its diagonal, on a floor; the traction $-\gamma f$ acts on its
+# left side.
 
 
-def level(n, lame):
-    problem = linear_triangle(n, 1.0, lame=lame).problem
+def triangle(n, friction):
+    square = mesh.create_unit_square(comm, n, n, diagonal=mesh.DiagonalType.left)
+    half = mesh.locate_entities(square, 2, lambda x: x[0] + x[1] < 1 + 1e-9)
+    domain = mesh.create_submesh(square, 2, half)[0]
+    slope = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[0] + x[1], 1))
+    side = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[0], 0))
+    bottom = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[1], 0))
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u = fem.Function(V, name="displacement")
+    gamma = fem.Constant(domain, 0.0)
+    ones = np.ones(len(side), dtype=np.int32)
+    ds = ufl.Measure("ds", domain, subdomain_data=mesh.meshtags(domain, 1, np.sort(side), ones))(1)
+    force = fem.Constant(domain, load)
+    energy = LinearElastic(*lame).energy(u) * ufl.dx + gamma * ufl.dot(force, u) * ds
+    clamped = fem.dirichletbc(np.zeros(2), fem.locate_dofs_topological(V, 1, slope), V)
+    floor = HalfSpace((0, 0), (0, 1))
+    surface = ContactSurface(u, bottom, obstacle=floor, law=Coulomb(friction))
+    problem = ContactProblem(energy, u, [surface], bcs=[clamped])
+    return ParametricContact(problem, gamma)
+
+
+# ## The coefficient under refinement
+#
+# On one or two elements it equals the critical coefficient of sliding, $(\lambda + 3\mu)/(\lambda +
+# \mu)$ for one element. On finer meshes it is smaller, since points in the middle open.
+
+say = io.Report(comm)
+wedging, sliding = [], []
+for n in meshes:
+    problem = triangle(n, 1.0).problem
     found = wedging_friction(problem)
-    sliding = critical_friction(problem).friction
-    renard = renard_criterion(problem, lambda x: np.tile([1.0, 0.0], (len(x), 1))).friction
-    return found, abs(sliding) if sliding else np.nan, renard
+    wedging.append(found.friction)
+    sliding.append(critical_friction(problem).friction)
+    proved = "proved" if found.complete else "not proved"
+    say(f"n = {n}: wedged from F = {wedging[-1]:.8f} ({proved}); sliding {sliding[-1]:.8f}")
+closed_form = (lame[0] + 3 * lame[1]) / (lame[0] + lame[1])
+say(f"one element: {wedging[0]:.10f}, closed form {closed_form:.10f}")
 
-
-def draw_state(file, found):
-    """Gap, slip and forces of the wedged state along the edge, from the corner."""
-    ut, un, rt, rn = found.state.T
-    x = np.arange(len(un)) / len(un)
-    curves = {
-        "gap over its largest": (x, un / (np.abs(un).max() or 1.0)),
-        "slip over its largest": (x, ut / (np.abs(ut).max() or 1.0)),
-        "normal force": (x, rn),
-        "shear over F": (x, rt / found.friction),
-    }
-    plot.draw_curves(file, curves, labels=("x", f"F = {found.friction:.6g}"))
-
-
-# ## The wedged state as a branch
+# ## Loading, unloading and pulling
 #
-# With memory the friction law is about the increments of slip. The traction grows from nothing and
-# falls to nothing, grows again, falls, and pulls the other way until the body is off the floor. By
-# arc length nothing is jumped over. With more friction than wedges, the branch crosses zero load
-# with forces, and turns back in a nonsmooth fold under a load that pulls: there the body springs
-# off the floor, though the branch leads back to no load and no force with all closed points
-# slipping. With less, the same piece is gone through from loads that still press: the forces fall
-# to nothing with them, the faster the nearer the coefficient is, and do not jump. On this last
-# piece, load and forces are in proportion, and the load changes its sign at the coefficient.
+# With memory, friction opposes the increments of slip. The load grows, vanishes, grows and vanishes
+# again, and then pulls. Slightly above the coefficient the body stays in contact without load and
+# is freed by a pull only; slightly below, the forces vanish with the load.
 
-
-def ways_of(n, lame, friction):
-    """Of every way its points: load, normal force and shear (k, 3). Collective."""
-    system = linear_triangle(n, friction, LOAD, lame)
-    system.set_parameter(0.0)
+n = meshes[-1]
+paths = {}
+for share in (0.99, 1.01):
+    system = triangle(n, share * wedging[-1])
     path = ArcLength(system)
     control = StepControl(kinks="exact", initial=0.5, maximum=0.5)
-    ways = []
-    for direction, least in WAYS:
+    rows, without_load = [], []
+    for direction, least in (("increasing", 0.0), ("back", 0.0), ("back", 0.0), ("back", -1.0)):
         way = path.run(gamma_range=(least, 1.0), direction=direction, control=control)
-        forces = [next(iter(step.result.resultants.values())) for step in way.steps]
-        rows = [(step.gamma, y, x) for step, (x, y) in zip(way.steps, forces, strict=True)]
-        ways.append(np.array(rows, dtype=float))
-        if ways[-1][-1, 1] <= NONE * ways[0][-1, 1]:
-            break  # off the floor
-    return ways
+        for step in way.steps:
+            (force,) = step.result.resultants.values()
+            rows.append((step.gamma, force[1]))
+        if abs(rows[-1][0]) < 1e-9:
+            without_load.append(rows[-1][1])
+        if rows[-1][1] < 1e-9:
+            break
+    paths[share] = np.array(rows)
+    left = without_load[0]
+    say(f"{share:g} of the coefficient: normal force {left:.6f} after unloading")
+    say(f"  smallest load in contact {paths[share][:, 0].min():.6f}")
 
-
-def described(friction, ways):
-    """What is left without load, what frees it, and load over force on the last piece."""
-    loaded = ways[0][-1, 1]
-    last = ways[-1][ways[-1][:, 1] > NONE * loaded]
-    return {
-        "friction": friction,
-        "loaded": loaded,
-        "unloaded": [ways[1][-1, 1], ways[1][-1, 2]],
-        "pulled": min(float(last[:, 0].min()), 0.0),
-        "load_over_force": float(last[-1, 0] / last[-1, 1]),
-    }
-
-
-def draw_ways(folder, paths):
-    """Normal force against load: unloaded, loaded again and pulled, and the same near no load."""
-    curves = {}
-    near = {}
-    for share, ways in paths.items():
-        name = f"F = {share:g} of it"
-        every = np.concatenate(ways)
-        last = ways[-1][np.abs(ways[-1][:, 0]) < NEAR]
-        curves[name] = (every[:, 0], every[:, 1])
-        if abs(share - 1) < NEAR:
-            near[name] = (last[:, 0], last[:, 1])
-    labels = ("load", "normal force")
-    plot.draw_curves(folder / "branches.png", curves, labels=labels)
-    plot.draw_curves(folder / "branches_without_load.png", near, labels=labels)
-
-
-def main(argv=None):
-    args = arguments(argv)
-    comm = MPI.COMM_WORLD
-    folder = io.output_folder(comm, args.output)
-    say = io.Report(comm)
-    meshes = [n for n in (1, 2, 4, 8, 16) if n < args.n] + [args.n]
-    levels = [level(n, args.lame) for n in meshes]
-    for n, (found, sliding, renard) in zip(meshes, levels, strict=True):
-        say(f"n = {n}: {found}; sliding {sliding:.8g}, Renard {renard:.6g}")
-    found = levels[-1][0]
-
-    few, (of_few, _, _) = [row for row in zip(meshes, levels, strict=True) if row[0] <= 8][-1]
-    paths = {share: ways_of(few, args.lame, share * of_few.friction) for share in SHARES}
-    branches = [described(share * of_few.friction, ways) for share, ways in paths.items()]
-    for share, branch in zip(SHARES, branches, strict=True):
-        left, pulled = branch["unloaded"][0], branch["pulled"]
-        words = f"free below a load of {pulled:.6g}" if pulled < 0 else "free without load"
-        say(f"F = {share:g} of it, n = {few}: unloaded, normal force {left:.6g}; {words}")
-
-    if comm.rank == 0:
-        draw_state(folder / "state.png", found)
-        h = [1.0 / n for n in meshes]
-        curves = {
-            "wedged": (h, [row[0].friction for row in levels]),
-            "sliding in continua": (h, [row[1] for row in levels]),
-            "one solution (Renard)": (h, [row[2] for row in levels]),
-        }
-        labels = ("size of cells h", "friction coefficient")
-        plot.draw_curves(folder / "coefficients.png", curves, labels=labels)
-        draw_ways(folder, paths)
-    summary = {
-        "wedging": found.friction,
-        "lower": found.lower,
-        "complete": found.complete,
-        "seconds": found.seconds,
-        "statuses": found.statuses,
-        "levels": [
-            {"n": n, "wedging": row[0].friction, "sliding": row[1], "renard": row[2]}
-            for n, row in zip(meshes, levels, strict=True)
-        ],
-        "branches": branches,
-    }
-    return io.write_summary(comm, folder, summary)
-
-
-if __name__ == "__main__":
-    main()
+folder = io.output_folder(comm, "output/wedging")
+if comm.rank == 0:
+    h = 1 / np.array(meshes)
+    curves = {"wedged": (h, wedging), "sliding in continua": (h, sliding)}
+    labels = ("cell size h", "friction coefficient F")
+    plot.draw_curves(folder / "coefficients.png", curves, labels=labels)
+    curves = {f"{share:g} of the coefficient": tuple(path.T) for share, path in paths.items()}
+    plot.draw_curves(folder / "paths.png", curves, labels=("load", "normal force"))

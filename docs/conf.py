@@ -39,7 +39,7 @@ exclude_patterns = [
         "check_questions.py",
         "images",
     ),
-    *("demos/_*.py", "demos/__pycache__", "**/__pycache__"),
+    *("demos/output", "**/__pycache__"),
 ]
 # Names in docstrings stand in single quotes; what is no name of the site stays text.
 default_role = "py:obj"

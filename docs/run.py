@@ -128,10 +128,7 @@ def run_here(script: Path) -> None:
 
 def run(script: Path, folder: Path) -> str:
     """Run a script in a folder of its own, and write ``run.json`` there; why it failed, or ""."""
-    demo = script.parent.name == "demos"
-    command = [sys.executable, str(script), "--output", str(folder)]
-    if not demo:
-        command = [sys.executable, __file__, "--here", str(script)]
+    command = [sys.executable, __file__, "--here", str(script)]
     path = os.pathsep.join([str(ROOT), *os.environ.get("PYTHONPATH", "").split(os.pathsep)])
     start = time.monotonic()
     try:
@@ -148,12 +145,7 @@ def run(script: Path, folder: Path) -> str:
         return f"took more than {LIMIT:.0f} s"
     if done.returncode:
         return done.stderr[-2000:]
-    last = len(script.read_text().splitlines())
-    found = {"outputs": [{"line": last, "text": shortened(done.stdout)}]}
-    if demo:
-        found["outputs"][0]["pictures"] = sorted(pictures(folder))
-    else:
-        found = json.loads((folder / "run.json").read_text())
+    found = json.loads((folder / "run.json").read_text())
     found["seconds"] = round(time.monotonic() - start, 1)
     (folder / "run.json").write_text(json.dumps(found, indent=1))
     return ""

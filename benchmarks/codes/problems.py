@@ -271,7 +271,7 @@ def dofs_of(nodes, component, dim):
 
 
 def greco(n=32):
-    """Raous, Chabrand and Lebon's block, as demos/demo_greco_block.py has it (N, m)."""
+    """Raous, Chabrand and Lebon's block, as benchmarks/cases/greco_block.py has it (N, m)."""
     width = 0.04
     x, cells = grid((n, n), (width, width))
     sides = boundary(cells, "quad4")
@@ -308,7 +308,7 @@ def dragged(nodes=16, layers=None):
 
 
 def three(n=16):
-    """Ligursky and Renard's triangle: three solutions, as demos/demo_linear_triangle.py has it."""
+    """Ligursky and Renard's triangle: three solutions, as `cases.linear_triangle` has it."""
     x, quads = grid((n, n), (1.0, 1.0))
     a, b, c, d = quads.T
     cells = np.concatenate([np.stack([a, b, d], axis=1), np.stack([b, c, d], axis=1)])

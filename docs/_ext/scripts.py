@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Pages of scripts: a Sphinx parser of jupytext's light format.
+"""Pages of scripts: a Sphinx parser of jupytext's light format, and galleries of scripts.
 
-A script becomes a page of its narration, its code, and what it printed and drew when `docs/run.py`
-ran it last; without such a run the page has narration and code alone.
+A page shows the narration of a script, its code, and the output and pictures of the last run by
+`docs/run.py`; without such a run it shows narration and code only. The directive ``gallery`` lists
+scripts as cards with a picture.
 """
 
 from __future__ import annotations
@@ -16,15 +17,16 @@ import jupytext
 from docutils import nodes
 from myst_parser.parsers.sphinx_ import MystParser
 from sphinx.application import Sphinx
+from sphinx.util.docutils import SphinxDirective
 
 
 def without_licence(text: str) -> str:
-    """The script without the line of its licence, which the page does not show."""
+    """Return a script without its licence line."""
     return re.sub(r"\A# SPDX-License-Identifier:.*\n", "", text)
 
 
 def linked(markdown: str, folder: Path) -> str:
-    """Names of demos, recipes and tutorials in the narration, as links to their pages."""
+    """Replace names of demos, recipes and tutorials in a narration by links to their pages."""
 
     def link(match: re.Match[str]) -> str:
         name = match[1]
@@ -37,7 +39,7 @@ def linked(markdown: str, folder: Path) -> str:
 
 
 def below(outputs: list[dict[str, Any]], shown: str) -> list[str]:
-    """What a cell printed and drew, as MyST."""
+    """Return the printed text and the pictures of a cell as lines of MyST."""
     text = "".join(output.get("text", "") for output in outputs).rstrip()
     lines = []
     if text:
@@ -50,25 +52,31 @@ def below(outputs: list[dict[str, Any]], shown: str) -> list[str]:
     return lines
 
 
-def page(text: str, folder: Path, shown: str = "") -> str:
-    """The page of a script as MyST.
+def outputs_of(folder: Path, shown: str) -> list[dict[str, Any]]:
+    """Return the outputs of the last run of a script, or an empty list."""
+    run = folder / shown / "run.json"
+    return json.loads(run.read_text())["outputs"] if shown and run.exists() else []
+
+
+def page(text: str, folder: Path, shown: str = "", file: str = "") -> str:
+    """Return the page of a script as MyST.
 
     Args:
         text: the script.
-        folder: that of the documentation's sources.
-        shown: below it, the folder of what the script printed and drew, if there is one.
+        folder: source folder of the documentation.
+        shown: folder of the script's outputs, relative to ``folder``; empty if it was not run.
+        file: path of the script relative to ``folder``, for the download link.
     """
     cells = jupytext.reads(without_licence(text), fmt="py:light").cells
-    run = folder / shown / "run.json"
-    outputs = json.loads(run.read_text())["outputs"] if shown and run.exists() else []
-    # Outputs know the line after which they came; cells are found again in the text, in order.
+    outputs = outputs_of(folder, shown)
+    # Outputs are located by the line after which they appeared; cells by their order in the text.
     lines: list[str] = []
     code: list[str] = []
     place = 0
-    given = 0
+    written = 0
 
     def write_code() -> None:
-        """Code up to here in one block: what jupytext cuts at every empty line is one thought."""
+        """Write the collected cells as one block: jupytext splits code at every empty line."""
         if code:
             lines.extend(["```python", "\n\n".join(code), "```", ""])
             code.clear()
@@ -77,39 +85,74 @@ def page(text: str, folder: Path, shown: str = "") -> str:
         if cell.cell_type == "markdown":
             write_code()
             lines += [linked(cell.source, folder), ""]
+            if file:
+                lines += [f"{{download}}`Download this script </{file}>`", ""]
+                file = ""
             continue
         place = text.index(cell.source, place) + len(cell.source)
         last = text.count("\n", 0, place) + 1
         code.append(cell.source)
-        mine = [o for o in outputs[given:] if o["line"] <= last]
-        if mine:
+        new = [output for output in outputs[written:] if output["line"] <= last]
+        if new:
             write_code()
-            given += len(mine)
-            lines += below(mine, shown)
+            written += len(new)
+            lines += below(new, shown)
     write_code()
-    lines += below(outputs[given:], shown)
+    lines += below(outputs[written:], shown)
     return "\n".join(lines)
 
 
 class ScriptParser(MystParser):
-    """Parses scripts in jupytext's light format as pages."""
+    """Parser of scripts in jupytext's light format."""
 
     supported = ("script",)
 
     def parse(self, inputstring: str, document: nodes.document) -> None:
         """Parse a script into the document."""
         folder = Path(self.env.srcdir)
+        name = self.env.docname
         shown = ""
         if self.env.config.scripts_shown:
-            name = self.env.docname.rpartition("/")[2]
-            shown = f"{self.env.config.scripts_shown}/{name}"
+            shown = f"{self.env.config.scripts_shown}/{name.rpartition('/')[2]}"
             self.env.note_dependency(f"{shown}/run.json")
-        super().parse(page(inputstring, folder, shown), document)
+        super().parse(page(inputstring, folder, shown, f"{name}.py"), document)
+
+
+class Gallery(SphinxDirective):
+    """Cards of scripts: one line ``path: description`` for each, with the path of its page."""
+
+    has_content = True
+
+    def run(self) -> list[nodes.Node]:
+        """Return the cards as a grid."""
+        folder = Path(self.env.srcdir)
+        lines = ["::::{grid} 1 2 3 3", ":gutter: 3", ""]
+        for entry in self.content:
+            name, _, description = entry.partition(": ")
+            title = re.search(r"^# # (.*)$", (folder / f"{name}.py").read_text(), re.MULTILINE)
+            lines += [f":::{{grid-item-card}} {title[1] if title else name}"]
+            lines += [f":link: /{name}", ":link-type: doc"]
+            picture = self.picture(folder, name)
+            if picture:
+                lines += [f":img-top: {picture}"]
+            lines += ["", description, ":::", ""]
+        return self.parse_text_to_nodes("\n".join([*lines, "::::"]))
+
+    def picture(self, folder: Path, name: str) -> str:
+        """Return the last picture of a script's run, or an empty string."""
+        if not self.env.config.scripts_shown:
+            return ""
+        shown = f"{self.env.config.scripts_shown}/{name.rpartition('/')[2]}"
+        self.env.note_dependency(f"{shown}/run.json")
+        outputs = outputs_of(folder, shown)
+        pictures = [file for output in outputs for file in output.get("pictures", [])]
+        return f"/{shown}/{pictures[-1]}" if pictures else ""
 
 
 def setup(app: Sphinx) -> dict[str, Any]:
-    """Called by Sphinx."""
+    """Register the parser and the directive with Sphinx."""
     app.add_config_value("scripts_shown", "", "env", str)
     app.add_source_suffix(".py", "script")
     app.add_source_parser(ScriptParser)
+    app.add_directive("gallery", Gallery)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -100,5 +100,5 @@ plot.draw_curves(
 )
 
 # Friction, adhesion, other bodies and large deformations work in motions as they do in histories;
-# the demos `demo_sliding_block.py`, `demo_thrown_body.py` and `demo_stick_slip.py` continue from
+# the demos `demo_bouncing_bar.py`, `demo_thrown_body.py` and `demo_stick_slip.py` continue from
 # here.

@@ -5,7 +5,7 @@ import json
 
 from mpi4py import MPI
 
-import demo_dragged_body
+import cases.dragged_body
 import gmsh
 import pytest
 
@@ -36,7 +36,7 @@ def check(folder, summary, friction=0.4):
 def test_default_body(folder, capsys):
     """Partly open, stuck and slipping; every file that is named exists."""
     capsys.readouterr()
-    summary = demo_dragged_body.main(["--size", "0.15", "--output", str(folder)])
+    summary = cases.dragged_body.main(["--size", "0.15", "--output", str(folder)])
     printed = capsys.readouterr().out
     check(folder, summary)
     assert summary["kkt_violation"] < 1e-9
@@ -86,9 +86,9 @@ def test_mesh_without_the_top(folder):
         barrel(file, names=("body", "contact"))
     COMM.barrier()
     with pytest.raises(ValueError, match="named top; there are: contact"):
-        demo_dragged_body.main([f"--mesh={file}", f"--output={folder}"])
+        cases.dragged_body.main([f"--mesh={file}", f"--output={folder}"])
     with pytest.raises(FileNotFoundError, match="there is no mesh file"):
-        demo_dragged_body.main([f"--mesh={folder / 'no.msh'}", f"--output={folder}"])
+        cases.dragged_body.main([f"--mesh={folder / 'no.msh'}", f"--output={folder}"])
 
 
 @pytest.mark.ranks(2)
@@ -99,7 +99,7 @@ def test_unwritable_output(folder):
         blocked.write_text("")
     COMM.barrier()
     with pytest.raises(OSError, match="cannot write to the output folder") as info:
-        demo_dragged_body.main(["--size=0.01", f"--output={blocked}"])
+        cases.dragged_body.main(["--size=0.01", f"--output={blocked}"])
     assert len(set(COMM.allgather(str(info.value)))) == 1
 
 
@@ -107,4 +107,4 @@ def test_unwritable_output(folder):
 @pytest.mark.parametrize("option", ["--size=0", "--size=nan", "--degree=3", "--size=9"])
 def test_bad_option(option, capsys):
     with pytest.raises(SystemExit):
-        demo_dragged_body.main([option])
+        cases.dragged_body.main([option])

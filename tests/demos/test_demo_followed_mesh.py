@@ -2,7 +2,7 @@
 
 from mpi4py import MPI
 
-import demo_followed_mesh as demo
+import cases.followed_mesh as demo
 import numpy as np
 import pytest
 from support.harness import varied

@@ -6,7 +6,7 @@ import json
 
 from mpi4py import MPI
 
-import demo_hertz
+import cases.hertz
 import numpy as np
 import pytest
 
@@ -14,7 +14,7 @@ COMM = MPI.COMM_WORLD
 
 
 def run(folder, *options):
-    return demo_hertz.main([*map(str, options), "--output", str(folder)])
+    return cases.hertz.main([*map(str, options), "--output", str(folder)])
 
 
 def column(summary, key):
@@ -116,8 +116,8 @@ def test_point_contact_with_friction(folder):
     ),
 )
 def test_numbers_do_not_depend_on_ranks(options):
-    args = demo_hertz.arguments([*options, "--levels", "3", "4"])
-    results = [demo_hertz.solve(args, comm) for comm in (MPI.COMM_SELF, COMM)]
+    args = cases.hertz.arguments([*options, "--levels", "3", "4"])
+    results = [cases.hertz.solve(args, comm) for comm in (MPI.COMM_SELF, COMM)]
     (_, alone, alone_levels), (_, together, together_levels) = results
     for a, b in zip(alone_levels, together_levels, strict=True):
         assert a == pytest.approx(b, rel=1e-9)

@@ -2,17 +2,17 @@
 
 from mpi4py import MPI
 
-import demo_adhesion
-import demo_bar
-import demo_indenter
-import demo_mindlin
-import demo_own_interface
-import demo_peeling
-import demo_pile
-import demo_pull_out
-import demo_refrigerator
-import demo_steel_concrete
-import demo_two_blocks
+import cases.adhesion
+import cases.bar
+import cases.indenter
+import cases.mindlin
+import cases.own_interface
+import cases.peeling
+import cases.pile
+import cases.pull_out
+import cases.refrigerator
+import cases.steel_concrete
+import cases.two_blocks
 import numpy as np
 import pytest
 
@@ -31,7 +31,7 @@ def no_pictures(monkeypatch):
 def bar(folder, n, thin, steps):
     """Errors of the bar over its closed forms."""
     words = [f"--n={n}", f"--thin={thin}", f"--steps={steps}", f"--output={folder}"]
-    summary = demo_bar.main(words)
+    summary = cases.bar.main(words)
     curve = np.array(summary["curve"])
     closed = np.array(summary["closed_form"])
     np.testing.assert_array_equal(curve[:, 1], closed[:, 1])
@@ -73,7 +73,7 @@ def test_two_blocks(folder, no_pictures):
     spent = []
     for ratio in (1, 2):
         words = ["--n=4", f"--ratio={ratio}", f"--output={folder}"]
-        steps = demo_two_blocks.main(words)["steps"]
+        steps = cases.two_blocks.main(words)["steps"]
         assert len(steps) == 37
         assert steps[-1]["status"] == "ooooo"
         spent.append(steps[-1]["dissipation"])
@@ -86,7 +86,7 @@ def test_two_blocks(folder, no_pictures):
 
 def mindlin(folder, n, steps):
     """Errors of the shear over mu p0, after checks of the stick radius."""
-    summary = demo_mindlin.main([f"--n={n}", f"--steps={steps}", f"--output={folder}"])
+    summary = cases.mindlin.main([f"--n={n}", f"--steps={steps}", f"--output={folder}"])
     found = [summary[way] for way in ("loading", "unloading")]
     for way in found:
         cell = 0.68 / n
@@ -124,7 +124,7 @@ def test_mindlin_converges(folder):
 def test_adhesion(folder):
     """A bond opened to 6 u0, without viscosity and with; the folds of its snap-back."""
     words = ["--steps=2", f"--output={folder}"]
-    summary = demo_adhesion.main([*words, "--spring=1"])
+    summary = cases.adhesion.main([*words, "--spring=1"])
     for ratio, beta in summary["beta_at"].items():
         assert beta == pytest.approx(float(ratio) ** -2, rel=1e-8)
     assert summary["work"] == pytest.approx(71 / 72, rel=1e-8)
@@ -134,11 +134,11 @@ def test_adhesion(folder):
     u = 3**0.25
     assert (smooth["u_tot"], smooth["u"]) == pytest.approx((4 * u / 3, u), rel=1e-6)
     assert (kink["kind"], smooth["kind"]) == ("nonsmooth", "smooth")
-    slow = demo_adhesion.main(["--steps=8", f"--output={folder}", "--viscosity=1"])
+    slow = cases.adhesion.main(["--steps=8", f"--output={folder}", "--viscosity=1"])
     assert slow["beta_at"]["2"] == pytest.approx(0.4048318120, rel=0.02)
     assert slow["peak"] == pytest.approx(1.107952, rel=0.03)
     words = ["--steps=8", "--order=2", "--viscosity=1", f"--output={folder}"]
-    better = demo_adhesion.main(words)
+    better = cases.adhesion.main(words)
     wanted = {"1.5": 0.7811538113, "2": 0.4048318120, "3": 0.1218560409}
     for ratio, beta in wanted.items():
         assert better["beta_at"][ratio] == pytest.approx(beta, abs=1e-3)
@@ -161,11 +161,11 @@ def test_adhesion(folder):
 def test_a_fibre_is_pulled_out(folder, no_pictures):
     """Against a bar in a rigid matrix; past the jump friction alone is left."""
     words = ["--length=5", "--n=4", "--steps=25", "--end=0.06", f"--output={folder}"]
-    summary = demo_pull_out.main(words)
+    summary = cases.pull_out.main(words)
     curve = {k: np.array(v) for k, v in summary["curve"].items()}
     assert summary["pressure"] == pytest.approx(summary["pressure_closed_form"], rel=0.02)
-    still = curve["foot"] < 0.1 * demo_pull_out.U0
-    debonds = still & (curve["mouth"] > demo_pull_out.U0)
+    still = curve["foot"] < 0.1 * cases.pull_out.U0
+    debonds = still & (curve["mouth"] > cases.pull_out.U0)
     assert debonds.sum() > 4
     np.testing.assert_allclose(curve["force"][debonds], curve["closed_form"][debonds], rtol=0.015)
     np.testing.assert_allclose(curve["force"][still], curve["closed_form"][still], rtol=0.03)
@@ -174,11 +174,11 @@ def test_a_fibre_is_pulled_out(folder, no_pictures):
     # Before it the last of the bond may go node by node.
     assert 1 <= len(summary["jumps"]) <= 3
     assert min(summary["jumps"]) > 0.9 * max(summary["jumps"])
-    slips = curve["foot"] > demo_pull_out.U0
+    slips = curve["foot"] > cases.pull_out.U0
     assert summary["peak"] > 2.5 * summary["plateau"]
     assert summary["plateau"] == pytest.approx(summary["plateau_closed_form"], rel=0.015)
-    u = (curve["foot"] + curve["mouth"])[slips] / 2 / demo_pull_out.U0
-    bond = np.sqrt(demo_pull_out.WORK * demo_pull_out.BOND) / u**3  # what is left of it
+    u = (curve["foot"] + curve["mouth"])[slips] / 2 / cases.pull_out.U0
+    bond = np.sqrt(cases.pull_out.WORK * cases.pull_out.BOND) / u**3  # what is left of it
     closed = summary["plateau_closed_form"] * (1 - u**-2.0) + 2 * np.pi * 0.25 * 5.0 * bond
     np.testing.assert_allclose(curve["force"][slips], closed, rtol=0.02)
     assert curve["residue"][slips][0] > 0.02 * curve["external"][slips][0]
@@ -188,10 +188,10 @@ def test_a_fibre_is_pulled_out(folder, no_pictures):
 @pytest.mark.long
 def test_the_energies_of_a_fibre():
     """What the steps leave over, before the jump, falls as fast as they do."""
-    args = demo_pull_out.arguments(["--length=5", "--n=4"])
+    args = cases.pull_out.arguments(["--length=5", "--n=4"])
     shares = []
     for steps in (4, 8):
-        problem, drawn = demo_pull_out.problem(args, MPI.COMM_WORLD)
+        problem, drawn = cases.pull_out.problem(args, MPI.COMM_WORLD)
         problem.solve()
 
         def load(t, drawn=drawn):
@@ -205,7 +205,7 @@ def test_the_energies_of_a_fibre():
 
 def peeling(folder, *words):
     """A strip is peeled: what it must be, and how far it is off."""
-    summary = demo_peeling.main([f"--output={folder}", *words])
+    summary = cases.peeling.main([f"--output={folder}", *words])
     # A machine that draws and goes back does the work of what was broken, to the order of steps.
     assert summary["work_over_peeled"] == pytest.approx(1.0, abs=0.003)
     kinds = [f["event"] for f in summary["folds"]]
@@ -251,18 +251,18 @@ def test_peeling_as_a_beam(folder):
 )
 def test_the_refrigerator(folder):
     """Creeps at the velocity of the closed form; Coulomb's friction holds it for a year."""
-    summary = demo_refrigerator.main(["--n=2", f"--output={folder}"])
+    summary = cases.refrigerator.main(["--n=2", f"--output={folder}"])
     assert abs(summary["coulomb"]) < 1e-6
     for shape in ("tanh", "sqrt"):
         for row in summary[shape]:
             assert row["speed"] == pytest.approx(row["exact"], rel=1e-8)
-            assert row["metres"] == pytest.approx(row["exact"] * demo_refrigerator.YEAR, rel=0.01)
+            assert row["metres"] == pytest.approx(row["exact"] * cases.refrigerator.YEAR, rel=0.01)
             # What the weight had spread is relieved as well.
             assert row["dissipated"] == pytest.approx(5.0 * row["metres"], rel=1e-3, abs=2e-4)
     assert row["metres"] > 6
     assert (folder / "creep.png").exists()
     with pytest.raises(SystemExit):
-        demo_refrigerator.main(["--force=300", f"--output={folder}"])
+        cases.refrigerator.main(["--force=300", f"--output={folder}"])
 
 
 @pytest.mark.long
@@ -276,7 +276,7 @@ def test_an_interface_of_ones_own(folder):
     """A sheet is drawn off a ductile glue with the force of a long bar; errors fall by four."""
     off = []
     for n in (60, 120):
-        summary = demo_own_interface.main([f"--n={n}", f"--output={folder / str(n)}"])
+        summary = cases.own_interface.main([f"--n={n}", f"--output={folder / str(n)}"])
         off.append(summary["off"])
         # The glue has cost what is under its traction, all along what is broken.
         assert abs(summary["residue"]) < 2e-3 * summary["external"]
@@ -301,7 +301,7 @@ def test_steel_in_concrete(folder, no_pictures):
     left = []
     for steps in (4, 8):
         words = ["--n=8", f"--steps={steps}", f"--output={folder}"]
-        summary = demo_steel_concrete.main(words)
+        summary = cases.steel_concrete.main(words)
         slip, force, uniform = (summary[k] for k in ("slip", "force", "uniform"))
         assert summary["normal"] == pytest.approx(400.0, rel=1e-8)
         assert summary["plateau"] == pytest.approx(summary["plateau_closed_form"], rel=1e-3)
@@ -322,7 +322,7 @@ def test_steel_in_concrete(folder, no_pictures):
 
 def indenter(folder, *words):
     """Forces of an indenter that is drawn off, in those of Johnson, Kendall and Roberts."""
-    summary = demo_indenter.main([*words, f"--output={folder}"])
+    summary = cases.indenter.main([*words, f"--output={folder}"])
     bare = summary["without_recovery"]
     sticky = summary["with_recovery"]
     # Nothing sticks without recovery, and nothing is lost.
@@ -331,7 +331,7 @@ def indenter(folder, *words):
     assert sticky["most"] == pytest.approx(bare["most"], rel=5e-3)
     # Up to where it comes off the energies balance; half of the work is then in the polymer.
     assert abs(sticky["residue"]) < 0.01 * sticky["external"]
-    assert sticky["damage"] > 0.8 * 2 * demo_indenter.WORK * 0.5
+    assert sticky["damage"] > 0.8 * 2 * cases.indenter.WORK * 0.5
     assert (folder / "force.png").exists()
     return sticky["pull_off"] / summary["johnson_kendall_roberts"]
 
@@ -358,13 +358,13 @@ def at_rest(problem):
 
 def gives(*words):
     """What a stiff pile gives way by, over a slip all along and cylinders of soil."""
-    args = demo_pile.arguments(list(words))
-    problem, drawn = demo_pile.pile_in_soil(args, MPI.COMM_WORLD)
+    args = cases.pile.arguments(list(words))
+    problem, drawn = cases.pile.pile_in_soil(args, MPI.COMM_WORLD)
     problem.solve()
     drawn.value = 1e-4
     table = problem.solve().tables["contact"]
     slip = table.area @ table.ut[:, 1] / table.area.sum()
-    return (1e-4 - slip) / -table.force[:, 1].sum() / demo_pile.closed_form(args, slip)[2]
+    return (1e-4 - slip) / -table.force[:, 1].sum() / cases.pile.closed_form(args, slip)[2]
 
 
 @pytest.mark.chatty
@@ -379,8 +379,8 @@ def gives(*words):
 )
 def test_the_earth_pressure_at_rest():
     """Stresses, weight and the pressure from below leave nothing displaced: K0 g z on the shaft."""
-    args = demo_pile.arguments(["--n=8"])
-    table, left = at_rest(demo_pile.pile_in_soil(args, MPI.COMM_WORLD)[0])
+    args = cases.pile.arguments(["--n=8"])
+    table, left = at_rest(cases.pile.pile_in_soil(args, MPI.COMM_WORLD)[0])
     assert left < 1e-12
     z = -table.x[:, 1]
     h = args.depth / args.n
@@ -406,7 +406,7 @@ def test_the_earth_pressure_at_rest():
 )
 def test_a_pile_is_drawn(folder, no_pictures):
     """The load follows one slip all along the shaft, from the bond to the friction left."""
-    summary = demo_pile.main(["--n=8", "--steps=6", f"--output={folder}"])
+    summary = cases.pile.main(["--n=8", "--steps=6", f"--output={folder}"])
     head, force, closed = (np.array(summary[k]) for k in ("head", "force", "closed_form"))
     assert summary["at_rest"] == pytest.approx(summary["friction_limit"], rel=1e-8)
     assert summary["friction_limit"] == pytest.approx(np.pi * 0.3 * 0.5 * 0.5 * 10.0 * 10**2)
@@ -416,9 +416,9 @@ def test_a_pile_is_drawn(folder, no_pictures):
     # Soil with free ends gives way by a tenth more, of a fifth of the whole.
     assert summary["gives"] / summary["gives_closed_form"] == pytest.approx(1.1, abs=0.04)
     # No bond is left, and nothing is lost but by the steps.
-    bond = 2 * np.pi * 0.3 * 10 * demo_pile.BOND * demo_pile.U0**2
+    bond = 2 * np.pi * 0.3 * 10 * cases.pile.BOND * cases.pile.U0**2
     slip = head[-1] - force[-1] * summary["gives"]
-    broken = 1 - (demo_pile.U0 / slip) ** 2
+    broken = 1 - (cases.pile.U0 / slip) ** 2
     assert summary["damage"] == pytest.approx(broken * bond, rel=2e-3)
     assert summary["external"] == pytest.approx(summary["work_of_pull"], rel=1e-4)
     assert abs(summary["residue"]) < 0.03 * summary["external"]

@@ -1,10 +1,10 @@
 """The demos of motion, against closed forms; the benchmark of impacts."""
 
-import demo_bouncing_bar
-import demo_sliding_block
-import demo_stick_slip
-import demo_thrown_body
-import demo_two_bars
+import cases.bouncing_bar
+import cases.sliding_block
+import cases.stick_slip
+import cases.thrown_body
+import cases.two_bars
 import numpy as np
 import pytest
 
@@ -26,7 +26,7 @@ def no_pictures(monkeypatch):
 )
 def test_the_bouncing_bar(folder):
     """Two impacts and the energy, coarsely; what is written is there."""
-    found = demo_bouncing_bar.main(["--elements=12", f"--output={folder}"])
+    found = cases.bouncing_bar.main(["--elements=12", f"--output={folder}"])
     exact = ((1.0, 5 / 3, 800 / 3), (11 / 3, 13 / 3, 800 / 3))
     np.testing.assert_allclose(found["impacts"], exact, rtol=0.04)
     assert found["energy_end"] == pytest.approx(1.0, abs=0.04)
@@ -41,7 +41,7 @@ def test_the_bouncing_bar(folder):
 @pytest.mark.long
 def test_the_bouncing_bar_to_one_percent(folder):
     """400 elements, dt = h/c."""
-    found = demo_bouncing_bar.main(["--elements=400", f"--output={folder}"])
+    found = cases.bouncing_bar.main(["--elements=400", f"--output={folder}"])
     impacts = np.array(found["impacts"])
     np.testing.assert_allclose(impacts[:, 2], 800 / 3, rtol=0.01)
     exact = ((1.0, 5 / 3), (11 / 3, 13 / 3))
@@ -51,7 +51,7 @@ def test_the_bouncing_bar_to_one_percent(folder):
 
 
 def two_bars(folder, *words):
-    found = demo_two_bars.main([*words, f"--output={folder}"])
+    found = cases.two_bars.main([*words, f"--output={folder}"])
     assert sum(found["velocities"]) == pytest.approx(20.0, rel=1e-10)
     assert found["energy_end"] == pytest.approx(1.0, abs=1e-9)
     return [found["velocities"][1] / 20, found["duration"] * 1.5, found["pressure"]]
@@ -84,7 +84,7 @@ def test_two_bars_to_one_percent(folder):
 def test_the_sliding_block(folder):
     """Time and way to the stop, to 1 %; friction has taken nearly all of the energy."""
     words = ["--elements=4", "--width=1", "--dt=0.01"]
-    found = demo_sliding_block.main([*words, f"--output={folder}"])
+    found = cases.sliding_block.main([*words, f"--output={folder}"])
     for name in ("stop_time", "distance"):
         assert found[name] == pytest.approx(found[f"{name}_closed_form"], rel=0.01)
     assert 0.99 < found["dissipated"] < 1.0
@@ -93,7 +93,7 @@ def test_the_sliding_block(folder):
 
 @pytest.mark.long
 def test_the_sliding_block_as_it_is(folder):
-    found = demo_sliding_block.main([f"--output={folder}"])
+    found = cases.sliding_block.main([f"--output={folder}"])
     for name in ("stop_time", "distance"):
         assert found[name] == pytest.approx(found[f"{name}_closed_form"], rel=0.01)
 
@@ -108,7 +108,7 @@ def test_the_sliding_block_as_it_is(folder):
 def test_a_thrown_body(folder):
     """Momentum is what forces give, angular momentum their moments to first order in the step."""
     words = ["--n=2", "--dt=0.004", "--end=0.12", f"--output={folder}"]
-    found = demo_thrown_body.main(words)
+    found = cases.thrown_body.main(words)
     assert found["momentum_error"] < 1e-9
     assert found["moment_error"] < 0.02
     assert abs(found["spins"][0][1]) > 0.1
@@ -129,7 +129,7 @@ def test_a_thrown_body(folder):
 )
 def test_two_thrown_bodies(folder):
     """Equal bodies get the same spin, and exchange what they have along the normal in part."""
-    found = demo_thrown_body.main(["--n=2", "--two", f"--output={folder}"])
+    found = cases.thrown_body.main(["--n=2", "--two", f"--output={folder}"])
     assert found["momentum_error"] < 1e-9
     first, second = found["momenta"]
     spins = found["spins"]
@@ -145,7 +145,7 @@ def test_two_thrown_bodies(folder):
 )
 def test_stick_slip(folder):
     """Begin and end of sticking, and the swing, as those of the oscillator of one degree."""
-    found = demo_stick_slip.main(["--n=1", "--end=1.6", f"--output={folder}"])
+    found = cases.stick_slip.main(["--n=1", "--end=1.6", f"--output={folder}"])
     np.testing.assert_allclose(found["stick"], found["stick_closed_form"], rtol=0, atol=0.01)
     assert found["amplitude"] == pytest.approx(found["amplitude_closed_form"], rel=0.02)
     assert found["energy_residue"] < 1e-9
@@ -153,7 +153,7 @@ def test_stick_slip(folder):
 
 @pytest.mark.long
 def test_stick_slip_for_long(folder):
-    found = demo_stick_slip.main([f"--output={folder}"])
+    found = cases.stick_slip.main([f"--output={folder}"])
     np.testing.assert_allclose(found["stick"], found["stick_closed_form"], rtol=0, atol=0.01)
     for name in ("amplitude", "period"):
         assert found[name] == pytest.approx(found[f"{name}_closed_form"], rel=0.01)

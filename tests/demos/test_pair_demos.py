@@ -5,11 +5,11 @@ from dataclasses import replace
 
 from mpi4py import MPI
 
-import demo_crack
-import demo_elastic_base
-import demo_press_fit
-import demo_two_cylinders
-import demo_two_spheres
+import cases.crack
+import cases.elastic_base
+import cases.press_fit
+import cases.two_cylinders
+import cases.two_spheres
 import numpy as np
 import pytest
 
@@ -46,7 +46,7 @@ def pressed(demo, size, *, ratio=1.0, friction=0.0):
 def test_two_spheres(folder):
     """Code_Aster SSNV104 as it converges: 660.7 kN, 2912 MPa; Hertz at the force within 1 %."""
     words = ["--case=spheres", "--levels", "1", "0.5", f"--output={folder}"]
-    summary = demo_two_cylinders.main(words)
+    summary = cases.two_cylinders.main(words)
     for level in summary["levels"]:
         assert level["force"] == pytest.approx(660.7e3, rel=5e-3)
         assert level["peak"] == pytest.approx(2912, rel=2e-3)
@@ -55,14 +55,14 @@ def test_two_spheres(folder):
     assert summary["force_imbalance"] < 1e-10
     names = ("body.png", "pressure.png", "convergence.csv", "contact.csv")
     assert all((folder / name).stat().st_size > 0 for name in names)
-    found, table = pressed(demo_two_spheres, 0.5, ratio=0.8, friction=0.3)
+    found, table = pressed(cases.two_spheres, 0.5, ratio=0.8, friction=0.3)
     # Of a mortar areas are those seen along the axis; those of the cones between the points:
     x = table.x[:, 0]
     length = np.linalg.norm(np.diff(table.x, axis=0), axis=1)
     inner = (2 * x[:-1] + x[1:]) * length
     outer = (x[:-1] + 2 * x[1:]) * length
     area = np.pi / 3 * (np.append(inner, 0.0) + np.append(0.0, outer))
-    found = demo_two_spheres.HERTZ.compare(replace(table, area=area, pressure=table.rn / area))
+    found = cases.two_spheres.HERTZ.compare(replace(table, area=area, pressure=table.rn / area))
     assert found["peak_pressure"] == pytest.approx(summary["peak"], rel=1e-3)
     assert found["load"] == pytest.approx(summary["force"], rel=1e-3)
     assert table.count("s+-") == 0  # by symmetry, but for the meshes
@@ -83,7 +83,7 @@ def test_cylinder_on_a_block(friction):
     """NAFEMS CB-1: the same nodes and others agree better than either does with Hertz."""
     peaks = []
     for ratio in (1.0, 0.8, 1.25):
-        found, table = pressed(demo_two_cylinders, 0.5, ratio=ratio, friction=friction)
+        found, table = pressed(cases.two_cylinders, 0.5, ratio=ratio, friction=friction)
         assert found["load"] == pytest.approx(35e3, rel=1e-9)
         assert found["peak_pressure"] == pytest.approx(3585.37, rel=0.02)
         assert found["touching_radius"] == pytest.approx(6.21, abs=0.02 * 6.21)
@@ -105,7 +105,7 @@ def test_cylinder_on_a_block(friction):
 def test_a_crack_in_the_plane(folder, words, no_pictures):
     """The slip of a long crack by two meshes, and the pressure on it, to 2 %, whatever its dip."""
     words = ["--dim=2", *words, f"--output={folder}"]
-    summary = demo_crack.main([*words, "--levels", "0.1", "0.05"])
+    summary = cases.crack.main([*words, "--levels", "0.1", "0.05"])
     errors = [abs(level["error"]) for level in summary["levels"]]
     assert errors[1] < 0.65 * errors[0] < 0.1
     assert summary["extrapolated_error"] == pytest.approx(0.0, abs=0.02)
@@ -126,7 +126,7 @@ def test_a_crack_in_the_plane(folder, words, no_pictures):
 def test_a_crack_in_space(folder):
     """A disc slips as the closed form says, where its front is fine enough."""
     words = ["--levels", "0.2", "0.14", "--friction=0.2", f"--output={folder}"]
-    summary = demo_crack.main(words)
+    summary = cases.crack.main(words)
     assert summary["extrapolated_error"] == pytest.approx(0.0, abs=0.06)
     assert summary["pressure"] == pytest.approx(summary["pressure_closed_form"], rel=0.03)
     assert summary["slip"] > 5 * summary["stick"]
@@ -136,7 +136,7 @@ def test_a_crack_in_space(folder):
 def test_cracks_that_do_not_slip(capsys):
     for words in (["--friction=2"], ["--shear=3", "--dip=60"], ["--levels", "0.2"]):
         with pytest.raises(SystemExit):
-            demo_crack.main(words)
+            cases.crack.main(words)
 
 
 @pytest.mark.ranks(2)
@@ -153,13 +153,13 @@ def test_cracks_that_do_not_slip(capsys):
 )
 def test_a_press_fit(folder, ratio, no_pictures):
     """Lame's pressure, and the torque that it holds, with errors that fall like the squares."""
-    summary = demo_press_fit.main(["--n=8", f"--ratio={ratio}", f"--output={folder}"])
+    summary = cases.press_fit.main(["--n=8", f"--ratio={ratio}", f"--output={folder}"])
     off = [summary[k] / summary[f"{k}_closed_form"] - 1 for k in ("pressure", "torque")]
     assert abs(off[0]) < 0.01
     assert off[1] == pytest.approx(off[0], abs=2e-3)
     assert summary["stick"] == summary["open"] == 0
     given = Namespace(n=16, ratio=ratio, overlap=0.02, friction=0.2, drawn=False)
-    table = demo_press_fit.problem(given, 0.0, COMM).solve().tables["contact"]
+    table = cases.press_fit.problem(given, 0.0, COMM).solve().tables["contact"]
     found = table.rn.sum() / table.area.sum()
     assert found == pytest.approx(summary["pressure_closed_form"], rel=0.3 * abs(off[0]))
     np.testing.assert_allclose(table.pressure, found, rtol=5e-3)
@@ -168,9 +168,9 @@ def test_a_press_fit(folder, ratio, no_pictures):
 def test_a_drawn_press_fit():
     """Matching nodes overlap as drawn; chords of different meshes do so by half of it or less."""
     given = dict(n=12, overlap=0.02, friction=0.2, drawn=True)
-    exact = demo_press_fit.lame(0.02)
+    exact = cases.press_fit.lame(0.02)
     for ratio in (1.0, 1.5):
-        bodies = demo_press_fit.problem(Namespace(ratio=ratio, **given), 0.0, COMM)
+        bodies = cases.press_fit.problem(Namespace(ratio=ratio, **given), 0.0, COMM)
         table = bodies.solve().tables["contact"]
         pressure = table.rn.sum() / table.area.sum()
         if ratio == 1:
@@ -182,7 +182,7 @@ def test_a_drawn_press_fit():
 @pytest.mark.long
 def test_an_elastic_base(folder):
     """Both bodies are drawn, and all that the top is pushed with reaches the bottom."""
-    summary = demo_elastic_base.main(["--size=0.2", f"--output={folder}"])
+    summary = cases.elastic_base.main(["--size=0.2", f"--output={folder}"])
     assert min(summary["open"], summary["stick"], summary["slip"]) > 0
     assert 0 < -summary["sum_rt_x"] < 0.4 * summary["sum_rn"]
     assert summary["force_imbalance"] < 1e-10
@@ -194,8 +194,8 @@ def test_a_base_that_is_nearly_rigid():
     """The stiffer it is, the nearer the forces are to those on a rigid floor, in proportion."""
 
     def force(*words):
-        args = demo_elastic_base.arguments(["--size=0.2", *words])
-        problem, _ = demo_elastic_base.problem(args, COMM)
+        args = cases.elastic_base.arguments(["--size=0.2", *words])
+        problem, _ = cases.elastic_base.problem(args, COMM)
         return problem.solve().resultants["contact"]
 
     rigid = force("--rigid")

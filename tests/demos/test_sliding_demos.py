@@ -1,10 +1,10 @@
 """The numbers of the demos of large sliding."""
 
-import demo_double_arc
-import demo_flattened_ring
-import demo_half_spheres
-import demo_rolling_wheel
-import demo_twisting_hemisphere
+import cases.double_arc
+import cases.flattened_ring
+import cases.half_spheres
+import cases.rolling_wheel
+import cases.twisting_hemisphere
 import pytest
 
 from dolfinx_contact import plot
@@ -25,7 +25,7 @@ def no_picture(monkeypatch):
 )
 def test_rolling_wheel(folder, no_picture):
     """A driven and a braked wheel creep as Carter says, with ten cells on the width."""
-    found = demo_rolling_wheel.main(["--n=10", "--way=1", f"--output={folder}"])
+    found = cases.rolling_wheel.main(["--n=10", "--way=1", f"--output={folder}"])
     runs = found["runs"]
     assert all(run["facets_rolled"] == 10 for run in runs.values())
     assert abs(runs["held"]["traction"]) < 0.01
@@ -40,7 +40,7 @@ def test_rolling_wheel(folder, no_picture):
 @pytest.mark.long
 def test_rolling_wheel_with_forty_cells(folder, no_picture):
     """Forty cells on the width that touches: creepages to five per cent, one by one."""
-    found = demo_rolling_wheel.main(["--n=40", f"--output={folder}"])
+    found = cases.rolling_wheel.main(["--n=40", f"--output={folder}"])
     for name in ("driven", "braked"):
         assert found[f"creepage_{name}_ratio"] == pytest.approx(1.0, abs=0.05)
         assert found["runs"][name]["closed"] >= 38
@@ -56,8 +56,8 @@ def test_rolling_wheel_with_forty_cells(folder, no_picture):
 )
 def test_twisting_hemisphere(folder, no_picture):
     """Torque and force of a half-sphere that is pressed into a block and turned, on 1000 cells."""
-    found = demo_twisting_hemisphere.main([f"--output={folder}"])
-    papers = demo_twisting_hemisphere.PUBLISHED
+    found = cases.twisting_hemisphere.main([f"--output={folder}"])
+    papers = cases.twisting_hemisphere.PUBLISHED
     torque = found["torque_at"]
     assert abs(torque["0"]) < 1e-10
     for angle, off in ((20, 0.01), (40, 0.01), (80, 0.03), (180, 0.045)):
@@ -80,7 +80,7 @@ def test_twisting_hemisphere(folder, no_picture):
 )
 def test_flattened_ring(folder, no_picture):
     """A ring pressed into itself has the force of its half on a plane."""
-    found = demo_flattened_ring.main(["--n=64", "--press=1.65", f"--output={folder}"])
+    found = cases.flattened_ring.main(["--n=64", "--press=1.65", f"--output={folder}"])
     assert found["inside_force"] > 0.5 * found["plate_force"]  # it is pressed into itself
     assert found["inside_half_ratio"] == pytest.approx(1.0, abs=0.01)
     assert found["plate_half_ratio"] == pytest.approx(1.0, abs=0.01)
@@ -98,7 +98,7 @@ def test_flattened_ring(folder, no_picture):
 def test_half_spheres(folder, no_picture):
     """Two shells pressed by a plane: the published force, and the same one on the way back."""
     words = ["--n=3", "--step=0.625", "--until=2.5", "--back=1", f"--output={folder}"]
-    found = demo_half_spheres.main(words)
+    found = cases.half_spheres.main(words)
     published = [curve["2.5"] for curve in found["published"].values()]
     assert 0.9 * min(published) < found["force_at"]["2.5"] < 1.1 * max(published)
     ((down, back),) = found["down_and_back"].values()
@@ -116,7 +116,7 @@ def test_half_spheres(folder, no_picture):
 def test_double_arc(folder, no_picture):
     """Two arcs begin on a block with their stiffness in bending, if cells are small."""
     words = ["--n=120", "--until=1.5", f"--output={folder}"]
-    found = demo_double_arc.main(words)
+    found = cases.double_arc.main(words)
     assert found["arc_stiffness_ratio"] == pytest.approx(1.0, abs=0.01)
     assert found["lowest"] == pytest.approx(-0.684, abs=0.005)
 
@@ -124,7 +124,7 @@ def test_double_arc(folder, no_picture):
 @pytest.mark.long
 def test_double_arc_to_the_end(folder, no_picture):
     """The middle sinks half as far as the published one, parts from the block and buckles."""
-    found = demo_double_arc.main([f"--output={folder}"])
+    found = cases.double_arc.main([f"--output={folder}"])
     assert found["lowest"] == pytest.approx(-3.04, abs=0.05)
     assert found["highest"] == pytest.approx(61.3, abs=0.3)
     peak, valley = found["peak_and_valley"]

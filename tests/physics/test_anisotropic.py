@@ -2,7 +2,7 @@
 
 from mpi4py import MPI
 
-import demo_anisotropic as demo
+import cases.anisotropic as demo
 import numpy as np
 import pytest
 

@@ -2,12 +2,12 @@
 
 from mpi4py import MPI
 
-import demo_press_fit
-import demo_two_spheres
+import cases.press_fit
+import cases.two_spheres
 import numpy as np
 import pytest
-from _hertz import Hertz
-from _round import draw, quarter
+from cases._hertz import Hertz
+from cases._round import draw, quarter
 from scipy.optimize import brentq
 from support.blocks import box, facets, same_tables
 from support.pairs import tagged
@@ -155,7 +155,7 @@ def test_hertz_sphere_on_a_plane():
     floor = ContactSurface(
         u, body, tag="upper face", obstacle=FLOOR, law=Frictionless(), axisymmetric=True
     )
-    energy = demo_two_spheres.MATERIAL.energy(u) * ufl.dx
+    energy = cases.two_spheres.MATERIAL.energy(u) * ufl.dx
     down = fem.dirichletbc(-2.0, body.dofs(V.sub(1), "upper end"), V.sub(1))
     result = ContactProblem(energy, u, [floor], bcs=[down]).solve()
     table = result.tables["contact"]
@@ -255,11 +255,11 @@ def test_the_tip_of_a_cone(sizes):
 
 
 def fitted(n, ratio, method, degree=1, twist=None):
-    """The hub and the ring of `demo_press_fit.py` in a section of length 10, in plane strain."""
+    """The hub and the ring of `cases.press_fit` in a section of length 10, in plane strain."""
     bodies = []
     tags = []
     for i, (name, k) in enumerate((("hub", n), ("ring", round(ratio * n)))):
-        a, b = demo_press_fit.RADII[name]
+        a, b = cases.press_fit.RADII[name]
         domain = mesh.create_rectangle(
             COMM, [(a, 0.0), (b, 10.0)], [k, k], mesh.CellType.quadrilateral
         )
@@ -271,7 +271,7 @@ def fitted(n, ratio, method, degree=1, twist=None):
     dx = ufl.Measure("dx", both.mesh, subdomain_data=both.cell_tags)
     energy = 0
     for k, name in ((1, "hub"), (2, "ring")):
-        elastic = LinearElastic.from_young(demo_press_fit.YOUNG[name], demo_press_fit.NU[name])
+        elastic = LinearElastic.from_young(cases.press_fit.YOUNG[name], cases.press_fit.NU[name])
         energy += Axisymmetric(elastic).energy(u) * dx(k)
     bcs = [held(V, 1, both.mesh, 1, z, 0.0) for z in (0.0, 10.0)]
     given = dict(slave=2, master=3, method=method, axisymmetric=True)
@@ -295,7 +295,7 @@ def fitted(n, ratio, method, degree=1, twist=None):
 )
 def test_lame(ratio, method, degree):
     """A press fit: Lame's pressure and radial displacement, to the square of the mesh size."""
-    exact = demo_press_fit.lame(0.02)
+    exact = cases.press_fit.lame(0.02)
     errors = []
     for n in (4, 8) if degree == 1 else (4,):
         problem = fitted(n, ratio, method, degree)
@@ -314,8 +314,8 @@ def test_lame(ratio, method, degree):
     b = 40.0
     size = problem.V.dofmap.index_map.size_local
     for r, inner, outer, name, sign in ((a, a, c, "hub", -1), (b, c, b, "ring", 1)):
-        E = demo_press_fit.YOUNG[name]
-        nu = demo_press_fit.NU[name]
+        E = cases.press_fit.YOUNG[name]
+        nu = cases.press_fit.NU[name]
         # Plane strain: u = (1 + nu)/E (A (1 - 2 nu) r + B/r), of the pressure on one face.
         loaded = c**2 / (outer**2 - inner**2)
         A = sign * exact * loaded

@@ -6,10 +6,10 @@ from pathlib import Path
 
 from mpi4py import MPI
 
-import demo_block
+import cases.block
 import numpy as np
 import pytest
-from demo_own_law import Orthotropic, SlipWeakening
+from cases.own_law import Orthotropic, SlipWeakening
 from support.blocks import KINDS, block, box, facets, same_tables
 
 import ufl
@@ -60,7 +60,7 @@ def test_oracle_forces(case, accuracy, folder):
         "press": -oracle["top"][-1],
         "output": folder,
     }
-    summary = demo_block.main([f"--{k}={v}" for k, v in options.items()])
+    summary = cases.block.main([f"--{k}={v}" for k, v in options.items()])
     with open(folder / "contact.csv") as file:
         rows = list(csv.DictReader(file))
     x = np.array(oracle["x"])

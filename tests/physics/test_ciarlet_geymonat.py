@@ -2,7 +2,7 @@
 
 from mpi4py import MPI
 
-import demo_ciarlet_geymonat as demo
+import cases.ciarlet_geymonat as demo
 import numpy as np
 import pytest
 from support.harness import varied

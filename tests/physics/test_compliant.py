@@ -4,8 +4,8 @@ import logging
 
 from mpi4py import MPI
 
-import demo_only_solution
-import demo_regularised
+import cases.only_solution
+import cases.regularised
 import numpy as np
 import pytest
 from scipy.optimize import brentq, minimize_scalar
@@ -267,7 +267,7 @@ def test_a_branch_by_pivoting():
 def test_what_regularised_friction_loses(folder, shape):
     """Only the corner A touches: its forces are linear in its slip, and the fold has a formula."""
     words = ["--n", "8", "--friction", "2.5", "--shape", shape, "--output", folder]
-    summary = demo_regularised.main([*map(str, words)])
+    summary = cases.regularised.main([*map(str, words)])
     slides, sticks = (
         next(r for r in summary["true"] if r["status"][0] == letter) for letter in "-k"
     )
@@ -299,7 +299,7 @@ def test_what_regularised_friction_loses(folder, shape):
 def test_up_to_where_regularised_friction_has_one_solution(folder):
     """The bound of the theorem, eps^2/|log h|, falls by a hundred between these widths."""
     words = ["--n", "8", "--friction", "2.5", "--output", folder]
-    summary = demo_only_solution.main([*map(str, words)])
+    summary = cases.only_solution.main([*map(str, words)])
     friction = summary["critical_friction"]
     assert friction["n = 8, eps = 0.0001"] == pytest.approx(
         friction["n = 8, eps = 0.001"], rel=0.05

@@ -4,7 +4,7 @@ from itertools import pairwise
 
 from mpi4py import MPI
 
-import demo_belt
+import cases.belt
 import numpy as np
 import pytest
 from scipy.integrate import quad
@@ -618,7 +618,7 @@ def test_demo(folder, monkeypatch):
     off = []
     for n in (64, 128):
         words = [f"--n={n}", f"--steps={n // 2}", f"--output={folder / str(n)}"]
-        found = demo_belt.main(words)
+        found = cases.belt.main(words)
         assert found["kkt_violation"] < 1e-9
         assert found["slid"] > 0.6 * found["way"] > 3 * found["cell"]
         off.append(found["ratio"] / found["ratio_of_thickness"] - 1)
@@ -628,6 +628,6 @@ def test_demo(folder, monkeypatch):
     assert abs(off[1]) < 1e-3
     assert abs(off[1]) < 0.4 * abs(off[0])
     words = ["--n=128", "--steps=64", "--thickness=0.02", f"--output={folder / 'thick'}"]
-    found = demo_belt.main(words)
+    found = cases.belt.main(words)
     assert found["ratio"] == pytest.approx(found["ratio_of_thickness"], rel=2e-3)
     assert found["ratio"] < 0.995 * found["ratio_closed_form"]

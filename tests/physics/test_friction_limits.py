@@ -7,8 +7,8 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from demo_block import arguments
-from demo_block import problem as block
+from cases.block import arguments
+from cases.block import problem as block
 
 from dolfinx_contact import ParametricContact, records
 from dolfinx_contact.continuation import follow

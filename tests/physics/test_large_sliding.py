@@ -4,7 +4,7 @@ from itertools import pairwise
 
 from mpi4py import MPI
 
-import demo_around_a_cylinder
+import cases.around_a_cylinder
 import numpy as np
 import pytest
 from support.blocks import box, facets
@@ -432,7 +432,7 @@ def test_demo(folder, monkeypatch):
     errors = []
     for n, steps in ((2, 5), (3, 7)):
         words = [f"--n={n}", f"--steps={steps}", f"--output={folder / str(n)}"]
-        summary = demo_around_a_cylinder.main(words)
+        summary = cases.around_a_cylinder.main(words)
         assert summary["way"] > 1.2 * summary["contact_length"] > 2.0
         assert summary["pressure_drift"] < 1e-8
         assert summary["kkt_violation"] < 1e-9

@@ -7,10 +7,10 @@ from functools import partial
 
 from mpi4py import MPI
 
-import _triangle
-import demo_linear_triangle as demo
+import cases.linear_triangle as demo
 import numpy as np
 import pytest
+from cases import _triangle
 from support.harness import varied
 
 from dolfinx_contact import ContactSurface

@@ -2,7 +2,7 @@
 
 from mpi4py import MPI
 
-import demo_more_friction as demo
+import cases.more_friction as demo
 import numpy as np
 import pytest
 from support.enumeration import enumerated

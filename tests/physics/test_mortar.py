@@ -2,7 +2,7 @@
 
 from mpi4py import MPI
 
-import demo_two_cylinders
+import cases.two_cylinders
 import numpy as np
 import pytest
 from support.mortars import BASE, CASES, SIDES, SOLID_CASES, TILT, hats, sheared, solids, stacked
@@ -313,7 +313,7 @@ def test_steel_on_aluminium(folder):
     """NAFEMS CB-1: the peak within 2 %, the radius within 2 % or a cell, and the force carried."""
     levels = ["0.5"] if COMM.size > 1 else ["1", "0.5", "0.25"]
     words = ["--output", str(folder), "--levels", *levels]
-    summary = demo_two_cylinders.main(words)
+    summary = cases.two_cylinders.main(words)
     for level in summary["levels"]:
         assert level["peak"] == pytest.approx(3585.37, rel=0.02)
         assert level["radius"] == pytest.approx(6.21, abs=max(0.02 * 6.21, level["size"]))
@@ -322,7 +322,7 @@ def test_steel_on_aluminium(folder):
     assert (folder / "body.png").stat().st_size > 20_000
     if COMM.size == 1:
         # The other body as the finer one: nearer to each other than to the closed form's tolerance.
-        other = demo_two_cylinders.main(
+        other = cases.two_cylinders.main(
             ["--output", str(folder), "--levels", "0.5", "--ratio", "1.25"]
         )
         assert other["peak"] == pytest.approx(summary["levels"][1]["peak"], rel=0.01)

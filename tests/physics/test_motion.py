@@ -2,7 +2,7 @@
 
 from mpi4py import MPI
 
-import demo_bouncing_bar
+import cases.bouncing_bar
 import numpy as np
 import pytest
 from scipy.linalg import expm
@@ -74,7 +74,7 @@ def test_a_bar_step_by_step(scheme, theta, level, mass, restitution, damping):
     """Forces, gaps and energies of a bar that hits the floor and leaves it, as another code's."""
     n = 6
     a, b = damping or (0.0, 0.0)
-    problem = demo_bouncing_bar.bar(n, COMM, height=0.3)
+    problem = cases.bouncing_bar.bar(n, COMM, height=0.3)
     velocity = at_speed(problem, 0.0, -10.0)
     how = dict(scheme=scheme, theta=theta, level=level, mass=mass, restitution=restitution)
     motion = NSCD(problem, 1.0, dt=0.07, velocity=velocity, damping=damping, **how)
@@ -134,7 +134,7 @@ def test_the_rod_of_a_unit_length():
 
 def thrown(n, **how):
     """A bar thrown at a floor that it touches, at the speed 10, until the waves have come back."""
-    problem = demo_bouncing_bar.bar(n, COMM, weight=0.0, height=0.0)
+    problem = cases.bouncing_bar.bar(n, COMM, weight=0.0, height=0.0)
     motion = NSCD(problem, 1.0, dt=1 / 3 / n, velocity=at_speed(problem, 0.0, -10.0), **how)
     return motion.run([0.0, 0.8], progress=False)
 
@@ -379,8 +379,8 @@ def test_schemes_have_their_order():
     A[m:-1, :-1] = -np.linalg.solve(M, np.hstack([K, C]))
     A[m:-1, -1] = -np.linalg.solve(M, rows[inner])
     exact = (expm(end * A) @ np.concatenate([np.zeros(m), start[inner], [1.0]]))[:m]
-    cases = {("theta", 0.5): 2, ("modified-theta", 0.5): 2, ("theta", 0.6): 1}
-    for (scheme, theta), order in (cases | {("theta-euler", 0.5): 1}).items():
+    orders = {("theta", 0.5): 2, ("modified-theta", 0.5): 2, ("theta", 0.6): 1}
+    for (scheme, theta), order in (orders | {("theta-euler", 0.5): 1}).items():
         errors = []
         for steps in (8, 16):
             problem.u.x.array[:] = 0.0

@@ -4,7 +4,7 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from _surfaces import brick
+from cases._surfaces import brick
 from support.blocks import CELLS
 from support.curved_obstacles import block
 from support.pairs import displacement

@@ -7,11 +7,11 @@ from pathlib import Path
 
 from mpi4py import MPI
 
-import demo_linear_triangle
-import demo_two_blocks
+import cases.linear_triangle
+import cases.two_blocks
 import numpy as np
 import pytest
-from _triangle import linear_triangle
+from cases._triangle import linear_triangle
 from support.blocks import CELLS, KINDS, box, facets
 from support.pairs import (
     MATERIAL,
@@ -73,7 +73,7 @@ def test_two_blocks(folder, case):
     else:
         words += ["--lower", given["E2"], given["nu2"]]
     words += ["--top", wanted["ux"], wanted["uy"], "--output", folder]
-    summary = demo_two_blocks.main([*map(str, words), "--static", "-contact_snes_rtol", "1e-12"])
+    summary = cases.two_blocks.main([*map(str, words), "--static", "-contact_snes_rtol", "1e-12"])
     step = summary["steps"][0]
     force = max(wanted["rn"])
     assert step["status"] == wanted["status"]
@@ -249,7 +249,7 @@ def test_a_press_fit():
 def test_branches_on_a_held_body(route):
     """All three solutions of the linear triangle, at the same forces."""
     ends = []
-    seen = demo_linear_triangle.FUNCTIONALS
+    seen = cases.linear_triangle.FUNCTIONALS
     for system in (triangle_on_a_body(4, 2.5), linear_triangle(4, 2.5)):
         system.problem.solve()
         x = system.create_vector()

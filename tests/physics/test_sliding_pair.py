@@ -2,7 +2,7 @@
 
 from mpi4py import MPI
 
-import demo_ironing
+import cases.ironing
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -461,7 +461,7 @@ def test_branch():
 )
 def test_ironing(folder):
     """The forces of another code on the same mesh (to its quadrature), at the published level."""
-    summary = demo_ironing.main(["--size=0.2", "--until=1.1", f"--output={folder}"])
+    summary = cases.ironing.main(["--size=0.2", "--until=1.1", f"--output={folder}"])
     V = summary["V_at"]
     H = summary["H_at"]
     assert V["1"] == pytest.approx(330.0852, abs=2e-3)

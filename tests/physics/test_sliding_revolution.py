@@ -2,7 +2,7 @@
 
 from mpi4py import MPI
 
-import demo_press_fit
+import cases.press_fit
 import numpy as np
 import pytest
 from support.blocks import CELLS
@@ -201,11 +201,11 @@ def test_two_pairs_in_a_history():
 
 
 def fit(n, d):
-    """The hub and ring of `demo_press_fit.py` in a section, the bore of the hub widened by d."""
+    """The hub and ring of `cases.press_fit` in a section, the bore of the hub widened by d."""
     bodies = []
     tags = []
     for i, (name, k) in enumerate((("hub", n), ("ring", round(1.5 * n)))):
-        a, b = demo_press_fit.RADII[name]
+        a, b = cases.press_fit.RADII[name]
         body = mesh.create_rectangle(COMM, [(a, 0), (b, 10)], [k, k], CELLS["quad"])
         tags.append(
             tagged(
@@ -221,7 +221,7 @@ def fit(n, d):
     dx = ufl.Measure("dx", both.mesh, subdomain_data=both.cell_tags)
     energy = 0
     for k, name in ((1, "hub"), (2, "ring")):
-        elastic = LinearElastic.from_young(demo_press_fit.YOUNG[name], demo_press_fit.NU[name])
+        elastic = LinearElastic.from_young(cases.press_fit.YOUNG[name], cases.press_fit.NU[name])
         energy += Axisymmetric(elastic).energy(u) * dx(k)
     bcs = held(u.function_space, both.facet_tags, [(5, 1, 0.0), (6, 1, 0.0), (1, 0, d)])
     pair = ContactPair(u, both, slave=3, master=2, **LARGE)
@@ -230,10 +230,10 @@ def fit(n, d):
 
 def pressure_of_fit(d):
     """Lame: u = A r + B/r in both, s = E/((1 + nu)(1 - 2 nu)) (A - (1 - 2 nu) B/r^2)."""
-    (a, c), (_, b) = demo_press_fit.RADII["hub"], demo_press_fit.RADII["ring"]
+    (a, c), (_, b) = cases.press_fit.RADII["hub"], cases.press_fit.RADII["ring"]
     rows = []
     for name in ("hub", "ring"):
-        E, nu = demo_press_fit.YOUNG[name], demo_press_fit.NU[name]
+        E, nu = cases.press_fit.YOUNG[name], cases.press_fit.NU[name]
         k = E / ((1 + nu) * (1 - 2 * nu))
         rows.append(lambda r, k=k, nu=nu: np.array([k, -k * (1 - 2 * nu) / r**2]))
     hub, ring = rows

@@ -10,7 +10,7 @@ from mpi4py import MPI
 import gmsh
 import numpy as np
 import pytest
-from _surfaces import ball, write_stl
+from cases._surfaces import ball, write_stl
 from support.blocks import block, facets
 
 import ufl

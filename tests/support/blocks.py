@@ -59,7 +59,7 @@ def block(
     domain=None,
     sliding=None,
 ):
-    """The block of `demo_block.py`: held on its top, in contact on its bottom (or on ``where``)."""
+    """The block of `cases.block`: held on its top, in contact on its bottom (or on ``where``)."""
     domain = box(comm, n, cell) if domain is None else domain
     dim = domain.geometry.dim
     V = fem.functionspace(domain, ("Lagrange", degree, (dim,)))

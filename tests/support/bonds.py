@@ -3,7 +3,7 @@
 from mpi4py import MPI
 
 import numpy as np
-from _triangle import linear_triangle
+from cases._triangle import linear_triangle
 
 import ufl
 from dolfinx import fem

@@ -1,8 +1,8 @@
-"""Demos put otherwise than they are: other steps, augmentation parameters, numberings and units.
+"""Cases of the benchmarks with other steps, augmentation parameters, numberings and units.
 
 What is found must not depend on any of that. From the command line:
 
-    python3 tests/support/harness.py demo_linear_triangle --step-factor 0.1 -- --n 16
+    python3 tests/support/harness.py linear_triangle --step-factor 0.1 -- --n 16
 """
 
 import argparse
@@ -21,14 +21,14 @@ import ufl
 
 from dolfinx_contact.continuation import StepControl
 
-DEMOS = Path(__file__).resolve().parents[2] / "demos"
+CASES = Path(__file__).resolve().parents[2] / "benchmarks" / "cases"
 _FOLLOWERS = ("explore", "follow", "follower_for")
 _MESHES = ("create_rectangle", "create_submesh")
 
 
 @contextmanager
 def varied(*, step_factor=None, r=None, seed=None, mm=None, MPa=None):
-    """Change what demos that have been imported do while the context lasts.
+    """Change imported cases while the context lasts.
 
     Args:
         step_factor: by which steps are longer than by default.
@@ -46,9 +46,9 @@ def varied(*, step_factor=None, r=None, seed=None, mm=None, MPa=None):
                 changed = change(getattr(module, name))
                 stack.enter_context(mock.patch.object(module, name, changed))
 
-        # Also what demos share: it makes the problems of some.
+        # Also their common modules, which make the problems of some.
         files = {m: getattr(m, "__file__", None) for m in sys.modules.values()}
-        modules = [m for m, file in files.items() if file and Path(file).resolve().parent == DEMOS]
+        modules = [m for m, file in files.items() if file and Path(file).resolve().parent == CASES]
         for module in modules:
             if r is not None:
                 put(module, "ContactProblem", lambda f: partial(f, r=r))
@@ -60,9 +60,9 @@ def varied(*, step_factor=None, r=None, seed=None, mm=None, MPa=None):
                 put(module, "mesh", partial(Renumbering, seed))
         if mm is not None or MPa is not None:
             units = {"mm": mm or 1.0, "MPa": MPa or 1.0}
-            put(sys.modules["demo_ciarlet_geymonat"], "block", lambda f: partial(f, **units))
+            put(sys.modules["cases.ciarlet_geymonat"], "block", lambda f: partial(f, **units))
         varies = any(v is not None for v in (step_factor, r, seed, mm, MPa))
-        assert found or not varies, "nothing that demos use was changed"
+        assert found or not varies, "nothing that a case uses was changed"
         yield
 
 
@@ -74,7 +74,7 @@ def control(factor):
 
 
 class Renumbering:
-    """``dolfinx.mesh`` as a demo sees it, with nodes and cells in a random order."""
+    """``dolfinx.mesh`` as a case sees it, with nodes and cells in a random order."""
 
     def __init__(self, seed, module):
         self._seed = seed
@@ -112,17 +112,17 @@ def renumbered(whole, seed):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("demo")
+    parser.add_argument("case")
     for name in ("step-factor", "r", "mm", "MPa"):
         parser.add_argument(f"--{name}", type=float)
     parser.add_argument("--seed", type=int)
-    parser.add_argument("options", nargs="*", help="of the demo, after --")
+    parser.add_argument("options", nargs="*", help="of the case, after --")
     args = vars(parser.parse_args())
-    sys.path.insert(0, str(DEMOS))
-    demo = importlib.import_module(args.pop("demo"))
+    sys.path.insert(0, str(CASES.parent))
+    case = importlib.import_module(f"cases.{args.pop('case')}")
     options = args.pop("options")
     with varied(**args):
-        demo.main(options)
+        case.main(options)
 
 
 if __name__ == "__main__":

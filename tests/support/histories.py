@@ -3,7 +3,7 @@
 from mpi4py import MPI
 
 import numpy as np
-from _triangle import element
+from cases._triangle import element
 
 import ufl
 from dolfinx import fem

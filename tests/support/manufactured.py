@@ -9,7 +9,7 @@ beyond. With u = (a + y c, b + y d) Hooke's law on the face gives
 and the body force is -div sigma(u). All is written here, and nothing of the package is used but the
 solve. From the command line, the table of orders is written anew (minutes):
 
-    docker/run env PYTHONPATH=.:tests:demos python3 tests/support/manufactured.py
+    docker/run env PYTHONPATH=.:tests:benchmarks python3 tests/support/manufactured.py
 """
 
 import csv

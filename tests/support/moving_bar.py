@@ -35,7 +35,7 @@ class Tridiagonal:
 
 @dataclass
 class Bar:
-    """The bar of `demo_bouncing_bar.py`, or one of other numbers, without initial displacement."""
+    """The bar of `cases.bouncing_bar`, or one of other numbers, without initial displacement."""
 
     n: int
     mass: str = "redistributed"

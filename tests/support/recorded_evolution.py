@@ -33,10 +33,10 @@ def motion(time, way=0.012):
 
 def pair(comm, friction=0.25, way=0.012, n=4):
     """Two elastic blocks, one on the other."""
-    import demo_two_blocks
+    import cases.two_blocks
 
     words = ["--n", str(n), "--friction", str(friction)]
-    both, top = demo_two_blocks.problem(demo_two_blocks.arguments(words), comm)
+    both, top = cases.two_blocks.problem(cases.two_blocks.arguments(words), comm)
 
     def load(time):
         top.value = motion(time, way)
@@ -114,5 +114,5 @@ def main():
 
 
 if __name__ == "__main__":
-    sys.path.insert(0, str(Path(__file__).parents[2] / "demos"))
+    sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
     main()

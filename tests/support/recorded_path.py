@@ -72,10 +72,10 @@ def cracked(comm, friction, way, anew):
 
 def pair(comm, friction, way, anew):
     """Two elastic blocks, one on the other, the lower of a finer mesh."""
-    import demo_two_blocks
+    import cases.two_blocks
 
-    args = demo_two_blocks.arguments(["--n", "3", "--ratio", "2"])
-    domain, _, slave, master = demo_two_blocks.blocks(args, comm)
+    args = cases.two_blocks.arguments(["--n", "3", "--ratio", "2"])
+    domain, _, slave, master = cases.two_blocks.blocks(args, comm)
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
     u = fem.Function(V)
     top = fem.Function(V)
@@ -156,5 +156,5 @@ def main():
 
 
 if __name__ == "__main__":
-    sys.path.insert(0, str(Path(__file__).parents[2] / "demos"))
+    sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
     main()

@@ -6,7 +6,7 @@ from pathlib import Path
 from mpi4py import MPI
 from petsc4py import PETSc
 
-import demo_greco_block
+import cases.greco_block
 import numpy as np
 import pytest
 from support.blocks import block, half_block
@@ -47,7 +47,7 @@ def named(algorithm):
 
 
 def greco(n):
-    return demo_greco_block.problem(demo_greco_block.arguments(["--n", str(n)]), COMM)
+    return cases.greco_block.problem(cases.greco_block.arguments(["--n", str(n)]), COMM)
 
 
 def check(problem, algorithm, accuracy=1e-8):

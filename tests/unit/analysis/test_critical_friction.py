@@ -2,13 +2,13 @@
 
 from mpi4py import MPI
 
-import demo_two_blocks
+import cases.two_blocks
 import numpy as np
 import pytest
 import scipy.linalg
 import scipy.sparse
-from _triangle import linear_triangle
-from demo_critical_friction import main as demo
+from cases._triangle import linear_triangle
+from cases.critical_friction import main as demo
 from support.blocks import restore_statuses
 from support.leaning_bodies import block, in_plane, leaning, on_box
 
@@ -294,7 +294,7 @@ def test_between_bodies(options):
 
 
 def two_blocks(options):
-    return demo_two_blocks.problem(demo_two_blocks.arguments(options), COMM)[0]
+    return cases.two_blocks.problem(cases.two_blocks.arguments(options), COMM)[0]
 
 
 # -- how far they are known, and what slips of both signs bring ------------------------------------

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import scipy.linalg
-from demo_critical_friction import arguments, main, prism
+from cases.critical_friction import arguments, main, prism
 from support.blocks import block
 
 from dolfinx_contact import plot

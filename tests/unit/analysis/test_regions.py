@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from mpi4py import MPI
 
-import demo_regions
+import cases.regions
 import numpy as np
 import pytest
 from support.families import enumerated, holds, random_family
@@ -19,8 +19,8 @@ SPAN = (-3.0, 3.0)
 
 
 def regions_of(n, friction, size=3.0):
-    system, other = demo_regions.loaded(n, friction, (1.0, 1.0), 1.0)
-    curves, _ = demo_regions.curves_of(system, other, size)
+    system, other = cases.regions.loaded(n, friction, (1.0, 1.0), 1.0)
+    curves, _ = cases.regions.curves_of(system, other, size)
     family = contact_family(system, other, mu_range=(-size, size))
     return curves, solution_regions(
         family, curves, mu_range=(-size, size), gamma_range=(-size, size)
@@ -116,7 +116,7 @@ def test_random_families(seed):
 
 
 def test_demo(folder):
-    summary = demo_regions.main(["--over-critical", "1.5", f"--output={folder}"])
+    summary = cases.regions.main(["--over-critical", "1.5", f"--output={folder}"])
     (found,) = summary["regions"]
     assert found["friction"] == 3.0
     assert found["proved"]

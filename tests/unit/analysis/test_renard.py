@@ -4,8 +4,8 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from _triangle import linear_triangle
-from demo_own_law import SlipWeakening
+from cases._triangle import linear_triangle
+from cases.own_law import SlipWeakening
 from support.leaning_bodies import block, in_plane, on_box, stiffness_of_points, swirl, to_the
 
 from dolfinx import mesh

@@ -4,7 +4,7 @@ import itertools
 
 from mpi4py import MPI
 
-import demo_shakedown
+import cases.shakedown
 import numpy as np
 import pytest
 from scipy.linalg import block_diag
@@ -387,7 +387,7 @@ def test_bad_input():
 
 @pytest.mark.long
 def test_the_demo(folder):
-    summary = demo_shakedown.main(["--n", "4", "--cases", "6", "--output", str(folder)])
+    summary = cases.shakedown.main(["--n", "4", "--cases", "6", "--output", str(folder)])
     assert summary["pair"]["theorem_holds"]
     assert summary["pair"]["below"] == ["rest"]
     np.testing.assert_allclose(summary["pair"]["factor"], 4.71273572, rtol=1e-6)

@@ -2,12 +2,12 @@
 
 from mpi4py import MPI
 
-import demo_squeal
+import cases.squeal
 import numpy as np
 import pytest
 import scipy.linalg
 import scipy.sparse
-from _triangle import linear_triangle
+from cases._triangle import linear_triangle
 from support.blocks import restore_statuses
 from support.leaning_bodies import FASTEST, block, pad
 
@@ -219,7 +219,7 @@ def test_bad_input():
 def test_demo(folder):
     """Numbers of the benchmark, what regularised friction hides, and the animation."""
     pad_options = ["--nx=2", "--ny=2", "--width=1", "--height=1", "--friction=0.5"]
-    found = demo_squeal.main(
+    found = cases.squeal.main(
         [*pad_options, "--damping=0.02", "--slopes", "0.1", "2", "--frames=2", f"--output={folder}"]
     )
     expected = (*FASTEST[2][:1], *ONSET[2][0.02])

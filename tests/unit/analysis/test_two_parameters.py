@@ -5,11 +5,11 @@ from dataclasses import replace
 
 from mpi4py import MPI
 
-import demo_chart
-import demo_followed_mesh
+import cases.chart
+import cases.followed_mesh
 import numpy as np
 import pytest
-from _triangle import element
+from cases._triangle import element
 from support.families import enumerated, holds, random_family
 
 import ufl
@@ -138,8 +138,8 @@ def test_two_loads():
 
 @pytest.fixture(scope="module")
 def vee():
-    args = demo_followed_mesh.arguments(["--size", "0.1"])
-    return demo_followed_mesh.system(args, COMM)
+    args = cases.followed_mesh.arguments(["--size", "0.1"])
+    return cases.followed_mesh.system(args, COMM)
 
 
 @pytest.mark.verifies(
@@ -243,7 +243,7 @@ def test_chart_of_a_random_family(seed):
 
 def test_demo_of_one_element(folder):
     """Three solutions between gamma = 2 and gamma = F, else one; the two lines cross at F = 2."""
-    summary = demo_chart.main(["--at", "3", "2.5", "--cells=4", "--depth=1", f"--output={folder}"])
+    summary = cases.chart.main(["--at", "3", "2.5", "--cells=4", "--depth=1", f"--output={folder}"])
     assert summary["folds_at"]["3"] == pytest.approx([3.0, 2.0], abs=1e-10)
     assert summary["folds_at"]["2.5"] == pytest.approx([2.5, 2.0], abs=1e-10)
     np.testing.assert_allclose(summary["cusps"], [[2.0, 2.0]], atol=1e-10)

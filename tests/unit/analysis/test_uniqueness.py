@@ -5,11 +5,11 @@ from pathlib import Path
 
 from mpi4py import MPI
 
-import demo_block
-import demo_greco_block
+import cases.block
+import cases.greco_block
 import numpy as np
 import pytest
-from _triangle import linear_triangle
+from cases._triangle import linear_triangle
 from support.blocks import block
 
 import ufl
@@ -34,11 +34,13 @@ def oracle_block(case):
     o = ORACLE[case]
     given = dict(dim=o["dim"], n=o["n"], friction=o["F"], young=o["E"], poisson=o["nu"])
     given |= dict(shift=o["top"][0], press=-o["top"][-1])
-    return demo_block.problem(demo_block.arguments([f"--{k}={v}" for k, v in given.items()]), COMM)
+    return cases.block.problem(
+        cases.block.arguments([f"--{k}={v}" for k, v in given.items()]), COMM
+    )
 
 
 def greco(n):
-    return demo_greco_block.problem(demo_greco_block.arguments(["--n", str(n)]), COMM)
+    return cases.greco_block.problem(cases.greco_block.arguments(["--n", str(n)]), COMM)
 
 
 def all_solutions(problem):

@@ -4,10 +4,10 @@ import itertools
 
 from mpi4py import MPI
 
-import demo_wedging
+import cases.wedging
 import numpy as np
 import pytest
-from _triangle import linear_triangle, reduced
+from cases._triangle import linear_triangle, reduced
 from scipy.optimize import brentq, linprog
 from support.blocks import block
 from support.space_problems import random_stiffness
@@ -157,7 +157,7 @@ def test_the_table_of_the_triangle(lame):
 )
 def test_the_demo(folder):
     """Just below the coefficient the body is free without load, just above a pull frees it."""
-    summary = demo_wedging.main(["--n", "4", "--output", str(folder)])
+    summary = cases.wedging.main(["--n", "4", "--output", str(folder)])
     np.testing.assert_allclose(summary["wedging"], 1.64042448, rtol=5e-9)
     assert summary["complete"]
     assert summary["statuses"] == "cocc"
@@ -170,7 +170,7 @@ def test_the_demo(folder):
         rn, rt = branch["unloaded"]
         assert 0.1 * branch["loaded"] < rn < branch["loaded"]
         assert 0 < rt <= branch["friction"] * rn * (1 + 1e-9)
-    points = reduced(4, 1.0, demo_wedging.LOAD, (100.0, 82.0))
+    points = reduced(4, 1.0, cases.wedging.LOAD, (100.0, 82.0))
     closed = np.array(list(summary["statuses"])) == "c"
     for branch in (below, above):
         expected = load_over_force(branch["friction"], points, closed)

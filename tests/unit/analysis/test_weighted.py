@@ -4,7 +4,7 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from _triangle import linear_triangle
+from cases._triangle import linear_triangle
 from scipy.optimize import root
 from support.blocks import block as body
 from support.leaning_bodies import block, stiffness_of_points, swirl, to_the

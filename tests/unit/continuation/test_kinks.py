@@ -2,8 +2,8 @@
 
 from mpi4py import MPI
 
-import demo_3d_branch
-import demo_followed_mesh
+import cases.branch_3d
+import cases.followed_mesh
 import numpy as np
 import pytest
 from support.textbook import Textbook, one_node, start
@@ -51,7 +51,7 @@ def test_vee(kinks):
     """The V-shaped body: folds where the exact passage has them, three solutions at 0.7."""
     runs = {}
     for mode in ("exact", kinks):
-        body = demo_followed_mesh.system(demo_followed_mesh.arguments(["--size", "0.1"]), COMM)
+        body = cases.followed_mesh.system(cases.followed_mesh.arguments(["--size", "0.1"]), COMM)
         body.problem.solve()
         x = body.create_vector()
         body.problem.write(x)
@@ -151,7 +151,7 @@ def test_events_that_are_asked_for_are_located():
 def test_3d_branch(folder):
     """The foot on all ranks and on one: the same steps; the last solution is one of H."""
     options = ["--n", "3", "--output", str(folder)]
-    summary = demo_3d_branch.main(options)
+    summary = cases.branch_3d.main(options)
     assert summary["converged"]
     assert summary["folds"] == summary["bifurcations"] == []
     counts = [[p[name] for p in summary["along"]] for name in ("open", "stick", "slip")]
@@ -168,11 +168,11 @@ def test_3d_branch(folder):
     gammas = []
     runs = [("batched", MPI.COMM_SELF), ("exact", COMM)]
     for kinks, comm in runs if COMM.size == 1 else runs[:1]:  # the exact one takes long
-        args = demo_3d_branch.arguments([*options, "--kinks", kinks])
-        system, _ = demo_3d_branch.foot(args, comm)
+        args = cases.branch_3d.arguments([*options, "--kinks", kinks])
+        system, _ = cases.branch_3d.foot(args, comm)
         x = system.create_vector()
         x.set(0.0)
-        locate = demo_3d_branch.first_contact(system) if kinks == "batched" else None
+        locate = cases.branch_3d.first_contact(system) if kinks == "batched" else None
         control = StepControl(kinks=kinks)
         with Follower(system, control, gamma_scale=1.0, locate=locate) as follower:
             branch = follower.run(follower.start(x, 0.0), gamma_range=(0.0, 1.0))

@@ -3,8 +3,8 @@
 from mpi4py import MPI
 from petsc4py import PETSc
 
-import demo_3d_branch
-import demo_followed_mesh
+import cases.branch_3d
+import cases.followed_mesh
 import numpy as np
 import pytest
 from support.textbook import SymmetricGuess, Textbook
@@ -71,8 +71,8 @@ def test_sign_of_the_determinant(monkeypatch):
 
 def follow_vee(solver, kinks, *options):
     PETSc.Options()["contact_linear_solver"] = solver
-    args = demo_followed_mesh.arguments(["--size", "0.1", *options])
-    body = demo_followed_mesh.system(args, COMM)
+    args = cases.followed_mesh.arguments(["--size", "0.1", *options])
+    body = cases.followed_mesh.system(args, COMM)
     body.problem.solve()
     x = body.create_vector()
     body.problem.write(x)
@@ -181,8 +181,8 @@ def test_3d_branch():
     branches = []
     for solver in ("amg", "direct"):
         PETSc.Options()["contact_linear_solver"] = solver
-        args = demo_3d_branch.arguments(["--n", "3"])
-        system, _ = demo_3d_branch.foot(args, COMM)
+        args = cases.branch_3d.arguments(["--n", "3"])
+        system, _ = cases.branch_3d.foot(args, COMM)
         x = system.create_vector()
         x.set(0.0)
         with Follower(system, StepControl(kinks="exact"), gamma_scale=1.0) as follower:
@@ -204,10 +204,10 @@ def test_parity_is_that_of_mumps(n):
     quotients = set()
     seen = set()
     made = []
-    args = demo_3d_branch.arguments(["--n", str(n), "--friction", "12"])
+    args = cases.branch_3d.arguments(["--n", str(n), "--friction", "12"])
     for solver in ("amg", "direct"):
         PETSc.Options()["contact_linear_solver"] = solver
-        system, _ = demo_3d_branch.foot(args, COMM)
+        system, _ = cases.branch_3d.foot(args, COMM)
         made.append((system, Bordered(system, gamma_scale=1.0)))
         assert type(made[-1][1].solver) is (Krylov if solver == "amg" else Factorised)
     system = made[0][0]

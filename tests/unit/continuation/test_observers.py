@@ -4,7 +4,7 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from _triangle import linear_triangle
+from cases._triangle import linear_triangle
 from support import recorded_evolution, recorded_path
 from support.driven_blocks import driven_block
 from support.recorded_run import CONTROL, moved_block, start

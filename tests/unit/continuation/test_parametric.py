@@ -2,11 +2,11 @@
 
 from mpi4py import MPI
 
-import demo_friction_parameter
-import demo_single_element
+import cases.friction_parameter
+import cases.single_element
 import numpy as np
 import pytest
-from _triangle import linear_triangle
+from cases._triangle import linear_triangle
 from support.blocks import box, facets
 from support.driven_blocks import driven_block
 from support.harness import varied
@@ -86,7 +86,7 @@ def test_derivative_by_gamma(kind, material):
 )
 def test_single_element(folder):
     """Hild's triangle along a load: folds where the closed form has them, and no bifurcation."""
-    summary = demo_single_element.main(["--output", str(folder)])
+    summary = cases.single_element.main(["--output", str(folder)])
     folds = [f["gamma"] for f in summary["folds"]]
     np.testing.assert_allclose(folds, [0.625, 346 / 182 / 4], atol=1e-10)
     assert [(f["before"], f["after"]) for f in summary["folds"]] == [("k", "-"), ("-", "o")]
@@ -107,7 +107,7 @@ def test_single_element(folder):
 )
 def test_friction_as_parameter(folder):
     """Stick and slip are born together where the closed form has it."""
-    summary = demo_friction_parameter.main(["--output", str(folder)])
+    summary = cases.friction_parameter.main(["--output", str(folder)])
     (fold,) = summary["folds"]
     assert not fold["smooth"]
     assert abs(fold["gamma"] - 2.4) < 1e-10
@@ -132,7 +132,7 @@ def test_single_element_with_other_steps_and_units(factor, folder):
     ]
     for extra in ([], [*other, "--length", "1e3"]):
         with varied(step_factor=factor):
-            summary = demo_single_element.main([*options, *extra])
+            summary = cases.single_element.main([*options, *extra])
         assert (summary["points"] > 30) == (factor < 1)
         folds = [f["gamma"] for f in summary["folds"]]
         np.testing.assert_allclose(folds, [0.625, 346 / 182 / 4], atol=1e-10)

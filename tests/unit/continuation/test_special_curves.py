@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 from mpi4py import MPI
 
-import demo_followed_mesh
+import cases.followed_mesh
 import numpy as np
 import pytest
 from support.textbook import one_node, smooth, start
@@ -127,7 +127,9 @@ def test_what_is_refused():
 
 def vee(*options):
     """The V-shaped body, and its branch."""
-    system = demo_followed_mesh.system(demo_followed_mesh.arguments(["--size=0.1", *options]), COMM)
+    system = cases.followed_mesh.system(
+        cases.followed_mesh.arguments(["--size=0.1", *options]), COMM
+    )
     return system, branch_of(system)
 
 

@@ -4,7 +4,7 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from _triangle import element
+from cases._triangle import element
 from support.bonded_bar import C, W, bar
 from support.histories import cycle, dragged
 

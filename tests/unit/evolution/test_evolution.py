@@ -7,7 +7,7 @@ from pathlib import Path
 
 from mpi4py import MPI
 
-import demo_two_blocks
+import cases.two_blocks
 import numpy as np
 import pytest
 from support.blocks import box, facets, same_tables
@@ -58,8 +58,8 @@ def test_the_path_of_two_blocks(case):
     words = ["--n", given["n"], "--friction", given["F"], "--upper", given["E1"], given["nu1"]]
     lower = ["--lower", given["E2"], given["nu2"]]
     words += ["--rigid-floor"] if given["rigid_floor"] else lower
-    both, top = demo_two_blocks.problem(demo_two_blocks.arguments([str(w) for w in words]), COMM)
-    history = demo_two_blocks.along_the_path(both, top)
+    both, top = cases.two_blocks.problem(cases.two_blocks.arguments([str(w) for w in words]), COMM)
+    history = cases.two_blocks.along_the_path(both, top)
     assert history.complete
     assert [s.status for s in history.steps] == [s["status"] for s in path]
     force = max(max(s["rn"]) for s in path)

@@ -4,7 +4,7 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from demo_own_law import SlipWeakening
+from cases.own_law import SlipWeakening
 from support.blocks import facets
 
 import ufl

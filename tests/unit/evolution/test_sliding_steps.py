@@ -4,7 +4,7 @@ import logging
 
 from mpi4py import MPI
 
-import demo_flattened_ring
+import cases.flattened_ring
 import numpy as np
 import pytest
 from support.mortars import stacked
@@ -36,15 +36,15 @@ def same(a, b, tolerance):
 )
 def test_a_step_in_a_cycle_is_halved(caplog):
     """A ring that first touches itself: no strategy but Newton's method is tried."""
-    args = demo_flattened_ring.arguments(["--n=32", "--friction=0.5"])
+    args = cases.flattened_ring.arguments(["--n=32", "--friction=0.5"])
     times = np.linspace(0.0, 1.65, 18)
     ends = []
 
     def pressed(times):
-        ring = demo_flattened_ring.Ring(args, COMM, whole=True)
+        ring = cases.flattened_ring.Ring(args, COMM, whole=True)
 
         def load(t):
-            ring.plate.value[1] = demo_flattened_ring.OUTER - t
+            ring.plate.value[1] = cases.flattened_ring.OUTER - t
 
         history = QuasiStatic(ring.problem, load).run(
             times,

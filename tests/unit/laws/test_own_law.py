@@ -5,12 +5,12 @@ from typing import Any
 
 from mpi4py import MPI
 
-import _triangle
 import numpy as np
 import pytest
-from _triangle import element
-from demo_own_law import Orthotropic, SlipWeakening
-from demo_own_law import main as demo
+from cases import _triangle
+from cases._triangle import element
+from cases.own_law import Orthotropic, SlipWeakening
+from cases.own_law import main as demo
 from scipy.optimize import minimize_scalar
 from support.blocks import block, same_tables
 

@@ -2,7 +2,7 @@
 
 from mpi4py import MPI
 
-import demo_proofs_3d
+import cases.proofs_3d
 import numpy as np
 import pytest
 from support.blocks import facets
@@ -61,7 +61,7 @@ TABLE = {
 def test_the_table_of_several_solutions(case, folder):
     cells, load, friction, forces = TABLE[case]
     words = ["--cells", *cells, "--load", *load, "--friction", friction]
-    summary = demo_proofs_3d.main([*words, "--output", str(folder)])
+    summary = cases.proofs_3d.main([*words, "--output", str(folder)])
     assert summary["complete"]
     assert summary["open"] == 0
     found = [s["sum_rn"] for s in summary["solutions"]]
@@ -77,7 +77,7 @@ def test_the_table_of_several_solutions(case, folder):
 def test_a_block_of_the_demo(friction, folder):
     """49 points under an oblique load: one solution, at once."""
     words = ["--shape", "block", "--cells", "6", "6", "2", "--load", ".5", ".2", "-1"]
-    summary = demo_proofs_3d.main([*words, "--friction", friction, "--output", str(folder)])
+    summary = cases.proofs_3d.main([*words, "--friction", friction, "--output", str(folder)])
     assert summary["complete"]
     (one,) = summary["solutions"]
     # The top is clamped: what the floor bears is less than the weight of 0.5.
@@ -87,7 +87,7 @@ def test_a_block_of_the_demo(friction, folder):
 @pytest.mark.ranks(2)
 def test_words_that_do_not_fit():
     with pytest.raises(SystemExit):
-        demo_proofs_3d.arguments(["--shape", "block", "--cells", "2", "2"])
+        cases.proofs_3d.arguments(["--shape", "block", "--cells", "2", "2"])
 
 
 # -- which problems --------------------------------------------------------------------------------
@@ -198,7 +198,7 @@ def test_friction_as_the_parameter_is_proved():
 def test_a_proof_that_has_no_time():
     """It is said to be open; what starts in the open region find is reported, each once."""
     words = ["--cells", "4", "2", "--load", "-1", ".2", "-.3", "--friction", "3.5"]
-    system = demo_proofs_3d.body(demo_proofs_3d.arguments(words), COMM)
+    system = cases.proofs_3d.body(cases.proofs_3d.arguments(words), COMM)
     few = dict(lengths=(0.5,), max_iterations=3)
     found = find_solutions(system, [system.create_vector()], 1.0, proof_seconds=1e-6, **few)
     assert not found.complete
@@ -242,7 +242,7 @@ def test_a_step_of_a_history():
 )
 def test_others_exist(caplog):
     """Of three solutions one is found, and another one beside it."""
-    system = demo_proofs_3d.body(demo_proofs_3d.arguments([]), COMM)
+    system = cases.proofs_3d.body(cases.proofs_3d.arguments([]), COMM)
     problem = system.problem
     problem.solve()
     answer = problem.uniqueness()
@@ -265,7 +265,7 @@ def test_others_exist(caplog):
 def test_unique_by_search():
     """Where the certificate does not hold and no other solution is found, time helps."""
     words = ["--cells", "4", "2", "--load", "-1", ".2", "-.3", "--friction", "2"]
-    problem = demo_proofs_3d.body(demo_proofs_3d.arguments(words), COMM).problem
+    problem = cases.proofs_3d.body(cases.proofs_3d.arguments(words), COMM).problem
     problem.solve()
     assert problem.uniqueness().verdict == "not proved"
     found = problem.uniqueness(proof_seconds=60.0)

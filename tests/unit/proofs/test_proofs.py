@@ -5,11 +5,11 @@ from functools import partial
 
 from mpi4py import MPI
 
-import demo_followed_mesh
-import demo_own_law
+import cases.followed_mesh
+import cases.own_law
 import numpy as np
 import pytest
-from _triangle import linear_triangle
+from cases._triangle import linear_triangle
 from support.blocks import block, facets
 
 import ufl
@@ -133,8 +133,8 @@ def test_the_seed_example_is_complete(n, friction):
 @serial
 def test_a_vee():
     """13 nodes at a gamma between the folds."""
-    args = demo_followed_mesh.arguments(["--size", "0.03"])
-    system = demo_followed_mesh.system(args, COMM)
+    args = cases.followed_mesh.arguments(["--size", "0.03"])
+    system = cases.followed_mesh.system(args, COMM)
     solutions = found_at(system, 0.7)
     assert solutions.complete
     assert len(solutions.found) == 3
@@ -160,10 +160,10 @@ ARMS += [(0.3, 0.15 + 0.15 * 2**0.5), (0.3, 0.8), (0, 0.8)]
 )
 def test_the_vee_of_the_literature(gamma, count, monkeypatch):
     """Their data, F = 1.8, in 1 s; the mesh decides from which load on there are three."""
-    monkeypatch.setattr(demo_followed_mesh, "VEE", ARMS)
+    monkeypatch.setattr(cases.followed_mesh, "VEE", ARMS)
     force = ("--body-force", "-5", "1", "-5", "-8")
-    args = demo_followed_mesh.arguments(["--size", "0.03", "--friction", "1.8", *force])
-    system = demo_followed_mesh.system(args, COMM)
+    args = cases.followed_mesh.arguments(["--size", "0.03", "--friction", "1.8", *force])
+    system = cases.followed_mesh.system(args, COMM)
     start = time.process_time()
     solutions = found_at(system, gamma)
     assert time.process_time() - start < 1
@@ -336,7 +336,7 @@ def test_data_that_have_changed():
     [
         (partial(block, material=NeoHookean(*lame(1000.0, 0.3))), "linear bodies"),
         (
-            partial(block, law=demo_own_law.SlipWeakening(0.6, 0.3, 0.01)),
+            partial(block, law=cases.own_law.SlipWeakening(0.6, 0.3, 0.01)),
             "laws of Coulomb and Tresca",
         ),
         (partial(block, method="integral"), "contact at nodes"),

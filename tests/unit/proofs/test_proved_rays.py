@@ -5,10 +5,10 @@ from functools import partial
 
 from mpi4py import MPI
 
-import demo_ciarlet_geymonat
+import cases.ciarlet_geymonat
 import numpy as np
 import pytest
-from _triangle import linear_triangle
+from cases._triangle import linear_triangle
 from support.textbook import coulomb_system
 
 from dolfinx_contact.continuation.rays import outgoing
@@ -95,7 +95,7 @@ def rays_at(system, gamma):
 )
 def test_a_hyperelastic_block():
     """The 20 x 40 block of the seed: 21 points at their apex, three rays to either side."""
-    found = rays_at(demo_ciarlet_geymonat.block(20, 40, 1.0), 0.0)
+    found = rays_at(cases.ciarlet_geymonat.block(20, 40, 1.0), 0.0)
     assert found.complete
     assert found.method.count("a proof of") == 2
     assert sorted(ray.rate for ray in found.rays) == 3 * [-1.0] + 3 * [1.0]

@@ -8,7 +8,7 @@ from petsc4py import PETSc
 
 import numpy as np
 import pytest
-from _triangle import linear_triangle
+from cases._triangle import linear_triangle
 from support.blocks import block, half_block
 
 from dolfinx_contact import Coulomb, HalfSpace, Tresca

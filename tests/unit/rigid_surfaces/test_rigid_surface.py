@@ -2,10 +2,10 @@
 
 from mpi4py import MPI
 
-import demo_punch
+import cases.punch
 import numpy as np
 import pytest
-from _surfaces import ball, brick, cylinder, disc, write_stl
+from cases._surfaces import ball, brick, cylinder, disc, write_stl
 from scipy.spatial.transform import Rotation
 from support import blocks
 from support.blocks import same_tables
@@ -581,7 +581,7 @@ def _write_gmsh(path):
 )
 def test_demo(tool, folder, monkeypatch):
     monkeypatch.setattr(plot, "picture_of_body", lambda *_, **__: None)
-    found = demo_punch.main([f"--tool={tool}", "--n=6", "--steps=2", f"--output={folder}"])
+    found = cases.punch.main([f"--tool={tool}", "--n=6", "--steps=2", f"--output={folder}"])
     assert found["unbalanced"] < 1e-9
     assert found["kkt_violation"] < 1e-9
     assert found["drag_exact"] > 0.2 * 60.0

@@ -7,9 +7,9 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from _case import ScriptParser, number
-from _hertz import Hertz
-from _plots import draw_maps
+from cases._case import ScriptParser, number
+from cases._hertz import Hertz
+from cases._plots import draw_maps
 from support.blocks import block, box, facets
 
 import ufl

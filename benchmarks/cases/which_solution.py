@@ -8,7 +8,7 @@
 #   what else it does; and what each does at the critical friction coefficient.
 #
 # Two problems with three solutions: Hild's element with F = 3 under the traction (-2.4, -1) (its
-# corner A opens, sticks or slips to the left), and the triangle of `demo_linear_triangle.py` with
+# corner A opens, sticks or slips to the left), and the triangle of `linear_triangle.py` with
 # 16 contact nodes, F = 2, at gamma = 1 (the same three at A, all other nodes open).
 
 from mpi4py import MPI

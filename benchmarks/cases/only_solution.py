@@ -6,7 +6,7 @@
 # - follow a solution in the friction coefficient, for a law of your choice;
 # - read from its fold up to which coefficient it is the only one.
 #
-# With a smooth law of a width eps in place of Coulomb's threshold (`demo_regularised.py`) the
+# With a smooth law of a width eps in place of Coulomb's threshold (`regularised.py`) the
 # contact problem is proved to have one solution for friction below C eps^2/|log h|, h the size of
 # the cells. The triangle tells what becomes of that on meshes: from the solution in which its
 # corner A creeps the coefficient falls, until a fold; below it A only lifts off. The fold neither

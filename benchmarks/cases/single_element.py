@@ -7,7 +7,7 @@
 # - pass points where the status changes and gamma turns back, located to round-off;
 # - read off all solutions of the branch at one gamma.
 #
-# Hild's triangle (see `demo_hild_triangle.py`) under the traction (0, -1) + gamma (-4, 0): A sticks
+# Hild's triangle (see `hild_triangle.py`) under the traction (0, -1) + gamma (-4, 0): A sticks
 # until the shear reaches the friction bound at gamma = F |F2| / 4. If F is larger than the critical
 # coefficient (lambda + 3 mu)/(lambda + mu) the branch turns back there, slips to the left while the
 # load *decreases*, and turns forward again where the pressure vanishes and A lifts off. Between the

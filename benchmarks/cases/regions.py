@@ -6,7 +6,7 @@
 # - follow the curves of two loads at which a point opens, sticks or slips first, or a branch turns;
 # - draw the regions between them with the solutions in each, proved to be all.
 #
-# The body is Hild's triangle (see `demo_hild_triangle.py`), or one of more elements (`--n`), under
+# The body is Hild's triangle (see `hild_triangle.py`), or one of more elements (`--n`), under
 # a traction (F1, F2) on its vertical side. With one element the pictures are figures 2 to 4 of
 # P. Hild, *On finite element uniqueness studies for Coulomb's frictional contact model*, Int. J.
 # Appl. Math. Comput. Sci. 12 (2002) 41-50, whose Proposition 2 lists the solutions in closed form:

@@ -8,7 +8,7 @@
 #
 # V. Rey (C. R. Mecanique 354, 2026) compares algorithms on an example with several solutions for
 # F > 3, and not all reach its sliding one. Hild's triangle with nu = 0 has the same threshold,
-# 3 - 4 nu. The second problem is the triangle of `demo_linear_triangle.py` under its own load.
+# 3 - 4 nu. The second problem is the triangle of `linear_triangle.py` under its own load.
 
 from mpi4py import MPI
 

@@ -7,7 +7,7 @@
 # - give each its material, and let them touch (`ContactPair`): a mortar couples the faces;
 # - write and draw both bodies, what they carry and where they stick and slip.
 #
-# The rocker is that of `demo_dragged_body.py`, whose floor is now a block of elastic material, held
+# The rocker is that of `dragged_body.py`, whose floor is now a block of elastic material, held
 # below. Its top is moved down and sideways as a rigid plate. The base gives way to both: where the
 # floor would let the edges of the contact slip, a part of the base is drawn along. `--base` is its
 # modulus; the stiffer it is, the nearer the forces are to those on the floor, `--rigid`. Between

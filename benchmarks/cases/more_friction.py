@@ -7,7 +7,7 @@
 # - know at any coefficient how many there are.
 #
 # That friction makes solutions multiply is what one expects, and in Hild's triangle
-# (`demo_hild_triangle.py`) it is so for nearly all loads. P. Hild noted that their number may as
+# (`hild_triangle.py`) it is so for nearly all loads. P. Hild noted that their number may as
 # well *decrease* when the coefficient grows (Int. J. Appl. Math. Comput. Sci. 12 (2002) 41-50).
 # Two elements and two contact nodes show it for a whole interval of loads: the triangles ABC and
 # BDC with A = (0, 0) and B = (1, 0) on the floor, C = (1/2, 1/2) and D = (3/2, 3/2) held and moved

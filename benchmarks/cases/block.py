@@ -1,0 +1,107 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+# # A block pressed and sheared on a rigid foundation
+#
+# This demo illustrates how to:
+#
+# - state a static problem with Coulomb friction on a built-in mesh, in 2D or 3D, with triangles,
+#   quadrilaterals, tetrahedra or hexahedra of degree 1 or 2;
+# - put the body on a plane, a tilted plane or a sphere (a disc in 2D);
+# - solve it, read the contact points, and write pictures, `contact.csv` and `summary.json`.
+#
+# The unit square or cube is held on its whole top face, which is pressed down and pushed sideways.
+# On a plane the edges slip first while the middle sticks; on a tilted plane or a sphere only a
+# part of the face touches.
+
+from mpi4py import MPI
+
+import numpy as np
+from _case import CELLS, ScriptParser, number
+
+import ufl
+from dolfinx import fem, mesh
+
+from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, Sphere, io, plot
+from dolfinx_contact.materials import LinearElastic
+
+
+def arguments(argv=None):
+    block = dict(dim=2, n=8, cell=None, degree=1, young=1000.0, poisson=0.3)
+    move = dict(friction=0.3, press=0.01, shift=0.004)
+    parser = ScriptParser("A block on a foundation", output="output/block", **block, **move)
+    parser.add_argument(
+        "--method", choices=("nodal", "integral", "mixed"), help="see ContactSurface"
+    )
+    parser.add_argument("--obstacle", choices=("plane", "tilted", "sphere"), default="plane")
+    parser.add_argument("--tilt", type=number(), default=0.02, help="slope of the tilted plane")
+    parser.add_argument("--radius", type=number(above=0), default=10.0, help="of the sphere")
+    return parser.parse(argv)
+
+
+# ## The foundation
+#
+# All three touch the undeformed block: the plane everywhere, the tilted plane along its left edge,
+# the sphere in the middle.
+
+
+def foundation(args):
+    up = np.eye(args.dim)[-1]
+    if args.obstacle == "plane":
+        return HalfSpace(np.zeros(args.dim), up)
+    if args.obstacle == "tilted":
+        return HalfSpace(np.zeros(args.dim), up + args.tilt * np.eye(args.dim)[0])
+    middle = 0.5 * (1.0 - up)
+    return Sphere(middle - args.radius * up, args.radius)
+
+
+# ## The problem
+#
+# The body is any UFL energy or residual; here isotropic linear elasticity (plane strain in 2D).
+
+
+def problem(args, comm):
+    n = args.n
+    cell = CELLS[args.cell]
+    if args.dim == 2:
+        domain = mesh.create_unit_square(comm, n, n, cell)
+    else:
+        domain = mesh.create_unit_cube(comm, n, n, n, cell)
+    fdim = args.dim - 1
+    bottom = mesh.locate_entities_boundary(domain, fdim, lambda x: np.isclose(x[fdim], 0.0))
+    top = mesh.locate_entities_boundary(domain, fdim, lambda x: np.isclose(x[fdim], 1.0))
+
+    V = fem.functionspace(domain, ("Lagrange", args.degree, (args.dim,)))
+    u = fem.Function(V, name="displacement")
+    moved = np.zeros(args.dim)
+    moved[0] = args.shift
+    moved[-1] = -args.press
+    held = fem.dirichletbc(moved, fem.locate_dofs_topological(V, fdim, top), V)
+
+    material = LinearElastic.from_young(args.young, args.poisson)
+    surface = ContactSurface(
+        u, bottom, obstacle=foundation(args), law=Coulomb(args.friction), method=args.method
+    )
+    return ContactProblem(material.energy(u) * ufl.dx, u, [surface], bcs=[held])
+
+
+# ## Solve and write
+#
+# `solve` starts from zero and returns what it found: the contact points with their status, the
+# resultants, the history of Newton's method and the worst violation of the contact law.
+
+
+def main(argv=None):
+    args = arguments(argv)
+    comm = MPI.COMM_WORLD
+    folder = io.output_folder(comm, args.output)
+    say = io.Report(comm)
+    block = problem(args, comm)
+    result = block.solve()
+    say.result(result)
+    plot.picture_of_contact(folder / "contact.png", block)
+    io.write_contact_table(comm, folder, result.tables.values())
+    summary = result.summary(block.uniqueness())
+    return io.write_summary(comm, folder, summary)
+
+
+if __name__ == "__main__":
+    main()
