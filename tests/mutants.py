@@ -83,7 +83,7 @@ ROOMS = {
     "pivoting": (
         [
             *("continuation/pivoting.py", "continuation/rays.py", "continuation/ray_finder.py"),
-            *("continuation/affine.py", "continuation/row_update.py"),
+            *("continuation/affine.py", "continuation/corrector.py"),
             *("continuation/factorised.py", "continuation/steps.py", "solvers/pivoting.py"),
         ],
         [

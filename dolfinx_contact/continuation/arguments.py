@@ -116,7 +116,6 @@ def check_states(system: System, states: Sequence[PETSc.Vec], what: str) -> None
                 )
             if not np.isfinite(x.array_r).all():
                 raise ValueError(f"{what} has an entry that is not finite")
-    one.destroy()
 
 
 def check_listeners(

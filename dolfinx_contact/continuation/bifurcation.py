@@ -46,7 +46,7 @@ class BifurcationTest:
 
     def __init__(self, bordered: Bordered):
         self._bordered = bordered
-        self._several = bordered.solver.many_sides
+        self._several = bordered.solver.is_direct
         pairs = _PAIRS if self._several else 1
         self._borders = [self._border(seed) for seed in range(1, 2 * pairs + 1)]
         self._V = [bordered.vector() for _ in range(pairs)]
@@ -57,9 +57,7 @@ class BifurcationTest:
         probe = self._bordered.system.probe(seed)
         probe.scale(1.0 / probe.norm())
         last = 0.6180339887 * np.cos(seed) if self._several else 0.0
-        border = self._bordered.joined(probe, last)
-        probe.destroy()
-        return border
+        return self._bordered.joined(probe, last)
 
     def __call__(self, *, accepted: bool = False) -> float:
         """Return tau at the point of the last tangent; 0 if J is singular there.
@@ -90,10 +88,5 @@ class BifurcationTest:
         """Return the unit vector V of the last call: the kernel of J where tau vanishes."""
         self._bordered.require_scale()
         v = self._V[self._chosen].copy()
-        v.scale(1.0 / np.sqrt(self._bordered.inner(v, v)))
+        v.scale(1.0 / self._bordered.length(v))
         return v
-
-    def destroy(self) -> None:
-        """Free the vectors."""
-        for v in (*self._borders, *self._V):
-            v.destroy()

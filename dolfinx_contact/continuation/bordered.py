@@ -1,8 +1,11 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""The bordered system: H(x, gamma) = 0 with an additional row, regular at folds of gamma.
 
-Its matrix J (`layout`) is factorised (`factorised`), or, if the system has a preconditioner of H_x,
-used in a Krylov method (`krylov`). Lengths are those of the inner product
+    J = [ H_x  H_gamma ]
+        [ w^T  w_gamma ]
+
+J is factorised (`factorised`), or, if the system has a preconditioner of H_x, used in a Krylov
+method (`krylov`). Lengths are those of the inner product
 
     <y, z> = x_y . M x_z / (2 x_scale) + gamma_y gamma_z / (2 gamma_scale^2),
 
@@ -11,14 +14,14 @@ with the metric M of the system.
 
 from __future__ import annotations
 
-from functools import cached_property
-
 from petsc4py import PETSc
+
+import numpy as np
 
 from dolfinx_contact.continuation.factorised import Factorised
 from dolfinx_contact.continuation.krylov import Krylov
-from dolfinx_contact.continuation.layout import BorderedSolver, Layout
-from dolfinx_contact.continuation.system import System
+from dolfinx_contact.continuation.layout import Layout
+from dolfinx_contact.continuation.system import Piece, System
 
 __all__ = ["Bordered"]
 
@@ -26,7 +29,7 @@ _STILL = 1e-13  # change of x per scale of gamma, relative to its size, that is 
 
 
 class Bordered(Layout):
-    """Vectors, inner product and linear solver of y = (x, gamma).
+    """Vectors, inner product and linear solver of y = (x, gamma). Methods are collective.
 
     Args:
         system: system to follow.
@@ -34,6 +37,10 @@ class Bordered(Layout):
         prefix: prefix of PETSc options.
 
     Attributes:
+        solver: solver for J. Its method ``assemble`` sets the state, last row and piece of J;
+            ``solve`` and ``probe`` solve with J, ``determinant_sign`` returns the sign of det J.
+            ``is_direct`` indicates whether every further right-hand side is cheap; otherwise solves
+            are iterative, and their cost grows with the accuracy.
         x_scale: square of the unit length of x; 0 until a tangent moves x.
         x_scale_is_new: set together with `x_scale`; the reader resets it.
         sense: sign of det J with the last tangent as last row, divided by the sign of det J with
@@ -41,47 +48,43 @@ class Bordered(Layout):
             product.
     """
 
+    solver: Factorised | Krylov
+
     def __init__(self, system: System, *, gamma_scale: float, prefix: str = "continuation_"):
         super().__init__(system)
-        self.prefix = prefix
         self.gamma_scale = gamma_scale
         self.x_scale = 0.0
         self.x_scale_is_new = False
         self.sense = 1.0
         self._w = system.create_vector()
+        P = system.preconditioner
+        self.solver = Factorised(self, prefix) if P is None else Krylov(self, prefix, P)
 
-    @cached_property
-    def solver(self) -> BorderedSolver:
-        """Solver for J, created when it is first used. Collective."""
-        P = self.system.preconditioner
-        return Factorised(self, self.prefix) if P is None else Krylov(self, self.prefix, P)
-
-    @property
-    def work(self) -> tuple[int, int]:
-        """Numbers of factorised matrices and of solves so far."""
-        solver = vars(self).get("solver")
-        return (0, 0) if solver is None else (solver.factorisations, solver.solves)
-
-    def dual(self, y: PETSc.Vec, out: PETSc.Vec) -> None:
-        """Write the row vector <y, .> into ``out``."""
+    def dual(self, y: PETSc.Vec) -> PETSc.Vec:
+        """Create the row vector <y, .>."""
         x, gamma = self.split(y)
         self.system.metric(x, self._w)
         if self.x_scale > 0:
             self._w.scale(0.5 / self.x_scale)
         else:
             self._w.set(0.0)
-        self.join(self._w, 0.5 * gamma / self.gamma_scale**2, out)
+        return self.joined(self._w, 0.5 * gamma / self.gamma_scale**2)
 
     def inner(self, y: PETSc.Vec, z: PETSc.Vec) -> float:
         """Return <y, z>."""
-        w = y.duplicate()
-        self.dual(y, w)
-        value = float(w.dot(z))
-        w.destroy()
-        return value
+        return float(self.dual(y).dot(z))
+
+    def length(self, y: PETSc.Vec) -> float:
+        """Return the length of a vector."""
+        return float(np.sqrt(self.inner(y, y)))
+
+    def orientation_at(self, y: PETSc.Vec, t: PETSc.Vec, piece: Piece) -> float:
+        """Return the sign of det [grad H; t^T] of a piece at a state; 0 if it is singular."""
+        self.solver.assemble(y, self.dual(t), piece)
+        return self.solver.determinant_sign()
 
     def set_scale(self, t: PETSc.Vec, y: PETSc.Vec) -> None:
-        """Set `x_scale` by the first tangent ``t`` at ``y`` that moves x. Collective.
+        """Set `x_scale` by the first tangent ``t`` at ``y`` that moves x.
 
         x and gamma then contribute equally to the length of ``t``. A motion that is round-off of x
         over the whole scale of gamma does not count.
@@ -93,11 +96,11 @@ class Bordered(Layout):
         size = float(self._w.dot(x))
         x, gamma = self.split(t)
         self.system.metric(x, self._w)
-        length = float(self._w.dot(x))
+        square = float(self._w.dot(x))
         noise = (100 * self.solver.precision) ** 2 * float(x.dot(x)) / self.size
         noise = max(noise, (_STILL * gamma / self.gamma_scale) ** 2 * size)
-        if length > noise and gamma != 0:
-            self.x_scale = length * (self.gamma_scale / gamma) ** 2
+        if square > noise and gamma != 0:
+            self.x_scale = square * (self.gamma_scale / gamma) ** 2
             self.x_scale_is_new = True
 
     def require_scale(self) -> None:
@@ -107,8 +110,5 @@ class Bordered(Layout):
             self.x_scale_is_new = True
 
     def destroy(self) -> None:
-        """Free the PETSc objects."""
-        if "solver" in vars(self):
-            self.solver.destroy()
-        for v in (self._w, self.x):
-            v.destroy()
+        """Free the linear solver."""
+        self.solver.destroy()

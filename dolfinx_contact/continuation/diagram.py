@@ -12,7 +12,6 @@
 from __future__ import annotations
 
 import logging
-import math
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
@@ -398,20 +397,13 @@ class _Explorer:
 
     def _is_at(self, y: PETSc.Vec, other: PETSc.Vec) -> bool:
         """Return True if two points coincide."""
-        away = y - other
-        square = self.bordered.inner(away, away)
-        away.destroy()
-        return square <= _SAME**2
+        return self.bordered.length(y - other) <= _SAME
 
     def _is_ray(self, t: PETSc.Vec, other: PETSc.Vec) -> bool:
         """Return True if two tangents have one direction in the present metric."""
-        inner = self.bordered.inner
-        away = t.copy()
-        away.scale(1.0 / math.sqrt(inner(t, t)))
-        away.axpy(-1.0 / math.sqrt(inner(other, other)), other)
-        square = inner(away, away)
-        away.destroy()
-        return bool(square <= _SAME_RAY**2)
+        length = self.bordered.length
+        away = t / length(t) - other / length(other)
+        return length(away) <= _SAME_RAY
 
 
 def _reversed(t: PETSc.Vec) -> PETSc.Vec:

@@ -221,8 +221,6 @@ class Follower(Walker):
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._steps.destroy()
-        self.corrector.destroy()
         self.bordered.destroy()
 
     @property
@@ -243,12 +241,9 @@ class Follower(Walker):
         self._require_parameter(y, piece)
         if not self.corrector.natural(y, gamma, piece):
             raise ValueError(f"no solution near the given state was found at gamma = {gamma}")
-        sense = b.last_unit()
-        sense.scale(sign * b.gamma_scale)
-        tangent = self.corrector.tangent(y, sense, piece)
+        tangent = self.corrector.tangent(y, b.last_unit(sign * b.gamma_scale), piece)
         if tangent is None:
             raise ValueError("the start is a singular point: its tangent is not unique")
-        sense.destroy()
         return self._steps.rescaled(BranchPoint(y, tangent, piece, b.gamma(y), 0.0, 0))
 
     def _piece_from(self, y: PETSc.Vec, sign: float) -> Piece:
@@ -278,8 +273,6 @@ class Follower(Walker):
         for state, g in ((x, gamma), (x, gamma + shift), (x, gamma - shift), (probe, gamma)):
             system.parameter_derivative(state, g, c, piece)
             appears = appears or c.norm() > 0
-        c.destroy()
-        probe.destroy()
         if appears:
             return
         # gamma may appear in the borders of the piece only
@@ -408,10 +401,8 @@ class Follower(Walker):
         except ValueError as error:
             logger.info("no continuation beyond gamma = %g: %s", point.gamma, error)
             return None
-        moved = new.y - point.y
         onwards = b.gamma(new.tangent)
-        distance = math.sqrt(b.inner(moved, moved))
-        moved.destroy()
+        distance = b.length(new.y - point.y)
         most = abs(gamma - point.gamma) * (1 / abs(slope) + 1 / abs(onwards)) if onwards else 0.0
         if is_same_piece(b.comm, new.piece, point.piece) and distance <= _FURTHER * most:
             return new
@@ -436,7 +427,7 @@ class Follower(Walker):
         back.axpy(-part, onwards)
         back.axpy(-(part**2), bend)
         onwards.axpy(2 * part, bend)
-        slope = b.inner(onwards, start.tangent) / math.sqrt(b.inner(onwards, onwards))
+        slope = b.inner(onwards, start.tangent) / b.length(onwards)
         return b.inner(back, back) <= _BESIDE**2 * square and slope > self.control.cosine
 
     def _between(self, a: BranchPoint, c: BranchPoint, gamma: float) -> BranchPoint | None:
@@ -444,7 +435,7 @@ class Follower(Walker):
         piece = self._steps.piece_between(a, c)
         # along the secant, because the stored tangent of a point may belong to the previous piece
         secant = c.y - a.y
-        secant.scale(1.0 / math.sqrt(b.inner(secant, secant)))
+        secant.scale(1.0 / b.length(secant))
         located = self._steps.locate(
             replace(a, tangent=secant),
             c.y,
@@ -452,7 +443,6 @@ class Follower(Walker):
             lambda y, _t: b.gamma(y) - gamma,
             piece=piece,
         )
-        secant.destroy()
         if located is None or not self.corrector.natural(located[1], gamma, piece):
             return None
         s, y = located

@@ -25,13 +25,16 @@ prevent convergence. A singular J is noticed if the right-hand side is outside i
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable
+from types import SimpleNamespace
 
 from petsc4py import PETSc
 
 import numpy as np
 
-from dolfinx_contact._petsc import logged
-from dolfinx_contact.continuation.layout import BorderedSolver, Enough, Layout
+from dolfinx_contact._inexact import Forcing
+from dolfinx_contact._petsc import logged, options_in_database
+from dolfinx_contact.continuation.layout import Layout
 from dolfinx_contact.continuation.system import Piece, Preconditioner
 
 __all__ = ["Krylov"]
@@ -44,11 +47,39 @@ _PRECISE = 1e-9  # default relative residual
 # one of N eigenvectors.
 _SIGN = 1e-4
 _BELOW = 1e-2
+_DEFAULTS = {"ksp_type": "fgmres", "ksp_gmres_restart": 200, "ksp_max_it": 200}
 _NEAR = 0.5  # largest |A v - c| / |c| of a v from a tangent; measured for v = P^-1 c: 0.15
 
 
-class Krylov(BorderedSolver):
-    """Solves with J by a preconditioned Krylov method.
+class ModelTest:
+    """Criterion to end a linear solve below the remainder of the linear model, see `Forcing`.
+
+    Args:
+        forcing: rule for the relative tolerance of linear solves.
+        remainder: function that returns the norm of H after a correction, in the rows in which the
+            linear model is inexact.
+    """
+
+    def __init__(self, forcing: Forcing, remainder: Callable[[PETSc.Vec], float]):
+        self._forcing = forcing
+        self._remainder = remainder
+
+    def __call__(self, norm: float, size: float, solution: Callable[[], PETSc.Vec]) -> bool:
+        """Return True if a solution suffices. Collective.
+
+        Args:
+            norm: norm of the residual.
+            size: norm of the right-hand side in the rows of H.
+            solution: function that returns the iterate.
+        """
+        reduction = norm / size
+        if not self._forcing.is_due(reduction):
+            return False
+        return self._forcing.suffices(reduction, self._remainder(solution()) / size)
+
+
+class Krylov:
+    """Solves with J by a preconditioned Krylov method; see `Bordered.solver` for the interface.
 
     Args:
         layout: layout of vectors y.
@@ -57,36 +88,35 @@ class Krylov(BorderedSolver):
     """
 
     precision = 1e-8
-    many_sides = False
-    corrects = True
-    defaults = {"ksp_type": "fgmres", "ksp_gmres_restart": 200, "ksp_max_it": 200}
+    is_direct = False
+    factorisations = 0
 
     def __init__(self, layout: Layout, prefix: str, preconditioner: Preconditioner):
-        super().__init__(layout, prefix)
+        self._layout = layout
+        self._system = layout.system
         self._P = preconditioner
-        self._c, self._v, self._w, self._f, self._x = (
-            self.system.create_vector() for _ in range(5)
-        )
-        self._r = layout.vector()
-        self._d = layout.vector()
+        self.solves = 0
+        create = layout.system.create_vector
+        self._c, self._v, self._w, self._f, self._x = (create() for _ in range(5))
+        self._r, self._d, self._work = (layout.vector() for _ in range(3))
         self._corner = self._s = 0.0
         n = self._r.getLocalSize()
-        self.matrix = PETSc.Mat().createPython(((n, None), (n, None)), _Product(self), self.comm)
+        self.matrix = PETSc.Mat().createPython(
+            ((n, None), (n, None)), SimpleNamespace(mult=self.mult), layout.comm
+        )
         self.matrix.setUp()
-        self.ksp = PETSc.KSP().create(self.comm)
+        self.ksp = PETSc.KSP().create(layout.comm)
         self.ksp.setOptionsPrefix(prefix)
-        with self.options():
+        with options_in_database(prefix, _DEFAULTS):
             self.ksp.setFromOptions()
         self.ksp.setPCSide(PETSc.PC.Side.RIGHT)
         self.ksp.setComputeEigenvalues(True)
         self.ksp.setOperators(self.matrix)
         self.ksp.getPC().setType(PETSc.PC.Type.PYTHON)
-        self.ksp.getPC().setPythonContext(_Elimination(self))
+        self.ksp.getPC().setPythonContext(SimpleNamespace(apply=self.apply))
         self.ksp.addConvergenceTest(self._test)
         #: Test, size of the right-hand side and first iterate of the running solve.
-        self._asked: tuple[Enough, float, PETSc.Vec] | None = None
-        self._way = layout.vector()
-        self._way_more = layout.vector()
+        self._asked: tuple[ModelTest, float, PETSc.Vec] | None = None
         self._most = self.ksp.getTolerances()[3]
         self._regular = False
         self._sign: float | None = None
@@ -96,15 +126,17 @@ class Krylov(BorderedSolver):
     def assemble(
         self, y: PETSc.Vec, row: PETSc.Vec, piece: Piece | None, *, along: PETSc.Vec | None = None
     ) -> None:
-        layout, x, gamma = self.layout, *self.layout.split(y)
+        """Use J at ``y`` from now on; ``along`` is an approximate direction of the branch."""
+        layout = self._layout
+        x, gamma = layout.split(y)
         self._sign = None
         self._w.array[:] = row.array_r[: layout.local]
         self._corner = layout.gamma(row)
-        self.system.parameter_derivative(x, gamma, self._c, piece)
+        self._system.parameter_derivative(x, gamma, self._c, piece)
         try:
-            self.system.jacobian(x, gamma, piece)
+            self._system.jacobian(x, gamma, piece)
         except ArithmeticError as error:
-            if self.comm.rank == 0:
+            if layout.comm.rank == 0:
                 logger.debug("no preconditioner: %s", error)
             self._regular = False
             return
@@ -115,12 +147,12 @@ class Krylov(BorderedSolver):
 
     def _takes_from(self, tangent: PETSc.Vec) -> bool:
         """Compute v from an approximate tangent; False if v is not accurate. Collective."""
-        x, gamma = self.layout.split(tangent)
+        x, gamma = self._layout.split(tangent)
         if gamma == 0:
             return False
         x.copy(self._v)
         self._v.scale(-1.0 / gamma)
-        self.system.matrix.mult(self._v, self._f)
+        self._system.matrix.mult(self._v, self._f)
         self._f.axpy(-1.0, self._c)
         if not self._f.norm() <= _NEAR * self._c.norm():
             return False
@@ -134,24 +166,25 @@ class Krylov(BorderedSolver):
         self._P.apply(f, x)
         self.solves += 1
 
-    def eliminate(self, b: PETSc.Vec, y: PETSc.Vec) -> None:
-        """Apply the block elimination to b = (f, g). Collective."""
-        f, g = self.layout.split(b)
+    def apply(self, _pc: PETSc.PC | None, b: PETSc.Vec, y: PETSc.Vec) -> None:
+        """Apply the block elimination to b = (f, g); called by PETSc, too."""
+        f, g = self._layout.split(b)
         self._apply(f, self._x)
         gamma = (g - float(self._w.dot(self._x))) / self._s
         self._x.axpy(-gamma, self._v)
-        self.layout.join(self._x, gamma, y)
+        self._layout.join(self._x, gamma, y)
 
-    def multiply(self, y: PETSc.Vec, b: PETSc.Vec) -> None:
-        """Multiply by J with its last row set to 0. Collective."""
-        x, gamma = self.layout.split(y)
-        self.system.matrix.mult(x, self._f)
+    def mult(self, _mat: PETSc.Mat | None, y: PETSc.Vec, b: PETSc.Vec) -> None:
+        """Multiply by J with its last row set to 0; called by PETSc, too."""
+        x, gamma = self._layout.split(y)
+        self._system.matrix.mult(x, self._f)
         self._f.axpy(gamma, self._c)
-        self.layout.join(self._f, 0.0, b)
+        self._layout.join(self._f, 0.0, b)
 
     # -- solves ----------------------------------------------------------------------------------
 
     def factorise(self) -> bool:
+        """Return True if J is regular."""
         return self._regular
 
     def solve(
@@ -161,27 +194,34 @@ class Krylov(BorderedSolver):
         *,
         rtol: float = 0.0,
         near: PETSc.Vec | None = None,
-        enough: Enough | None = None,
+        model: ModelTest | None = None,
     ) -> bool:
+        """Solve with J; False if that fails.
+
+        Args:
+            rhs: right-hand side.
+            out: receives the solution.
+            rtol: sufficient relative residual.
+            near: initial guess; default: that of the block elimination.
+            model: test that may end the solve earlier.
+        """
         if not self._regular:
             return False
-        r = self._r
-        d = self._d
-        layout = self.layout
+        r, layout = self._r, self._layout
         if near is None:
-            self.eliminate(rhs, out)
+            self.apply(None, rhs, out)
         else:
             # The elimination satisfies the last row, which the iterations leave out.
-            self.multiply(near, r)
+            self.mult(None, near, r)
             r.aypx(-1.0, rhs)
             before = r.norm()
             x, gamma = layout.split(near)
             g = layout.gamma(rhs) - float(self._w.dot(x)) - self._corner * gamma
             if layout.last:
                 r.array[-1] = g
-            self.eliminate(r, out)
+            self.apply(None, r, out)
             out.axpy(1.0, near)
-        self.multiply(out, r)
+        self.mult(None, out, r)
         r.aypx(-1.0, rhs)
         if layout.last:
             r.array[-1] = 0.0
@@ -194,16 +234,16 @@ class Krylov(BorderedSolver):
             return False
         if start > least:
             self.ksp.setTolerances(rtol=0.0, atol=least, divtol=1e10, max_it=self._most)
-            self._asked = None if enough is None else (enough, size, out)
+            self._asked = None if model is None else (model, size, out)
             with logged("ContinuationKrylov"):
-                self.ksp.solve(r, d)
+                self.ksp.solve(r, self._d)
             self._asked = None
-            out.axpy(1.0, d)
+            out.axpy(1.0, self._d)
             iterations = self.ksp.getIterationNumber()
             end = self.ksp.getResidualNorm()
             self._P.age(iterations, float(np.log10(max(before / max(end, 1e-300), 1.0))))
             if self.ksp.getConvergedReason() <= 0:
-                if self.comm.rank == 0:
+                if layout.comm.rank == 0:
                     logger.info("%d Krylov iterations: from %.2e to %.2e", iterations, start, end)
                 return False
         return bool(np.isfinite(out.norm()))
@@ -212,56 +252,33 @@ class Krylov(BorderedSolver):
         """End a solve whose solution suffices, called by PETSc. Collective."""
         if self._asked is None:
             return 0
-        enough, size, start = self._asked
-        if not enough.is_due(norm / size):
-            return 0
-        self._way.waxpy(1.0, start, ksp.buildSolution(self._way_more))
-        done = enough(norm / size, size, self._way)
+        model, size, start = self._asked
+        done = model(norm, size, lambda: start + ksp.buildSolution(self._work))
         return int(PETSc.KSP.ConvergedReason.CONVERGED_ITS) if done else 0
 
     def probe(self, rhs: PETSc.Vec, out: PETSc.Vec) -> bool:
+        """Solve with a right-hand side that has components along all eigenvectors.
+
+        The sign of det J is determined from this solve.
+        """
         before = self.solves
-        if not self.solve(rhs, out, rtol=min(_SIGN, _BELOW / float(np.sqrt(self.layout.size)))):
+        if not self.solve(rhs, out, rtol=min(_SIGN, _BELOW / float(np.sqrt(self._layout.size)))):
             return False
         values = self.ksp.computeEigenvalues() if self.solves > before + 1 else np.zeros(0)
         negative = int(np.sum((values.imag == 0) & (values.real < 0)))
         sign = self._P.determinant_sign() * np.sign(self._s) * (-1.0) ** negative
-        self._sign = float(self.comm.bcast(sign, root=0))
+        self._sign = float(self._layout.comm.bcast(sign, root=0))
         return True
 
     def determinant_sign(self) -> float:
+        """Return the sign of det J up to a constant factor; 0 if J is singular."""
         if self._sign is None:
             self._sign = 0.0
-            rhs = self.layout.vector()
-            out = self.layout.vector()
-            probe = self.system.probe(0)
-            self.layout.join(probe, 0.0, rhs)
-            self.probe(rhs, out)
-            for item in (probe, rhs, out):
-                item.destroy()
+            probe = self._layout.joined(self._system.probe(0), 0.0)
+            self.probe(probe, self._layout.vector())
         return self._sign
 
     def destroy(self) -> None:
-        vectors = (self._c, self._v, self._w, self._f, self._x, self._r, self._d)
-        for item in (self.ksp, self.matrix, self._way, self._way_more, *vectors):
-            item.destroy()
-
-
-class _Product:
-    """Matrix J for PETSc."""
-
-    def __init__(self, solver: Krylov):
-        self._solver = solver
-
-    def mult(self, _mat: PETSc.Mat, y: PETSc.Vec, b: PETSc.Vec) -> None:
-        self._solver.multiply(y, b)
-
-
-class _Elimination:
-    """Preconditioner of block elimination for PETSc."""
-
-    def __init__(self, solver: Krylov):
-        self._solver = solver
-
-    def apply(self, _pc: PETSc.PC, b: PETSc.Vec, y: PETSc.Vec) -> None:
-        self._solver.eliminate(b, y)
+        """Free the PETSc objects that refer to this object."""
+        self.ksp.destroy()
+        self.matrix.destroy()

@@ -90,10 +90,6 @@ class Locator:
         """The system H."""
         return self.bordered.system
 
-    def destroy(self) -> None:
-        """Free the PETSc objects."""
-        self.test.destroy()
-
     # -- events ----------------------------------------------------------------------------------
 
     def events(self, y: PETSc.Vec, piece: Piece) -> Events:
@@ -129,7 +125,7 @@ class Locator:
         b = self.bordered
         piece = point.piece
         end = b.inner(point.tangent, y_high) - b.inner(point.tangent, point.y)
-        reach = self.length(y_high - point.y)
+        reach = self.bordered.length(y_high - point.y)
         low = _End(0.0, point.y, self.events(point.y, piece))
         high = _End(end, y_high, self.events(y_high, piece))
         s = end
@@ -174,7 +170,7 @@ class Locator:
         """
         b = self.bordered
         end = b.inner(point.tangent, y_high) - b.inner(point.tangent, point.y)
-        reach = self.length(y_high - point.y)
+        reach = self.bordered.length(y_high - point.y)
         size = max(map(abs, values))
         low = _End(0.0, point.y, values[0])
         high = _End(end, y_high, values[1])
@@ -234,13 +230,7 @@ class Locator:
             return False
         away = y - point.y
         away.axpy(-self.bordered.inner(away, point.tangent), point.tangent)
-        aside = self.length(away)
-        away.destroy()
-        return aside <= reach
-
-    def length(self, away: PETSc.Vec) -> float:
-        """Length of a vector in the metric of steps."""
-        return float(np.sqrt(self.bordered.inner(away, away)))
+        return self.bordered.length(away) <= reach
 
     # -- folds and smooth bifurcations -------------------------------------------------------------
 
@@ -297,7 +287,7 @@ class Locator:
     def _secant(self, start: PETSc.Vec, end: PETSc.Vec, t: PETSc.Vec) -> PETSc.Vec:
         """Return the unit vector from one state to another; ``t`` where they coincide."""
         secant = end - start
-        size = self.length(secant)
+        size = self.bordered.length(secant)
         if size < self.control.minimum:
             return t.copy()
         secant.scale(1.0 / size)
@@ -311,7 +301,7 @@ class Locator:
         b = self.bordered
         if b.x_scale == 0.0:
             b.set_scale(point.tangent, point.y)
-        point.tangent.scale(1.0 / self.length(point.tangent))
+        point.tangent.scale(1.0 / self.bordered.length(point.tangent))
         if b.x_scale_is_new or np.isnan(point.tau):
             # the border row has changed, and with it the test function
             b.x_scale_is_new = False

@@ -292,16 +292,13 @@ class Pivoting(Walker):
         """Return a ray out of (w, gamma) with its unit tangent."""
         y = self._joined(w, gamma)
         unit = self._unit_tangent(w, gamma, ray, y)
-        y.destroy()
         return Ray(self.condensed.piece(ray.codes), unit)
 
     def _joined(self, w: Array, gamma: float) -> PETSc.Vec:
         """Return the vector y with the numbers ``w``."""
         x = self.system.create_vector()
         self.condensed.expand(w, gamma, x)
-        y = self.bordered.joined(x, gamma)
-        x.destroy()
-        return y
+        return self.bordered.joined(x, gamma)
 
     def _unit_tangent(self, w: Array, gamma: float, ray: AffineRay, y: PETSc.Vec) -> PETSc.Vec:
         """Return the unit tangent of a ray out of (w, gamma), where the vector is ``y``."""
@@ -312,7 +309,7 @@ class Pivoting(Walker):
         b.set_scale(t, y)
         if b.x_scale == 0.0 and ray.rate == 0:
             b.require_scale()
-        t.scale(1.0 / np.sqrt(b.inner(t, t)))
+        t.scale(1.0 / b.length(t))
         return t
 
     def state(self, point: BranchPoint) -> tuple[Array, AffineRay]:
@@ -332,7 +329,6 @@ class Pivoting(Walker):
         ahead = point.y.copy()
         ahead.axpy(1.0 / abs(rate), point.tangent)
         direction = self.condensed.contract(b.split(ahead)[0]) - w
-        ahead.destroy()
         return w, AffineRay(codes, direction, sense)
 
 

@@ -94,7 +94,6 @@ def require_solutions(system: System, branch: Branch) -> None:
             if worst <= _ALLOWED:
                 break
     system.scales = scales
-    x.destroy(), b.destroy()
     require(
         system.comm,
         worst <= _ALLOWED,

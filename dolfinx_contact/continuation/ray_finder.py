@@ -123,7 +123,6 @@ class RayFinder:
         x = x.copy()
         condensed = b.system.condensed(x, gamma)
         if condensed is None:
-            x.destroy()
             return None
         w = condensed.contract(x)
         condensed.expand(w, gamma, x)
@@ -135,10 +134,8 @@ class RayFinder:
             condensed.expand(w + ray.direction, gamma + ray.rate, x)
             tangent = b.joined(x, gamma + ray.rate)
             tangent.axpy(-1.0, base)
-            tangent.scale(1.0 / np.sqrt(b.inner(tangent, tangent)))
+            tangent.scale(1.0 / b.length(tangent))
             rays.append(Ray(condensed.piece(ray.codes), tangent))
-        base.destroy()
-        x.destroy()
         if not condensed.exact:
             condensed.destroy()
         if b.comm.rank == 0:
@@ -245,13 +242,10 @@ class RayFinder:
                 shifted = x.copy()
                 shifted.axpy(_PROBE, change)
                 rows.append(self._residual(shifted, gamma, uniform) - base)
-                shifted.destroy()
             first, second, total = rows
             bent = np.abs(total - first - second) > _BENT * (np.abs(first) + np.abs(second))
             if b.comm.allreduce(int(bent.any()), op=max):
                 rough.add(status)
-        for v in (x, *changes):
-            v.destroy()
         return rough
 
     def _residual(self, x: PETSc.Vec, gamma: float, piece: Piece) -> npt.NDArray[np.float64]:
@@ -259,16 +253,11 @@ class RayFinder:
         system = self._corrector.bordered.system
         out = system.create_vector()
         system.residual(x, gamma, out, piece)
-        rows = out.array_r.copy()
-        out.destroy()
-        return np.asarray(rows, dtype=np.float64)
+        return np.asarray(out.array_r.copy(), dtype=np.float64)
 
     def same(self, a: Ray, other: Ray) -> bool:
         """Return True if two rays coincide, for example along the common border of two pieces."""
-        away = a.tangent - other.tangent
-        distance = self._norm(away)
-        away.destroy()
-        return distance <= _SAME * self._norm(a.tangent)
+        return self._norm(a.tangent - other.tangent) <= _SAME * self._norm(a.tangent)
 
     def distinct(self, rays: Sequence[Ray]) -> list[Ray]:
         """Return the rays without repetitions."""
@@ -399,7 +388,7 @@ class KinkRays(RayFinder):
 
     def _is_along(self, ray: Ray, away: PETSc.Vec) -> bool:
         b = self._b
-        return bool(b.inner(ray.tangent, away) > _ALONG * np.sqrt(b.inner(away, away)))
+        return bool(b.inner(ray.tangent, away) > _ALONG * b.length(away))
 
     def _stays_inside(self, ray: Ray) -> bool:
         """Return True if the vanishing events of the kinked points grow along a ray."""
@@ -435,14 +424,8 @@ def parity(corrector: Corrector, y: PETSc.Vec, piece: Piece, t: PETSc.Vec, ray: 
     J = [grad H; t^T] is evaluated with the incoming tangent (J_0) and with the outgoing ray (J_1).
     """
     b = corrector.bordered
-    row = b.vector()
-    sign = 1.0
-    for tangent, own in ((ray.tangent, ray.piece), (t, piece)):
-        b.dual(tangent, row)
-        b.solver.assemble(y, row, own)
-        sign *= b.solver.determinant_sign()
-    row.destroy()
-    return int(sign)
+    after = b.orientation_at(y, ray.tangent, ray.piece)
+    return int(after * b.orientation_at(y, t, piece))
 
 
 def _slopes(
@@ -457,7 +440,6 @@ def _slopes(
     ahead = y.copy()
     ahead.axpy(_PROBE, t)
     beyond = b.system.events(*b.split(ahead), piece)
-    ahead.destroy()
     return events, np.asarray(
         (matched_distances(events, beyond) - events.distance) / _PROBE, dtype=np.float64
     )

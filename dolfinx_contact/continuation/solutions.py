@@ -130,7 +130,6 @@ class Solutions:
             no_tangent.set(0.0)
             y = layout.joined(s.x, self.gamma)
             points.append(BranchPoint(y, no_tangent, s.piece, self.gamma, 0.0, 0))
-        layout.x.destroy()
         return points
 
 
@@ -327,8 +326,6 @@ class _Deflated:
 
     def __exit__(self, *_: object) -> None:
         self.bordered.destroy()
-        for v in (self._y, self._dy, self._rhs, self._row, self._h, self._away, self._w):
-            v.destroy()
 
     def search(
         self,
@@ -370,12 +367,8 @@ class _Deflated:
                 continue
             exact = self._solve(x, None, [], 1.0)
             if exact is not None:
-                x.destroy()
                 x = exact
-            if not self._is_known(x, known):
-                return x, f"{how}, "
-            x.destroy()
-            return None, f"{how}, "
+            return (None if self._is_known(x, known) else x), f"{how}, "
         return None, tried
 
     def _beside(self, solutions: Sequence[PETSc.Vec], guess: PETSc.Vec) -> Iterator[PETSc.Vec]:
@@ -432,11 +425,9 @@ class _Deflated:
             x.axpy(self._factor(x, dx, known, squares) if repelled else 1.0, dx)
             # the residual is relative to the largest so far, hence the test of the step
             done = near and dx.norm() <= 1e-8 * x.norm()
-            dx.destroy()
             if done:
                 return x
             piece = None
-        x.destroy()
         return None
 
     def _factor(

@@ -142,9 +142,7 @@ class ExactSteps(Locator):
         y = point.y.copy()
         t = point.tangent.copy()
         y.axpy(h, point.tangent)
-        corrected = self.corrector.moore_penrose(y, t, piece)
-        t.destroy()
-        return y if corrected else None
+        return y if self.corrector.moore_penrose(y, t, piece) else None
 
     def new_point(
         self,
@@ -188,19 +186,16 @@ class ExactSteps(Locator):
         """
         b = self.bordered
         away = y - point.y
-        row = b.vector()
-        b.dual(away, row)
+        row = b.dual(away)
         length = np.sqrt(float(row.dot(away)))
         beyond = float(row.dot(tangent))
-        b.dual(point.tangent, row)
+        row = b.dual(point.tangent)
         along = float(row.dot(away))
         least = self.control.cosine
         turns = float(row.dot(tangent)) < least
         aside = min(along, beyond) < least * length
         away.axpy(-h, point.tangent)
-        off = self.length(away)
-        for v in (away, row):
-            v.destroy()
+        off = b.length(away)
         landed = not (turns or aside or abs(along - h) > _SHARE * h or off > h)
         if not landed:
             self.corrector.reject()
@@ -228,7 +223,6 @@ class ExactSteps(Locator):
         low, high = (self.events(y, point.piece) for y in (point.y, y_high))
         before = matched_distances(high, low, np.full_like(high.distance, np.inf))
         ahead = matched_distances(high, self.events(probe, point.piece), before)
-        probe.destroy()
         exists = np.isfinite(before)
         slope = np.subtract(ahead, before, out=np.zeros_like(before), where=exists) / _PROBE
         rate = float(np.max(np.abs(slope), initial=0.0))
@@ -381,9 +375,7 @@ class _StepsOnH(ExactSteps):
         self._oriented = (y, after)
         parity = int(before * after)
         # gamma continues by less than both rates predict if there are two folds in between
-        chord = y - point.y
-        length = self.length(chord)
-        chord.destroy()
+        length = b.length(y - point.y)
         rates = b.gamma(point.tangent), b.gamma(new.tangent)
         slower = min(rates, key=abs)
         advance = (new.gamma - point.gamma) * np.sign(slower)
@@ -472,7 +464,6 @@ class SteppingSteps(_StepsOnH):
             tangent = None
             if not is_same_piece(b.comm, piece, point.piece):
                 tangent = self.corrector.tangent(beyond, point.tangent, piece)
-            beyond.destroy()
             if tangent is None:
                 continue
             for sense in (1.0, -1.0):
@@ -483,8 +474,6 @@ class SteppingSteps(_StepsOnH):
                     if new is not None:
                         kink = self._kink(point, new, h_1)
                         return self.rescaled(new), [kink], self.control.initial
-                t.destroy()
-            tangent.destroy()
         return None
 
     def _along(self, point: BranchPoint, t: PETSc.Vec, h: float) -> BranchPoint | None:
@@ -497,7 +486,6 @@ class SteppingSteps(_StepsOnH):
         piece = self.system.piece_at(*b.split(y))
         away = y - point.y
         back = is_same_piece(b.comm, piece, point.piece) and b.inner(away, point.tangent) < 0
-        away.destroy()
         if back:
             return None
         return self.new_point(start, h, y, piece, factorise=True, precise=True)

@@ -310,6 +310,10 @@ class System:
         """
         return nullcontext()
 
+    def set_parameter(self, gamma: float) -> None:
+        """Set the parameter in H, for evaluations of a system with the same H; default: error."""
+        raise NotImplementedError
+
     def check_parameter(self, gammas: Sequence[float]) -> None:
         """Raise ``ValueError`` if the data are not valid at one of these increasing values."""
 

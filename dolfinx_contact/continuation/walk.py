@@ -230,7 +230,7 @@ class Walker(ABC):
         b = self.bordered
         require_way(b, start, gamma_range)
         branch = Branch([start])
-        factorisations, solves = b.work
+        work = b.solver.factorisations, b.solver.solves
         first = 0
         self.next_step = self.control.initial
         if stepping is not None:
@@ -281,8 +281,8 @@ class Walker(ABC):
         else:
             branch.end(Ending.BUDGET, f"the budget of {max_steps} steps is exhausted")
         observers.end(branch)
-        branch.factorisations = b.work[0] - factorisations
-        branch.solves = b.work[1] - solves
+        branch.factorisations = b.solver.factorisations - work[0]
+        branch.solves = b.solver.solves - work[1]
         put()
         if b.comm.rank == 0:
             logger.info("branch ended: %s", branch.reason)

@@ -239,8 +239,7 @@ class ArcLength(Runnable[PathTask, PathState, PathHistory]):
         try:
             self._follow(Run(stepper, rule, listeners, history))
         finally:
-            for item in (steps, steps.corrector, bordered):
-                item.destroy()
+            bordered.destroy()
         return history
 
 

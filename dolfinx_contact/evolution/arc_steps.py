@@ -190,7 +190,7 @@ class ArcSteps(ExactSteps):
         ends = (point, new)
         length = self._distance(point, new.y)
         # gamma
-        rates = [b.gamma(p.tangent) / self.length(p.tangent) for p in ends]
+        rates = [b.gamma(p.tangent) / b.length(p.tangent) for p in ends]
         if min(rates) * max(rates) > 0 and min(map(abs, rates)) > _IDLE * b.gamma_scale:
             _, slopes = _cubic([p.gamma for p in ends], rates, length)
             if np.any(slopes * rates[0] < 0):
@@ -202,7 +202,6 @@ class ArcSteps(ExactSteps):
             y = p.y.copy()
             y.axpy(shift, p.tangent)
             shifted = matched_distances(events, self.events(y, p.piece))
-            y.destroy()
             return shifted
 
         at_ends = [distances(p, 0.0) for p in ends]
@@ -230,10 +229,7 @@ class ArcSteps(ExactSteps):
 
     def _distance(self, point: BranchPoint, y: PETSc.Vec) -> float:
         """Distance from a point to y, in the measure of arc length."""
-        away = y - point.y
-        length = self.length(away)
-        away.destroy()
-        return length
+        return self.bordered.length(y - point.y)
 
     def _any(self, which: npt.NDArray[np.bool_]) -> bool:
         """Return whether an entry is true on any rank. Collective."""

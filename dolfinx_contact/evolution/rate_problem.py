@@ -85,10 +85,7 @@ class RateProblem:
         self._y = y
         self._at_border = at_border
         self._beyond = beyond
-        b = self._bordered
-        self._finder = RayFinder(
-            corrector, y, self._leads_out, lambda t: float(np.sqrt(b.inner(t, t)))
-        )
+        self._finder = RayFinder(corrector, y, self._leads_out, self._bordered.length)
 
     def onwards(self, piece: Piece, t: PETSc.Vec, *, every: bool = False) -> FoundRays[Ray]:
         """Return the directions for a path that arrived at the state.
@@ -154,7 +151,6 @@ class RateProblem:
         y = self._y.copy()
         y.axpy(shift, ray.tangent)
         events = self._bordered.system.events(*self._bordered.split(y), ray.piece)
-        y.destroy()
         return events
 
     def _by_newton(self, piece: Piece, t: PETSc.Vec, *, oriented: bool = True) -> tuple[Ray, ...]:

@@ -90,7 +90,6 @@ def test_one_node_with_the_friction_coefficient():
         assert curve.points[[0, -1], 0] == pytest.approx([1.0, 4.0])
         assert curve.points[:, 0].tolist() == sorted(curve.points[:, 0])
         assert len(curve.turns) == len(curve.meetings) == 0
-    assert stuck.at(2.0) == pytest.approx([2.0])
     ends = dict(mu_range=(1.0, 3.0), gamma_scale=5.0)
     towards_less = follow_special(system, other, 3.0, branch, branch.folds[0], **ends)
     mu = towards_less.points[:, 0]
@@ -111,7 +110,7 @@ def test_a_curve_ends_where_its_point_lifts_off():
     np.testing.assert_allclose(curve.points[:, 1], 3 * curve.points[:, 0], atol=1e-10)
     np.testing.assert_allclose(curve.points[0], (0.0, 0.0), atol=1e-9)
     assert curve.points[-1, 0] == pytest.approx(2.0)
-    assert "end of its range" not in curve.reasons[0]
+    assert "end of its range" not in curve.branches[0].reason
 
 
 @pytest.mark.ranks(2)
