@@ -37,6 +37,7 @@ def arguments(argv=None):
     parser = ScriptParser("Hertz contact", output="output/hertz", **given)
     add = parser.add_argument
     positive = number(above=0)
+    add("--method", choices=("nodal", "integral", "mixed"), help="of contact (default: automatic)")
     add("--levels", type=number(int, least=2), nargs="+", metavar="N", help="cells over the radius")
     add("--radius", type=positive, default=50.0, help="of curvature of the face")
     add("--load", type=positive, help="on the whole body, roughly (default: contact radius R/50)")
@@ -106,7 +107,7 @@ def problem(args, comm, n, a, delta):
     bcs.append(held(up, height, -delta))
     law = Coulomb(args.friction) if args.friction > 0 else Frictionless()
     floor = HalfSpace(np.zeros(args.dim), np.eye(args.dim)[up])
-    surface = ContactSurface(u, bottom, obstacle=floor, law=law)
+    surface = ContactSurface(u, bottom, obstacle=floor, law=law, method=args.method)
     material = LinearElastic.from_young(args.young, args.poisson)
     return ContactProblem(material.energy(u) * ufl.dx, u, [surface], bcs=bcs)
 

@@ -5,10 +5,11 @@
   conditions hold node by node (`node_points`).
 - ``"integral"``: the points are Gauss points, of facets or of what two faces that do not match have
   in common; P1 or P2 displacement. The conditions hold weakly (`integral_points`).
-- ``"mixed"``: a P1 multiplier in the cone at the nodes with consistent integrals, so that the gap
-  and the slip are nodal averages of the displacement (Hild, Int. J. Appl. Math. Comput. Sci. 12,
-  2002, section 2; P1 displacement): B is the inverse of the lumped times the consistent mass
-  (`node_points`).
+- ``"mixed"``: the points are the vertices, and the multiplier is continuous and linear on every
+  facet; P1 or P2 displacement. The conditions hold at every vertex for the means of gap and slip
+  with the hat function of the vertex as weight (Hild, Int. J. Appl. Math. Comput. Sci. 12, 2002,
+  section 2; Hild and Laborde, Appl. Numer. Math. 41, 2002). B is the inverse of the lumped mass
+  times the integrals of hat functions and displacements (`node_points`).
 """
 
 from __future__ import annotations
@@ -142,6 +143,8 @@ class ContactPoints(ABC):
         self._V = V
         self.submesh = submesh
         self.given = given
+        #: Degrees of displacement and multiplier.
+        self._degrees = degrees
         self._weight: Any = circumference(V.mesh) if axisymmetric else None
         domain = V.mesh
         sub = submesh.mesh
@@ -165,9 +168,7 @@ class ContactPoints(ABC):
         self.number_everywhere: int = self.comm.allreduce(self.number)
         self._evaluate, self._average = self.evaluators(given, given.gap * given.normal)
         self._measure(opposite)
-        stencils = self._stencils(self._here)
-        if opposite is not None:
-            stencils = stencils.minus(self._opposite_to(stencils, opposite))
+        stencils = self._jumps(opposite)
         self._apart = stencils, self.vertex_areas
         self._connect(stencils)
         self.r: Array = np.ones(len(self.vertex_areas))
@@ -186,6 +187,18 @@ class ContactPoints(ABC):
     @abstractmethod
     def _stencils(self, trace: Trace) -> Stencils:
         """Of the displacement that a trace has. Collective."""
+
+    def _jumps(self, opposite: Opposite | None) -> Stencils:
+        """Stencils of the jumps at the points. Collective."""
+        stencils = self._stencils(self._here)
+        if opposite is None:
+            return stencils
+        return stencils.minus(self._opposite_to(stencils, opposite))
+
+    @property
+    def stencils(self) -> Stencils:
+        """Weights of the nodes at the points, of B and E."""
+        return self._weights
 
     def _opposite_to(self, stencils: Stencils, opposite: Opposite) -> Stencils:
         """Positions opposite to the points of these stencils. Collective."""
@@ -256,8 +269,11 @@ class ContactPoints(ABC):
     def _maps(self) -> Any:
         return merge_entity_maps([self.submesh])
 
-    def evaluators(self, given: Given, offset: Any) -> tuple[Evaluator, PointEvaluator | None]:
-        """What evaluates ``given`` at the points, and averages ``offset`` in the mixed method."""
+    def evaluators(self, given: Given, offset: Any) -> tuple[Evaluator, Evaluator | None]:
+        """Evaluators of ``given`` at the points, and of ``offset`` where the mixed method averages.
+
+        The second one is None in the other methods.
+        """
         expressions = {"x": ufl.SpatialCoordinate(self._V.mesh), **given.at_points}
         return self.evaluator(expressions), None
 
@@ -296,13 +312,13 @@ class ContactPoints(ABC):
         self.positions = mine["x"]
         self.gaps = gap
         self.aside = np.zeros_like(normal)
-        offset = self._averaged(self._average, gap[:, None] * normal)
+        offset = self._averaged(self._average, gap[:, None] * normal, normal)
         if offset is not None:
             gap = np.sum(offset * normal, axis=1)
             self.aside = offset - gap[:, None] * normal
         self.data = PointData(normal, gap, self.from_vertices(self.r), fields_of(mine))
 
-    def rates(self, evaluators: tuple[Evaluator, PointEvaluator | None]) -> tuple[PointData, Array]:
+    def rates(self, evaluators: tuple[Evaluator, Evaluator | None]) -> tuple[PointData, Array]:
         """Rates of data and of `aside` from the evaluators of rates. Collective."""
         values = {name: v[: self.number] for name, v in evaluators[0]().items()}
         n = self.data.n
@@ -310,20 +326,26 @@ class ContactPoints(ABC):
         normal = values["normal"]
         aside = np.zeros_like(n)
         product = gap[:, None] * n + self.gaps[:, None] * normal
-        offset = self._averaged(evaluators[1], product)
+        offset = self._averaged(evaluators[1], product, normal)
         if offset is not None:
             now = self.data.gap[:, None] * n + self.aside
             gap = np.sum(offset * n + now * normal, axis=1)
             aside = offset - gap[:, None] * n - self.data.gap[:, None] * normal
         return PointData(normal, gap, np.zeros(self.number), fields_of(values)), aside
 
-    def _averaged(self, average: PointEvaluator | None, offset: Array) -> Array | None:
+    def _averaged(self, average: Evaluator | None, offset: Array, normal: Array) -> Array | None:
         """Averages of an offset that is known at the points (n, dim), if any are taken."""
         if average is None and self._shared is None:
             return None
         if average is not None:
-            offset = average()["offset"][: self.number]
+            offset = self._mean_offset(average)
+            if self.removed_overlap is not None:
+                offset = offset + self.removed_overlap.x.array[: self.number, None] * normal
         return offset if self._shared is None else multiplied(self._shared, offset)
+
+    def _mean_offset(self, evaluate: Evaluator) -> Array:
+        """Weighted means of an offset at the points (n, dim), in the mixed method. Collective."""
+        raise NotImplementedError
 
     def set_augmentation(self, r: Array) -> None:
         """Set r at the local vertices."""
@@ -458,6 +480,10 @@ class ContactPoints(ABC):
 
     def destroy(self) -> None:
         """Free the matrices."""
+        self._disconnect()
+
+    def _disconnect(self) -> None:
+        """Free B and E, and the matrix of shared functions."""
         self.operator.destroy()
         for A in (self.E, self._shared):
             if A is not None:

@@ -63,7 +63,7 @@ SlidingKind: TypeAlias = Literal["small", "large"]
 _STABLE: dict[str, set[tuple[int, int]]] = {
     "nodal": {(1, 1)},
     "integral": {(1, 1), (2, 1), (2, 2)},
-    "mixed": {(1, 1)},
+    "mixed": {(1, 1), (2, 1)},
 }
 #: Arguments of a pair that exclude others, with the reason.
 _EXCLUSIVE: tuple[tuple[str, set[str], str], ...] = (
@@ -216,13 +216,7 @@ def _check_surface(a: Arguments) -> None:
     _check_elements(a, degree)
     if a.interference is None:  # points inside a smooth obstacle are pushed out
         a.interference = a.remove_overlap is None and a.obstacle.outline is None
-    removed = Overlap.of(a.name, a.interference, a.remove_overlap).removed
-    if a.method == "mixed" and (removed or a.obstacle.outline is not None):
-        what = "remove_overlap" if removed else "an obstacle of facets"
-        raise ValueError(
-            f"{a.name}: gaps of the mixed method are averages around nodes, which {what} does not "
-            'support; use method="nodal" or "integral"'
-        )
+    Overlap.of(a.name, a.interference, a.remove_overlap)
 
 
 def _check_pair(a: Arguments) -> None:
@@ -360,8 +354,8 @@ class ContactSurface:
             nodal for degree 1, integral for degree 2.
         multiplier_degree: degree of the multiplier, 1 or 2; 1 is stable for both displacement
             degrees.
-        quadrature_degree: quadrature degree of the integral method; default: twice the degree of
-            the displacement.
+        quadrature_degree: quadrature degree of the integral and the mixed method; default: twice
+            the degree of the displacement.
         sliding: ``"large"`` evaluates gap and normal of a curved obstacle at the displaced points
             and slips along its surface, ``"small"`` evaluates them in the reference configuration
             (`points.displaced`). Default: large for bodies that are not linear, unless the obstacle
@@ -424,8 +418,8 @@ class ContactPair:
     Faces *match* if every node of the slave has a node of the master opposite to it, at the same
     place or across a gap along the normal. At the end of a crack slave and master share nodes,
     which carry no contact. Faces that do not match are coupled by a `mortar` at nodes, or, in the
-    integral method, at Gauss points of the common parts of slave and master facets; the mixed
-    method refuses them. Nodes of the slave without an opposing point carry no contact. A facet
+    integral and the mixed method, by Gauss points of the common parts of slave and master facets.
+    Nodes of the slave without an opposing point carry no contact. A facet
     counts with its covered part; facets covered by less than 5 % are dropped.
 
     Pairs may meet, as the arms of crossing cracks or the joints between blocks do. Where the jumps

@@ -130,7 +130,7 @@ class FacetPoints(ContactPoints):
         groups, p, k = alone.multiplier_weights.shape
         width = k * shares.shape[1]
         weights = alone.multiplier_weights[..., None] * shares[corners][:, None]
-        self.destroy()
+        self._disconnect()
         self._connect(
             replace(
                 alone,

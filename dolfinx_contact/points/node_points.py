@@ -1,24 +1,23 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Contact points that are nodes: of the nodal and of the mixed method (`contact_points`)."""
+"""Contact points at nodes: those of the nodal and of the mixed method (`contact_points`)."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, ClassVar
+
+from petsc4py import PETSc
 
 import numpy as np
 import numpy.typing as npt
 
-import dolfinx.fem.petsc
-import ufl
-
-from dolfinx_contact._forms import compiled_form
-from dolfinx_contact.body.bulk import circumference
 from dolfinx_contact.points.contact_points import ContactPoints, Evaluator, Trace
 from dolfinx_contact.points.descriptions import ContactMethod
 from dolfinx_contact.points.evaluation import Given, PointEvaluator
 from dolfinx_contact.points.held_ends import shared
-from dolfinx_contact.points.operators import Stencils, rows_of
+from dolfinx_contact.points.integral_points import CommonFacetPoints, FacetPoints
+from dolfinx_contact.points.operators import Stencils, multiplied, rows_of
 from dolfinx_contact.points.opposite import Opposite
 from dolfinx_contact.points.trace import point_ids
 
@@ -86,7 +85,7 @@ class NodePoints(ContactPoints):
         plain = alone.scalar_matrix(self.comm, self._owned_nodes)
         means = self._each_alone(*rows_of(D.matMult(plain), np.ones(self.number)))
         plain.destroy()
-        self.destroy()
+        self._disconnect()
         self._shared = D
         self._connect(means)
         self.update()
@@ -94,35 +93,69 @@ class NodePoints(ContactPoints):
 
 
 class AveragedPoints(NodePoints):
-    """The nodes of the mixed method, at which gaps and slips are averages."""
+    """The vertices in the mixed method, at which jumps and gaps are weighted means.
+
+    The weights are the hat functions of the multiplier, integrated over the surface by the Gauss
+    points of the integral method.
+    """
 
     method: ClassVar[ContactMethod] = "mixed"
 
-    def evaluators(self, given: Given, offset: Any) -> tuple[Evaluator, PointEvaluator | None]:
+    def _place(self, rule_degree: int, opposite: Opposite | None) -> None:
+        super()._place(rule_degree, opposite)
+        kind = FacetPoints if opposite is None or opposite.matching else CommonFacetPoints
+        #: Gauss points of the surface.
+        self._gauss = kind(
+            self._V,
+            self.submesh,
+            self._degrees,
+            rule_degree,
+            replace(self.given, fields={}),
+            opposite,
+            axisymmetric=self._weight is not None,
+        )
+
+    def evaluators(self, given: Given, offset: Any) -> tuple[Evaluator, Evaluator | None]:
         here, _ = super().evaluators(given, offset)
-        average = {"offset": offset}
-        return here, PointEvaluator(self.space, self._exact, average, self._maps, self._weight)
+        return here, self._gauss.evaluator({"offset": offset})
 
     def _measure(self, opposite: Opposite | None) -> None:
-        assert self._average is not None
-        self.vertex_areas = self._average.areas
+        areas = self._gauss.areas
+        hats = self._gauss.stencils.traction_matrix(self.comm, self.number, 1)
+        #: Matrix of the weighted means, from Gauss points to the owned vertices.
+        self._means = hats.transpose(PETSc.Mat())
+        hats.destroy()
+        self.areas = multiplied(self._means, areas[:, None])[:, 0]
+        if opposite is not None and opposite.areas is not None:
+            # There any area serves, since vertices of uncovered facets have no traction.
+            whole = opposite.areas[self.vertex_trace_dofs[: self.number]]
+            self.areas = np.where(self.areas > 0.0, self.areas, whole)
+        vertices, points = self._means.createVecs(side="left"), self._means.createVecs(side="right")
+        vertices.array[:] = 1 / self.areas
+        points.array[:] = areas
+        self._means.diagonalScale(vertices, points)
+        vertices.destroy(), points.destroy()
+        self.vertex_areas = self.with_ghosts(self.areas)
+        if opposite is not None and opposite.areas is not None:
+            self._covered_areas = self.vertex_areas
         self.circumferences = np.ones(len(self.vertex_areas))
         if self._weight is not None:
             self.circumferences = self.vertex_areas / self._evaluate.areas
-        self.areas = self.vertex_areas[: self.number].copy()
 
-    def _stencils(self, trace: Trace) -> Stencils:
-        W = self.vertices
-        p = ufl.TrialFunction(W)
-        q = ufl.TestFunction(W)
-        dx = ufl.dx(domain=self.submesh.mesh, metadata={"quadrature_degree": 2})
-        product = p * q * dx
-        if self._weight is not None:
-            exact = {"quadrature_degree": 3}
-            product = circumference(self.submesh.mesh) * p * q * dx(metadata=exact)
-        consistent = dolfinx.fem.petsc.assemble_matrix(compiled_form(product))
-        consistent.assemble()
-        at_nodes = super()._stencils(trace).scalar_matrix(self.comm, self._owned_nodes)
-        means = consistent.matMult(at_nodes)
-        consistent.destroy(), at_nodes.destroy()
-        return self._each_alone(*rows_of(means, self.areas))
+    @property
+    def cells(self) -> npt.NDArray[np.int32]:
+        return self._gauss.cells
+
+    def _jumps(self, opposite: Opposite | None) -> Stencils:
+        at_gauss = self._gauss.stencils.scalar_matrix(self.comm, self._owned_nodes)
+        rows = rows_of(self._means.matMult(at_gauss), np.ones(self.number))
+        at_gauss.destroy()
+        self._gauss.destroy()
+        return self._each_alone(*rows)
+
+    def _mean_offset(self, evaluate: Evaluator) -> Array:
+        return multiplied(self._means, evaluate()["offset"][: self._gauss.number])
+
+    def destroy(self) -> None:
+        super().destroy()
+        self._means.destroy()

@@ -151,7 +151,6 @@ class OppositeFacets(Obstacle):
         normal: a unit vector (dim,) along which the faces face each other; None for those of the
             slave.
         overlap: what becomes of bodies that start in each other.
-        must_match: whether every node needs one opposite to it.
         axisymmetric: whether these are bodies of revolution.
         name: of the pair, for messages.
 
@@ -176,7 +175,6 @@ class OppositeFacets(Obstacle):
         surface: Obstacle | None,
         normal: Array | None,
         overlap: Overlap,
-        must_match: bool,
         axisymmetric: bool,
         name: str,
     ):
@@ -191,10 +189,8 @@ class OppositeFacets(Obstacle):
         if normal is not None:
             refuse_aslant(domain, slave[slave < owned], normal, name)
         of_nodes = partial(_normals, slave=slave, given=normal, axisymmetric=axisymmetric)
-        found, objection = _matched(V, slave, master, size, name, of_nodes(V), normal)
+        found = _matched(V, slave, master, size, name, of_nodes(V), normal)
         if found is None:
-            reason = f"{name}: the faces do not match: {objection}"
-            require(comm, not must_match, f"{reason}, as mixed contact needs")
             found = _mortar(V, slave, master, size, name, normal, axisymmetric=axisymmetric)
         self.opposite = found
         normals = of_nodes(W)
@@ -285,8 +281,8 @@ def _matched(
     name: str,
     normals: Array,
     given: Array | None,
-) -> tuple[Opposite | None, str]:
-    """The node of the master opposite to each of the slave, or why there is none. Collective.
+) -> Opposite | None:
+    """The node of the master opposite to each of the slave; None if one has none. Collective.
 
     Along a given normal that is the nearest as it is seen in its direction, of those that look
     against it; else the nearest of all.
@@ -312,12 +308,9 @@ def _matched(
     unmatched: npt.NDArray[np.bool_] = np.asarray(~(aside <= _TANGENTIAL * size))
     # Every node once, by its owner.
     owned = mine < index_map.size_local
-    missing, total = comm.allreduce(np.array([int((unmatched & owned).sum()), int(owned.sum())]))
-    if missing:
-        return None, f"{missing} of {total} nodes of the slave have none of the master opposite"
-    unlike = _unlike_facets(V, slave, master, given)
-    if unlike:
-        return None, unlike
+    missing = comm.allreduce(int((unmatched & owned).sum()))
+    if missing or _unlike_facets(V, slave, master, given):
+        return None
     ids = found[:, 2 * dim].astype(np.int64)
     itself = ids == index_map.local_to_global(mine.astype(np.int32))
     turned = np.sum(found[:, dim : 2 * dim] * n, axis=1) > 0.5
@@ -340,7 +333,7 @@ def _matched(
     rows[mine] = np.arange(len(mine))
     none[mine] = itself
     sides = nodes_on(V, slave), nodes_on(V, master)
-    return Opposite(rows, ids[:, None], np.ones((len(mine), 1)), none, None, sides, master), ""
+    return Opposite(rows, ids[:, None], np.ones((len(mine), 1)), none, None, sides, master)
 
 
 def _unlike_facets(
@@ -348,8 +341,8 @@ def _unlike_facets(
     slave: npt.NDArray[np.int32],
     master: npt.NDArray[np.int32],
     given: Array | None,
-) -> str:
-    """How many facets of the slave differ in size from the opposing ones; "" if none. Collective.
+) -> bool:
+    """Whether facets of the slave differ in size from the opposing ones. Collective.
 
     Nodes of finer facets lie between those that have one opposite.
     """
@@ -359,8 +352,7 @@ def _unlike_facets(
     others = measured(V.mesh, master, None if given is None else -given)
     facing = nearest(comm, others, ours[:, :dim], dim)
     off = np.abs(facing[:, dim] / ours[:, dim] - 1) > _TANGENTIAL
-    missing, total = comm.allreduce(np.array([int(off.sum()), len(ours)]))
-    return f"{missing} of {total} facets of the slave have no like one opposite" if missing else ""
+    return bool(comm.allreduce(int(off.sum())))
 
 
 def _mortar(

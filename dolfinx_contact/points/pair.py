@@ -65,7 +65,6 @@ class DiscretePair(DiscreteSurface):
                 surface=pair.surface,
                 normal=None if pair.normal is None else np.asarray(pair.normal),
                 overlap=overlap,
-                must_match=pair.method == "mixed",
                 axisymmetric=pair.axisymmetric,
                 name=name,
             )
@@ -134,7 +133,7 @@ class DiscretePair(DiscreteSurface):
         matching = self._apart.matching
         self._check_crossing(crossing)
         given = crossing
-        if self.method == "nodal" and not matching:
+        if self.method != "integral" and self.degrees[0] == 1 and not matching:
             given = crossing | held_in_place(V, self._apart, fixed)[trace]
         idle = np.all(resting(V, self._apart, fixed)[trace], axis=1)
         given = self.points.give(given, idle & ~given)

@@ -118,7 +118,7 @@ class DiscreteSurface:
             check_section(domain, local, name)
         self._create_points(local, contact.quadrature_degree)
         self._overlap = Overlap.of(name, contact.interference, contact.remove_overlap)
-        self._settle_overlap(self.points.gaps, self.points.vertex_gaps, self.points.data.n)
+        self._settle_overlap(self.points.data.gap, self.points.vertex_gaps, self.points.data.n)
         #: Gap and normal at displaced points; None in small sliding.
         self.displaced: DisplacedPoints | None = None
         self._slid = False

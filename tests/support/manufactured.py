@@ -100,17 +100,18 @@ class Exact:
     bound: object
 
 
-def exact(x, law, *, axisymmetric=False, below=False, way=1.0):
+def exact(x, law, *, axisymmetric=False, below=False, way=1.0, slope=0.2):
     """What is prescribed for a law; or of the lower body of a pair, with the same tractions.
 
-    All slips the same way, with ``way`` -1 the opposite one.
+    All slips the same way, with ``way`` -1 the opposite one. The coefficient of friction grows by
+    ``slope`` along the face.
     """
     dim = len(x)
     s = x[0]
     along = [way] if dim == 2 else [0.8 * way, 0.6 * way]
     y = x[dim - 1]
     depth = 1.0 if dim == 2 else 1.0 + 0.3 * x[1] ** 2
-    friction = 0.3 + 0.2 * s
+    friction = 0.3 + slope * s
     p = 3.0 * SIZE * beyond(s, OPENS, 2) * depth
     bound = 0.5 * SIZE * beyond(s, OPENS, 2) * (1.0 + s)
     reached = 1.0 - 10.0 * beyond(-s, -SLIPS, 3)

@@ -178,7 +178,7 @@ def solved_patch(
     return table
 
 
-def pressed(comm, dim, degrees, *, law=Coulomb(0.2), unit=1.0):  # noqa: B008
+def pressed(comm, dim, degrees, *, law=Coulomb(0.2), unit=1.0, **options):  # noqa: B008
     """A block with a round face, pressed on another and drawn aside: all statuses."""
     if dim == 2:
         both = stacked(5, 7, (-0.3, 1.3), (0.0, 1.0), "tri", comm=comm)
@@ -190,7 +190,7 @@ def pressed(comm, dim, degrees, *, law=Coulomb(0.2), unit=1.0):  # noqa: B008
     x[upper, dim - 1] += 0.2 * (x[upper, 0] - 0.4) ** 2 * (1 - x[upper, dim - 1])
     both.mesh.geometry.x[:] = unit * x
     u = displacement(both.mesh, degrees[0])
-    pair = pair_of(u, both, degrees, law=law)
+    pair = pair_of(u, both, degrees, law=law, **options)
     way = unit * np.array([0.015, *[0.0] * (dim - 2), -0.04])
     ends = [held(u, both.facet_tags, 1, np.zeros(dim)), held(u, both.facet_tags, 4, way)]
     steel = LinearElastic.from_young(1000.0, 0.3)

@@ -187,7 +187,8 @@ def test_integral_fields(cell, multiplier):
     n, up = (3, np.array([0.1, 0.0, 1.0])) if dim == 3 else (8, np.array([0.1, 1.0]))
     top = (0.03, *[0.0] * (dim - 2), -0.05)
     floor = HalfSpace(np.zeros(dim), up)
-    problem = block(n=n, cell=cell, degree=2, multiplier_degree=multiplier, obstacle=floor, top=top)
+    given = dict(degree=2, multiplier_degree=multiplier, method="integral")
+    problem = block(n=n, cell=cell, obstacle=floor, top=top, **given)
     result = problem.solve()
     assert result.counts["open"] > 0
     assert result.counts["slip"] > 0

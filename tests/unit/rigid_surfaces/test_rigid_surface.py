@@ -443,7 +443,6 @@ def test_bad_surfaces():
 def test_bad_use():
     for shape, dim, given, message in (
         (disc(20), 3, {}, "is a surface of segments, for a 2D mesh"),
-        (disc(20), 2, {"method": "mixed"}, "gaps of the mixed method are averages around nodes"),
     ):
         with pytest.raises(ValueError, match=message):
             OnBody(dim, RigidSurface(*shape), Coulomb(0.3), **given)

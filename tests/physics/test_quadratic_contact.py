@@ -1,0 +1,124 @@
+"""Quadratic displacements: the law holds at the vertices to round-off, whatever r is."""
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from support.blocks import block
+from support.mortars import (
+    BASE,
+    CASES,
+    SIDES,
+    SOLID_CASES,
+    TILT,
+    pressed,
+    solids,
+    solved_patch,
+    stacked,
+)
+from support.pairs import displacement, held
+
+import ufl
+
+from dolfinx_contact import ContactPair, ContactProblem, Coulomb, Sphere
+from dolfinx_contact.materials import LinearElastic
+
+COMM = MPI.COMM_WORLD
+TIGHT = {"snes_rtol": 1e-13}
+#: Curved obstacle below the block, and a motion that presses it down and aside.
+BALL = {2: Sphere((0.5, -5.0), 5.0), 3: Sphere((0.4, 0.5, -5.0), 5.0)}
+
+
+@pytest.mark.parametrize(
+    ("cell", "n", "curved"),
+    [("tri", 6, False), ("quad", 6, True), ("tet", 3, True), ("hex", 3, False)],
+)
+@pytest.mark.verifies("mixed contact", "Coulomb", reference="the law itself", aspects=("2D", "3D"))
+def test_law_at_the_vertices(cell, n, curved):
+    """Complementarity and friction to round-off; the solution is independent of r."""
+    dim = 2 if cell in ("tri", "quad") else 3
+    given = dict(
+        n=n,
+        cell=cell,
+        degree=2,
+        method="mixed",
+        options=TIGHT,
+        obstacle=BALL[dim] if curved else None,
+    )
+    results = [block(r=r, **given).solve() for r in (None, 100.0, 1e5)]
+    for result in results:
+        assert result.kkt_violation < 1e-11
+        assert result.counts["stick"] > 0
+        assert result.imbalance < 1e-10
+        table, first = result.tables["contact"], results[0].tables["contact"]
+        size = np.abs(first.force).max()
+        np.testing.assert_allclose(table.force, first.force, atol=1e-9 * size)
+        assert table.pressure.min() >= 0.0
+        assert table.un.min() > -1e-13
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.verifies(
+    "mixed contact", reference="itself: every rank alone", aspects=("2D", "3D", "pairs")
+)
+def test_pairs_of_different_meshes(dim):
+    """Bodies that are pressed and drawn over each other, on any number of ranks."""
+    tables = []
+    for comm in [COMM, MPI.COMM_SELF] if COMM.size > 1 else [COMM]:
+        problem = pressed(comm, dim, (2, 1), law=Coulomb(0.2), method="mixed")
+        problem.petsc_options["snes_rtol"] = 1e-13
+        result = problem.solve()
+        assert result.kkt_violation < 1e-11
+        assert result.imbalance < 1e-10
+        assert result.counts["open"] > 0
+        tables.append(result.tables["contact"])
+    size = np.abs(tables[0].force).max()
+    for table in tables[1:]:
+        np.testing.assert_allclose(table.force, tables[0].force, atol=1e-9 * size)
+
+
+@pytest.mark.parametrize(("sides", "cell"), [(0, "tri"), (1, "quad")])
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.verifies(
+    "mixed contact", reference="closed form: a linear displacement", aspects=("2D", "pairs")
+)
+def test_patch(sides, cell, degree):
+    c, s = np.cos(0.7), np.sin(0.7)
+    both = stacked(*CASES[0], cell=cell, angle=0.7)
+    frame = np.array([[c, -s], [s, c]])
+    solved_patch(both, frame, BASE, SIDES[sides], (degree, 1), (4, 5, 6), method="mixed")
+
+
+@pytest.mark.parametrize(
+    ("case", "sides", "cells", "degree"), [(0, 0, "tet", 1), (1, 1, "tet", 2), (1, 0, "hex", 2)]
+)
+@pytest.mark.verifies(
+    "mixed contact", reference="closed form: a linear displacement", aspects=("3D", "pairs")
+)
+def test_patch_in_space(case, sides, cells, degree):
+    base = np.array([[0.3, -0.1, 0.02], [0.07, 0.1, -0.03], [0.01, 0.04, -0.5]])
+    both = solids(*SOLID_CASES[case], cells)
+    solved_patch(both, TILT, base, SIDES[sides], (degree, 1), (4, 5, 6, 7, 8), method="mixed")
+
+
+def test_held_ends_of_different_meshes():
+    """Friction that holds everything makes two blocks, held together at their sides, one body."""
+    errors = []
+    for n in (4, 8):
+        energies = []
+        for below in (n, 3 * n // 2):
+            both = stacked(below, n, (0.0, 1.0), (0.0, 1.0))
+            u = displacement(both.mesh, 2)
+            pair = ContactPair(u, both, slave=3, master=2, law=Coulomb(50.0), method="mixed")
+            tags = both.facet_tags
+            ends = [held(u, tags, t, (0.0, 0.0)) for t in (1, 5, 6)]
+            ends.append(held(u, tags, 4, (0.0, -0.05)))
+            problem = ContactProblem(
+                LinearElastic(1.0, 1.0).energy(u) * ufl.dx, u, [pair], bcs=ends
+            )
+            result = problem.solve()
+            assert result.kkt_violation < 1e-9
+            energies.append(result.energies["bulk"])
+        errors.append(abs(energies[1] / energies[0] - 1))
+    assert errors[1] < 0.5 * errors[0] < 0.005
