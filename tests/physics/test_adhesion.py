@@ -11,7 +11,6 @@ from support.jacobians import randomise, remainders
 import ufl
 
 from dolfinx_contact import RCCM
-from dolfinx_contact.analysis import stability_at_rest
 from dolfinx_contact.continuation import follow
 from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.laws.status import DAMAGING
@@ -311,34 +310,6 @@ def test_a_field_of_bonds():
     t = t.tables["contact"]
     np.testing.assert_allclose(t.beta, np.where(t.x[:, 0] > 0.4, 0.8, 0.0), atol=1e-14)
     np.testing.assert_allclose(t.pressure, -C * t.beta**2 * t.un, rtol=1e-8, atol=1e-12)
-
-
-@pytest.mark.ranks(2)
-def test_bad_input():
-    for wrong, message in [
-        ({"beta": 1.1}, "beta of RCCM must be between 0 and 1, got 1.1"),
-        ({"beta": -0.1}, "beta of RCCM must be between 0 and 1"),
-        ({"beta": np.nan}, "beta of RCCM must be between 0 and 1"),
-        ({"work": 0.0}, "work of RCCM must be finite and positive"),
-        ({"work": -1.0}, "work of RCCM must be finite and positive"),
-        ({"normal": -1.0}, "normal of RCCM must be finite and nonnegative"),
-        ({"tangential": -1.0}, "tangential of RCCM must be finite and nonnegative"),
-        ({"viscosity": -1.0}, "viscosity of RCCM must be finite and nonnegative"),
-        ({"friction": np.inf}, "friction of RCCM must be finite and nonnegative"),
-    ]:
-        with pytest.raises(ValueError, match=message):
-            block(law=RCCM(**{"normal": C, "tangential": C, "work": W, **wrong}))
-    problem = block(law=RCCM(C, C, W))
-    (surface,) = problem.surfaces
-    problem.solve()
-    with pytest.raises(ValueError, match="needs a law without adhesion, not RCCM"):
-        stability_at_rest(problem, density=1.0)
-    surface.law.beta.value = 1.5
-    with pytest.raises(ValueError, match="contact: not between 0 and 1: beta of RCCM"):
-        problem.solve()
-    jump = np.zeros((surface.points.number, 2))
-    with pytest.raises(ValueError, match="memory belongs to other contact surfaces"):
-        problem.with_memory([Memory(jump, {"beta": np.ones(surface.points.number + 1)})])
 
 
 @pytest.mark.chatty

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from support.blocks import block
 from support.bonds import Point
 
 import ufl
@@ -78,19 +77,6 @@ def test_exponents(exponent):
         np.testing.assert_allclose(rates[-1], wanted, atol=0.1 if order == 1 else 0.35)
         assert rates.min() > 0.85 * wanted
         assert found[-1] < {1: 0.005, 2: 0.001}[order]
-
-
-def test_bad_exponents_and_orders():
-    for p in (0.0, -1.0, np.nan, np.inf, "1", None, True, 0.01, 100):
-        with pytest.raises(ValueError, match="exponent of RCCM must be a number from 1/10 to 10"):
-            RCCM(C, C, W, exponent=p)
-    for order in (0, 3, 1.5, None, True):
-        with pytest.raises(ValueError, match="order of RCCM in time must be 1 or 2"):
-            RCCM(C, C, W, order=order)
-    # Laws that differ in these are other laws.
-    kinds = {RCCM(C, C, W, exponent=p, order=o).kind for p in (1, 1.0, 2) for o in (1, 2)}
-    assert len(kinds) == 4
-    assert block(law=RCCM(C, C, W, order=2)).solve().converged
 
 
 @pytest.mark.verifies(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from support.bonds import U0, C, Point, W, along, bonded
 
-from dolfinx_contact import RCCM, Coulomb, NormalCompliance
+from dolfinx_contact import RCCM, NormalCompliance
 from dolfinx_contact.evolution import QuasiStatic
 
 PRESSED = (0.0, 5.0)
@@ -150,25 +150,3 @@ def test_energies(given):
         assert spent[-1] == pytest.approx(max(spent), rel=1e-6)
     assert left[1] < 0.6 * left[0]
     assert left[0] < 0.1 * history.energies.external
-
-
-@pytest.mark.ranks(2)
-def test_bad_input():
-    law = RCCM(C, C, W, recovers=True)
-    for wrong, message in [
-        ({"recovers": True, "exponent": 2.0}, "recover with the exponent 1 alone"),
-        ({"recovers": 1}, "recovers of RCCM must be True or False"),
-        ({"contact": 1e3}, "must be None or a NormalCompliance without friction"),
-        ({"contact": NormalCompliance(1e3, friction=Coulomb(0.3))}, "without friction"),
-        ({"contact": NormalCompliance(1e3, tangential=1.0)}, "without friction and tangential"),
-        ({"contact": law}, "must be None or a NormalCompliance"),
-        ({"threshold": "total"}, "threshold of RCCM must be one of"),
-    ]:
-        with pytest.raises(ValueError, match=message):
-            RCCM(C, C, W, **wrong)
-    for wrong, message in [
-        ({"contact": NormalCompliance(-1.0)}, "stiffness of RCCM must be finite and positive"),
-        ({"broken": 1.5}, "broken of RCCM must be between 0 and 1"),
-    ]:
-        with pytest.raises(ValueError, match=message):
-            bonded(law=RCCM(C, C, W, **wrong))

@@ -11,7 +11,7 @@ from cases._round import draw, quarter
 from scipy.optimize import brentq
 from support.blocks import box, facets, same_tables
 from support.pairs import tagged
-from support.revolution import FLOOR, disc, held, section
+from support.revolution import FLOOR, disc, held, refused, section
 
 import ufl
 from dolfinx import fem, mesh
@@ -388,11 +388,6 @@ def test_large_strain():
 
 
 # -- what is refused -----------------------------------------------------------------------------
-
-
-def refused(reason, make):
-    with pytest.raises(ValueError, match=reason):
-        make()
 
 
 @pytest.mark.refuses("bodies of revolution", aspects=("3D",))

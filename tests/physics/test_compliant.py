@@ -1,7 +1,5 @@
 """Compliant surfaces and regularised friction, against closed forms and the true law."""
 
-import logging
-
 from mpi4py import MPI
 
 import cases.only_solution
@@ -305,31 +303,3 @@ def test_up_to_where_regularised_friction_has_one_solution(folder):
         friction["n = 8, eps = 0.001"], rel=0.05
     )
     assert all(1e5 * summary["bound"][case] < F for case, F in friction.items())
-
-
-@pytest.mark.ranks(2)
-def test_warning_and_bad_laws(caplog):
-    with caplog.at_level(logging.WARNING):
-        block(law=NormalCompliance(50.0), top=(0.0, -0.3)).solve()
-    if COMM.rank == 0:
-        assert "the surface gives way by" in caplog.text
-    for make, message in [
-        (lambda: NormalCompliance(1.0, 0.5), "exponent of NormalCompliance must be at least 1"),
-        (lambda: NormalCompliance(1.0, np.nan), "exponent of NormalCompliance must be at least 1"),
-        (lambda: NormalCompliance(1.0, friction=0.3), "must be a law of friction"),
-        (lambda: block(law=NormalCompliance(-1.0)), "stiffness .* must be finite and positive"),
-        (lambda: block(law=NormalCompliance(np.nan)), "stiffness .* must be finite and positive"),
-        (lambda: block(law=NormalCompliance(1.0, tangential=-1.0)), "tangential .* and positive"),
-        (lambda: Regularised(Coulomb(0.3), 0.1, "cubic"), "shape of Regularised must be one of"),
-        (lambda: Regularised(0.3, 0.1), "takes a law of friction"),
-        (lambda: Regularised(NormalCompliance(1.0), 0.1), "a compliant surface goes around it"),
-        (lambda: block(law=Regularised(Coulomb(0.3), 0.0)), "width .* must be finite and positive"),
-        (lambda: block(law=Regularised(Coulomb(0.3), np.nan)), "width .* finite and positive"),
-        (lambda: block(law=Regularised(Coulomb(-0.3), 0.1)), "friction .* nonnegative"),
-    ]:
-        with pytest.raises(ValueError, match=message):
-            make()
-    problem = block(law=Regularised(Coulomb(0.3), 0.1))
-    problem.surfaces[0].law.width.value = 0.0
-    with pytest.raises(ValueError, match="not positive: width"):
-        problem.solve()

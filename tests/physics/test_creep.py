@@ -122,27 +122,3 @@ def test_an_increment_at_its_velocity():
         size = np.abs(tables[0].force).max()
         np.testing.assert_allclose(tables[0].force, other.force, rtol=0, atol=tolerance * size)
     assert tables[0].status == tables[1].status
-
-
-@pytest.mark.ranks(2)
-def test_what_is_lacking_is_said():
-    """A history knows no width, a static problem no speed; nothing is made of either."""
-    with pytest.raises(ValueError, match="needs a width, or a speed"):
-        Regularised(Coulomb(F))
-    with pytest.raises(ValueError, match=r"speed .* must be finite and positive"):
-        block(law=Regularised(Coulomb(F), speed=-1.0))
-    static = Regularised(Coulomb(F), 1e-3)
-    for law in (static, NormalCompliance(1e6, friction=static)):
-        with pytest.raises(ValueError, match=r"contact: the law .* lacks a speed"):
-            QuasiStatic(block(law=law), lambda _: None)
-    problem = block(law=Regularised(Coulomb(F), speed=1e-3))
-    before = problem.u.x.array.copy()
-    for algorithm in ("newton", "tresca"):
-        with pytest.raises(ValueError, match=r"contact: statically the law .* lacks a width"):
-            problem.solve(algorithm=algorithm)
-    np.testing.assert_array_equal(problem.u.x.array, before)
-    problem = block(law=static)
-    (surface,) = problem.surfaces
-    step = problem.with_memory([Memory(np.zeros((surface.points.number, 2)), step=0.1)])
-    with pytest.raises(ValueError, match=r"in a history the law .* lacks a speed"):
-        step.solve()

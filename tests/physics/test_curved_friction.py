@@ -27,14 +27,12 @@ from support.sliding_bodies import smooth
 from dolfinx import fem
 
 from dolfinx_contact import (
-    RCCM,
     ContactProblem,
     ContactSurface,
     Coulomb,
     Cylinder,
     HalfSpace,
     LevelSet,
-    NonlocalCoulomb,
     ParametricContact,
     RigidBody,
     Sphere,
@@ -536,67 +534,6 @@ def test_motion():
 
 
 # -- what is not there -----------------------------------------------------------------------------
-
-
-@pytest.mark.ranks(2)
-@pytest.mark.refuses("rigid bodies", aspects=("2D", "large sliding"))
-def test_half_a_turn_in_a_step_is_refused():
-    """A rotation by a whole turn leaves every place as it was, and no slip could be seen."""
-    turns = []
-
-    def body(domain):
-        turns.append(fem.Constant(domain, 0.0))
-        motion = {"x": 0.0, "y": 0.0, "rz": turns[0]}
-        return RigidBody(Sphere((0.4, -1.0), 1.0), about=(0.4, -1.0), motion=motion)
-
-    on_body = OnBody(2, body, Coulomb(0.3), sliding="large")
-    on_body.move(lambda X: np.tile([0.0, -0.05], (len(X), 1)))
-    turn = turns[0]
-    for angle in (3.3, -2 * np.pi):
-        turn.value = angle
-        with pytest.raises(ValueError, match="rad in one step: slips on it are known below half"):
-            on_body.problem.solve()
-    turn.value = 3.0
-    assert on_body.problem.solve().converged
-    turn.value = 0.0
-    on_body.u.x.array[:] = 0.0
-    on_body.problem.solve()
-
-    def load(t):
-        turn.value = t
-
-    evolution = QuasiStatic(on_body.problem, load)
-    with pytest.raises(ValueError, match="rad in one step: slips on it are known below half"):
-        evolution.run([0.0, 2 * np.pi])
-    history = evolution.run([0.0, 2.0, 4.0])
-    assert history.energies.dissipated > 0
-
-
-@pytest.mark.ranks(2)
-@pytest.mark.refuses(
-    "mixed contact", "RCCM adhesion", "nonlocal friction", "NSCD motion", aspects=("large sliding",)
-)
-def test_refused():
-    """Laws that need more than increments of slip, and what is about velocities."""
-    disc = Sphere((0.4, -3.0), 3.0)
-    for given, message in (
-        ({"law": RCCM(0.3, 100.0, 100.0, 0.1)}, "no friction with the law RCCM, which has bonds"),
-        (
-            {"law": NonlocalCoulomb(0.3, radius=0.3)},
-            "no friction with the law .*, which averages the pressure around points",
-        ),
-        ({"law": Coulomb(0.3), "method": "mixed"}, "gaps of mixed contact are averages"),
-    ):
-        with pytest.raises(ValueError, match=message):
-            OnBody(2, disc, sliding="large", **given)
-    on_disc = OnBody(2, disc, Coulomb(0.3))
-    with pytest.raises(ValueError, match="large sliding on a curved obstacle is about positions"):
-        NSCD(on_disc.problem, 1.0, dt=0.1, level="velocity", mass="lumped")
-    turned = RigidBody(disc, about=(0.0, 0.0), motion={"rz": 0.1}, held=["x"], load={"y": 1.0})
-    assert OnBody(2, turned, Coulomb(0.3)).surface.displaced is None  # by default it turns little
-    adhesive = RCCM(10.0, 10.0, 0.1)
-    with pytest.raises(ValueError, match="no friction with the law RCCM, which has bonds"):
-        OnBody(2, turned, adhesive, sliding="large")
 
 
 # -- the demo --------------------------------------------------------------------------------------

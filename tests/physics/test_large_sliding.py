@@ -243,20 +243,6 @@ def test_which_sliding():
             block(disc, material=material, sliding=sliding, law=Coulomb(0.3))
 
 
-@pytest.mark.ranks(2)
-@pytest.mark.parametrize(
-    ("given", "message"),
-    [
-        ({"method": "mixed"}, "gaps of mixed contact are averages"),
-        ({"sliding": "huge"}, "sliding must be one of small, large, None; got 'huge'"),
-    ],
-)
-@pytest.mark.refuses("mixed contact", aspects=("large sliding",))
-def test_refused(given, message):
-    with pytest.raises(ValueError, match=message):
-        block(Sphere((0.4, -3.0), 3.0), **given)
-
-
 def orbiting(cell, n, angle, press=0.08):
     """A block pressed on a cylinder, and then led around it by its top: the parameter is the part.
 

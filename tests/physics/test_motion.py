@@ -6,17 +6,16 @@ import cases.bouncing_bar
 import numpy as np
 import pytest
 from scipy.linalg import expm
-from support.blocks import box, facets
+from support.blocks import facets
+from support.falling_blocks import COMM, block
 from support.moving_bar import Bar
 
 import ufl
 from dolfinx import fem, mesh
 
 from dolfinx_contact import (
-    RCCM,
     ContactProblem,
     ContactSurface,
-    Coulomb,
     Frictionless,
     HalfSpace,
 )
@@ -24,7 +23,6 @@ from dolfinx_contact.body.inertia import mass_matrix
 from dolfinx_contact.evolution import NSCD
 from dolfinx_contact.materials import LinearElastic, NeoHookean
 
-COMM = MPI.COMM_WORLD
 QUAD = mesh.CellType.quadrilateral
 
 
@@ -162,41 +160,6 @@ def test_a_bar_thrown_at_a_wall():
 
 
 # -- blocks ----------------------------------------------------------------------------------------
-
-
-def block(
-    cell="quad",
-    n=1,
-    *,
-    comm=COMM,
-    material=None,
-    weight=0.0,
-    friction=0.0,
-    degree=1,
-    height=0.0,
-    held=None,
-    size=1.0,
-):
-    """A block over a floor, with the Function on its top if that is held."""
-    domain = box(comm, n, cell, size=size)
-    dim = domain.geometry.dim
-    V = fem.functionspace(domain, ("Lagrange", degree, (dim,)))
-    u = fem.Function(V)
-    up = np.eye(dim)[-1]
-    material = material or LinearElastic.from_young(1000.0, 0.3)
-    surface = ContactSurface(
-        u,
-        facets(domain, dim - 1, 0.0),
-        obstacle=HalfSpace(-height * up, up),
-        law=Coulomb(friction) if friction else Frictionless(),
-    )
-    pull = fem.Constant(domain, float(weight)) * u[dim - 1] * ufl.dx
-    bcs = []
-    if held is not None:
-        top = fem.locate_dofs_topological(V, dim - 1, facets(domain, dim - 1, size))
-        held = fem.Function(V)
-        bcs = [fem.dirichletbc(held, top)]
-    return ContactProblem(material.energy(u) * ufl.dx + pull, u, [surface], bcs=bcs), held
 
 
 def shaken(problem, size=1.0):
@@ -419,54 +382,9 @@ def test_mass_matrices(cell, degree):
 
 # -- bad input -------------------------------------------------------------------------------------
 
-BAD = [
-    ({"density": 0.0}, "density must be positive"),
-    ({"density": -1.0}, "density must be positive"),
-    ({"density": np.nan}, "density must be positive"),
-    ({"density": "some"}, "density must be positive everywhere"),
-    ({"dt": 0.0}, "dt must be a positive time"),
-    ({"dt": -1.0}, "dt must be a positive time"),
-    ({"dt": np.nan}, "dt must be a positive time"),
-    ({"theta": 0.49}, "theta must be between 0.5 and 1"),
-    ({"theta": 1.01}, "theta must be between 0.5 and 1"),
-    ({"theta": np.nan}, "theta must be between 0.5 and 1"),
-    ({"restitution": 1.1, "level": "velocity"}, "restitution must be between 0 and 1"),
-    ({"restitution": -0.1, "level": "velocity"}, "restitution must be between 0 and 1"),
-    ({"restitution": 0.5}, "level='velocity'"),
-    ({"level": "velocity", "mass": "redistributed"}, "a node needs mass"),
-    ({"scheme": "newmark"}, "known are 'theta', 'theta-euler', 'modified-theta'"),
-    ({"level": "speed"}, "known are 'position', 'velocity'"),
-    ({"mass": "none"}, "known are 'consistent', 'lumped', 'redistributed'"),
-    ({"damping": (-1.0, 0.0)}, "must not be negative"),
-    ({"damping": 1.0}, "a form or a pair"),
-]
-
-
-@pytest.mark.ranks(2)
-@pytest.mark.parametrize(("given", "message"), BAD, ids=lambda x: str(x)[:30])
-def test_bad_input(given, message):
-    problem, _ = block("tri", 2)
-    if given.get("density") == "some":
-        given = {"density": ufl.SpatialCoordinate(problem.V.mesh)[0] - 0.5}
-    with pytest.raises(ValueError, match=message) as info:
-        NSCD(problem, **({"density": 1.0, "dt": 0.1, "mass": "lumped"} | given))
-    assert len(set(COMM.allgather(str(info.value)))) == 1
-
 
 def test_a_start_within_the_floor():
     problem, _ = block("tri", 2, height=-0.01)
     with pytest.raises(ValueError, match=r"within the obstacle, by up to 0.01") as info:
         NSCD(problem, 1.0, dt=0.1).run([0.0, 1.0])
     assert len(set(COMM.allgather(str(info.value)))) == 1
-
-
-@pytest.mark.ranks(2)
-def test_what_the_velocity_level_refuses():
-    problem, _ = block("tri", 2)
-    u = problem.u
-    floor = HalfSpace((0.0, 0.0), (0.0, 1.0))
-    below = facets(problem.V.mesh, 1, 0.0)
-    glued = ContactSurface(u, below, obstacle=floor, law=RCCM(10.0, 10.0, 1.0))
-    energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx
-    with pytest.raises(ValueError, match="adhesion is about positions"):
-        NSCD(ContactProblem(energy, u, [glued]), 1.0, dt=0.1, level="velocity", mass="lumped")

@@ -1,7 +1,5 @@
 """Nonlocal friction, against dense numpy, closed forms and the local law."""
 
-import logging
-
 from mpi4py import MPI
 
 import numpy as np
@@ -299,47 +297,3 @@ def test_a_branch():
     assert any(s.changes for s in branch.special)
     found = system.result_at(branch.points[-1]).tables["contact"]
     same_tables(found, block(**options, law=NonlocalCoulomb(0.3, 0.3)).solve().tables["contact"])
-
-
-@pytest.mark.ranks(2)
-def test_bad_laws_and_a_small_radius(caplog):
-    for make, message in [
-        (
-            lambda: NonlocalCoulomb(0.3, np.nan),
-            "radius of NonlocalCoulomb must be a finite and pos",
-        ),
-        (
-            lambda: NonlocalCoulomb(0.3, np.inf),
-            "radius of NonlocalCoulomb must be a finite and pos",
-        ),
-        (
-            lambda: NonlocalCoulomb(0.3, -0.1),
-            "radius of NonlocalCoulomb must be a finite and posit",
-        ),
-        (
-            lambda: NonlocalCoulomb(0.3, 0.0),
-            "radius of NonlocalCoulomb must be a finite and positi",
-        ),
-        (
-            lambda: NonlocalCoulomb(0.3, "1"),
-            "radius of NonlocalCoulomb must be a finite and positi",
-        ),
-        (lambda: NonlocalCoulomb(0.3, 0.1, "hat"), "kernel of NonlocalCoulomb must be one of moll"),
-        (lambda: NonlocalCoulomb(0.3, 0.1, normalised=1), "normalised of .* True or False"),
-        (
-            lambda: block(law=NonlocalCoulomb(-0.3, 0.5)),
-            "friction of NonlocalCoulomb.* nonnegative",
-        ),
-        (lambda: block(law=NonlocalCoulomb(np.nan, 0.5)), "friction of NonlocalCoulomb.* nonnegat"),
-    ]:
-        with pytest.raises(ValueError, match=message):
-            make()
-    options = dict(n=4, cell="quad", top=(0.02, -0.02))
-    with caplog.at_level(logging.WARNING):
-        block(**options, law=NonlocalCoulomb(0.3, 0.25)).solve()
-    assert "below the mesh size" not in caplog.text
-    with caplog.at_level(logging.WARNING):
-        found = block(**options, law=NonlocalCoulomb(0.3, 0.2)).solve().tables["contact"]
-    if COMM.rank == 0:
-        assert "the radius of nonlocal friction, 0.2, is below the mesh size, 0.25" in caplog.text
-    same_tables(found, block(**options, law=Coulomb(0.3)).solve().tables["contact"], 1e-12)

@@ -19,7 +19,6 @@ from support.pairs import (
     displacement,
     held,
     largest,
-    refused,
     stacked,
     tagged,
     triangle_on_a_body,
@@ -315,40 +314,3 @@ def test_crack(dim, cell, reach):
 
 
 # -- bad input -------------------------------------------------------------------------------------
-
-
-@pytest.mark.ranks(2)
-def test_bad_pairs():
-    both = stacked(2, "quad", 2)
-    u = displacement(both.mesh)
-    refused("contact: slave and master have 2 facets in common", u, both, master=3)
-    refused(r"contact, master: no facet has the tag 9", u, both, master=9)
-    refused("overlap by 2; .* look away", u, both, slave=4, master=1)
-    for gap in (np.nan, "x", ufl.SpatialCoordinate(both.mesh)):
-        refused("the gap must be", u, both, gap=gap)
-    refused(r"the given gap is -0\.1; interference=True", u, both, gap=-0.1)
-    refused("interference must be True, False or", u, both, interference="no")
-    indices = both.facet_tags.find(3)
-    with pytest.raises(ValueError, match="by their indices need master_facets"):
-        discretise(ContactPair(u, indices, law=Frictionless()))
-    with pytest.raises(ValueError, match="a crack needs names or tags of groups"):
-        crack(both, [])
-    pairs = [
-        ContactPair(u, both, slave=a, master=b, law=Frictionless(), name=str(a))
-        for a, b in ((2, 3), (3, 2))
-    ]
-    with pytest.raises(ValueError, match="2 and 3 are one pair with slave and master exchanged"):
-        ContactProblem(MATERIAL.energy(u) * ufl.dx, u, pairs)
-    refused("look the same way", u, both, slave=3, master=1)
-    with pytest.raises(ValueError, match="MeshTags of facets"):
-        crack(both.mesh, [5])
-    with pytest.raises(
-        ValueError, match=r"no facet has the tag 5; tags of the mesh: \[1, 2, 3, 4\]"
-    ):
-        crack(both, [5])
-    with pytest.raises(ValueError, match="2 facets of the crack lie on the boundary"):
-        crack(both, [1])
-    with pytest.raises(ValueError, match="meshes of different kinds"):
-        join([box(COMM, 2, "quad"), box(COMM, 2, "tri")])
-    with pytest.raises(ValueError, match="a list of meshes is needed"):
-        join([])

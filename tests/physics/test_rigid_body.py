@@ -453,31 +453,5 @@ def test_lemke():
 
 # -- bad input -----------------------------------------------------------------------------------
 
-PLANE = HalfSpace((0, 1), (0, -1))
-
-
-@pytest.mark.ranks(2)
-@pytest.mark.parametrize(
-    ("given", "words"),
-    [
-        ({"load": {"y": -1.0}, "held": ["x"]}, "not given: rz"),
-        ({"load": {"y": -1.0}, "held": ["x", "y", "rz"]}, "y is given twice"),
-        ({"load": {"y": np.nan}, "held": ["x", "rz"]}, "must be a finite number"),
-        ({"load": {"z": -1.0}, "held": ["x", "y", "rz"]}, "unknown component 'z'"),
-        ({"load": {"y": "down"}, "held": ["x", "rz"]}, "number or a UFL scalar"),
-        ({"load": {"y": True}, "held": ["x", "rz"]}, "number or a UFL scalar"),
-        ({"load": -1.0, "held": ["x", "y", "rz"]}, "go by component"),
-        ({"held": "xy"}, "free and held must be a list"),
-        ({"held": ["x", "x", "y", "rz"]}, "named twice"),
-        ({"about": (0.0, np.inf), "held": ["x", "y", "rz"]}, "must be 2 finite numbers"),
-        ({"shape": None, "held": ["x", "y", "rz"]}, "its shape must be"),
-        ({"name": "", "held": ["x", "y", "rz"]}, "must be a word"),
-    ],
-)
-def test_bad_input(given, words):
-    given = {"shape": PLANE, "about": (0, 1), **given}
-    with pytest.raises(ValueError, match=words):
-        RigidBody(given.pop("shape"), **given)
-
 
 # -- results -------------------------------------------------------------------------------------

@@ -21,7 +21,6 @@ from dolfinx_contact import (
     Frictionless,
     ParametricContact,
     SelfContact,
-    Tresca,
 )
 from dolfinx_contact.continuation import follow
 from dolfinx_contact.equations.jacobian import Jacobian
@@ -476,27 +475,6 @@ def test_ironing(folder):
 # -- what is refused -------------------------------------------------------------------------------
 
 
-@pytest.mark.ranks(2)
-@pytest.mark.refuses("sliding pairs", aspects=("2D", "pairs"))
-@pytest.mark.parametrize(
-    ("given", "words"),
-    [
-        ({"gap": 0.1}, "does not support gap"),
-        ({"normal": (0.0, 1.0)}, "does not support normal"),
-        ({"method": "nodal"}, "does not support method"),
-        ({"search_distance": -1.0}, "search distance must be positive"),
-        ({"sliding": "huge"}, "sliding must be"),
-        ({"law": Tresca(1.0)}, "bounds the shear of open points"),
-        ({"master": 2}, "facets in common"),
-    ],
-)
-def test_refused(given, words):
-    both = stacked(4, 4, (0.0, 1.0), (0.0, 1.0))
-    known = {"slave": 2, "master": 3, "law": Coulomb(0.3), "sliding": "large"} | given
-    with pytest.raises(ValueError, match=words):
-        discretise(ContactPair(displacement(both.mesh), both, **known))
-
-
 def lowered(by):
     """Two blocks of which the upper one begins lower, in the other."""
     both = stacked(4, 4, (0.0, 1.0), (0.0, 1.0))
@@ -689,22 +667,6 @@ def test_self_contact(friction, force, accuracy):
     mine = above[above < len(reactions)]
     assert -COMM.allreduce(reactions[mine].sum()) == pytest.approx(force, abs=accuracy)
     assert history.steps[-1].result.pairs["contact"].imbalance < 1e-13
-
-
-@pytest.mark.ranks(2)
-@pytest.mark.refuses("self contact", aspects=("2D",))
-def test_self_contact_is_refused():
-    domain, tags = hairpin(0.5)
-    u = displacement(domain)
-    for given, words in (
-        ({"direction": (0.0, 0.0)}, "direction must be"),
-        ({"direction": (0.0, 0.0, 1.0)}, "direction must be"),
-        ({"search_distance": 0.0}, "search distance must be positive"),
-    ):
-        with pytest.raises(ValueError, match=words):
-            discretise(SelfContact(u, tags, tag=1, law=Coulomb(0.3), **given))
-    with pytest.raises(ValueError, match="SelfContact"):
-        discretise(ContactPair(u, tags, slave=1, master=1, law=Coulomb(0.3), sliding="large"))
 
 
 def disc_on_a_block(cell, slave, n=4, law=None):

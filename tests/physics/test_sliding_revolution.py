@@ -15,14 +15,12 @@ from dolfinx import fem, mesh
 from dolfinx_contact import (
     ContactPair,
     ContactProblem,
-    Coulomb,
     Frictionless,
 )
 from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.grids import create_grid
 from dolfinx_contact.materials import Axisymmetric, LinearElastic, NeoHookean
 from dolfinx_contact.meshing import join
-from dolfinx_contact.problem import discretise
 
 COMM = MPI.COMM_WORLD
 LARGE = {"law": Frictionless(), "sliding": "large", "axisymmetric": True}
@@ -260,12 +258,3 @@ def test_lame():
         errors.append(abs(table.pressure.mean() / pressure_of_fit(d) - 1))
     assert errors[1] < 3e-3
     assert errors[1] < 0.3 * errors[0]
-
-
-@pytest.mark.refuses("sliding pairs", "bodies of revolution", aspects=("2D", "pairs"))
-def test_friction_is_refused():
-    both = stacked(4, 4, (0.0, 1.0), (0.0, 1.0))
-    u = displacement(both.mesh)
-    given = {"slave": 3, "master": 2} | LARGE | {"law": Coulomb(0.3)}
-    with pytest.raises(ValueError, match="take Frictionless"):
-        discretise(ContactPair(u, both, **given))

@@ -3,6 +3,7 @@
 from mpi4py import MPI
 
 import numpy as np
+import pytest
 
 import ufl
 from dolfinx import fem
@@ -53,3 +54,8 @@ def disc(
     bcs = [held(V, 1, domain, 1, size, -0.01 * size if lid is None else lid)]
     options = {"snes_rtol": 1e-12} | (options or {})
     return ContactProblem(energy, u, [surface], bcs=bcs, petsc_options=options)
+
+
+def refused(reason, make):
+    with pytest.raises(ValueError, match=reason):
+        make()

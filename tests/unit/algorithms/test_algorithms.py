@@ -234,16 +234,3 @@ def test_options_are_checked():
     assert all(
         ALGORITHMS[name].described().startswith(ALGORITHMS[name].name) for name in ALGORITHMS
     )
-
-
-@pytest.mark.ranks(2)
-def test_data_that_are_refused():
-    good = (NODE, np.array([0.0, -1.0]), np.array([0.3]))
-    for S, p, F in (
-        (np.array([[1.0, 2.0], [2.0, 1.0]]), *good[1:]),
-        (NODE, np.array([np.nan, 0.0]), good[2]),
-        (NODE, good[1], np.array([-0.1])),
-        (np.eye(3), good[1], good[2]),
-    ):
-        with pytest.raises(ValueError, match=r"definite|finite|negative|shape"):
-            PointProblem(S, p, F)

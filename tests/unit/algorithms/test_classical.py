@@ -259,20 +259,6 @@ def test_what_fails_is_told_and_leaves_the_functions():
     np.testing.assert_array_equal(problem.u.x.array, before)
 
 
-@pytest.mark.ranks(2)
-def test_what_is_refused():
-    problem = block(n=2)
-    for wrong in ("magic", None, 3, GaussSeidel):
-        with pytest.raises(ValueError, match="unknown algorithm"):
-            problem.solve(algorithm=wrong)
-    with pytest.raises(ValueError, match="at the nodes"):
-        block(n=2, method="integral").solve(algorithm="lemke")
-    if COMM.size > 1:
-        mine = GaussSeidel(relaxation=1.0 + 0.1 * COMM.rank)
-        with pytest.raises(ValueError, match="algorithm differs between ranks"):
-            problem.solve(algorithm=mine)
-
-
 @pytest.mark.long
 @pytest.mark.parametrize(
     "algorithm",

@@ -247,31 +247,6 @@ def corner(*laws):
 
 
 @pytest.mark.ranks(2)
-def test_bad_input():
-    problem = leaning(2)
-    for direction, words in (
-        ((0.0, 1.0), "normal to the contact surface"),
-        ((1.0, 0.0, 0.0), "a direction of slip is a vector"),
-        ("right", "a direction of slip is a vector"),
-    ):
-        with pytest.raises(ValueError, match=words):
-            critical_friction(problem, direction)
-    with pytest.raises(ValueError, match="number of eigenvalues"):
-        critical_friction(problem, count=0)
-    with pytest.raises(ValueError, match="in 3D a direction"):
-        critical_friction(block(1))
-    with pytest.raises(ValueError, match="without resistance"):
-        critical_friction(on_box(mesh.create_unit_square(COMM, 2, 2), clamped=False))
-    domain = mesh.create_unit_square(COMM, 2, 2)
-    with pytest.raises(ValueError, match="nodal or mixed"):
-        critical_friction(on_box(domain, method="integral"))
-    with pytest.raises(ValueError, match="unknown solver of the body 'lu'; known: auto"):
-        critical_friction(problem, solver="lu")
-    with pytest.raises(ValueError, match="points that are nodes: take solver='direct'"):
-        critical_friction(on_box(domain, method="mixed"), solver="amg")
-
-
-@pytest.mark.ranks(2)
 @pytest.mark.parametrize(
     "options", [["--lower", "1e9", "0.3"], ["--lower", "1e9", "0.3", "--ratio=2"]]
 )

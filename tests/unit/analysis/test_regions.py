@@ -1,7 +1,6 @@
 """Regions of solutions between curves, against closed forms and enumeration."""
 
 import itertools
-from dataclasses import replace
 
 from mpi4py import MPI
 
@@ -10,7 +9,6 @@ import numpy as np
 import pytest
 from support.families import enumerated, holds, random_family
 
-from dolfinx_contact import plot
 from dolfinx_contact.analysis import EventCurves, contact_family, solution_regions
 from dolfinx_contact.analysis.curve_search import follow_events
 
@@ -128,21 +126,3 @@ def test_demo(folder):
     }
     if COMM.rank == 0:
         assert (folder / "regions_1.5.png").stat().st_size > 10_000
-
-
-def test_bad_input(tmp_path):
-    family = replace(random_family(0), comm=COMM)
-    curves = follow_events(family, [], (1.0, 2.0), (-1.0, 1.0))
-    ranks = [1.0 + COMM.rank] if COMM.size > 1 else []
-    for seconds in (0.0, -1.0, np.nan, *ranks):
-        with pytest.raises(ValueError, match="seconds"):
-            solution_regions(
-                family, curves, mu_range=(1.0, 2.0), gamma_range=(-1.0, 1.0), proof_seconds=seconds
-            )
-    with pytest.raises(ValueError, match="range"):
-        solution_regions(family, curves, mu_range=(2.0, 1.0), gamma_range=(-1.0, 1.0))
-    regions = solution_regions(family, curves, mu_range=(1.0, 2.0), gamma_range=(-1.0, 1.0))
-    with pytest.raises(ValueError, match="outside"):
-        regions.at(0.0, 0.0)
-    with pytest.raises(ValueError, match="no names"):
-        plot.draw_chart(tmp_path / "a.png", regions, curves, {})

@@ -5,7 +5,6 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from cases._triangle import linear_triangle
-from cases.own_law import SlipWeakening
 from support.leaning_bodies import block, in_plane, on_box, stiffness_of_points, swirl, to_the
 
 from dolfinx import mesh
@@ -92,15 +91,3 @@ def test_guided_points():
     plane = on_box(flat)
     expected = renard_criterion(plane, to_the(1)).factor
     assert renard_criterion(slices, to_the(1)).factor == pytest.approx(expected, rel=1e-9)
-
-
-@pytest.mark.ranks(2)
-def test_bad_input():
-    domain = mesh.create_unit_square(COMM, 2, 2)
-    with pytest.raises(ValueError, match="about Coulomb's law"):
-        renard_criterion(on_box(domain, law=SlipWeakening(0.4, 0.2, 0.1)))
-    problem = on_box(domain)
-    with pytest.raises(ValueError, match="vectors of length 1 at most"):
-        renard_criterion(problem, lambda x: 2.0 * np.ones_like(x))
-    with pytest.raises(ValueError, match="nodal or mixed"):
-        renard_criterion(on_box(domain, method="integral"))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from cases._triangle import linear_triangle
 from support.blocks import restore_statuses
-from support.leaning_bodies import block, leaning, on_box
+from support.leaning_bodies import block, leaning
 
 import ufl
 from dolfinx import fem, mesh
@@ -152,18 +152,6 @@ def test_3d():
     assert stability_at_rest(problem, density=1.0).label == "stable"
     found = stability_at_rest(block(1), density=1.0)
     assert found.label == "not decided"
-
-
-@pytest.mark.ranks(2)
-def test_bad_input():
-    problem = leaning(2)
-    with pytest.raises(ValueError, match="density must be positive"):
-        stability_at_rest(problem, density=-1.0)
-    with pytest.raises(ValueError, match="eigenproblems must be 1 or more"):
-        stability_at_rest(problem, density=1.0, max_count=0)
-    domain = mesh.create_unit_square(COMM, 2, 2)
-    with pytest.raises(ValueError, match="nodal or mixed"):
-        stability_at_rest(on_box(domain, method="integral"), density=1.0)
 
 
 # -- the stiffness where no point is at a border ---------------------------------------------------

@@ -196,24 +196,6 @@ def test_of_a_solution():
     np.testing.assert_allclose(found.eigenvalues[:5], uniform.eigenvalues[:5], atol=1e-9)
 
 
-@pytest.mark.ranks(2)
-def test_bad_input():
-    problem = pad(2)
-    for given, words in (
-        (dict(density=0.0), "density must be positive"),
-        (dict(density=1.0, damping=-0.1), "a time >= 0 or a form"),
-        (dict(density=1.0, damping=ufl.inner(problem.u, problem.u) * ufl.dx), "trial and a test"),
-        (dict(density=1.0, count=0), "number of eigenvalues"),
-    ):
-        with pytest.raises(ValueError, match=words):
-            SteadySliding(problem, (-1.0, 0.0), **given)
-    sliding = SteadySliding(problem, (-1.0, 0.0), density=1.0)
-    with pytest.raises(ValueError, match="number >= 0"):
-        sliding.modes(-0.1)
-    with pytest.raises(ValueError, match="largest friction must be positive"):
-        sliding.onset(0.0)
-
-
 @pytest.mark.long
 @pytest.mark.chatty
 def test_demo(folder):

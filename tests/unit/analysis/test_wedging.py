@@ -201,16 +201,6 @@ def test_a_body_in_space():
     assert many.lower <= many.friction <= many.lower / np.cos(np.pi / 24) * (1 + 1e-6)
 
 
-@pytest.mark.ranks(2)
-def test_bad_input():
-    problem = linear_triangle(1, 1.0).problem
-    for wrong in (dict(seconds=-1), dict(seconds="a"), dict(sides=3), dict(sides=4.5)):
-        with pytest.raises(ValueError, match="must be"):
-            wedging_friction(problem, **wrong)
-    with pytest.raises(ValueError, match="ContactProblem"):
-        wedging_friction(None)
-
-
 @serial
 @pytest.mark.parametrize("contrast", [1.0, 1e3, 1e6, 1e9])
 @pytest.mark.verifies(

@@ -183,8 +183,3 @@ def test_result_of_a_body():
     assert renard_criterion(problem).factor < 1
     assert renard_criterion(problem, weights=True).factor > 1
     assert problem.uniqueness().verdict == "proved"
-
-
-def test_bad_input():
-    with pytest.raises(ValueError, match="weights need the dense eigenproblem"):
-        renard_criterion(block(2), swirl, dense=False, weights=True)

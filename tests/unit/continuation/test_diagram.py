@@ -180,27 +180,3 @@ def test_two_starts_on_one_branch():
     diagram = explore(system, [stuck, open_], gamma_range=(0.0, 5.0))
     assert len(diagram.edges) == 1
     assert gammas(diagram.branches[0]) == (0.0, pytest.approx(5.0, abs=1e-12))
-
-
-@pytest.mark.ranks(2)
-def test_budgets_and_bad_input():
-    system = smooth(
-        1,
-        lambda x, g: x * (g - x**2),
-        lambda x, g: [[g - 3 * x[0] ** 2]],
-        lambda x, g: [x[0]],
-    )
-    x = start(system, [0.0])
-    diagram = explore(system, [(x, -1.0)], gamma_range=(-1.0, 1.0), max_branches=2)
-    assert diagram.reason == "the budget of 2 branches is exhausted"
-    assert diagram.ending is Ending.BUDGET
-    assert not diagram.complete
-    assert len(diagram.edges) == 2
-    with pytest.raises(ValueError, match="must lie in the range"):
-        explore(system, [(x, 3.0)], gamma_range=(-1.0, 1.0))
-    with pytest.raises(ValueError, match="max_branches must be a whole number"):
-        explore(system, [(x, 0.5)], gamma_range=(-1.0, 1.0), max_branches=0)
-    with pytest.raises(ValueError, match="route must be one of"):
-        explore(system, [(x, 0.5)], gamma_range=(-1.0, 1.0), route="guess")
-    with pytest.raises(ValueError, match="not affine"):
-        explore(system, [(x, 0.5)], gamma_range=(-1.0, 1.0), route="pivoting")

@@ -191,12 +191,3 @@ def test_3d_branch(folder):
             assert last.status.count("o") == end["open"]
             assert last.force[:, 2].sum() == pytest.approx(end["sum_rn"], rel=1e-8)
         assert branch.reason == "gamma reached the end of its range"
-
-
-@pytest.mark.ranks(2)
-def test_bad_input():
-    with pytest.raises(ValueError, match="kinks are passed"):
-        StepControl(kinks="somehow")
-    system = one_node(2.0, 2.0, 1.0, 3.0, (0.0, -1.0), (-1.0, 0.0))
-    with pytest.raises(ValueError, match="nothing to locate"):
-        Follower(system, StepControl(), gamma_scale=1.0, locate=lambda change: True)

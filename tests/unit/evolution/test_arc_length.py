@@ -15,11 +15,8 @@ from dolfinx_contact import (
     RCCM,
     ContactProblem,
     ContactSurface,
-    Coulomb,
     HalfSpace,
-    NormalCompliance,
     ParametricContact,
-    Regularised,
 )
 from dolfinx_contact.continuation import Ending, StepControl
 from dolfinx_contact.evolution import ArcLength, QuasiStatic
@@ -210,48 +207,6 @@ def test_friction_as_quasi_static(cell, tolerance):
         force = np.abs(other.force).max()
         assert table.status == other.status
         np.testing.assert_allclose(table.force, other.force, rtol=0, atol=tolerance * force)
-
-
-@pytest.mark.ranks(2)
-def test_bad_input():
-    with pytest.raises(ValueError, match="a ParametricContact is needed, got int"):
-        ArcLength(3)
-    slow = bar(1.0, 1, law=RCCM(C, C, W, viscosity=0.1), comm=MPI.COMM_SELF)
-    with pytest.raises(
-        ValueError, match="RCCM answers to the time or length of a step, by its vis"
-    ):
-        ArcLength(slow)
-    for law, name in [
-        (Regularised(Coulomb(0.3), 0.1), "width"),
-        (NormalCompliance(1e3, friction=Coulomb(0.3), tangential=10.0), "tangential"),
-        (NormalCompliance(1e3, friction=Regularised(Coulomb(0.3), 0.1)), "friction.width"),
-    ]:
-        with pytest.raises(ValueError, match=f"length of a step, by its {name}; a path"):
-            ArcLength(bar(1.0, 1, law=law, comm=MPI.COMM_SELF))
-    ArcLength(bar(1.0, 1, law=NormalCompliance(1e3, friction=Coulomb(0.3)), comm=MPI.COMM_SELF))
-    system = bar(1.0, 1)
-    path = ArcLength(system)
-    for given, message in [
-        ({"gamma_range": (0.1, 0.2)}, "must lie in the range"),
-        ({"gamma_range": (0.0, np.nan)}, "finite number"),
-        ({"direction": "back"}, "the direction of the first run must be one of"),
-        ({"control": StepControl(kinks="batched")}, "passes kinks exactly, not 'batched'"),
-        ({"max_steps": 0}, "max_steps must be a whole number"),
-        ({"rays": "all"}, "rays must be one of True, False, None; got 'all'"),
-        ({"stop": 3}, "stop must be a function"),
-        ({"observer": 3}, "or a function of a step; got 3"),
-        ({"stop": lambda s: None}, "stop must answer with the reason"),
-    ]:
-        before = system.problem.u.x.array.copy()
-        with pytest.raises(ValueError, match=message):
-            path.run(**{"gamma_range": ENDS, **given})
-        if "stop" not in given:
-            np.testing.assert_array_equal(system.problem.u.x.array, before)
-    with pytest.raises(ValueError, match="the direction of a later run must be one of"):
-        path.run(gamma_range=ENDS, direction="decreasing")
-    system.problem.surfaces[0].law.viscosity.value = 1.0
-    with pytest.raises(ValueError, match="answers to the time or length of a step"):
-        path.run(gamma_range=ENDS)
 
 
 @pytest.mark.long

@@ -2,7 +2,6 @@
 
 import json
 import logging
-import math
 from pathlib import Path
 
 from mpi4py import MPI
@@ -10,18 +9,14 @@ from mpi4py import MPI
 import cases.two_blocks
 import numpy as np
 import pytest
-from support.blocks import box, facets, same_tables
+from support.blocks import same_tables
 from support.histories import cycle, dragged, klarbring, put
 
 import ufl
 from dolfinx import fem
 
 from dolfinx_contact import (
-    ContactProblem,
-    ContactSurface,
-    Coulomb,
     HalfSpace,
-    NormalCompliance,
     ParametricContact,
     RigidBody,
     io,
@@ -29,7 +24,7 @@ from dolfinx_contact import (
 from dolfinx_contact.continuation import follow
 from dolfinx_contact.evolution import NoContinuation, QuasiStatic
 from dolfinx_contact.evolution.step_branch import rays_of_step
-from dolfinx_contact.materials import LinearElastic, NeoHookean, lame
+from dolfinx_contact.materials import NeoHookean, lame
 from dolfinx_contact.points.memory import Memory
 
 COMM = MPI.COMM_WORLD
@@ -328,63 +323,6 @@ def test_large_deformation():
         rows.append(([s.status for s in history.steps], e.dissipated / unit))
     assert rows[0][0] == rows[1][0]
     assert rows[1][1] == pytest.approx(rows[0][1], rel=1e-6)
-
-
-@pytest.mark.ranks(2)
-def test_bad_input():
-    problem, top = dragged(n=2)
-    evolution = QuasiStatic(problem, cycle(top))
-    for times in ([0.0], [0.0, math.nan], [0.0, 1.0, 1.0], [0.0, 1.0, 0.5], ["a", "b"], None):
-        with pytest.raises(ValueError, match=r"times|convert"):
-            evolution.run(times)
-    ranks = COMM.rank if COMM.size > 1 else math.nan
-    for given in (
-        {"sudden": 1.0 + ranks},
-        {"accept": 3},
-        {"observer": "x"},
-        {"accept": lambda _: None},
-        {"shortest": 0.0},
-        {"shortest": math.nan},
-        {"longest": 0.0},
-        {"longest": math.nan},
-        {"longest": "a"},
-        {"shortest": "a"},
-        {"at_jump": "ignore"},
-        {"at_jump": "jump"},
-        {"sudden": 0.5},
-        {"rays": "all"},
-        {"rays": False, "follow_rays": True},
-        {"sudden": math.nan},
-    ):
-        with pytest.raises(ValueError, match="|".join(given)):
-            evolution.run([0.0, 1.0], **given)
-    for every in (0, 1.5, True, "2", *([1 + COMM.rank] if COMM.size > 1 else [])):
-        with pytest.raises(ValueError, match="every"):
-            io.EvolutionSeries("unwritten", problem, every=every)
-    with pytest.raises(ValueError, match="a ContactProblem is needed"):
-        QuasiStatic(None, cycle(top))
-    with pytest.raises(ValueError, match="a function of the time"):
-        QuasiStatic(problem, 1.0)
-    domain = box(COMM, 2, "quad")
-    u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (2,))))
-    springs = NormalCompliance(1.0, friction=Coulomb(0.3), tangential=1.0)
-    floor = HalfSpace((0, 0), (0, 1))
-    surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=floor, law=springs)
-    energy = LinearElastic.from_young(1.0, 0.3).energy(u) * ufl.dx
-    with pytest.raises(ValueError, match="lacks a memory of how its tangential springs"):
-        QuasiStatic(ContactProblem(energy, u, [surface]), cycle(top))
-    history = evolution.run([0.0, 1.0])
-    with pytest.raises(ValueError, match=r"the evolution is at the time 1\.0"):
-        evolution.run([0.0, 2.0])
-    assert evolution.run([1.0, 1.5]).complete
-    assert history.at(1.0).number == 1
-    other, _ = dragged(n=3)
-    with pytest.raises(ValueError, match="another law, sliding or mesh"):
-        other.with_memory(evolution.memory)
-    with pytest.raises(ValueError, match="another law, sliding or mesh"):
-        other.with_memory([])
-    with pytest.raises(ValueError, match="expected statuses"):
-        other.solve(expected=[problem.statuses])
 
 
 def test_lengths_of_steps():

@@ -135,10 +135,3 @@ def test_a_step_leaves_the_static_law_of_the_problem():
     problem.restore(state)
     after = problem.solve().tables["contact"].rt
     np.testing.assert_allclose(after, before, rtol=0, atol=1e-12 * np.abs(before).max())
-
-
-def test_states_of_other_problems_are_refused():
-    problem, _ = dragged()
-    other, _ = dragged(n=3)
-    with pytest.raises(ValueError, match="a State of this problem"):
-        other.step_from(problem.snapshot())

@@ -19,7 +19,7 @@ from dolfinx import mesh
 
 from dolfinx_contact import Coulomb, HalfSpace, Tresca
 from dolfinx_contact.continuation import Follower, StepControl
-from dolfinx_contact.laws import OPEN, Border, FrictionLaw, Law, StatusPiece
+from dolfinx_contact.laws import FrictionLaw
 
 COMM = MPI.COMM_WORLD
 
@@ -201,38 +201,6 @@ def test_friction_never_pushes_along(method, n, law, floor, top):
     assert result.kkt_violation < 1e-8
     assert (rt * ut <= 1e-12 * np.abs(rt).max() * np.abs(ut).max()).all()
     assert (np.abs(rt) <= t.bound * (1 + 1e-8) + 1e-9 * t.rn.max()).all()
-
-
-@pytest.mark.ranks(2)
-def test_statuses_that_are_none():
-    """Said when the law is compiled, on every rank."""
-
-    def law(make):
-        @dataclass(frozen=True)
-        class Bad(Law):
-            def pieces(self, a):
-                return make(a)
-
-        return Bad()
-
-    free = StatusPiece
-    for make, message in [
-        (lambda a: {}, "a dictionary of StatusPieces"),
-        (lambda a: {24: free(0.0 * a.n, [Border(a.p, 24)])}, "status 24 is none of"),
-        (lambda a: {"x": free(0.0 * a.n, [])}, "status 'x' is none of"),
-        (
-            lambda a: {OPEN: free(0.0 * a.n, [Border(-a.p, 9)])},
-            "the target of a border must be one of 0; got 9",
-        ),
-        (lambda a: {OPEN: free(a.p, [])}, "a UFL vector of 2 components"),
-        (
-            lambda a: {OPEN: free(0.0 * a.n, [Border(a.traction, OPEN)])},
-            "distance of a border must be a UFL scalar",
-        ),
-        (lambda a: {OPEN: 0.0 * a.n}, "must be a StatusPiece"),
-    ]:
-        with pytest.raises(ValueError, match=message):
-            block(law=law(make))
 
 
 @pytest.mark.ranks(2)

@@ -23,10 +23,9 @@ from support.pairs import MATERIAL, displacement, held
 import basix
 import basix.ufl
 import ufl
-from dolfinx import fem, la, mesh
+from dolfinx import fem, la
 
 from dolfinx_contact import ContactProblem, Coulomb
-from dolfinx_contact.body.cells import midpoints
 from dolfinx_contact.problem import discretise
 
 COMM = MPI.COMM_WORLD
@@ -201,47 +200,3 @@ def test_more_elements_converge_to_one_body(degrees):
             energies.append(result.energies["bulk"])
         errors.append(abs(energies[1] / energies[0] - 1))
     assert errors[1] < 0.5 * errors[0] < 0.005
-
-
-def of_second_order(body):
-    """The same with nodes between those at corners, and tags 2 and 3."""
-    W = fem.functionspace(body.mesh, ("Lagrange", 2))
-    nodes = W.dofmap.index_map
-    n = body.mesh.topology.index_map(2).size_local
-    cells = nodes.local_to_global(W.dofmap.list[:n].reshape(-1)).reshape(n, -1)
-    x = W.tabulate_dof_coordinates()[: nodes.size_local, :2]
-    element = basix.ufl.element("Lagrange", "quadrilateral", 2, shape=(2,))
-    domain = mesh.create_mesh(COMM, cells=cells, x=x, e=element)
-    face = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[1], 0.0))
-    domain.topology.create_connectivity(1, 2)
-    to_cells = domain.topology.connectivity(1, 2)
-    above = [midpoints(domain, to_cells.links(f)[:1])[0, 1] > 0 for f in face]
-    tags = mesh.meshtags(domain, 1, face, np.where(above, 3, 2).astype(np.int32))
-    return body._replace(mesh=domain, facet_tags=tags)
-
-
-def refused(match, u, both, **options):
-    with pytest.raises(ValueError, match=match) as info:
-        discretise(pair_of(u, both, (1, 1), **options))
-    assert len(set(COMM.allgather(str(info.value)))) == 1
-
-
-@pytest.mark.ranks(2)
-def test_bad_input():
-    both = stacked(3, 2, (0.0, 1.0), (0.0, 1.0))
-    domain = both.mesh
-    u = displacement(both.mesh)
-    smooth = fem.Function(fem.functionspace(domain, ("Lagrange", 2)))
-    where = "the friction of faces that do not match may"
-    law = Coulomb(smooth.dx(0))
-    refused(f"{where} not depend on derivatives: interpolate them first", u, both, law=law)
-    law = Coulomb(ufl.CellVolume(domain))
-    refused(f"{where} depend on coordinates, Functions and Constants", u, both, law=law)
-    element = basix.ufl.quadrature_element(domain.basix_cell(), degree=2, scheme="default")
-    law = Coulomb(fem.Function(fem.functionspace(domain, element)))
-    refused(f"{where} not depend on values at quadrature points", u, both, law=law)
-    refused("P1 with P1 must be a whole number >= 2", u, both, quadrature_degree=1)
-    refused("is not a stable pair", u, both, multiplier_degree=2)
-    refused("slave and master touch at 1 nodes of the mesh", u, both, sides=(3, 6))
-    curved = of_second_order(both)
-    refused("cells are curved where faces do not match", displacement(curved.mesh), curved)

@@ -84,12 +84,6 @@ def test_a_block_of_the_demo(friction, folder):
     assert 0 < one["sum_rn"] < 0.5
 
 
-@pytest.mark.ranks(2)
-def test_words_that_do_not_fit():
-    with pytest.raises(SystemExit):
-        cases.proofs_3d.arguments(["--shape", "block", "--cells", "2", "2"])
-
-
 # -- which problems --------------------------------------------------------------------------------
 
 

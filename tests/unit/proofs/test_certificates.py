@@ -238,22 +238,3 @@ def test_a_proof_of_another_problem_is_none(proof):
         moved = Certificate(other, proof.certificate.steps, proof.certificate.vectors)
         with pytest.raises(InvalidCertificate):
             check(moved)
-
-
-@pytest.mark.ranks(2)
-def test_bad_input():
-    S = np.eye(2)
-    p = np.zeros(2)
-    F = np.array([0.3])
-    for bad, what in (
-        ((S, np.zeros(3), F), "shape"),
-        ((S, np.array([np.nan, 0.0]), F), "not finite"),
-        ((S, p, -F), "negative"),
-        ((S, p, F, np.array([1.0])), "either a coefficient"),
-        ((-S, p, F), "positive definite"),
-        ((S, p, F, None, np.full((2, 2), 0.6)), "positive definite"),
-    ):
-        with pytest.raises(ValueError, match=what):
-            ReducedProblem(*bad)
-    with pytest.raises(ValueError, match="statuses of 1 points"):
-        prove_solutions(ReducedProblem(S, p, F), known=[np.array([0, 0])])

@@ -30,14 +30,13 @@ from dolfinx_contact.algorithms import Uzawa
 from dolfinx_contact.analysis.two_parameters import contact_family
 from dolfinx_contact.continuation import (
     Observer,
-    Observers,
     StepControl,
     explore,
     find_solutions,
     follow,
     follower_for,
 )
-from dolfinx_contact.io import output_folder, write_fields
+from dolfinx_contact.io import write_fields
 from dolfinx_contact.laws import FrictionLaw
 from dolfinx_contact.materials import (
     CiarletGeymonat,
@@ -48,7 +47,7 @@ from dolfinx_contact.materials import (
 from dolfinx_contact.obstacles import Obstacle
 from dolfinx_contact.plot import picture_of_body, picture_of_contact, picture_of_states
 from dolfinx_contact.problem import discretise
-from dolfinx_contact.records import BranchRecord, resume, write_series
+from dolfinx_contact.records import BranchRecord, write_series
 
 #: What ranks do to each other is tested in all cases on two of them.
 pytestmark = pytest.mark.ranks(2, every_case=True)
@@ -250,44 +249,19 @@ MISUSE = {
     ),
     "no tag": (lambda w: discretised(w, tags_of(w.domain)), "need a tag"),
     "half a tag": (lambda w: discretised(w, tags_of(w.domain), tag=7.5), "must be a whole number"),
-    "tag True": (lambda w: discretised(w, tags_of(w.domain), tag=True), "must be a whole number"),
     "facet -1": (lambda w: discretised(w, np.array([-1])), "facet indices outside the mesh"),
-    "facet 2^40": (lambda w: discretised(w, np.array([2**40])), "facet indices outside the mesh"),
     "facets as words": (lambda w: discretised(w, ["bottom"]), "array of integer indices"),
     "field of another mesh": (
         lambda w: discretised(w, law=Coulomb(w.f_other)),
         "friction of Coulomb is a Function of another mesh",
     ),
-    "part of a field of another mesh": (
-        lambda w: discretised(w, law=Coulomb(0.1 + w.f_other**2)),
-        "friction of Coulomb contains a Function of another mesh",
-    ),
-    "friction Constant of another mesh": (
-        lambda w: discretised(w, law=Coulomb(w.c_other)),
-        "friction of Coulomb is a Constant of another mesh",
-    ),
-    "threshold Constant of another mesh": (
-        lambda w: discretised(w, law=Tresca(w.c_other)),
-        "threshold of Tresca is a Constant of another mesh",
-    ),
-    "friction by places of another mesh": (
-        lambda w: discretised(w, law=Coulomb(ufl.SpatialCoordinate(w.other)[0])),
-        "friction of Coulomb belongs to another mesh",
-    ),
-    "friction vector": (lambda w: discretised(w, law=Coulomb(w.u)), "must be a nonnegative number"),
     "friction True": (lambda w: discretised(w, law=Coulomb(True)), "must be a nonnegative number"),
-    "friction 1j": (lambda w: discretised(w, law=Coulomb(1j)), "must be a nonnegative number"),
-    "friction None": (lambda w: discretised(w, law=Coulomb(None)), "must be a nonnegative number"),
     "law class": (lambda w: discretised(w, law=Coulomb), "the law must be"),
     "law that raises": (lambda w: discretised(w, law=BadLaw()), "in the law", UsersError),
     "obstacle class": (lambda w: discretised(w, obstacle=HalfSpace), "the obstacle must be"),
     "point of another mesh": (
         lambda w: discretised(w, obstacle=HalfSpace(fem.Constant(w.other, (0.0, 0.0)), (0, 1))),
         "the point of the half-space is a Constant of another mesh",
-    ),
-    "radius of another mesh": (
-        lambda w: discretised(w, obstacle=Sphere((0.5, -1.0), w.c_other)),
-        "the radius is a Constant of another mesh",
     ),
     "radius vector": (
         lambda w: discretised(w, obstacle=Sphere((0.5, -1.0), fem.Constant(w.domain, (1.0, 1.0)))),
@@ -297,14 +271,6 @@ MISUSE = {
         lambda w: discretised(w, obstacle=Sphere((0.5, -1.0), "1")),
         "the radius must be positive",
     ),
-    "radius inf": (
-        lambda w: discretised(w, obstacle=Sphere((0.5, -1.0), np.inf)),
-        "the radius must be positive",
-    ),
-    "normal word": (
-        lambda w: discretised(w, obstacle=HalfSpace((0, 0), "up")),
-        "2 finite components",
-    ),
     "ragged point": (
         lambda w: discretised(w, obstacle=HalfSpace((0, (1, 2)), (0, 1))),
         "2 finite components",
@@ -312,10 +278,6 @@ MISUSE = {
     "cylinder in 2D": (
         lambda w: discretised(w, obstacle=Cylinder((0, 0), (0, 1), 1.0)),
         "needs a 3D mesh",
-    ),
-    "level set of another mesh": (
-        lambda w: discretised(w, obstacle=LevelSet(lambda x: x[1] + w.f_other)),
-        "the level set contains a Function of another mesh",
     ),
     "level set number": (
         lambda w: discretised(w, obstacle=LevelSet(lambda x: 1.0)),
@@ -331,7 +293,6 @@ MISUSE = {
         UsersError,
     ),
     "no name": (lambda w: discretised(w, name=""), "the name of a contact surface"),
-    "name 3": (lambda w: discretised(w, name=3), "the name of a contact surface"),
     "quadrature degree word": (
         lambda w: discretised(w, method="integral", quadrature_degree="4"),
         "the quadrature degree of P. with P. must be",
@@ -344,10 +305,6 @@ MISUSE = {
     "bulk with a Constant of another mesh": (
         lambda w: problem(w, w.energy - w.c_other * w.u[1] * ufl.dx(domain=w.domain)),
         "the bulk contains a Constant of another mesh",
-    ),
-    "bulk with a Function of another mesh": (
-        lambda w: problem(w, w.energy - w.f_other * w.u[1] * ufl.dx(domain=w.domain)),
-        "the bulk contains a Function of another mesh",
     ),
     "bulk over another mesh": (
         lambda w: problem(w, w.energy + w.u[1] * ufl.dx(domain=w.other)),
@@ -362,28 +319,12 @@ MISUSE = {
         lambda w: problem(w, bcs=[fem.dirichletbc(w.v_other, two_spaces(w), w.V)]),
         "a Dirichlet condition, or its value, is on a space of another mesh",
     ),
-    "surfaces of words": (lambda w: problem(w, surfaces=["floor"]), "a list of ContactSurface"),
     "conditions of words": (lambda w: problem(w, bcs=["top"]), "a list of Dirichlet conditions"),
-    "conditions None": (lambda w: problem(w, bcs=None), "must be a list"),
-    "displacement number": (
-        lambda w: ContactProblem(w.energy, 1.0, [w.surface]),
-        "the displacement must be a Function",
-    ),
     "r nan": (lambda w: problem(w, r=np.nan), "r must be positive"),
-    "r word": (lambda w: problem(w, r="1"), "r must be positive"),
     # PETSc options
     "options list": (lambda w: problem(w, petsc_options=["snes_rtol"]), "must be a dictionary"),
-    "option 3": (lambda w: problem(w, petsc_options={3: 1}), "must be words"),
     "option with prefix": (
         lambda w: problem(w, petsc_options={"contact_snes_rtol": 1e-8}),
-        "without dash and prefix, as 'snes_rtol'",
-    ),
-    "option with dash and prefix": (
-        lambda w: problem(w, petsc_options={"-contact_ksp_type": "gmres"}),
-        "without dash and prefix, as 'ksp_type'",
-    ),
-    "option with dash": (
-        lambda w: problem(w, petsc_options={"-snes_rtol": 1e-8}),
         "without dash and prefix, as 'snes_rtol'",
     ),
     "option misspelt": (
@@ -394,22 +335,13 @@ MISUSE = {
         lambda w: with_option(w, "contact_linear_solvr", "amg"),
         "-contact_linear_solvr: there is no such option; linear_solver is meant",
     ),
-    "tolerance in the database": (
-        lambda w: with_option(w, "contact_snes_rtol", -1e-8),
-        "-contact_snes_rtol must be a positive number",
-    ),
     "tolerance < 0": (
         lambda w: problem(w, petsc_options={"snes_rtol": -1e-8}),
         "snes_rtol must be a positive number",
     ),
-    "tolerance 0": (lambda w: problem(w, petsc_options={"snes_rtol": 0}), "must be a positive"),
     "tolerance nan": (
         lambda w: problem(w, petsc_options={"snes_rtol": np.nan}),
         "must be a positive number",
-    ),
-    "tolerance word": (
-        lambda w: problem(w, petsc_options={"snes_rtol": "small"}),
-        "must be a positive number, got 'small'",
     ),
     "iterations 2.5": (
         lambda w: solved(options={"linear_solver": "amg", "ksp_max_it": 2.5}),
@@ -419,7 +351,6 @@ MISUSE = {
         lambda w: problem(w, petsc_options_prefix="-contact_"),
         "must be a word without dash",
     ),
-    "prefix 3": (lambda w: problem(w, petsc_options_prefix=3), "must be a word without dash"),
     **{
         f"snes_type {kind}": (
             lambda w, kind=kind: problem(w, petsc_options={"snes_type": kind}),
@@ -450,19 +381,13 @@ MISUSE = {
         lambda w: solved(options={"pc_type": "magic"}),
         "PETSc: Unable to find requested PC type magic",
     ),
-    "unknown multigrid": (
-        lambda w: solved(options={"linear_solver": "amg", "amg_pc_type": "magic"}),
-        "PETSc: Unable to find requested PC type magic",
-    ),
     "unknown factorisation": (
         lambda w: solved(options={"pc_factor_mat_solver_type": "magic"}),
         "PETSc: Could not locate solver type magic",
     ),
     # solves
     "start 1e200": (lambda w: started(1e200), "the residual overflows at the start"),
-    "start inf": (lambda w: started(np.inf), "the displacement at the start is not finite"),
     "stiffness 1e300": (lambda w: solved(young=1e300), "the residual overflows at the start"),
-    "motion 1e200": (lambda w: solved(top=(0.0, -1e200)), "the residual overflows at the start"),
     "monitor that raises": (
         lambda w: block().solve(monitor=raising(UsersError("in the monitor"))),
         "in the monitor",
@@ -526,10 +451,6 @@ MISUSE = {
         lambda w: discretised(w, obstacle=LevelSet(lambda x: x[1] + w.u[1])),
         "the obstacle depends on the displacement",
     ),
-    "normal that turns with the body": (
-        lambda w: discretised(w, obstacle=Sphere(w.u, 2.0)),
-        "the obstacle depends on the displacement",
-    ),
     # options
     **{
         name: (
@@ -553,10 +474,6 @@ MISUSE = {
     "driven of another mesh": (
         lambda w: parametric(w, driven=[(w.v_other, vector(w.gamma))]),
         "is of another mesh",
-    ),
-    "driven by another mesh": (
-        lambda w: parametric(w, driven=[(w.held, vector(w.c_other))]),
-        "that drives f.* contains a Constant of another mesh",
     ),
     "driven of another shape": (
         lambda w: parametric(w, driven=[(w.held, w.gamma)]),
@@ -617,30 +534,20 @@ MISUSE = {
         lambda w: parametric(w, driven=(w.held, vector(w.gamma))),
         "a list of pairs",
     ),
-    "driven number": (lambda w: parametric(w, driven=[(1.0, w.gamma)]), "must be a Function"),
     "parameter nan": (lambda w: w.system.set_parameter(np.nan), "gamma must be a finite number"),
     # branches
     "range inf": (lambda w: followed(w, gamma_range=(0, np.inf)), "must be 2 finite numbers"),
-    "range nan": (lambda w: followed(w, gamma_range=(np.nan, 1)), "must be 2 finite numbers"),
     "range 1e-300": (lambda w: followed(w, gamma_range=(0, 1e-300)), "too short or too long"),
-    "range 1e300": (lambda w: followed(w, gamma_range=(0, 1e300)), "too short or too long"),
     "range of round-off": (
         lambda w: followed(w, gamma=1.0, gamma_range=(1, 1 + 1e-14)),
         "too short or too long",
     ),
     "range reversed": (lambda w: followed(w, gamma_range=(1, 0)), "of gamma is empty"),
-    "range empty": (lambda w: followed(w, gamma_range=(0, 0)), "of gamma is empty"),
     "range of three": (
         lambda w: followed(w, gamma_range=(0, 1, 2)),
         "gamma_range must be 2 finite numbers",
     ),
-    "range of words": (lambda w: followed(w, gamma_range="01"), "must be 2 finite numbers"),
-    "range number": (
-        lambda w: followed(w, gamma_range=1.0),
-        "gamma_range must be 2 finite numbers",
-    ),
     "start beyond": (lambda w: followed(w, gamma=2.0), "must lie in the range"),
-    "start nan": (lambda w: followed(w, gamma=np.nan), "gamma must be a finite number"),
     **{
         f"stop answers {answer}": (
             lambda w, answer=answer: followed(w, stop=lambda *_: answer),
@@ -660,7 +567,6 @@ MISUSE = {
         KeyboardInterrupt,
     ),
     "observer word": (lambda w: followed(w, observer="me"), "must be an Observer"),
-    "observers word": (lambda w: Observers(Observer(), "me"), "must be an Observer"),
     "record function": (lambda w: followed(w, record=print), "must be a records.BranchRecord"),
     "progress word": (lambda w: followed(w, progress="yes"), "progress must be True, False or"),
     "observer raises": (
@@ -673,7 +579,6 @@ MISUSE = {
         "control must be a StepControl",
     ),
     "no steps": (lambda w: followed(w, max_steps=0), "max_steps must be a whole number >= 1"),
-    "half a step": (lambda w: followed(w, max_steps=2.5), "max_steps must be a whole number >= 1"),
     "unknown route": (
         lambda w: followed(w, route="fast"),
         "route must be one of auto, pivoting, steps",
@@ -691,36 +596,16 @@ MISUSE = {
         lambda w: StepControl(initial=np.nan),
         "initial of a StepControl must be a fin",
     ),
-    "control inf": (lambda w: StepControl(maximum=np.inf), "maximum of a StepControl must be a f"),
-    "control word": (lambda w: StepControl(tolerance="1e-9"), "tolerance of a StepControl must be"),
     "no starts": (lambda w: explored(w, []), "at least one start"),
     "starts that are no pairs": (lambda w: explored(w, [1.0]), "pairs of a state and its gamma"),
     "a start too short": (lambda w: explored(w, [(w.short, 0.0)]), "a start does not fit"),
-    "a start at nan": (lambda w: explored(w, [(w.x, np.nan)]), "gamma of a start must be a finite"),
     "no branches": (lambda w: explored(w, [(w.x, 0.0)], max_branches=0), "must be a whole number"),
-    "no time": (
-        lambda w: explored(w, [(w.x, 0.0)], max_seconds=np.nan),
-        "must be a positive number",
-    ),
-    "branches nan": (
-        lambda w: explored(w, [(w.x, 0.0)], max_branches=np.nan),
-        "max_branches must be a whole number >= 1, got nan",
-    ),
-    "half a branch": (
-        lambda w: explored(w, [(w.x, 0.0)], max_branches=2.5),
-        "max_branches must be a whole number",
-    ),
     # solutions at one gamma
     "solutions at nan": (lambda w: found(w, gamma=np.nan), "gamma must be a finite number"),
-    "solutions at inf": (lambda w: found(w, gamma=np.inf), "gamma must be a finite number"),
-    "solutions at a word": (lambda w: found(w, gamma="0"), "gamma must be a finite number"),
     "no guess": (lambda w: found(w, []), "at least one guess"),
     "guess no list": (lambda w: found(w, w.x), "must be lists of states"),
     "guess too short": (lambda w: found(w, [w.short]), "a guess does not fit the unknowns"),
-    "guess nan": (lambda w: found(w, [w.infinite]), "a guess has an entry that is not finite"),
     "guess array": (lambda w: found(w, [w.x.array]), "a guess must be a Vec, a PETSc vector"),
-    "known too short": (lambda w: found(w, known=[w.short]), "a known solution does not fit"),
-    "lengths < 0": (lambda w: found(w, lengths=(-1.0,)), "must be a positive number"),
     "half an iteration": (
         lambda w: found(w, max_iterations=2.5),
         "max_iterations must be a whole number >= 1, got 2.5",
@@ -734,32 +619,15 @@ MISUSE = {
         lambda w: contact_family(w.system, fem.Constant(w.V.mesh, 1.0), mu_range=(2.0, 1.0)),
         r"the range .2\.0, 1\.0. of mu is empty",
     ),
-    "tolerance of solutions nan": (
-        lambda w: found(w, tolerance=np.nan),
-        "must be a positive number",
-    ),
     # materials
     "stress of a trial function": (
         lambda w: MATERIAL.stress(ufl.TrialFunction(w.V)),
         "needs the displacement, a Function .* got Argument",
     ),
-    "full stress of a trial function": (
-        lambda w: MATERIAL.full_stress(ufl.TrialFunction(w.V)),
-        "got Argument",
-    ),
     "energy of an expression": (lambda w: MATERIAL.energy(2 * w.u), "needs the displacement"),
-    "energy of a test function": (
-        lambda w: NeoHookean(1.0, 1.0).energy(ufl.TestFunction(w.V)),
-        "got Argument",
-    ),
-    "stress of a number": (lambda w: StVenantKirchhoff(1.0, 1.0).stress(1.0), "got float"),
     "Young's modulus in words": (
         lambda w: LinearElastic.from_young("a", 0.3),
         "Young's modulus must be positive, got 'a'",
-    ),
-    "Poisson's ratio in words": (
-        lambda w: LinearElastic.from_young(1.0, "a"),
-        "Poisson's ratio must lie in .-1, 1/2., got 'a'",
     ),
     **{
         f"{material.__name__} {coefficients}": (
@@ -797,29 +665,13 @@ DISAGREEMENT = {
         lambda w: discretised(w, law=Coulomb(differs(0.3, np.nan))),
         "finite and nonnegative",
     ),
-    "friction word": (
-        lambda w: discretised(w, law=Coulomb(differs(0.3, "0.3"))),
-        "nonnegative number",
-    ),
-    "friction of another mesh": (
-        lambda w: discretised(w, law=Coulomb(differs(fem.Constant(w.domain, 1.0), w.c_other))),
-        "Constant of another mesh",
-    ),
     "friction Constant": (
         lambda w: discretised(w, law=Coulomb(fem.Constant(w.domain, differs(0.3, 0.4)))),
-        "law differs between ranks",
-    ),
-    "friction expression": (
-        lambda w: discretised(w, law=Coulomb(differs(2, 3) * ufl.SpatialCoordinate(w.domain)[0])),
         "law differs between ranks",
     ),
     "kind of law": (
         lambda w: discretised(w, law=differs(Coulomb(0.3), Frictionless())),
         "law differs between ranks",
-    ),
-    "law or word": (
-        lambda w: discretised(w, law=differs(Coulomb(0.3), "Coulomb")),
-        "the law must be",
     ),
     "threshold": (
         lambda w: discretised(w, law=Tresca(differs(0.3, 0.4))),
@@ -838,10 +690,6 @@ DISAGREEMENT = {
         lambda w: discretised(w, obstacle=Sphere((0.5, -2.0), differs(2.0, 1.9))),
         "obstacle differs between ranks",
     ),
-    "radius of one rank": (
-        lambda w: discretised(w, obstacle=Sphere((0.5, -2.0), differs(2.0, -1.9))),
-        "obstacle differs between ranks",
-    ),
     "kind of obstacle": (
         lambda w: discretised(w, obstacle=differs(FLOOR, Sphere((0.5, -2.0), 2.0))),
         "obstacle differs between ranks",
@@ -850,20 +698,9 @@ DISAGREEMENT = {
         lambda w: discretised(w, obstacle=LevelSet(lambda x: differs(1.0, 1.1) + x[1])),
         "obstacle differs between ranks",
     ),
-    "level set that raises": (
-        lambda w: discretised(
-            w, obstacle=LevelSet(differs(lambda x: x[1], raising(KeyError("k"))))
-        ),
-        "k",
-        KeyError,
-    ),
     "method": (
         lambda w: discretised(w, method=differs("nodal", "integral")),
         "method differs between ranks: 'nodal' on rank 0, 'integral'",
-    ),
-    "unknown method": (
-        lambda w: discretised(w, method=differs("nodal", "x")),
-        "method must be one of",
     ),
     "quadrature degree": (
         lambda w: discretised(w, method="integral", quadrature_degree=differs(2, 4)),
@@ -878,25 +715,13 @@ DISAGREEMENT = {
         lambda w: discretised(w, differs(tags_of(w.domain), facets(w.domain, 1, 0.0)), tag=7),
         "kind of facets differs between ranks",
     ),
-    "tags of another mesh": (
-        lambda w: discretised(w, differs(tags_of(w.domain), tags_of(w.other)), tag=7),
-        "of another mesh",
-    ),
     "facets outside": (
         lambda w: discretised(w, differs(facets(w.domain, 1, 0.0), np.array([10**6]))),
         "facet indices outside the mesh",
     ),
-    "facets as words": (
-        lambda w: discretised(w, differs(facets(w.domain, 1, 0.0), ["bottom"])),
-        "array of integer indices",
-    ),
     "surfaces": (
         lambda w: problem(w, surfaces=differs([w.surface], [w.surface] * 2)),
         "need different names",
-    ),
-    "surfaces of one rank": (
-        lambda w: problem(w, surfaces=differs([w.surface], ["floor"])),
-        "a list of ContactSurface",
     ),
     "conditions": (
         lambda w: problem(w, bcs=differs([clamp(w.u)], [])),
@@ -906,13 +731,7 @@ DISAGREEMENT = {
         lambda w: problem(w, bcs=[clamp(w.u, np.array([0.0, differs(-0.01, -0.02)]))]),
         r"Dirichlet data differs between ranks: .*-0\.01.* on rank 0, .*-0\.02",
     ),
-    "Dirichlet Constant": (
-        lambda w: problem(w, bcs=[clamp(w.u, fem.Constant(w.domain, (0.0, differs(0.1, 0.2))))]),
-        "Dirichlet data differs between ranks",
-    ),
     "r": (lambda w: problem(w, r=differs(10.0, 20.0)), "r differs between ranks: .*10.0"),
-    "r of one rank": (lambda w: problem(w, r=differs(None, 20.0)), "r differs between ranks"),
-    "r nan": (lambda w: problem(w, r=differs(10.0, np.nan)), "r must be positive"),
     "bulk": (
         lambda w: problem(w, fem.Constant(w.domain, differs(1.0, 2.0)) * w.energy),
         "bulk differs between ranks",
@@ -921,14 +740,9 @@ DISAGREEMENT = {
         lambda w: problem(w, differs(w.energy, w.energy + w.u[1] * ufl.dx)),
         "bulk differs between ranks",
     ),
-    "bulk of one rank": (lambda w: problem(w, differs(w.energy, 1.0)), "must be a UFL form"),
     "options": (
         lambda w: problem(w, petsc_options={"snes_rtol": differs(1e-8, 1e-9)}),
         "petsc options differs between ranks",
-    ),
-    "options of one rank": (
-        lambda w: problem(w, petsc_options=differs({}, {"snes_rtol": -1.0})),
-        "must be a positive number",
     ),
     "prefix": (
         lambda w: problem(w, petsc_options_prefix=differs("a_", "b_")),
@@ -941,10 +755,6 @@ DISAGREEMENT = {
     "parameter": (
         lambda w: parametric(w, fem.Constant(w.domain, differs(0.0, 1.0))),
         "gamma differs between ranks",
-    ),
-    "parameter of another mesh": (
-        lambda w: parametric(w, differs(w.gamma, w.c_other)),
-        "gamma is a Constant of another mesh",
     ),
     "driven": (
         lambda w: parametric(w, driven=differs([], [(w.held, vector(w.gamma))])),
@@ -961,10 +771,6 @@ DISAGREEMENT = {
     "range": (
         lambda w: followed(w, gamma_range=(0.0, differs(1.0, 2.0))),
         "gamma range differs between ranks",
-    ),
-    "range of one rank": (
-        lambda w: followed(w, gamma_range=(0.0, differs(1.0, np.inf))),
-        "must be 2 finite numbers",
     ),
     "start": (lambda w: followed(w, gamma=differs(0.0, 0.5)), "gamma differs between ranks"),
     "direction": (
@@ -1008,13 +814,7 @@ DISAGREEMENT = {
         "in the monitor",
         ZeroDivisionError,
     ),
-    "monitor interrupted": (
-        lambda w: block().solve(monitor=on_last(KeyboardInterrupt("enough"))),
-        "enough",
-        KeyboardInterrupt,
-    ),
     "gamma of solutions": (lambda w: found(w, gamma=differs(0.0, 0.1)), "gamma differs between"),
-    "gamma of solutions nan": (lambda w: found(w, gamma=differs(0.0, np.nan)), "a finite number"),
     "lengths": (
         lambda w: found(w, lengths=differs((0.5,), (0.25,))),
         "lengths differs between ranks",
@@ -1071,24 +871,9 @@ WRITTEN_DIFFERENTLY = {
         lambda w, f: write_fields(f, w.problem, stress=differs(None, MATERIAL.full_stress(w.u))),
         "stress differs between ranks: None on rank 0",
     ),
-    "kind of stress": (
-        lambda w, f: write_fields(f, w.problem, stress=differs(1, 2) * MATERIAL.full_stress(w.u)),
-        "stress differs between ranks",
-    ),
-    "stress of another mesh": (
-        lambda w, f: write_fields(
-            f, w.problem, stress=MATERIAL.full_stress(differs(w.u, w.v_other))
-        ),
-        "the stress contains a Function of another mesh",
-    ),
     "folder": (
         lambda w, f: write_fields(f / differs("a", "b"), w.problem),
         "folder differs between ranks",
-    ),
-    "folder of one rank": (
-        lambda w, f: output_folder(COMM, differs(f, 3)),
-        "should be a str or",
-        TypeError,
     ),
     "picture with stress": (
         lambda w, f: picture_of_body(
@@ -1104,10 +889,6 @@ WRITTEN_DIFFERENTLY = {
         lambda w, f: picture_of_body(f / differs("a.png", "b.png"), w.problem),
         "file differs between ranks",
     ),
-    "picture of a surface": (
-        lambda w, f: picture_of_contact(f / differs("a.png", "b.png"), w.problem),
-        "file differs between ranks",
-    ),
     "picture of another surface": (
         lambda w, f: picture_of_contact(f / "p.png", w.problem, surface=differs(None, "floor")),
         "the surface 'floor' is not one of the problem",
@@ -1116,24 +897,8 @@ WRITTEN_DIFFERENTLY = {
         lambda w, f: picture_of_states(f / "p.png", w.system, [None] * differs(1, 2)),
         "points differs between ranks",
     ),
-    "states of one rank": (
-        lambda w, f: picture_of_states(f / "p.png", w.system, [None] * differs(1, 0)),
-        "at least one point",
-    ),
-    "scale of states": (
-        lambda w, f: picture_of_states(f / "p.png", w.system, [None], scale=differs(1, 2)),
-        "scale differs between ranks",
-    ),
-    "states in files": (
-        lambda w, f: picture_of_states(f / differs("a.png", "b.png"), w.system, [None]),
-        "file differs between ranks",
-    ),
     "record in folders": (
         lambda w, f: BranchRecord(f / differs("a", "b"), w.system),
-        "folder differs between ranks",
-    ),
-    "resume in folders": (
-        lambda w, f: resume(f / differs("a", "b"), w.system),
         "folder differs between ranks",
     ),
     "resume": (
@@ -1143,10 +908,6 @@ WRITTEN_DIFFERENTLY = {
     "every": (
         lambda w, f: BranchRecord(f, w.system, every=differs(5, 6)),
         "every differs between ranks",
-    ),
-    "every of one rank": (
-        lambda w, f: BranchRecord(f, w.system, every=differs(5, 0)),
-        "every 1 or more points, got 0",
     ),
     "names of functionals": (
         lambda w, f: BranchRecord(f, w.system, {differs("a", "b"): w.u[0] * ufl.dx}),
@@ -1161,10 +922,6 @@ WRITTEN_DIFFERENTLY = {
     "functionals": (
         lambda w, f: BranchRecord(f, w.system, {"a": w.u[0] * differs(1, 2) * ufl.dx}),
         "functionals differs between ranks",
-    ),
-    "functional of one rank": (
-        lambda w, f: BranchRecord(f, w.system, {"a": differs(w.u[0] * ufl.dx, 1.0)}),
-        "neither a UFL form nor a function",
     ),
 }
 

@@ -1,0 +1,262 @@
+"""What laws refuse: the call and its message."""
+
+import logging
+from dataclasses import dataclass
+from typing import Any
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from support.blocks import block, same_tables
+from support.bonds import C, W, bonded
+
+from dolfinx_contact import (
+    RCCM,
+    Coulomb,
+    NonlocalCoulomb,
+    NormalCompliance,
+    Regularised,
+)
+from dolfinx_contact.analysis import stability_at_rest
+from dolfinx_contact.evolution import QuasiStatic
+from dolfinx_contact.laws import OPEN, Border, Interface, Internal, Law, StatusPiece
+from dolfinx_contact.points.memory import Memory
+
+
+@pytest.mark.ranks(2)
+def test_rccm_refuses_numbers_out_of_range_and_foreign_memory():
+    for wrong, message in [
+        ({"beta": 1.1}, "beta of RCCM must be between 0 and 1, got 1.1"),
+        ({"beta": -0.1}, "beta of RCCM must be between 0 and 1"),
+        ({"beta": np.nan}, "beta of RCCM must be between 0 and 1"),
+        ({"work": 0.0}, "work of RCCM must be finite and positive"),
+        ({"work": -1.0}, "work of RCCM must be finite and positive"),
+        ({"normal": -1.0}, "normal of RCCM must be finite and nonnegative"),
+        ({"tangential": -1.0}, "tangential of RCCM must be finite and nonnegative"),
+        ({"viscosity": -1.0}, "viscosity of RCCM must be finite and nonnegative"),
+        ({"friction": np.inf}, "friction of RCCM must be finite and nonnegative"),
+    ]:
+        with pytest.raises(ValueError, match=message):
+            block(law=RCCM(**{"normal": C, "tangential": C, "work": W, **wrong}))
+    problem = block(law=RCCM(C, C, W))
+    (surface,) = problem.surfaces
+    problem.solve()
+    with pytest.raises(ValueError, match="needs a law without adhesion, not RCCM"):
+        stability_at_rest(problem, density=1.0)
+    surface.law.beta.value = 1.5
+    with pytest.raises(ValueError, match="contact: not between 0 and 1: beta of RCCM"):
+        problem.solve()
+    jump = np.zeros((surface.points.number, 2))
+    with pytest.raises(ValueError, match="memory belongs to other contact surfaces"):
+        problem.with_memory([Memory(jump, {"beta": np.ones(surface.points.number + 1)})])
+
+
+def test_rccm_refuses_exponents_and_orders():
+    for p in (0.0, -1.0, np.nan, np.inf, "1", None, True, 0.01, 100):
+        with pytest.raises(ValueError, match="exponent of RCCM must be a number from 1/10 to 10"):
+            RCCM(C, C, W, exponent=p)
+    for order in (0, 3, 1.5, None, True):
+        with pytest.raises(ValueError, match="order of RCCM in time must be 1 or 2"):
+            RCCM(C, C, W, order=order)
+    # Laws that differ in these are other laws.
+    kinds = {RCCM(C, C, W, exponent=p, order=o).kind for p in (1, 1.0, 2) for o in (1, 2)}
+    assert len(kinds) == 4
+    assert block(law=RCCM(C, C, W, order=2)).solve().converged
+
+
+@pytest.mark.ranks(2)
+def test_rccm_that_recovers_refuses_other_exponents_and_compliances():
+    law = RCCM(C, C, W, recovers=True)
+    for wrong, message in [
+        ({"recovers": True, "exponent": 2.0}, "recover with the exponent 1 alone"),
+        ({"recovers": 1}, "recovers of RCCM must be True or False"),
+        ({"contact": 1e3}, "must be None or a NormalCompliance without friction"),
+        ({"contact": NormalCompliance(1e3, friction=Coulomb(0.3))}, "without friction"),
+        ({"contact": NormalCompliance(1e3, tangential=1.0)}, "without friction and tangential"),
+        ({"contact": law}, "must be None or a NormalCompliance"),
+        ({"threshold": "total"}, "threshold of RCCM must be one of"),
+    ]:
+        with pytest.raises(ValueError, match=message):
+            RCCM(C, C, W, **wrong)
+    for wrong, message in [
+        ({"contact": NormalCompliance(-1.0)}, "stiffness of RCCM must be finite and positive"),
+        ({"broken": 1.5}, "broken of RCCM must be between 0 and 1"),
+    ]:
+        with pytest.raises(ValueError, match=message):
+            bonded(law=RCCM(C, C, W, **wrong))
+
+
+COMM = MPI.COMM_WORLD
+
+
+@pytest.mark.ranks(2)
+def test_compliant_laws_refuse_numbers_out_of_range(caplog):
+    with caplog.at_level(logging.WARNING):
+        block(law=NormalCompliance(50.0), top=(0.0, -0.3)).solve()
+    if COMM.rank == 0:
+        assert "the surface gives way by" in caplog.text
+    for make, message in [
+        (lambda: NormalCompliance(1.0, 0.5), "exponent of NormalCompliance must be at least 1"),
+        (lambda: NormalCompliance(1.0, np.nan), "exponent of NormalCompliance must be at least 1"),
+        (lambda: NormalCompliance(1.0, friction=0.3), "must be a law of friction"),
+        (lambda: block(law=NormalCompliance(-1.0)), "stiffness .* must be finite and positive"),
+        (lambda: block(law=NormalCompliance(np.nan)), "stiffness .* must be finite and positive"),
+        (lambda: block(law=NormalCompliance(1.0, tangential=-1.0)), "tangential .* and positive"),
+        (lambda: Regularised(Coulomb(0.3), 0.1, "cubic"), "shape of Regularised must be one of"),
+        (lambda: Regularised(0.3, 0.1), "takes a law of friction"),
+        (lambda: Regularised(NormalCompliance(1.0), 0.1), "a compliant surface goes around it"),
+        (lambda: block(law=Regularised(Coulomb(0.3), 0.0)), "width .* must be finite and positive"),
+        (lambda: block(law=Regularised(Coulomb(0.3), np.nan)), "width .* finite and positive"),
+        (lambda: block(law=Regularised(Coulomb(-0.3), 0.1)), "friction .* nonnegative"),
+    ]:
+        with pytest.raises(ValueError, match=message):
+            make()
+    problem = block(law=Regularised(Coulomb(0.3), 0.1))
+    problem.surfaces[0].law.width.value = 0.0
+    with pytest.raises(ValueError, match="not positive: width"):
+        problem.solve()
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize(
+    ("internal", "more", "message"),
+    [
+        ((Internal("x"),), {}, "needs a field x"),
+        ((Internal("d", hidden=True),), {}, "d of Own may not be hidden"),
+        ((Internal("d", "grows"), Internal("e", "falls")), {}, "one variable at most"),
+        ((Internal("d"), Internal("d")), {}, "of different names"),
+        ((Internal("d", vector=True),), {}, "is a vector, and so no field"),
+        ((Internal("d"),), {"power": 2}, "needs_time must name"),
+        (Internal("d", "grows"), {}, "internal of Own must be a tuple of Internal.* a comma"),
+        (("d",), {}, "must be a tuple of Internal"),
+        ((), {"time": "d"}, "needs_time of Own must be a tuple of str"),
+        ((), {"time": ("zeta",)}, "names zeta, which is no field"),
+        ((Internal("y", vector=True),), {}, "nothing determines y of Own"),
+        ((Internal("e"),), {}, "nothing determines e of Own"),
+        ((Internal("d", "grows", end=-1.0),), {}, "d of Own is beyond its end -1"),
+    ],
+)
+def test_interface_law_refuses_energies_and_variables(internal, more, message):
+    power = more.get("power", 1)
+    mine = internal
+    time = more.get("time", ())
+
+    @dataclass(frozen=True)
+    class Own(Interface):
+        d: Any = 0.0
+        e: Any = 0.0
+        internal = mine
+        needs_time = time
+
+        def energy(self, state):
+            return state.opening**2
+
+        def dissipation(self, rates, state):
+            return abs(rates["d"]) ** power if "d" in rates.internal else 0.0
+
+    with pytest.raises(ValueError, match=message):
+        block(n=1, law=Own()).solve()
+
+
+@pytest.mark.ranks(2)
+def test_nonlocal_law_refuses_radii_and_laws(caplog):
+    for make, message in [
+        (
+            lambda: NonlocalCoulomb(0.3, np.nan),
+            "radius of NonlocalCoulomb must be a finite and pos",
+        ),
+        (
+            lambda: NonlocalCoulomb(0.3, np.inf),
+            "radius of NonlocalCoulomb must be a finite and pos",
+        ),
+        (
+            lambda: NonlocalCoulomb(0.3, -0.1),
+            "radius of NonlocalCoulomb must be a finite and posit",
+        ),
+        (
+            lambda: NonlocalCoulomb(0.3, 0.0),
+            "radius of NonlocalCoulomb must be a finite and positi",
+        ),
+        (
+            lambda: NonlocalCoulomb(0.3, "1"),
+            "radius of NonlocalCoulomb must be a finite and positi",
+        ),
+        (lambda: NonlocalCoulomb(0.3, 0.1, "hat"), "kernel of NonlocalCoulomb must be one of moll"),
+        (lambda: NonlocalCoulomb(0.3, 0.1, normalised=1), "normalised of .* True or False"),
+        (
+            lambda: block(law=NonlocalCoulomb(-0.3, 0.5)),
+            "friction of NonlocalCoulomb.* nonnegative",
+        ),
+        (lambda: block(law=NonlocalCoulomb(np.nan, 0.5)), "friction of NonlocalCoulomb.* nonnegat"),
+    ]:
+        with pytest.raises(ValueError, match=message):
+            make()
+    options = dict(n=4, cell="quad", top=(0.02, -0.02))
+    with caplog.at_level(logging.WARNING):
+        block(**options, law=NonlocalCoulomb(0.3, 0.25)).solve()
+    assert "below the mesh size" not in caplog.text
+    with caplog.at_level(logging.WARNING):
+        found = block(**options, law=NonlocalCoulomb(0.3, 0.2)).solve().tables["contact"]
+    if COMM.rank == 0:
+        assert "the radius of nonlocal friction, 0.2, is below the mesh size, 0.25" in caplog.text
+    same_tables(found, block(**options, law=Coulomb(0.3)).solve().tables["contact"], 1e-12)
+
+
+@pytest.mark.ranks(2)
+def test_own_law_refuses_pieces_without_statuses():
+    """Said when the law is compiled, on every rank."""
+
+    def law(make):
+        @dataclass(frozen=True)
+        class Bad(Law):
+            def pieces(self, a):
+                return make(a)
+
+        return Bad()
+
+    free = StatusPiece
+    for make, message in [
+        (lambda a: {}, "a dictionary of StatusPieces"),
+        (lambda a: {24: free(0.0 * a.n, [Border(a.p, 24)])}, "status 24 is none of"),
+        (lambda a: {"x": free(0.0 * a.n, [])}, "status 'x' is none of"),
+        (
+            lambda a: {OPEN: free(0.0 * a.n, [Border(-a.p, 9)])},
+            "the target of a border must be one of 0; got 9",
+        ),
+        (lambda a: {OPEN: free(a.p, [])}, "a UFL vector of 2 components"),
+        (
+            lambda a: {OPEN: free(0.0 * a.n, [Border(a.traction, OPEN)])},
+            "distance of a border must be a UFL scalar",
+        ),
+        (lambda a: {OPEN: 0.0 * a.n}, "must be a StatusPiece"),
+    ]:
+        with pytest.raises(ValueError, match=message):
+            block(law=law(make))
+
+
+F = 0.4
+
+
+@pytest.mark.ranks(2)
+def test_regularised_law_names_the_missing_width():
+    """A history knows no width, a static problem no speed; nothing is made of either."""
+    with pytest.raises(ValueError, match="needs a width, or a speed"):
+        Regularised(Coulomb(F))
+    with pytest.raises(ValueError, match=r"speed .* must be finite and positive"):
+        block(law=Regularised(Coulomb(F), speed=-1.0))
+    static = Regularised(Coulomb(F), 1e-3)
+    for law in (static, NormalCompliance(1e6, friction=static)):
+        with pytest.raises(ValueError, match=r"contact: the law .* lacks a speed"):
+            QuasiStatic(block(law=law), lambda _: None)
+    problem = block(law=Regularised(Coulomb(F), speed=1e-3))
+    before = problem.u.x.array.copy()
+    for algorithm in ("newton", "tresca"):
+        with pytest.raises(ValueError, match=r"contact: statically the law .* lacks a width"):
+            problem.solve(algorithm=algorithm)
+    np.testing.assert_array_equal(problem.u.x.array, before)
+    problem = block(law=static)
+    (surface,) = problem.surfaces
+    step = problem.with_memory([Memory(np.zeros((surface.points.number, 2)), step=0.1)])
+    with pytest.raises(ValueError, match=r"in a history the law .* lacks a speed"):
+        step.solve()
