@@ -19,7 +19,6 @@ from dolfinx_contact import (
     HalfSpace,
     ParametricContact,
 )
-from dolfinx_contact._mpi import everywhere
 from dolfinx_contact.continuation import Observer, find_solutions, follow
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.records import BranchRecord
@@ -299,18 +298,6 @@ def test_monitors_and_observers_of_one_rank():
         system, x, 0.0, gamma_range=(0.0, 1.0), observer=Heard() if COMM.rank == 0 else None
     )
     assert COMM.allreduce(len(heard)) - steps == len(branch.points)
-
-
-def test_interruptions_reach_every_rank():
-    def on_last(error):
-        with everywhere(COMM):
-            if LAST:
-                raise error
-
-    with pytest.raises(KeyboardInterrupt, match="now"):
-        on_last(KeyboardInterrupt("now"))
-    with pytest.raises(SystemExit, match="3"):
-        on_last(SystemExit(3))
 
 
 def test_the_log_is_the_users():

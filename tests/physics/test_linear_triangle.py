@@ -3,8 +3,6 @@
 The numbers are those of GetFEM and of an enumeration of all statuses in numpy, on the same mesh.
 """
 
-from functools import partial
-
 from mpi4py import MPI
 
 import cases.linear_triangle as demo
@@ -13,8 +11,7 @@ import pytest
 from cases import _triangle
 from support.harness import varied
 
-from dolfinx_contact import ContactSurface
-from dolfinx_contact.continuation import explore, find_solutions, follow
+from dolfinx_contact.continuation import explore, follow
 
 COMM = MPI.COMM_WORLD
 serial = pytest.mark.skipif(COMM.size > 1, reason="the same on every number of ranks, and long")
@@ -137,21 +134,6 @@ def test_friction_decides_on_the_number_of_solutions():
         diagram = explore(system, [(start_of(system), -1.0)], gamma_range=(-1.0, 1.0))
         ends = [b for b in diagram.branches if b.points[-1].gamma == 1.0]
         assert len(ends) == count
-
-
-@serial
-@pytest.mark.parametrize(
-    ("method", "threshold"),
-    [pytest.param("nodal", 1.911, marks=pytest.mark.long), ("mixed", 2.042)],
-)
-def test_thresholds_of_discretisations(method, threshold, monkeypatch):
-    """Where two more solutions appear on a coarse mesh: averages of the gap shift it."""
-    monkeypatch.setattr(_triangle, "ContactSurface", partial(ContactSurface, method=method))
-    for friction, count in ((threshold - 0.004, 1), (threshold + 0.004, 3)):
-        system = demo.linear_triangle(8, friction)
-        system.set_parameter(1.0)
-        there = find_solutions(system, [system.create_vector()], 1.0)
-        assert len(there.found) == count
 
 
 @serial

@@ -12,7 +12,6 @@ import ufl
 from dolfinx import fem, mesh
 
 from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, Cylinder, HalfSpace, Sphere
-from dolfinx_contact._forms import compiled_form
 from dolfinx_contact.materials import (
     Axisymmetric,
     CiarletGeymonat,
@@ -371,10 +370,6 @@ def test_what_it_is_not_for():
     three = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (3,))))
     with pytest.raises(ValueError, match="as many displacements"):
         material.mean_dilatation_energy(three)
-    mean = ufl.tr(material.mean_dilatation_stress(u))
-    with pytest.raises(ValueError, match="known at the middles of cells alone"):
-        compiled_form(mean * ufl.dx)
-    compiled_form(mean * ufl.dx(metadata={"quadrature_degree": 1}))
     jumping = fem.Function(fem.functionspace(domain, ("DG", 1, (2,))))
     with pytest.raises(ValueError, match="needs Lagrange elements"):
         material.mean_dilatation_energy(jumping)

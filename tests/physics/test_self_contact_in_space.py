@@ -13,7 +13,6 @@ import ufl
 from dolfinx import fem, mesh
 
 from dolfinx_contact import ContactProblem, Frictionless, SelfContact
-from dolfinx_contact._compat import create_mesh
 from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.materials import NeoHookean, lame
 from dolfinx_contact.problem import discretise
@@ -108,7 +107,7 @@ def extruded(flat, width, layers):
     if COMM.rank:
         cells, points = cells[:0], points[:0]
     element = basix.ufl.element("Lagrange", "hexahedron", 1, shape=(3,))
-    return create_mesh(COMM, cells, points, element)
+    return mesh.create_mesh(COMM, cells=cells, x=points, e=element)
 
 
 def pressed_hairpin(domain, inner):

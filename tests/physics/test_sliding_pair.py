@@ -23,17 +23,13 @@ from dolfinx_contact import (
     SelfContact,
 )
 from dolfinx_contact.continuation import follow
-from dolfinx_contact.equations.jacobian import Jacobian
 from dolfinx_contact.evolution import NSCD, QuasiStatic
 from dolfinx_contact.grids import create_grid
 from dolfinx_contact.materials import LinearElastic, NeoHookean, lame
 from dolfinx_contact.meshing import join
-from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.problem import discretise
 
 COMM = MPI.COMM_WORLD
-
-KINDS = [(2, "tri"), (2, "quad"), (3, "tet"), (3, "hex")]
 
 
 def cubes(n, m, cell, *, offset=0.0):
@@ -54,82 +50,6 @@ def blocks(dim, cell, n=5, m=7):
     if dim == 2:
         return stacked(n, m, (0.0, 1.0), (-0.2, 1.2), cell)
     return cubes(3, 4, cell, offset=0.1)
-
-
-def errors_with_parts_held(problem, pair, x, v, monkeypatch):
-    """State at x, and errors of J v against central differences of H over its size. Collective.
-
-    The parts that faces have in common are held, as are the statuses.
-    """
-    eq = problem.equations
-    n = eq.owned_sizes[0]
-    b, after, before, product = (x.duplicate() for _ in range(4))
-    state = eq.residual(x, b)
-    jacobian = Jacobian(eq)
-    jacobian.update(state)
-    jacobian.matrix.mult(v, product)
-    faces = pair.points.faces
-    u = x.array[:n].reshape(-1, eq.dim)
-    mine = faces._of_slave(faces._X + faces.spread(u))
-    theirs = faces._found_before + faces.of_master(u, faces.candidates)
-    held = faces._pieces(mine, theirs)
-    monkeypatch.setattr(faces, "_pieces", lambda *_: held)
-    errors = []
-    for eps in (1e-4, 1e-5):
-        for sign, f in ((eps, after), (-eps, before)):
-            y = x.copy()
-            y.axpy(sign, v)
-            eq.residual(y, f, state.statuses)
-        after.axpy(-1.0, before)
-        after.scale(0.5 / eps)
-        after.axpy(-1.0, product)
-        errors.append(after.norm() / product.norm())
-    return state, errors
-
-
-@pytest.mark.ranks(2, 3)
-@pytest.mark.each_value
-@pytest.mark.parametrize(("dim", "cell"), KINDS)
-@pytest.mark.parametrize("slave", [2, 3])
-@pytest.mark.parametrize("law", [Frictionless(), Coulomb(0.3)], ids=["frictionless", "coulomb"])
-@pytest.mark.parametrize("remembers", [False, True])
-@pytest.mark.verifies(
-    "sliding pairs",
-    reference="differences: of the residual",
-    aspects=("2D", "3D", "pairs", "large sliding"),
-)
-def test_jacobian(dim, cell, slave, law, remembers, monkeypatch):
-    """Central differences of H, with the parts that faces have in common held."""
-    both = blocks(dim, cell)
-    bodies = Bodies(both, slave, law, interference=True)
-    problem, pair, V = bodies.problem, bodies.pair, bodies.u.function_space
-    eq = problem.equations
-    n = eq.owned_sizes[0]
-    X = V.tabulate_dof_coordinates()[: n // dim, :dim]
-    moved = smooth(X, 3, 0.05)
-    upper = of_upper(both, V)
-    at = X[upper]
-    shift = np.full((len(at), dim), 0.07)
-    shift[:, -1] = -0.01 - 0.04 * (at[:, 0] - 0.5) ** 2 + 0.05 * (at[:, 0] - 0.5)
-    moved[upper] += shift
-    x = problem.create_vector()
-    x.array[:n] = moved.reshape(-1)
-    x.array[:n][eq.fixed[:n]] = 0.0
-    ids = pair.points.ids[:, 0]
-    x.array[n:] = 2e-3 * np.sin(np.outer(ids, np.arange(1.0, dim + 1))).reshape(-1)
-    if remembers:
-        before = smooth(X, 5, 0.04)
-        memory = Memory(np.zeros((len(ids), dim)), displacement=before, step=1.0)
-        problem = problem.with_memory([memory])
-    v = x.duplicate()
-    v.array[:n] = smooth(X, 8, 1.0).reshape(-1)
-    v.array[:n][eq.fixed[:n]] = 0.0
-    v.array[n:] = 0.1 * np.cos(np.outer(ids, np.arange(1.0, dim + 1))).reshape(-1)
-    state, errors = errors_with_parts_held(problem, pair, x, v, monkeypatch)
-    assert errors[0] < 1e-5
-    assert errors[1] < 0.02 * errors[0] + 1e-9
-    used = COMM.allreduce(len(np.unique(np.concatenate(COMM.allgather(state.statuses[0])))), max)
-    assert used > 1
 
 
 # -- patches ---------------------------------------------------------------------------------------

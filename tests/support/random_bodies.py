@@ -30,7 +30,6 @@ from dolfinx_contact import (
     Sphere,
     Tresca,
 )
-from dolfinx_contact._compat import create_mesh
 from dolfinx_contact.laws import FrictionLaw
 from dolfinx_contact.materials import LinearElastic
 from support.blocks import CELLS
@@ -348,7 +347,7 @@ class Model:
             cells, x = cells[:0], x[:0]
         kind = CELLS[case.cell].name
         element = basix.ufl.element("Lagrange", kind, 1, shape=(case.dim,))
-        return create_mesh(self.comm, cells.astype(np.int64), x, ufl.Mesh(element))
+        return mesh.create_mesh(self.comm, cells=cells.astype(np.int64), x=x, e=ufl.Mesh(element))
 
     def _at(self, facets):
         """Where the nodes of facets are in the grid (facets, nodes, dim)."""

@@ -12,7 +12,6 @@ from dolfinx_contact import (
     ContactPair,
     ContactProblem,
 )
-from dolfinx_contact._compat import create_mesh
 from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.materials import NeoHookean, lame
 from support.pairs import displacement
@@ -103,7 +102,7 @@ def hairpin(h=0.1, stretch=1.15, comm=COMM):
     if comm.rank:
         cells, points = cells[:0], points[:0]
     element = basix.ufl.element("Lagrange", "quadrilateral", 1, shape=(2,))
-    domain = create_mesh(comm, cells, points, element)
+    domain = mesh.create_mesh(comm, cells=cells, x=points, e=element)
 
     def inner(x):
         return (x[0] > 1 - 1e-9) & (x[1] > 1 - 1e-9) & (x[1] < 1.5 + 1e-9)

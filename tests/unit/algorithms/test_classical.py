@@ -18,7 +18,6 @@ from dolfinx_contact import (
     HalfSpace,
     Tresca,
 )
-from dolfinx_contact._petsc import has_package
 from dolfinx_contact.algorithms import (
     GaussSeidel,
     Lemke,
@@ -28,6 +27,7 @@ from dolfinx_contact.algorithms import (
 )
 
 COMM = MPI.COMM_WORLD
+HYPRE = PETSc.Sys.hasExternalPackage("hypre")
 STORED = json.loads((Path(__file__).parents[2] / "data" / "blocks.json").read_text())
 ON_POINTS = [
     "sor",
@@ -160,7 +160,7 @@ def test_uzawa_without_augmentation():
         "gamg",
         pytest.param(
             "hypre",
-            marks=pytest.mark.skipif(not has_package("hypre"), reason="PETSc without hypre"),
+            marks=pytest.mark.skipif(not HYPRE, reason="PETSc without hypre"),
         ),
     ],
 )

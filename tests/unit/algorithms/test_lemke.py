@@ -4,7 +4,7 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from support.blocks import block, facets, half_block
+from support.blocks import facets
 
 import ufl
 from dolfinx import fem, mesh
@@ -13,7 +13,6 @@ from dolfinx_contact import (
     ContactProblem,
     ContactSurface,
     Coulomb,
-    Frictionless,
     HalfSpace,
     ParametricContact,
 )
@@ -24,7 +23,6 @@ from dolfinx_contact.algorithms import (
 )
 from dolfinx_contact.continuation import find_solutions
 from dolfinx_contact.materials import LinearElastic
-from dolfinx_contact.solvers import ladder
 
 COMM = MPI.COMM_WORLD
 
@@ -129,39 +127,6 @@ def test_data_that_it_does_not_take():
         coulomb_by_lemke(np.eye(3), np.array([0.0, 0.0, -1.0]), F)
     with pytest.raises(RayTermination, match="ray"):
         lemke(np.array([[-1.0]]), np.array([-1.0]))  # 0 <= -1 - z has no solution
-
-
-@pytest.fixture
-def only_lemke(monkeypatch):
-    whole = ladder.strategies
-    monkeypatch.setattr(
-        ladder, "strategies", lambda *a: [rung for rung in whole(*a) if rung[0] == "Lemke's method"]
-    )
-
-
-@pytest.mark.ranks(2)
-@pytest.mark.parametrize("law", [Coulomb(0.3), Coulomb(2.0), Frictionless()])
-@pytest.mark.parametrize("cell", ["tri", "quad"])
-@pytest.mark.verifies(
-    "Lemke", "Newton's method", reference="itself: Newton's method", aspects=("2D",)
-)
-def test_the_same_as_newton(law, cell, only_lemke, monkeypatch):
-    found = block(n=4, cell=cell, law=law).solve()
-    assert found.reason == "Lemke's method"
-    monkeypatch.undo()
-    table, known = (r.tables["contact"] for r in (found, block(n=4, cell=cell, law=law).solve()))
-    np.testing.assert_allclose(table.force, known.force, atol=1e-9 * np.abs(known.force).max())
-    np.testing.assert_allclose(table.ut, known.ut, atol=1e-11)
-    assert table.status == known.status
-
-
-def test_a_symmetry_plane(only_lemke, monkeypatch):
-    """A contact node that may move along the normal alone."""
-    found = half_block().solve()
-    assert found.reason == "Lemke's method"
-    monkeypatch.undo()
-    table, known = (r.tables["contact"] for r in (found, half_block().solve()))
-    np.testing.assert_allclose(table.force, known.force, atol=1e-9 * np.abs(known.force).max())
 
 
 def random_body(rng, friction):

@@ -7,8 +7,7 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from cases import _triangle
-from cases._triangle import element
+from cases._triangle import linear_triangle
 from cases.own_law import Orthotropic, SlipWeakening
 from cases.own_law import main as demo
 from scipy.optimize import minimize_scalar
@@ -81,7 +80,7 @@ def test_with_equal_coefficients_it_is_coulombs():
         "branches",
     ),
 )
-def test_static_and_kinetic_friction_of_one_element(distance, monkeypatch):
+def test_static_and_kinetic_friction_of_one_element(distance):
     """Folds of the branch where the weakening outruns the stiffness, against the closed form.
 
     At a slip to the left kt ut = pt + F(|ut|) rn and rn = k ut - pn, so that the load is known as a
@@ -90,8 +89,15 @@ def test_static_and_kinetic_friction_of_one_element(distance, monkeypatch):
     static = 0.9
     kinetic = 0.3
     law = SlipWeakening(static, kinetic, distance)
-    monkeypatch.setattr(_triangle, "Coulomb", lambda _: law)
-    system = element((1.0, 1.0), None, 1.0, (-4.0, 0.0), (0.0, -1.0))
+    system = linear_triangle(
+        1,
+        None,
+        (4.0, 0.0),
+        (1.0, 1.0),
+        preload=(0.0, -1.0),
+        law=lambda _: law,
+        comm=MPI.COMM_SELF,
+    )
     kt = 2.0
     k = 1.0
     pn = -0.5

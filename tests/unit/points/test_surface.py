@@ -11,7 +11,6 @@ import ufl
 from dolfinx import fem
 
 from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, Cylinder, HalfSpace, Sphere
-from dolfinx_contact._petsc import options_in_database
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.problem import discretise
 
@@ -130,12 +129,6 @@ def test_reaction_of_a_clamped_contact_node():
 )
 def test_several_solves_in_one_process():
     """Two problems with two prefixes, the command line winning over the options of the caller."""
-    PETSc.Options()["first_snes_max_it"] = 7
-    with options_in_database("first_", {"snes_max_it": 3, "ksp_type": "preonly"}):
-        assert PETSc.Options().getInt("first_snes_max_it") == 7
-        assert PETSc.Options().getString("first_ksp_type") == "preonly"
-    assert PETSc.Options().getInt("first_snes_max_it") == 7
-    assert not PETSc.Options().hasName("first_ksp_type")
     PETSc.Options()["contact_snes_rtol"] = 0.05
     loose = block(n=4, cell="hex", options={"snes_rtol": 1e-12}).solve()
     assert loose.history[-1].measures.worst > 1e-6

@@ -20,9 +20,10 @@ from dolfinx_contact import (
     Tresca,
     solve_nested,
 )
-from dolfinx_contact._petsc import has_package
 from dolfinx_contact.equations.jacobian import Jacobian
 from dolfinx_contact.materials import NeoHookean
+
+HYPRE = PETSc.Sys.hasExternalPackage("hypre")
 
 #: With levels on these small meshes too, whose unknowns a factorisation would take else.
 AMG = {"linear_solver": "amg", "amg_pc_gamg_coarse_eq_limit": 50}
@@ -169,7 +170,7 @@ def test_preconditioner_for_other_systems():
     assert r.norm() < 1e-3 * size
 
 
-without_hypre = pytest.mark.skipif(not has_package("hypre"), reason="PETSc without hypre")
+without_hypre = pytest.mark.skipif(not HYPRE, reason="PETSc without hypre")
 
 
 @pytest.mark.ranks(2)
