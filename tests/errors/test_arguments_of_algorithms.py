@@ -6,12 +6,8 @@ import numpy as np
 import pytest
 from support.blocks import block
 
-from dolfinx_contact import (
-    ConvergenceError,
-)
 from dolfinx_contact.algorithms import (
     GaussSeidel,
-    Lemke,
     PointProblem,
 )
 
@@ -26,8 +22,6 @@ def test_algorithms_refuse_problems_of_bodies():
             problem.solve(algorithm=wrong)
     with pytest.raises(ValueError, match="at the nodes"):
         block(n=2, method="integral").solve(algorithm="lemke")
-    with pytest.raises(ConvergenceError, match="for the plane"):
-        block(n=2, cell="hex").solve(algorithm=Lemke(form="klarbring"))
     if COMM.size > 1:
         mine = GaussSeidel(relaxation=1.0 + 0.1 * COMM.rank)
         with pytest.raises(ValueError, match="algorithm differs between ranks"):

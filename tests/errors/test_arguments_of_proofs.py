@@ -4,7 +4,7 @@ import demo_proofs_3d
 import numpy as np
 import pytest
 
-from dolfinx_contact.analysis import (
+from dolfinx_contact.proofs import (
     ReducedProblem,
     prove_solutions,
 )
