@@ -6,8 +6,8 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from _triangle import linear_triangle
-from demo_own_law import SlipWeakening
+from cases._triangle import linear_triangle
+from cases.own_law import SlipWeakening
 from support.families import random_family
 from support.leaning_bodies import block, leaning, on_box, pad, swirl
 

@@ -1,6 +1,6 @@
 """What proofs refuse: the call and its message."""
 
-import demo_proofs_3d
+import cases.proofs_3d
 import numpy as np
 import pytest
 
@@ -32,4 +32,4 @@ def test_reduced_problem_refuses_shapes_and_signs():
 @pytest.mark.ranks(2)
 def test_all_solutions_refuses_words():
     with pytest.raises(SystemExit):
-        demo_proofs_3d.arguments(["--shape", "block", "--cells", "2", "2"])
+        cases.proofs_3d.arguments(["--shape", "block", "--cells", "2", "2"])

@@ -8,7 +8,6 @@ from mpi4py import MPI
 import cases.linear_triangle as demo
 import numpy as np
 import pytest
-from cases import _triangle
 from support.harness import varied
 
 from dolfinx_contact.continuation import explore, follow
