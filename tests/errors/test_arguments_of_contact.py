@@ -41,8 +41,6 @@ COMM = MPI.COMM_WORLD
 def test_mortar_refuses_obstacles_and_elements():
     both = stacked(3, 2, (0.0, 1.0), (0.0, 1.0))
     u = displacement(both.mesh)
-    with pytest.raises(ValueError, match=r"do not match: .*, as mixed contact needs"):
-        discretise(ContactPair(u, both, slave=3, master=2, law=Frictionless(), method="mixed"))
     with pytest.raises(ValueError, match="slave and master touch at 1 nodes of the mesh"):
         discretise(ContactPair(u, both, slave=3, master=6, law=Frictionless()))
 
@@ -112,9 +110,6 @@ def test_integral_pair_refuses_friction_and_elements():
     both = stacked(3, 2, (0.0, 1.0), (0.0, 1.0))
     domain = both.mesh
     u = displacement(both.mesh)
-    refused_common(
-        r"do not match: .* of the slave .*, as mixed contact needs", u, both, method="mixed"
-    )
     smooth = fem.Function(fem.functionspace(domain, ("Lagrange", 2)))
     where = "the friction of faces that do not match may"
     law = Coulomb(smooth.dx(0))
