@@ -70,9 +70,10 @@ def save_points(file: str | os.PathLike[str], problem: PointProblem) -> None:
     """
     path = Path(file)
     if path.suffix == ".npz":
-        arrays = _arrays(problem)
+        arrays = {f.name: getattr(problem, f.name) for f in fields(problem)}
+        arrays = {name: values for name, values in arrays.items() if values is not None}
         with part_of(path) as part:
-            np.savez(part, **arrays)
+            np.savez(part, format=FORMAT, **arrays)
     elif path.suffix in _HDF5:
         local = fclib_local(problem)
         h5py = optional("h5py", "records")
@@ -193,32 +194,26 @@ class _Words:
 
     def __init__(self, text: str):
         self._words = text.split()
-        self._place = 0
 
     def integers(self, count: int) -> list[int]:
         """Return the next ``count`` integers."""
-        words = self._next(count)
-        if not all(word.isascii() and word.isdigit() for word in words):
-            raise ValueError(f"integers are expected, got {' '.join(words[:5])}")
-        return [int(word) for word in words]
+        return [int(word) for word in self._next(count)]
 
     def numbers(self, count: int) -> Array:
         """Return the next ``count`` real numbers."""
-        words = self._next(count)
-        if any("_" in word for word in words):
-            raise ValueError("numbers are expected, without underscores")
-        return np.array(words, dtype=np.float64)
+        return np.array(self._next(count), dtype=np.float64)
 
     @property
     def left(self) -> int:
         """Number of unread words."""
-        return len(self._words) - self._place
+        return len(self._words)
 
     def _next(self, count: int) -> list[str]:
-        words = self._words[self._place : self._place + count]
+        words, self._words = self._words[:count], self._words[count:]
         if len(words) < count:
             raise ValueError("the file is truncated")
-        self._place += count
+        if any("_" in word for word in words):
+            raise ValueError("numbers are expected, without underscores")
         return words
 
 
@@ -226,7 +221,7 @@ def _of_siconos(text: str) -> Local:
     words = _Words(text)
     dim, contacts, storage, rows, columns = words.integers(5)
     W: Array
-    if not rows == columns == dim * contacts or contacts > _MOST_CONTACTS:
+    if not rows == columns == dim * contacts or not 0 <= contacts <= _MOST_CONTACTS:
         raise ValueError(f"W has the size {rows} x {columns}, with {contacts} contacts in {dim}D")
     if storage == _DENSE:
         if words.integers(2) != [rows, columns]:
@@ -240,10 +235,9 @@ def _of_siconos(text: str) -> Local:
     else:
         raise ValueError(f"W has the unknown storage {storage}; known are 0, 1 and 2")
     problem = dim, W, words.numbers(rows), words.numbers(contacts)
-    if words.left == 1:  # some files end with one more number
-        words.numbers(1)
-    if words.left:
+    if words.left > 1:  # some files end with one more number
         raise ValueError("there is text after the friction coefficients, as in a global problem")
+    words.numbers(words.left)
     return problem
 
 
@@ -253,53 +247,42 @@ def _of_blocks(words: _Words, rows: int, columns: int) -> Array:
     row_ends, column_ends = ([0, *words.integers(count)] for count in (down, across))
     starts, block_columns = (words.integers(count) for count in words.integers(2))
     W = np.zeros((rows, columns))
-    filled: set[tuple[int, int]] = set()
     for row, (first, last) in enumerate(pairwise(starts)):
         for column in block_columns[first:last]:
             words.integers(1)
-            if (row, column) in filled:
-                raise ValueError(f"the block {row}, {column} occurs twice")
-            filled.add((row, column))
-            (top, bottom), (left, right) = (
-                ends[k : k + 2] for ends, k in ((row_ends, row), (column_ends, column))
-            )
+            top, bottom = row_ends[row : row + 2]
+            left, right = column_ends[column : column + 2]
             block = words.numbers((bottom - top) * (right - left))
             W[top:bottom, left:right] = block.reshape(right - left, bottom - top).T
     return W
 
 
 def _of_csparse(text: str, rows: int, columns: int) -> tuple[Array, str]:
-    """Return a matrix read from text printed by CSparse, and the remaining text."""
+    """Return a matrix read from text printed by CSparse, and the remaining text.
+
+    Lines are ``col <column> : ...``, ``<row> : <entry>`` or ``<row> <column> : <entry>``.
+    """
     head = re.search(r"nnz:\s*(\d+).*\n", text)
     if head is None:
         raise ValueError("the sparse matrix has no line with 'nnz:'")
     W = np.zeros((rows, columns))
+    line = re.compile(r"\s*(?:(col)\s+(\d+)|(\d+)(?:\s+(\d+))?)\s*:\s*(.*)\n")
     place = head.end()
     column = -1
     entries = 0
-    triplet = re.compile(r"\s*(\d+)\s+(\d+)\s*:\s*(\S+)\s*\n")
-    entry = re.compile(r"\s*(\d+)\s*:\s*(\S+)\s*\n")
-    title = re.compile(r"\s*col\s+(\d+)\s*:.*\n")
-    while match := title.match(text, place) or (
-        (triplet.match(text, place) or entry.match(text, place)) if entries < int(head[1]) else None
-    ):
-        if match.re is title:
-            column = int(match[1])
+    while (match := line.match(text, place)) and (match[1] or entries < int(head[1])):
+        if match[1]:
+            column = int(match[2])
         else:
-            at = (int(match[1]), int(match[2]) if match.re is triplet else column)
-            if min(at) < 0:
+            at = (int(match[3]), column if match[4] is None else int(match[4]))
+            if at[1] < 0:
                 raise ValueError("the sparse matrix has entries before its first column")
-            W[at] += float(match[match.lastindex or 0])
+            W[at] += float(match[5])
             entries += 1
         place = match.end()
     if entries < int(head[1]):
         raise ValueError("the file is truncated")
     return W, text[place:]
-
-
-def _arrays(problem: PointProblem) -> dict[str, Any]:
-    named = {f.name: getattr(problem, f.name) for f in fields(problem)}
-    return {"format": FORMAT} | {name: v for name, v in named.items() if v is not None}
 
 
 def fclib_local(problem: PointProblem) -> Arrays:
@@ -316,23 +299,18 @@ def fclib_local(problem: PointProblem) -> Arrays:
     W = problem.A[np.ix_(order, order)]
     q = problem.free.reshape(-1)[order]
     numbers = {"m": size, "n": size, "nzmax": size * size, "nz": _COMPRESSED_ROWS}
-    local: Arrays = {f"W/{name}": _integers([number]) for name, number in numbers.items()}
-    local["spacedim"] = _integers([d])
-    local["W/p"] = _integers(np.arange(0, size * size + 1, size))
-    local["W/i"] = _integers(np.tile(np.arange(size), size))
-    local["W/x"] = W.reshape(-1)
-    local["vectors/q"] = q
-    local["vectors/mu"] = problem.friction
-    local["info/title"] = _text("a body condensed onto its contact points")
-    local["info/description"] = _text("displacements, gaps and forces: quasi-static contact")
-    local["info/math_info"] = _text("W is symmetric and positive definite, and full")
+    integers = {f"W/{name}": [number] for name, number in numbers.items()} | {
+        "spacedim": [d],
+        "W/p": np.arange(0, size * size + 1, size),
+        "W/i": np.tile(np.arange(size), size),
+    }
+    texts = {
+        "title": "a body condensed onto its contact points",
+        "description": "displacements, gaps and forces: quasi-static contact",
+        "math_info": "W is symmetric and positive definite, and full",
+    }
+    local: Arrays = {name: np.asarray(v, dtype=np.int32) for name, v in integers.items()}
+    local |= {"W/x": W.reshape(-1), "vectors/q": q, "vectors/mu": problem.friction}
+    # Strings end with a null byte.
+    local |= {f"info/{k}": np.array(v.encode(), dtype=f"S{len(v) + 1}") for k, v in texts.items()}
     return {f"/fclib_local/{name}": values for name, values in local.items()}
-
-
-def _integers(values: Any) -> npt.NDArray[np.int32]:
-    return np.asarray(values, dtype=np.int32)
-
-
-def _text(words: str) -> npt.NDArray[Any]:
-    """Return a null-terminated string."""
-    return np.array(words.encode(), dtype=f"S{len(words) + 1}")

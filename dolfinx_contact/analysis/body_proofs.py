@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What is proved of a body: its problem reduced to the contact points, and where that cannot be."""
+"""Proofs about a body: its problem is condensed onto the contact points, where that is possible."""
 
 from __future__ import annotations
 
@@ -23,8 +23,7 @@ from dolfinx_contact.equations.parametric import JacobianSolver, ParametricEquat
 from dolfinx_contact.equations.state import State
 from dolfinx_contact.laws import Coulomb, Frictionless, Tresca, status
 from dolfinx_contact.proofs.check_proof import ReducedProblem
-from dolfinx_contact.proofs.only_in_space import is_only_in_space
-from dolfinx_contact.proofs.only_solution import OnlySolution, is_only
+from dolfinx_contact.proofs.only_solution import is_only
 from dolfinx_contact.proofs.rays import ProvedRays, apex_problem, prove_rays
 from dolfinx_contact.proofs.solutions import ProvedSolutions, prove_solutions
 from dolfinx_contact.reduced.reduction import Reduction
@@ -43,20 +42,21 @@ Codes = npt.NDArray[np.int8]
 
 logger = logging.getLogger(__name__)
 
-_MOST_PROVED = 128  # in 3D, for the certificate of one point
-_MOST_POINTS = 300  # in 3D, for an eigenproblem that is not requested
+_LAWS = (Coulomb, Frictionless, Tresca)
+_MOST_PROVED = 128  # points in 3D up to which the certificate of one point is tried
+_MOST_POINTS = 300  # points in 3D up to which an eigenproblem is solved without request
 _EFFORT = 60  # of a search for weights in 3D
-_ENOUGH = 1.0 + 1e-6  # the factor it is to reach
+_ENOUGH = 1.0 + 1e-6  # factor at which this search ends
 
 
 def obstacle_to_proof(equations: ContactEquations, condensed: Reduction | None) -> str:
-    """Why nothing can be proved of a problem; "" if something can.
+    """Return the reason why nothing can be proved of a problem; "" if there is none.
 
     Args:
-        equations: of the problem.
-        condensed: the problem condensed onto its contact points; None if that cannot be done.
+        equations: equations of the problem.
+        condensed: the problem condensed onto its contact points; None if that is impossible.
     """
-    if not all(type(s.law) in (Coulomb, Frictionless, Tresca) for s in equations.surfaces):
+    if not all(type(s.law) in _LAWS for s in equations.surfaces):
         return "proofs are for the laws of Coulomb and Tresca and contact without friction"
     if condensed is None or not condensed.exact:
         return "the problem is not linear, with contact at nodes, but for the law of contact"
@@ -66,28 +66,29 @@ def obstacle_to_proof(equations: ContactEquations, condensed: Reduction | None) 
 
 
 def reduced_problem(condensed: Reduction, gamma: float) -> ReducedProblem:
-    """S, p and friction at ``gamma``, with what the factorisation may be off. Not collective.
+    """Return S, p and friction at ``gamma`` with the errors of the factorisation. Not collective.
 
     Args:
-        condensed: exact, and without an `obstacle_to_proof`.
+        condensed: exact reduction without an `obstacle_to_proof`.
         gamma: parameter.
 
     Raises:
         ValueError: if S is not positive definite beyond its error, or a number is not finite.
     """
-    known = condensed.problem(gamma, unit=condensed.force_unit)
-    errors = known.S_error, known.p_error
-    return ReducedProblem(known.S, known.p, known.friction, known.bound, *errors)
+    points = condensed.problem(gamma, unit=condensed.force_unit)
+    errors = points.S_error, points.p_error
+    return ReducedProblem(points.S, points.p, points.friction, points.bound, *errors)
 
 
 def proved(condensed: Reduction, gamma: float, seconds: float) -> ProvedSolutions | None:
-    """All solutions with a proof; where it takes its time there is a line of progress.
+    """Return all solutions with a proof, in the units of the condensed problem. On one rank.
 
-    None if the errors of the factorisation are too large for any. States are in the units of the
-    condensed problem. For one rank alone.
+    None if the errors of the factorisation are too large for a proof.
     """
-    problem = _within_errors(condensed, gamma)
-    if problem is None:
+    try:
+        problem = reduced_problem(condensed, gamma)
+    except ValueError as error:
+        logger.info("nothing can be proved: %s", error)
         return None
     return prove_solutions(problem, proof_seconds=seconds)
 
@@ -98,13 +99,13 @@ def proved_rays(
     known: Sequence[tuple[Codes, float]],
     seconds: float,
 ) -> ProvedRays:
-    """All rays of a tangent cone, with a proof. For one rank alone.
+    """Return all rays of a tangent cone, with a proof. On one rank.
 
     Args:
-        condensed: at the state; of the laws of Coulomb or without friction.
-        cone: its tangent cone.
-        known: statuses (m,) and dgamma of rays.
-        seconds: for each sense of gamma.
+        condensed: reduction at the state; with Coulomb's law or without friction.
+        cone: tangent cone.
+        known: statuses (m,) and dgamma of known rays.
+        seconds: time for each sense of gamma.
     """
     try:
         points = condensed.problem(unit=condensed.force_unit)
@@ -119,15 +120,6 @@ def proved_rays(
     return prove_rays(apex, known, proof_seconds=seconds)
 
 
-def _within_errors(condensed: Reduction, gamma: float) -> ReducedProblem | None:
-    """The reduced problem; None if it is spoilt by errors."""
-    try:
-        return reduced_problem(condensed, gamma)
-    except ValueError as error:
-        logger.info("nothing can be proved: %s", error)
-        return None
-
-
 def uniqueness(
     equations: ContactEquations,
     linear: Callable[[], JacobianSolver],
@@ -136,120 +128,91 @@ def uniqueness(
     seconds: float,
     state_at: Callable[[PETSc.Vec], State],
 ) -> Uniqueness:
-    """Whether a solution is the only one, with the data as they are. Collective.
+    """Return whether a solution is the only one, with the present data. Collective.
+
+    The certificate of one point is tried first; then, in 3D, Renard's criterion, which needs the
+    directions of slips and shears; then theorems.
 
     Args:
         equations: contact problem.
         linear: function that returns its linear solver.
         x: solution.
         state: evaluation of the solution.
-        seconds: time for more than the certificate of one point: a proof by branch and bound, and
-            where the body is not reduced an eigenproblem of any size, with weights if it is dense.
+        seconds: time for branch and bound after the certificate of one point, and for Renard's
+            criterion of any size, with weights if its eigenproblem is dense.
         state_at: function that returns the State of unknowns.
     """
     if not equations.linear:
         return Uniqueness("not proved", "proofs are for linear bodies and small sliding")
+    plane = equations.dim == 2
     system = ParametricEquations(equations, fem.Constant(equations.V.mesh, 0.0), linear)
-    try:
-        if equations.dim == 2:
-            return _in_plane(system, x, seconds, state_at)
-        return _in_space(system, x, state, seconds, state_at)
-    finally:
-        system.destroy()
-
-
-def _in_plane(
-    system: ParametricEquations,
-    x: PETSc.Vec,
-    seconds: float,
-    state_at: Callable[[PETSc.Vec], State],
-) -> Uniqueness:
-    """By the certificate of one point. Collective."""
-    equations: ContactEquations = system.equations
     condensed: Reduction | None = None
+    answer: Uniqueness | None = None
     try:
-        if can_condense(system, bounded=True):
+        if can_condense(system, bounded=True) if plane else _is_provable_in_space(system):
             condensed = Reduction(system, x, 0.0, exact=True, conic=False)
         obstacle = obstacle_to_proof(equations, condensed)
-        if obstacle or condensed is None:
-            return _by_theory(equations, obstacle)
-        codes = condensed.codes(system.piece_at(x, 0.0))
-        return _among_points(
-            condensed, x, lambda problem: is_only(problem, codes, proof_seconds=seconds), state_at
-        )
+        if condensed is not None and not obstacle:
+            given = condensed.codes(system.piece_at(x, 0.0)) if plane else condensed.contract(x)
+            answer = _among_points(condensed, x, given, seconds, state_at)
     finally:
         if condensed is not None:
             condensed.destroy()
+        system.destroy()
+    if answer is not None and (plane or answer.verdict != "not proved"):
+        return answer
+    if plane:
+        return _by_theory(equations, obstacle)
+    other = _by_criterion(equations, state, seconds)
+    return other if answer is None or other.verdict == "proved" else answer
+
+
+def _is_provable_in_space(system: ParametricEquations) -> bool:
+    """Whether the certificate of one point is tried for a problem in 3D. Collective."""
+    equations: ContactEquations = system.equations
+    laws = {type(s.law) for s in equations.surfaces}
+    if Coulomb not in laws or not laws <= set(_LAWS):
+        return False
+    return not obstacle_in_space(system) and _points(equations) <= _MOST_PROVED
 
 
 def _among_points(
     condensed: Reduction,
     x: PETSc.Vec,
-    decide: Callable[[ReducedProblem], OnlySolution],
-    state_at: Callable[[PETSc.Vec], State],
-) -> Uniqueness:
-    """Decision on the reduced problem, with another solution if there is one. Collective."""
-    problem = _within_errors(condensed, 0.0)
-    if problem is None:
-        return Uniqueness("not proved", "the errors of the factorisation are too large")
-    found = on_root(condensed.comm, lambda: decide(problem))
-    if found.other is None:
-        return Uniqueness(found.verdict, found.reason)
-    y = x.duplicate()
-    condensed.expand(found.other[1], 0.0, y)
-    other = state_at(y)
-    y.destroy()
-    letters = status.word(found.other[0], problem.dim)
-    if condensed.comm.rank == 0:
-        logger.warning("the solution is not the only one: there is another, %s", letters)
-    return Uniqueness("others exist", f"{found.reason}, with statuses {letters}", other)
-
-
-def _in_space(
-    system: ParametricEquations,
-    x: PETSc.Vec,
-    state: Evaluation,
+    solution: Codes | npt.NDArray[np.float64],
     seconds: float,
     state_at: Callable[[PETSc.Vec], State],
 ) -> Uniqueness:
-    """By the certificate of one point, else by Renard's criterion, else by theorems. Collective."""
-    equations: ContactEquations = system.equations
-    rubs = any(type(s.law) is Coulomb for s in equations.surfaces)
-    if not rubs or obstacle_in_space(system) or _points(equations) > _MOST_PROVED:
-        return _by_criterion(equations, state, seconds)
-    if not all(type(s.law) in (Coulomb, Frictionless, Tresca) for s in equations.surfaces):
-        return _by_criterion(equations, state, seconds)
-    condensed = Reduction(system, x, 0.0, exact=True, conic=False)
+    """Decide on the reduced problem; another solution is returned if there is one. Collective."""
     try:
-        if obstacle_to_proof(equations, condensed):
-            return _by_criterion(equations, state, seconds)
-        w = condensed.contract(x)
-        found = _among_points(
-            condensed,
-            x,
-            lambda problem: is_only_in_space(problem, w, proof_seconds=seconds),
-            state_at,
-        )
-    finally:
-        condensed.destroy()
-    if found.verdict != "not proved":
-        return found
-    other = _by_criterion(equations, state, seconds)
-    return other if other.verdict == "proved" else found
+        problem = reduced_problem(condensed, 0.0)
+    except ValueError as error:
+        logger.info("nothing can be proved: %s", error)
+        return Uniqueness("not proved", "the errors of the factorisation are too large")
+    decided = on_root(condensed.comm, lambda: is_only(problem, solution, proof_seconds=seconds))
+    if decided.other is None:
+        return Uniqueness(decided.verdict, decided.reason)
+    codes, w = decided.other
+    y = x.duplicate()
+    condensed.expand(w, 0.0, y)
+    other = state_at(y)
+    y.destroy()
+    letters = status.word(codes, problem.dim)
+    if condensed.comm.rank == 0:
+        logger.warning("the solution is not the only one: there is another, %s", letters)
+    return Uniqueness("others exist", f"{decided.reason}, with statuses {letters}", other)
 
 
 def _points(equations: ContactEquations) -> int:
-    """Contact points of all surfaces and ranks. Collective."""
+    """Number of contact points of all surfaces and ranks. Collective."""
     return int(sum(s.points.number_everywhere for s in equations.surfaces))
 
 
 def _by_criterion(equations: ContactEquations, state: Evaluation, seconds: float) -> Uniqueness:
-    """By Renard's criterion, which needs the directions of slips and shears. Collective."""
+    """Decide by Renard's criterion. Collective."""
     laws = {type(s.law) for s in equations.surfaces}
-    fits = laws <= {Coulomb, Frictionless, Tresca} and all(
-        s.points.E is None and s.rigid_body is None for s in equations.surfaces
-    )
-    if not fits or Coulomb not in laws:
+    nodal = all(s.points.E is None and s.rigid_body is None for s in equations.surfaces)
+    if not nodal or Coulomb not in laws or not laws <= set(_LAWS):
         return _by_theory(equations, "proofs are for contact at nodes and the usual laws")
     if _points(equations) > _MOST_POINTS and not seconds > 0:
         return Uniqueness("not proved", f"more than {_MOST_POINTS} points: only on request")
@@ -264,7 +227,7 @@ def _by_criterion(equations: ContactEquations, state: Evaluation, seconds: float
 
 
 def _by_theory(equations: ContactEquations, obstacle: str) -> Uniqueness:
-    """By theorems, where certificates do not apply. Collective."""
+    """Decide by theorems, where certificates do not apply. Collective."""
     theory = theory_of(equations)
     if theory.exists and theory.unique:
         return Uniqueness("proved", theory.reason)

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Counts along branches: how many solutions there are at values of gamma, and how many are known.
+r"""Counts along branches: proved and known numbers of solutions at values of gamma.
 
-That a diagram is complete says that every branch has been followed that hangs together with the
-starts. Solutions that do not are found at one gamma only (`find_solutions`), where it can be proved
-that there are no others. Here this is done at the ends of the range, and in the middles between
-neighbouring special points, where no status is at a border; what is found there is compared with
-the branches. Where pieces are affine a branch is straight between two of its points.
+A complete diagram contains every branch that is connected to its starts. Other solutions are found
+only by a search at one gamma (`find_solutions`), which may also prove that there are no others. This
+search is done at the ends of the range and in the middles between neighbouring special points,
+where no status is at a border, and its solutions are compared with the branches. If pieces are
+affine, a branch is straight between two of its points.
 """
 
 from __future__ import annotations
@@ -32,13 +32,13 @@ from dolfinx_contact.proofs.check_proof import Certificate
 
 __all__ = ["BranchCounts", "ProvedCount", "prove_counts"]
 
-#: Number of a branch, x there, and how far it may be off.
+#: Number of a branch, its x, and the distance within which a solution is on it.
 _Crossing: TypeAlias = tuple[int, PETSc.Vec, float]
 
-_SAME = 1e-6  # of the size of a state, by which it may differ from one on a branch
-_NOTHING = 1e-12  # of the largest state on branches, one that is none
-_CHORD = 0.5  # of the step of a branch that is not straight
-_APART = 1e-6  # of the range, special points that are one
+_SAME = 1e-6  # relative distance of a solution from the state of a branch
+_NOTHING = 1e-12  # distance that counts as zero, relative to the largest state on branches
+_CHORD = 0.5  # distance from the chord of a curved branch, relative to its step
+_APART = 1e-6  # distance of special points that count as one, relative to the range
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,15 +47,15 @@ class ProvedCount:
 
     Attributes:
         gamma: parameter.
-        solutions: what `find_solutions` found and proved.
-        statuses: letters of the points of each solution, in the order of their tables; empty of a
-            system that has none.
-        branches: number of the branch that each is on (the first, where several meet), -1 of those
-            that are on none.
-        unfound: numbers of branches that pass here, with a state that is none of the solutions.
-        certificate: the proof that there are no others, to be kept and checked; None if there is
-            none, or they were enumerated and no proof confirms that.
-        seconds: that it took.
+        solutions: result of `find_solutions`.
+        statuses: letters of the points of each solution, in the order of their tables; empty for a
+            system without statuses.
+        branches: number of the branch of each solution (the first, where several meet); -1 for a
+            solution on no branch.
+        unfound: numbers of branches that pass here with a state that is none of the solutions.
+        certificate: proof that there are no others; None if there is none, or if the solutions were
+            enumerated and no proof confirms it.
+        seconds: computing time.
     """
 
     gamma: float
@@ -68,12 +68,12 @@ class ProvedCount:
 
     @property
     def number(self) -> int:
-        """Of the solutions that are known."""
+        """Number of known solutions."""
         return len(self.solutions.found)
 
     @property
     def proved(self) -> bool:
-        """Whether there are no others."""
+        """Whether there are provably no others."""
         return self.solutions.complete
 
     def __str__(self) -> str:
@@ -86,10 +86,10 @@ class ProvedCount:
 
 @dataclass(frozen=True, eq=False)
 class BranchCounts:
-    """Counts along the branches of a diagram, by gamma.
+    """Counts along the branches of a diagram.
 
     Attributes:
-        counts: by gamma.
+        counts: counts, ordered by gamma.
         followed: whether the diagram was complete.
     """
 
@@ -109,59 +109,29 @@ class BranchCounts:
 
     @property
     def missed(self) -> int:
-        """Number of solutions that are on no branch.
-
-        Others begin elsewhere, or those of the diagram do not reach as far.
-        """
+        """Number of solutions on no branch of the diagram."""
         return sum(c.branches.count(-1) for c in self.counts)
 
     def __str__(self) -> str:
-        """A line each."""
+        """One line per count."""
         return "\n".join(map(str, self.counts))
-
-    def rows(self) -> list[dict[str, Any]]:
-        """Numbers and words of each, for JSON."""
-        return [
-            {
-                "gamma": c.gamma,
-                "count": c.number,
-                "proved": c.proved,
-                "method": c.solutions.method,
-                "statuses": list(c.statuses),
-                "branches": list(c.branches),
-                "unfound": list(c.unfound),
-                "seconds": c.seconds,
-            }
-            for c in self.counts
-        ]
-
-    def latex(self) -> str:
-        """A table for LaTeX (booktabs): gamma, number, whether it is proved, and branches."""
-        lines = [r"\begin{tabular}{rrll}", r"\toprule"]
-        lines += [r"$\gamma$ & solutions & proved & branches \\", r"\midrule"]
-        for c in self.counts:
-            known = "yes" if c.proved else "no"
-            number = f"{c.number}" if c.proved else rf"$\ge {c.number}$"
-            on = ", ".join("none" if b < 0 else str(b) for b in c.branches)
-            lines.append(rf"${c.gamma:.9g}$ & {number} & {known} & {on} \\")
-        return "\n".join([*lines, r"\bottomrule", r"\end{tabular}", ""])
 
     def save(self, folder: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
         """Write numbers and proofs into a folder; from one rank.
 
-        These are ``counts.json``, ``counts.tex`` and, for each gamma with a proof,
-        ``proof_<number>.npz``, which ``python3 -m dolfinx_contact check`` follows. The numbers are
-        in counts.json with the files of their proofs and the digests of these.
+        The files are ``counts.json`` and, for each gamma with a proof, ``proof_<number>.npz``,
+        which ``python3 -m dolfinx_contact check`` checks. ``counts.json`` names the file and the
+        digest of each proof.
 
         Args:
-            folder: is made if there is none.
-            overwrite: whether files that exist are replaced.
+            folder: folder, created if it does not exist.
+            overwrite: whether existing files are replaced.
 
         Returns:
-            The file counts.json.
+            Path of counts.json.
 
         Raises:
-            FileExistsError: if it exists, and is not to be replaced.
+            FileExistsError: if counts.json exists and ``overwrite`` is False.
             OSError: if a file cannot be written.
         """
         place = Path(folder)
@@ -169,16 +139,26 @@ class BranchCounts:
         if file.exists() and not overwrite:
             raise FileExistsError(f"{file} exists: save with overwrite=True, or to another folder")
         place.mkdir(parents=True, exist_ok=True)
-        rows = self.rows()
-        for i, (row, c) in enumerate(zip(rows, self.counts, strict=True)):
-            row["certificate"] = row["digest"] = None
+        rows: list[dict[str, Any]] = []
+        for i, c in enumerate(self.counts):
+            name = f"proof_{i}.npz"
             if c.certificate is not None:
-                name = f"proof_{i}.npz"
                 with part_of(place / name) as part:
                     c.certificate.save(part)
-                row["certificate"], row["digest"] = name, c.certificate.digest
-        with part_of(place / "counts.tex") as part:
-            part.write_text(self.latex())
+            rows.append(
+                {
+                    "gamma": c.gamma,
+                    "count": c.number,
+                    "proved": c.proved,
+                    "method": c.solutions.method,
+                    "statuses": list(c.statuses),
+                    "branches": list(c.branches),
+                    "unfound": list(c.unfound),
+                    "seconds": c.seconds,
+                    "certificate": None if c.certificate is None else name,
+                    "digest": None if c.certificate is None else c.certificate.digest,
+                }
+            )
         with part_of(file) as part:
             part.write_text(json.dumps({"followed": self.followed, "counts": rows}, indent=1))
         return file
@@ -186,7 +166,7 @@ class BranchCounts:
 
 def _check(a: Arguments) -> None:
     if not isinstance(a.diagram, Diagram):
-        raise ValueError(f"a diagram is what explore returned, got {type(a.diagram).__name__}")
+        raise ValueError(f"diagram must be a result of explore, got {type(a.diagram).__name__}")
     if not any(branch.points for branch in a.diagram.branches):
         raise ValueError("the diagram has no branch")
     if a.gammas is not None:
@@ -211,19 +191,19 @@ def prove_counts(
 ) -> BranchCounts:
     """Count the solutions along the branches of a diagram, with proofs. Collective.
 
-    What the system writes to is left as it was. A proof is of one gamma; between two of them
-    branches that hang together with nothing may begin and end.
+    The Functions of the system are left unchanged. A proof concerns one gamma; between two of them,
+    branches without connection to the diagram may begin and end.
 
     Args:
-        system: whose branches they are.
-        diagram: of `explore`, complete or not.
-        gammas: where; by default the ends of the branches' range and the middles between
-            neighbouring special points.
-        most: of these middles, those of the longest intervals.
-        proof_seconds: for each.
+        system: system of the branches.
+        diagram: result of `explore`, complete or not.
+        gammas: values of gamma; by default the ends of the range of the branches and the middles
+            between neighbouring special points.
+        most: largest number of middles; those of the longest intervals are chosen.
+        proof_seconds: time of each proof.
 
     Raises:
-        ValueError: on every rank, for arguments that do not fit.
+        ValueError: on every rank, if an argument is not valid.
     """
     branches = diagram.branches
     chosen = default_gammas(branches, int(most)) if gammas is None else sorted(set(gammas))
@@ -262,7 +242,17 @@ def _counted(
     size: float,
     seconds: float,
 ) -> ProvedCount:
-    """The solutions at one gamma. Collective; ``size`` is that of the largest state."""
+    """Count the solutions at one gamma. Collective.
+
+    Args:
+        system: system of the branches.
+        layout: layout of its unknowns.
+        branches: branches of the diagram.
+        gamma: parameter.
+        guess: state of a branch.
+        size: norm of the largest state on branches.
+        seconds: time of the proof.
+    """
     begun = perf_counter()
     known = _crossings(system, layout, branches, gamma, size)
     found = find_solutions(system, [guess, *(x for _, x, _ in known)], gamma, proof_seconds=seconds)
@@ -276,9 +266,9 @@ def _counted(
 
 
 def _placed(found: Solutions, known: list[_Crossing]) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """The branch of each solution, and branches that pass with another state. Collective.
+    """Return the branch of each solution, and the branches without a solution. Collective.
 
-    A branch has one solution where it passes, the nearest.
+    Each branch is assigned to the nearest solution.
     """
     on = [-1] * len(found.found)
     unfound: set[int] = set()
@@ -296,7 +286,7 @@ def _placed(found: Solutions, known: list[_Crossing]) -> tuple[tuple[int, ...], 
 def _certificate(
     system: System, x: PETSc.Vec, found: Solutions, seconds: float
 ) -> Certificate | None:
-    """The proof that there are no others; of what was enumerated it is looked for."""
+    """Return the proof that there are no others; for enumerated solutions it is searched."""
     if not found.complete:
         return None
     proof = found.proof
@@ -321,10 +311,7 @@ def _distance(y: PETSc.Vec, z: PETSc.Vec) -> float:
 def _crossings(
     system: System, layout: Layout, branches: list[Branch], gamma: float, size: float
 ) -> list[_Crossing]:
-    """States at which branches pass a gamma, by interpolation. Collective.
-
-    Distances are of x alone: gamma is the same, and has a unit of its own.
-    """
+    """Return the states of the branches at a gamma, by interpolation. Collective."""
     straight = system.is_piecewise_affine
     found: list[_Crossing] = []
     for number, branch in enumerate(branches):

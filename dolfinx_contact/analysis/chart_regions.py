@@ -19,10 +19,10 @@ import numpy.typing as npt
 from scipy.sparse import coo_array, csgraph
 
 from dolfinx_contact.analysis.charts import Chart, ChartCell, ChartCurve
-from dolfinx_contact.analysis.event_curves import EventCurves
+from dolfinx_contact.analysis.event_curves import EventCurves, strips
 from dolfinx_contact.analysis.regions import Region, Regions
 
-__all__ = ["ChartCurveLine", "ChartRegion", "ChartScene", "chart_scene"]
+__all__ = ["ChartRegion", "ChartScene", "chart_scene"]
 
 Array = npt.NDArray[np.float64]
 Ranges = tuple[tuple[float, float], tuple[float, float]]
@@ -31,19 +31,6 @@ Area = tuple[Array, Array, Array]
 
 _SAME = 1e-9  # fraction of the ranges below which two values are equal
 _STEPS = 64  # number of points along the outline of a region
-
-
-@dataclass(frozen=True, eq=False)
-class ChartCurveLine:
-    """A curve of a chart.
-
-    Attributes:
-        kind: "fold" or "event".
-        points: (mu, gamma) of points by rising mu, shape (n, 2).
-    """
-
-    kind: str
-    points: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +68,7 @@ class ChartScene:
 
     ranges: Ranges
     regions: list[ChartRegion]
-    curves: list[ChartCurveLine]
+    curves: list[ChartCurve]
     cells: Sequence[ChartCell | Region]
     exact: bool
 
@@ -105,8 +92,7 @@ def chart_scene(chart: Chart | Regions, curves: EventCurves | None = None) -> Ch
     else:
         bounds = {id(c): c for cell in chart.cells for c in (*cell.below, *cell.above)}
         known = [ChartCurve.of(curve) for curve in bounds.values()]
-    lines = [ChartCurveLine(curve.kind, np.array(curve.points)) for curve in known]
-    folds = [line for line in lines if line.kind == "fold"]
+    folds = [curve for curve in known if curve.kind == "fold"]
     ends = np.array([[*cell.mu, *cell.gamma] for cell in chart.cells])
     low, high = ends.min(axis=0), ends.max(axis=0)
     ranges = (float(low[0]), float(high[1])), (float(low[2]), float(high[3]))
@@ -114,58 +100,25 @@ def chart_scene(chart: Chart | Regions, curves: EventCurves | None = None) -> Ch
     if isinstance(chart, Regions):
         areas = [cell.outline(_STEPS) for cell in chart.cells]
     elif folds:
-        strips = _strips(folds, ranges[0])
-        areas = [area for strip in strips for area in _between(folds, strip, ranges)]
+        areas = [a for strip in strips(folds, ranges[0]) for a in _between(folds, strip, ranges)]
     else:
         areas = [cell.outline() for cell in chart.cells]
     exact = bool(folds) or isinstance(chart, Regions)
-    return ChartScene(ranges, _regions(areas, chart, ranges), lines, chart.cells, exact)
-
-
-def _strips(
-    curves: Sequence[ChartCurveLine], mus: tuple[float, float]
-) -> Iterator[tuple[float, float]]:
-    """Intervals of mu in which the same curves lie in the same order."""
-    cuts = {float(mu) for curve in curves for mu in curve.points[[0, -1], 0]}
-    for a, b in combinations(curves, 2):
-        cuts |= set(_crossings(a, b))
-    near = _SAME * (mus[1] - mus[0])
-    inside = [mus[0]]
-    for mu in sorted(cuts):
-        if inside[-1] + near < mu < mus[1] - near:
-            inside.append(mu)
-    return pairwise([*inside, mus[1]])
-
-
-def _crossings(a: ChartCurveLine, b: ChartCurveLine) -> Iterator[float]:
-    """All mu at which two polylines cross."""
-    low = max(a.points[0, 0], b.points[0, 0])
-    high = min(a.points[-1, 0], b.points[-1, 0])
-    mus = np.union1d(a.points[:, 0], b.points[:, 0])
-    mus = mus[(low <= mus) & (mus <= high)]
-    apart = _at(a, mus) - _at(b, mus)
-    for k in np.flatnonzero(apart[:-1] * apart[1:] < 0):
-        part = apart[k] / (apart[k] - apart[k + 1])
-        yield float(mus[k] + part * (mus[k + 1] - mus[k]))
-    yield from mus[1:-1][apart[1:-1] == 0].tolist()
-
-
-def _at(curve: ChartCurveLine, mus: Array) -> Array:
-    return np.interp(mus, *curve.points.T)
+    return ChartScene(ranges, _regions(areas, chart, ranges), known, chart.cells, exact)
 
 
 def _between(
-    curves: Sequence[ChartCurveLine], strip: tuple[float, float], ranges: Ranges
+    curves: Sequence[ChartCurve], strip: tuple[float, float], ranges: Ranges
 ) -> Iterator[Area]:
     """The areas between curves in a strip, from below."""
     low, high = strip
     near = _SAME * (ranges[0][1] - ranges[0][0])
-    across = [c for c in curves if c.points[0, 0] <= low + near and c.points[-1, 0] >= high - near]
-    across.sort(key=lambda curve: float(_at(curve, np.array([(low + high) / 2]))[0]))
-    mus = np.unique(np.concatenate([[low, high], *(c.points[:, 0] for c in across)]))
+    across = [c for c in curves if c.span[0] <= low + near and c.span[1] >= high - near]
+    across.sort(key=lambda curve: curve.at((low + high) / 2))
+    mus = np.unique(np.concatenate([[low, high], *(c.breaks for c in across)]))
     mus = mus[(low <= mus) & (mus <= high)]
     least, most = ranges[1]
-    borders = [np.clip(_at(curve, mus), least, most) for curve in across]
+    borders = [np.clip(np.interp(mus, *np.array(curve.points).T), least, most) for curve in across]
     borders = [np.full_like(mus, least), *borders, np.full_like(mus, most)]
     for below, above in pairwise(borders):
         if (above - below).max() > _SAME * (most - least):

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Charts: how many solutions a contact problem has, over two parameters, cell by cell.
+"""Charts: numbers of solutions of a contact problem over two parameters, cell by cell.
 
-In the middle of a cell all solutions are looked for, with a proof that there are no others
-(`solutions`). Cells that curves of folds pass are divided, and those beside which the number is
-another where no curve is known to pass. What is proved holds in the middles: that nothing changes
-within a cell is not.
+In the middle of each cell all solutions are searched, with a proof that there are no others
+(`proofs`). A cell is divided if a curve of folds passes through it, or if the number of solutions
+of a neighbour differs where no curve is known to pass. Proofs hold in the middles: it is not proved
+that nothing changes within a cell.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ import os
 import time
 import zlib
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -24,20 +24,19 @@ import numpy.typing as npt
 from dolfinx_contact._files import part_of
 from dolfinx_contact._mpi import Arguments, collective, everywhere
 from dolfinx_contact._progress import Line
-from dolfinx_contact._validate import count, flag, is_number, one_of, positive
-from dolfinx_contact.analysis.event_curves import EventCurve, EventCurves
+from dolfinx_contact._validate import count, positive
+from dolfinx_contact.analysis.event_curves import CurveOverMu, EventCurve, EventCurves
 from dolfinx_contact.analysis.family import ContactFamily
 from dolfinx_contact.continuation.arguments import checked_range
 from dolfinx_contact.laws import status
-from dolfinx_contact.proofs.solutions import prove_solutions
+from dolfinx_contact.proofs import prove_solutions
 
-__all__ = ["Chart", "ChartCell", "ChartCurve", "count_solutions"]
+__all__ = ["Chart", "ChartCell", "ChartCurve", "count_solutions", "letters", "solutions_at"]
 
 Array = npt.NDArray[np.float64]
-T = TypeVar("T", "ChartCell", "ChartCurve")
+Codes = tuple[bytes, ...]
 
 _PATIENCE = 3.0  # seconds before progress is shown
-_LETTERS = status.word([status.OPEN, status.STICK, status.PLUS, status.MINUS])
 _KIND = "a chart of solutions"
 _FORMAT = 2
 _STEPS = 32  # of a curve, between two points at which its statuses change
@@ -48,15 +47,11 @@ class ChartCell:
     """A cell of a chart.
 
     Attributes:
-        mu: its ends.
-        gamma: its ends.
-        solutions: statuses of those found in the middle, letters of the points, sorted.
-        proved: whether it is proved that there are no others; not where slips of one are beyond
-            small sliding (`ContactFamily.reach`).
-
-    Raises:
-        ValueError: for ends that are not two finite numbers in order, solutions that are not
-            letters of statuses of as many points each, or ``proved`` that is no truth value.
+        mu: lower and upper end.
+        gamma: lower and upper end.
+        solutions: statuses of the solutions in the middle, letters of the points, sorted.
+        proved: whether there are provably no others; False if the slips of a solution exceed small
+            sliding (`ContactFamily.reach`).
     """
 
     mu: tuple[float, float]
@@ -64,70 +59,55 @@ class ChartCell:
     solutions: tuple[str, ...]
     proved: bool
 
-    def __post_init__(self) -> None:
-        put = object.__setattr__
-        put(self, "mu", _ends("mu", self.mu))
-        put(self, "gamma", _ends("gamma", self.gamma))
-        found = self.solutions
-        if isinstance(found, str) or not all(isinstance(s, str) for s in found):
-            raise ValueError(f"solutions must be a sequence of str, got {found!r}")
-        if not set().union(*found) <= set(_LETTERS) or len({len(s) for s in found}) > 1:
-            raise ValueError(f"solutions must be letters of {_LETTERS!r}, a point each: {found!r}")
-        put(self, "solutions", tuple(found))
-        flag(self.proved, "proved")
-        put(self, "proved", bool(self.proved))
-
     @property
     def middle(self) -> tuple[float, float]:
-        """(mu, gamma) for which the solutions are known."""
+        """(mu, gamma) at which the solutions are known."""
         return (self.mu[0] + self.mu[1]) / 2, (self.gamma[0] + self.gamma[1]) / 2
 
     @property
     def count(self) -> int:
-        """Number of solutions in the middle; if it is not proved, at least so many."""
+        """Number of solutions in the middle; a lower bound if it is not proved."""
         return len(self.solutions)
 
     def outline(self) -> tuple[Array, Array, Array]:
-        """Values of mu (2,), and the least and the largest gamma there."""
+        """Values of mu (2,), and the least and the largest gamma there (2,)."""
         low, high = self.gamma
         return np.array(self.mu), np.full(2, low), np.full(2, high)
 
 
 @dataclass(frozen=True)
-class ChartCurve:
-    """A curve of folds or events in a chart, by points of it.
+class ChartCurve(CurveOverMu):
+    """A curve of folds or events in a chart, as a polyline.
 
     Attributes:
         kind: ``"fold"`` where gamma turns back, ``"event"`` where it continues.
         points: (mu, gamma), at least two, mu rising.
-
-    Raises:
-        ValueError: for another kind, or points that are not finite or not in order.
     """
 
     kind: str
     points: tuple[tuple[float, float], ...]
 
-    def __post_init__(self) -> None:
-        one_of(self.kind, "the kind of a curve", ("fold", "event"))
-        try:
-            points = np.array(self.points, dtype=float)
-        except (TypeError, ValueError) as error:
-            raise ValueError(f"points of a curve must be pairs of numbers: {error}") from None
-        if points.ndim != 2 or points.shape[1:] != (2,) or len(points) < 2:
-            raise ValueError(f"points of a curve must be two pairs or more, got {self.points!r}")
-        if not np.isfinite(points).all() or not (np.diff(points[:, 0]) >= 0).all():
-            raise ValueError("points of a curve must be finite, and mu must not fall along it")
-        pairs = tuple((float(mu), float(gamma)) for mu, gamma in points)
-        object.__setattr__(self, "points", pairs)
-
     @classmethod
     def of(cls, curve: EventCurve) -> ChartCurve:
-        """Points of a curve, which lie on it to round-off."""
+        """Points of a curve, which lie on it up to round-off."""
         points = curve.points(_STEPS)
         # At its own end a curve may have no gamma.
-        known = points[np.isfinite(points).all(axis=1)]
-        return cls(curve.kind, tuple((float(mu), float(gamma)) for mu, gamma in known))
+        points = points[np.isfinite(points).all(axis=1)]
+        return cls(curve.kind, tuple((float(mu), float(gamma)) for mu, gamma in points))
+
+    @property
+    def span(self) -> tuple[float, float]:  # type: ignore[override]
+        """Least and largest mu."""
+        return self.points[0][0], self.points[-1][0]
+
+    @property
+    def breaks(self) -> Array:  # type: ignore[override]
+        """Values of mu of the points."""
+        return np.array(self.points)[:, 0]
+
+    def at(self, mu: float) -> float:
+        """Gamma at mu."""
+        return float(np.interp(mu, *np.array(self.points).T))
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,8 +115,8 @@ class Chart:
     """Numbers of solutions over two parameters.
 
     Attributes:
-        cells: that fill the ranges, without overlap, by mu and gamma.
-        curves: along whose folds cells were divided.
+        cells: cells that fill the ranges without overlap, by mu and gamma.
+        curves: curves; cells were divided along curves of folds.
     """
 
     cells: tuple[ChartCell, ...]
@@ -148,7 +128,7 @@ class Chart:
         return all(c.proved for c in self.cells)
 
     def at(self, mu: float, gamma: float) -> ChartCell:
-        """The cell that holds (mu, gamma).
+        """The cell that contains (mu, gamma).
 
         Raises:
             ValueError: outside of the chart.
@@ -159,20 +139,20 @@ class Chart:
         raise ValueError(f"({mu:g}, {gamma:g}) is outside of the chart")
 
     def save(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
-        """Write it to a file, from which `load` reads it to the last bit; on this rank alone.
+        """Write the chart to a file, without loss; from one rank.
 
-        Every rank has the same chart: one of several writes it. The file is JSON, with a check sum.
+        Every rank has the same chart. The file is JSON, with a check sum.
 
         Args:
-            path: of the file, in a folder that exists.
-            overwrite: whether a file that exists is replaced, whatever it is.
+            path: file in an existing folder.
+            overwrite: whether an existing file is replaced.
 
         Returns:
             The path.
 
         Raises:
-            FileExistsError: if there is such a file, and it is not to be replaced.
-            OSError: if it cannot be written; a file of before is then as it was.
+            FileExistsError: if the file exists and ``overwrite`` is False.
+            OSError: if the file cannot be written; an existing file is then unchanged.
         """
         file = Path(path)
         if file.exists() and not overwrite:
@@ -188,11 +168,11 @@ class Chart:
 
     @staticmethod
     def load(path: str | os.PathLike[str]) -> Chart:
-        """Read a chart that `save` wrote; on this rank alone.
+        """Read a chart written by `save`; on this rank alone.
 
         Raises:
             OSError: if the file cannot be read.
-            ValueError: if it is no chart, one of another version, or damaged.
+            ValueError: if it is not a chart, has another format, or is damaged.
         """
         try:
             words = json.loads(Path(path).read_bytes())
@@ -205,35 +185,63 @@ class Chart:
         content = {name: words.get(name, []) for name in ("cells", "curves")}
         if words.get("crc") != _check_sum(content):
             raise ValueError(f"{path} is damaged: its check sum is wrong")
-        try:
-            cells = tuple(_made(ChartCell, "a cell", cell) for cell in content["cells"])
-            curves = tuple(_made(ChartCurve, "a curve", curve) for curve in content["curves"])
-            return Chart(cells, curves)
-        except (TypeError, ValueError) as error:
-            raise ValueError(f"{path} is no chart: {error}") from None
+        cells = tuple(
+            ChartCell(tuple(c["mu"]), tuple(c["gamma"]), tuple(c["solutions"]), c["proved"])
+            for c in content["cells"]
+        )
+        curves = tuple(
+            ChartCurve(c["kind"], tuple((mu, gamma) for mu, gamma in c["points"]))
+            for c in content["curves"]
+        )
+        return Chart(cells, curves)
 
 
 def _check_sum(content: dict[str, Any]) -> str:
-    """CRC-32 of the cells as a file has them."""
+    """CRC-32 of the content of a file."""
     return f"{zlib.crc32(json.dumps(content, sort_keys=True).encode()):08x}"
 
 
-def _ends(name: str, values: Any) -> tuple[float, float]:
-    """Two finite numbers in order, or ``ValueError``."""
-    if not isinstance(values, list | tuple) or len(values) != 2 or not all(map(is_number, values)):
-        raise ValueError(f"{name} must be two numbers, got {values!r}")
-    low, high = map(float, values)
-    if not -np.inf < low <= high < np.inf:
-        raise ValueError(f"{name} must be finite and in order, got {values!r}")
-    return low, high
+def solutions_at(
+    family: ContactFamily,
+    places: Sequence[tuple[float, float]],
+    known: Sequence[Codes],
+    seconds: float,
+    what: str,
+) -> list[tuple[Codes, bool]]:
+    """Find the solutions at places, with proofs. Collective; ranks share the places.
+
+    Args:
+        family: problem with two parameters.
+        places: (mu, gamma) of the places.
+        known: statuses of solutions to start from, for each place.
+        seconds: time of a proof.
+        what: name of the task, for the progress line and errors.
+
+    Returns:
+        For each place the statuses of the solutions, sorted, and whether they are provably all.
+    """
+    comm = family.comm
+    mine = {}
+    line = Line(comm)
+    begun = time.monotonic()
+    with everywhere(comm, what):
+        for number in range(comm.rank, len(places), comm.size):
+            if time.monotonic() - begun > _PATIENCE:
+                line.update(f"solutions in {what}: {number + 1} of {len(places)}")
+            starts = [np.frombuffer(codes, dtype=np.int8) for codes in known[number]]
+            problem = family.problem(*places[number])
+            proof = prove_solutions(problem, known=starts, proof_seconds=seconds, progress=False)
+            small = family.are_small(s.state[:, 0] for s in proof.solutions)
+            codes = tuple(sorted(s.codes.tobytes() for s in proof.solutions))
+            mine[number] = codes, proof.verdict == "complete" and small
+    line.clear()
+    every = {number: found for part in comm.allgather(mine) for number, found in part.items()}
+    return [every[number] for number in range(len(places))]
 
 
-def _made(kind: type[T], what: str, content: Any) -> T:
-    """A part of a chart, as a file has it, or ``ValueError``."""
-    names = [f.name for f in fields(kind)]
-    if not isinstance(content, dict) or sorted(content) != sorted(names):
-        raise ValueError(f"{what} has {', '.join(names)}, not {content!r}")
-    return kind(**content)
+def letters(solutions: Codes) -> tuple[str, ...]:
+    """Statuses as letters of the points, sorted."""
+    return tuple(sorted(status.word(np.frombuffer(codes, np.int8)) for codes in solutions))
 
 
 def _check(a: Arguments) -> None:
@@ -259,39 +267,45 @@ def count_solutions(
     curves: EventCurves | None = None,
     proof_seconds: float = 20.0,
 ) -> Chart:
-    """Count the solutions over two parameters, in cells that are the finer the closer to borders.
+    """Count the solutions over two parameters, in cells that are refined at borders.
 
     Collective; ranks share the cells.
 
     Args:
-        family: the problem with two parameters, the same on all ranks of its communicator.
+        family: problem with two parameters, the same on all ranks of its communicator.
         mu_range: least and largest mu.
         gamma_range: least and largest gamma.
-        cells: numbers of cells to begin with, by mu and by gamma.
-        depth: how often cells are divided by two.
-        curves: along whose folds cells are divided as well; the chart keeps them.
-        proof_seconds: for the proof in a cell.
+        cells: initial numbers of cells along mu and gamma.
+        depth: how often cells are halved.
+        curves: curves; cells are also divided along folds, and the chart keeps the curves.
+        proof_seconds: time of the proof in a cell.
 
     Raises:
         ValueError: on every rank, if an argument does not fit or differs between ranks.
     """
-    return _Counting(family, (mu_range, gamma_range), cells, depth, proof_seconds).run(curves)
+    counting = _Counting(family, (mu_range, gamma_range), cells, depth, proof_seconds)
+    return counting.run(curves)
 
 
 @dataclass(frozen=True)
 class _Leaf:
-    """A cell by the finest ones: where these begin, how many they are along an edge, and what is
-    known of it: the statuses of solutions, and whether these are all.
+    """A cell in units of the finest cells.
+
+    Attributes:
+        i, j: first finest cell along mu and gamma.
+        size: number of finest cells along an edge.
+        codes: statuses of the known solutions.
+        proved: whether these are provably all.
     """
 
     i: int
     j: int
     size: int
-    codes: tuple[bytes, ...] = ()
+    codes: Codes = ()
     proved: bool = False
 
     def parts(self) -> list[_Leaf]:
-        """The four cells into which this one is divided, and that know what it knows."""
+        """The four quarters, which start from the solutions of this cell."""
         half = self.size // 2
         return [
             _Leaf(self.i + a * half, self.j + b * half, half, self.codes)
@@ -312,88 +326,71 @@ class _Counting:
         ranges: tuple[tuple[float, float], tuple[float, float]],
         cells: tuple[int, int],
         depth: int,
-        proof_seconds: float,
+        seconds: float,
     ):
-        self.comm = family.comm
         self.family = family
         self.ranges = ranges
-        self.proof_seconds = proof_seconds
+        self.seconds = seconds
+        self.size = 2**depth
         self.cells = cells
-        self.depth = depth
-        #: Of the finest cells, the solutions of the cell that they are in, by number.
-        self.raster: npt.NDArray[np.int64] = np.zeros([n * 2**depth for n in cells], dtype=int)
-        self.found: list[_Leaf] = []
-        self._line = Line(family.comm)
-        self._begun = time.monotonic()
+        #: Number of solutions of the cell that contains each finest cell.
+        self.raster = np.zeros([n * self.size for n in cells], dtype=int)
+        self.leaves: list[_Leaf] = []
 
     def run(self, curves: EventCurves | None) -> Chart:
-        """Count, and divide what is at a border."""
-        size = 2**self.depth
+        """Count, and divide the cells at borders."""
+        size = self.size
         across, along = self.cells
-        whole = [_Leaf(i * size, j * size, size) for i in range(across) for j in range(along)]
-        self._count(whole)
+        self._count([_Leaf(i * size, j * size, size) for i in range(across) for j in range(along)])
         passed = self._passed(curves)
         while size > 1:
-            divided = self._at_border([leaf for leaf in self.found if leaf.size == size], passed)
-            self.found = [leaf for leaf in self.found if leaf not in divided]
+            divided = self._at_border([leaf for leaf in self.leaves if leaf.size == size], passed)
+            self.leaves = [leaf for leaf in self.leaves if leaf not in divided]
             self._count([part for leaf in divided for part in leaf.parts()])
             size //= 2
-        self.found.sort(key=lambda leaf: (leaf.i, leaf.j))
+        self.leaves.sort(key=lambda leaf: (leaf.i, leaf.j))
         kept = () if curves is None else tuple(map(ChartCurve.of, curves.curves))
-        return Chart(tuple(self._cell(leaf) for leaf in self.found), kept)
+        cells = (
+            ChartCell(*self._ends(leaf), letters(leaf.codes), leaf.proved) for leaf in self.leaves
+        )
+        return Chart(tuple(cells), kept)
 
     def _count(self, leaves: Sequence[_Leaf]) -> None:
-        """Count the solutions in new cells, from what these know."""
-        mine = []
-        with everywhere(self.comm, "a chart"):
-            for number in range(self.comm.rank, len(leaves), self.comm.size):
-                if time.monotonic() - self._begun > _PATIENCE:
-                    self._line.update(f"solutions in cells: {number + 1} of {len(leaves)}")
-                leaf = leaves[number]
-                mu, gamma = ((a + b) / 2 for a, b in self._ends(leaf))
-                starts = [np.frombuffer(codes, dtype=np.int8) for codes in leaf.codes]
-                problem = self.family.problem(mu, gamma)
-                proof = prove_solutions(
-                    problem, known=starts, proof_seconds=self.proof_seconds, progress=False
-                )
-                codes = tuple(sorted(s.codes.tobytes() for s in proof.solutions))
-                small = self.family.are_small(s.state[:, 0] for s in proof.solutions)
-                proved = proof.verdict == "complete" and small
-                mine.append(replace(leaf, codes=codes, proved=proved))
-        self._line.clear()
-        for part in self.comm.allgather(mine):
-            for leaf in part:
-                self.found.append(leaf)
-                self.raster[leaf.place()] = len(leaf.codes)
+        """Count the solutions in new cells, starting from their known ones."""
+        places = [((a + b) / 2, (c + d) / 2) for (a, b), (c, d) in map(self._ends, leaves)]
+        known = [leaf.codes for leaf in leaves]
+        found = solutions_at(self.family, places, known, self.seconds, "cells")
+        for leaf, (codes, proved) in zip(leaves, found, strict=True):
+            self.leaves.append(replace(leaf, codes=codes, proved=proved))
+            self.raster[leaf.place()] = len(codes)
 
-    def _ends(self, leaf: _Leaf) -> list[tuple[float, float]]:
+    def _ends(self, leaf: _Leaf) -> tuple[tuple[float, float], tuple[float, float]]:
         """Ends of a cell, of mu and of gamma."""
-        found = []
-        places = (leaf.i, leaf.j)
-        for first, (low, high), number in zip(places, self.ranges, self.raster.shape, strict=True):
-            step = (high - low) / number
-            found.append((low + first * step, low + (first + leaf.size) * step))
-        return found
-
-    def _cell(self, leaf: _Leaf) -> ChartCell:
-        mu, gamma = self._ends(leaf)
-        words = (status.word(np.frombuffer(s, np.int8)) for s in leaf.codes)
-        return ChartCell(mu, gamma, tuple(sorted(words)), leaf.proved)
+        mu, gamma = (
+            (low + k * step, low + (k + leaf.size) * step)
+            for k, low, step in (
+                (k, low, (high - low) / number)
+                for k, (low, high), number in zip(
+                    (leaf.i, leaf.j), self.ranges, self.raster.shape, strict=True
+                )
+            )
+        )
+        return mu, gamma
 
     def _at_border(self, level: Sequence[_Leaf], passed: npt.NDArray[np.bool_]) -> list[_Leaf]:
-        """Those cells that folds pass, and those whose number changes without a known fold."""
-        found = [leaf for leaf in level if passed[leaf.place()].any()]
+        """Cells through which folds pass, and cells whose number changes without a known fold."""
+        at_border = [leaf for leaf in level if passed[leaf.place()].any()]
         explained = np.zeros_like(passed)
-        for leaf in found:
+        for leaf in at_border:
             explained[leaf.place()] = True
         for leaf in level:
             other = self.raster[leaf.place(1)] != len(leaf.codes)
-            if leaf not in found and (other & ~explained[leaf.place(1)]).any():
-                found.append(leaf)
-        return found
+            if leaf not in at_border and (other & ~explained[leaf.place(1)]).any():
+                at_border.append(leaf)
+        return at_border
 
     def _passed(self, curves: EventCurves | None) -> npt.NDArray[np.bool_]:
-        """Which of the finest cells curves of folds pass."""
+        """Finest cells through which curves of folds pass."""
         passed = np.zeros(self.raster.shape, dtype=bool)
         (low, high), (least, most) = self.ranges
         across = np.linspace(low, high, 8 * self.raster.shape[0] + 1)

@@ -1,30 +1,30 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Critical friction: coefficients at which slipping solutions come in continua.
+r"""Critical friction: coefficients with continua of slipping solutions.
 
-With all contact points closed and slipping along unit tangents d (transverse slip held), S the
-stiffness of the contact points, a slip v d takes the shear r_t = S_tt v and the pressure
-r_n = S_nt v. Where
+All contact points are closed and slip along unit tangents d; transverse slip is held. With the
+stiffness S of the contact points, a slip v d causes the shear r_t = S_tt v and the pressure
+r_n = S_nt v. If
 
-    S_tt v = F S_nt v
+    S_tt v = F S_nt v,
 
-v may be added to a solution that slips with this F, as long as v is real, pressure is left and
-slip continues the same way (Hassani, Hild, Ionescu and Sakki, A mixed finite element method and
+v can be added to a solution that slips with this F, as long as v is real, pressure remains and the
+slip keeps its direction (Hassani, Hild, Ionescu and Sakki, A mixed finite element method and
 solution multiplicity for Coulomb frictional contact, Comput. Methods Appl. Mech. Engrg. 192, 2003;
 Hassani, Hild and Ionescu, Sufficient conditions of non-uniqueness for the Coulomb friction problem,
 Math. Methods Appl. Sci. 27, 2004). F > 0 belongs to slip against d (r_t = F r_n), F < 0 to slip
 along d: mirroring the body changes the sign.
 
-A slip of one sign may be added to every state at the bound of friction, also where nothing has
-slipped yet, and as far as pressure is left. A slip of both signs may be added where all points have
-slipped already and are pressed, as far as the smallest of these slips allows: sliding states under
-load come in continua there too. A complex pair brings none.
+A slip of one sign can be added to every state at the bound of friction, also without previous slip,
+as long as pressure remains. A slip of both signs can be added if all points have slipped and are
+pressed, up to the smallest of these slips: sliding states under load then form continua too. A
+complex pair gives no continuum.
 
-With the shear f = S_tt v as the unknown this is T f = f/F, where T f is the pressure that a shear f
-brings about at contact points that stay closed: one solve with the stiffness of the body held so,
-and the largest eigenvalues of T are the smallest coefficients. Where only these are computed, a
-second search, from another start and among what the first has left, shows how far it has come. A
-factorised body is searched by SLEPc. By multigrid T is only applied to what is found: the search is
-Davidson's (`solvers.davidson`), which takes a cycle where SLEPc takes a solve of twenty.
+With the shear f = S_tt v as the unknown this is T f = f/F. T f is the pressure caused by a shear f
+at contact points that stay closed: one solve with the stiffness of the held body. The largest
+eigenvalues of T are the smallest coefficients. If only these are computed, a second search, from
+another start and outside the first subspace, shows up to which size all coefficients are known. A
+factorised body is searched by SLEPc. With multigrid, Davidson's method (`solvers.davidson`) takes
+one cycle per step, where SLEPc would take a solve of about twenty cycles.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ from dolfinx_contact._install import slepc
 from dolfinx_contact._mpi import Arguments, collective, on_root
 from dolfinx_contact._petsc import as_raised, options_in_database, staged
 from dolfinx_contact._validate import is_count
-from dolfinx_contact.analysis.rows import Problem, static_equations
+from dolfinx_contact.analysis.rows import Problem, matrix_of_product, static_equations
 from dolfinx_contact.analysis.slip import Direction, Slip, SlipPattern
 from dolfinx_contact.analysis.slip_modes import SlipModes
 from dolfinx_contact.equations.contact import ContactEquations
@@ -63,54 +63,52 @@ __all__ = [
 ]
 
 Array = npt.NDArray[np.float64]
-Complex = npt.NDArray[np.complex128]
 
-#: Points up to which all eigenvalues are computed; by multigrid that takes one solve a point.
+#: Points up to which all eigenvalues are computed; multigrid needs one solve per point.
 _DENSE = {"direct": 512, "amg": 64}
 _LARGEST_DIRECT = {2: 400_000, 3: 60_000}  # unknowns of the body, estimates
-_TIGHT = 1e-10  # residual of the vectors that multigrid finds, over their eigenvalues
-_ROUGH = 3e-3  # relative error of the one beyond,
-_UNSEEN = 2e-2  # and by how much one that the search takes for it may be smaller
-_SMALL = 1e-3  # of the largest, eigenvalues that it does not look for
-_NOTHING = 1e-11  # that is none at all
-_WIDEST = 16  # times as many eigenvalues where none of the first is of one sign
+_TIGHT = 1e-10  # relative residual of the eigenvectors found by multigrid
+_ROUGH = 3e-3  # relative error of the next eigenvalue
+_UNSEEN = 2e-2  # relative amount by which the next eigenvalue may be larger than its estimate
+_SMALL = 1e-3  # eigenvalues below this fraction of the largest are not searched
+_NOTHING = 1e-11  # eigenvalue that counts as zero
+_WIDEST = 16  # factor of the number of eigenvalues if none of the first has one sign
 _FAR = 1e-6  # relative margin of the size up to which coefficients are known
 _DEFAULTS: dict[str, dict[str, Any]] = {
     "direct": {"eps_type": "krylovschur", "eps_tol": 1e-12, "eps_max_it": 500},
     "amg": {"eps_type": "krylovschur", "eps_tol": 1e-8, "eps_max_it": 500},
 }
 _SOLVERS = ("auto", "direct", "amg")
-#: How the body is solved: by a factorisation, by multigrid, or by size.
+#: Solver of the body: a factorisation, multigrid, or by size.
 BodySolverKind = Literal["auto", "direct", "amg"]
 
 
 @dataclass(frozen=True)
 class CriticalFriction:
-    """Coefficients of friction F at which slips may be added to a slipping solution.
+    """Coefficients of friction F at which slips can be added to a slipping solution.
 
     Attributes:
-        friction: that of smallest size with a real slip of one sign; positive of points that slip
-            against the directions d (r_t = F r_n), negative of those that slip along them, also
-            with ``direction="solution"``; None if there is none up to `known_up_to`, which shows
-            nothing of what is beyond.
-        slips: v of `friction`, one value a point, nonnegative, the largest 1; empty if there is
-            none. Of coefficients that are equal to 1e-9, or to `residual` if that is more, all
-            combinations of their slips are examined.
-        positions: of the points that slip (m, dim), in the order of coordinates.
-        one_signed: all F found with real slips of one sign, by size.
-        mixed: those with real slips of both signs, by size: continua of states in which all points
-            have slipped, under load.
-        unreal: complex ones, by size: they bring no continua.
-        known_up_to: size below which all F are among these; infinite if all were computed. A finite
-            one is where a second search found the next, which is a check and no proof; by multigrid
-            it is roughly found, and the size is two per cent less.
-        complete: whether all F were computed; else those of smallest size were.
-        displacement: of the body with `slips`.
-        residual: the largest |T f - f/F| |F_1|/|f| of all that are listed, F_1 the smallest, T as
-            the solver has it: 1/F is known no better.
+        friction: coefficient of smallest size with a real slip of one sign; positive if points slip
+            against the directions d (r_t = F r_n), negative if they slip along them, also with
+            ``direction="solution"``; None if there is none up to `known_up_to`.
+        slips: slip v of `friction`, one value per point, nonnegative, the largest 1; empty if there
+            is none. For coefficients that are equal up to 1e-9, or up to `residual` if that is
+            larger, all combinations of their slips are examined.
+        positions: positions of the slipping points (m, dim), ordered by coordinates.
+        one_signed: coefficients with real slips of one sign, by size.
+        mixed: coefficients with real slips of both signs, by size: continua of states in which all
+            points have slipped, under load.
+        unreal: complex coefficients, by size; they give no continua.
+        known_up_to: size below which the lists are complete; infinite if all were computed. A
+            finite value is the result of a second search, which is a check and not a proof; with
+            multigrid the search is rough, and the size is reduced by two per cent.
+        complete: whether all coefficients were computed.
+        displacement: displacement of the body with `slips`.
+        residual: largest |T f - f/F| |F_1|/|f| of the listed coefficients, with the smallest F_1:
+            the accuracy of 1/F.
         solver: ``direct`` or ``amg``.
-        solves: with the body, as far as they are counted: by multigrid alone.
-        iterations: cycles of multigrid, in these and in the search for eigenvalues.
+        solves: number of solves with the body; counted with multigrid only.
+        iterations: number of multigrid cycles in the solves and in the search for eigenvalues.
     """
 
     friction: float | None
@@ -129,23 +127,23 @@ class CriticalFriction:
 
     @property
     def others(self) -> list[complex]:
-        """Coefficients that have no slip of one sign, mixed and complex, by size."""
-        # Of two that mirror each other the positive one comes first, as in the lists.
+        """Coefficients without a slip of one sign, mixed and complex, by size."""
+        # Of two mirrored coefficients the positive one comes first, as in the lists.
         others = [*map(complex, self.mixed), *self.unreal]
         return sorted(others, key=lambda F: (float(f"{abs(F):.9e}"), -F.real, -F.imag))
 
 
 def check_request(a: Arguments) -> None:
-    """Raise ``ValueError`` for a ``count`` or a ``solver`` that is none."""
+    """Raise ``ValueError`` if ``count`` or ``solver`` is not valid."""
     if not is_count(a.count):
         raise ValueError(f"the number of eigenvalues must be 1 or more, got {a.count!r}")
-    kind = _wanted(a.solver)
+    kind = _requested(a.solver)
     if kind not in _SOLVERS:
         raise ValueError(f"unknown solver of the body {kind!r}; known: {', '.join(_SOLVERS)}")
 
 
-def _wanted(solver: str) -> str:
-    """The required solver: PETSc's options win."""
+def _requested(solver: str) -> str:
+    """The requested solver; PETSc's options take precedence."""
     return str(PETSc.Options().getString("analysis_linear_solver", solver))
 
 
@@ -161,33 +159,33 @@ def critical_friction(
 ) -> CriticalFriction:
     """Critical coefficients of friction of a body in contact. Collective.
 
-    The friction of the law does not matter: all points that slip rub with one F. Those of
-    `Frictionless` surfaces do not, nor those that slip with a bound given in advance (Tresca): they
-    stay closed, and move along the surface as they like. A bulk that is not linear is
-    taken at the displacement in the Functions. With more than 512 points only the coefficients of
-    smallest size are computed, and nothing is known of those beyond `CriticalFriction.known_up_to`:
-    raise ``count``, or take all with ``dense=True``.
+    The friction of the law does not matter: all slipping points have the same F. Points of
+    `Frictionless` surfaces, and slipping points with a prescribed bound (Tresca), have no friction;
+    they stay closed and move freely along the surface. A nonlinear bulk is linearised at the
+    displacement in the Functions. With more than 512 points only the coefficients of smallest size
+    are computed, complete up to `CriticalFriction.known_up_to`: increase ``count``, or compute all
+    with ``dense=True``.
 
     Args:
-        problem: the contact problem, nodal or mixed.
-        direction: of the slip d. A vector, whose tangential part is taken: all contact points are
-            in contact and slip; by default t = (-n_y, n_x) in 2D. Or ``"solution"``: the points
-            that slip in the solution in the Functions, as they do; others are stuck or open.
-        count: of eigenvalues that are computed where there are too many points for all; if none of
-            them is real and of one sign, up to 16 times as many. Beyond the first they often lie
-            close together, and take long. How far they reach is `CriticalFriction.known_up_to`. By
-            multigrid those above a thousand times the first are not looked for.
-        dense: whether all are computed; by default with up to 512 points, 64 by multigrid.
-        solver: of the body, ``direct`` or ``amg``: multigrid, for contact at nodes. By default,
-            multigrid above 4 10^5 unknowns in 2D and 6 10^4 in 3D. ``-analysis_linear_solver``
-            wins.
+        problem: contact problem, nodal or mixed.
+        direction: direction of slip d. With a vector (its tangential part), all contact points are
+            in contact and slip; the default is t = (-n_y, n_x) in 2D. With ``"solution"``, points
+            slip, stick or are open as in the solution in the Functions.
+        count: number of eigenvalues if there are too many points for all; up to 16 times as many if
+            none of them is real with one sign. Eigenvalues beyond the first often lie close
+            together and take long. Multigrid does not search coefficients above a thousand times
+            the first.
+        dense: whether all are computed; by default with up to 512 points, 64 with multigrid.
+        solver: solver of the body: ``direct``, or ``amg`` (multigrid) for contact at nodes. The
+            default is multigrid above 4 10^5 unknowns in 2D and 6 10^4 in 3D.
+            ``-analysis_linear_solver`` takes precedence.
 
     Raises:
-        ValueError: on every rank, for a direction that is none, integral contact, or if no point
-            can slip, or the body slides freely; for an unknown solver, and multigrid where a point
+        ValueError: on every rank, if the direction or the solver is not valid, for integral
+            contact, if no point can slip or the body slides freely, and for multigrid if a point
             has no node of its own.
-        RuntimeError: if SLEPc, or multigrid, does not converge, or by multigrid the body is not
-            stable with its contact points held.
+        RuntimeError: if SLEPc or multigrid does not converge, or, with multigrid, if the body is
+            not stable with its contact points held.
     """
     eq = static_equations(problem)
     state = problem.evaluate()
@@ -206,11 +204,11 @@ def critical_friction(
 
 
 def solver_of_body(eq: ContactEquations, rows: list[PETSc.Mat], solver: str) -> str:
-    """``direct`` or ``amg``: PETSc's options win, then the given one, then size. Collective.
+    """``direct`` or ``amg``: as requested, otherwise by size. Collective.
 
-    By itself multigrid is for large bodies where each row has a node of its own.
+    The automatic choice is multigrid for large bodies if each row has a node of its own.
     """
-    kind = _wanted(solver)
+    kind = _requested(solver)
     if kind != "auto":
         return kind
     large = sum(eq.global_sizes) > _LARGEST_DIRECT[eq.dim]
@@ -220,7 +218,7 @@ def solver_of_body(eq: ContactEquations, rows: list[PETSc.Mat], solver: str) -> 
 def held_body(
     eq: ContactEquations, u: Array, rows: list[PETSc.Mat], kind: str
 ) -> HeldBody | HeldMultigrid:
-    """The body with rows held, by a solver of `solver_of_body`. Collective."""
+    """The body with rows held, with a solver from `solver_of_body`. Collective."""
     if kind == "amg":
         return HeldMultigrid(eq, u, rows, "analysis_")
     K = with_dirichlet_rows(eq.bulk.stiffness(u), eq, eq.stiffness_scale)
@@ -230,12 +228,12 @@ def held_body(
 
 
 def takes_all(dense: bool | None, number: int, kind: str) -> bool:
-    """Whether all coefficients of so many points are computed."""
+    """Whether all coefficients of this number of points are computed."""
     return number <= _DENSE[kind] if dense is None else bool(dense)
 
 
 class _PressureByShear:
-    """T: shears at the points that slip to the pressures there, forces."""
+    """The operator T: shears at the slipping points to the pressures there, forces. Collective."""
 
     def __init__(self, eq: ContactEquations, slip: Slip, u: Array, solver: str):
         self.comm = eq.comm
@@ -251,19 +249,13 @@ class _PressureByShear:
         """Displacement and pressures, owned, for the shears of this rank.
 
         Args:
-            shear: f.
-            start: of multigrid, if there is one.
+            shear: shears f.
+            start: initial displacement for multigrid.
         """
         self._f.array[:] = shear
         self._slip.D.multTranspose(self._f, self._u)
         u, pressure, _ = self._body.solve(self._u.array_r, *start)
         return u, pressure
-
-    def _answer(self, shear: PETSc.Vec) -> tuple[Array, Array]:
-        """What `solve` finds, without a solve where there is no shear."""
-        if shear.norm() > 0:
-            return self.solve(shear.array_r)
-        return np.zeros(self._u.getLocalSize()), np.zeros(shear.getLocalSize())
 
     @property
     def work(self) -> tuple[int, int]:
@@ -274,42 +266,41 @@ class _PressureByShear:
         return 0, 0
 
     def slips(self, u: Array) -> Array:
-        """D u."""
+        """Slips D u of this rank."""
         self._u.array[:] = u
         self._slip.D.mult(self._u, self._f)
         return self._f.array_r.copy()
 
     def all(self) -> SlipModes:
-        """All eigenvalues of T, and the slips and shears of their vectors."""
+        """All eigenvalues of T, with slips and shears."""
         D = self._slip.D
-        softness = np.concatenate(self.comm.allgather(self._softness))
-        parts = self.comm.gather(self._body.respond(columns_of(D), D))
+        parts = self.comm.gather((*self._body.respond(columns_of(D), D), self._softness))
 
         def modes() -> SlipModes:
-            flexibility, T = (np.concatenate(p) for p in zip(*parts, strict=True))
+            flexibility, T, softness = map(np.concatenate, zip(*parts, strict=True))
             return SlipModes.of_matrix(T, flexibility, softness)
 
         return on_root(self.comm, modes)
 
     def smallest(self, count: int) -> SlipModes:
-        """The smallest F, and more of them if none is of one sign."""
+        """The smallest coefficients, and more of them if none has one sign."""
         body = self._body
         if isinstance(body, HeldMultigrid) and body.symmetric and body.leaves_alone(self._slip.D):
             return self._by_davidson(body, count)
         for more in (1, 4, 16):
             modes = self._by_slepc(more * count)
-            first = np.abs(modes.friction[modes.one_signed]).min(initial=np.inf)
-            if first <= modes.known_up_to or more * count >= self._slip.number:
+            if modes.smallest <= modes.known_up_to or more * count >= self._slip.number:
                 break
         return modes
+
+    # -- Davidson's method ------------------------------------------------------------------------
 
     def _by_davidson(self, body: HeldMultigrid, count: int) -> SlipModes:
         """Eigenvalues of T of largest size, one after the other, without products with T.
 
-        With those that are kept the search for the next shows how far they are known, roughly at
-        first: among eigenvalues that are close together it may see one that is not the largest. T
-        on the shears f that are kept says what their eigenvalues are: from f, the slips E f and T f
-        these are those of (f^T E f)^-1 f^T E T f.
+        The search for the next eigenvalue shows roughly how far they are known: among close
+        eigenvalues it may find one that is not the largest. T on the kept shears f gives their
+        eigenvalues: with the slips E f and the pressures T f, those of (f^T E f)^-1 f^T E T f.
         """
         search = body.eigenvalues(self._slip.D, 1.0 / np.sqrt(self._softness))
         seen: list[tuple[Array, Array, Array]] = []
@@ -322,8 +313,7 @@ class _PressureByShear:
                     most = search.number
                 if search.number >= min(count, most):
                     modes = self._on_shears(seen, known)
-                    first = np.abs(modes.friction[modes.one_signed]).min(initial=np.inf)
-                    if first <= known or search.number >= most:
+                    if modes.smallest <= known or search.number >= most:
                         return modes
                 search.converge(_TIGHT)
                 for shear, start in zip(*(columns.T for columns in search.keep()), strict=True):
@@ -343,7 +333,7 @@ class _PressureByShear:
         return (1.0 - _FAR) / largest if search.size > 0 else np.inf
 
     def _on_shears(self, seen: list[tuple[Array, Array, Array]], known: float) -> SlipModes:
-        """Eigenvalues of T on a subspace: shears, the slips they bring, and pressures."""
+        """Eigenvalues of T on a subspace of shears, with their slips and pressures."""
         m = len(self._softness)
         parts = [np.array([row[i] for row in seen]).reshape(len(seen), m).T for i in range(3)]
         gathered = self.comm.gather([*parts, self._softness])
@@ -356,59 +346,66 @@ class _PressureByShear:
 
         return on_root(self.comm, modes)
 
+    # -- SLEPc ------------------------------------------------------------------------------------
+
     def _by_slepc(self, count: int) -> SlipModes:
-        """Eigenvalues of T of largest size; SLEPc applies T alone."""
-        size = (len(self._slip.places), None)
-        T = PETSc.Mat().createPython((size, size), _Product(self), comm=self.comm)
-        T.setUp()
+        """Eigenvalues of T of largest size from products with T."""
+        T = matrix_of_product(self.comm, len(self._slip.places), self._mult)
         solver = self._largest(T, min(count, self._slip.number), [])
+        number = solver.getConverged()
         # SLEPc gives its subspace away before it computes eigenvectors.
-        found = solver.getInvariantSubspace() if solver.getConverged() else []
-        values = []
-        slips = []
-        shears = []
-        off = []
+        subspace = solver.getInvariantSubspace() if number else []
         real, imaginary = T.createVecs()
-        for i in range(solver.getConverged()):
+        values, columns = [], []
+        for i in range(number):
             values.append(solver.getEigenpair(i, real, imaginary))
-            shears.append(real.array_r + 1j * imaginary.array_r)
-            (a, p), (b, q) = (self._answer(v) for v in (real, imaginary))
-            slips.append(self.slips(a) + 1j * self.slips(b))
-            residual = p + 1j * q - values[-1] * shears[-1]
-            off.append(np.sum(np.abs(residual) ** 2))
-        known = self._known_up_to(T, found) if values else 0.0
-        for thing in (real, imaginary, solver, *found, T):
+            shear = real.array_r + 1j * imaginary.array_r
+            (a, p), (b, q) = (
+                # A vector of zeros takes no solve.
+                self.solve(v.array_r) if v.norm() > 0 else (0 * self._u.array_r, 0 * v.array_r)
+                for v in (real, imaginary)
+            )
+            slip = self.slips(a) + 1j * self.slips(b)
+            columns.append((shear, slip, p + 1j * q - values[-1] * shear))
+        known = self._known_up_to(T, subspace) if values else 0.0
+        for thing in (real, imaginary, solver, *subspace, T):
             thing.destroy()
         if not values:
             raise RuntimeError("SLEPc found no critical friction: raise analysis_eps_max_it")
-        slip, shear = (np.concatenate(self.comm.allgather(np.array(v).T)) for v in (slips, shears))
-        residuals = np.sqrt(self.comm.allreduce(np.array(off)))
-        softness = np.concatenate(self.comm.allgather(self._softness))
-        everything = np.array(values), slip, shear, known, residuals, softness
-        return on_root(self.comm, lambda: SlipModes.of(*everything))
+        parts = self.comm.gather((*np.moveaxis(np.array(columns), 0, 2), self._softness))
 
-    def _known_up_to(self, T: PETSc.Mat, found: list[PETSc.Vec]) -> float:
-        """Size of the smallest F that belongs to none of the vectors found; 0 if it is not found.
+        def modes() -> SlipModes:
+            shears, slips, residuals, softness = map(np.concatenate, zip(*parts, strict=True))
+            off = np.linalg.norm(residuals, axis=0)
+            return SlipModes.of(np.array(values), slips, shears, known, off, softness)
 
-        In what an invariant subspace leaves T has its other eigenvalues. The search begins anew,
-        with a random vector of its own, so that it meets what the first has missed.
+        return on_root(self.comm, modes)
+
+    def _mult(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
+        y.array[:] = self.solve(x.array_r)[1]
+
+    def _known_up_to(self, T: PETSc.Mat, subspace: list[PETSc.Vec]) -> float:
+        """Size of the smallest F outside an invariant subspace; 0 if none is found.
+
+        Outside the subspace T has its remaining eigenvalues. The search starts with another random
+        vector, so that it finds eigenvalues missed by the first.
         """
-        if len(found) >= self._slip.number:
+        if len(subspace) >= self._slip.number:
             return np.inf
-        rest = self._largest(T, 1, found)
+        rest = self._largest(T, 1, subspace)
         sizes = [abs(rest.getEigenvalue(i)) for i in range(rest.getConverged())]
         rest.destroy()
         largest = max(sizes, default=np.inf)
         return (1.0 - _FAR) / largest if largest > 0 else np.inf
 
     def _largest(self, T: PETSc.Mat, count: int, without: list[PETSc.Vec]) -> Any:
-        """The solver that has looked for the largest eigenvalues outside of a subspace."""
+        """A solver that has searched the largest eigenvalues outside of a subspace."""
         SLEPc = slepc()
         solver = SLEPc.EPS().create(self.comm)
         solver.setOperators(T)
         solver.setProblemType(SLEPc.EPS.ProblemType.NHEP)
         solver.setWhichEigenpairs(SLEPc.EPS.Which.LARGEST_MAGNITUDE)
-        # Products by multigrid are dear, and vectors of the contact points are not.
+        # Products by multigrid are expensive, vectors at the contact points are not.
         room = 2 * count + 30 if self.solver == "amg" else PETSc.DEFAULT
         solver.setDimensions(count, min(room, self._slip.number))
         if without:
@@ -426,7 +423,7 @@ class _PressureByShear:
 
 
 def softness_of(D: PETSc.Mat, K: PETSc.Mat) -> Array:
-    """Slip of each point of this rank by a force where all else is held (m,). Collective."""
+    """Slip of each point of this rank by a unit force with all else held (m,). Collective."""
     first, columns, values = D.getValuesCSR()
     squared = PETSc.Mat().createAIJ(D.getSizes(), csr=(first, columns, values**2), comm=D.comm)
     diagonal, slips = squared.createVecs()
@@ -437,16 +434,6 @@ def softness_of(D: PETSc.Mat, K: PETSc.Mat) -> Array:
     for thing in (squared, diagonal, slips):
         thing.destroy()
     return softness
-
-
-class _Product:
-    """The methods of T that PETSc requires."""
-
-    def __init__(self, operator: _PressureByShear):
-        self._operator = operator
-
-    def mult(self, _: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
-        y.array[:] = self._operator.solve(x.array_r)[1]
 
 
 def _collected(

@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Curves of folds and of events in two parameters: their records."""
+"""Curves of folds and of events in two parameters, and the strips between their meetings."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import combinations, pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -12,9 +13,11 @@ import numpy.typing as npt
 from dolfinx_contact.analysis.family import Frame
 from dolfinx_contact.laws import status
 
-__all__ = ["EventCurve", "EventCurves", "Meeting", "Segment"]
+__all__ = ["CurveOverMu", "EventCurve", "EventCurves", "Meeting", "Segment", "strips"]
 
 Array = npt.NDArray[np.float64]
+
+_SAME = 1e-9  # fraction of the range of mu below which two values are equal
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,8 +70,43 @@ class Meeting:
         return counts == [0, 2]
 
 
+class CurveOverMu:
+    """A curve in (mu, gamma) with one gamma for each mu of its span.
+
+    Attributes:
+        span: least and largest mu.
+        breaks: values of mu between which two curves cross at most once (n,).
+    """
+
+    @property
+    def span(self) -> tuple[float, float]:
+        raise NotImplementedError
+
+    @property
+    def breaks(self) -> Array:
+        raise NotImplementedError
+
+    def at(self, mu: float) -> float:
+        """Gamma at mu."""
+        raise NotImplementedError
+
+    def crossings(self, other: CurveOverMu) -> list[float]:
+        """All mu at which this curve crosses another one, rising, up to round-off.
+
+        Crossings are found where the order of the curves differs between two `breaks`.
+        """
+        low = max(self.span[0], other.span[0])
+        high = min(self.span[1], other.span[1])
+        mus = np.union1d(self.breaks, other.breaks)
+        mus = mus[(low < mus) & (mus < high)]
+        apart = np.array([self.at(mu) - other.at(mu) for mu in mus])
+        places = np.flatnonzero(apart[:-1] * apart[1:] < 0)
+        found = [_crossing(self, other, mus[k], mus[k + 1]) for k in places]
+        return sorted([*found, *mus[apart == 0].tolist()])
+
+
 @dataclass(frozen=True, eq=False)
-class EventCurve:
+class EventCurve(CurveOverMu):
     """Segments that continue one another, mu rising.
 
     Attributes:
@@ -80,7 +118,7 @@ class EventCurve:
     segments: tuple[Segment, ...]
 
     @property
-    def span(self) -> tuple[float, float]:
+    def span(self) -> tuple[float, float]:  # type: ignore[override]
         """Least and largest mu."""
         return self.segments[0].low, self.segments[-1].high
 
@@ -102,19 +140,10 @@ class EventCurve:
                 return s.statuses
         raise ValueError(f"the curve does not reach {mu:g}: {self.span}")
 
-    def crossings(self, other: EventCurve) -> list[float]:
-        """All mu at which this curve crosses another one, of different states, rising.
-
-        Curves that cross twice between two of the points at which they are compared, sixteen a
-        segment, are taken not to cross there.
-        """
-        low = max(self.span[0], other.span[0])
-        high = min(self.span[1], other.span[1])
-        mus = np.unique(np.concatenate([c.points(16)[:, 0] for c in (self, other)]))
-        mus = mus[(low < mus) & (mus < high)]
-        apart = np.array([self.at(mu) - other.at(mu) for mu in mus])
-        places = np.flatnonzero(apart[:-1] * apart[1:] < 0)
-        return [_crossing(self, other, mus[k], mus[k + 1]) for k in places]
+    @property
+    def breaks(self) -> Array:  # type: ignore[override]
+        """Sixteen values of mu in each segment."""
+        return np.asarray(self.points(16)[:, 0])
 
     def points(self, number: int = 8) -> Array:
         """(mu, gamma) of points (n, 2), ``number`` steps a segment."""
@@ -159,7 +188,19 @@ class EventCurves:
         return sorted((g for g in there if np.isfinite(g)), reverse=True)
 
 
-def _crossing(a: EventCurve, b: EventCurve, low: float, high: float) -> float:
+def strips(curves: Sequence[CurveOverMu], mus: tuple[float, float]) -> list[tuple[float, float]]:
+    """Intervals of mu in which the same curves lie in the same order."""
+    cuts = {mu for curve in curves for mu in curve.span}
+    cuts |= {mu for a, b in combinations(curves, 2) for mu in a.crossings(b)}
+    near = _SAME * (mus[1] - mus[0])
+    inside = [mus[0]]
+    for mu in sorted(cuts):
+        if inside[-1] + near < mu < mus[1] - near:
+            inside.append(mu)
+    return list(pairwise([*inside, mus[1]]))
+
+
+def _crossing(a: CurveOverMu, b: CurveOverMu, low: float, high: float) -> float:
     """The mu between two others at which curves cross, to round-off, by bisection."""
     above = a.at(low) > b.at(low)
     while low < (middle := (low + high) / 2) < high:

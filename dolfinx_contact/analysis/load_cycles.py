@@ -1,17 +1,16 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Cycles of loads on contact points, step by step, until they come to rest or repeat.
+r"""Load cycles on contact points, step by step, until the points come to rest or repeat.
 
-Implicit steps: with the slips w at their start, the displacements a and forces r at their end
-solve S a = r + p, un >= 0 against rn >= 0, and friction's law with the slip ut - w of the step
-(`PointProblem`, shifted). A step begins with the statuses of the one before; where these do not
-lead to a solution Lemke's method finds one in the plane, and Gauss-Seidel's in space.
+Implicit steps: with the slips w at the start of a step, the displacements a and forces r at its end
+solve S a = r + p, un >= 0 against rn >= 0, and the friction law with the slip ut - w of the step (a
+shifted `PointProblem`). A step begins with the statuses of the previous one; if they lead to no
+solution, Lemke's method finds one in the plane, and Gauss-Seidel in space.
 
-A cycle in which no closed point has slipped, opened or closed is one of rest, for ever: at its
-corners the same state holds again, and between them everything is convex. (Points may also open and
-close without a slip, which is rest as far as steps tell; points without friction slide freely,
-which is no slip.) If displacements repeat, with slip,
-friction dissipates the same work in every cycle (alternating slip); if they grow by the same in
-each, it is ratcheting.
+After a cycle in which no closed point has slipped, opened or closed, the points remain at rest: the
+same state holds at its corners in the next cycle, and by convexity between them. (Points may also
+open and close without slip, which counts as rest at the steps; points without friction slide
+freely, which is no slip.) If displacements repeat with slip, friction dissipates the same work in
+every cycle (alternating slip). If they grow by the same amount in each cycle, it is ratcheting.
 """
 
 from __future__ import annotations
@@ -27,33 +26,35 @@ from dolfinx_contact.algorithms.lemke import coulomb_by_lemke
 from dolfinx_contact.algorithms.point_problem import PointProblem
 from dolfinx_contact.algorithms.semismooth import newton_step
 
-__all__ = ["CycleEnding", "LoadCycles", "step_cycles"]
+__all__ = ["CycleEnding", "LoadCycles", "one_solution", "step_cycles"]
 
 Array = npt.NDArray[np.float64]
+#: Displacements and forces (m, dim).
+State = tuple[Array, Array]
 CycleEnding: TypeAlias = Literal["rest", "alternating slip", "ratcheting", "not decided"]
 
-_SOLVED = 1e-11  # measure of a step
-_NEWTON = 20  # steps of Newton's method
-_NOTHING = 1e-9  # of the force, normal forces that are none
-_STILL = 1e-9  # of the length, slips in a cycle that are none
-_REPEATS = 1e-8  # of the change in a cycle, by which the next may differ
+_SOLVED = 1e-11  # measure of a converged step
+_NEWTON = 20  # largest number of Newton steps
+_NOTHING = 1e-9  # normal force that counts as zero, relative to the force
+_STILL = 1e-9  # slip in a cycle that counts as zero, relative to the length
+_REPEATS = 1e-8  # relative difference of repeating cycles
 
 
 @dataclass(frozen=True, eq=False)
 class LoadCycles:
-    """What became of cycles from one start.
+    """Load cycles from one start.
 
     Attributes:
-        start: in words.
-        factor: of the loads.
+        start: name of the start.
+        factor: factor of the loads.
         ending: "rest", "alternating slip", "ratcheting", or "not decided" after the last cycle.
-        dissipation: work of friction in every cycle.
-        slid: the largest slip of a step in the last cycle, of points with friction.
+        dissipation: frictional dissipation of every cycle.
+        slid: largest slip of a step in the last cycle, at points with friction.
         lifts: whether a point opened or closed in the last cycle.
-        loads: of the steps of the last cycle (n, dim m).
-        before: displacements at which it begins (m, dim).
-        displacements: at the ends of its steps (n, m, dim).
-        forces: the same.
+        loads: loads of the steps of a cycle (n, dim m).
+        before: displacements at the beginning of the last cycle (m, dim).
+        displacements: displacements at the ends of its steps (n, m, dim).
+        forces: forces at the ends of its steps (n, m, dim).
     """
 
     start: str
@@ -69,11 +70,11 @@ class LoadCycles:
 
     @property
     def number(self) -> int:
-        """Of cycles that were stepped through."""
+        """Number of cycles."""
         return len(self.dissipation)
 
     def __str__(self) -> str:
-        """Start, ending, and work of friction in the last cycle."""
+        """Start, ending, and frictional dissipation of the last cycle."""
         work = f"{self.dissipation[-1]:.4g} dissipated in the last"
         lifts = ", points open and close" if self.lifts else ""
         ends = f"{self.ending} in cycle {self.number}"
@@ -81,42 +82,40 @@ class LoadCycles:
 
 
 def step_cycles(
-    points: PointProblem,
-    loads: Array,
-    first: tuple[Array, Array],
-    *,
-    start: str,
-    factor: float,
-    cycles: int,
+    points: PointProblem, loads: Array, first: State, *, start: str, factor: float, cycles: int
 ) -> LoadCycles:
-    """Step through cycles of loads.
+    """Step through load cycles.
 
     Args:
         points: stiffness and laws.
-        loads: of the steps of a cycle (n, dim m), the last the load of its start.
+        loads: loads of the steps of a cycle (n, dim m); the last is the load at its start.
         first: displacements and forces at the start, (m, dim) each.
-        start: in words.
-        factor: of the loads, for the record.
-        cycles: the most.
+        start: name of the start.
+        factor: factor of the loads, for the record.
+        cycles: largest number of cycles.
 
     Raises:
-        RuntimeError: if a step finds no solution.
+        RuntimeError: if no solution of a step is found.
     """
-    length = max(float(np.abs(np.linalg.solve(points.S, p)).max()) for p in loads)
-    force = float(np.abs(loads).max())
-    a, r = first
+    stepper = _Stepper(points, loads)
+    state = first
+    change = np.full_like(first[0], np.inf)
     work: list[float] = []
-    change = np.full_like(a, np.inf)
     ending: CycleEnding = "not decided"
     while len(work) < cycles and ending == "not decided":
-        before = a
-        states, dissipated, slid, lifts = _cycle(points, loads, (a, r), force, length)
+        before = state[0]
+        states, dissipated, slid, lifts = stepper.cycle(state)
         work.append(dissipated)
-        a, r = states[-1]
-        ending = _ending(before, a, change, slid, length)
-        change = a - before
-    displacements = np.array([state[0] for state in states])
-    forces = np.array([state[1] for state in states])
+        state = states[-1]
+        moved = state[0] - before
+        if slid <= _STILL * stepper.length:
+            ending = "rest"
+        elif np.abs(moved).max() <= _REPEATS * slid:
+            ending = "alternating slip"
+        elif np.abs(moved - change).max() <= _REPEATS * np.abs(moved).max():
+            ending = "ratcheting"
+        change = moved
+    displacements, forces = (np.array(v) for v in zip(*states, strict=True))
     return LoadCycles(
         start,
         factor,
@@ -131,90 +130,86 @@ def step_cycles(
     )
 
 
-def _ending(before: Array, a: Array, change: Array, slid: float, length: float) -> CycleEnding:
-    if slid <= _STILL * length:
-        return "rest"
-    moved = a - before
-    if np.abs(moved).max() <= _REPEATS * slid:
-        return "alternating slip"
-    if np.abs(moved - change).max() <= _REPEATS * np.abs(moved).max():
-        return "ratcheting"
-    return "not decided"
+class _Stepper:
+    """Steps of load cycles, with the scales of force and length."""
+
+    def __init__(self, points: PointProblem, loads: Array):
+        self.points = points
+        self.loads = loads
+        self.length = max(float(np.abs(np.linalg.solve(points.S, p)).max()) for p in loads)
+        self.force = float(np.abs(loads).max())
+
+    def cycle(self, state: State) -> tuple[list[State], float, float, bool]:
+        """Return the states of a cycle, dissipation, largest slip, and changes of contact."""
+        points = self.points
+        states = []
+        dissipated = slid = 0.0
+        lifts = False
+        was = state[1][:, -1] > _NOTHING * self.force
+        last = np.zeros_like(state[0])
+        for p in self.loads:
+            before = state[0]
+            state, last = self._step(p, state, last)
+            a, r = state
+            slip = (a - before)[:, :-1]
+            now = r[:, -1] > _NOTHING * self.force
+            rubs = (now & (points.friction > 0)) | (points.bound > 0)
+            dissipated -= float(np.sum(r[:, :-1] * slip))
+            slid = max(slid, float(np.abs(slip[rubs]).max(initial=0.0)))
+            lifts |= bool((now != was).any())
+            was = now
+            states.append(state)
+        return states, dissipated, slid, lifts
+
+    def _step(self, p: Array, state: State, last: Array) -> tuple[State, Array]:
+        """Return the state under a load, and its slips and gaps (m, dim).
+
+        Args:
+            p: load (dim m,).
+            state: state at the start of the step.
+            last: slips and gaps of the previous step (m, dim).
+        """
+        slips = state[0].copy()
+        slips[:, -1] = 0.0
+        shifted = replace(
+            self.points,
+            p=p - self.points.S @ slips.reshape(-1),
+            S_error=None,
+            p_error=None,
+            force=self.force,
+            length=self.length,
+        )
+        a, r = self._by_newton(shifted, last, state[1]) or one_solution(
+            shifted, "a step of a load cycle has no solution", state[1]
+        )
+        return (a + slips, r), a
+
+    def _by_newton(self, shifted: PointProblem, a: Array, r: Array) -> State | None:
+        for _ in range(_NEWTON):
+            try:
+                a, r = newton_step(shifted, a, r)
+            except np.linalg.LinAlgError:
+                return None
+            if shifted.measure(a, r, self.force, self.length).worst <= _SOLVED:
+                return a, r
+        return None
 
 
-def _cycle(
-    points: PointProblem, loads: Array, state: tuple[Array, Array], force: float, length: float
-) -> tuple[list[tuple[Array, Array]], float, float, bool]:
-    """States of the steps, the work of friction, the largest slip, and whether contact changed."""
-    states = []
-    dissipated = 0.0
-    slid = 0.0
-    none = _NOTHING * force
-    was = state[1][:, -1] > none
-    lifts = False
-    last = np.zeros_like(state[0])
-    for p in loads:
-        a0, r0 = state
-        state, last = _step(points, p, a0, r0, last, force, length)
-        a, r = state
-        slip = (a - a0)[:, :-1]
-        now = r[:, -1] > none
-        rubs = (now & (points.friction > 0)) | (points.bound > 0)
-        dissipated -= float(np.sum(r[:, :-1] * slip))
-        slid = max(slid, float(np.abs(slip[rubs]).max(initial=0.0)))
-        lifts |= bool((now != was).any())
-        was = now
-        states.append(state)
-    return states, dissipated, slid, lifts
+def one_solution(problem: PointProblem, message: str, start: Array | None = None) -> State:
+    """Return a solution by Lemke's method in the plane, by Gauss-Seidel in space.
 
+    Args:
+        problem: reduced problem.
+        message: beginning of the error message.
+        start: initial forces for Gauss-Seidel (m, dim); zero by default.
 
-def _step(
-    points: PointProblem,
-    p: Array,
-    a0: Array,
-    r0: Array,
-    last: Array,
-    force: float,
-    length: float,
-) -> tuple[tuple[Array, Array], Array]:
-    """The state under a load, and what its points have slipped, beside their gaps (m, dim)."""
-    slips = a0.copy()
-    slips[:, -1] = 0.0
-    shifted = replace(
-        points,
-        p=p - points.S @ slips.reshape(-1),
-        S_error=None,
-        p_error=None,
-        force=force,
-        length=length,
-    )
-    found = _by_newton(shifted, last, r0, force, length) or _by_algorithm(
-        shifted, r0, force, length
-    )
-    a, r = found
-    return (a + slips, r), a
-
-
-def _by_newton(
-    shifted: PointProblem, a: Array, r: Array, force: float, length: float
-) -> tuple[Array, Array] | None:
-    for _ in range(_NEWTON):
-        try:
-            a, r = newton_step(shifted, a, r)
-        except np.linalg.LinAlgError:
-            return None
-        if shifted.measure(a, r, force, length).worst <= _SOLVED:
-            return a, r
-    return None
-
-
-def _by_algorithm(
-    shifted: PointProblem, r: Array, force: float, length: float
-) -> tuple[Array, Array]:
-    if shifted.dim == 2:
-        state, _ = coulomb_by_lemke(shifted.S, shifted.p, shifted.friction, bound=shifted.bound)
-        return state[:, :2], state[:, 2:]
-    found = GaussSeidel(max_iterations=20_000).run(shifted, tolerance=_SOLVED, start=r)
-    if not found.converged:
-        raise RuntimeError(f"a step of a load cycle has no solution: {found.reason}")
-    return found.a, found.r
+    Raises:
+        RuntimeError: if Gauss-Seidel does not converge.
+    """
+    if problem.dim == 2:
+        w, _ = coulomb_by_lemke(problem.S, problem.p, problem.friction, bound=problem.bound)
+        return w[:, :2], w[:, 2:]
+    outcome = GaussSeidel(max_iterations=20_000).run(problem, tolerance=_SOLVED, start=start)
+    if not outcome.converged:
+        raise RuntimeError(f"{message}: {outcome.reason}")
+    return outcome.a, outcome.r

@@ -13,28 +13,24 @@ neighbours in the second parameter, without a curve that shows it, unless it hid
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations, pairwise
 
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact._mpi import Arguments, collective, everywhere
-from dolfinx_contact._progress import Line
-from dolfinx_contact.analysis.event_curves import EventCurve, EventCurves
+from dolfinx_contact._mpi import Arguments, collective
+from dolfinx_contact.analysis.charts import letters, solutions_at
+from dolfinx_contact.analysis.event_curves import EventCurve, EventCurves, strips
 from dolfinx_contact.analysis.family import ContactFamily
 from dolfinx_contact.continuation.arguments import checked_range
-from dolfinx_contact.laws import status
-from dolfinx_contact.proofs.solutions import prove_solutions
 
 __all__ = ["Region", "Regions", "solution_regions"]
 
 Array = npt.NDArray[np.float64]
 
 _SAME = 1e-9  # of the range of gamma: curves so close are one; of that of mu: cuts
-_PATIENCE = 3.0  # seconds before progress is shown
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,41 +176,15 @@ def solution_regions(
     Raises:
         ValueError: on every rank, for ranges or seconds that are none.
     """
-    comm = family.comm
-    strips = _strips(curves, mu_range)
-    bare = [cell for span in strips for cell in _between(curves, span, gamma_range)]
-    mine = {}
-    line = Line(comm)
-    begun = time.monotonic()
-    with everywhere(comm, "regions"):
-        for number in range(comm.rank, len(bare), comm.size):
-            if time.monotonic() - begun > _PATIENCE:
-                line.update(f"solutions in regions: {number + 1} of {len(bare)}")
-            proof = prove_solutions(
-                family.problem(*bare[number].middle), proof_seconds=proof_seconds, progress=False
-            )
-            words = (status.word(s.codes) for s in proof.solutions)
-            small = family.are_small(s.state[:, 0] for s in proof.solutions)
-            mine[number] = tuple(sorted(words)), proof.verdict == "complete" and small
-    line.clear()
-    found = {number: what for part in comm.allgather(mine) for number, what in part.items()}
-    return Regions(
-        tuple(
-            Region(c.mu, c.gamma, c.below, c.above, *found[number]) for number, c in enumerate(bare)
-        )
-    )
-
-
-def _strips(curves: EventCurves, mus: tuple[float, float]) -> list[tuple[float, float]]:
-    """Intervals of mu in which the same curves lie in the same order."""
-    cuts = {mu for curve in curves.curves for mu in curve.span}
-    cuts |= {mu for a, b in combinations(curves.curves, 2) for mu in a.crossings(b)}
-    within = [mus[0]]
-    near = _SAME * (mus[1] - mus[0])
-    for mu in sorted(cuts):
-        if within[-1] + near < mu < mus[1] - near:
-            within.append(mu)
-    return list(pairwise([*within, mus[1]]))
+    bare = [
+        cell
+        for span in strips(curves.curves, mu_range)
+        for cell in _between(curves, span, gamma_range)
+    ]
+    none = [()] * len(bare)
+    found = solutions_at(family, [cell.middle for cell in bare], none, proof_seconds, "regions")
+    cells = zip(bare, found, strict=True)
+    return Regions(tuple(replace(c, solutions=letters(s), proved=p) for c, (s, p) in cells))
 
 
 def _between(

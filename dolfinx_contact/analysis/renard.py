@@ -40,6 +40,7 @@ from dolfinx_contact.analysis.rows import (
     component_rows,
     free_components,
     free_tangents,
+    matrix_of_product,
     point_normals,
     require_nodes,
     stacked,
@@ -289,11 +290,25 @@ class _Form:
     def by_slepc(self) -> float:
         """The same by products with A and its inverse, the stiffness of the points."""
         SLEPc = slepc()
-        size = (self._R.getLocalSize()[0], None)
-        held = HeldBody(self.comm, [HeldField(self._K, [self._R])], self._eq.stiffness_scale)
-        product = _Product(self._free, held, self._R, self._X)
-        M = PETSc.Mat().createPython((size, size), product, comm=self.comm)
-        M.setUp()
+        R, X = self._R, self._X
+        held = HeldBody(self.comm, [HeldField(self._K, [R])], self._eq.stiffness_scale)
+
+        def product(x: PETSc.Vec, y: PETSc.Vec) -> None:
+            """Multiply by -(X + S X^T A)/2, whose eigenvalues are those of the form over A."""
+            u, a = R.createVecs()
+            R.multTranspose(x, u)
+            u.array[:] = self._free.solve(u.array_r)[0]
+            R.mult(u, a)
+            turned = a.duplicate()
+            X.multTranspose(a, turned)
+            X.mult(x, y)
+            # The forces that hold these jumps are minus the multipliers.
+            y.array[:] -= held.solve(np.zeros(0), turned.array_r)[1]
+            y.scale(-0.5)
+            for thing in (u, a, turned):
+                thing.destroy()
+
+        M = matrix_of_product(self.comm, R.getLocalSize()[0], product)
         solver = SLEPc.EPS().create(self.comm)
         solver.setOperators(M)
         solver.setProblemType(SLEPc.EPS.ProblemType.NHEP)
@@ -319,27 +334,3 @@ class _Form:
 def _over(largest: float) -> float:
     """The factor; infinite where nothing moves or presses, so that the form vanishes."""
     return 1.0 / largest if largest > 0 else np.inf
-
-
-class _Product:
-    """-(X + S X^T A)/2, whose eigenvalues are those of the form over A."""
-
-    def __init__(self, free: HeldBody, held: HeldBody, R: PETSc.Mat, X: PETSc.Mat):
-        self._free = free
-        self._held = held
-        self._R = R
-        self._X = X
-
-    def mult(self, _: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
-        u, a = self._R.createVecs()
-        self._R.multTranspose(x, u)
-        u.array[:] = self._free.solve(u.array_r)[0]
-        self._R.mult(u, a)
-        turned = a.duplicate()
-        self._X.multTranspose(a, turned)
-        self._X.mult(x, y)
-        # The forces that hold these jumps are minus the multipliers.
-        y.array[:] -= self._held.solve(np.zeros(0), turned.array_r)[1]
-        y.scale(-0.5)
-        for thing in (u, a, turned):
-            thing.destroy()

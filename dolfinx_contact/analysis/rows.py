@@ -7,9 +7,10 @@ displacements that do not. Points of a rank are those of all surfaces, one surfa
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, Protocol
 
+from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
@@ -27,6 +28,7 @@ __all__ = [
     "free_axes",
     "free_components",
     "free_tangents",
+    "matrix_of_product",
     "point_normals",
     "require_nodes",
     "stacked",
@@ -112,6 +114,29 @@ def component_rows(eq: ContactEquations, places: npt.NDArray[np.intp], along: Ar
     for thing in (B, weights, free):
         thing.destroy()
     return rows
+
+
+class _Product:
+    def __init__(self, product: Callable[[PETSc.Vec, PETSc.Vec], None]):
+        self._product = product
+
+    def mult(self, _: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
+        self._product(x, y)
+
+
+def matrix_of_product(
+    comm: MPI.Comm, size: int, product: Callable[[PETSc.Vec, PETSc.Vec], None]
+) -> PETSc.Mat:
+    """Return a square matrix that is known by its product. Collective.
+
+    Args:
+        comm: communicator.
+        size: number of rows of this rank.
+        product: function of x and y that writes A x to y.
+    """
+    A = PETSc.Mat().createPython(((size, None), (size, None)), _Product(product), comm=comm)
+    A.setUp()
+    return A
 
 
 def require_nodes(eq: ContactEquations) -> None:

@@ -1,34 +1,33 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Shakedown: whether friction comes to rest under cycles of loads, by a bound and by steps.
+r"""Shakedown: whether friction comes to rest under cyclic loads, by a bound and by steps.
 
-Loads go round p_k(f) = p_s + f (p_k - p_s), f their factor. Melan's statement for friction: if some
-slips w that do not change in time keep the forces of all points within friction's bound at all
-corners of the cycle, the body comes to rest. The largest such factor is the *static bound*
-(`static_bound`).
+Loads go round p_k(f) = p_s + f (p_k - p_s), with the factor f. Melan's statement for friction: if
+some constant slips w keep the forces of all points within the friction bound at all corners of the
+cycle, the body comes to rest. The largest such factor is the *static bound* (`static_bound`).
 
-Rest is meant so that no point slips, opens or closes; points without friction slide freely, which
-costs nothing. Beyond the bound there is no rest of this kind, though points may open and close
-without a slip. Neither need it reach down to f = 0: points that p_s opens may be closed for ever at
-large factors, and open and close between. `Shakedown.ranges` has all factors. Within these:
+At rest no point slips, opens or closes; points without friction slide freely, without dissipation.
+Beyond the bound there is no rest of this kind, though points may open and close without slip. The
+range of factors need not begin at f = 0: points that p_s opens may stay closed at large factors,
+and open and close at small ones. `Shakedown.ranges` has all factors. Within these ranges:
 
-- **Without coupling** of slips and normal forces (S_tn = 0, of points with friction) the statement
+- **Without coupling** of slips and normal forces (S_tn = 0 at points with friction) the statement
   is a theorem (Klarbring, Ciavarella and Barber, Shakedown in elastic contact problems with Coulomb
-  friction, Int. J. Solids Struct. 44, 2007). Normal forces do not depend on the slips, so that with
-  the slips w~ of a state at rest, strictly inside the discs, (rt - rt~).dut <= 0 in every slip dut,
-  and the energy of the difference, (u - u~).S (u - u~) / 2, falls by at least a share of |dut|:
-  slips have a finite sum.
+  friction, Int. J. Solids Struct. 44, 2007). Normal forces do not depend on the slips. With the
+  slips w~ of a state at rest, strictly inside the discs, (rt - rt~).dut <= 0 in every slip dut, and
+  the energy of the difference, (u - u~).S (u - u~) / 2, decreases by at least a share of |dut|: the
+  sum of all slips is finite.
 - **One point in the plane** with F |k| < k_t, S = [k_t, k; k, k_n]: a slip against rt = F rn > 0,
-  which is to the left, needs (k_t - F k) (ut - w~) >= 0, and one to the right (k_t + F k) (ut - w~)
+  to the left, requires (k_t - F k) (ut - w~) >= 0, and a slip to the right (k_t + F k) (ut - w~)
   <= 0: every slip is towards w~.
-- **Parts** that are joined by no entry of S come to rest each for itself: points without coupling,
+- **Parts** that are joined by no entry of S come to rest independently: points without coupling,
   and single points in the plane below their critical friction.
-- **Else** the bound is necessary, and whether it is sufficient depends on where the body starts:
-  the paper has counterexamples. Friction below the critical one is not enough: two points in the
-  plane of which only shears are joined slip for ever from some starts, with F |k| / k_t = 0.12 and
-  0.15 (`tests/unit/analysis/test_shakedown.py`). So cycles are stepped through (`load_cycles`).
+- **Otherwise** the bound is necessary, and whether it is sufficient depends on the start: the paper
+  has counterexamples. Friction below the critical one is not enough: two points in the plane of
+  which only the shears are joined slip for ever from some starts, with F |k| / k_t = 0.12 and 0.15
+  (`tests/unit/analysis/test_shakedown.py`). Cycles are therefore stepped through (`load_cycles`).
 
-With a wedged state whose forces are inside their cones (`wedging_friction`) every load can be
-borne, if only the body is wedged enough: the bound is infinite.
+With a wedged state whose forces are inside their cones (`wedging_friction`) every load can be borne
+if the body is wedged enough: the bound is infinite.
 """
 
 from __future__ import annotations
@@ -42,10 +41,8 @@ import numpy.typing as npt
 
 from dolfinx_contact._mpi import Arguments, collective, everywhere, on_root
 from dolfinx_contact._validate import count, instance, listed, nonnegative, positive
-from dolfinx_contact.algorithms.gauss_seidel import GaussSeidel
-from dolfinx_contact.algorithms.lemke import coulomb_by_lemke
 from dolfinx_contact.algorithms.point_problem import PointProblem
-from dolfinx_contact.analysis.load_cycles import LoadCycles, step_cycles
+from dolfinx_contact.analysis.load_cycles import LoadCycles, one_solution, step_cycles
 from dolfinx_contact.analysis.static_bound import largest_factor, states_at_rest
 from dolfinx_contact.problem import ContactProblem
 
@@ -53,42 +50,43 @@ __all__ = ["LoadCycles", "Shakedown", "shakedown"]
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
-#: Puts a load into the data of a problem.
+Ranges = tuple[tuple[float, float], ...]
+#: Function that puts a load into the data of a problem.
 Load = Callable[[], object]
 
-_UNCOUPLED = 1e-10  # of the stiffness of the two points, coupling that is none
-_BELOW = 0.95  # of the static bound, at which cycles are stepped through
-_LIMIT = 1e-7  # of the largest force, by which a point is from its bound
-_SAME = 1e-9  # of the stiffness, by which it may differ from load to load
+_UNCOUPLED = 1e-10  # coupling that counts as zero, relative to the stiffness of the two points
+_BELOW = 0.95  # default factor of the cycles, relative to the static bound
+_LIMIT = 1e-7  # distance of a point from its bound that counts as zero, relative
+_SAME = 1e-9  # relative difference of equal stiffnesses
 
 
 @dataclass(frozen=True, eq=False)
 class Shakedown:
-    """The static bound of a cycle of loads, and what became of cycles.
+    """The static bound of a load cycle, and cycles from several starts.
 
     Attributes:
-        factor: the largest factor of the loads with a state at rest that was found, in which no
-            point slips, opens or closes; infinite if all from one on have one, -inf if none has.
-            Smaller ones have one as well where `ranges` begin with 0 and are one.
-        ranges: factors that have a state at rest, from and to, by size; of all sets of open points
-            that were tried. Between two of them, and from 0 to the first, there is none: points
-            open and close in every cycle.
-        upper: no state with open points as `opened` has a larger one. In the plane it is `factor`;
-            in space they bound what is between tangents and polygons.
-        complete: whether all sets of open points were tried; else there may be a larger factor.
-        theorem_holds: whether within `ranges` the body comes to rest from every start.
-        why: that, in words.
-        slip: that the points have at rest (m, dim - 1), in the order of coordinates; 0 of open
-            points, and of those without friction.
-        forces: at the corners at rest (K, m, dim), tangential and normal, at `factor`.
-        opened: points that are open at rest (m,).
-        limits: what a larger factor would violate, in words.
-        cycles: from several starts.
-        seconds: that it took.
+        factor: largest factor of the loads found with a state at rest, in which no point slips,
+            opens or closes; infinite if all factors from some value have one, -inf if none has. All
+            smaller factors have a state at rest if `ranges` is one range from 0.
+        ranges: factors with a state at rest, from and to, by size, of all sets of open points that
+            were tried. Between two ranges, and from 0 to the first, points open and close in every
+            cycle.
+        upper: upper bound of the factor with the open points `opened`; in the plane equal to
+            `factor`, in space `factor` comes from polygons and `upper` from tangents.
+        complete: whether all sets of open points were tried; otherwise a larger factor may exist.
+        theorem_holds: whether the body comes to rest from every start within `ranges`.
+        why: the reason, in words.
+        slip: slips of the points at rest (m, dim - 1), ordered by coordinates; 0 at open points and
+            at points without friction.
+        forces: forces at the corners at rest (K, m, dim), tangential and normal, at `factor`.
+        opened: open points at rest (m,).
+        limits: conditions that a larger factor would violate, in words.
+        cycles: cycles from several starts.
+        seconds: computing time.
     """
 
     factor: float
-    ranges: tuple[tuple[float, float], ...]
+    ranges: Ranges
     upper: float
     complete: bool
     theorem_holds: bool
@@ -102,14 +100,14 @@ class Shakedown:
 
     @property
     def broken(self) -> tuple[LoadCycles, ...]:
-        """Cycles of which there is a state at rest and that do not find one: they slip for ever."""
+        """Cycles that slip for ever although a state at rest exists."""
         slips = ("alternating slip", "ratcheting")
         ranges = [(a, b) for a, b in self.ranges if a < b]
         within = [c for c in self.cycles if any(a <= c.factor < b for a, b in ranges)]
         return tuple(c for c in within if c.ending in slips)
 
     def __str__(self) -> str:
-        """The bound, whether it is sufficient, and what became of cycles."""
+        """The bound, whether it is sufficient, and the endings of the cycles."""
         bound = _in_words(self.ranges)
         if self.upper > self.factor * (1 + 1e-6):
             bound += f" (no more than {self.upper:.9g})"
@@ -120,7 +118,7 @@ class Shakedown:
         return "\n".join([*lines, *(f"  {c}" for c in self.cycles)])
 
 
-def _in_words(ranges: tuple[tuple[float, float], ...]) -> str:
+def _in_words(ranges: Ranges) -> str:
     """Factors with states at rest."""
     if not ranges:
         return "no factor has a state at rest"
@@ -161,47 +159,50 @@ def shakedown(
     starts: int = 4,
     seconds: float = 60.0,
 ) -> Shakedown:
-    """Whether friction comes to rest under cycles of loads. Collective.
+    """Determine whether friction comes to rest under cyclic loads. Collective.
 
-    At rest no point slips, opens or closes. Where surfaces remember slips, as after a `QuasiStatic`
-    run, all slips are counted from these, and the first cycles begin with them; the memory is left
-    as it is, and the bound does not depend on it.
+    At rest no point slips, opens or closes. After a `QuasiStatic` run all slips are counted from
+    the remembered ones, and the first cycles begin with them; the memory is left unchanged, and the
+    bound does not depend on it.
 
     Args:
-        problem: of a linear body that Dirichlet data hold, with contact at its nodes.
-        loads: the corners of the cycle in their order. Each is called without arguments and puts a
-            load (or displacements of Dirichlet data) into the Constants and Functions of the
-            problem; between corners the load is linear, and from the last it returns to the first.
-            The first is in place when this returns, or raises an error.
-        steady: the same for the load from which the factor multiplies departures; by default the
-            first corner.
-        factor: at which cycles are stepped through; by default 0.95 of the bound if that is in the
-            last of `Shakedown.ranges`, or 1 where the bound is infinite or there is none.
-        cycles: that are stepped through at most.
-        steps: from corner to corner.
-        starts: beside the one whose points have not slipped before, states at rest under the
+        problem: contact problem of a linear body held by Dirichlet data, with contact at its nodes.
+        loads: corners of the cycle in order. Each is a function without arguments that puts a load
+            (or displacements of Dirichlet data) into the Constants and Functions of the problem;
+            between corners the load is linear, and from the last it returns to the first. The first
+            load is in place afterwards, also after an error.
+        steady: the same for the steady load, from which the factor multiplies departures; by
+            default the first corner.
+        factor: factor of the cycles that are stepped through; by default 0.95 of the bound if that
+            is in the last of `Shakedown.ranges`, or 1 if the bound is infinite or there is none.
+        cycles: largest number of cycles.
+        steps: number of steps from corner to corner.
+        starts: number of starts in addition to the start without slip: states at rest under the
             first load with large slips in random directions (the same in every call).
-        seconds: after which no more sets of open points are tried.
+        seconds: time of the search over sets of open points.
 
     Raises:
-        ValueError: on every rank, for a problem that has no contact points of its own
-            (`ContactProblem.reduced`), loads that do not differ, or change stiffness or friction,
-            or numbers that do not fit.
-        RuntimeError: if a step finds no solution (in space).
+        ValueError: on every rank, if the problem cannot be reduced to its contact points
+            (`ContactProblem.reduced`), if the loads do not differ or change the stiffness or the
+            friction, or if a number is not valid.
+        RuntimeError: if no solution of a step is found (in space).
     """
     comm = problem.comm
-    given = [*loads[1:], loads[0] if steady is None else steady]
-    reduced = [_under(problem, loads[0])]
+    reduced = []
     try:
-        reduced += [_under(problem, load) for load in given]
+        for load in (*loads, loads[0] if steady is None else steady):
+            with everywhere(comm, "a load"):
+                load()
+            reduced.append(problem.reduced())
     finally:
         with everywhere(comm, "a load"):
             loads[0]()
+    corners = np.array([points.p for points in reduced[:-1]])
     return on_root(
         comm,
         lambda: shakedown_of(
             _same(reduced),
-            np.array([points.p for points in reduced[:-1]]),
+            corners,
             reduced[-1].p,
             factor=factor,
             cycles=int(cycles),
@@ -212,15 +213,8 @@ def shakedown(
     )
 
 
-def _under(problem: ContactProblem, load: Load) -> PointProblem:
-    """The contact points under a load. Collective."""
-    with everywhere(problem.comm, "a load"):
-        load()
-    return problem.reduced()
-
-
 def _same(reduced: list[PointProblem]) -> PointProblem:
-    """The points of the first load, if all have its stiffness and friction."""
+    """The points under the first load, if all have the same stiffness and friction."""
     first = reduced[0]
     size = float(np.abs(first.S).max())
     for points in reduced[1:]:
@@ -242,35 +236,45 @@ def shakedown_of(
     starts: int = 4,
     seconds: float = 60.0,
 ) -> Shakedown:
-    """The same of contact points alone: loads of the corners (K, dim m). Not collective."""
+    """The same for contact points, with loads of the corners (K, dim m). Not collective."""
     begun = time.monotonic()
     steady = loads[0] if steady is None else steady
-    _, r = _statically(points, steady)
-    static = largest_factor(points, steady, loads, r[:, -1] <= 0, begun + seconds)
-    bound, upper = static.state.lower, static.state.upper
+    opened = _statically(points, steady)[1][:, -1] <= 0
+    static = largest_factor(points, steady, loads, opened, begun + seconds)
+    state = static.state
     holds, why = _theorem(points)
     chosen = _factor_of(static.ranges) if factor is None else factor
+    # Step from the state without slip, and from states at rest under the first load.
     corners = steady + chosen * (loads - steady)
-    found = _stepped(points, corners, static.opened, chosen, cycles, steps, starts)
-    limits = _limits(points, static.state.forces, static.state.displacements, static.opened)
+    after = np.roll(corners, -1, axis=0)
+    shares = np.arange(1, steps + 1)[:, None] / steps
+    path = np.concatenate([p + shares * (q - p) for p, q in zip(corners, after, strict=True)])
+    first = {"from no slip": _statically(points, corners[0])}
+    at_rest = states_at_rest(points, corners[0], static.opened, starts)
+    first |= {f"from slips {i}": other for i, other in enumerate(at_rest, 1)}
+    found = [
+        step_cycles(points, path, begin, start=start, factor=chosen, cycles=cycles)
+        for start, begin in first.items()
+    ]
+    limits = _limits(points, state.forces, state.displacements, static.opened)
     return Shakedown(
-        factor=bound,
+        factor=state.lower,
         ranges=static.ranges,
-        upper=upper,
+        upper=state.upper,
         complete=static.complete,
         theorem_holds=holds,
         why=why,
-        slip=static.state.slip,
-        forces=static.state.forces,
+        slip=state.slip,
+        forces=state.forces,
         opened=static.opened,
-        limits=limits if np.isfinite(bound) else (),
+        limits=limits if np.isfinite(state.lower) else (),
         cycles=tuple(found),
         seconds=time.monotonic() - begun,
     )
 
 
-def _factor_of(ranges: tuple[tuple[float, float], ...]) -> float:
-    """At which cycles are stepped through: in the last range, below its end."""
+def _factor_of(ranges: Ranges) -> float:
+    """Default factor of the cycles: in the last range, below its end."""
     a, b = ranges[-1] if ranges else (0.0, 0.0)
     if b == np.inf:
         return max(1.0, 2.0 * a)
@@ -278,7 +282,7 @@ def _factor_of(ranges: tuple[tuple[float, float], ...]) -> float:
 
 
 def _theorem(points: PointProblem) -> tuple[bool, str]:
-    """Whether rest is a theorem where there is a state at rest, and why."""
+    """Whether the existence of a state at rest is sufficient for rest, and why."""
     m, d = points.number, points.dim
     rubs = (points.friction > 0) | (points.bound > 0)
     tangents = np.zeros((m, d), dtype=bool)
@@ -287,39 +291,29 @@ def _theorem(points: PointProblem) -> tuple[bool, str]:
     S = _eliminated(points.S, free.reshape(-1))
     held = (tangents & ~free)[~free]
     point = np.repeat(np.arange(m), d)[~free.reshape(-1)]
-    # Points may be of unlike stiffness: an entry is measured by those of its own two points.
+    # The stiffness may differ from point to point: an entry is measured by its own two points.
     size = np.sqrt(np.diag(S))
     joined = np.abs(S) > _UNCOUPLED * size[:, None] * size
     coupled = np.unique(point[(joined & (held[:, None] != held)).any(axis=1)])
     if len(coupled) == 0:
         return True, "sufficient, as slips do not change normal forces"
     others = joined & (point[:, None] != point)
-    # Of a point that is alone both rows are in S: what slides freely beside it makes it softer.
-    alone = not others[np.isin(point, coupled)].any()
-    if (
-        d == 2
-        and alone
-        and all(
-            _below_critical(points.friction[i], S[np.ix_(point == i, point == i)]) for i in coupled
-        )
-    ):
-        if m == 1:
+    # Both rows of a single point are in S; freely sliding neighbours make it softer.
+    if d == 2 and not others[np.isin(point, coupled)].any():
+        stiffness = [S[np.ix_(point == i, point == i)][0] for i in coupled]
+        below = [points.friction[i] * abs(k) < kt for i, (kt, k) in zip(coupled, stiffness, strict=True)]
+        if all(below) and m == 1:
             return True, "sufficient, as one point with less than its critical friction k_t/|k|"
-        return True, (
-            "sufficient, as each point whose slip changes its normal force is joined to no other "
-            "and has less than its critical friction k_t/|k|"
-        )
+        if all(below):
+            return True, (
+                "sufficient, as each point whose slip changes its normal force is joined to no "
+                "other and has less than its critical friction k_t/|k|"
+            )
     return False, "necessary, not sufficient from every start, as slips change normal forces"
 
 
-def _below_critical(friction: float, S: Array) -> bool:
-    """Whether a point in the plane has less than its critical friction k_t/|k|, S = [k_t, k]."""
-    k_t, k = S[0]
-    return bool(friction * abs(k) < k_t)
-
-
 def _eliminated(S: Array, free: Flags) -> Array:
-    """The stiffness of what is not free, where that bears no force."""
+    """The stiffness of the other components if the free ones bear no force."""
     if not free.any():
         return S
     inner = np.linalg.solve(S[np.ix_(free, free)], S[np.ix_(free, ~free)])
@@ -329,41 +323,11 @@ def _eliminated(S: Array, free: Flags) -> Array:
 def _statically(points: PointProblem, p: Array) -> tuple[Array, Array]:
     """A solution of the static problem, displacements and forces (m, dim)."""
     at = replace(points, p=p, S_error=None, p_error=None)
-    if points.dim == 2:
-        state, _ = coulomb_by_lemke(at.S, at.p, at.friction, bound=at.bound)
-        return state[:, :2], state[:, 2:]
-    found = GaussSeidel(max_iterations=20_000).run(at, tolerance=1e-11)
-    if not found.converged:
-        raise RuntimeError(f"no solution under the first load: {found.reason}")
-    return found.a, found.r
-
-
-def _stepped(
-    points: PointProblem,
-    corners: Array,
-    opened: Flags,
-    factor: float,
-    cycles: int,
-    steps: int,
-    starts: int,
-) -> list[LoadCycles]:
-    """Cycles from points that have not slipped, then from states at rest under the first load."""
-    shares = np.arange(1, steps + 1) / steps
-    after = np.roll(corners, -1, axis=0)
-    loads = np.concatenate(
-        [p + shares[:, None] * (q - p) for p, q in zip(corners, after, strict=True)]
-    )
-    first = {"from no slip": _statically(points, corners[0])}
-    others = states_at_rest(points, corners[0], opened, starts)
-    first |= {f"from slips {i}": state for i, state in enumerate(others, 1)}
-    return [
-        step_cycles(points, loads, state, start=start, factor=factor, cycles=cycles)
-        for start, state in first.items()
-    ]
+    return one_solution(at, "no solution under the first load")
 
 
 def _limits(points: PointProblem, forces: Array, a: Array, opened: Flags) -> tuple[str, ...]:
-    """Which points are at their bounds, and at which corners."""
+    """Points at their bounds, with the corners."""
     size = _LIMIT * float(np.abs(forces).max(initial=0.0))
     length = _LIMIT * float(np.abs(a).max(initial=0.0))
     rubs = (points.friction > 0) | (points.bound > 0)

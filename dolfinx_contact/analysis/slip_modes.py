@@ -81,6 +81,11 @@ class SlipModes:
         return cls.of(values, flexibility @ shears, shears, np.inf, off, softness)
 
     @property
+    def smallest(self) -> float:
+        """Size of the smallest F with a slip of one sign; infinite if there is none."""
+        return float(np.abs(self.friction[self.one_signed]).min(initial=np.inf))
+
+    @property
     def one_signed(self) -> npt.NDArray[np.bool_]:
         """Which F are real and have slips of one sign."""
         return np.asarray((self.friction.imag == 0) & (self.slips.real.min(axis=0) >= 0.0))

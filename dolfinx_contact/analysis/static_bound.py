@@ -1,18 +1,18 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""The static bound of shakedown: the largest load cycle that a residual slip can bear at rest.
 
-Loads p_k(f) = p_s + f (p_k - p_s) at the corners k of a cycle, f their factor. In a state at rest
-some points are closed (un = 0) with slips w that do not change, the others open (no force); then
-all displacements and forces are affine in (w, f), and
+Loads are p_k(f) = p_s + f (p_k - p_s) at the corners k of a cycle, with the factor f. In a state at
+rest some points are closed (un = 0) with constant slips w, and the others are open (no force). All
+displacements and forces are then affine in x = (w, f), and
 
     |rt| <= F rn + g,  rn >= 0  at closed points,    un >= 0  at open ones,    at every corner k
 
-is a linear program in the plane, for each set of open points. Between corners it holds as well, all
-of it being convex; so do the factors of one set, which are an interval, though not always from 0:
-points that the steady load opens may be closed at large factors. In space the discs are cones of
-second order: tangents of the discs, one more where a force has left a disc, bound f from outside;
-polygons inside the discs, with corners where the forces of the extreme states are, from inside.
-Points without friction slide freely: what they do is elastic.
+is a linear program in the plane, for each set of open points. By convexity it also holds between
+corners. The factors of one set are an interval, not always from 0: points that the steady load
+opens may be closed at large factors. In space the discs are cones of second order: tangents of the
+discs, one more where a force has left its disc, bound f from outside; polygons inside the discs,
+with corners at the forces of the extreme states, bound it from inside. Points without friction
+slide freely; their motion is elastic.
 """
 
 from __future__ import annotations
@@ -31,32 +31,35 @@ __all__ = ["StaticBound", "StaticState", "largest_factor", "states_at_rest"]
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
+Places = npt.NDArray[np.intp]
+#: Inequalities A x <= b.
+Rows = tuple[Array, Array]
 
 _SIDES = 8  # of the first polygons in space
-_ROUNDS = 60  # of tangents
-_OUTSIDE = 1e-9  # of the unit of force, by which a force may leave its disc
-_ACTIVE = 1e-7  # of the units, inequalities that hold as equations
-_ROUND_OFF = 1e-13  # of the largest load, by which loads differ that are one
-_FAR = 1e6  # of the units, a factor where it cannot be told whether anything bounds it
-_INSIDE = 1e-3  # of the size of an inequality, by which a ray is inside of it
-_BETTER = 1e-9  # relative, by which another set of open points is better
-_MEET = 1e-8  # relative and of the units, by which ranges of factors are apart that meet
-_FARTHEST = 10.0  # of the length that a load causes, slips of starts
-_ALL_SETS = 8  # points up to which all sets of open ones are tried
+_ROUNDS = 60  # rounds of tangents
+_OUTSIDE = 1e-9  # distance of a force from its disc that counts as outside, in units of force
+_ROUND_OFF = 1e-13  # relative difference of equal loads
+_FAR = 1e6  # factor that counts as unbounded if the linear program does not decide
+_INSIDE = 1e-3  # distance of a ray from an inequality, relative to its size
+_BETTER = 1e-9  # relative gain of a better set of open points
+_MEET = 1e-8  # relative distance of ranges of factors that meet
+_FARTHEST = 10.0  # slips of starts, relative to the length caused by the load
+_ALL_SETS = 8  # points up to which all sets of open points are tried
 _EXACT = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
 
 
 @dataclass(frozen=True, eq=False)
 class StaticState:
-    """The best state at rest with some open points.
+    """The best state at rest with given open points.
 
     Attributes:
-        least: the smallest factor that has such a state; infinite if none has.
-        lower: the largest that was found; infinite if all from `least` on have, -inf if none has.
-        upper: no larger factor has; lower but for round-off in the plane.
-        slip: w of all points (m, dim - 1), those of points without friction or contact 0.
-        displacements: at the corners (K, m, dim), at `lower`.
-        forces: the same.
+        least: smallest factor with such a state; infinite if there is none.
+        lower: largest factor found; infinite if all factors from `least` have a state, -inf if none
+            has.
+        upper: upper bound of the factors; equals `lower` up to round-off in the plane.
+        slip: slips w of all points (m, dim - 1); 0 at points without friction or contact.
+        displacements: displacements at the corners (K, m, dim), at `lower`.
+        forces: forces at the corners (K, m, dim), at `lower`.
     """
 
     least: float
@@ -72,100 +75,71 @@ class StaticBound:
     """The best state over sets of open points.
 
     Attributes:
-        state: that state.
-        ranges: factors that have a state at rest, from and to, by size.
-        opened: its open points (m,).
+        state: best state.
+        ranges: factors with a state at rest, from and to, by size.
+        opened: open points of the best state (m,).
         complete: whether all sets of open points were tried.
-        sets: how many were.
     """
 
     state: StaticState
     ranges: tuple[tuple[float, float], ...]
     opened: Flags
     complete: bool
-    sets: int
 
 
-class _AtRest:
-    """Displacements and forces at rest by x = (w, f), over units of length and force.
+class _Program:
+    """The linear programs of one set of open points, in units of length and force.
 
     Args:
         points: stiffness and laws.
-        loads: of the corners (K, dim m), over a unit of force, as their departures.
-        steady: the load from which they depart (dim m,).
-        departures: p_k - p_s (K, dim m).
+        steady: steady load (dim m,).
+        departures: departures p_k - p_s of the corners (K, dim m).
         opened: open points (m,).
 
     Attributes:
-        columns: numbers of slips.
-        a, r: linear parts (K, dim m, columns + 1).
-        a0, r0: constant parts (dim m,).
+        a, r: derivatives of displacements and forces by x (K, m, dim, n + 1).
+        a0, r0: displacements and forces at x = 0 (m, dim).
+        n: number of slips; x[n] is the factor.
     """
 
     def __init__(self, points: PointProblem, steady: Array, departures: Array, opened: Flags):
         m, dim = points.number, points.dim
-        grips = _grips(points, opened)
-        slips = np.zeros((m, dim), dtype=bool)
-        slips[grips, :-1] = True
-        held = slips.copy()
-        held[~opened, -1] = True
-        self.places = np.flatnonzero(slips.reshape(-1))
-        self.columns = len(self.places)
-        free = ~held.reshape(-1)
-        S = points.S
-        given = np.zeros((dim * m, self.columns))
-        given[self.places, np.arange(self.columns)] = 1.0
-        loads = np.vstack([departures, steady]).T
-        follow = np.zeros((dim * m, self.columns + loads.shape[1]))
-        if free.any():
-            right = np.hstack([-S[np.ix_(free, self.places)], loads[free]])
-            follow[free] = np.linalg.solve(S[np.ix_(free, free)], right)
-        by_slip = given + follow[:, : self.columns]
-        by_load = follow[:, self.columns :]
-        left = S @ by_load - loads
-        left[free] = 0.0
-        rubs = S @ by_slip
-        rubs[free] = 0.0
-        K = len(departures)
-        self.a = np.stack([np.column_stack([by_slip, by_load[:, k]]) for k in range(K)])
-        self.r = np.stack([np.column_stack([rubs, left[:, k]]) for k in range(K)])
-        self.a0, self.r0 = by_load[:, -1], left[:, -1]
-
-    def states(self, x: Array) -> tuple[Array, Array]:
-        """Displacements and forces at the corners, (K, dim m) each."""
-        return self.a @ x + self.a0, self.r @ x + self.r0
-
-
-@dataclass(frozen=True, eq=False)
-class _Rows:
-    """Inequalities rows x <= most."""
-
-    rows: Array
-    most: Array
-
-    def __add__(self, other: _Rows) -> _Rows:
-        rows = np.vstack([self.rows, other.rows])
-        return _Rows(rows, np.concatenate([self.most, other.most]))
-
-
-class _Program:
-    """The programs of one set of open points."""
-
-    def __init__(self, points: PointProblem, steady: Array, departures: Array, opened: Flags):
         self.points = points
         self.opened = opened
-        self.rest = _AtRest(points, steady, departures, opened)
-        self._shape = len(departures), points.number, points.dim
-        self.grips = _grips(points, opened)
+        #: Points whose slips friction can hold.
+        self.grips = np.asarray((~opened & (points.friction > 0)) | (points.bound > 0))
+        slips = np.zeros((m, dim), dtype=bool)
+        slips[self.grips, :-1] = True
+        held = slips.copy()
+        held[~opened, -1] = True
+        free = ~held.reshape(-1)
+        self.places = np.flatnonzero(slips.reshape(-1))
+        self.n = n = len(self.places)
+        # Responses of the free components to unit slips and to the loads.
+        S = points.S
+        loads = np.vstack([departures, steady]).T
+        a = np.zeros((dim * m, n + loads.shape[1]))
+        a[self.places, np.arange(n)] = 1.0
+        if free.any():
+            right = np.hstack([-S[np.ix_(free, self.places)], loads[free]])
+            a[free] = np.linalg.solve(S[np.ix_(free, free)], right)
+        r = S @ a
+        r[:, n:] -= loads
+        r[free] = 0.0
+        corners = range(len(departures))
+        self.a, self.r = (
+            np.stack([v[:, [*range(n), n + k]] for k in corners]).reshape(-1, m, dim, n + 1)
+            for v in (a, r)
+        )
+        self.a0, self.r0 = (v[:, -1].reshape(m, dim) for v in (a, r))
 
     def solve(self) -> StaticState:
-        """The smallest and the largest factor, this from both sides."""
-        n = self.rest.columns
+        """Return the smallest and the largest factor, the latter from both sides."""
         if self.points.dim == 2:
-            rows = self._signs() + self._tangents(np.array([[1.0], [-1.0]]))
-            x, value = _optimum(rows, n)
+            rows = self._first_rows(np.array([[1.0], [-1.0]]))
+            x, value = _optimum(rows, self.n)
             upper = np.inf if value >= _FAR else value
-            return self._state(x, _optimum(rows, n, sense=-1)[1], value, upper)
+            return self._state(x, _optimum(rows, self.n, sense=-1)[1], value, upper)
         most, upper = self._by_tangents(1)
         upper = np.inf if upper >= _FAR else upper
         if most is None:
@@ -174,142 +148,123 @@ class _Program:
         extreme = [self._forces(most, ray=upper == np.inf)]
         extreme += [] if first is None else [self._forces(first)]
         inside = self._inside(extreme)
-        x, lower = _optimum(inside[0], n, *inside[1:])
-        return self._state(x, _optimum(inside[0], n, *inside[1:], sense=-1)[1], lower, upper)
+        x, lower = _optimum(inside[0], self.n, *inside[1:])
+        return self._state(x, _optimum(inside[0], self.n, *inside[1:], sense=-1)[1], lower, upper)
 
     def _state(self, x: Array | None, least: float, lower: float, upper: float) -> StaticState:
-        K, m, dim = self._shape
         least = 0.0 if least <= _BETTER else least
+        slip = np.zeros_like(self.a0)
         if x is None or lower == np.inf:
-            none = np.zeros((K, m, dim))
-            return StaticState(least, lower, upper, none[0, :, :-1], none, none)
-        x = x[: self.rest.columns + 1]
-        a, r = self.rest.states(x)
-        slip = np.zeros(m * dim)
-        slip[self.rest.places] = x[:-1]
-        tangents: Array = slip.reshape(m, dim)[:, :-1]
-        states = a.reshape(K, m, dim), r.reshape(K, m, dim)
-        return StaticState(least, lower, upper, tangents, *states)
+            none = np.zeros(self.a.shape[:3])
+            return StaticState(least, lower, upper, slip[:, :-1], none, none)
+        x = x[: self.n + 1]
+        slip.reshape(-1)[self.places] = x[:-1]
+        return StaticState(least, lower, upper, slip[:, :-1], self.a @ x + self.a0, self._forces(x))
 
     def _forces(self, x: Array, *, ray: bool = False) -> Array:
-        """At the corners (K, m, dim); of a ray their rates along it."""
-        forces = self.rest.r @ x if ray else self.rest.states(x)[1]
-        return np.asarray(forces.reshape(self._shape))
-
-    def _parts(self) -> tuple[Array, Array]:
-        """Linear parts of forces (K, m, dim, n) and constant ones (m, dim)."""
-        K, m, dim = self._shape
-        return self.rest.r.reshape(K, m, dim, -1), self.rest.r0.reshape(m, dim)
-
-    def _signs(self) -> _Rows:
-        """Of normal forces of closed points, and gaps of open ones: rn >= 0, un >= 0."""
-        K, m, dim = self._shape
-        r, r0 = self._parts()
-        a = self.rest.a.reshape(K, m, dim, -1)[:, self.opened, -1]
-        r = r[:, ~self.opened, -1]
-        n = r.shape[-1]
-        gaps = np.tile(self.rest.a0.reshape(m, dim)[self.opened, -1], K)
-        pushes = np.tile(r0[~self.opened, -1], K)
-        rows = np.vstack([-r.reshape(-1, n), -a.reshape(-1, n)])
-        return _Rows(rows, np.concatenate([pushes, gaps]))
-
-    def _tangents(self, directions: Array) -> _Rows:
-        """e.rt <= F rn + g for directions e, at all corners and points."""
-        every = [(k, i) for k in range(self._shape[0]) for i in np.flatnonzero(self.grips)]
-        return _joined([self._tangent(k, i, e) for k, i in every for e in directions], self.rest)
-
-    def _tangent(self, k: int, i: int, e: Array) -> tuple[Array, float]:
-        r, r0 = self._parts()
-        F, g = self.points.friction[i], self.points.bound[i]
-        row = e @ r[k, i, :-1] - F * r[k, i, -1]
-        return row, float(F * r0[i, -1] + g - e @ r0[i, :-1])
+        """Forces at the corners (K, m, dim); of a ray, their rates along it."""
+        return np.asarray(self.r @ x + (0.0 if ray else self.r0))
 
     def extreme(self, toward: Array, farthest: float) -> tuple[Array, Array] | None:
-        """Displacements and forces (m, dim) at the first corner, slips far in a direction.
+        """Displacements and forces (m, dim) at the first corner, with slips far in a direction.
 
         Args:
             toward: direction (dim m,).
-            farthest: bound of slips.
+            farthest: bound of the slips.
         """
-        directions = np.array([[1.0], [-1.0]]) if self.points.dim == 2 else _circle(_SIDES)
-        rows = self._signs() + self._tangents(directions)
-        inside = np.cos(np.pi / _SIDES) if self.points.dim == 3 else 1.0
-        n = self.rest.columns
-        # Inside of the discs: tangents of discs that are less by that.
-        most = np.where(rows.most > 0, inside * rows.most, rows.most)
-        cost = np.append(-toward[self.rest.places], 0.0)
-        bounds = [(-farthest, farthest)] * n + [(0.0, 0.0)]
-        found = linprog(cost, rows.rows, most, bounds=bounds, method="highs", options=_EXACT)
+        plane = self.points.dim == 2
+        rows, most = self._first_rows(np.array([[1.0], [-1.0]]) if plane else _circle(_SIDES))
+        # In space tangents of smaller discs, whose polygon is inside of the discs.
+        most = np.where(most > 0, (1.0 if plane else np.cos(np.pi / _SIDES)) * most, most)
+        cost = np.append(-toward[self.places], 0.0)
+        bounds = [(-farthest, farthest)] * self.n + [(0.0, 0.0)]
+        found = linprog(cost, rows, most, bounds=bounds, method="highs", options=_EXACT)
         if found.status != 0:
             return None
-        a, r = self.rest.states(found.x)
-        return a[0].reshape(-1, self.points.dim), r[0].reshape(-1, self.points.dim)
+        return self.a[0] @ found.x + self.a0, self.r[0] @ found.x + self.r0
+
+    # -- inequalities -----------------------------------------------------------------------------
+
+    def _signs(self) -> Rows:
+        """Inequalities rn >= 0 at closed points and un >= 0 at open ones."""
+        opened, K, n = self.opened, len(self.a), self.n + 1
+        rows = [-self.r[:, ~opened, -1].reshape(-1, n), -self.a[:, opened, -1].reshape(-1, n)]
+        most = [np.tile(self.r0[~opened, -1], K), np.tile(self.a0[opened, -1], K)]
+        return np.vstack(rows), np.concatenate(most)
+
+    def _tangents(self, k: Places, i: Places, e: Array) -> Rows:
+        """e.rt <= F rn + g at corners k and points i, in directions e (number, dim - 1)."""
+        F, g = self.points.friction[i], self.points.bound[i]
+        r, r0 = self.r[k, i], self.r0[i]
+        rows = np.einsum("jc,jcn->jn", e, r[:, :-1]) - F[:, None] * r[:, -1]
+        return rows, F * r0[:, -1] + g - np.sum(e * r0[:, :-1], axis=1)
+
+    def _cells(self, copies: int = 1) -> tuple[Places, Places]:
+        """All corners and gripped points, each with some copies."""
+        k, i = np.nonzero(np.broadcast_to(self.grips, self.a.shape[:2]))
+        return np.repeat(k, copies), np.repeat(i, copies)
+
+    def _first_rows(self, directions: Array) -> Rows:
+        k, i = self._cells(len(directions))
+        e = np.tile(directions, (len(k) // len(directions), 1))
+        return _joined(self._signs(), self._tangents(k, i, e))
 
     def _by_tangents(self, sense: int) -> tuple[Array | None, float]:
-        """From outside: tangents of the discs where forces have left them, until none has.
+        """Bound the factor from outside, adding tangents where forces have left their discs.
 
-        Where nothing bounds the factor the forces are those along the ray, whose discs are F rn.
+        If nothing bounds the factor, the forces are the rates along the ray, with discs F rn.
         """
-        rows = self._signs() + self._tangents(_circle(_SIDES))
+        rows = self._first_rows(_circle(_SIDES))
         for _ in range(_ROUNDS):
-            x, value = _optimum(rows, self.rest.columns, sense=sense)
+            x, value = _optimum(rows, self.n, sense=sense)
             if x is None:
                 return None, value
-            outside = self._outside(x, ray=value == np.inf)
-            if not outside:
+            ray = value == np.inf
+            r = self._forces(x, ray=ray)
+            size = np.linalg.norm(r[:, :, :-1], axis=2)
+            over = size - self.points.friction * r[:, :, -1] - (0.0 if ray else self.points.bound)
+            largest = float(np.abs(r).max())
+            least = _OUTSIDE * (largest if ray else max(1.0, largest))
+            k, i = np.nonzero((over > least) & self.grips)
+            if not len(k):
                 break
-            rows = rows + _joined([self._tangent(*place) for place in outside], self.rest)
+            rows = _joined(rows, self._tangents(k, i, r[k, i, :-1] / size[k, i, None]))
         return x, value
 
-    def _outside(self, x: Array, *, ray: bool) -> list[tuple[int, int, Array]]:
-        r = self._forces(x, ray=ray)
-        size = np.linalg.norm(r[:, :, :-1], axis=2)
-        bound = 0.0 if ray else self.points.bound
-        over = size - self.points.friction * r[:, :, -1] - bound
-        largest = float(np.abs(r).max())
-        least = _OUTSIDE * (largest if ray else max(1.0, largest))
-        far = np.argwhere((over > least) & self.grips)
-        return [(int(k), int(i), r[k, i, :-1] / size[k, i]) for k, i in far]
-
-    def _inside(self, extreme: list[Array]) -> tuple[_Rows, Array, Array]:
-        """Forces inside polygons: inequalities, then the matrix and the values of equations.
+    def _inside(self, extreme: list[Array]) -> tuple[Rows, Array, Array]:
+        """Forces in polygons: inequalities, and matrix and values of equations.
 
         Args:
-            extreme: forces (K, m, dim), in whose directions the polygons have corners.
+            extreme: forces (K, m, dim) in whose directions the polygons have corners.
         """
-        n = self.rest.columns + 1
-        r, r0 = self._parts()
-        cells = [(k, i) for k in range(self._shape[0]) for i in np.flatnonzero(self.grips)]
-        sides = _SIDES + len(extreme)
-        equal = np.zeros((2 * len(cells), n + sides * len(cells)))
-        value = np.zeros(2 * len(cells))
-        most = np.zeros((len(cells), equal.shape[1]))
-        limit = np.zeros(len(cells))
-        for c, (k, i) in enumerate(cells):
-            own = n + sides * c + np.arange(sides)
-            corners = np.vstack([_circle(_SIDES), *(_unit(there[k, i, :-1]) for there in extreme)])
-            equal[2 * c : 2 * c + 2, :n] = r[k, i, :-1]
-            equal[2 * c : 2 * c + 2, own] = -corners.T
-            value[2 * c : 2 * c + 2] = -r0[i, :-1]
-            most[c, own] = 1.0
-            most[c, :n] = -self.points.friction[i] * r[k, i, -1]
-            limit[c] = self.points.friction[i] * r0[i, -1] + self.points.bound[i]
-        signs = self._signs()
-        padded = np.hstack([signs.rows, np.zeros((len(signs.rows), sides * len(cells)))])
-        rows = _Rows(np.vstack([padded, most]), np.concatenate([signs.most, limit]))
-        return rows, equal, value
+        n = self.n + 1
+        k, i = self._cells()
+        number, sides = len(k), _SIDES + len(extreme)
+        corners = np.empty((number, sides, 2))
+        corners[:, :_SIDES] = _circle(_SIDES)
+        for j, forces in enumerate(extreme):
+            rt = forces[k, i, :-1]
+            size = np.linalg.norm(rt, axis=1)[:, None]
+            corners[:, _SIDES + j] = np.where(size > 0, rt / np.where(size > 0, size, 1.0), [1, 0])
+        r, F = self.r[k, i], self.points.friction[i]
+        # rt is a combination of the corners, whose weights add up to F rn + g at most.
+        own = n + np.arange(number * sides).reshape(number, sides)
+        equal = np.zeros((number, 2, n + number * sides))
+        equal[:, :, :n] = r[:, :-1]
+        most = np.zeros((number, n + number * sides))
+        most[:, :n] = -F[:, None] * r[:, -1]
+        for c in range(number):
+            equal[c][:, own[c]] = -corners[c].T
+            most[c, own[c]] = 1.0
+        signs, bounds = self._signs()
+        rows = np.vstack([np.pad(signs, ((0, 0), (0, number * sides))), most])
+        limit = F * self.r0[i, -1] + self.points.bound[i]
+        value = -self.r0[i, :-1].reshape(-1)
+        return (rows, np.concatenate([bounds, limit])), equal.reshape(2 * number, -1), value
 
 
-def _grips(points: PointProblem, opened: Flags) -> Flags:
-    """Points whose slips friction can hold."""
-    return np.asarray((~opened & (points.friction > 0)) | (points.bound > 0))
-
-
-def _joined(pairs: list[tuple[Array, float]], rest: _AtRest) -> _Rows:
-    if not pairs:
-        return _Rows(np.zeros((0, rest.columns + 1)), np.zeros(0))
-    rows, most = zip(*pairs, strict=True)
-    return _Rows(np.array(rows), np.array(most))
+def _joined(a: Rows, b: Rows) -> Rows:
+    return np.vstack([a[0], b[0]]), np.concatenate([a[1], b[1]])
 
 
 def _circle(sides: int) -> Array:
@@ -317,54 +272,56 @@ def _circle(sides: int) -> Array:
     return np.stack([np.cos(angles), np.sin(angles)], axis=1)
 
 
-def _unit(v: Array) -> Array:
-    size = float(np.linalg.norm(v))
-    unit = v / size if size > 0 else np.eye(len(v))[0]
-    return np.asarray(unit, dtype=np.float64)
-
-
 def _optimum(
-    rows: _Rows,
+    rows: Rows,
     factor: int,
     equal: Array | None = None,
     value: Array | None = None,
     *,
     sense: int = 1,
 ) -> tuple[Array | None, float]:
-    """The point at which the unknown ``factor`` is largest, or smallest (-1), and its value.
+    """Maximise (sense 1) or minimise (-1) the unknown number ``factor``.
 
-    A ray and inf where nothing bounds it; None where there is no point, and -inf or inf.
-    Unknowns before it are free, it and those behind it are not negative.
+    Unknowns before it are free; it and the following ones are nonnegative.
+
+    Returns:
+        Optimum and its value; a ray and inf if nothing bounds the factor; None and -inf or inf if
+        the inequalities have no solution.
     """
-    n = rows.rows.shape[1]
+    n = rows[0].shape[1]
     cost = np.zeros(n)
     cost[factor] = -float(sense)
     free: list[tuple[float | None, float | None]] = [(None, None)] * factor
     bounds = free + [(0.0, None)] * (n - factor)
-    size = np.maximum(np.abs(rows.rows).max(axis=1, initial=0.0), 1e-300)
+    size = np.maximum(np.abs(rows[0]).max(axis=1, initial=0.0), 1e-300)
     kept = np.where(size > 1e-14, size, 1.0)
-    A, b = rows.rows / kept[:, None], rows.most / kept
-    found = linprog(cost, A, b, equal, value, bounds=bounds, method="highs", options=_EXACT)
-    if found.status == 0:
-        return found.x, max(float(found.x[factor]), 0.0)
-    # HiGHS may say of what is unbounded that there is nothing, or cannot say.
-    still = linprog(np.zeros(n), A, b, equal, value, bounds=bounds, method="highs", options=_EXACT)
-    if still.status == 2:
-        return None, -np.inf * sense
-    ray = _ray(A, bounds, factor, equal) if still.status == 0 and sense == 1 else None
-    if ray is not None:
-        return ray, np.inf
-    bounds[factor] = (0.0, _FAR)
-    found = linprog(cost, A, b, equal, value, bounds=bounds, method="highs", options=_EXACT)
-    if found.status == 0:
-        return found.x, max(float(found.x[factor]), 0.0)
-    raise ArithmeticError(f"the linear program of the static bound: {found.message}")
+    A, b = rows[0] / kept[:, None], rows[1] / kept
+
+    def solved(cost: Array) -> tuple[int, Array | None, str]:
+        found = linprog(cost, A, b, equal, value, bounds, method="highs", options=_EXACT)
+        return found.status, found.x, found.message
+
+    status, x, _ = solved(cost)
+    if status != 0:
+        # HiGHS may report an unbounded program as infeasible, or give no answer.
+        status, _, _ = solved(0 * cost)
+        if status == 2:
+            return None, -np.inf * sense
+        ray = _ray(A, bounds, factor, equal) if status == 0 and sense == 1 else None
+        if ray is not None:
+            return ray, np.inf
+        bounds[factor] = (0.0, _FAR)
+        status, x, message = solved(cost)
+        if status != 0:
+            raise ArithmeticError(f"the linear program of the static bound: {message}")
+    assert x is not None
+    return x, max(float(x[factor]), 0.0)
 
 
 def _ray(
     A: Array, bounds: list[tuple[float | None, float | None]], factor: int, equal: Array | None
 ) -> Array | None:
-    """A ray along which the factor grows, inside of the inequalities A x <= 0 that allow it."""
+    """A ray along which the factor grows, inside of the inequalities A x <= 0 where possible."""
     rows, n = A.shape
     cost = np.append(np.zeros(n), -np.ones(rows))
     slack = np.hstack([A, np.eye(rows)])
@@ -381,30 +338,27 @@ def largest_factor(
 ) -> StaticBound:
     """The static bound over sets of open points.
 
-    All of them are tried where there are up to 8 points. Else those near the best: from no open
-    point, and from ``begin``, one point is changed at a time while that raises the factor.
+    With up to 8 points all sets are tried. Otherwise the search starts from no open point and from
+    ``begin``, and changes one point at a time while that raises the factor.
 
     Args:
         points: stiffness and laws; its load does not matter.
-        steady: the load from which the corners depart (dim m,).
+        steady: steady load (dim m,).
         corners: loads of the corners (K, dim m).
         begin: open points of a state (m,).
-        end: by `time.monotonic` the latest end of the search.
+        end: `time.monotonic` at the end of the search.
     """
-    unit = float(np.diag(points.S).mean())
     apart = corners - steady
-    given = max(float(np.abs(steady).max()), float(np.abs(corners).max()))
-    force = max(float(np.abs(steady).max()), float(points.bound.max())) or float(
-        np.abs(apart).max()
-    )
     size = float(np.abs(apart).max())
-    if size <= _ROUND_OFF * given:
+    largest = float(np.abs(steady).max())
+    if size <= _ROUND_OFF * max(largest, float(np.abs(corners).max())):
         raise ValueError("the loads do not differ from the steady one: there is no cycle")
-    scaled, load = _scaled(points, steady, unit, force)
-    search = _Search(scaled, load, np.asarray(apart / size, dtype=np.float64), end)
+    force = max(largest, float(points.bound.max())) or size
+    scaled, length = _scaled(points, steady, force)
+    search = _Search(scaled, np.asarray(apart / size, dtype=np.float64), end)
     search.run(begin)
     s = search.best
-    length, share = force / unit, force / size
+    share = force / size
     state = StaticState(
         s.least * share,
         s.lower * share,
@@ -414,62 +368,60 @@ def largest_factor(
         s.forces * force,
     )
     ranges = tuple((a * share, b * share) for a, b in search.ranges())
-    return StaticBound(state, ranges, search.opened, search.complete, len(search.known))
+    return StaticBound(state, ranges, search.opened, search.complete)
 
 
 def states_at_rest(
     points: PointProblem, load: Array, opened: Flags, number: int
 ) -> list[tuple[Array, Array]]:
-    """States that are at rest under a load, with slips far in random directions.
+    """States at rest under a load, with slips far in random directions.
 
     Args:
         points: stiffness and laws.
-        load: p (dim m,).
+        load: load p (dim m,).
         opened: open points (m,).
-        number: of directions.
+        number: number of directions.
 
     Returns:
-        Displacements and forces, (m, dim) each; fewer where there are none.
+        Displacements and forces, (m, dim) each; fewer if there are none in some directions.
     """
     rng = np.random.default_rng(0)
-    unit = float(np.diag(points.S).mean())
     force = float(np.abs(load).max()) or 1.0
-    scaled, p = _scaled(points, load, unit, force)
-    program = _Program(scaled, p, np.zeros((1, len(load))), opened)
-    length = float(np.abs(np.linalg.solve(scaled.S, p)).max())
-    tried = [program.extreme(rng.normal(size=len(load)), _FARTHEST * length) for _ in range(number)]
-    found = [state for state in tried if state is not None]
-    length_unit = force / unit
-    return [(np.asarray(length_unit * a), np.asarray(force * r)) for a, r in found]
+    scaled, length = _scaled(points, load, force)
+    program = _Program(scaled, scaled.p, np.zeros((1, len(load))), opened)
+    far = _FARTHEST * float(np.abs(np.linalg.solve(scaled.S, scaled.p)).max())
+    tried = [program.extreme(rng.normal(size=len(load)), far) for _ in range(number)]
+    return [(length * a, force * r) for a, r in (state for state in tried if state is not None)]
 
 
-def _scaled(
-    points: PointProblem, load: Array, unit: float, force: float
-) -> tuple[PointProblem, Array]:
-    """Points and a load over units of stiffness and force."""
+def _scaled(points: PointProblem, load: Array, force: float) -> tuple[PointProblem, float]:
+    """Points under a load, in a unit of force and the mean stiffness, and the unit of length."""
+    unit = float(np.diag(points.S).mean())
     S, p, bound = (
         np.asarray(v, dtype=np.float64)
         for v in (points.S / unit, load / force, points.bound / force)
     )
-    return PointProblem(S, p, points.friction, bound), p
+    return PointProblem(S, p, points.friction, bound), force / unit
 
 
 class _Search:
-    """Sets of open points, the best first known."""
+    """Search over sets of open points."""
 
-    def __init__(self, points: PointProblem, steady: Array, apart: Array, end: float):
-        self._given = points, steady, apart
+    def __init__(self, points: PointProblem, apart: Array, end: float):
+        self._points = points
+        self._apart = apart
         self._end = end
-        self.known: dict[bytes, StaticState] = {}
+        self._known: dict[bytes, StaticState] = {}
         self.opened: Flags = np.zeros(points.number, dtype=bool)
         self.best = self._of(self.opened)
         self.complete = False
 
     def _of(self, opened: Flags) -> StaticState:
         key = opened.tobytes()
-        if key not in self.known:
-            self.known[key] = _Program(*self._given, opened).solve()
-        return self.known[key]
+        if key not in self._known:
+            program = _Program(self._points, self._points.p, self._apart, opened)
+            self._known[key] = program.solve()
+        return self._known[key]
 
     def _try(self, opened: Flags) -> bool:
         """Whether a set is better; it is then the best."""
@@ -481,7 +433,7 @@ class _Search:
         return True
 
     def run(self, begin: Flags) -> None:
-        """Until nothing is better, all are tried, or time is over."""
+        """Search until nothing is better, all sets are tried, or time is over."""
         self._try(begin)
         m = len(begin)
         if m <= _ALL_SETS:
@@ -504,7 +456,7 @@ class _Search:
     def ranges(self) -> list[tuple[float, float]]:
         """Factors of all sets that were tried, joined where they meet."""
         joined: list[tuple[float, float]] = []
-        for a, b in sorted((s.least, s.lower) for s in self.known.values() if s.least <= s.lower):
+        for a, b in sorted((s.least, s.lower) for s in self._known.values() if s.least <= s.lower):
             if joined and a <= joined[-1][1] * (1 + _MEET) + _MEET:
                 joined[-1] = joined[-1][0], max(b, joined[-1][1])
             else:

@@ -16,18 +16,20 @@ which there are loads with several solutions, and every F for xi = 1. One set of
 an interval of F: those of smaller and larger F are found one after the other, and overlap.
 
 The least eigenvalue of the sum, scaled to a unit diagonal, is maximised over the logarithms of the
-weights; of several small eigenvalues a soft minimum, as in `multipliers.py`.
+weights; of several small eigenvalues a soft minimum, as in `proofs.weights`.
 """
 
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 from scipy.linalg import eigh
-from scipy.optimize import minimize
+
+from dolfinx_contact.proofs.weights import maximise
 
 __all__ = ["WeightedForm"]
 
@@ -46,10 +48,6 @@ _STEPS = (
     1.001,
 )  # by which the friction is raised, as long as that goes
 _MOST = 1e3  # factor at which this ends
-
-
-class _Found(Exception):
-    """The search has come to its end."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,12 +83,12 @@ class WeightedForm:
         return factor - down, factor + up
 
     def largest(self, *, enough: float = _MOST, effort: int = 60, seconds: float = np.inf) -> float:
-        """A factor of the friction up to which some weights prove the solution to be the only one.
+        """Return a friction factor up to which some weights prove uniqueness.
 
         Args:
-            enough: factor that is not to be surpassed.
+            enough: factor that need not be surpassed.
             effort: iterations of each search.
-            seconds: after which no more is searched.
+            seconds: time of the search.
         """
         end = time.monotonic() + seconds
         logs: Array = np.zeros(int(self.groups.max(initial=-1)) + 1)
@@ -109,39 +107,35 @@ class WeightedForm:
         return min(best, _MOST)
 
     def _search(self, logs: Array, factor: float, effort: int, end: float) -> Array | None:
-        """Logarithms of weights with which the sum is positive definite at a factor."""
+        """Logarithms of weights with which the sum is positive definite at a factor, or None."""
         R = self.S + factor * self.G
         diagonal = np.diag(R)
         if (diagonal <= 0).any():
             return None
         R = R / np.sqrt(diagonal[:, None] * diagonal)
-        known: list[Array] = []
 
-        def value(x: Array, tau: float) -> tuple[float, Array]:
+        def eigenvalues(x: Array) -> tuple[Array, Array, Callable[[Array], Array]]:
             # The form w_i R_ij / sqrt(w_i w_j), symmetric part, whose diagonal is 1.
             half = np.exp(x / 2)[self.groups]
             X = half[:, None] * R / half
             values, V = np.linalg.eigh((X + X.T) / 2)
-            if values[0] > _ENOUGH:
-                known.append(x.copy())
-                raise _Found
-            if time.monotonic() > end:
-                raise _Found
-            part = np.exp(-(values - values[0]) / tau)
-            total = part.sum()
-            part /= total
-            # d of v.X v / d x_i = (v_i (X v)_i - v_i (X^T v)_i) / 2
-            by_row = ((V * (X @ V) - V * (X.T @ V)) * part).sum(axis=1) / 2
-            slope = np.zeros_like(x)
-            np.add.at(slope, self.groups, by_row)
-            return float(-(values[0] - tau * np.log(total))), -slope
 
-        x = logs
-        limits = [(-_SPREAD, _SPREAD)] * len(logs)
-        try:
-            for tau in _TAUS:
-                options = dict(jac=True, method="L-BFGS-B", bounds=limits)
-                x = minimize(value, x, (tau,), options={"maxiter": effort}, **options).x
-        except _Found:
-            pass
-        return known[0] if known else None
+            def gradient(part: Array) -> Array:
+                # d of v.X v / d x_i = (v_i (X v)_i - v_i (X^T v)_i) / 2
+                by_row = ((V * (X @ V) - V * (X.T @ V)) * part).sum(axis=1) / 2
+                slope = np.zeros_like(x)
+                np.add.at(slope, self.groups, by_row)
+                return slope
+
+            return values, V, gradient
+
+        least, x, _ = maximise(
+            eigenvalues,
+            logs,
+            limits=[(-_SPREAD, _SPREAD)] * len(logs),
+            stages=[(tau, -np.inf) for tau in _TAUS],
+            effort=effort,
+            enough=_ENOUGH,
+            until=end,
+        )
+        return x if least > _ENOUGH else None

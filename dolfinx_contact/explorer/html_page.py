@@ -314,7 +314,7 @@ class _Page:
         regions = [asdict(region) for region in scene.regions]
         for region in regions:
             region["outlines"] = [outline.tolist() for outline in region["outlines"]]
-        drawn = [{"kind": c.kind, "points": c.points.tolist()} for c in scene.curves]
+        drawn = [asdict(curve) for curve in scene.curves]
         shown = {"ranges": scene.ranges, "regions": regions, "curves": drawn, "cells": cells}
         notes = [
             "The chart has no curves: regions end at cells. count_solutions(..., curves=) stores "

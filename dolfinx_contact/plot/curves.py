@@ -179,7 +179,7 @@ def draw_chart(
             colour = colours[names[c.solutions]]
             axes.fill_between(*c.outline(), facecolor=colour, hatch=hatches[c.proved], **look)
     for curve in scene.curves:
-        axes.plot(*curve.points.T, color="black", lw=1.8 if curve.kind == "fold" else 0.7)
+        axes.plot(*np.array(curve.points).T, color="black", lw=1.8 if curve.kind == "fold" else 0.7)
     if curves is not None and curves.cusps:
         axes.plot(*np.array(curves.cusps).T, "o", color="black", ms=5)
     axes.set(xlim=scene.ranges[0], ylim=scene.ranges[1], xlabel=labels[0], ylabel=labels[1])

@@ -31,7 +31,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, TypeAlias
 
 try:
     import numpy as np
@@ -56,6 +56,7 @@ __all__ = [
     "InvalidCertificate",
     "Masks",
     "PieceSolution",
+    "ProofRegion",
     "Proved",
     "ReducedProblem",
     "StatusRegion",
@@ -761,8 +762,42 @@ class Dual:
 # remains are two unknowns at every point.
 
 
+class _Piece:
+    """A piece and its solution, in 2D or 3D.
+
+    Attributes:
+        numbers: displacements and forces of the points, with their errors (m, 2 dim).
+        inequalities: quantities that the law requires to be nonnegative, with their errors.
+    """
+
+    @property
+    def numbers(self) -> Ball:
+        raise NotImplementedError
+
+    @property
+    def inequalities(self) -> Ball:
+        raise NotImplementedError
+
+    @property
+    def verdict(self) -> Literal["inside", "outside", "border"]:
+        """Whether the law certainly holds beyond its borders, certainly does not, or neither."""
+        if (self.inequalities.high < 0).any():
+            return "outside"
+        return "inside" if (self.inequalities.low > 0).all() else "border"
+
+    @property
+    def state(self) -> Array:
+        """Displacements and forces of the points (m, 2 dim)."""
+        return self.numbers.value
+
+    @property
+    def away(self) -> Array:
+        """Error bounds of the state (m, 2 dim)."""
+        return self.numbers.radius
+
+
 @dataclass(frozen=True, eq=False)
-class PieceSolution:
+class PieceSolution(_Piece):
     """The solution of a piece.
 
     Attributes:
@@ -785,7 +820,7 @@ class PieceSolution:
         return limit + self.rt, limit - self.rt
 
     @cached_property
-    def inequalities(self) -> Ball:
+    def inequalities(self) -> Ball:  # type: ignore[override]
         """Quantities that the law requires to be non-negative (m, 3), padded with 1."""
         is_free = IS_FREE[self.codes]
         rubs = (self.problem.friction > 0) | (self.problem.g > 0)
@@ -795,22 +830,10 @@ class PieceSolution:
         slip = where(sense != 0, sense * self.ut, 1.0)
         return stack([normal, where(is_free, slip, plus), where(is_free, 1.0, minus)])
 
-    @property
-    def verdict(self) -> Literal["inside", "outside", "border"]:
-        """Whether the law certainly holds beyond its borders, certainly does not, or neither."""
-        if (self.inequalities.high < 0).any():
-            return "outside"
-        return "inside" if (self.inequalities.low > 0).all() else "border"
-
-    @property
-    def state(self) -> Array:
-        """(ut, un, rt, rn) of the points (m, 4)."""
-        return stack([self.ut, self.un, self.rt, self.rn]).value
-
-    @property
-    def away(self) -> Array:
-        """Bounds of the errors of the state (m, 4)."""
-        return stack([self.ut, self.un, self.rt, self.rn]).radius
+    @cached_property
+    def numbers(self) -> Ball:  # type: ignore[override]
+        """(ut, un, rt, rn) of the points with their errors (m, 4)."""
+        return stack([self.ut, self.un, self.rt, self.rn])
 
 
 def matrix_of(S: Array, friction: Array, codes: Codes) -> Array:
@@ -1399,7 +1422,7 @@ class SpaceDual:
         sums = 2 * reach @ products + 2 * forces @ y + np.abs(problem.p) @ y
         return float(up(data + gamma(n + 64) * sums))
 
-    def impossible(self, cells: Cells, most: Array, margin: float = 1.0) -> npt.NDArray[np.bool_]:
+    def impossible(self, cells: Cells, most: Array, margin: float) -> npt.NDArray[np.bool_]:
         """Which cells y excludes (k,); all of a point where the region is empty."""
         h = self.least(cells, most)
         lowest = np.minimum.reduceat(h, cells.first)
@@ -1448,7 +1471,7 @@ _WIDER = 10.0 ** np.arange(12, 0, -2)  # factors by which balls may grow, tried 
 
 
 @dataclass(frozen=True, eq=False)
-class SpacePiece:
+class SpacePiece(_Piece):
     """The solution of a piece in space.
 
     Attributes:
@@ -1485,19 +1508,9 @@ class SpacePiece:
         return Ball(self.z, self.radius), Ball(self.e, np.stack([self.turn] * 2, axis=1))
 
     @cached_property
-    def numbers(self) -> Ball:
+    def numbers(self) -> Ball:  # type: ignore[override]
         """(ut1, ut2, un, rt1, rt2, rn) of the points with their errors (m, 6)."""
         return space_state(self.problem, self.codes, *self.unknowns)
-
-    @property
-    def state(self) -> Array:
-        """(ut1, ut2, un, rt1, rt2, rn) of the points (m, 6)."""
-        return self.numbers.value
-
-    @property
-    def away(self) -> Array:
-        """Bounds of the errors of the state (m, 6)."""
-        return self.numbers.radius
 
     @cached_property
     def slack(self) -> Ball:
@@ -1506,18 +1519,11 @@ class SpacePiece:
         return self.problem.friction * self.numbers[:, 5] + self.problem.g - shear
 
     @cached_property
-    def inequalities(self) -> Ball:
+    def inequalities(self) -> Ball:  # type: ignore[override]
         """Quantities that the law requires to be non-negative (m, 2), padded with 1."""
         normal = where(IS_OPEN[self.codes], self.numbers[:, 2], self.numbers[:, 5])
         slid = where(self.slips, self.unknowns[0][:, 0], 1.0)
         return stack([normal, where(_STUCK[self.codes], self.slack, slid)])
-
-    @property
-    def verdict(self) -> Literal["inside", "outside", "border"]:
-        """Whether the law certainly holds beyond its borders, certainly does not, or neither."""
-        if (self.inequalities.high < 0).any():
-            return "outside"
-        return "inside" if (self.inequalities.low > 0).all() else "border"
 
     @cached_property
     def _alone(self) -> Array:
@@ -2229,25 +2235,25 @@ class Certificate:
         """
         if not Path(path).is_file():
             raise FileNotFoundError(f"there is no file {path}")
-        if not zipfile.is_zipfile(path):
-            raise InvalidCertificate(f"{path} is no proof: it is no npz file")
         try:
+            if not zipfile.is_zipfile(path):
+                raise ValueError("it is no npz file")
             with np.load(path, allow_pickle=False) as archive:
                 found = {name: archive[name] for name in archive.files}
-        except Exception as error:  # whatever a file that is not one of numpy's brings about
-            raise InvalidCertificate(f"{path} is no proof: {error}") from error
-        if not {*_DATA, "steps", "vectors"} <= set(found):
-            raise InvalidCertificate(f"{path} is no certificate: parts are missing")
-        kind = str(found.get("format", _FORMAT))
-        if kind != _FORMAT:
-            raise InvalidCertificate(f"{path} is of the format {kind!r}; {_FORMAT!r} is known")
-        if any(found[name].dtype != np.float64 for name in (*_DATA, "vectors")):
-            raise InvalidCertificate(f"{path} is no certificate: a part holds no double numbers")
-        try:
+            missing = {*_DATA, "steps", "vectors"} - set(found)
+            if missing:
+                raise ValueError(
+                    f"it is no certificate: parts are missing: {', '.join(sorted(missing))}"
+                )
+            kind = str(found.get("format", _FORMAT))
+            if kind != _FORMAT:
+                raise ValueError(f"it is of the format {kind!r}; {_FORMAT!r} is known")
+            if any(found[name].dtype != np.float64 for name in (*_DATA, "vectors")):
+                raise ValueError("a part holds no double numbers")
             problem = ReducedProblem(**{name: found[name] for name in _DATA})
             proof = cls(problem, json.loads(str(found["steps"])), list(found["vectors"]))
             digests = [problem.digest, proof.digest]
-        except (ValueError, TypeError, IndexError, RecursionError) as error:
+        except Exception as error:  # a file that is not a proof may cause any error
             raise InvalidCertificate(f"{path} is no proof: {error}") from error
         if "format" in found or "digests" in found:
             stated = found.get("digests", np.zeros(0)).tolist()
@@ -2346,31 +2352,52 @@ def _is_same(a: PieceSolution | SpacePiece, b: PieceSolution | SpacePiece) -> bo
     return bool(np.array_equal(a.codes, b.codes))
 
 
+class _Region:
+    """Part of the search tree: what the points may still do, and bounds of the solutions there."""
+
+    def dual(self, y: Array) -> Any:
+        """The multipliers y of this problem, a `Dual` or a `SpaceDual`."""
+        raise NotImplementedError
+
+    @property
+    def limits(self) -> tuple[Any, Array]:
+        """Statuses or cells, and bounds, as arguments of the dual."""
+        raise NotImplementedError
+
+    def excluded(self, y: Array, margin: float = 1.0) -> npt.NDArray[np.bool_]:
+        """Statuses (m, 7) or cells (k,) that the vector y excludes.
+
+        Args:
+            y: multipliers.
+            margin: times the round-off that must be left.
+        """
+        return np.asarray(self.dual(y).impossible(*self.limits, margin))
+
+
 @dataclass(eq=False)
-class StatusRegion:
+class StatusRegion(_Region):
     """Sets of statuses, and bounds of the slots of the solutions with such statuses.
 
     Attributes:
         problem: scaled.
         allowed: masks (m,).
-        ub: (6, m).
+        ub: bounds of the slots (6, m).
     """
 
     problem: ReducedProblem
     allowed: Masks
     ub: Array
 
+    QUANTITY = ("slot", 6)
+
     @classmethod
     def whole(cls, problem: ReducedProblem) -> StatusRegion:
         """All statuses, with the bounds by energy."""
         return cls(problem, problem.statuses.copy(), bounded(problem))
 
-    def part(self, point: int, mask: int) -> StatusRegion:
-        """The statuses ``mask`` at one point."""
-        new = StatusRegion(self.problem, self.allowed.copy(), self.ub)
-        new.allowed[point] = mask
-        new.ub = restricted(self.problem, new.allowed, self.ub)
-        return new
+    def held(self, allowed: Masks) -> StatusRegion:
+        """The region with other sets of statuses, and the bounds that follow."""
+        return StatusRegion(self.problem, allowed, restricted(self.problem, allowed, self.ub))
 
     @property
     def choices(self) -> list[list[int]]:
@@ -2379,129 +2406,63 @@ class StatusRegion:
 
     @property
     def pieces(self) -> float:
-        """Their number."""
+        """Number of pieces."""
         return float(np.prod([float(len(c)) for c in self.choices]))
 
-    def excluded(self, y: Array, *, margin: float = 1.0) -> npt.NDArray[np.bool_]:
-        """Statuses that the vector ``y`` excludes (m, 7)."""
-        return Dual(self.problem, y).impossible(self.allowed, self.ub, margin)
+    def dual(self, y: Array) -> Dual:
+        return Dual(self.problem, y)
 
-    def exclude(self, point: int, status: int) -> None:
-        """Take a status out."""
-        self.allowed[point] &= ~(1 << status)
-        self.ub = restricted(self.problem, self.allowed, self.ub)
+    @property
+    def limits(self) -> tuple[Masks, Array]:
+        return self.allowed, self.ub
 
-    def most(self, y: Array, slot: int, point: int) -> float:
-        """The bound of a slot by the vector ``y``."""
-        return Dual(self.problem, y).most(self.allowed, self.ub, slot, point)
+    def empties(self, excluded: npt.NDArray[np.bool_]) -> bool:
+        """Whether all statuses of a point are excluded (m, 7)."""
+        return bool((excluded == has_status(self.allowed)).all(axis=1).any())
 
-    def round_off(self, y: Array) -> float:
-        """The rounding error that `most` includes."""
-        return Dual(self.problem, y).round_off(self.ub)
+    def limit(self, slot: int, point: int, value: float) -> None:
+        """Lower a bound of a slot."""
+        self.ub = self.ub.copy()
+        self.ub[slot, point] = max(min(self.ub[slot, point], value), 0.0)
 
+    def without(self, what: list[Any], excluded: npt.NDArray[np.bool_]) -> list[StatusRegion]:
+        """The region without excluded statuses, pairs of a point and a status."""
+        allowed = self.allowed.copy()
+        for point, status in what:
+            if not excluded[_index(point, len(excluded)), _index(status, 7)]:
+                raise InvalidCertificate("an exclusion is not proved")
+            allowed[point] &= ~(1 << status)
+        return [self.held(allowed)]
 
-def check(certificate: Certificate) -> Proved:
-    """Follow a certificate.
-
-    Raises:
-        InvalidCertificate: if a step does not prove what it says, or steps are missing.
-    """
-    proved = Proved()
-    try:
-        problem = certificate.problem.scaled
-        waiting: list[Any] = [
-            SpaceRegion.whole(problem) if problem.dim == 3 else StatusRegion.whole(problem)
-        ]
-        follow_step = follow_in_space if problem.dim == 3 else follow
-        # What overflows proves nothing, and says so by comparisons that fail.
-        with np.errstate(all="ignore"):
-            for step in certificate.steps:
-                if not waiting:
-                    raise InvalidCertificate("there are steps after the last leaf")
-                waiting += follow_step(certificate, step, waiting.pop(), proved)
-    except InvalidCertificate:
-        raise
-    except (LookupError, TypeError, ValueError, ArithmeticError, AttributeError) as error:
-        raise InvalidCertificate(f"a step cannot be read: {error}") from error
-    if waiting:
-        raise InvalidCertificate("steps are missing")
-    return proved
-
-
-def follow(
-    certificate: Certificate, step: dict[str, Any], region: StatusRegion, proved: Proved
-) -> list[StatusRegion]:
-    """Check one step of a proof.
-
-    Args:
-        certificate: proof that contains the step.
-        step: one of those above.
-        region: changed.
-        proved: receives what the step proves.
-
-    Returns:
-        What is left of the region, last part first.
-
-    Raises:
-        InvalidCertificate: if the step does not prove what it says.
-    """
-    kind = step["do"]
-    if kind == "branch":
-        point = _index(step["point"], len(region.allowed))
-        parts = step["parts"]
-        whole = int(region.allowed[point])
-        if int(np.bitwise_or.reduce([0, *parts])) & whole != whole:
+    def branched(self, step: dict[str, Any]) -> list[StatusRegion]:
+        """Parts of the region, last part first."""
+        point = _index(step["point"], len(self.allowed))
+        whole = int(self.allowed[point])
+        if int(np.bitwise_or.reduce([0, *step["parts"]])) & whole != whole:
             raise InvalidCertificate("a branch leaves statuses out")
-        return [region.part(point, mask & whole) for mask in reversed(parts)]
-    if kind == "open":
-        proved.open_regions.append(region.allowed)
-        return []
-    if kind == "rest":
-        return follow_rest(certificate.problem, proved)
-    if kind == "pieces":
-        _all_pieces(certificate, step["singular"], region, proved)
-        return []
-    if kind == "only":
-        piece = _piece(region.problem, step["codes"])
-        found = None if piece is None else differences(piece, region.allowed, region.ub)
+        parts = []
+        for mask in reversed(step["parts"]):
+            allowed = self.allowed.copy()
+            allowed[point] = mask & whole
+            parts.append(self.held(allowed))
+        return parts
+
+    def opened(self, _: dict[str, Any]) -> Masks:
+        """The statuses about which nothing is proved."""
+        return self.allowed
+
+    def only(self, step: dict[str, Any]) -> PieceSolution:
+        """The only solution of the region, if it is one."""
+        codes = _codes(self.problem, step)
+        piece = solve_piece(self.problem, codes)
+        d = None if piece is None else differences(piece, self.allowed, self.ub)
         weights, theta = (np.array(step[k], dtype=float) for k in ("weights", "theta"))
-        fits = found is not None and weights.shape == theta.shape == found.unknown.shape
-        if found is None or not fits or not found.prove(weights, theta, float(step["mu"])):
+        fits = d is not None and weights.shape == theta.shape == d.unknown.shape
+        if piece is None or d is None or not fits:
             raise InvalidCertificate("a uniqueness is not proved")
-        assert piece is not None
-        proved.add(piece)
-        return []
-    y = certificate.vectors[_index(step["y"], len(certificate.vectors))]
-    if y.shape != region.problem.p.shape or not np.isfinite(y).all():
-        raise InvalidCertificate("a vector of multipliers does not fit")
-    if kind == "bound":
-        slot = _index(step["slot"], 6)
-        point = _index(step["point"], len(region.allowed))
-        value = _proved_bound(step, region.most(y, slot, point), region.round_off(y))
-        region.ub = region.ub.copy()
-        region.ub[slot, point] = max(min(region.ub[slot, point], value), 0.0)
-        return [region]
-    excluded = region.excluded(y)
-    if kind == "empty":
-        if not (excluded == has_status(region.allowed)).all(axis=1).any():
-            raise InvalidCertificate("a region is not proved empty")
-        return []
-    if kind != "exclude":
-        raise InvalidCertificate(f"there is no step {kind!r}")
-    for point, status in step["what"]:
-        if not excluded[_index(point, len(excluded)), _index(status, 7)]:
-            raise InvalidCertificate("an exclusion is not proved")
-    for point, status in step["what"]:
-        region.exclude(point, status)
-    return [region]
-
-
-def follow_rest(problem: ReducedProblem, proved: Proved) -> list[Any]:
-    """Without load a.S a <= p.a leaves a = 0 alone."""
-    if problem.p.any() or problem.dp.any():
-        raise InvalidCertificate("there is a load")
-    proved.at_rest = True
-    return []
+        if not d.prove(weights, theta, float(step["mu"])):
+            raise InvalidCertificate("a uniqueness is not proved")
+        return piece
 
 
 @dataclass(frozen=True, eq=False)
@@ -2527,7 +2488,7 @@ class OpenCells:
 
 
 @dataclass(eq=False)
-class SpaceRegion:
+class SpaceRegion(_Region):
     """Cells of the points, and bounds of the solutions in them.
 
     Attributes:
@@ -2540,157 +2501,216 @@ class SpaceRegion:
     cells: Cells
     most: Array
 
+    QUANTITY = ("quantity", MOST)
+
     @classmethod
     def whole(cls, problem: ReducedProblem) -> SpaceRegion:
         """All cells, with the bounds by energy."""
         return cls(problem, Cells.whole(problem), bounded_in_space(problem))
 
     def part(self, keep: npt.NDArray[np.bool_]) -> SpaceRegion:
-        """With some of the cells."""
+        """The region with some of the cells."""
         return SpaceRegion(self.problem, self.cells.kept(keep), self.most)
-
-    def excluded(self, y: Array, *, margin: float = 1.0) -> npt.NDArray[np.bool_]:
-        """Cells that the vector ``y`` excludes (k,)."""
-        return SpaceDual(self.problem, y).impossible(self.cells, self.most, margin)
-
-    def limit(self, quantity: int, point: int, value: float) -> None:
-        """Take a bound of a quantity."""
-        self.most = self.most.copy()
-        self.most[quantity, point] = min(self.most[quantity, point], value)
 
     @property
     def kinds(self) -> list[frozenset[int]]:
         """Kinds of the cells, point by point."""
         return [self.cells.kinds_at(i) for i in range(self.problem.points)]
 
+    def dual(self, y: Array) -> SpaceDual:
+        return SpaceDual(self.problem, y)
 
-def follow_in_space(
-    certificate: Certificate, step: dict[str, Any], region: SpaceRegion, proved: Proved
-) -> list[SpaceRegion]:
-    """Take one step of a proof in space; as `follow`."""
+    @property
+    def limits(self) -> tuple[Cells, Array]:
+        return self.cells, self.most
+
+    def empties(self, excluded: npt.NDArray[np.bool_]) -> bool:
+        """Whether all cells of a point are excluded (k,)."""
+        return bool(np.logical_and.reduceat(excluded, self.cells.first).any())
+
+    def limit(self, quantity: int, point: int, value: float) -> None:
+        """Lower a bound of a quantity."""
+        self.most = self.most.copy()
+        self.most[quantity, point] = min(self.most[quantity, point], value)
+
+    def without(self, what: list[Any], excluded: npt.NDArray[np.bool_]) -> list[SpaceRegion]:
+        """The region without excluded cells, by number; none if a point has no cell left."""
+        keep = np.ones(len(self.cells), dtype=bool)
+        for number in what:
+            if not excluded[_index(number, len(excluded))]:
+                raise InvalidCertificate("an exclusion is not proved")
+            keep[number] = False
+        left = self.part(keep)
+        return [left] if len(left.cells.first) == self.problem.points else []
+
+    def branched(self, step: dict[str, Any]) -> list[SpaceRegion]:
+        """Parts of the region, last part first."""
+        here = self.cells.node == _index(step["point"], self.problem.points)
+        left = here.copy()
+        parts = []
+        for numbers in reversed(step["parts"]):
+            keep = ~here
+            for number in numbers:
+                keep[_index(number, len(self.cells))] = True
+                left[number] = False
+            if not (keep & here).any():
+                raise InvalidCertificate("a part of a branch has no cell")
+            parts.append(self.part(keep))
+        if left.any():
+            raise InvalidCertificate("a branch leaves cells out")
+        return parts
+
+    def opened(self, step: dict[str, Any]) -> OpenCells:
+        """The cells about which nothing is proved, with the reason."""
+        return OpenCells(self.cells, self.most, str(step["why"]))
+
+    def only(self, step: dict[str, Any]) -> SpacePiece:
+        """The only solution of the region, if it is one."""
+        problem = self.problem
+        codes, z = _codes(problem, step), np.array(step["z"], dtype=np.float64)
+        if z.shape != (problem.points, 3):
+            raise InvalidCertificate("statuses do not fit")
+        piece = solve_in_space(problem, codes, z)
+        if piece is None:
+            raise InvalidCertificate("no solution of a piece is proved")
+        if step["do"] == "leaf":
+            closed = np.where(problem.friction > 0, IN_SLIP, IN_CLOSED)
+            kinds = np.where(codes == 2, closed, np.where(codes == 1, IN_STICK, IN_OPEN))
+            if (self.cells.kind != kinds[self.cells.node]).any():
+                raise InvalidCertificate("statuses are not those of the cells")
+            sure = only_one(piece, self.cells, self.most)
+        else:
+            d = space_differences(piece, self.cells, self.most)
+            weights = np.array(step["weights"], dtype=np.float64)
+            fits = d is not None and weights.shape == d.has.shape
+            sure = d is not None and fits and d.prove(weights, float(step["mu"]))
+        if not sure:
+            raise InvalidCertificate("a uniqueness is not proved")
+        return piece
+
+
+ProofRegion: TypeAlias = StatusRegion | SpaceRegion
+
+
+def whole_region(problem: ReducedProblem) -> ProofRegion:
+    """All statuses or cells of a scaled problem, with the bounds by energy."""
+    return (SpaceRegion if problem.dim == 3 else StatusRegion).whole(problem)
+
+
+def check(certificate: Certificate) -> Proved:
+    """Follow a certificate.
+
+    Raises:
+        InvalidCertificate: if a step does not prove what it says, or steps are missing.
+    """
+    proved = Proved()
+    try:
+        waiting = [whole_region(certificate.problem.scaled)]
+        # What overflows proves nothing, and says so by comparisons that fail.
+        with np.errstate(all="ignore"):
+            for step in certificate.steps:
+                if not waiting:
+                    raise InvalidCertificate("there are steps after the last leaf")
+                waiting += follow(certificate, step, waiting.pop(), proved)
+    except InvalidCertificate:
+        raise
+    except (LookupError, TypeError, ValueError, ArithmeticError, AttributeError) as error:
+        raise InvalidCertificate(f"a step cannot be read: {error}") from error
+    if waiting:
+        raise InvalidCertificate("steps are missing")
+    return proved
+
+
+def follow(
+    certificate: Certificate, step: dict[str, Any], region: ProofRegion, proved: Proved
+) -> Sequence[ProofRegion]:
+    """Check one step of a proof.
+
+    Args:
+        certificate: proof that contains the step.
+        step: one of those above.
+        region: region on which the step acts.
+        proved: receives the statements that the step proves.
+
+    Returns:
+        Remaining parts of the region, last part first.
+
+    Raises:
+        InvalidCertificate: if the step does not prove what it says.
+    """
     kind = step["do"]
-    points = region.problem.points
     if kind == "branch":
-        return _branched(step, region)
-    if kind == "halve":
-        region.cells = region.cells.halved(_index(step["point"], points))
-        return [region]
+        return region.branched(step)
     if kind == "open":
-        proved.open_regions.append(OpenCells(region.cells, region.most, str(step["why"])))
+        proved.open_regions.append(region.opened(step))
         return []
     if kind == "rest":
-        return follow_rest(certificate.problem, proved)
-    if kind in ("leaf", "only"):
-        _follow_one(step, region, proved)
+        # Without load a.S a <= p.a leaves a = 0 alone.
+        if certificate.problem.p.any() or certificate.problem.dp.any():
+            raise InvalidCertificate("there is a load")
+        proved.at_rest = True
         return []
+    if kind == "only" or (kind == "leaf" and isinstance(region, SpaceRegion)):
+        proved.add(region.only(step))
+        return []
+    if kind == "pieces" and isinstance(region, StatusRegion):
+        _all_pieces(certificate, step["singular"], region, proved)
+        return []
+    if kind == "halve" and isinstance(region, SpaceRegion):
+        cells = region.cells.halved(_index(step["point"], region.problem.points))
+        return [SpaceRegion(region.problem, cells, region.most)]
+    if kind not in ("bound", "empty", "exclude"):
+        raise InvalidCertificate(f"there is no step {kind!r}")
     y = certificate.vectors[_index(step["y"], len(certificate.vectors))]
     if y.shape != region.problem.p.shape or not np.isfinite(y).all():
         raise InvalidCertificate("a vector of multipliers does not fit")
     if kind == "bound":
-        quantity = _index(step["quantity"], MOST)
-        point = _index(step["point"], points)
-        dual = SpaceDual(region.problem, y)
-        bound = dual.most(region.cells, region.most, quantity, point)
-        region.limit(quantity, point, _proved_bound(step, bound, dual.round_off(region.most)))
+        dual: Any = region.dual(y)
+        name, size = region.QUANTITY
+        quantity = _index(step[name], size)
+        point = _index(step["point"], region.problem.points)
+        bound = dual.most(*region.limits, quantity, point)
+        region.limit(quantity, point, _proved_bound(step, bound, dual.round_off(region.limits[1])))
         return [region]
     excluded = region.excluded(y)
-    if kind == "empty":
-        if not np.logical_and.reduceat(excluded, region.cells.first).any():
-            raise InvalidCertificate("a region is not proved empty")
-        return []
-    if kind != "exclude":
-        raise InvalidCertificate(f"there is no step {kind!r}")
-    keep = np.ones(len(region.cells), dtype=bool)
-    for number in step["what"]:
-        if not excluded[_index(number, len(excluded))]:
-            raise InvalidCertificate("an exclusion is not proved")
-        keep[number] = False
-    left = region.part(keep)
-    return [left] if len(left.cells.first) == points else []
-
-
-def _branched(step: dict[str, Any], region: SpaceRegion) -> list[SpaceRegion]:
-    """Parts of a region, last part first."""
-    cells = region.cells
-    here = cells.node == _index(step["point"], region.problem.points)
-    left = here.copy()
-    found = []
-    for part in step["parts"]:
-        keep = ~here
-        for number in part:
-            keep[_index(number, len(cells))] = True
-            left[number] = False
-        if not (keep & here).any():
-            raise InvalidCertificate("a part of a branch has no cell")
-        found.append(region.part(keep))
-    if left.any():
-        raise InvalidCertificate("a branch leaves cells out")
-    return found[::-1]
-
-
-def _follow_one(step: dict[str, Any], region: SpaceRegion, proved: Proved) -> None:
-    """A leaf that holds nothing but the solution of a piece, if that is one."""
-    problem = region.problem
-    codes, z = step["codes"], np.array(step["z"], dtype=np.float64)
-    allowed = problem.statuses
-    if len(codes) != problem.points or z.shape != (problem.points, 3):
-        raise InvalidCertificate("statuses do not fit")
-    if not all(int(allowed[i]) >> _index(s, 7) & 1 for i, s in enumerate(codes)):
-        raise InvalidCertificate("a point cannot have this status")
-    piece = solve_in_space(problem, np.array(codes, dtype=np.int8), z)
-    if piece is None:
-        raise InvalidCertificate("no solution of a piece is proved")
-    if step["do"] == "leaf":
-        kinds = np.where(piece.codes == 2, np.where(problem.friction > 0, IN_SLIP, IN_CLOSED), 0)
-        kinds = np.where(piece.codes == 1, IN_STICK, kinds)
-        if (region.cells.kind != kinds[region.cells.node]).any():
-            raise InvalidCertificate("statuses are not those of the cells")
-        sure = only_one(piece, region.cells, region.most)
-    else:
-        found = space_differences(piece, region.cells, region.most)
-        weights = np.array(step["weights"], dtype=np.float64)
-        fits = found is not None and weights.shape == found.has.shape
-        sure = fits and found is not None and found.prove(weights, float(step["mu"]))
-    if not sure:
-        raise InvalidCertificate("a uniqueness is not proved")
-    proved.add(piece)
+    if kind == "exclude":
+        return region.without(step["what"], excluded)
+    if not region.empties(excluded):
+        raise InvalidCertificate("a region is not proved empty")
+    return []
 
 
 def _all_pieces(
     certificate: Certificate, singular: list[Any], region: StatusRegion, proved: Proved
 ) -> None:
+    """Solve all pieces of a leaf; a vector may prove that a singular one is empty."""
     if region.pieces > MOST_PIECES:
         raise InvalidCertificate("a leaf has too many pieces")
-    known = {tuple(codes): number for codes, number in singular}
-    for codes in itertools.product(*region.choices):
-        piece = solve_piece(region.problem, np.array(codes, dtype=np.int8))
+    vectors = {tuple(codes): number for codes, number in singular}
+    for choice in itertools.product(*region.choices):
+        codes = np.array(choice, dtype=np.int8)
+        piece = solve_piece(region.problem, codes)
         if piece is not None:
             proved.add(piece)
-        elif not _holds_nothing(certificate, known.get(codes), region, codes):
-            proved.singular.append(np.array(codes, dtype=np.int8))
+            continue
+        number = vectors.get(choice)
+        if number is not None:
+            y = certificate.vectors[_index(number, len(certificate.vectors))]
+            if region.held(1 << codes.astype(np.int64)).excluded(y).any():
+                continue
+        proved.singular.append(codes)
 
 
-def _holds_nothing(
-    certificate: Certificate, number: int | None, region: StatusRegion, codes: tuple[int, ...]
-) -> bool:
-    """Whether a vector proves that a singular piece holds no solution."""
-    if number is None:
-        return False
-    held = StatusRegion(
-        region.problem, np.array([1 << s for s in codes], dtype=np.int64), region.ub
-    )
-    held.ub = restricted(region.problem, held.allowed, region.ub)
-    y = certificate.vectors[_index(number, len(certificate.vectors))]
-    return bool(held.excluded(y).any())
-
-
-def _piece(problem: ReducedProblem, codes: list[int]) -> PieceSolution | None:
-    if len(codes) != problem.points or not all(0 <= s < 7 for s in codes):
+def _codes(problem: ReducedProblem, step: dict[str, Any]) -> Codes:
+    """The statuses of a step (m,), which the points must be able to have."""
+    codes = step["codes"]
+    if len(codes) != problem.points:
         raise InvalidCertificate("statuses do not fit")
-    allowed = problem.statuses
-    if not all(int(allowed[i]) >> s & 1 for i, s in enumerate(codes)):
+    if not all(
+        int(mask) >> _index(s, 7) & 1 for mask, s in zip(problem.statuses, codes, strict=True)
+    ):
         raise InvalidCertificate("a point cannot have this status")
-    return solve_piece(problem, np.array(codes, dtype=np.int8))
+    return np.array(codes, dtype=np.int8)
 
 
 def _proved_bound(step: dict[str, Any], bound: float, round_off: float) -> float:

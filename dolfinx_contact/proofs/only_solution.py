@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Whether one solution of a reduced problem is the only one.
 
-The certificate of one point (`check_proof.py`) over all statuses costs some eigenvalue problems of
-the size of the reduced problem, most often few. Where these bring no proof another solution is
-looked for, from uniform statuses, then more weights. If there is time for it more starts and more
-effort follow, and in the end a proof by branch and bound.
+The certificate of one point (differences, `check_proof.py`) over the whole problem is tried first;
+in 2D it costs few eigenvalue problems of the size of the reduced problem. If it fails, another
+solution is searched from some starts, then in 2D more weights. If there is time, both get more
+effort, and branch and bound follows.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -20,24 +20,25 @@ from dolfinx_contact.proofs.check_proof import (
     Certificate,
     PieceSolution,
     ReducedProblem,
-    StatusRegion,
-    differences,
+    SpacePiece,
     solve_piece,
+    whole_region,
 )
-from dolfinx_contact.proofs.plane_weights import find_weights
+from dolfinx_contact.proofs.pieces import piece_at
+from dolfinx_contact.proofs.plane import PlaneSearch
 from dolfinx_contact.proofs.solutions import prove_solutions
+from dolfinx_contact.proofs.space import SpaceSearch
+from dolfinx_contact.proofs.starts import many_solutions
 
 __all__ = ["OnlySolution", "is_only"]
 
 Codes = npt.NDArray[np.int8]
 Array = npt.NDArray[np.float64]
 
-_UNIFORM = 4  # starts of the search for another solution, with less time
-_TRIES = 16  # and with more
-_FIRST = 2  # effort of the search for weights at first,
-_QUICK = 15  # then by default,
-_EFFORT = 80  # and where there is time,
-_POINTS = 128  # up to so many points; then less, as eigenvalues cost the cube
+_FIRST = 2  # first effort of the search for weights in 2D
+_POINTS = 128  # points in 2D beyond which starts and effort decrease, as eigenvalues cost the cube
+_BATCH = 2e5  # entries of the matrices of all starts in 3D
+_SAME = 1e-6  # relative distance of states that are one
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +48,7 @@ class OnlySolution:
     Attributes:
         verdict: as in `results.uniqueness.Uniqueness`.
         reason: human-readable.
-        other: statuses (m,) and state (m, 4) of another solution.
+        other: statuses (m,) and state (m, 2 dim) of another solution.
         certificate: the proof, if there is one.
     """
 
@@ -57,78 +58,101 @@ class OnlySolution:
     certificate: Certificate | None = None
 
 
-def is_only(problem: ReducedProblem, codes: Codes, *, proof_seconds: float = 0.0) -> OnlySolution:
-    """Whether the solution with some statuses is the only one.
+def is_only(
+    problem: ReducedProblem, solution: Codes | Array, *, proof_seconds: float = 0.0
+) -> OnlySolution:
+    """Whether a solution is the only one.
 
     Args:
-        problem: the reduced problem.
-        codes: statuses of the solution (m,).
-        proof_seconds: for more effort and a proof by branch and bound, if the certificate of one
-            point fails.
+        problem: reduced problem.
+        solution: statuses of the solution (m,) in 2D, its state (m, 6) in 3D.
+        proof_seconds: time for branch and bound if the certificate of one point fails; if it is
+            positive, there are more starts and efforts.
     """
+    more = proof_seconds > 0
+    plane = problem.dim == 2
     scaled = problem.scaled
-    piece = solve_piece(scaled, codes)
-    inside = piece if piece is not None and piece.verdict != "outside" else None
-    share = min(1.0, (_POINTS / problem.points) ** 3)
-    tries, effort = (_TRIES, _EFFORT) if proof_seconds > 0 else (_UNIFORM, _QUICK)
-    certificate = _of_one_point(problem, inside, _FIRST)
-    other = None
-    if certificate is None:
-        other = _another(scaled, codes, max(2, int(share * tries)))
-    if certificate is None and other is None:
-        certificate = _of_one_point(problem, inside, max(8, int(share * effort)))
+    length, force = problem.units
+    units = np.repeat([length, force], problem.dim)
+    piece: PieceSolution | SpacePiece | None
+    if plane:
+        piece = solve_piece(scaled, np.asarray(solution, dtype=np.int8))
+        share = min(1.0, (_POINTS / problem.points) ** 3)
+        efforts = [_FIRST, max(8, int(share * (80 if more else 15)))]
+        starts = max(2, int(share * (16 if more else 4)))
+    else:
+        a, r = np.split(np.asarray(solution / units, dtype=np.float64), 2, axis=1)
+        piece = piece_at(scaled, a, r)
+        efforts = [80 if more else 40]
+        starts = max(4, min(200 if more else 8, int(_BATCH / len(problem.p) ** 2)))
+    at_border = piece is None or piece.verdict != "inside"
+    if plane and piece is not None and piece.verdict == "outside":
+        piece = None
+    certificate = _of_one_point(problem, piece, efforts[0])
+    other = None if certificate else _another(scaled, solution, starts, units)
+    if certificate is None and other is None and plane:
+        certificate = _of_one_point(problem, piece, efforts[1])
     if certificate is not None:
         return OnlySolution("proved", "the certificate of one point", None, certificate)
     if other is not None:
-        length, force = problem.units
-        state = other.state * np.array([length, length, force, force])
+        state = np.asarray(other.state * units, dtype=np.float64)
         return OnlySolution("others exist", "another solution was found", (other.codes, state))
-    if proof_seconds > 0:
-        return _by_search(problem, codes, proof_seconds)
-    if piece is None or piece.verdict != "inside":
+    if more:
+        return _by_search(problem, solution, proof_seconds)
+    if plane and at_border:
         return OnlySolution("not proved", "the solution is at a border of its statuses")
     return OnlySolution("not proved", "the certificate of one point does not hold")
 
 
 def _of_one_point(
-    problem: ReducedProblem, piece: PieceSolution | None, effort: int
+    problem: ReducedProblem, piece: PieceSolution | SpacePiece | None, effort: int
 ) -> Certificate | None:
-    if piece is None:
-        return None
-    certificate = Certificate(problem)
-    region = StatusRegion.whole(problem.scaled)
-    d = differences(piece, region.allowed, region.ub)
-    w = None if d is None else find_weights(d, effort=effort)
-    if w is None or not w.proves:
-        return None
-    certificate.steps.append(
-        {
-            "do": "only",
-            "codes": piece.codes.tolist(),
-            "weights": w.weights.tolist(),
-            "theta": w.theta.tolist(),
-            "mu": w.mu,
-        }
-    )
-    return certificate
-
-
-def _another(problem: ReducedProblem, codes: Codes, tries: int) -> PieceSolution | None:
-    """Another solution, inside its borders; None if none was found."""
-    random = np.random.default_rng(0)
-    for found in candidates(problem, problem.statuses, [], random, tries):
-        if not np.array_equal(found, codes):
-            piece = solve_piece(problem, found)
-            if piece is not None and piece.verdict == "inside":
-                return piece
+    """Return a proof of one step, or None."""
+    search: Any = (PlaneSearch if problem.dim == 2 else SpaceSearch)(problem, np.inf)
+    region = whole_region(search.problem)
+    if search.step(region, do="rest") is not None:
+        return search.certificate
+    if piece is not None and search.only(region, piece, effort)[0]:
+        return search.certificate
     return None
 
 
-def _by_search(problem: ReducedProblem, codes: Codes, proof_seconds: float) -> OnlySolution:
-    found = prove_solutions(problem, known=[codes], proof_seconds=proof_seconds, progress=False)
-    others = [s for s in found.solutions if not np.array_equal(s.codes, codes)]
-    if others:
-        return OnlySolution("others exist", found.method, (others[0].codes, others[0].state))
+def _another(
+    problem: ReducedProblem, solution: Any, starts: int, units: Array
+) -> PieceSolution | SpacePiece | None:
+    """Return another solution, proved and inside its borders; None if none was found."""
+    random = np.random.default_rng(0)
+    pieces: Any
+    if problem.dim == 2:
+        tried = candidates(problem, problem.statuses, [], random, starts)
+        pieces = (solve_piece(problem, codes) for codes in tried)
+    else:
+        pieces = (piece_at(problem, *state) for state in many_solutions(problem, starts, random))
+    for piece in pieces:
+        if piece is None or piece.verdict != "inside":
+            continue
+        if not _is_same(problem.dim, piece.codes, piece.state * units, solution):
+            return piece
+    return None
+
+
+def _is_same(dim: int, codes: Codes, state: Array, solution: Any) -> bool:
+    """Whether statuses (in 2D) or states (in 3D) are those of the solution."""
+    if dim == 2:
+        return np.array_equal(codes, solution)
+    for part in (slice(0, 3), slice(3, 6)):
+        a, b = state[:, part], solution[:, part]
+        size = float(np.abs(b).max(initial=0.0)) or float(np.abs(a).max())
+        if np.abs(a - b).max() > _SAME * size:
+            return False
+    return True
+
+
+def _by_search(problem: ReducedProblem, solution: Any, proof_seconds: float) -> OnlySolution:
+    found = prove_solutions(problem, known=[solution], proof_seconds=proof_seconds, progress=False)
+    for s in found.solutions:
+        if not _is_same(problem.dim, s.codes, s.state, solution):
+            return OnlySolution("others exist", found.method, (s.codes, s.state))
     if found.verdict == "complete":
         return OnlySolution("proved", found.method, None, found.certificate)
     return OnlySolution("not proved", found.method)

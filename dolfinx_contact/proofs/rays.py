@@ -32,7 +32,7 @@ import numpy.typing as npt
 
 from dolfinx_contact.continuation.affine import AffineSystem
 from dolfinx_contact.laws.status import OPEN, STICK
-from dolfinx_contact.proofs.check_proof import ReducedProblem, gamma, least_eigenvalue, up
+from dolfinx_contact.proofs.check_proof import Ball, ReducedProblem, least_eigenvalue, up
 from dolfinx_contact.proofs.solutions import prove_solutions
 
 __all__ = ["Apex", "ProvedRays", "apex_problem", "prove_rays"]
@@ -107,33 +107,27 @@ def _eliminated(
     whole: ReducedProblem, k: npt.NDArray[np.intp], e: npt.NDArray[np.intp], friction: Array
 ) -> ReducedProblem:
     """S' and q' with their errors; see the module."""
-    S = whole.S
-    dS = whole.dS
-    q = whole.p
-    dq = whole.dp
-    kk = np.ix_(k, k)
-    ek = np.ix_(e, k)
-    ee = np.ix_(e, e)
-    n = len(e)
-    if n == 0:
-        return ReducedProblem(S[kk], q[k], friction, None, dS[kk], dq[k])
-    least = least_eigenvalue(S[ee], dS[ee])
+    S, q = whole.stiffness, whole.load
+    reduced, load = S[np.ix_(k, k)], q[k]
+    if len(e) == 0:
+        return _reduced(reduced, load, friction)
+    ee, ek = S[np.ix_(e, e)], S[np.ix_(e, k)]
+    least = least_eigenvalue(ee.value, ee.radius)
     if not least > 0:
         raise ValueError("the stiffness of the points that move is not positive definite")
-    Z = np.linalg.solve(S[ee], S[ek])
-    size = np.abs(Z)
-    R = np.abs(S[ek] - S[ee] @ Z) + gamma(n) * (np.abs(S[ek]) + np.abs(S[ee]) @ size)
-    R = up(R + dS[ek] + dS[ee] @ size)
+    Z = np.linalg.solve(ee.value, ek.value)
+    R = (ek - ee @ Z).size
     norms = np.sqrt(up((R**2).sum(axis=0)))
-    subtracted = np.abs(S[ek]).T @ size
-    off = dS[kk] + dS[ek].T @ size + size.T @ R + np.outer(norms, norms) / least
-    off = up(off + gamma(n + 2) * (np.abs(S[kk]) + subtracted))
-    reduced = S[kk] - S[ek].T @ Z
-    load = q[k] - Z.T @ q[e]
-    far = float(np.sqrt(up(((np.abs(q[e]) + dq[e]) ** 2).sum())))
-    off_load = dq[k] + size.T @ dq[e] + norms * far / least
-    off_load = up(off_load + gamma(n + 2) * (np.abs(q[k]) + size.T @ np.abs(q[e])))
-    return ReducedProblem(reduced, load, friction, None, off, off_load)
+    far = float(np.sqrt(up((q[e].size ** 2).sum())))
+    off = np.abs(Z).T @ R + np.outer(norms, norms) / least
+    reduced = reduced - ek.T @ Z + Ball(np.zeros_like(off), up(off))
+    shift: Array = np.asarray(norms * far / least, dtype=np.float64)
+    load = load - Z.T @ q[e] + Ball(np.zeros_like(shift), up(shift))
+    return _reduced(reduced, load, friction)
+
+
+def _reduced(S: Ball, q: Ball, friction: Array) -> ReducedProblem:
+    return ReducedProblem(S.value, q.value, friction, None, S.radius, q.radius)
 
 
 def prove_rays(

@@ -27,8 +27,8 @@ from dolfinx_contact.proofs.check_proof import (
     Verdict,
     in_words,
 )
-from dolfinx_contact.proofs.plane_search import search
-from dolfinx_contact.proofs.space_search import search_in_space
+from dolfinx_contact.proofs.plane import PlaneSearch
+from dolfinx_contact.proofs.space import SpaceSearch
 
 __all__ = ["ProvedSolution", "ProvedSolutions", "prove_solutions"]
 
@@ -131,11 +131,12 @@ def prove_solutions(
 
     begin = perf_counter()
     try:
-        run = search if reduced.dim == 2 else search_in_space
-        certificate, proved = run(reduced, starts, seconds=proof_seconds, progress=show)
+        kind = PlaneSearch if reduced.dim == 2 else SpaceSearch
+        search = kind(reduced, proof_seconds, show)
+        search.run(starts)
     finally:
         shown.clear()
-    return _described(reduced, certificate, proved, perf_counter() - begin)
+    return _described(reduced, search.certificate, search.proved, perf_counter() - begin)
 
 
 def _checked(problem: ReducedProblem, known: Iterable[Codes | Array]) -> list[Any]:
