@@ -301,7 +301,9 @@ def _theorem(points: PointProblem) -> tuple[bool, str]:
     # Both rows of a single point are in S; freely sliding neighbours make it softer.
     if d == 2 and not others[np.isin(point, coupled)].any():
         stiffness = [S[np.ix_(point == i, point == i)][0] for i in coupled]
-        below = [points.friction[i] * abs(k) < kt for i, (kt, k) in zip(coupled, stiffness, strict=True)]
+        below = [
+            points.friction[i] * abs(k) < kt for i, (kt, k) in zip(coupled, stiffness, strict=True)
+        ]
         if all(below) and m == 1:
             return True, "sufficient, as one point with less than its critical friction k_t/|k|"
         if all(below):
