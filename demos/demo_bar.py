@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-# # A long bar pulled to and fro over a floor
+# # Hysteresis: a long bar pulled to and fro over a floor
 #
 # This demo illustrates how to:
 #

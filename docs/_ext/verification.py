@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The verification manual, from marks on the tests, which are read and not run.
+"""The verification page, generated from marks on the tests without running them.
 
-A test that shows a feature says so, and what it compares with::
+A mark names the verified features and the reference of a test::
 
     @pytest.mark.verifies(
         "bodies of revolution",
@@ -9,11 +9,12 @@ A test that shows a feature says so, and what it compares with::
         aspects=("2D", "pairs"),
     )
 
-`REFERENCES` are the words before the colon. A test that shows what the package does not take has
-``@pytest.mark.refuses("rigid bodies", aspects=("multigrid",))``. How near the reference is reached
-stands in the test alone: the manual shows its comparisons as they are written, those with
-``figure="table.pressure"`` in them if the mark has that word, else what fits. That a test runs on
-several ranks is seen from the test; ``alone=True`` says that every rank computes the same there.
+The word before the colon is a kind of reference (`REFERENCES`). A test of a combination that the
+package rejects has the mark ``@pytest.mark.refuses("rigid bodies", aspects=("multigrid",))``. The
+page quotes the assertions of a test, which contain its tolerances: those with the text
+``figure="table.pressure"`` if the mark gives one, otherwise the first ones. Whether a test runs on
+several ranks is derived from its code; ``alone=True`` marks tests in which each rank computes the
+same. The table of verified numbers is `tests/data/verified.csv`.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:  # tests read marks where there is no Sphinx
     from sphinx.application import Sphinx
 
-#: Features of the package by chapter of the verification manual.
+#: Features of the package by chapter.
 FEATURES = {
     "Laws": (
         *("Signorini", "Tresca", "Coulomb", "nonlocal friction", "orthotropic friction"),
@@ -83,7 +84,7 @@ FEATURES = {
     ),
     "Newton's method": ("Newton's method", "loads in increments", "units", "options"),
 }
-#: What a feature is shown with; `RANKS` is read from the test.
+#: Conditions under which a feature is tested; `RANKS` is derived from the test.
 RANKS = "ranks"
 ASPECTS = (
     *("2D", "3D", "pairs", "large sliding", RANKS, "multigrid", "branches", "proofs", "records"),
@@ -98,12 +99,12 @@ REFERENCES = {
     "differences": False,
     "itself": False,
 }
-#: How many lines of a test are shown of what it compares.
+#: Largest number of quoted lines of a test.
 MOST_LINES = 8
 
 
 class MarkError(ValueError):
-    """A mark that says what cannot be, with its file and line."""
+    """Invalid mark, with its file and line."""
 
 
 @dataclass(frozen=True)
@@ -111,16 +112,16 @@ class Test:
     """A marked test.
 
     Attributes:
-        file: its file, below tests/.
-        name: its name.
-        purpose: the first line of its docstring, else its name in words.
-        features: what it shows, of `FEATURES`.
-        aspects: with what, of `ASPECTS`.
-        refuses: it shows a ValueError.
-        kind: of the reference, of `REFERENCES`; empty of what is refused.
-        reference: what it compares with.
-        comparisons: statements of the test that compare, as they are written.
-        cases: tolerances in them that come from the cases of the test.
+        file: path of its file below tests/.
+        name: name of the test function.
+        purpose: first line of its docstring, or its name in words.
+        features: verified features, names from `FEATURES`.
+        aspects: conditions of the test, names from `ASPECTS`.
+        refuses: whether the test expects a ValueError.
+        kind: kind of reference, a key of `REFERENCES`; empty if ``refuses``.
+        reference: description of the reference.
+        comparisons: quoted assertions.
+        cases: values of parametrised tolerances in the assertions.
     """
 
     file: str
@@ -136,18 +137,18 @@ class Test:
 
     @property
     def independent(self) -> bool:
-        """Whether it compares with something that this package has not computed."""
+        """Whether the reference does not come from this package."""
         return REFERENCES.get(self.kind, False)
 
     @property
     def id(self) -> str:
-        """As pytest has it."""
+        """Identifier in the form of pytest."""
         return f"tests/{self.file}::{self.name}"
 
 
 @dataclass(frozen=True)
 class Cell:
-    """What marks say of a feature with an aspect: numbers of tests."""
+    """Numbers of tests of a feature under one condition."""
 
     works: int = 0
     refused: int = 0
@@ -160,24 +161,24 @@ class Cell:
 
 @cache
 def _parsed(text: str) -> ast.Module:
-    """A file of Python."""
+    """Return the syntax tree of a file."""
     return ast.parse(text)
 
 
 @cache
 def _names(function: ast.FunctionDef) -> frozenset[str]:
-    """What a function names, its callees among it."""
+    """Return the names used in a function, including its callees."""
     return frozenset(node.id for node in ast.walk(function) if isinstance(node, ast.Name))
 
 
 @cache
 def _words(node: ast.AST) -> str:
-    """Code without its comments."""
+    """Return code without comments."""
     return ast.unparse(node)
 
 
 class Module:
-    """A file of tests: its functions, and what they call in it and in other files there."""
+    """File of tests: its functions, and the functions that they call in the files of tests."""
 
     def __init__(self, file: str, texts: Mapping[str, str]):
         self.file = file
@@ -191,7 +192,7 @@ class Module:
 
     @cached_property
     def values(self) -> dict[str, ast.expr]:
-        """What names of the module are."""
+        """Assigned expressions of the module by name."""
         return {
             node.targets[0].id: node.value
             for node in self.tree.body
@@ -200,7 +201,7 @@ class Module:
 
     @cached_property
     def imported(self) -> dict[str, tuple[Module, str]]:
-        """Functions that come from other files of tests, by their names here."""
+        """Functions imported from other files of tests, by local name."""
         found = {}
         for node in self.tree.body:
             if not isinstance(node, ast.ImportFrom):
@@ -214,11 +215,11 @@ class Module:
 
     @property
     def knows_ranks(self) -> bool:
-        """Whether it imports MPI or DOLFINx."""
+        """Whether the module imports MPI or DOLFINx."""
         return bool(re.search(r"^(from|import) (mpi4py|dolfinx)\b", self.text, re.MULTILINE))
 
     def reached(self, function: ast.FunctionDef) -> list[tuple[Module, ast.FunctionDef]]:
-        """A function, those that it calls, and what those call, of these files."""
+        """Return a function and all functions that it calls, directly or not."""
         found: list[tuple[Module, ast.FunctionDef]] = [(self, function)]
         names = {(self.file, function.name)}
         for module, caller in found:
@@ -230,12 +231,12 @@ class Module:
         return found
 
     def source(self, node: ast.stmt) -> str:
-        """The lines of a statement, moved to the left."""
+        """Return the lines of a statement without indentation."""
         return textwrap.dedent("\n".join(self._lines[node.lineno - 1 : node.end_lineno]))
 
 
 def _compares(node: ast.stmt) -> bool:
-    """Whether a statement is an assertion, of Python or of numpy."""
+    """Return whether a statement is an assertion of Python or numpy."""
     if isinstance(node, ast.Assert):
         return True
     call = node.value if isinstance(node, ast.Expr) else None
@@ -243,13 +244,13 @@ def _compares(node: ast.stmt) -> bool:
 
 
 def _has_tolerance(source: str) -> bool:
-    """Whether an assertion says how near something is."""
+    """Return whether an assertion contains a tolerance or a bound."""
     return bool(re.search(r"approx\(|allclose\(|[<>]", source))
 
 
 @cache
 def _asserted(function: ast.FunctionDef) -> tuple[ast.stmt, ...]:
-    """All assertions of a function, as they stand."""
+    """Return all assertions of a function in order."""
 
     def below(node: ast.AST) -> Iterator[ast.stmt]:
         for child in ast.iter_child_nodes(node):
@@ -264,10 +265,10 @@ def _asserted(function: ast.FunctionDef) -> tuple[ast.stmt, ...]:
 
 
 def _comparisons(module: Module, function: ast.FunctionDef, figure: str) -> tuple[str, ...]:
-    """What a test compares, as it is written: what is asked for, or what has a tolerance.
+    """Return the quoted assertions of a test.
 
-    What the test says itself comes before what its helpers say, of which only as much is shown as
-    fits.
+    If ``figure`` is given, these are the assertions that contain it. Otherwise assertions with a
+    tolerance come first, those of the test before those of its helpers, up to `MOST_LINES`.
     """
     sources = [
         there.source(node)
@@ -286,7 +287,7 @@ def _comparisons(module: Module, function: ast.FunctionDef, figure: str) -> tupl
 
 
 def _cases(function: ast.FunctionDef, comparisons: tuple[str, ...]) -> tuple[str, ...]:
-    """Tolerances that come from the cases of a test: their names and values."""
+    """Return names and values of parametrised tolerances in the quoted assertions."""
     words = set(re.findall(r"\w+", " ".join(comparisons)))
     found: dict[str, list[str]] = {}
     for call in function.decorator_list:
@@ -307,7 +308,7 @@ def _cases(function: ast.FunctionDef, comparisons: tuple[str, ...]) -> tuple[str
 
 
 def _raises(module: Module, function: ast.FunctionDef) -> bool:
-    """Whether a test expects a ValueError somewhere."""
+    """Return whether a test expects a ValueError."""
     return any(
         isinstance(node, ast.Call)
         and ast.unparse(node.func) == "pytest.raises"
@@ -318,7 +319,7 @@ def _raises(module: Module, function: ast.FunctionDef) -> bool:
 
 
 def _on_ranks(module: Module, function: ast.FunctionDef) -> bool:
-    """Whether a test is made for several ranks too, which then have a part each."""
+    """Return whether a test also runs distributed over several ranks."""
     marks = list(function.decorator_list)
     if "pytestmark" in module.values:
         marks.append(module.values["pytestmark"])
@@ -337,7 +338,7 @@ def _on_ranks(module: Module, function: ast.FunctionDef) -> bool:
 
 
 def _mark(module: Module, function: ast.FunctionDef, call: ast.Call) -> Test:
-    """The test that a mark stands on."""
+    """Return the test that carries a mark."""
 
     def wrong(reason: str) -> MarkError:
         return MarkError(f"tests/{module.file}:{call.lineno}: {function.name}: {reason}")
@@ -396,20 +397,20 @@ def _mark(module: Module, function: ast.FunctionDef, call: ast.Call) -> Test:
 
 
 def marked_tests(texts: Mapping[str, str]) -> list[Test]:
-    """All marked tests.
+    """Return all marked tests.
 
     Args:
-        texts: what stands in the files of the tests and beside them, by their names.
+        texts: contents of the files in the folder of tests, by path.
 
     Raises:
-        MarkError: of a mark with a feature, an aspect or a reference that there is not, on a test
-            that compares nothing, or that says of a test what it does not show.
+        MarkError: if a mark has an unknown feature, aspect or kind of reference, if its test
+            contains no assertion, or if the mark contradicts the test.
     """
     return [test for file in sorted(texts) for test in marks_in(file, texts)]
 
 
 def marks_in(file: str, texts: Mapping[str, str]) -> list[Test]:
-    """The marked tests of one file, which may call what stands in the others."""
+    """Return the marked tests of one file; their helpers may be in other files."""
     if not re.search(r"pytest\.mark\.(verifies|refuses)\(", texts[file]):
         return []
     module = Module(file, texts)
@@ -423,17 +424,17 @@ def marks_in(file: str, texts: Mapping[str, str]) -> list[Test]:
 
 
 def read_tests(folder: Path) -> dict[str, str]:
-    """The files of a folder of tests, by their names."""
+    """Return the contents of the files in a folder of tests by path."""
     files = folder.rglob("*.py")
     return {path.relative_to(folder).as_posix(): path.read_text() for path in files}
 
 
 def matrix(tests: list[Test]) -> dict[str, dict[str, Cell]]:
-    """What is shown of every feature: by aspects, and of each the tests with a reference.
+    """Return the matrix of features and conditions.
 
     Returns:
-        Of every feature its cells by `ASPECTS`, and by "reference" the number of tests that compare
-        with something independent.
+        For each feature a cell for each of `ASPECTS`, and under "reference" a cell with the number
+        of tests against independent references.
     """
     rows: dict[str, dict[str, Cell]] = {}
     for feature in itertools.chain(*FEATURES.values()):
@@ -447,12 +448,12 @@ def matrix(tests: list[Test]) -> dict[str, dict[str, Cell]]:
 
 
 def _place(feature: str) -> str:
-    """Where a feature stands on the page."""
+    """Return the anchor of a feature on the page."""
     return "verified-" + re.sub(r"\W+", "-", feature.lower())
 
 
 def matrix_page(tests: list[Test]) -> str:
-    """The matrix as MyST."""
+    """Return the matrix as MyST."""
     lines = [
         f"| feature | independent reference | {' | '.join(ASPECTS)} |",
         "|---" * (len(ASPECTS) + 2) + "|",
@@ -465,7 +466,7 @@ def matrix_page(tests: list[Test]) -> str:
 
 
 def _entry(test: Test) -> list[str]:
-    """A test in the list of benchmarks: a term, and what is said of it."""
+    """Return the entry of a test as lines of a definition list."""
     against = "Refused" if test.refuses else f"*{test.kind.capitalize()}*: {test.reference}"
     aspects = f" ({', '.join(test.aspects)})" if test.aspects else ""
     purpose = re.sub(r"([\\*_$|<>\[\]^#])", r"\\\1", test.purpose)
@@ -480,13 +481,13 @@ def _entry(test: Test) -> list[str]:
 
 
 def benchmarks_page(tests: list[Test]) -> str:
-    """All marked tests as MyST, each once, below the first feature that it names."""
+    """Return all marked tests as MyST: a folded block per chapter, tests at their first feature."""
     lines = []
     written: set[str] = set()
     for chapter, features in FEATURES.items():
-        lines += [f"### {chapter}", ""]
+        lines += [f"::::{{dropdown}} {chapter}", ""]
         for feature in features:
-            lines += [f"({_place(feature)})=", f"#### {feature[0].upper()}{feature[1:]}", ""]
+            lines += [f"({_place(feature)})=", f"**{feature[0].upper()}{feature[1:]}**", ""]
             of_it = [t for t in tests if feature in t.features]
             first = [t for t in of_it if t.features[0] == feature and t.id not in written]
             written |= {t.id for t in first}
@@ -497,28 +498,44 @@ def benchmarks_page(tests: list[Test]) -> str:
                 lines += [f"{'Also' if first else 'By'} {', '.join(f'`{i}`' for i in other)}.", ""]
             if not of_it:
                 lines += ["Not yet.", ""]
+        lines += ["::::", ""]
     return "\n".join(lines)
 
 
 def numbers(tests: list[Test]) -> str:
-    """How much there is, in two sentences."""
+    """Return the numbers of tests as text."""
     shown = [t for t in tests if not t.refuses]
     alone = sum(t.independent for t in shown)
     without = [f for f, cells in matrix(tests).items() if not cells["reference"].works]
     words = (
-        f"{len(shown)} marks say what works, {alone} of them against something that this package "
-        f"has not computed; {len(tests) - len(shown)} say what is refused."
+        f"{len(shown)} marks verify features, {alone} of them against independent references; "
+        f"{len(tests) - len(shown)} verify that a combination is rejected."
     )
     if without:
-        words += f" Without such a reference, so far: {', '.join(without)}."
+        words += f" Features without an independent reference: {', '.join(without)}."
     return words
 
 
-def orders_page(text: str) -> str:
-    """Orders of convergence as MyST.
+def verified_page(text: str) -> str:
+    """Return the table of verified numbers as MyST.
 
     Args:
-        text: tests/data/orders.csv, which tests compare with what they measure.
+        text: contents of tests/data/verified.csv, which a test compares with the demos.
+    """
+    head = ("quantity", "reference", "exact", "ours", "error", "test")
+    lines = [f"| {' | '.join(head)} |", "|---" * len(head) + "|"]
+    for row in csv.DictReader(text.splitlines()):
+        test = f"{{doc}}`{row['demo']} </demos/demo_{row['demo']}>`"
+        cells = [row[name] for name in head[:-1]]
+        lines.append(f"| {' | '.join([*cells, test])} |")
+    return "\n".join(lines)
+
+
+def orders_page(text: str) -> str:
+    """Return the orders of convergence as MyST.
+
+    Args:
+        text: contents of tests/data/orders.csv, which a test compares with measured orders.
     """
     head = "name", "feature", "problem", "fine", "error of", "theory", "measured", "last error"
     titles = *head[:3], "cells or steps", *head[4:]
@@ -530,24 +547,25 @@ def orders_page(text: str) -> str:
 
 
 def reasons_page(text: str) -> str:
-    """Features without orders of convergence, and why, as MyST.
+    """Return the features without an order of convergence, with the reason, as MyST.
 
     Args:
-        text: tests/data/without_orders.csv; a test compares it with the features and the rows.
+        text: contents of tests/data/without_orders.csv.
     """
-    lines = ["| features | why there is no row |", "|---|---|"]
+    lines = ["| features | reason |", "|---|---|"]
     for row in csv.DictReader(text.splitlines()):
         lines.append(f"| {row['features'].replace(';', ',')} | {row['reason']} |")
     return "\n".join(lines)
 
 
 def fill_page(app: Sphinx, name: str, source: list[str]) -> None:
-    """Put matrix and benchmarks into the page, where comments ask for them."""
+    """Replace the comments of the page by the generated parts."""
     if name != "verification":
         return
     folder = Path(app.srcdir).parent / "tests"
     tests = marked_tests(read_tests(folder))
     for word, text in (
+        ("verified", verified_page((folder / "data" / "verified.csv").read_text())),
         ("numbers", numbers(tests)),
         ("matrix", matrix_page(tests)),
         ("orders", orders_page((folder / "data" / "orders.csv").read_text())),
@@ -558,6 +576,6 @@ def fill_page(app: Sphinx, name: str, source: list[str]) -> None:
 
 
 def setup(app: Sphinx) -> dict[str, Any]:
-    """Called by Sphinx."""
+    """Register the handler with Sphinx."""
     app.connect("source-read", fill_page)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -1,11 +1,16 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-# # What do I do when a solve fails?
+# # What do I do when a solve fails to converge?
 #
-# A solve that fails raises `ConvergenceError` and leaves your Functions as they were. Where
-# Newton's method diverges or does not converge, and its fallbacks fail too, the message says what
-# was tried and which points keep changing; `attempts` has the iterates. Then: check that something
-# holds the body; let it touch at the start; go to the load in steps; try `algorithm="lemke"` in 2D.
-# Here a block lies on a floor by its weight alone, and without friction nothing holds it sideways.
+# A failed solve raises `ConvergenceError` and leaves the Functions unchanged. If Newton's method
+# diverges or does not converge, and its fallbacks fail too, the message lists the attempts and the
+# points whose status keeps changing; `attempts` contains the iterates. Then:
+#
+# - check that supports or friction hold the body;
+# - let the body touch at the start;
+# - apply the load in increments;
+# - try `algorithm="lemke"` in 2D.
+#
+# Here a block lies on a floor under its weight; without friction nothing holds it sideways.
 
 import numpy as np
 from common import Block

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 # # How do I model friction that weakens with the sliding speed?
 #
-# Write a `FrictionLaw` whose `bound`, the largest shear at the pressure p, depends on the speed v:
-# F(v) = k + (s - k) / (1 + v / v0), with the static coefficient s = 0.3 and the kinetic coefficient
-# k = 0.27. The speed is the slip in the step over the length of the step.
+# This is the steady state of rate and state friction. Write a `FrictionLaw` whose `bound`, the
+# largest shear at the pressure p, depends on the speed v: F(v) = k + (s - k) / (1 + v / v0), with
+# the static coefficient s = 0.3 and the kinetic coefficient k = 0.27. The speed is the slip in the
+# step over the length of the step.
 #
 # The law becomes steeper as steps shrink: in a step of length h the coefficient changes by
 # (s - k) / (v0 h) per unit of slip. Below a length of about (s - k) p / (v0 K), with the stiffness
