@@ -1,18 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-# # A bond that is pulled apart: adhesion that damage weakens
-#
-# This demo illustrates how to:
-#
-# - give a surface adhesion (`RCCM`), and look at its intensity, force and energies step by step;
-# - follow a snap-back with its folds by arc length (`ArcLength`, `--spring`).
-#
-# A glued block is drawn off; its face opens at a constant speed V. Springs of the stiffness C per
-# area hold it. Beyond u0 = (w/C)^(1/2) they lose their intensity beta: without viscosity it is
-# (u0/u)^2, the pull w^2/(C u^3), and the work w (1 - u0^2/(2 u^2)). With a viscosity b of u0 w/V
-# (`--viscosity 1`) the largest pull is 1.108 (w C)^(1/2), at 1.208 u0. w and C are no source's.
-#
-# In series with a spring of the stiffness K C, K < 3, the end of the spring must go back for the
-# bond to open slowly: u_tot turns at u0 (1 + 1/K), where damage begins, and at 4/3 u0 (3/K)^(1/4).
+"""A bond opened, viscous or with a spring.
+
+Reference: closed form. `demos/demo_adhesion.py` explains the problem.
+"""
 
 from mpi4py import MPI
 

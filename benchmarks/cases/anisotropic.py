@@ -1,20 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-# # Oblique fibres: beyond which friction a finer mesh has more solutions
-#
-# This demo illustrates how to:
-#
-# - write an anisotropic body in UFL, and get at the compliance of its contact points;
-# - look, with a proof, at how many solutions a mesh and a finer one have.
-#
-# P. Ballard and F. Iurlano (arXiv:2303.16298) prove that an isotropic plane body has a solution for
-# any friction, an anisotropic one as long as friction is not too strong; beyond, there may be none.
-# A discrete problem always has one; what can be seen is that meshes do not agree.
-#
-# A half-plane whose surface is drawn in waves exp(i k x) answers by forces |k| Z u, with a matrix Z
-# of the material, Hermitian (Stroh). Where it slips to the left under the pressure p the shear is
-# F p, and the gap that p makes is (A_nn + F Re A_nt) p / |k|, A = Z^-1, however short the waves.
-# Of an isotropic body Re A_nt = 0. Of one with oblique fibres this is negative beyond
-# F* = -A_nn / Re A_nt: the harder a wave of pressure presses, the less it holds.
+"""Oblique fibres.
+
+Reference: Stroh's half-plane. `demos/demo_anisotropic.py` explains the problem.
+"""
 
 from mpi4py import MPI
 
@@ -73,7 +61,7 @@ def threshold(C):
     return np.inf
 
 
-# ## A block that may slip uniformly
+# A block that may slip uniformly.
 #
 # The block hangs from its held top. Its loads are such that the state u = (-0.1 (1 - y), 0) with a
 # pressure of 1 all over the contact face, which slips to the left, is a solution on every mesh.
@@ -110,7 +98,7 @@ def body(n, friction, fibres, degrees, comm=MPI.COMM_WORLD):
     return ContactProblem(residual, u, [surface], bcs=[held])
 
 
-# ## What the meshes say
+# What the meshes say.
 #
 # Of the symmetric part of A_nn + F A_nt of all contact points the negative eigenvalues are counted:
 # the directions in which pressure does not hold the face. And all solutions are looked for.

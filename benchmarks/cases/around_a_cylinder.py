@@ -1,16 +1,13 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-# # A rubber band around a drum
-#
-# This demo illustrates how to:
-#
-# - let a body slide around a curved obstacle as far as it likes: gap and normal are those where its
-#   points are now, which is the default for bodies that are not linear (`sliding="large"`);
-# - lead the ends of a body along any path by the values of Dirichlet data, solve after solve.
-#
-# A neo-Hookean band lies on a rigid drum of radius 1, plane strain, no friction. Its ends are bent
-# down and stretched until it is wrapped around the drum, and are then led around the axis by more
-# than the contact is long. There the band is a part of a ring, for which an ordinary equation has
-# the pressure; and as nothing but the frame changes on the way around, the pressure stays.
+"""A band led around a drum.
+
+Reference: the equation of a ring.
+
+A neo-Hookean band lies on a rigid drum of radius 1, plane strain, no friction. Its ends are bent
+down and stretched until it is wrapped around the drum, and are then led around the axis by more
+than the contact is long. There the band is a part of a ring, for which an ordinary equation has
+the pressure; and as nothing but the frame changes on the way around, the pressure stays.
+"""
 
 from mpi4py import MPI
 
@@ -39,7 +36,7 @@ def arguments(argv=None):
     return parser.parse(argv)
 
 
-# ## The band and where its ends go
+# The band and where its ends go.
 #
 # Bent to the curvature k, a straight band becomes an arc that touches the drum at its top.
 
@@ -88,7 +85,7 @@ def way(part, angle, ring):
     return value
 
 
-# ## A ring
+# A ring.
 #
 # Layers at Y go to the radius r(Y), with the stretches a = r' and b = w r, w the angle per length.
 # The radial stress P(a, b) balances: P' = w P(b, a), r = 1 on the drum and P = 0 at the outer face.

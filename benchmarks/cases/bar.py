@@ -1,17 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-# # A long bar pulled over a floor that holds it by friction
-#
-# This demo illustrates how to:
-#
-# - load a body back and forth in time (`QuasiStatic`), by a force;
-# - look at what friction dissipates in a cycle, and compare with closed forms.
-#
-# A strip lies between two floors that press on it; of one half the upper face is the mirror plane,
-# held where the pressure is p. It is pulled at its end by a force P per width, and slips as far as
-# friction, q = mu p per length, must hold it: with the stiffness EA by P/q, its end by
-# P^2/(2 EA q). When the force falls by D the end slips back over D/(2 q), by D^2/(4 EA q). A cycle
-# between P and -P dissipates 2 P^3/(3 EA q). Shear across the thickness, which a bar does not know,
-# moves the end of the slip by about that.
+"""A bar pulled to and fro.
+
+Reference: closed form. `demos/demo_bar.py` explains the problem.
+"""
 
 from itertools import pairwise
 

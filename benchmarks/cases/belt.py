@@ -1,20 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-# # A belt pulled over a drum
-#
-# This demo illustrates how to:
-#
-# - let a body slide with friction along a curved obstacle as far as it likes, many facets in all:
-#   slips are arcs along the surface of the obstacle (`points.arcs`), summed up step by step;
-# - go through a history with memory, and take forces from supports.
-#
-# A thin belt hangs over half of a fixed drum. One of its straight ends carries a weight T1; the
-# other one is pulled down until the whole belt slips, and further, so that the straight part on the
-# side of the weight is wound up on the drum. With the friction mu and the angle alpha of contact,
-# forces of a belt without thickness go like T2/T1 = exp(mu alpha) (Euler, 1769; Eytelwein, 1808).
-# Friction acts on the inner face, at the radius R, the tension in the middle of the thickness h, at
-# R + h/2: the balance of moments about the axis, dT (R + h/2) = mu T R dalpha, makes it
-#
-#     T2/T1 = exp(mu alpha R/(R + h/2)).
+"""A belt on a drum.
+
+Reference: Euler. `demos/demo_belt.py` explains the problem.
+"""
 
 from mpi4py import MPI
 
@@ -46,7 +34,7 @@ def arguments(argv=None):
     return parser.parse(argv)
 
 
-# ## The belt
+# The belt.
 #
 # A strip of quadrilaterals, one across, bent to where it hangs: s goes along its inner face.
 

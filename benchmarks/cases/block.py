@@ -1,16 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-# # A block pressed and sheared on a rigid foundation
-#
-# This demo illustrates how to:
-#
-# - state a static problem with Coulomb friction on a built-in mesh, in 2D or 3D, with triangles,
-#   quadrilaterals, tetrahedra or hexahedra of degree 1 or 2;
-# - put the body on a plane, a tilted plane or a sphere (a disc in 2D);
-# - solve it, read the contact points, and write pictures, `contact.csv` and `summary.json`.
-#
-# The unit square or cube is held on its whole top face, which is pressed down and pushed sideways.
-# On a plane the edges slip first while the middle sticks; on a tilted plane or a sphere only a
-# part of the face touches.
+"""Blocks on a plane, a tilted plane, a sphere; every cell type, P1 and P2.
+
+Reference: GetFEM: every nodal force. `demos/demo_block.py` explains the problem.
+"""
 
 from mpi4py import MPI
 
@@ -37,7 +29,7 @@ def arguments(argv=None):
     return parser.parse(argv)
 
 
-# ## The foundation
+# The foundation.
 #
 # All three touch the undeformed block: the plane everywhere, the tilted plane along its left edge,
 # the sphere in the middle.
@@ -53,7 +45,7 @@ def foundation(args):
     return Sphere(middle - args.radius * up, args.radius)
 
 
-# ## The problem
+# The problem.
 #
 # The body is any UFL energy or residual; here isotropic linear elasticity (plane strain in 2D).
 
@@ -83,7 +75,7 @@ def problem(args, comm):
     return ContactProblem(material.energy(u) * ufl.dx, u, [surface], bcs=[held])
 
 
-# ## Solve and write
+# Solve and write.
 #
 # `solve` starts from zero and returns what it found: the contact points with their status, the
 # resultants, the history of Newton's method and the worst violation of the contact law.

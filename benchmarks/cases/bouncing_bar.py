@@ -1,17 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-# # A bar that falls on a floor and bounces
-#
-# This demo illustrates how to:
-#
-# - set a body with mass in motion (`NSCD`), by the scheme, level and mass that the options tell;
-# - compare contact force and energy with an exact solution, over every impact.
-#
-# An elastic bar falls under its weight. When it hits, a wave runs up, is reflected at the free end,
-# and lifts the bar off; it swings, and the second impact takes the swinging away: at 16/3 it rests
-# where it was. The floor pushes with 300 + 300 (t - 1) for 1 < t < 5/3, with 500 - 300 (t - 11/3)
-# for 11/3 < t < 13/3; the energy, 500, stays (Doyen, Ern and Piperno, SIAM J. Sci. Comput. 2011).
-#
-# Steps are h/c by default, a cell's way of the wave. With other masses the force alternates.
+"""A bouncing bar, all schemes.
+
+Reference: Doyen, Ern and Piperno. `demos/demo_bouncing_bar.py` explains the problem.
+"""
 
 from mpi4py import MPI
 

@@ -1,18 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-# # A rounded foot from first contact to full sliding
-#
-# This demo illustrates how to:
-#
-# - follow a 3D body as its load grows, while hundreds of contact points close, stick and slip;
-# - have these events passed in batches, and one that matters located to round-off;
-# - read off how the contact area and the sliding part of it grow.
-#
-# The foot is a block of hexahedra with a rounded sole, just above a rigid floor. Its top is lowered
-# by gamma and moved sideways by gamma^2: it touches first at its lowest point, sticks, then slips
-# from the rim of the contact area inwards, until the last point that stuck gives way. The law is
-# static, without memory: a point sticks as long as it has not moved sideways.
-#
-# Above 5000 unknowns a Krylov method takes the place of factorisations; `--n 32` takes minutes.
+"""A rounded 3D foot (was `3d_branch`).
+
+Reference: exact location of kinks. `demos/demo_3d_branch.py` explains the problem.
+"""
 
 from mpi4py import MPI
 
@@ -50,7 +40,7 @@ def arguments(argv=None):
     return parser.parse(argv)
 
 
-# ## The body and its load
+# The body and its load.
 #
 # gamma is a Constant that the Dirichlet data of the top contain.
 
@@ -108,7 +98,7 @@ def draw(folder, comm, system, material, branch, journal):
         plot.draw_diagram(folder / "branch.png", journal, labels, counts=True)
 
 
-# ## Follow it
+# Follow it.
 #
 # `kinks="batched"` lets a step pass many events; it is the default for so many contact points. The
 # predicate `locate`, called on the rank that owns a point, locates the first contact.

@@ -1,22 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-# # How many solutions, over the load and the friction coefficient
-#
-# This demo illustrates how to:
-#
-# - follow the folds of branches as the friction coefficient F varies too: curves in (F, gamma),
-#   with the statuses along them, and the points at which they meet and end;
-# - count the solutions between them, with proofs, in a chart whose cells are fine at the borders;
-#   cells whose proof takes longer than `--seconds` are hatched.
-#
-# Without a mesh the body is Hild's triangle (see `hild_triangle.py`) with lambda = mu = 1, of
-# which one node moves, under the nodal force (-gamma, -1). Its folds lie at gamma = F, where stick
-# ends, and at gamma = kt/k = 2, where the pressure vanishes. The two lines cross at the critical
-# coefficient F = 2: below it the solution is unique. With a mesh, of groups as in
-# `followed_mesh.py`, it is a body under the body force (1 - gamma) (FX, FY) + gamma (GX, GY).
-#
-# A linear body is condensed onto its contact points, once. In that problem F multiplies the
-# pressures of slipping points, so that along a fold gamma is a rational function of F until another
-# point changes its status. Where it does is found exactly: there are no steps in F.
+"""Folds over load and friction, of any mesh.
+
+Reference: closed form. `demos/demo_chart.py` explains the problem.
+"""
 
 from mpi4py import MPI
 
@@ -95,7 +81,7 @@ def problem(args):
     return triangle, (0.0, 1.2 * largest)
 
 
-# ## Branches at some coefficients, and the curves that pass through their folds
+# Branches at some coefficients, and the curves that pass through their folds.
 #
 # The second parameter is the Constant in the friction law. A fold that no branch has met is not
 # followed, so that branches at both ends of the range, and at `--at`, are better than one.

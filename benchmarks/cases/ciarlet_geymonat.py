@@ -1,18 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-# # Six branches of a hyperelastic block
-#
-# This demo illustrates how to:
-#
-# - follow branches of a *large deformation* problem through changes of status and points where many
-#   nodes change at once;
-# - switch to every branch that leaves such a point;
-# - draw diagrams with the statuses along each branch.
-#
-# A block of 40 x 80 mm of Ciarlet and Geymonat's material hangs from its top just above a rigid
-# floor, with friction on all of its bottom, and a dead traction -gamma (2, 0.12 (20 - x)) MPa acts
-# on both sides (the hyperelastic example of Ligursky and Renard). At gamma = 0 the undeformed block
-# grazes the floor: all bottom nodes are at a kink. From there three branches lead to gamma = 1, and
-# their mirror images to gamma = -1; a proof says that there are no others.
+"""Six branches of a hyperelastic block.
+
+Reference: GetFEM. `demos/demo_ciarlet_geymonat.py` explains the problem.
+"""
 
 import time
 
@@ -91,7 +81,7 @@ def gammas_outwards(branch):
     return gammas[::-1]
 
 
-# ## From gamma = 1 to the degenerate point, and out along every ray
+# From gamma = 1 to the degenerate point, and out along every ray.
 
 
 def main(argv=None):

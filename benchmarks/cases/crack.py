@@ -1,21 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-# # A closed crack that slips
-#
-# This demo illustrates how to:
-#
-# - draw a plane crack inside a body in gmsh, and double its nodes there (`meshing.crack`);
-# - let its sides press and slip on each other, with friction, in 3D or 2D;
-# - compare the slip with closed forms, mesh by mesh.
-#
-# A block with a crack of radius 1, which dips, is compressed and sheared by displacements of its
-# boundary, as for a uniform stress, with the pressure p and the shear t > F p on the plane of the
-# crack. A small crack, a disc or in 2D (plane strain) a strip, slips from side to side by
-#
-#     16 (1 - nu^2) / (pi (2 - nu) E) (t - F p) sqrt(1 - r^2), or
-#      4 (1 - nu^2) / E (t - F p) sqrt(1 - r^2)
-#
-# (Segedin, Proc. Camb. Phil. Soc. 47, 1951; Tada, Paris and Irwin, Handbook, 2000). Such a root at
-# the front costs an error of the order of the cells: two meshes together are nearer than either.
+"""A closed crack, 2D and 3D.
+
+Reference: closed form. `demos/demo_crack.py` explains the problem.
+"""
 
 from mpi4py import MPI
 
@@ -71,7 +58,7 @@ def arguments(argv=None):
     return args
 
 
-# ## The block, with facets that become a crack, from the front of which cells grow
+# The block, with facets that become a crack, from the front of which cells grow.
 
 
 def draw(h, args):

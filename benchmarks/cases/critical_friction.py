@@ -1,19 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-# # Critical friction: how much of it brings a second solution
-#
-# This demo illustrates how to:
-#
-# - compute the friction coefficients at which sliding solutions come in continua;
-# - see by refinement whether they belong to the body or to the mesh, and compare them with the
-#   friction up to which a solution is certainly the only one;
-# - draw it over the direction of sliding, in 3D (`--shape prism`).
-#
-# Hassani, Hild, Ionescu and Sakki (2003, 2004): with all contact points slipping the same way, S_tt
-# v = F S_nt v is an eigenproblem for F. At a real F whose v has one sign, v may be added to a
-# sliding solution. Two bodies: Hild's triangle, clamped on its slope, and a parallelogram that
-# leans, clamped at its top. The coefficient of the triangle converges as the mesh is refined. That
-# of the parallelogram falls like 2 W/H as it grows higher: no friction is too small for a continuum
-# on some body. A body that stands upright (`--offset 0`) shows nothing of the kind.
+"""Triangle, parallelogram, prism.
+
+Reference: own code. `demos/demo_critical_friction.py` explains the problem.
+"""
 
 from mpi4py import MPI
 
@@ -43,7 +32,7 @@ def arguments(argv=None):
     return parser.parse(argv)
 
 
-# ## The bodies
+# The bodies.
 #
 # Neither the load nor the friction of the law matters; it is 1, the unit of the criterion below.
 
@@ -74,7 +63,7 @@ def body(args, n):
     return parallelogram(args, n, args.height)
 
 
-# ## Refinement, and what is certain
+# Refinement, and what is certain.
 #
 # Renard's criterion says up to which friction a solution is the only one, from the directions in
 # which its points slip. For one direction it converges too. For directions that alternate from node
@@ -110,7 +99,7 @@ def curves_of(levels, name):
     return h, values
 
 
-# ## A prism that leans, over the direction of sliding
+# A prism that leans, over the direction of sliding.
 #
 # In 3D a slip has a direction. The prism leans to one side; the smallest friction is that of the
 # slip that drives it into the floor; slip the other way has none.

@@ -1,42 +1,39 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-# # Two arcs pressed on a block
-#
-# This demo illustrates how to:
-#
-# - press a slender body on a soft one, which slides, lifts off and buckles (`sliding="large"`);
-# - tell a snap under a force from a steep path under a displacement;
-# - judge a result that is not the published one: by closed forms of its parts.
-#
-# Two half-rings, bonded, stand upside down on a block: radii 85, 90 and 95 mm, moduli 1e5 (inside)
-# and 1e3 MPa, on a block of 250 by 50 mm and 300 MPa, Poisson's ratio 0.3, in plane strain. Both
-# ends are pushed down by 70 mm and do not turn. Looked at is the middle of the arcs: it sinks into
-# the block, parts from it and buckles upwards. The published curve (after Drouet, 2015, and
-# Poulios and Renard, 2015, read off a plot) has the same course, and is not met:
-#
-# | | sinks to | middle back at 0 | at 56.5 | at 69 mm |
-# |---|---|---|---|---|
-# | published, no friction | -5.9 mm | 49.5 | 17 mm | 55.4 mm |
-# | n = 60 | -3.05 mm | 37.3 | 48.7 mm | 60.9 mm |
-# | n = 120 | -2.56 mm | 35.4 | 50.4 mm | 62.1 mm |
-# | published, friction 0.5 | -5.9 mm | 56.5 | 0 mm | 10.2 mm |
-# | n = 60, friction 0.5 | -3.19 mm | 41.9 | 6.9 mm | 17.9 mm |
-# | n = 120, friction 0.5 | -2.70 mm | 40.0 | 7.0 mm | 15.5 mm |
-#
-# The data decide, and not the mesh, which makes the difference larger. An arc clamped at both ends
-# that is pressed in its middle has the stiffness EI/(0.01166 R^3), 165 N/mm for these two layers;
-# found is 165 with n = 120, and 204 with n = 60, whose cells lock. The block gives way by 0.68 mm
-# under the first 134 N; a layer on a rigid base does by 0.60 (Johnson, Contact mechanics, section
-# 5.6), without the soft layer of the arc. So both are what the stated moduli make of them, and at
-# the start the middle sinks by 0.46 of the way of the ends. The published curve has 0.61, for which
-# the block has to be half as stiff: with `--block 150` the middle sinks to -5.5 mm at n = 60. Three
-# sources give the block 300 MPa; one has three other numbers in its text. With radii of 90, 95 and
-# 100 mm, as two sources have, it is -2.7 mm, and with the moduli of the arcs exchanged too.
-#
-# Under the displacement of the ends the path is continuous, with and without friction, and nothing
-# snaps; the middle rises by 15 mm in 3 mm of the way. Under a force it would: without friction the
-# force has a peak and a valley, and in between three states of this path have one force. With
-# friction 0.5 the force rises to the end. The mesh is symmetric and so is the path; other states at
-# one displacement were not looked for, and nothing here proves that there are none.
+"""Two arcs pressed on a block.
+
+Reference: a published curve.
+
+Two half-rings, bonded, stand upside down on a block: radii 85, 90 and 95 mm, moduli 1e5 (inside)
+and 1e3 MPa, on a block of 250 by 50 mm and 300 MPa, Poisson's ratio 0.3, in plane strain. Both
+ends are pushed down by 70 mm and do not turn. Looked at is the middle of the arcs: it sinks into
+the block, parts from it and buckles upwards. The published curve (after Drouet, 2015, and
+Poulios and Renard, 2015, read off a plot) has the same course, and is not met:
+
+| | sinks to | middle back at 0 | at 56.5 | at 69 mm |
+|---|---|---|---|---|
+| published, no friction | -5.9 mm | 49.5 | 17 mm | 55.4 mm |
+| n = 60 | -3.05 mm | 37.3 | 48.7 mm | 60.9 mm |
+| n = 120 | -2.56 mm | 35.4 | 50.4 mm | 62.1 mm |
+| published, friction 0.5 | -5.9 mm | 56.5 | 0 mm | 10.2 mm |
+| n = 60, friction 0.5 | -3.19 mm | 41.9 | 6.9 mm | 17.9 mm |
+| n = 120, friction 0.5 | -2.70 mm | 40.0 | 7.0 mm | 15.5 mm |
+
+The data decide, and not the mesh, which makes the difference larger. An arc clamped at both ends
+that is pressed in its middle has the stiffness EI/(0.01166 R^3), 165 N/mm for these two layers;
+found is 165 with n = 120, and 204 with n = 60, whose cells lock. The block gives way by 0.68 mm
+under the first 134 N; a layer on a rigid base does by 0.60 (Johnson, Contact mechanics, section
+5.6), without the soft layer of the arc. So both are what the stated moduli make of them, and at
+the start the middle sinks by 0.46 of the way of the ends. The published curve has 0.61, for which
+the block has to be half as stiff: with `--block 150` the middle sinks to -5.5 mm at n = 60. Three
+sources give the block 300 MPa; one has three other numbers in its text. With radii of 90, 95 and
+100 mm, as two sources have, it is -2.7 mm, and with the moduli of the arcs exchanged too.
+
+Under the displacement of the ends the path is continuous, with and without friction, and nothing
+snaps; the middle rises by 15 mm in 3 mm of the way. Under a force it would: without friction the
+force has a peak and a valley, and in between three states of this path have one force. With
+friction 0.5 the force rises to the end. The mesh is symmetric and so is the path; other states at
+one displacement were not looked for, and nothing here proves that there are none.
+"""
 
 from mpi4py import MPI
 
@@ -77,7 +74,7 @@ def arguments(argv=None):
     return args
 
 
-# ## The bodies
+# The bodies.
 #
 # Quadrilaterals, n along the arcs. The block, which is soft and flat, is the slave.
 
@@ -150,7 +147,7 @@ def problem(args, comm):
     return ContactProblem(energy, u, [pair], bcs=bcs), ends
 
 
-# ## A closed form of the arcs
+# A closed form of the arcs.
 
 
 def stiffness():

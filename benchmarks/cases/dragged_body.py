@@ -1,20 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-# # A rubber rocker pressed on the floor and dragged
-#
-# This demo illustrates how to:
-#
-# - mesh a body with a curved contact face in gmsh, finer where it touches, or read one from a file
-#   with named physical groups;
-# - press it on a plane, drag it, and solve for contact with Coulomb friction, on any number of MPI
-#   ranks, watching Newton's method work;
-# - write displacement, stresses and contact fields for ParaView, the table of contact points,
-#   pictures and a summary.
-#
-# The body is a block that lies on a round face, a part of a cylinder. Its flat top is moved down
-# and sideways as a rigid plate. Where the block is pressed hard its face sticks to the floor;
-# around that, the shear reaches the friction bound and the face slips; farther out it does not
-# touch. This is the static form of the problem of Cattaneo (1938) and Mindlin (1949), for a finite
-# body.
+"""A rocker dragged over a floor, from a file or meshed.
+
+Reference: balance of forces. `demos/demo_dragged_body.py` explains the problem.
+"""
 
 from mpi4py import MPI
 
@@ -45,7 +33,7 @@ def arguments(argv=None):
     return args
 
 
-# ## The mesh
+# The mesh.
 #
 # Rank 0 draws the section of the block, an arc and three straight lines, meshes it with cells that
 # are small at the lowest point and larger at the top, and extrudes it. The physical groups
@@ -83,7 +71,7 @@ def draw_rocker(size):
     gmsh.model.mesh.generate(3)
 
 
-# ## Solve and write
+# Solve and write.
 #
 # The floor is the plane through the lowest point of the contact face. The folder is made before
 # anything expensive happens, and rank 0 reports the progress.

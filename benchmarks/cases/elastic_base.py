@@ -1,18 +1,15 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-# # A rubber rocker pressed into an elastic base and dragged
-#
-# This demo illustrates how to:
-#
-# - mesh two bodies in 3D in one gmsh model, without a node in common;
-# - give each its material, and let them touch (`ContactPair`): a mortar couples the faces;
-# - write and draw both bodies, what they carry and where they stick and slip.
-#
-# The rocker is that of `dragged_body.py`, whose floor is now a block of elastic material, held
-# below. Its top is moved down and sideways as a rigid plate. The base gives way to both: where the
-# floor would let the edges of the contact slip, a part of the base is drawn along. `--base` is its
-# modulus; the stiffer it is, the nearer the forces are to those on the floor, `--rigid`. Between
-# bodies sliding and turning are small; here the faces turn by some degrees, of which a warning
-# tells.
+"""The rocker on an elastic base.
+
+Reference: the limit of a rigid base.
+
+The rocker is that of `dragged_body.py`, whose floor is now a block of elastic material, held
+below. Its top is moved down and sideways as a rigid plate. The base gives way to both: where the
+floor would let the edges of the contact slip, a part of the base is drawn along. `--base` is its
+modulus; the stiffer it is, the nearer the forces are to those on the floor, `--rigid`. Between
+bodies sliding and turning are small; here the faces turn by some degrees, of which a warning
+tells.
+"""
 
 from mpi4py import MPI
 
@@ -53,7 +50,7 @@ def arguments(argv=None):
     return parser.parse(argv)
 
 
-# ## The mesh
+# The mesh.
 #
 # The rocker is a section, an arc and three straight lines, that is extruded; the base is a box
 # below, as wide as this, and shares no node with it. Cells are small where both touch.
@@ -107,7 +104,7 @@ def draw(size, with_base):
     gmsh.model.mesh.generate(3)
 
 
-# ## The problem
+# The problem.
 #
 # One material serves both bodies, its modulus being constant in each. The contact looks downwards.
 

@@ -1,22 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-# # A rubber ring pressed flat
-#
-# This demo illustrates how to:
-#
-# - let a face touch itself (`SelfContact`);
-# - press a body that nothing but contact holds;
-# - check self-contact by symmetry: half of the ring, on a plane where the other half would be.
-#
-# A ring lies between two rigid plates, without friction. The upper one comes down until the inner
-# face touches itself and further, to 1.5 times the thickness of two walls. The upper half does the
-# same above a rigid plane in the middle. That model has no pair of facets, no search and contact at
-# nodes, so that it is a check of its own, and where cells are small both have the same forces. The
-# mesh of the whole ring is turned by a part of a cell, so that nodes of the inner face meet facets.
-#
-# With 128 cells around, both forces at the end are 0.14 and 0.06 per cent apart. By symmetry
-# nothing slips inside, and friction there (`--friction 0.5`) changes the force of the plate by no
-# more than 0.17 per cent. The step in which the inner face first touches itself is hard then, and
-# is taken in two halves.
+"""Self-contact of a ring, with friction.
+
+Reference: its half on a plane. `demos/demo_flattened_ring.py` explains the problem.
+"""
 
 from mpi4py import MPI
 
@@ -57,7 +43,7 @@ def arguments(argv=None):
     return args
 
 
-# ## The meshes
+# The meshes.
 #
 # n cells around, so many across that they are about square.
 
@@ -90,7 +76,7 @@ def on_circle(domain, radius):
     return mesh.locate_entities_boundary(domain, 1, here)
 
 
-# ## The whole ring, and a half of it
+# The whole ring, and a half of it.
 
 
 class Ring:

@@ -1,18 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-# # Following the solutions of any meshed body through every fold
-#
-# This demo illustrates how to:
-#
-# - follow the branch of solutions of a body meshed by gmsh as its load, or the displacement of its
-#   support, grows, and read off where contact points open, stick and slip and the branch turns;
-# - keep it on the disk (`--record DIR`), from where a killed run continues (`--resume`);
-# - list all solutions of the branch at one load (`--solutions-at GAMMA`).
-#
-# The mesh needs the physical groups `dirichlet` (held) and `contact`; the rigid floor touches the
-# lowest point of `contact`. Without a mesh the demo makes a V-shaped body: one arm is vertical, the
-# other inclined, both are clamped at their far ends, and the tip rests on the floor. gamma goes
-# from 0 to 1: the body force is (1 - gamma) (FX, FY) + gamma (GX, GY), or the highest part of
-# `dirichlet` is displaced by gamma (DX, DY).
+"""The branch of any 2D gmsh mesh, with records.
+
+Reference: other steps and numberings. `demos/demo_followed_mesh.py` explains the problem.
+"""
 
 from mpi4py import MPI
 
@@ -72,7 +62,7 @@ def arguments(argv=None):
     return args
 
 
-# ## The problem with its parameter
+# The problem with its parameter.
 #
 # gamma is a Constant of the energy (body force) or drives the Dirichlet data (displaced support).
 
@@ -117,7 +107,7 @@ def system(args, comm):
     return ParametricContact(problem, gamma, driven=driven)
 
 
-# ## Follow it
+# Follow it.
 #
 # The undeformed body that only grazes the floor has every contact point at a kink: when its support
 # is driven, the branch is entered a little beyond.

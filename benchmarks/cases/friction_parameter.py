@@ -1,18 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-# # The friction coefficient as the parameter
-#
-# This demo illustrates how to:
-#
-# - follow solutions as the *friction coefficient* varies, the load being fixed;
-# - find the coefficient at which two of them meet and end.
-#
-# Hild's triangle (see `hild_triangle.py`) under a load (F1, F2) that pulls to the left more
-# than it presses: |F1|/|F2| beyond the critical coefficient kt/k, which is
-# (lambda + 3 mu)/(lambda + mu). With strong friction A may stick. As the coefficient F falls, the
-# shear reaches its bound at F = |F1|/|F2|; no solution in contact exists below, and the branch
-# turns back: A now slips to the left while F *grows*, with ut = (pt + F |pn|)/(kt - F k) in closed
-# form. Sticking and slipping are born together, and the open solution, which knows no friction,
-# exists beside them.
+"""Friction as the parameter, one element.
+
+Reference: closed form. `demos/demo_friction_parameter.py` explains the problem.
+"""
 
 from mpi4py import MPI
 
@@ -37,7 +27,7 @@ def arguments(argv=None):
     return args
 
 
-# ## Where the branch begins
+# Where the branch begins.
 #
 # `find_solutions` lists all solutions under the load; that in which A sticks is taken. It does not
 # depend on F as long as F is large enough. The parameter is the Constant in the friction law.

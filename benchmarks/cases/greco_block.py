@@ -1,16 +1,12 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-# # The GRECO block of Raous
-#
-# This demo illustrates how to:
-#
-# - combine tractions, a symmetry line and a clamped contact node with friction;
-# - compare with a published benchmark: Code_Aster SSNV128, after Raous, Chabrand and Lebon,
-#   Journal de Mecanique theorique et appliquee, special issue, 7 (1988), 111-128;
-# - choose units: the iterates do not depend on them.
-#
-# Half of a long bar of square section, 40 x 40 mm in plane strain, lies on a rigid plane and is
-# pressed by 5e7 Pa on its top and by 15e7 Pa on its left side; its right side is the symmetry line.
-# Friction is strong (F = 1). Near the left edge the bar lifts off, then it slips, then it sticks.
+"""The GRECO block of Raous, in any units.
+
+Reference: Code_Aster SSNV128.
+
+Half of a long bar of square section, 40 x 40 mm in plane strain, lies on a rigid plane and is
+pressed by 5e7 Pa on its top and by 15e7 Pa on its left side; its right side is the symmetry line.
+Friction is strong (F = 1). Near the left edge the bar lifts off, then it slips, then it sticks.
+"""
 
 from mpi4py import MPI
 
@@ -47,7 +43,7 @@ def arguments(argv=None):
     return parser.parse(argv)
 
 
-# ## The problem
+# The problem.
 #
 # The right side is a symmetry line, and its lowest node is clamped: there the multiplier has
 # nothing to do and is removed, and the reaction comes from the support.

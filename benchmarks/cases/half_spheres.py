@@ -1,37 +1,34 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-# # Two hollow half-spheres, one in the other, pressed flat
-#
-# This demo illustrates how to:
-#
-# - let two shells of solid elements slide over each other in space, with and without friction;
-# - have a pair of bodies and two rigid planes at once;
-# - follow a force past its peak by prescribed steps, and say where that ends.
-#
-# The inner shell has the radii 10 and 12 mm, the outer one 12 and 14 mm. They stand on their
-# equator, and a rigid plane comes down on the pole. One octant of a sphere is enough, if what comes
-# out is symmetric. The force rises in almost a straight line to 5 mm; then the inner shell buckles
-# inwards, away from the outer one. Published curves (Puso and Laursen, 2004; Areias, 2015;
-# Zimmerman and Ateshian, 2018, with Abaqus and FEBio) agree on the force to five per cent at 5 mm,
-# and not on whether and where it falls, which depends on the mesh:
-#
-# | force (N) at | 2.5 | 5 | 6 | 6.5 mm | falls |
-# |---|---|---|---|---|---|
-# | published, no friction | 0.89 to 1.03 | 2.24 to 2.44 | 2.51 to 2.79 | 2.79 to 3.01 | |
-# | n = 4 | 1.080 | 2.551 | 3.026 | 2.981 | from 6 mm, by 3 per cent |
-# | n = 5 | 1.028 | 2.487 | 2.792 | 2.882 | from 6 mm, by 0.1 per cent |
-# | n = 6 | 1.018 | 2.457 | 2.681 | not reached | from 5.5 mm, by 0.4 per cent |
-# | published, friction 0.5 | 0.93 to 1.05 | 2.34 to 2.59 | 3.00 to 3.20 | 3.26 to 3.49 | |
-# | n = 5, friction 0.5 | 1.075 | 2.606 | 3.117 | 3.367 | not to 6.5 mm |
-#
-# These meshes are coarse, two cells in a wall: without friction they are at 5 mm 5, 2 and 0.7 per
-# cent above the highest published curve. The three forces there are 2.382 + 2.71 / n^2 N, by the
-# first and the last; that gives 2.490 for n = 5, and the limit lies among the published ones.
-# Normals at the planes of symmetry are means with their mirror images (`symmetry`); one-sided ones
-# give the same forces to 3e-4. With n = 4, back from 6.5 to 4 mm (`--back`), the plane finds the
-# same forces to all digits that are printed: along this path there is one state at each place of
-# the plane. Where the force falls there are three at a load. States that are not symmetric, which
-# an octant does not have, and others that the path does not reach were not looked for; nothing
-# here proves that there are none.
+"""Two hollow half-spheres pressed flat.
+
+Reference: published forces.
+
+The inner shell has the radii 10 and 12 mm, the outer one 12 and 14 mm. They stand on their
+equator, and a rigid plane comes down on the pole. One octant of a sphere is enough, if what comes
+out is symmetric. The force rises in almost a straight line to 5 mm; then the inner shell buckles
+inwards, away from the outer one. Published curves (Puso and Laursen, 2004; Areias, 2015;
+Zimmerman and Ateshian, 2018, with Abaqus and FEBio) agree on the force to five per cent at 5 mm,
+and not on whether and where it falls, which depends on the mesh:
+
+| force (N) at | 2.5 | 5 | 6 | 6.5 mm | falls |
+|---|---|---|---|---|---|
+| published, no friction | 0.89 to 1.03 | 2.24 to 2.44 | 2.51 to 2.79 | 2.79 to 3.01 | |
+| n = 4 | 1.080 | 2.551 | 3.026 | 2.981 | from 6 mm, by 3 per cent |
+| n = 5 | 1.028 | 2.487 | 2.792 | 2.882 | from 6 mm, by 0.1 per cent |
+| n = 6 | 1.018 | 2.457 | 2.681 | not reached | from 5.5 mm, by 0.4 per cent |
+| published, friction 0.5 | 0.93 to 1.05 | 2.34 to 2.59 | 3.00 to 3.20 | 3.26 to 3.49 | |
+| n = 5, friction 0.5 | 1.075 | 2.606 | 3.117 | 3.367 | not to 6.5 mm |
+
+These meshes are coarse, two cells in a wall: without friction they are at 5 mm 5, 2 and 0.7 per
+cent above the highest published curve. The three forces there are 2.382 + 2.71 / n^2 N, by the
+first and the last; that gives 2.490 for n = 5, and the limit lies among the published ones.
+Normals at the planes of symmetry are means with their mirror images (`symmetry`); one-sided ones
+give the same forces to 3e-4. With n = 4, back from 6.5 to 4 mm (`--back`), the plane finds the
+same forces to all digits that are printed: along this path there is one state at each place of
+the plane. Where the force falls there are three at a load. States that are not symmetric, which
+an octant does not have, and others that the path does not reach were not looked for; nothing
+here proves that there are none.
+"""
 
 from mpi4py import MPI
 
@@ -86,7 +83,7 @@ def arguments(argv=None):
     return parser.parse(argv)
 
 
-# ## The bodies
+# The bodies.
 #
 # Hexahedra, n along an edge of each of the three faces of an octant. Both shells have their nodes
 # at the same places between them, so that chords of the sphere do not overlap.

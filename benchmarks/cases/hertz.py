@@ -1,14 +1,11 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-# # Hertz contact of a curved body on a rigid plane
-#
-# This demo illustrates how to:
-#
-# - grade a built-in mesh towards a contact zone and give the body a curved face;
-# - use planes of symmetry that end in the contact zone, with or without friction;
-# - compare radius and peak pressure with Hertz's closed forms, mesh by mesh, in 2D and 3D.
-#
-# Friction acts in one static step: the slip is measured from the unloaded body, so that a point
-# that sticks has not moved at all. The closed forms are then approximate, by some percent.
+"""A curved body on a plane, 2D and 3D, mesh by mesh.
+
+Reference: Hertz.
+
+Friction acts in one static step: the slip is measured from the unloaded body, so that a point
+that sticks has not moved at all. The closed forms are then approximate, by some percent.
+"""
 
 from mpi4py import MPI
 
@@ -60,7 +57,7 @@ def arguments(argv=None):
     return args
 
 
-# ## The problem
+# The problem.
 #
 # Half of the body in 2D and a quarter in 3D. Along each axis cells of the size a/n cover the
 # contact and some more, followed by as many that grow geometrically. The lower face is a parabola
@@ -112,7 +109,7 @@ def problem(args, comm, n, a, delta):
     return ContactProblem(material.energy(u) * ufl.dx, u, [surface], bcs=bcs)
 
 
-# ## All meshes
+# All meshes.
 #
 # The first approach is that of a half-space; the next ones correct it for the load that came out.
 

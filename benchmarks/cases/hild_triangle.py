@@ -1,16 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-# # All solutions of one element: Hild's triangle
-#
-# This demo illustrates how to:
-#
-# - find **all** solutions of a problem with few contact points, and know that there are no others;
-# - see where a problem has one, two, three or infinitely many solutions.
-#
-# P. Hild, *On finite element uniqueness studies for Coulomb's frictional contact model*, Int. J.
-# Appl. Math. Comput. Sci. 12 (2002) 41-50, section 4: the triangle A = (0, 0), B = (l, 0),
-# C = (0, l), one linear element, clamped on BC, in contact on AB, under a traction (F1, F2) on AC.
-# Only A moves. Beyond the critical friction coefficient (lambda + 3 mu)/(lambda + mu) there are
-# loads with three solutions: open, stuck, and slipping to the left; at it, there is a continuum.
+"""All solutions of one element, diagram of loads.
+
+Reference: Hild, Proposition 2. `demos/demo_hild_triangle.py` explains the problem.
+"""
 
 from mpi4py import MPI
 
@@ -26,7 +18,7 @@ from dolfinx_contact.records import leftmost
 #: Outputs; A is the leftmost contact point.
 FUNCTIONALS = {name: leftmost(name) for name in ("ut", "un", "rt", "rn")}
 
-# ## All solutions at a load
+# All solutions at a load.
 #
 # Only A can change its status, so that there are four pieces. `find_solutions` examines all of them
 # and finds the ends of continua too. The element is so small that every rank solves it alone; its
@@ -63,7 +55,7 @@ def solutions(system, gamma=1.0):
     return states
 
 
-# ## The diagram of Proposition 2
+# The diagram of Proposition 2.
 #
 # One picture per regime of friction (below, at and above the critical coefficient), as figures 2 to
 # 4 of the paper. On every piece the state is linear in the load, so that its inequalities tell at

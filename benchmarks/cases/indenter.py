@@ -1,20 +1,18 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-# # A glass indenter on a polymer: adhesion that grows where they touch
-#
-# This demo illustrates how to:
-#
-# - let bonds form and recover at points that touch (`RCCM(..., recovers=True)`);
-# - draw the force of an indenter over its depth, down, at rest and up, and balance the energies.
-#
-# A rigid cylinder of the radius R is pressed into a soft block (plane strain, half of it is
-# computed), rests for a time, and is drawn off. Nothing is bonded at first. Bonds grow by w/b per
-# time where the surfaces touch, and pull when the indenter goes up, until it comes off at once: the
-# state jumps there, if it is drawn slowly. Without recovery nothing sticks.
-#
-# Where whole bonds break slowly and on a small length (that is E*/C), the force is that of Johnson,
-# Kendall and Roberts for a line contact, P(a) = pi E* a^2/(4 R) - (2 pi E* w a)^(1/2), the least of
-# which is -(3/4) (4 pi E* w^2 R)^(1/3) (Barquins, J. Adhesion 26, 1988). Viscosity adds to that.
-# No published parameters were found: N, mm, s below are our own, of a soft rubber.
+"""An indenter drawn off a polymer.
+
+Reference: Johnson, Kendall and Roberts.
+
+A rigid cylinder of the radius R is pressed into a soft block (plane strain, half of it is
+computed), rests for a time, and is drawn off. Nothing is bonded at first. Bonds grow by w/b per
+time where the surfaces touch, and pull when the indenter goes up, until it comes off at once: the
+state jumps there, if it is drawn slowly. Without recovery nothing sticks.
+
+Where whole bonds break slowly and on a small length (that is E*/C), the force is that of Johnson,
+Kendall and Roberts for a line contact, P(a) = pi E* a^2/(4 R) - (2 pi E* w a)^(1/2), the least of
+which is -(3/4) (4 pi E* w^2 R)^(1/3) (Barquins, J. Adhesion 26, 1988). Viscosity adds to that.
+No published parameters were found: N, mm, s below are our own, of a soft rubber.
+"""
 
 from mpi4py import MPI
 

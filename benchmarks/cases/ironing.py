@@ -1,50 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-# # A die irons a slab
-#
-# This demo illustrates how to:
-#
-# - let two bodies slide over each other by many facets (`ContactPair(..., sliding="large")`), both
-#   deformable, with Coulomb's law and no penalty;
-# - give a hyperelastic law of one's own as UFL;
-# - go through a history whose steps follow the size of the facets.
-#
-# A stiff die with a round edge is pressed by 1 mm into a soft slab, from a gap of 0.2 mm, and
-# dragged along it by 10 mm: plane strain, mm and MPa. At t = 1 the die is pressed in, at t = 2 it
-# has arrived. It is the shallow ironing of the literature, whose published forces differ by a
-# quarter in the vertical and by more than a half in the horizontal one. Much of that is the elastic
-# law, which authors take with four different volumetric parts: `--law` chooses.
-#
-# The soft body should be the slave, the die the master, whose face has to go around its corners: a
-# face that ends at the edge loses the slab beside it.
-#
-# ## What three meshes and four laws say
-#
-# V and H in N/mm, law `iso`, `--until 1.55`; *slide* is the mean of t from 1.48 to 1.52, *energy*
-# its rest over this window, over the work in it, *Newton* the mean number of steps of a solve.
-# Estimates have the difference of the two finest meshes, or of the two choices of the slave, for
-# their error, whichever is larger.
-#
-# | cells, slave | V, H at 1 | at 1.1 | at 1.3 | slide | energy | Newton |
-# |---|---|---|---|---|---|---|
-# | 0.2, slab | 330.08, 69.92 | 401.8, 125.8 | 418.8, 129.2 | 421.0, 130.6 | 0.25 % | 4.2 |
-# | 0.1, slab | 330.20, 68.74 | 403.5, 128.1 | 420.9, 132.1 | 422.3, 133.3 | 0.11 % | 4.5 |
-# | 0.05, slab | 330.46, 68.34 | 403.8, 128.6 | 420.8, 132.6 | 422.2, 133.8 | 0.10 % | 5.4 |
-# | 0.1, die | 330.51, 68.59 | 403.6, 128.8 | 420.9, 134.3 | 422.3, 135.4 | 1.2 % | 6.1 |
-# | estimate | 330.6, 68.2 | 403.9, 128.8 | 420.9, 132.7 | 422.2, 134 | | |
-# | its error | 0.3, 0.4 | 0.3, 0.7 | 0.2, 2 | 0.2, 2 | | |
-#
-# What the die as the slave has more in H goes with its rest of energy. With cells of 0.1, slab:
-#
-# | law | V, H at 1 | slide | the published curve next to it |
-# |---|---|---|---|
-# | `iso` | 330.2, 68.7 | 422.3, 133.3 | code_aster: 332.0, 71.0 and 421.0, 143.3 |
-# | `iso1` | 324.5, 67.4 | 413.3, 128.6 | Hartmann: 319.5, 67.2 and 408.4, 160.2 |
-# | `log` | 315.4, 66.4 | 402.2, 132.6 | Hartmann |
-# | `quad` | 307.7, 64.6 | 391.1, 127.3 | Fischer, Wriggers: 297.9, 62.1 and 365.1, 188.8 |
-# | `iso`, plane-stress λ | 291.6, 59.9 | 370.2, 109.5 | Yastrebov: 289.7, 58.5 and 359.5, 170.8 |
-#
-# The vertical forces of the press span those published but for the lowest (Poulios, Renard: 267.9,
-# 55.3 and 337.4, 102.1); horizontal ones of the slide above 0.36 V are those of none of these laws.
+"""A die dragged over a slab, four elastic laws.
+
+Reference: published forces. `demos/demo_ironing.py` explains the problem.
+"""
 
 from mpi4py import MPI
 
@@ -115,7 +73,7 @@ def arguments(argv=None):
     return parser.parse(argv)
 
 
-# ## Four elastic laws, of F in plane strain
+# Four elastic laws, of F in plane strain.
 
 
 def iso(first, J, lmbda, mu):
@@ -149,7 +107,7 @@ def stored(args, u, young):
     return LAWS[args.law](first, ufl.det(F), lmbda, mu)
 
 
-# ## The bodies
+# The bodies.
 
 
 def growing(length, size, largest, rate):
@@ -225,7 +183,7 @@ def problem(args, comm):
     return ContactProblem(energy, u, [pair], bcs=bcs), motion
 
 
-# ## The history
+# The history.
 
 
 def times(args):

@@ -1,18 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-# # One solution, or three: a triangle with 64 contact nodes
-#
-# This demo illustrates how to:
-#
-# - find all branches of solutions that hang together, as a graph (`explore`);
-# - pass a point where *every* contact node is at a kink at once, and leave it along every ray;
-# - prove that there are no other solutions (`prove_counts`), and keep the proofs.
-#
-# The triangle A = (0, 0), B = (1, 0), C = (0, 1), clamped on BC, may touch a rigid floor along AB.
-# A traction -gamma (26, 7.5) acts on AC (Ligursky and Renard's example of a linear elastic body).
-# Its n * n congruent triangles are half of a square; other demos have the same body (`_triangle`).
-# Without load the body just grazes the floor, so that at gamma = 0 every node of AB is open, stuck
-# and slipping at the same time: 4^n pieces of the nonsmooth problem meet there. For gamma < 0 there
-# is one solution, for gamma > 0 and a large friction coefficient there are three.
+"""All branches of the triangle.
+
+Reference: GetFEM, proof. `demos/demo_linear_triangle.py` explains the problem.
+"""
 
 import itertools
 import time
@@ -68,7 +58,7 @@ def draw(folder, comm, system, diagram, ends, found, titles, length, proofs):
     plot.draw_diagram(folder / "diagram.png", journal, seen, names=names, strips=0, proved=proofs)
 
 
-# ## Explore, from the solution at gamma = -1
+# Explore, from the solution at gamma = -1.
 #
 # Every branch that leaves gamma = 0 is a ray and ends at gamma = -1 or 1. That these ends are all
 # solutions there is proved by branch and bound, with bounds for all round-off.

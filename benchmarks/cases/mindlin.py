@@ -1,20 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-# # Cattaneo and Mindlin: a contact that is sheared and relieved
-#
-# This demo illustrates how to:
-#
-# - press two bodies together, shear them by a force, and take part of it back (`QuasiStatic`);
-# - compare shear and stick zone with closed forms that know the history.
-#
-# Two cylinders of radius 8 and equal material are pressed together by P per length; only the sum of
-# their curvatures matters, and here it is the gap between two flat faces. Under a tangential force
-# Q < mu P the ends of the contact slip: with Hertz's a and p0, and c = a sqrt(1 - Q/(mu P)),
-#
-#     q(x) = mu p0 [sqrt(1 - x^2/a^2) - (c/a) sqrt(1 - x^2/c^2)]
-#
-# (the second root where it sticks, |x| < c). When Q* falls to Q the ends slip back at once, and the
-# same with 2 mu p0 and c' = a sqrt(1 - (Q* - Q)/(2 mu P)) is taken away (K. L. Johnson, Contact
-# Mechanics, 1985, chapter 7). These are half-planes, at the P that is measured.
+"""Two cylinders sheared and unloaded.
+
+Reference: Cattaneo and Mindlin. `demos/demo_mindlin.py` explains the problem.
+"""
 
 from mpi4py import MPI
 

@@ -1,17 +1,15 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-# # More friction, fewer solutions
-#
-# This demo illustrates how to:
-#
-# - follow the solutions of a body from weak to strong friction, through every fold;
-# - know at any coefficient how many there are.
-#
-# That friction makes solutions multiply is what one expects, and in Hild's triangle
-# (`hild_triangle.py`) it is so for nearly all loads. P. Hild noted that their number may as
-# well *decrease* when the coefficient grows (Int. J. Appl. Math. Comput. Sci. 12 (2002) 41-50).
-# Two elements and two contact nodes show it for a whole interval of loads: the triangles ABC and
-# BDC with A = (0, 0) and B = (1, 0) on the floor, C = (1/2, 1/2) and D = (3/2, 3/2) held and moved
-# apart, C by (-2, 0) and D by (1, -1) hundredths. One solution, then three, then one again.
+"""More friction, fewer solutions.
+
+Reference: enumeration.
+
+That friction makes solutions multiply is what one expects, and in Hild's triangle
+(`hild_triangle.py`) it is so for nearly all loads. P. Hild noted that their number may as
+well *decrease* when the coefficient grows (Int. J. Appl. Math. Comput. Sci. 12 (2002) 41-50).
+Two elements and two contact nodes show it for a whole interval of loads: the triangles ABC and
+BDC with A = (0, 0) and B = (1, 0) on the floor, C = (1/2, 1/2) and D = (3/2, 3/2) held and moved
+apart, C by (-2, 0) and D by (1, -1) hundredths. One solution, then three, then one again.
+"""
 
 from itertools import pairwise
 
@@ -65,7 +63,7 @@ def body(friction, comm=MPI.COMM_WORLD):
     return ContactProblem(energy, u, [surface], bcs=bcs)
 
 
-# ## How many there are
+# How many there are.
 #
 # Two points have 16 pieces; all are examined, so that the numbers are certain.
 
@@ -78,7 +76,7 @@ def words_at(friction, comm=MPI.COMM_WORLD):
     return sorted(system.letters(s.piece) for s in found.found)
 
 
-# ## The branch
+# The branch.
 #
 # From weak friction A lifts off and B slips to the left. The branch turns back where A touches the
 # floor, and again where A, which slips to the left now, gets stuck; from there B keeps slipping,

@@ -1,17 +1,15 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-# # Where regularised friction has one solution
-#
-# This demo illustrates how to:
-#
-# - follow a solution in the friction coefficient, for a law of your choice;
-# - read from its fold up to which coefficient it is the only one.
-#
-# With a smooth law of a width eps in place of Coulomb's threshold (`regularised.py`) the
-# contact problem is proved to have one solution for friction below C eps^2/|log h|, h the size of
-# the cells. The triangle tells what becomes of that on meshes: from the solution in which its
-# corner A creeps the coefficient falls, until a fold; below it A only lifts off. The fold neither
-# falls like eps^2 nor with the mesh: it is near that of the true law, for which no such bound is
-# known.
+"""Friction up to which a regularised law has one solution.
+
+Reference: the bound of the theorem.
+
+With a smooth law of a width eps in place of Coulomb's threshold (`regularised.py`) the
+contact problem is proved to have one solution for friction below C eps^2/|log h|, h the size of
+the cells. The triangle tells what becomes of that on meshes: from the solution in which its
+corner A creeps the coefficient falls, until a fold; below it A only lifts off. The fold neither
+falls like eps^2 nor with the mesh: it is near that of the true law, for which no such bound is
+known.
+"""
 
 from mpi4py import MPI
 
@@ -32,7 +30,7 @@ def arguments(argv=None):
     return parser.parse(argv)
 
 
-# ## The smooth problem, with F as the parameter
+# The smooth problem, with F as the parameter.
 #
 # Newton's method begins at the true solution in which A sticks. In the smooth one it creeps.
 
@@ -63,7 +61,7 @@ def creeping(args, n, width):
     return system, x
 
 
-# ## One mesh, one width
+# One mesh, one width.
 #
 # A branch in F at a held eps, from the creeping solution downwards.
 
@@ -76,7 +74,7 @@ def only_up_to(args, n, width):
     return way.folds[0].gamma if way.folds else None
 
 
-# ## Two meshes, two widths
+# Two meshes, two widths.
 
 
 def main(argv=None):

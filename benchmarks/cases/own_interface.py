@@ -1,23 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-# # An interface of your own
-#
-# This demo illustrates how to:
-#
-# - write an interface by an energy and a potential of dissipation (`Interface`): its damage, its
-#   statuses and all derivatives follow;
-# - pull a sheet off that is glued to a floor, along it.
-#
-# The frame is that of Raous and of Del Piero (Eur. J. Mech. A/Solids 29, 2010). With the damage D,
-#
-#     Psi = (1 - D) k |u|^2/2,    Phi = k K(D)^2/2 D' + mu D p |u_t'|,    D' >= 0,
-#
-# so that D grows where k |u|^2/2 has come to k K(D)^2/2: K(D) is the jump at which a glue of the
-# damage D is damaged further. Ductile glue yields: its traction rises to s at a, stays up to b,
-# and falls to nothing at c. For D below 1 - a/b this is K = a/(1 - D), then
-# a c/(a + (1 - D)(c - b)).
-#
-# A long sheet of the thickness t and Young's modulus E whose end has moved by u is pulled by
-# (2 E t W(u))^(1/2), W being the area under the traction up to u. All parameters are our own.
+"""A ductile glue.
+
+Reference: a long bar. `demos/demo_own_interface.py` explains the problem.
+"""
 
 from dataclasses import dataclass
 from typing import Any

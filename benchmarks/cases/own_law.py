@@ -1,13 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-# # A law of your own
-#
-# This demo illustrates how to:
-#
-# - write a friction law in a few lines: how large the shear may be (`FrictionLaw.bound`);
-# - write any law of contact: what it answers, status by status, and where a status ends (`Law`).
-#
-# A law is UFL in the jump and the traction at one point (`ContactPoint`), and is written once.
-# Statuses, derivatives, kinks of branches and the measures of a violation follow from it.
+"""Slip weakening and orthotropic friction.
+
+Reference: the contact law. `demos/demo_own_law.py` explains the problem.
+"""
 
 from dataclasses import dataclass
 from typing import Any
@@ -24,7 +19,7 @@ from dolfinx_contact import ContactProblem, ContactSurface, HalfSpace, io, plot
 from dolfinx_contact.laws import OPEN, PLUS, STICK, Border, FrictionLaw, Law, StatusPiece
 from dolfinx_contact.materials import LinearElastic
 
-# ## Static and kinetic friction
+# Static and kinetic friction.
 #
 # The coefficient falls from the static to the kinetic value as a point slips. Fields of a law may
 # be numbers, Constants or Functions.
@@ -41,7 +36,7 @@ class SlipWeakening(FrictionLaw):
         return (self.kinetic + drop * ufl.exp(-a.slid / self.distance)) * p
 
 
-# ## Orthotropic friction
+# Orthotropic friction.
 #
 # Wood, say: the shear lies in an ellipse, wider across the grain than along it, and a slipping
 # point dissipates the most, t = -p A (A u_t)/|A u_t| with A = diag(along, across). In q = A^{-1} t
@@ -93,7 +88,7 @@ def arguments(argv=None):
     return parser.parse(argv)
 
 
-# ## A block dragged over a floor, which pushes it aside where the law is orthotropic
+# A block dragged over a floor, which pushes it aside where the law is orthotropic.
 
 
 def problem(law, args, comm=MPI.COMM_WORLD):

@@ -1,23 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-# # A strip that is peeled off its base: snap-back, with a memory at every point
-#
-# This demo illustrates how to:
-#
-# - follow an evolution whose load is unknown by arc length (`ArcLength`): where the strip detaches,
-#   the machine must go back for the bond to break slowly;
-# - find the folds of the load, smooth ones and those where a node begins to break;
-# - compare with beams, and the work with the energy of what was peeled.
-#
-# A strip of thickness 1 and modulus E lies on a rigid base, bonded (`RCCM`) beyond a crack of the
-# length a0. A machine of the stiffness k draws its end up by gamma. For a beam with a crack of the
-# length a, force P (per width) and opening D of the end are, as soon as the bond breaks (w)
-#
-#     P = (2 E I w)^(1/2) / a,    D = (2 w/(9 E I))^(1/2) a^2,    gamma = D + P/k,
-#
-# so that P^2 D is constant, and gamma falls until the crack has the length (3 E I/(2 k))^(1/3) and
-# rises after. The root of the beam, two thicknesses long, gives way and makes a longer, by what
-# neither of the two sees. Elements are half as long as the strip is thick: nodes break one by one,
-# and each has folds of its own. The numbers are no source's.
+"""A strip peeled off.
+
+Reference: beam theory. `demos/demo_peeling.py` explains the problem.
+"""
 
 from mpi4py import MPI
 

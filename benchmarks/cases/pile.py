@@ -1,24 +1,22 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-# # A pile drawn out of soil
-#
-# This demo illustrates how to:
-#
-# - begin with bodies under stress: the earth pressure at rest, in balance for no displacement;
-# - join bodies of revolution by a bond that breaks, and rubs the more the deeper it is (`RCCM`).
-#
-# A concrete pile of the radius a stands in soil of the weight g down to L. At rest the soil is, at
-# y < 0, under the stresses g y along the axis and K0 g y across it, the pile under the latter (its
-# own weight, one load more, is left out). The energy has them as sigma0 : eps(u), with the weight
-# and the pressure from under L; -K0 g y presses on the shaft. The base has no contact: it is free.
-#
-# The soil is held at r = R, and shears like the cylinders of Randolph and Wroth (J. Geotech. Eng.
-# Div. ASCE 104, 1978): a shear t of the shaft lifts it by t a/G ln(R/a). With one slip u all along
-# a bond of the stiffness C and the work w = C u0^2 the pile is drawn by
-#     P = 2 pi a L C u  up to u0,   then   2 pi a L C u0^4/u^3 + pi a mu K0 g L^2 (1 - (u0/u)^2),
-# and its head, L0 above ground, lifted by u + P (ln(R/a)/(2 pi G L) + (L/3 + L0)/EA). In a soil
-# softer than 3 C the curve could turn back. The ends of the soil are free, as no cylinders' are: it
-# gives way by a part of the order R/L more, and bends, which presses at the base and frees the top.
-# Units are m, kN and kPa; the parameters are our own choice, of a plausible order.
+"""A pile drawn out of soil, with earth pressure at rest.
+
+Reference: cylinders of soil.
+
+A concrete pile of the radius a stands in soil of the weight g down to L. At rest the soil is, at
+y < 0, under the stresses g y along the axis and K0 g y across it, the pile under the latter (its
+own weight, one load more, is left out). The energy has them as sigma0 : eps(u), with the weight
+and the pressure from under L; -K0 g y presses on the shaft. The base has no contact: it is free.
+
+The soil is held at r = R, and shears like the cylinders of Randolph and Wroth (J. Geotech. Eng.
+Div. ASCE 104, 1978): a shear t of the shaft lifts it by t a/G ln(R/a). With one slip u all along
+a bond of the stiffness C and the work w = C u0^2 the pile is drawn by
+    P = 2 pi a L C u  up to u0,   then   2 pi a L C u0^4/u^3 + pi a mu K0 g L^2 (1 - (u0/u)^2),
+and its head, L0 above ground, lifted by u + P (ln(R/a)/(2 pi G L) + (L/3 + L0)/EA). In a soil
+softer than 3 C the curve could turn back. The ends of the soil are free, as no cylinders' are: it
+gives way by a part of the order R/L more, and bends, which presses at the base and frees the top.
+Units are m, kN and kPa; the parameters are our own choice, of a plausible order.
+"""
 
 from mpi4py import MPI
 

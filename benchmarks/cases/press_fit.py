@@ -1,16 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-# # A ring pressed on a hub
-#
-# This demo illustrates how to:
-#
-# - press bodies together by an overlap (`ContactPair(..., interference=True)`);
-# - give the overlap as a number (`gap`), or draw it (`--drawn`), which is for matching nodes alone:
-#   where they differ, the chords of the circles are off by their sagitta;
-# - turn one body in the other until friction gives way, and measure the torque.
-#
-# A hub of aluminium is a little too large for the steel ring around it; plane strain, mm and MPa.
-# Both are held by four nodes, which may move radially. The pressure p of the joint of radius c is
-# Lame's. To turn the hub takes the torque 2 pi c^2 F p per length, to push it out 2 pi c F p.
+"""A ring on a hub, drawn or given overlap.
+
+Reference: Lamé. `demos/demo_press_fit.py` explains the problem.
+"""
 
 from mpi4py import MPI
 
@@ -58,7 +50,7 @@ def lame(overlap):
     return overlap / (hub_gives + ring_gives)
 
 
-# ## The bodies, of quarters that are made of quadrilaterals
+# The bodies, of quarters that are made of quadrilaterals.
 
 
 def draw_body(name, radii, n, centre):

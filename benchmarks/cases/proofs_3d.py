@@ -1,21 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-# # All solutions of a body in space, proved
-#
-# This demo illustrates how to:
-#
-# - find all static solutions of a 3D body with Coulomb's round friction disc, and prove that there
-#   are no others (`find_solutions`);
-# - keep the proof, and check it again with numpy alone.
-#
-# The body is a triangle (0, 0), (1, 0), (0, 1) in the plane of x and z, extruded along y and
-# clamped on its slope, or a block that is clamped on its top. A force per volume pushes it on the
-# floor z = 0. Beyond a friction coefficient the triangle has three solutions or seven under a load
-# against which it wedges: points of its edge lift off, stick, or slip, each slip in a direction of
-# its own.
-#
-# A proof is a tree. At every point the directions of slip are parted into arcs; multipliers of
-# equilibrium exclude arcs and statuses, and what is left is narrowed until a quadratic form, or an
-# interval matrix, shows that it holds one solution or none.
+"""All solutions of prisms and blocks.
+
+Reference: a prototype, certificates. `demos/demo_proofs_3d.py` explains the problem.
+"""
 
 import time
 
@@ -59,7 +46,7 @@ def arguments(argv=None):
     return args
 
 
-# ## Two bodies of tetrahedra
+# Two bodies of tetrahedra.
 #
 # A prism is cut into three tetrahedra, so that neighbours fit; a hexahedron into six.
 
@@ -130,7 +117,7 @@ def body(args, comm):
     return ParametricContact(ContactProblem(energy, u, [surface], bcs=[bc]), gamma)
 
 
-# ## What is found
+# What is found.
 #
 # Of every solution the statuses of the points (open, stick, slip; clamped points are `d`) and the
 # forces of the floor on the body.

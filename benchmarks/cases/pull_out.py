@@ -1,21 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-# # A fibre pulled out of a matrix
-#
-# This demo illustrates how to:
-#
-# - solve for bodies of revolution (`axisymmetric`): half of a section is meshed, forces are whole;
-# - clamp a fibre by what the matrix shrinks, a misfit of the radii (`gap`, `interference`);
-# - let a bond break along an interface that rubs (`RCCM`), step by step, past the jump at the end.
-#
-# A polymer fibre of radius a lies in a stiff matrix that has shrunk on it: Lame's pressure p holds
-# it, and a bond of the stiffness C and the work w. Its end is drawn. While the other end is at rest
-# a bar of the stiffness EA knows the force by the slip u where it leaves the matrix,
-#   P^2 = 4 pi a EA Phi(u),  Phi = C u^2/2 up to u0 = (w/C)^(1/2), beyond it
-#   Phi = w - w u0^2/(2 u^2) + mu p (u - u0 + u0 (u0/u - 1)).
-# The matrix is held around. Its face may be one of a crack that the fibre bridges: by symmetry that
-# opens by 2 u, until the load is highest. When the bond has broken all along, the fibre has stored
-# more than is left of it takes: the state jumps to friction alone, 2 pi a L mu p (sliding is small:
-# L stays). The numbers (mm, N) are no source's; with Poisson's ratio 0 tension thins no fibre.
+"""A fibre in a matrix.
+
+Reference: a bar. `demos/demo_pull_out.py` explains the problem.
+"""
 
 from mpi4py import MPI
 

@@ -1,18 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-# # A punch from an STL file
-#
-# This demo illustrates how to:
-#
-# - read a rigid tool from a file of triangles, `RigidSurface.read("punch.stl", scale=1e-3)`;
-# - press it into a soft slab by a force and drag it along, as a `RigidBody`;
-# - see what the facets of the file cost: the same shape is an exact obstacle as well.
-#
-# The tool is a ball, a roller or a flat punch with sharp edges; its file, in millimetres, is
-# written here. It is pressed down by a force, then led sideways by a given way, with friction. The
-# facets of a curved tool are chords of it: what they are off falls with the square of their size.
-# Those of the flat punch are the punch itself, which `LevelSet` describes by its distance. Its
-# edges stay between nodes of the slab: a node beside a sharp edge would be pushed ahead by its
-# side, which `last.warnings` reports (`across`).
+"""A ball, a roller or a flat punch from STL.
+
+Reference: the exact shape. `demos/demo_punch.py` explains the problem.
+"""
 
 from mpi4py import MPI
 
@@ -57,7 +47,7 @@ def arguments(argv=None):
     return parser.parse(argv)
 
 
-# ## Tools
+# Tools.
 #
 # The tool stands on the slab, whose face is at z = 0.
 
@@ -97,7 +87,7 @@ def tool_from_file(comm, folder, kind, cuts):
     return RigidSurface.read(file, scale=MM, comm=comm)
 
 
-# ## The slab
+# The slab.
 
 
 def pressed(args, comm, shape):

@@ -1,20 +1,18 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-# # The refrigerator that crosses the kitchen
-#
-# This demo illustrates how to:
-#
-# - regularise friction in a history, by the velocity of the slip (`Regularised(..., speed=eps)`);
-# - see what that costs: under any force, however small, a body creeps.
-#
-# A refrigerator of the weight N stands on a floor, and somebody leans against it with a force Q far
-# below F N. Coulomb's friction holds it for ever. Regularised friction, the shear F p phi(v/eps) at
-# the slip velocity v, is in balance with Q at the velocity
-#
-#     eps artanh(q) for tanh,   eps q/sqrt(1 - q^2) for the square root,   q = Q/(F N),
-#
-# at every point of the contact, whatever the pressures are: "the solid is always moving" (M. Raous,
-# on regularised friction). A smaller eps only makes it slower. Dimensions, weight and force are no
-# source's; the force acts on the whole body, as where the floor is not level.
+"""Creep under regularised friction.
+
+Reference: closed form.
+
+A refrigerator of the weight N stands on a floor, and somebody leans against it with a force Q far
+below F N. Coulomb's friction holds it for ever. Regularised friction, the shear F p phi(v/eps) at
+the slip velocity v, is in balance with Q at the velocity
+
+    eps artanh(q) for tanh,   eps q/sqrt(1 - q^2) for the square root,   q = Q/(F N),
+
+at every point of the contact, whatever the pressures are: "the solid is always moving" (M. Raous,
+on regularised friction). A smaller eps only makes it slower. Dimensions, weight and force are no
+source's; the force acts on the whole body, as where the floor is not level.
+"""
 
 from mpi4py import MPI
 
@@ -55,7 +53,7 @@ def arguments(argv=None):
     return args
 
 
-# ## A year under a force
+# A year under a force.
 #
 # It begins at rest under the weight, by the static law, which knows no velocity: there a
 # regularised law is one of the slip, of a `width`. Then the force stays. Steps of months are no

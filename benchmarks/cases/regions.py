@@ -1,22 +1,20 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-# # Which solutions exist at which load: regions and the curves between them
-#
-# This demo illustrates how to:
-#
-# - follow the curves of two loads at which a point opens, sticks or slips first, or a branch turns;
-# - draw the regions between them with the solutions in each, proved to be all.
-#
-# The body is Hild's triangle (see `hild_triangle.py`), or one of more elements (`--n`), under
-# a traction (F1, F2) on its vertical side. With one element the pictures are figures 2 to 4 of
-# P. Hild, *On finite element uniqueness studies for Coulomb's frictional contact model*, Int. J.
-# Appl. Math. Comput. Sci. 12 (2002) 41-50, whose Proposition 2 lists the solutions in closed form:
-# below the critical friction coefficient (lambda + 3 mu)/(lambda + mu) the four regions of
-# separation, stick and slip to the right and to the left fill the plane; above it those of
-# separation and stick overlap, and there slip to the left is a third solution. At it two curves
-# coincide, and between them is a continuum.
-#
-# A body without load and gap has the solution zero, and multiples of solutions are solutions: all
-# curves are straight, and end at F1 = F2 = 0.
+"""Regions of loads with equal solutions.
+
+Reference: Hild, Proposition 2.
+
+The body is Hild's triangle (see `hild_triangle.py`), or one of more elements (`--n`), under
+a traction (F1, F2) on its vertical side. With one element the pictures are figures 2 to 4 of
+P. Hild, *On finite element uniqueness studies for Coulomb's frictional contact model*, Int. J.
+Appl. Math. Comput. Sci. 12 (2002) 41-50, whose Proposition 2 lists the solutions in closed form:
+below the critical friction coefficient (lambda + 3 mu)/(lambda + mu) the four regions of
+separation, stick and slip to the right and to the left fill the plane; above it those of
+separation and stick overlap, and there slip to the left is a third solution. At it two curves
+coincide, and between them is a continuum.
+
+A body without load and gap has the solution zero, and multiples of solutions are solutions: all
+curves are straight, and end at F1 = F2 = 0.
+"""
 
 from mpi4py import MPI
 
@@ -34,7 +32,7 @@ WORDS = {"o": "separation", "k": "stick", "+": "slip right", "-": "slip left"}
 SETS = [("o",), ("k",), ("+",), ("-",), ("-", "k", "o")]
 NAMES = {s: ", ".join(WORDS[letter] for letter in reversed(s)) for s in SETS}
 
-# ## The body with two parameters
+# The body with two parameters.
 #
 # F2 is that of the branches, F1 a Constant beside it.
 
@@ -52,7 +50,7 @@ def loaded(n, friction, lame, length):
     return system, found[0]
 
 
-# ## The curves
+# The curves.
 #
 # A branch that is followed through all F2, once for either sign of a small F1, meets the borders;
 # from its events the curves are followed exactly, in both parameters. A border that neither branch

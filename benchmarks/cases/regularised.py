@@ -1,15 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-# # What regularised friction loses
-#
-# This demo illustrates how to:
-#
-# - replace Coulomb's threshold by a smooth law of a width eps (`Regularised`);
-# - follow a solution in eps, down to the true law and up to where it is lost.
-#
-# The triangle of `linear_triangle.py` has three solutions under the load gamma = 1: its corner
-# A lifts off, sticks, or slips. Regularised friction has them for a small eps alone. As eps grows
-# the one that sticks, which now creeps, and the one that slips meet in a fold and vanish. Who
-# lets a large eps fall arrives at the open one, and never learns of the others.
+"""Solutions lost by a regularised law.
+
+Reference: branches of the true law. `demos/demo_regularised.py` explains the problem.
+"""
 
 from mpi4py import MPI
 
@@ -34,7 +27,7 @@ def arguments(argv=None):
     return parser.parse(argv)
 
 
-# ## The smooth problem, with eps as the parameter
+# The smooth problem, with eps as the parameter.
 #
 # Newton's method begins at the true solution in which A sticks; the true ones are the ends of the
 # branches of the linear triangle.
@@ -64,7 +57,7 @@ def creeping(args, true, stuck):
     return system, x
 
 
-# ## As others do it: from rest at a large eps, which falls step by step
+# As others do it: from rest at a large eps, which falls step by step.
 
 
 def from_above(system, widths):
@@ -86,7 +79,7 @@ def from_above(system, widths):
     return rows
 
 
-# ## Follow it
+# Follow it.
 
 
 def main(argv=None):

@@ -1,25 +1,22 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-# # A wheel rolls along a rail: held back, driven, braked
-#
-# This demo illustrates how to:
-#
-# - let a deformable wheel roll along a deformable rail, over many facets (`sliding="large"`);
-# - move a hub by a translation and a rotation of any angle;
-# - find the steady state of rolling, and compare it with Carter's theory.
-#
-# A wheel is pressed on a rail of the same material. Its hub goes to the right by s and turns
-# clockwise by s (1 - xi)/R, with the creepage xi = (v - w R)/v. Where nothing drives or brakes it,
-# it rolls with a creepage of its own, xi_0, which is zero for half-planes and here small: hub and
-# bottom of the rail hold the bodies. A driven wheel turns faster, a braked one slower: the front
-# part of what touches sticks, the rear one slips. Between half-planes of like materials (Carter,
-# 1926; Johnson, Contact Mechanics, 1985, section 8.3) the tractive force Q on the wheel obeys
-#
-#     xi - xi_0 = -(mu a/R) sign(Q) (1 - sqrt(1 - |Q|/(mu P)))
-#
-# with the force P, and a half of the width that touches, by Hertz a^2 = 4 P R/(pi E*),
-# E* = E/(2 (1 - nu^2)). It is a steady state: the hub rolls until Q hardly changes any more, two
-# widths 2 a after the start. With 10, 20 and 40 cells on a width the creepage of the braked wheel
-# less that of the driven one is 0.958, 0.973 and 0.976 of Carter's.
+"""A wheel rolling on a rail.
+
+Reference: Carter.
+
+A wheel is pressed on a rail of the same material. Its hub goes to the right by s and turns
+clockwise by s (1 - xi)/R, with the creepage xi = (v - w R)/v. Where nothing drives or brakes it,
+it rolls with a creepage of its own, xi_0, which is zero for half-planes and here small: hub and
+bottom of the rail hold the bodies. A driven wheel turns faster, a braked one slower: the front
+part of what touches sticks, the rear one slips. Between half-planes of like materials (Carter,
+1926; Johnson, Contact Mechanics, 1985, section 8.3) the tractive force Q on the wheel obeys
+
+    xi - xi_0 = -(mu a/R) sign(Q) (1 - sqrt(1 - |Q|/(mu P)))
+
+with the force P, and a half of the width that touches, by Hertz a^2 = 4 P R/(pi E*),
+E* = E/(2 (1 - nu^2)). It is a steady state: the hub rolls until Q hardly changes any more, two
+widths 2 a after the start. With 10, 20 and 40 cells on a width the creepage of the braked wheel
+less that of the driven one is 0.958, 0.973 and 0.976 of Carter's.
+"""
 
 from mpi4py import MPI
 
@@ -61,7 +58,7 @@ def arguments(argv=None):
     return parser.parse(argv)
 
 
-# ## The bodies
+# The bodies.
 #
 # Quadrilaterals of the size 2 a/n where the bodies touch or will touch, larger ones elsewhere. Of
 # the wheel its lower half is there.
@@ -149,7 +146,7 @@ def problem(args, comm):
     return ContactProblem(steel.energy(u) * dx, u, [pair], bcs=bcs), hub
 
 
-# ## Rolling
+# Rolling.
 #
 # The hub comes down, turns on the spot until Q is almost what Carter has, and rolls. Without the
 # second of these the steady state would be the same, but far away: Q shears the bodies as a whole,
@@ -219,7 +216,7 @@ class Rolling:
         return RADIUS * (angle - self.placed(time)[1])
 
 
-# ## Carter's theory
+# Carter's theory.
 
 
 def carter(q, friction, half_width):

@@ -1,17 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-# # Shakedown: whether friction comes to rest under cycles of loads
-#
-# This demo illustrates how to:
-#
-# - compute the largest factor of a cycle of loads up to which some slips that were left behind hold
-#   all contact points at rest (`shakedown`, the static bound of Melan);
-# - see where the bound is sufficient, and step through cycles where it is not;
-# - find points and loads where the bound promises rest, and friction dissipates for ever.
-#
-# A block is pressed down by its top, which then moves to and fro. On its mirror image, as a pair of
-# bodies, slips do not change the pressure: the theorem of Klarbring, Ciavarella and Barber (2007)
-# holds, and below the bound the pair comes to rest from every start. On a rigid floor slips and
-# pressure are coupled, and where the body starts may decide.
+"""Shakedown of a block, search for counterexamples.
+
+Reference: Klarbring, Ciavarella and Barber. `demos/demo_shakedown.py` explains the problem.
+"""
 
 from mpi4py import MPI
 
@@ -47,7 +38,7 @@ def arguments(argv=None):
     return parser.parse(argv)
 
 
-# ## A block on a floor, or on its mirror image
+# A block on a floor, or on its mirror image.
 #
 # Of the pair both ends move, the lower one against the upper.
 
@@ -104,7 +95,7 @@ def bounds(n, friction, *, mirrored):
     return below, above, wedging_friction(problem).friction
 
 
-# ## Two points
+# Two points.
 #
 # A search among random stiffnesses of two points that are pressed, with two corners of a load. What
 # counts is a cycle below the bound that slips for ever with steps half as long too.

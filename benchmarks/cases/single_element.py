@@ -1,17 +1,14 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-# # Following one element through two folds
-#
-# This demo illustrates how to:
-#
-# - make a contact problem depend on a parameter gamma and follow its solutions as gamma varies;
-# - pass points where the status changes and gamma turns back, located to round-off;
-# - read off all solutions of the branch at one gamma.
-#
-# Hild's triangle (see `hild_triangle.py`) under the traction (0, -1) + gamma (-4, 0): A sticks
-# until the shear reaches the friction bound at gamma = F |F2| / 4. If F is larger than the critical
-# coefficient (lambda + 3 mu)/(lambda + mu) the branch turns back there, slips to the left while the
-# load *decreases*, and turns forward again where the pressure vanishes and A lifts off. Between the
-# two folds there are three solutions.
+"""A branch with two folds.
+
+Reference: closed form.
+
+Hild's triangle (see `hild_triangle.py`) under the traction (0, -1) + gamma (-4, 0): A sticks
+until the shear reaches the friction bound at gamma = F |F2| / 4. If F is larger than the critical
+coefficient (lambda + 3 mu)/(lambda + mu) the branch turns back there, slips to the left while the
+load *decreases*, and turns forward again where the pressure vanishes and A lifts off. Between the
+two folds there are three solutions.
+"""
 
 from mpi4py import MPI
 
@@ -38,7 +35,7 @@ def arguments(argv=None):
     return parser.parse(argv)
 
 
-# ## Follow it
+# Follow it.
 #
 # The branch begins at gamma = 0, with a solution of the problem there. Every point of a branch
 # knows its statuses, every special point what changes at it. `follower.at` reads off the points at

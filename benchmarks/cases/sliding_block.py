@@ -1,15 +1,13 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-# # A block that slides until friction has stopped it
-#
-# This demo illustrates how to:
-#
-# - begin a motion with a static solution: an elastic block on a floor, under its weight;
-# - follow it with friction to its rest, and see where its energy goes.
-#
-# The block is pushed off with the speed v0. A point mass stops at v0/(mu g), after v0^2/(2 mu g).
-# So does the middle of an elastic block while all of its face slips: its pressure sways with the
-# shear that friction causes, its sum is the weight. A block higher than W/mu would tip over. The
-# stop is when 2 % of the speed are left, over 0.98: at the end the block sways, sticks and slips.
+"""A block that slides to rest.
+
+Reference: a point mass.
+
+The block is pushed off with the speed v0. A point mass stops at v0/(mu g), after v0^2/(2 mu g).
+So does the middle of an elastic block while all of its face slips: its pressure sways with the
+shear that friction causes, its sum is the weight. A block higher than W/mu would tip over. The
+stop is when 2 % of the speed are left, over 0.98: at the end the block sways, sticks and slips.
+"""
 
 from mpi4py import MPI
 

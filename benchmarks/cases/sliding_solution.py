@@ -1,14 +1,12 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-# # Through the critical friction coefficient: who still reaches the sliding solution?
-#
-# This demo illustrates how to:
-#
-# - find the friction at which a node's solutions become three, from its reduced stiffness;
-# - see what each algorithm does below, at and above it, from a row of starts.
-#
-# V. Rey (C. R. Mecanique 354, 2026) compares algorithms on an example with several solutions for
-# F > 3, and not all reach its sliding one. Hild's triangle with nu = 0 has the same threshold,
-# 3 - 4 nu. The second problem is the triangle of `linear_triangle.py` under its own load.
+"""Algorithms through the critical friction.
+
+Reference: closed form.
+
+V. Rey (C. R. Mecanique 354, 2026) compares algorithms on an example with several solutions for
+F > 3, and not all reach its sliding one. Hild's triangle with nu = 0 has the same threshold,
+3 - 4 nu. The second problem is the triangle of `linear_triangle.py` under its own load.
+"""
 
 from mpi4py import MPI
 
@@ -30,7 +28,7 @@ ALGORITHMS = {
     "interior-point": algorithms.InteriorPoint(max_iterations=60),
 }
 
-# ## The node A
+# The node A.
 #
 # With all other nodes open A has the stiffness [[kt, k], [k, kn]] and the load (-pt, -pn). It
 # sticks for F >= pt/pn, opens for kt/k <= pt/pn, and slides to the left where pt/pn lies between F
@@ -46,7 +44,7 @@ def corner(contact):
     return float(stiffness_ratio), float(load_ratio), float(-pn)
 
 
-# ## Two problems
+# Two problems.
 #
 # The load on Hild's triangle follows the friction, pt/pn = (3 + F)/2: below F = 3 it slides, and
 # has no other solution; above, it has two more; at F = 3 all forces with rt = 3 rn, rn <= pn are
@@ -61,7 +59,7 @@ def triangle(friction, n):
     return reduced(n, friction, (26.0, 7.5), (100.0, 82.0))
 
 
-# ## Where algorithms end
+# Where algorithms end.
 #
 # Starts are forces of a sliding node, rn = s pn and rt = F rn. What comes out, on the element (its
 # sliding solution has s = 1/2):

@@ -1,19 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-# # Squeal: vibrations that friction feeds
-#
-# This demo illustrates how to:
-#
-# - find the vibrations of a body that slides steadily, and which of them grow;
-# - find the friction coefficient at which growth begins;
-# - see what a regularised friction law makes of them, and animate the vibration.
-#
-# The pad of a brake, clamped at its top, is pressed on a floor that moves to the right. Coulomb's
-# coefficient does not depend on the velocity, but the pressure rises and falls with a vibration,
-# and friction with it: where two modes have met, one of them takes energy from the floor in every
-# period. Without damping those that meet first are the finest of the mesh, and the onset falls to
-# zero as it is refined; a damped pad has an onset of its own. A regularised law, whose friction
-# still rises with the velocity at the speed of sliding, is a damper at the floor, and may hide the
-# squeal.
+"""Steady sliding of a pad, 2D and 3D.
+
+Reference: own code. `demos/demo_squeal.py` explains the problem.
+"""
 
 from mpi4py import MPI
 
@@ -47,7 +36,7 @@ def arguments(argv=None):
     return parser.parse(argv)
 
 
-# ## The pad
+# The pad.
 #
 # Of `ny` cells over the height; in 3D as many across the motion as fit.
 
@@ -85,7 +74,7 @@ def pad(args, comm=MPI.COMM_WORLD):
     return problem, energy, ds
 
 
-# ## Damping by a regularised law
+# Damping by a regularised law.
 #
 # At the speed V of sliding the law F p tanh(v/e) has the slope F p (1 - tanh^2(V/e))/e, a damper
 # per area of the floor. A form of damping is given as UFL, and may be any other.
@@ -103,7 +92,7 @@ def regularised(problem, energy, ds, args, slope):
     return eta * stiffness + damper
 
 
-# ## One period of a vibration
+# One period of a vibration.
 #
 # The body moves as the real part of (real + i imaginary) exp(i t); the growth is left out, so that
 # the animation can be repeated.

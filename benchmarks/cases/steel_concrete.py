@@ -1,19 +1,17 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-# # A steel bar pulled out of concrete
-#
-# This demo illustrates how to:
-#
-# - join two bodies by a bond that breaks and leaves friction behind (`ContactPair` with `RCCM`);
-# - draw the curve of load against slip, and see how the work of the pull is divided.
-#
-# Raous, Cangemi and Cocou's law is meant for such interfaces: reinforced concrete, piles in soil. A
-# flat bar lies in concrete that is pressed on it, of which one half is shown, in plane strain. Its
-# bond of the shear stiffness C holds up to the slip u0 = (w/C)^(1/2) and then damages; friction mu
-# comes as it goes. Where the slip u is the same everywhere the force per width and length is
-#
-#     C u  up to u0,   then   w^2/(C u^3) + mu p (1 - w/(C u^2)),   at last the plateau mu p.
-#
-# All parameters are our own choice, of a plausible order (N and mm): no published set was found.
+"""A steel bar in concrete.
+
+Reference: uniform slip.
+
+Raous, Cangemi and Cocou's law is meant for such interfaces: reinforced concrete, piles in soil. A
+flat bar lies in concrete that is pressed on it, of which one half is shown, in plane strain. Its
+bond of the shear stiffness C holds up to the slip u0 = (w/C)^(1/2) and then damages; friction mu
+comes as it goes. Where the slip u is the same everywhere the force per width and length is
+
+    C u  up to u0,   then   w^2/(C u^3) + mu p (1 - w/(C u^2)),   at last the plateau mu p.
+
+All parameters are our own choice, of a plausible order (N and mm): no published set was found.
+"""
 
 from mpi4py import MPI
 

@@ -1,20 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-# # A block on a belt: it sticks, and slips
-#
-# This demo illustrates how to:
-#
-# - move the floor under a body with mass: a `RigidBody` whose motion is given in time;
-# - find begin and end of sticking in a history, and compare with the oscillator of one degree.
-#
-# A block with springs to its surroundings, of the frequency w, stands on a belt that begins to run
-# with the speed V. The belt drags it along with the force mu g per mass: it slips, from rest, about
-# u = mu g/w^2, u (1 - cos w t), until it is as fast as the belt, at w t = arcsin(V/(u w)). There it
-# sticks, and rides on, until its springs pull with mu g. Then it slips and swings about u with the
-# amplitude V/w, in each period of 2 pi/w it is once as fast as the belt, and slips again at once.
-#
-# With a friction coefficient that is the same at rest and in motion it sticks only that once.
-# Where sticking returns in every period friction falls with the speed, or with the way slipped.
-# Some damping calms the rattle of the stiff block on its corners.
+"""A block on a belt.
+
+Reference: one degree of freedom. `demos/demo_stick_slip.py` explains the problem.
+"""
 
 from mpi4py import MPI
 

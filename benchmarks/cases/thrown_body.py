@@ -1,18 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-# # A body that is thrown at a wall, and comes back with spin
-#
-# This demo illustrates how to:
-#
-# - set a hyperelastic body in motion, whose rotations may be large, and animate it in ParaView;
-# - measure momentum, angular momentum and energy of an impact, and see what forces did to them;
-# - let two bodies hit each other instead (`--two`).
-#
-# A cube flies obliquely at a rough wall and hits it with an edge. It comes back with a spin. Forces
-# at the contact points tell what momentum it gets, their moments what angular momentum; these are
-# measured on the body, as integrals of density times velocity, and compared. With `--two` the wall
-# is another cube at rest, hit face to face. Pairs are of small sliding: forces stay at points that
-# were opposite at first, and both together gain some angular momentum that they should not.
-# Impacts are at the level of velocities, where all nodes have mass, and their velocities meaning.
+"""A cube thrown at a wall or at another cube.
+
+Reference: balances of momentum. `demos/demo_thrown_body.py` explains the problem.
+"""
 
 from mpi4py import MPI
 

@@ -1,33 +1,29 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-# # A half-sphere pressed into a block and turned
-#
-# This demo illustrates how to:
-#
-# - let two bodies in space slide over each other as far as they like, with Coulomb's law and no
-#   penalty (`ContactPair(..., sliding="large")`);
-# - have friction from a certain time on: its coefficient is a Constant, which the load sets;
-# - hold a face by a motion that differs from point to point, and take the torque from the support.
-#
-# A hollow half-sphere, its pole on the middle of a softer block, is pressed into it without
-# friction by its own radius, half the height of the block. Then there is friction, and its rim is
-# turned by 180 degrees: the block twists with it, until all of the face slips and the torque stays
-# as it is. Two codes (Sauer and De Lorenzis, 2015; Zimmerman and Ateshian, 2018, with FEBio) agree
-# on the torque to two per cent. A third one, finite volumes with a penalty, has 8 per cent more on
-# a fine mesh, and a force that is as much larger. The elastic law is enough for that: the
-# volumetric part of the third one (`--law iso`) is another, and the block is compressed to half its
-# height:
-#
-# | torque at | 20 | 40 | 80 | 180 degrees | force at 0 | 180 degrees |
-# |---|---|---|---|---|---|---|
-# | Sauer, De Lorenzis | 0.146 | 0.267 | 0.395 | 0.401 | 1.230 | 1.289 |
-# | FEBio | 0.144 | 0.273 | 0.395 | 0.405 | | |
-# | n = 8, 944 cells | 0.1452 | 0.2659 | 0.3844 | 0.3857 | 1.2490 | 1.2929 |
-# | n = 12, 2592 cells | 0.1407 | 0.2627 | 0.3886 | 0.3955 | 1.2348 | 1.2843 |
-# | n = 8, `--law iso`, steps of 5 degrees | 0.1572 | 0.2899 | 0.4221 | 0.4240 | 1.3445 | 1.4172 |
-# | solids4foam, 35424 cells, read off a plot | 0.150 | | 0.424 | 0.434 | 1.42 | 1.34 |
-#
-# What is missing at 180 degrees, 4 and 1.4 per cent of the torque, is the mesh: with errors of the
-# order h^2 the two meshes give 0.403, and a force of 1.277, 0.9 per cent below the published one.
+"""A half-sphere pressed and turned by 180 degrees.
+
+Reference: published torques.
+
+A hollow half-sphere, its pole on the middle of a softer block, is pressed into it without
+friction by its own radius, half the height of the block. Then there is friction, and its rim is
+turned by 180 degrees: the block twists with it, until all of the face slips and the torque stays
+as it is. Two codes (Sauer and De Lorenzis, 2015; Zimmerman and Ateshian, 2018, with FEBio) agree
+on the torque to two per cent. A third one, finite volumes with a penalty, has 8 per cent more on
+a fine mesh, and a force that is as much larger. The elastic law is enough for that: the
+volumetric part of the third one (`--law iso`) is another, and the block is compressed to half its
+height:
+
+| torque at | 20 | 40 | 80 | 180 degrees | force at 0 | 180 degrees |
+|---|---|---|---|---|---|---|
+| Sauer, De Lorenzis | 0.146 | 0.267 | 0.395 | 0.401 | 1.230 | 1.289 |
+| FEBio | 0.144 | 0.273 | 0.395 | 0.405 | | |
+| n = 8, 944 cells | 0.1452 | 0.2659 | 0.3844 | 0.3857 | 1.2490 | 1.2929 |
+| n = 12, 2592 cells | 0.1407 | 0.2627 | 0.3886 | 0.3955 | 1.2348 | 1.2843 |
+| n = 8, `--law iso`, steps of 5 degrees | 0.1572 | 0.2899 | 0.4221 | 0.4240 | 1.3445 | 1.4172 |
+| solids4foam, 35424 cells, read off a plot | 0.150 | | 0.424 | 0.434 | 1.42 | 1.34 |
+
+What is missing at 180 degrees, 4 and 1.4 per cent of the torque, is the mesh: with errors of the
+order h^2 the two meshes give 0.403, and a force of 1.277, 0.9 per cent below the published one.
+"""
 
 from mpi4py import MPI
 
@@ -79,7 +75,7 @@ def arguments(argv=None):
     return args
 
 
-# ## The bodies
+# The bodies.
 #
 # Hexahedra of about one size: n along an edge of the block, n/2 along an edge of an octant.
 
@@ -102,7 +98,7 @@ def on_sphere(radius):
     return here
 
 
-# ## Two elastic laws
+# Two elastic laws.
 #
 # Both are called neo-Hookean, and are the same at small strain.
 
@@ -125,7 +121,7 @@ def iso(u, young):
 LAWS = {"log": log, "iso": iso}
 
 
-# ## The motion of the rim
+# The motion of the rim.
 
 
 class Rim:

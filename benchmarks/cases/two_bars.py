@@ -1,19 +1,17 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-# # Two bars that hit each other
-#
-# This demo illustrates how to:
-#
-# - let two bodies with mass hit each other (`ContactPair`, `NSCD`), each with its own velocity;
-# - look at the velocity in the middle of the contact, and at what an impact leaves in the bodies.
-#
-# A bar with the speed V hits an equal one at rest, end to end. Waves run out from the contact, in
-# which the material moves by V/2 under the pressure rho c V/2, are reflected at the free ends, and
-# when they are back, after 2 L/c, the bars part: the first is at rest, the second has V, and no
-# vibration is left. So it is for bars without Poisson's effect (the default). With it (`--poisson
-# 0.3`) the sides move too, waves of many speeds follow, and some of the energy stays as vibration.
-#
-# Velocities of the faces are means over steps. Where nodes without mass (the default) have been
-# released they alternate, about what the bar does.
+"""Two bars that collide.
+
+Reference: exchange of velocities.
+
+A bar with the speed V hits an equal one at rest, end to end. Waves run out from the contact, in
+which the material moves by V/2 under the pressure rho c V/2, are reflected at the free ends, and
+when they are back, after 2 L/c, the bars part: the first is at rest, the second has V, and no
+vibration is left. So it is for bars without Poisson's effect (the default). With it (`--poisson
+0.3`) the sides move too, waves of many speeds follow, and some of the energy stays as vibration.
+
+Velocities of the faces are means over steps. Where nodes without mass (the default) have been
+released they alternate, about what the bar does.
+"""
 
 from mpi4py import MPI
 

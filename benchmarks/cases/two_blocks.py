@@ -1,17 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-# # Two elastic blocks, one on the other
-#
-# This demo illustrates how to:
-#
-# - put two bodies of different materials into one mesh (`meshing.join`), and let them touch
-#   (`ContactPair`), also with other nodes below (`--ratio 2`): the coupling is then a mortar;
-# - compare with the same body on a rigid floor (`--rigid-floor`);
-# - go through a history of loads (`QuasiStatic`), in which what has slipped is remembered.
-#
-# A unit square lies on a block of half its height, which is clamped below; plane strain. Its top is
-# pressed down by 1 %, drawn to the right, to the left, and lifted. The lower body gives way too, so
-# that a part of the interface sticks that would slip on a rigid floor. With `--static` the static
-# law is solved for one state (total displacements, no history).
+"""Two blocks along a path, or one static state.
+
+Reference: own condensed code. `demos/demo_two_blocks.py` explains the problem.
+"""
 
 from mpi4py import MPI
 

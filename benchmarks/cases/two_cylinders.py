@@ -1,19 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-# # A steel cylinder on an aluminium block
-#
-# This demo illustrates how to:
-#
-# - mesh two bodies in gmsh, each as it likes, and let them touch (`ContactPair`), by a mortar or,
-#   with `--ratio 1`, node by node;
-# - press by a force: nothing but contact holds the cylinder;
-# - compare with Hertz, mesh by mesh: the benchmark CB-1 of NAFEMS (Code_Aster's SSNP154).
-#
-# The cylinder has the radius 50 mm, the block is 200 mm high, 400 mm wide; plane strain. 35 kN per
-# mm are spread over the flat top of the lower half of the cylinder. By symmetry half is meshed. The
-# cells grow with the distance from the contact. Hertz's half-spaces have the contact radius 6.21 mm
-# and the peak 3585.37 MPa; with friction that holds approximately.
-#
-# `--case spheres` is the problem of `two_spheres.py`.
+"""A cylinder on a block (`--case cb1`), two spheres (`--case spheres`).
+
+Reference: NAFEMS CB-1, SSNV104. `demos/demo_two_cylinders.py` explains the problem.
+"""
 
 import numpy as np
 from _hertz import Hertz
@@ -39,7 +28,7 @@ COMPLIANCE = (1 - POISSON**2) * (1 / STEEL_YOUNG + 1 / ALUMINIUM_YOUNG)
 HERTZ = Hertz(2, RADIUS, 1 / COMPLIANCE, parts=2)
 
 
-# ## The bodies
+# The bodies.
 #
 # The quarter of a disc, and half of the block, whose nodes are below those of a disc with cells of
 # its size: so they are below those of the other where the sizes are the same. All nodes that may
@@ -79,7 +68,7 @@ def problem(size, args, comm):
     return ContactProblem(energy, u, [pair], bcs=bcs)
 
 
-# ## Two spheres, for comparison
+# Two spheres, for comparison.
 #
 # Bodies of revolution of one material, whose equators approach each other by 4 mm.
 

@@ -1,15 +1,11 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-# # Two elastic spheres
-#
-# This demo illustrates how to:
-#
-# - mesh two round bodies in gmsh, with the same nodes where they touch or, with `--ratio`, others;
-# - say in which direction curved faces oppose each other (`normal`);
-# - solve for bodies of revolution (`axisymmetric`);
-# - compare with Hertz, mesh by mesh: the benchmark SSNV104 of Code_Aster.
-#
-# The equators of spheres of radius 50 mm approach each other by 4 mm. That is not little (Hertz has
-# the radius 10 mm and the peak 2798 MPa): he is compared with at the force that comes out.
+"""Two spheres on matching and other meshes.
+
+Reference: SSNV104, Hertz.
+
+The equators of spheres of radius 50 mm approach each other by 4 mm. That is not little (Hertz has
+the radius 10 mm and the peak 2798 MPa): he is compared with at the force that comes out.
+"""
 
 from _hertz import Hertz
 from _round import draw, parser, quarter, study
@@ -28,7 +24,7 @@ POISSON = 0.3
 HERTZ = Hertz(3, RADIUS / 2, YOUNG / (2 * (1 - POISSON**2)))
 MATERIAL = Axisymmetric(LinearElastic.from_young(YOUNG, POISSON))
 
-# ## The bodies
+# The bodies.
 #
 # Half of a section is a polygon: sides along the circle, which grow with the distance from the
 # contact as the cells between do, the equator and the axis. The first sides may touch. With the
@@ -41,7 +37,7 @@ def spheres(size, ratio):
     return {"upper": upper, "lower": lower}
 
 
-# ## The problem
+# The problem.
 #
 # The energy has the hoop strain u_r / r. The problem multiplies integrals by 2 pi r: contact forces
 # are those of the whole circumference, areas of points are swept areas. On the axis u_r is held.

@@ -1,21 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-# # Wedged: friction that holds a body without any load
-#
-# This demo illustrates how to:
-#
-# - compute the smallest friction with which a body that was loaded and unloaded may stay wedged,
-#   with a proof that there is no smaller one (`wedging_friction`);
-# - compare it with the critical friction of sliding states, and with the friction up to which a
-#   solution is certainly the only one;
-# - follow a body by arc length, with memory, as it is loaded, unloaded, loaded again and pulled
-#   (`ArcLength`): whether it stays wedged without load, and which load frees it.
-#
-# Kim, Jang and Barber (2019): a state of forces and displacements without load, in which every
-# point is off the floor, or touches it with a force in its friction cone. The direction of the
-# shear is free: what happened before decides it. Everything is homogeneous, so that neither a load
-# nor its history enters. On a coarse mesh of the triangle (`_triangle`) the coefficient is that of
-# the first continuum of sliding states; it lies below from four contact nodes on, where points in
-# the middle lift off.
+"""Wedging coefficients and branches.
+
+Reference: exact problems. `demos/demo_wedging.py` explains the problem.
+"""
 
 from mpi4py import MPI
 
@@ -41,7 +28,7 @@ def arguments(argv=None):
     return parser.parse(argv)
 
 
-# ## The coefficient, and others beside it
+# The coefficient, and others beside it.
 #
 # That of sliding states: a slip of all points that changes nothing. Renard's: up to which a
 # solution that slips to the right everywhere is certainly the only one.
@@ -68,7 +55,7 @@ def draw_state(file, found):
     plot.draw_curves(file, curves, labels=("x", f"F = {found.friction:.6g}"))
 
 
-# ## The wedged state as a branch
+# The wedged state as a branch.
 #
 # With memory the friction law is about the increments of slip. The traction grows from nothing and
 # falls to nothing, grows again, falls, and pulls the other way until the body is off the floor. By

@@ -1,15 +1,12 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-# # Which solution? The algorithms where there are several
-#
-# This demo illustrates how to:
-#
-# - take a contact problem on its contact points alone (`ContactProblem.reduced`), as numpy arrays;
-# - run the classical algorithms on it from any start, and see in which solution each ends, or
-#   what else it does; and what each does at the critical friction coefficient.
-#
-# Two problems with three solutions: Hild's element with F = 3 under the traction (-2.4, -1) (its
-# corner A opens, sticks or slips to the left), and the triangle of `linear_triangle.py` with
-# 16 contact nodes, F = 2, at gamma = 1 (the same three at A, all other nodes open).
+"""In which solution algorithms end.
+
+Reference: enumeration.
+
+Two problems with three solutions: Hild's element with F = 3 under the traction (-2.4, -1) (its
+corner A opens, sticks or slips to the left), and the triangle of `linear_triangle.py` with
+16 contact nodes, F = 2, at gamma = 1 (the same three at A, all other nodes open).
+"""
 
 from mpi4py import MPI
 
@@ -31,7 +28,7 @@ ALGORITHMS = {
     "interior-point": algorithms.InteriorPoint(max_iterations=60),
 }
 
-# ## Where an algorithm ends
+# Where an algorithm ends.
 #
 # The status of A in the solution, or what else happened. Starts are contact forces (rt, rn) at A,
 # from a grid. Lemke's method knows no start.
@@ -53,7 +50,7 @@ def basins(contact, size):
     return (rt, rn), panels
 
 
-# ## The problems
+# The problems.
 #
 # At F = (lambda + 3 mu)/(lambda + mu) = 2 the element has a continuum of solutions under the
 # traction (-2, -1): every slip between stick and separation. They are so small that every rank
