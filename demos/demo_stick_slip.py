@@ -43,6 +43,7 @@ width, height, density, gravity = 2.0, 1.0, 1.0, 10.0
 friction, young, poisson = 0.3, 1e6, 0.3
 omega = 2 * np.pi
 belt_velocity, v0 = 0.1, 1.0
+periods = 3.0  # of the oscillation on the belt
 mass = density * width * height
 say = io.Report(comm)
 
@@ -114,7 +115,7 @@ def record(_):
 
 
 damped = NSCD(on_belt, density, dt=0.005, load=load, damping=(0.0, 1e-4))
-belt_history = damped.run([0.0, 3.0 * 2 * np.pi / omega], observer=record)
+belt_history = damped.run([0.0, periods * 2 * np.pi / omega], observer=record)
 belt_times = np.array([0.0, *(step.time for step in belt_history.steps)])
 u = np.array(places)
 

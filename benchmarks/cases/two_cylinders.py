@@ -26,6 +26,7 @@ STEEL = LinearElastic.from_young(STEEL_YOUNG, POISSON)
 ALUMINIUM = LinearElastic.from_young(ALUMINIUM_YOUNG, POISSON)
 COMPLIANCE = (1 - POISSON**2) * (1 / STEEL_YOUNG + 1 / ALUMINIUM_YOUNG)
 HERTZ = Hertz(2, RADIUS, 1 / COMPLIANCE, parts=2)
+SPHERES = Hertz(3, RADIUS / 2, SPHERES_YOUNG / (2 * (1 - POISSON**2)))
 
 
 # The bodies.
@@ -97,8 +98,7 @@ def main(argv=None):
     args = words.parse(argv)
     if args.case == "spheres":
         args.ratio = args.ratio or 1.0
-        hertz = Hertz(3, RADIUS / 2, SPHERES_YOUNG / (2 * (1 - POISSON**2)))
-        return study(args, spheres, hertz)
+        return study(args, spheres, SPHERES)
     args.ratio = args.ratio or 0.8
     return study(args, problem, HERTZ)
 

@@ -6,12 +6,11 @@ from dataclasses import replace
 from mpi4py import MPI
 
 import cases.crack
-import cases.elastic_base
 import cases.press_fit
 import cases.two_cylinders
-import cases.two_spheres
 import numpy as np
 import pytest
+from support.demo_numbers import run
 
 from dolfinx_contact import plot
 
@@ -25,13 +24,13 @@ def no_pictures(monkeypatch):
         monkeypatch.setattr(plot, name, lambda *_, **__: None)
 
 
-def pressed(demo, size, *, ratio=1.0, friction=0.0):
-    """What Hertz has to say of a mesh, and the result."""
+def pressed(problem, hertz, size, *, ratio=1.0, friction=0.0):
+    """Comparison of a mesh with Hertz, and the table."""
     given = Namespace(ratio=ratio, friction=friction)
-    result = demo.problem(size, given, COMM).solve()
+    result = problem(size, given, COMM).solve()
     assert result.kkt_violation < 1e-10
     table = result.tables["contact"]
-    return demo.HERTZ.compare(table), table
+    return hertz.compare(table), table
 
 
 @pytest.mark.verifies(
@@ -55,14 +54,15 @@ def test_two_spheres(folder):
     assert summary["force_imbalance"] < 1e-10
     names = ("body.png", "pressure.png", "convergence.csv", "contact.csv")
     assert all((folder / name).stat().st_size > 0 for name in names)
-    found, table = pressed(cases.two_spheres, 0.5, ratio=0.8, friction=0.3)
+    case = cases.two_cylinders
+    found, table = pressed(case.spheres, case.SPHERES, 0.5, ratio=0.8, friction=0.3)
     # Of a mortar areas are those seen along the axis; those of the cones between the points:
     x = table.x[:, 0]
     length = np.linalg.norm(np.diff(table.x, axis=0), axis=1)
     inner = (2 * x[:-1] + x[1:]) * length
     outer = (x[:-1] + 2 * x[1:]) * length
     area = np.pi / 3 * (np.append(inner, 0.0) + np.append(0.0, outer))
-    found = cases.two_spheres.HERTZ.compare(replace(table, area=area, pressure=table.rn / area))
+    found = case.SPHERES.compare(replace(table, area=area, pressure=table.rn / area))
     assert found["peak_pressure"] == pytest.approx(summary["peak"], rel=1e-3)
     assert found["load"] == pytest.approx(summary["force"], rel=1e-3)
     assert table.count("s+-") == 0  # by symmetry, but for the meshes
@@ -83,7 +83,8 @@ def test_cylinder_on_a_block(friction):
     """NAFEMS CB-1: the same nodes and others agree better than either does with Hertz."""
     peaks = []
     for ratio in (1.0, 0.8, 1.25):
-        found, table = pressed(cases.two_cylinders, 0.5, ratio=ratio, friction=friction)
+        case = cases.two_cylinders
+        found, table = pressed(case.problem, case.HERTZ, 0.5, ratio=ratio, friction=friction)
         assert found["load"] == pytest.approx(35e3, rel=1e-9)
         assert found["peak_pressure"] == pytest.approx(3585.37, rel=0.02)
         assert found["touching_radius"] == pytest.approx(6.21, abs=0.02 * 6.21)
@@ -181,24 +182,17 @@ def test_a_drawn_press_fit():
 
 @pytest.mark.long
 def test_an_elastic_base(folder):
-    """Both bodies are drawn, and all that the top is pushed with reaches the bottom."""
-    summary = cases.elastic_base.main(["--size=0.2", f"--output={folder}"])
-    assert min(summary["open"], summary["stick"], summary["slip"]) > 0
-    assert 0 < -summary["sum_rt_x"] < 0.4 * summary["sum_rn"]
-    assert summary["force_imbalance"] < 1e-10
-    assert (folder / "contact.png").stat().st_size > 20_000
-    assert (folder / "contact.bp").exists()
-
-
-def test_a_base_that_is_nearly_rigid():
-    """The stiffer it is, the nearer the forces are to those on a rigid floor, in proportion."""
-
-    def force(*words):
-        args = cases.elastic_base.arguments(["--size=0.2", *words])
-        problem, _ = cases.elastic_base.problem(args, COMM)
-        return problem.solve().resultants["contact"]
-
-    rigid = force("--rigid")
-    off = [np.linalg.norm(force(f"--base={E}") - rigid) for E in (1e4, 1e5)]
+    """The stiffer the base, the nearer the forces are to those on a rigid floor, in proportion."""
+    off = []
+    for young in (1e4, 1e5):
+        names = run(
+            "dragged_body",
+            folder,
+            size_on_floor=0.2,
+            size_on_base=0.2,
+            young_of_base=young,
+        )
+        assert names["result_on_base"].pairs["contact"].imbalance < 1e-10
+        off.append(np.linalg.norm(names["on_rocker"] - names["force"]))
     assert off[0] == pytest.approx(10 * off[1], rel=0.05)
-    assert 0 < off[1] < 1e-3 * np.linalg.norm(rigid)
+    assert 0 < off[1] < 1e-3 * np.linalg.norm(names["force"])

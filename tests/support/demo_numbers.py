@@ -5,9 +5,9 @@
     docker/run env PYTHONPATH=.:tests python3 tests/support/demo_numbers.py [NAME ...]
 """
 
+import ast
 import csv
 import os
-import runpy
 import sys
 import tempfile
 from contextlib import chdir
@@ -206,10 +206,35 @@ NUMBERS = {
 }
 
 
-def run(name, folder):
-    """Run a demo in a folder and return its namespace."""
+def run(name, folder, **parameters):
+    """Run a demo in a folder and return its namespace.
+
+    Args:
+        name: name of the demo.
+        folder: working directory, which is created.
+        parameters: values for parameters at the top of the demo, by name.
+    """
+    file = ROOT / "demos" / f"demo_{name}.py"
+    tree = ast.parse(file.read_text())
+    left = dict(parameters)
+    for node in tree.body:
+        if isinstance(node, ast.Assign):
+            target, value = node.targets[0], node.value
+            several = isinstance(target, ast.Tuple)
+            targets = target.elts if several else [target]
+            for k, each in enumerate(targets):
+                if isinstance(each, ast.Name) and each.id in left:
+                    new = ast.parse(repr(left.pop(each.id)), mode="eval").body
+                    if several:
+                        value.elts[k] = new
+                    else:
+                        node.value = new
+    assert not left, f"{name} has no parameters {', '.join(left)}"
+    names = {"__name__": "__main__", "__file__": str(file)}
+    Path(folder).mkdir(parents=True, exist_ok=True)
     with chdir(folder):
-        return runpy.run_path(str(ROOT / "demos" / f"demo_{name}.py"))
+        exec(compile(ast.fix_missing_locations(tree), str(file), "exec"), names)
+    return names
 
 
 def rows_of(name, names):
