@@ -29,6 +29,8 @@ from typing import Any
 ROOT = Path(__file__).resolve().parents[1]
 SHOWN = ROOT / "docs" / "_build" / "run"
 PICTURES = (".png", ".gif", ".svg")
+#: Further files that pages of the site show.
+PAGES = (".html",)
 #: Limit of one script in seconds.
 LIMIT = 600.0
 #: A script prints at most so many lines on its page.
@@ -155,7 +157,8 @@ def keep(folder: Path, cached: Path) -> None:
     """Move what the site shows of a run into the cache: whole, or not at all."""
     new = cached.with_name(f"{cached.name}.{os.getpid()}.new")
     shutil.rmtree(new, ignore_errors=True)
-    for file in [folder / "run.json", *(folder / name for name in pictures(folder))]:
+    pages = [file for file in folder.rglob("*") if file.suffix in PAGES]
+    for file in [folder / "run.json", *pages, *(folder / name for name in pictures(folder))]:
         there = new / file.relative_to(folder)
         there.parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(file, there)

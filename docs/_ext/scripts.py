@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -149,10 +150,34 @@ class Gallery(SphinxDirective):
         return f"/{shown}/{pictures[-1]}" if pictures else ""
 
 
+class Explorer(SphinxDirective):
+    """The page ``explorer.html`` that a script has written, or a picture if it was not run.
+
+    The argument is the name of the script, the content the fallback as MyST.
+    """
+
+    required_arguments = 1
+    has_content = True
+
+    def run(self) -> list[nodes.Node]:
+        """Return a frame with the page, or the fallback."""
+        shown = Path(self.env.srcdir, self.env.config.scripts_shown, self.arguments[0])
+        file = shown / "explorer.html"
+        if not (self.env.config.scripts_shown and file.exists()):
+            return self.parse_content_to_nodes()
+        self.env.note_dependency(str(file))
+        target = Path(self.env.app.outdir, "_static", f"{self.arguments[0]}.html")
+        target.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(file, target)
+        frame = f'<iframe class="explorer" src="_static/{target.name}" loading="lazy"></iframe>'
+        return [nodes.raw("", frame, format="html")]
+
+
 def setup(app: Sphinx) -> dict[str, Any]:
     """Register the parser and the directive with Sphinx."""
     app.add_config_value("scripts_shown", "", "env", str)
     app.add_source_suffix(".py", "script")
     app.add_source_parser(ScriptParser)
     app.add_directive("gallery", Gallery)
+    app.add_directive("explorer", Explorer)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

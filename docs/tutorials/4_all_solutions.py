@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 # # All solutions, with proof and diagram
 #
-# The static problem with Coulomb's law may have several solutions when friction is large. A solve
-# returns one of them. Here we find all of a triangle on a floor, prove that there are no others,
-# and draw how they hang together as the load varies. Of {doc}`branches </theory/4_branches>` and
-# {doc}`proofs </theory/7_proofs>` there is the theory.
+# With a large friction coefficient, the static problem with Coulomb's law may have several
+# solutions. A solve returns one of them. This tutorial finds all solutions of a triangle on a
+# floor, proves that none is missing, and draws how they are connected as the load varies. The
+# theory is in {doc}`branches </theory/4_branches>` and {doc}`proofs </theory/7_proofs>`.
 
 import shutil
 
@@ -26,14 +26,14 @@ from dolfinx_contact import (
     records,
 )
 from dolfinx_contact.continuation import explore, find_solutions
+from dolfinx_contact.explorer import explorer
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.proofs import check
 from dolfinx_contact.records import BranchRecord, leftmost, total
 
 # ## The triangle
 #
-# Half of a square in congruent triangles, a mesh made of arrays, since no mesh generator would make
-# just this one.
+# The body is half of a square, divided into congruent triangles. The mesh is built from arrays.
 
 
 def half_square(n):
@@ -43,17 +43,17 @@ def half_square(n):
     upper = [[(i + 1, j), (i + 1, j + 1), (i, j + 1)] for i, j in nodes if i + j < n - 1]
     cells = np.array([[number[node] for node in cell] for cell in lower + upper])
     x = np.array(nodes) / n
-    if MPI.COMM_WORLD.rank > 0:  # rank 0 has all of it, DOLFINx distributes it
+    if MPI.COMM_WORLD.rank > 0:  # rank 0 lists all cells, DOLFINx distributes them
         cells = cells[:0]
         x = x[:0]
     element = basix.ufl.element("Lagrange", "triangle", 1, shape=(2,))
     return mesh.create_mesh(MPI.COMM_WORLD, cells=cells, x=x, e=ufl.Mesh(element))
 
 
-# It is held on its slope, and its bottom is on the floor. The parameter $\gamma$ is a
-# Constant of the form, the factor of the traction on the vertical side; `ParametricContact` is the
-# problem as a system $H(x, \gamma) = 0$, which is piecewise linear here: each set of statuses
-# of the contact points is a piece.
+# The slope is clamped and the bottom lies on the floor. The parameter $\gamma$ is a Constant of the
+# energy, the factor of the traction on the vertical side. `ParametricContact` represents the
+# problem as a system $H(x, \gamma) = 0$. The system is piecewise linear here: each combination of
+# statuses of the contact points defines a linear piece.
 
 
 def triangle(n, friction):
@@ -77,10 +77,10 @@ system = triangle(16, friction=2.5)
 
 # ## All solutions at one load
 #
-# `find_solutions` looks for all of them at $\gamma = 1$. For a linear body in 2D that is a search
-# by branch and bound over the statuses, with bounds for all rounding errors; when it ends, it is a
-# proof. Letters are the contact points from left to right: `o` open, `k` stick, `-` slip to the
-# left, `d` held.
+# `find_solutions` searches all solutions at $\gamma = 1$. For a linear body in 2D it uses branch
+# and bound over the statuses with bounds for all rounding errors; a completed search is a proof.
+# The letters stand for the contact points from left to right: `o` open, `k` stick, `-` slip to the
+# left, `d` clamped.
 
 x = system.create_vector()
 found = find_solutions(system, [x], 1.0)
@@ -90,7 +90,7 @@ print(f"{len(found.found)} solutions, complete: {found.complete}, by {found.meth
 assert found.complete
 assert len(found.found) == 3
 
-# The proof can be kept. What has to be trusted is one file that needs numpy alone: `python3
+# The proof can be saved. Its checker is a single file that needs numpy only: `python3
 # dolfinx_contact/proofs/check_proof.py proof.npz` checks it without this package.
 
 found.proof.certificate.save("proof.npz")
@@ -98,7 +98,7 @@ verdict = check(found.proof.certificate).verdict
 print(verdict)
 assert verdict == "complete"
 
-# Under the opposite load there is one:
+# Under the opposite load the solution is unique:
 
 opposite = find_solutions(system, [x], -1.0)
 print([system.letters(solution.piece) for solution in opposite.found], opposite.complete)
@@ -107,13 +107,14 @@ assert len(opposite.found) == 1
 
 # ## The diagram
 #
-# `explore` follows branches of solutions from one of them, here from the opposite load, switches
-# wherever branches cross, and continues until nothing is left. At $\gamma = 0$ nothing is loaded:
-# every contact point is at a kink of the law, and all rays that lead out of this point are found.
+# `explore` follows a branch from one solution, here under the opposite load, switches to other
+# branches wherever they cross, and continues until all connected branches are traced. At
+# $\gamma = 0$ the body is not loaded: every contact point is at a kink of the law, and all rays
+# that lead out of this point are found.
 #
-# A record keeps it all on the disk, with functionals along the branches: the displacement of the
-# leftmost point A, its gap, and the normal force on the whole bottom. No record is overwritten:
-# that of an earlier run has to be removed.
+# A record stores the branches on disk, with functionals along them: the displacement of the
+# leftmost point A, its gap, and the normal force on the whole bottom. Records are not overwritten;
+# the record of an earlier run has to be removed.
 
 if MPI.COMM_WORLD.rank == 0:
     shutil.rmtree("triangle", ignore_errors=True)
@@ -128,24 +129,25 @@ print(f"{len(diagram.edges)} branches, {len(diagram.nodes)} bifurcation")
 ends = [b.points[i] for b in diagram.branches for i in (0, -1) if abs(b.points[i].gamma) == 1]
 print(sorted((p.gamma, system.letters(p.piece)) for p in ends))
 
-# As many branches end at $\gamma = 1$ as there are solutions, so that nothing is missing:
+# The number of branches that end at $\gamma = 1$ equals the number of solutions, so that no branch
+# is missing:
 
 assert sum(p.gamma == 1 for p in ends) == len(found.found)
 
-# The diagram is drawn from the record. So is a page for the browser, by `python3 -m dolfinx_contact
-# explore triangle -o triangle.html`: a click on any point of the diagram shows the deformed body
-# and what every contact point does there.
+# The diagram is drawn from the record, and so is an interactive page for the browser (also by
+# `python3 -m dolfinx_contact explore triangle -o triangle.html`). A click on a point of the diagram
+# shows the deformed body and the contact points.
 
 labels = {"ut": "$u_t$ of A", "un": "gap of A", "force": "normal force"}
 journal = records.read_journal("triangle")
 plot.draw_diagram("diagram.png", journal, labels, strips=0)
+explorer("explorer.html", "triangle", labels=labels, title="A triangle on a floor")
 
-# The four states at the ends, with displacements twice as large as they are:
+# The four states at the ends, with displacements magnified by two:
 
 ends.sort(key=lambda p: p.gamma)
 titles = [f"gamma = {p.gamma:g}: {system.letters(p.piece)}" for p in ends]
 plot.picture_of_states("states.png", system, ends, titles=titles, scale=2.0)
 
-# `find_solutions` finds solutions that hang together with the others or not; `explore` says *how*
-# they hang together. In large problems, or in 3D, where no proof is known, the diagram is what
-# there is.
+# `find_solutions` also finds solutions that are not connected with the others; `explore` shows
+# *how* solutions are connected. In large problems without a proof the diagram alone is available.
