@@ -108,8 +108,8 @@ def block(n, friction):
 # ## What the meshes show
 #
 # Negative eigenvalues of the symmetric part of $A_{nn} + F A_{nt}$ count the distributions of
-# pressure that do not close the face. Below the bound there are none; above it, their number grows
-# with the mesh, and so may the number of solutions.
+# pressure that do not close the face. Below the bound, neither this number nor the number of
+# solutions depends on the mesh. Above the bound, both grow with the mesh.
 
 numbers = {}
 for friction in frictions:

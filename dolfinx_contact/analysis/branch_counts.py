@@ -2,7 +2,7 @@
 r"""Counts along branches: proved and known numbers of solutions at values of gamma.
 
 A complete diagram contains every branch that is connected to its starts. Other solutions are found
-only by a search at one gamma (`find_solutions`), which may also prove that there are no others. This
+only by a search at one gamma (`find_solutions`), which may also prove completeness. This
 search is done at the ends of the range and in the middles between neighbouring special points,
 where no status is at a border, and its solutions are compared with the branches. If pieces are
 affine, a branch is straight between two of its points.

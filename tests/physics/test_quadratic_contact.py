@@ -33,7 +33,9 @@ BALL = {2: Sphere((0.5, -5.0), 5.0), 3: Sphere((0.4, 0.5, -5.0), 5.0)}
     ("cell", "n", "curved"),
     [("tri", 6, False), ("quad", 6, True), ("tet", 3, True), ("hex", 3, False)],
 )
-@pytest.mark.verifies("mixed contact", "Coulomb", reference="the law itself", aspects=("2D", "3D"))
+@pytest.mark.verifies(
+    "mixed contact", "Coulomb", reference="theorem: the contact law", aspects=("2D", "3D")
+)
 def test_law_at_the_vertices(cell, n, curved):
     """Complementarity and friction to round-off; the solution is independent of r."""
     dim = 2 if cell in ("tri", "quad") else 3
