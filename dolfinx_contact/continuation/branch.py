@@ -6,10 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, Generic, Literal, TypeVar
 
-from mpi4py import MPI
 from petsc4py import PETSc
-
-import numpy as np
 
 from dolfinx_contact.continuation.ending import Ending, Ends
 from dolfinx_contact.continuation.system import Piece
@@ -24,7 +21,6 @@ __all__ = [
     "Node",
     "Ray",
     "SpecialPoint",
-    "is_same_piece",
     "kind_of_kink",
 ]
 
@@ -50,8 +46,8 @@ class BranchPoint:
     tangent: PETSc.Vec
     piece: Piece
     gamma: float
-    step: float
-    corrections: int
+    step: float = 0.0
+    corrections: int = 0
     tau: float = float("nan")
 
 
@@ -83,11 +79,6 @@ class Ray:
 
     piece: Piece
     tangent: PETSc.Vec
-
-
-def is_same_piece(comm: MPI.Comm, a: Piece, c: Piece) -> bool:
-    """Return True if two pieces have the same statuses on all ranks. Collective."""
-    return bool(comm.allreduce(bool(np.array_equal(a.codes, c.codes)), op=MPI.LAND))
 
 
 def kind_of_kink(meets: bool, turned: bool) -> Kind:
@@ -142,7 +133,7 @@ class SpecialPoint:
     smooth: bool
     gamma: float
     y: PETSc.Vec
-    index: int
+    index: int = 0
     changes: tuple[Change, ...] = ()
     parity: int = 0
     others: tuple[Ray, ...] = ()

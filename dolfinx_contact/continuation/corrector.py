@@ -364,7 +364,7 @@ class Corrector:
         b = self.bordered
         if piece is not None or (b.solver.is_direct and not self._may_use_chords):
             return None
-        return b.system.piece_at(*b.split(y)).codes
+        return b.piece_at(y).codes
 
     def _share_of_changes(self, before: Codes | None, codes: Codes | None) -> float:
         """Return the fraction of all points whose status has changed; 1 before the first matrix."""

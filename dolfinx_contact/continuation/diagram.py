@@ -319,7 +319,6 @@ class _Explorer:
             False,
             point.gamma,
             point.y,
-            0,
             others=tuple(rays),
             complete=found.complete,
             method=found.method,

@@ -37,7 +37,6 @@ from dolfinx_contact.continuation.branch import (
     FoundRays,
     Ray,
     SpecialPoint,
-    is_same_piece,
 )
 from dolfinx_contact.continuation.corrector import Corrector
 from dolfinx_contact.continuation.ending import Ending
@@ -244,7 +243,7 @@ class Follower(Walker):
         tangent = self.corrector.tangent(y, b.last_unit(sign * b.gamma_scale), piece)
         if tangent is None:
             raise ValueError("the start is a singular point: its tangent is not unique")
-        return self._steps.rescaled(BranchPoint(y, tangent, piece, b.gamma(y), 0.0, 0))
+        return self._steps.rescaled(BranchPoint(y, tangent, piece, b.gamma(y)))
 
     def _piece_from(self, y: PETSc.Vec, sign: float) -> Piece:
         """Return the piece on which a branch leaves ``y``.
@@ -256,8 +255,7 @@ class Follower(Walker):
         piece = self.system.piece_at(x, gamma)
         beyond = gamma + sign * _HAIR * self.bordered.gamma_scale
         now, then = (len(self.system.events(x, g, piece).point) for g in (gamma, beyond))
-        begin = self.system.comm.allreduce(int(then > now), op=max)
-        return self.system.piece_at(x, beyond) if begin else piece
+        return self.system.piece_at(x, beyond) if self.bordered.anywhere(then > now) else piece
 
     def _require_parameter(self, y: PETSc.Vec, piece: Piece) -> None:
         """Raise ``ValueError`` if gamma does not appear in H near a state."""
@@ -277,7 +275,7 @@ class Follower(Walker):
             return
         # gamma may appear in the borders of the piece only
         low, high = (system.events(x, g, piece).distance for g in (gamma, gamma + shift))
-        if system.comm.allreduce(int(not np.array_equal(low, high))):
+        if self.bordered.anywhere(not np.array_equal(low, high)):
             return
         if system.kinks_in_gamma:
             raise ValueError(f"the derivative of H by gamma vanishes here; {system.kinks_in_gamma}")
@@ -293,15 +291,14 @@ class Follower(Walker):
             return None
         found = finder.rays_out(point.tangent)
         points = (
-            BranchPoint(point.y.copy(), ray.tangent, ray.piece, point.gamma, 0.0, 0)
-            for ray in found.rays
+            BranchPoint(point.y.copy(), ray.tangent, ray.piece, point.gamma) for ray in found.rays
         )
         return FoundRays(tuple(map(self._steps.rescaled, points)), found.complete, found.method)
 
     def _finder(self, point: BranchPoint) -> KinkRays:
         """Return the search for rays at the start or end of a branch."""
         y, piece = point.y, point.piece
-        tolerance = AT_BORDER * reach_of_events(self.corrector, y, piece, point.tangent)
+        tolerance = AT_BORDER * reach_of_events(self.bordered, y, piece, point.tangent)
         return KinkRays(self.corrector, y, piece, tolerance, idle=True)
 
     def branch_off(self, special: SpecialPoint, ray: Ray) -> BranchPoint:
@@ -320,7 +317,7 @@ class Follower(Walker):
         except ValueError:
             if special.smooth:
                 raise
-        kink = BranchPoint(special.y.copy(), ray.tangent, ray.piece, special.gamma, 0.0, 0)
+        kink = BranchPoint(special.y.copy(), ray.tangent, ray.piece, special.gamma)
         return self._steps.rescaled(kink)
 
     def _aside(self, special: SpecialPoint, ray: Ray) -> BranchPoint:
@@ -333,7 +330,7 @@ class Follower(Walker):
         if tangent is None:
             raise ValueError("the branch is singular next to the bifurcation")
         gamma = self.bordered.gamma(y)
-        return self._steps.rescaled(BranchPoint(y, tangent, ray.piece, gamma, _ASIDE, 0))
+        return self._steps.rescaled(BranchPoint(y, tangent, ray.piece, gamma, _ASIDE))
 
     # -- along a branch --------------------------------------------------------------------------
 
@@ -404,7 +401,7 @@ class Follower(Walker):
         onwards = b.gamma(new.tangent)
         distance = b.length(new.y - point.y)
         most = abs(gamma - point.gamma) * (1 / abs(slope) + 1 / abs(onwards)) if onwards else 0.0
-        if is_same_piece(b.comm, new.piece, point.piece) and distance <= _FURTHER * most:
+        if b.is_same_piece(new.piece, point.piece) and distance <= _FURTHER * most:
             return new
         self.corrector.reject()
         return None
@@ -412,7 +409,7 @@ class Follower(Walker):
     def _is_closed(self, start: BranchPoint, point: BranchPoint, new: BranchPoint) -> bool:
         """Return True if a step from ``point`` to ``new`` passes ``start`` along its tangent."""
         b = self.bordered
-        if point is start or not is_same_piece(b.comm, start.piece, point.piece):
+        if point is start or not b.is_same_piece(start.piece, point.piece):
             return False
         chord = new.y - point.y
         back = start.y - point.y
@@ -446,5 +443,5 @@ class Follower(Walker):
         if located is None or not self.corrector.natural(located[1], gamma, piece):
             return None
         s, y = located
-        own = piece or self.system.piece_at(*b.split(y))
-        return BranchPoint(y, a.tangent, own, gamma, s, 0)
+        own = piece or b.piece_at(y)
+        return BranchPoint(y, a.tangent, own, gamma, s)

@@ -93,7 +93,6 @@ class Krylov:
 
     def __init__(self, layout: Layout, prefix: str, preconditioner: Preconditioner):
         self._layout = layout
-        self._system = layout.system
         self._P = preconditioner
         self.solves = 0
         create = layout.system.create_vector
@@ -132,9 +131,9 @@ class Krylov:
         self._sign = None
         self._w.array[:] = row.array_r[: layout.local]
         self._corner = layout.gamma(row)
-        self._system.parameter_derivative(x, gamma, self._c, piece)
+        self._layout.system.parameter_derivative(x, gamma, self._c, piece)
         try:
-            self._system.jacobian(x, gamma, piece)
+            self._layout.system.jacobian(x, gamma, piece)
         except ArithmeticError as error:
             if layout.comm.rank == 0:
                 logger.debug("no preconditioner: %s", error)
@@ -152,7 +151,7 @@ class Krylov:
             return False
         x.copy(self._v)
         self._v.scale(-1.0 / gamma)
-        self._system.matrix.mult(self._v, self._f)
+        self._layout.system.matrix.mult(self._v, self._f)
         self._f.axpy(-1.0, self._c)
         if not self._f.norm() <= _NEAR * self._c.norm():
             return False
@@ -177,7 +176,7 @@ class Krylov:
     def mult(self, _mat: PETSc.Mat | None, y: PETSc.Vec, b: PETSc.Vec) -> None:
         """Multiply by J with its last row set to 0; called by PETSc, too."""
         x, gamma = self._layout.split(y)
-        self._system.matrix.mult(x, self._f)
+        self._layout.system.matrix.mult(x, self._f)
         self._f.axpy(gamma, self._c)
         self._layout.join(self._f, 0.0, b)
 
@@ -274,7 +273,7 @@ class Krylov:
         """Return the sign of det J up to a constant factor; 0 if J is singular."""
         if self._sign is None:
             self._sign = 0.0
-            probe = self._layout.joined(self._system.probe(0), 0.0)
+            probe = self._layout.joined(self._layout.system.probe(0), 0.0)
             self.probe(probe, self._layout.vector())
         return self._sign
 

@@ -7,15 +7,20 @@ Temporary vectors are freed by reference counting. On several ranks PETSc delays
 
 from __future__ import annotations
 
+from typing import Any
+
+from mpi4py import MPI
 from petsc4py import PETSc
 
-from dolfinx_contact.continuation.system import System
+import numpy as np
+
+from dolfinx_contact.continuation.system import Events, Piece, System
 
 __all__ = ["Layout"]
 
 
 class Layout:
-    """Creates vectors y and splits them.
+    """Creates vectors y and splits them. Methods are collective.
 
     Args:
         system: system that x belongs to.
@@ -59,6 +64,20 @@ class Layout:
         self.join(x, gamma, y)
         return y
 
+    def moved(self, y: PETSc.Vec, distance: float, t: PETSc.Vec) -> PETSc.Vec:
+        """Create the vector ``y + distance t``."""
+        moved = y.copy()
+        moved.axpy(distance, t)
+        return moved
+
+    def events(self, y: PETSc.Vec, piece: Piece) -> Events:
+        """Return the distances to the borders of a piece."""
+        return self.system.events(*self.split(y), piece)
+
+    def piece_at(self, y: PETSc.Vec) -> Piece:
+        """Return the piece that ``y`` determines."""
+        return self.system.piece_at(*self.split(y))
+
     def last_unit(self, gamma: float = 1.0) -> PETSc.Vec:
         """Create the vector (0, gamma); (0, 1) is the right-hand side of tangents."""
         e = self.vector()
@@ -66,3 +85,21 @@ class Layout:
         if self.last:
             e.array[-1] = gamma
         return e
+
+    # -- all ranks -------------------------------------------------------------------------------
+
+    def anywhere(self, flags: Any) -> bool:
+        """Return True if a flag is set on any rank."""
+        return bool(self.comm.allreduce(bool(np.any(flags)), op=MPI.LOR))
+
+    def largest(self, values: Any) -> float:
+        """Return the largest absolute value on all ranks; 0 without values."""
+        return float(self.comm.allreduce(float(np.max(np.abs(values), initial=0.0)), op=max))
+
+    def least(self, values: Any) -> float:
+        """Return the smallest value on all ranks; infinity without values."""
+        return float(self.comm.allreduce(float(np.min(values, initial=np.inf)), op=min))
+
+    def is_same_piece(self, a: Piece, c: Piece) -> bool:
+        """Return True if two pieces have the same statuses on all ranks."""
+        return not self.anywhere(not np.array_equal(a.codes, c.codes))

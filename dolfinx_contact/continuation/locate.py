@@ -12,26 +12,27 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, Generic, TypeVar
+from typing import Generic, TypeVar
 
 from petsc4py import PETSc
 
 import numpy as np
-import numpy.typing as npt
 
 from dolfinx_contact.continuation.bifurcation import BifurcationTest
 from dolfinx_contact.continuation.branch import BranchPoint, Ray, SpecialPoint
 from dolfinx_contact.continuation.corrector import Corrector
-from dolfinx_contact.continuation.system import Events, Piece, System, fractions_to_borders
+from dolfinx_contact.continuation.system import Piece, System, fractions_to_borders
 
 __all__ = ["AT_BORDER", "Locator"]
 
 V = TypeVar("V")
+#: A point of a step: distance from its start along its tangent, and state.
+Place = tuple[float, PETSc.Vec]
 
 AT_BORDER = 1e-9  # distance of a located event, relative to the largest distance
 
 
-@dataclass(frozen=True)
+@dataclass
 class _End(Generic[V]):
     """An end of a bracket.
 
@@ -49,22 +50,13 @@ class _End(Generic[V]):
     weight: float = 1.0
     stayed: bool = False
 
-    def stay(self) -> _End[V]:
-        """Return the end after another step in which it stayed."""
-        weight = self.weight / 2 if self.stayed else self.weight
-        return replace(self, weight=weight, stayed=True)
-
 
 def _shrunk(low: _End[V], high: _End[V], new: _End[V], *, beyond: bool) -> tuple[_End[V], _End[V]]:
-    """Return the bracket after a trial.
-
-    Args:
-        low: lower end.
-        high: upper end.
-        new: trial point, which replaces one end.
-        beyond: whether the trial lies beyond the zero.
-    """
-    return (low.stay(), new) if beyond else (new, high.stay())
+    """Return the bracket after a trial that lies before or ``beyond`` the zero."""
+    staying = low if beyond else high
+    staying.weight /= 2 if staying.stayed else 1
+    staying.stayed = True
+    return (low, new) if beyond else (new, high)
 
 
 class Locator:
@@ -92,61 +84,51 @@ class Locator:
 
     # -- events ----------------------------------------------------------------------------------
 
-    def events(self, y: PETSc.Vec, piece: Piece) -> Events:
-        """Return the events of a piece, with a copy of the distances."""
-        events = self.system.events(*self.bordered.split(y), piece)
-        return replace(events, distance=np.array(events.distance))
-
-    def distances(self, y: PETSc.Vec, piece: Piece) -> npt.NDArray[Any]:
-        """Distances to the borders of a piece on this rank, valid until the next evaluation."""
-        return self.system.events(*self.bordered.split(y), piece).distance
-
     def unit(self, y: PETSc.Vec, piece: Piece) -> float:
         """Return the largest distance so far, since all distances vanish at a degenerate point."""
-        largest = float(np.max(np.abs(self.distances(y, piece)), initial=self.largest_distance))
-        self.largest_distance = float(self.bordered.comm.allreduce(largest, op=max))
+        largest = self.bordered.largest(self.bordered.events(y, piece).distance)
+        self.largest_distance = max(self.largest_distance, largest)
         return self.largest_distance or 1.0
-
-    def _least(self, values: npt.NDArray[np.float64]) -> float:
-        """Return the least value on all ranks."""
-        return float(self.bordered.comm.allreduce(float(np.min(values, initial=np.inf)), op=min))
 
     def is_outside(self, point: BranchPoint) -> bool:
         """Return True if a point lies beyond a border of its piece by more than round-off."""
-        least = self._least(self.distances(point.y, point.piece))
+        least = self.bordered.least(self.bordered.events(point.y, point.piece).distance)
         return least < -AT_BORDER * self.unit(point.y, point.piece)
 
-    def first_event(self, point: BranchPoint, y_high: PETSc.Vec) -> tuple[float, PETSc.Vec] | None:
-        """Distance along the tangent and state of the first event between two points of a piece.
+    def first_event(self, point: BranchPoint, y_high: PETSc.Vec) -> Place | None:
+        """Return the place of the first event between two points of a piece.
 
         The next trial is the first zero if all distances were linear in the bracket. An event that
         exists at the far end only is searched by bisection.
         """
         b = self.bordered
         piece = point.piece
-        end = b.inner(point.tangent, y_high) - b.inner(point.tangent, point.y)
-        reach = self.bordered.length(y_high - point.y)
-        low = _End(0.0, point.y, self.events(point.y, piece))
-        high = _End(end, y_high, self.events(y_high, piece))
-        s = end
-        y = y_high
-        least = np.inf
+        values = b.events(point.y, piece), b.events(y_high, piece)
+        low, high, reach = self._bracket(point, y_high, values)
+        end = high.s
         for number in range(60):
-            first = self._least(
-                fractions_to_borders(low.value, high.value, (low.weight, high.weight))
-            )
+            weights = low.weight, high.weight
+            first = b.least(fractions_to_borders(low.value, high.value, weights))
             s = low.s + first * (high.s - low.s)
-            y = low.y.copy()
-            y.axpy(first, high.y - low.y)
+            y = b.moved(low.y, first, high.y - low.y)
             if not self._along_chord(point, y, s, piece, reach, polish=True, keep=number > 0):
                 return None
-            events = self.events(y, piece)
-            least = self._least(events.distance)
+            events = b.events(y, piece)
+            least = b.least(events.distance)
             if abs(least) <= 1e-13 * self.unit(y, piece) or high.s - low.s <= 1e-15 * end:
                 break
             low, high = _shrunk(low, high, _End(s, y, events), beyond=least < 0)
         # a distance may jump over zero if two solutions of the piece are close to each other
         return (s, y) if abs(least) <= AT_BORDER * self.unit(y, piece) else None
+
+    def _bracket(
+        self, point: BranchPoint, y_high: PETSc.Vec, values: tuple[V, V]
+    ) -> tuple[_End[V], _End[V], float]:
+        """Return both ends of a bracket, and the distance between them."""
+        b = self.bordered
+        end = b.inner(point.tangent, y_high) - b.inner(point.tangent, point.y)
+        low, high = _End(0.0, point.y, values[0]), _End(end, y_high, values[1])
+        return low, high, b.length(y_high - point.y)
 
     # -- functions of the state and the tangent ----------------------------------------------------
 
@@ -158,8 +140,8 @@ class Locator:
         function: Callable[[PETSc.Vec, PETSc.Vec], float],
         *,
         piece: Piece | None,
-    ) -> tuple[float, PETSc.Vec] | None:
-        """Distance along the tangent and state of a zero of a function between two points.
+    ) -> Place | None:
+        """Return the place of a zero of a function between two points.
 
         Args:
             point: point where the bracket begins.
@@ -169,13 +151,9 @@ class Locator:
             piece: piece of the branch in between; None for H itself.
         """
         b = self.bordered
-        end = b.inner(point.tangent, y_high) - b.inner(point.tangent, point.y)
-        reach = self.bordered.length(y_high - point.y)
-        size = max(map(abs, values))
-        low = _End(0.0, point.y, values[0])
-        high = _End(end, y_high, values[1])
-        y = None
-        s = 0.0
+        low, high, reach = self._bracket(point, y_high, values)
+        end = high.s
+        zero: Place | None = None
         f = np.inf
         for number in range(100):
             f_low = low.value * low.weight
@@ -184,23 +162,20 @@ class Locator:
             trial = low.y.copy()
             if number == 0:  # a parabola, since the tangent at the start is available
                 trial.axpy(s - end * fraction**2, point.tangent)
-                trial.axpy(fraction**2, high.y - low.y)
-            else:
-                trial.axpy(fraction, high.y - low.y)
+            trial.axpy(fraction if number else fraction**2, high.y - low.y)
             if not self._along_chord(point, trial, s, piece, reach):
                 break
             tangent = self.corrector.tangent(trial, point.tangent, piece)
             if tangent is None:
                 break
-            y = trial
-            f = function(y, tangent)
-            if not np.isfinite(f):
+            zero = s, trial
+            f = function(trial, tangent)
+            exact = abs(f) <= b.solver.precision * max(map(abs, values))
+            if not np.isfinite(f) or exact or high.s - low.s <= 1e-13 * abs(end):
                 break
-            if abs(f) <= b.solver.precision * size or high.s - low.s <= 1e-13 * abs(end):
-                break
-            low, high = _shrunk(low, high, _End(s, y, f), beyond=f * low.value <= 0)
+            low, high = _shrunk(low, high, _End(s, trial, f), beyond=f * low.value <= 0)
         # a change of sign through infinity is not a zero
-        return (s, y) if y is not None and abs(f) < 1e-3 * min(map(abs, values)) else None
+        return zero if abs(f) < 1e-3 * min(map(abs, values)) else None
 
     def _along_chord(
         self,
@@ -224,12 +199,11 @@ class Locator:
             polish: see `Corrector.pseudo_arclength`.
             keep: see `Corrector.pseudo_arclength`.
         """
-        if not self.corrector.pseudo_arclength(
-            y, point.y, point.tangent, s, piece, polish=polish, keep=keep
-        ):
+        t = point.tangent
+        if not self.corrector.pseudo_arclength(y, point.y, t, s, piece, polish=polish, keep=keep):
             return False
         away = y - point.y
-        away.axpy(-self.bordered.inner(away, point.tangent), point.tangent)
+        away.axpy(-self.bordered.inner(away, t), t)
         return self.bordered.length(away) <= reach
 
     # -- folds and smooth bifurcations -------------------------------------------------------------
@@ -241,7 +215,7 @@ class Locator:
         return rates[0] * rates[1] < 0 and min(map(abs, rates)) > least
 
     def smooth_points(self, point: BranchPoint, new: BranchPoint) -> list[SpecialPoint]:
-        """Folds and bifurcations between two points of a piece, in order."""
+        """Return the folds and bifurcations between two points of a piece, in order."""
         b = self.bordered
         piece = point.piece
         special: list[tuple[float, SpecialPoint]] = []
@@ -250,23 +224,20 @@ class Locator:
             zero = self.locate(point, new.y, rates, lambda _y, t: b.gamma(t), piece=piece)
             if zero is not None:
                 s, y = zero
-                special.append((s, SpecialPoint("fold", True, b.gamma(y), y, 0)))
+                special.append((s, SpecialPoint("fold", True, b.gamma(y), y)))
         if point.tau * new.tau < 0:
             taus = point.tau, new.tau
             zero = self.locate(point, new.y, taus, lambda _y, _t: self.test(), piece=piece)
             if zero is not None:
                 s, y = zero
                 kernel = self.test.kernel()
-                reverse = kernel.copy()
-                reverse.scale(-1.0)
                 crossing = SpecialPoint(
                     "bifurcation",
                     True,
                     b.gamma(y),
                     y,
-                    0,
                     parity=-1,
-                    others=(Ray(piece, kernel), Ray(piece, reverse)),
+                    others=(Ray(piece, kernel), Ray(piece, -kernel)),
                     incoming=Ray(piece, self._secant(point.y, y, point.tangent)),
                     onwards=Ray(piece, self._secant(y, new.y, new.tangent)),
                 )
@@ -299,9 +270,8 @@ class Locator:
         The first tangent that moves x sets the scale.
         """
         b = self.bordered
-        if b.x_scale == 0.0:
-            b.set_scale(point.tangent, point.y)
-        point.tangent.scale(1.0 / self.bordered.length(point.tangent))
+        b.set_scale(point.tangent, point.y)
+        point.tangent.scale(1.0 / b.length(point.tangent))
         if b.x_scale_is_new or np.isnan(point.tau):
             # the border row has changed, and with it the test function
             b.x_scale_is_new = False

@@ -119,7 +119,7 @@ class Pivoting(Walker):
         return cone if (cone.allowed.sum(axis=1) > 1).any() else None
 
     def branch_off(self, special: SpecialPoint, ray: Ray) -> BranchPoint:
-        return BranchPoint(special.y, ray.tangent, ray.piece, special.gamma, 0.0, 0)
+        return BranchPoint(special.y, ray.tangent, ray.piece, special.gamma)
 
     # -- from vertex to vertex -------------------------------------------------------------------
 
@@ -286,7 +286,7 @@ class Pivoting(Walker):
         self.largest_distance = max(self.largest_distance, largest(w))
         y = self._joined(w, gamma)
         unit = self._unit_tangent(w, gamma, ray, y)
-        return BranchPoint(y, unit, self.condensed.piece(ray.codes), gamma, length, 0)
+        return BranchPoint(y, unit, self.condensed.piece(ray.codes), gamma, length)
 
     def _ray(self, w: Array, gamma: float, ray: AffineRay) -> Ray:
         """Return a ray out of (w, gamma) with its unit tangent."""

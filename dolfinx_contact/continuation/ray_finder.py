@@ -20,17 +20,17 @@ from __future__ import annotations
 import itertools
 import logging
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
-from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact.continuation.branch import Change, FoundRays, Ray, is_same_piece
+from dolfinx_contact.continuation.bordered import Bordered
+from dolfinx_contact.continuation.branch import Change, FoundRays, Ray
 from dolfinx_contact.continuation.corrector import Corrector
 from dolfinx_contact.continuation.rays import distinct, outgoing
 from dolfinx_contact.continuation.system import Events, Piece, matched_distances
@@ -108,6 +108,7 @@ class RayFinder:
         norm: Callable[[PETSc.Vec], float],
     ):
         self._corrector = corrector
+        self._bordered = corrector.bordered
         self._y = y
         self.inside = inside
         self._norm = norm
@@ -118,7 +119,7 @@ class RayFinder:
         Args:
             tolerance: distance that counts as zero.
         """
-        b = self._corrector.bordered
+        b = self._bordered
         x, gamma = b.split(self._y)
         x = x.copy()
         condensed = b.system.condensed(x, gamma)
@@ -132,8 +133,7 @@ class RayFinder:
         rays = []
         for ray in found.rays:
             condensed.expand(w + ray.direction, gamma + ray.rate, x)
-            tangent = b.joined(x, gamma + ray.rate)
-            tangent.axpy(-1.0, base)
+            tangent = b.joined(x, gamma + ray.rate) - base
             tangent.scale(1.0 / b.length(tangent))
             rays.append(Ray(condensed.piece(ray.codes), tangent))
         if not condensed.exact:
@@ -175,16 +175,18 @@ class RayFinder:
         self, piece: Piece, kinks: Sequence[Kink], codes: Sequence[int], towards: PETSc.Vec
     ) -> list[Ray]:
         """Return the rays, at most two, of the piece in which the kinks have these statuses."""
-        rank = self._corrector.bordered.comm.rank
-        own = [(k.point, c) for k, c in zip(kinks, codes, strict=True) if k.rank == rank]
-        points = np.array([p for p, _ in own], dtype=np.int32)
-        new = piece.with_codes(points, [c for _, c in own])
+        rank = self._bordered.comm.rank
+        own = [c for k, c in zip(kinks, codes, strict=True) if k.rank == rank]
+        new = piece.with_codes(self._own_points(kinks), own)
         tangent = self._corrector.tangent(self._y, towards, new)
         if tangent is None:
             return []
-        reverse = tangent.copy()
-        reverse.scale(-1.0)
-        return [ray for ray in (Ray(new, tangent), Ray(new, reverse)) if self.inside(ray)]
+        return [ray for ray in (Ray(new, tangent), Ray(new, -tangent)) if self.inside(ray)]
+
+    def _own_points(self, kinks: Sequence[Kink]) -> npt.NDArray[np.int32]:
+        """Return the local numbers of the kinked points on this rank."""
+        rank = self._bordered.comm.rank
+        return np.array([k.point for k in kinks if k.rank == rank], dtype=np.int32)
 
     def led_by_H(
         self,
@@ -201,23 +203,19 @@ class RayFinder:
                 to the solution.
             tangent_at_point: True for tangents at the point, False for tangents at the solution.
         """
-        for solution, away, piece in self._solutions_nearby(senses):
-            at = self._y if tangent_at_point else solution
+        b = self._bordered
+        gamma = b.gamma(self._y)
+        for length, sense in itertools.product(_LENGTHS, senses):
+            y = self._y.copy()
+            if not self._corrector.natural(y, gamma + sense * length * b.gamma_scale, None):
+                continue
+            away = y - self._y
+            piece = b.piece_at(y)
+            at = self._y if tangent_at_point else y
             tangent = self._corrector.tangent(at, away, piece)
             if tangent is not None and leads(ray := Ray(piece, tangent), away):
                 return ray
         return None
-
-    def _solutions_nearby(
-        self, senses: Sequence[float]
-    ) -> Iterator[tuple[PETSc.Vec, PETSc.Vec, Piece]]:
-        """Yield solutions of H near the point, with difference from the point and piece."""
-        b = self._corrector.bordered
-        gamma = b.gamma(self._y)
-        for length, sense in itertools.product(_LENGTHS, senses):
-            y = self._y.copy()
-            if self._corrector.natural(y, gamma + sense * length * b.gamma_scale, None):
-                yield y, y - self._y, b.system.piece_at(*b.split(y))
 
     def rough_statuses(self, piece: Piece, kinks: Sequence[Kink]) -> set[int]:
         """Return the statuses for which H has no derivative at the point.
@@ -227,33 +225,25 @@ class RayFinder:
         In 3D the slip direction of a point without slip and shear is undefined. There the change
         of H by the sum of two small changes of x differs from the sum of the two changes of H.
         """
-        b = self._corrector.bordered
-        points = np.array([k.point for k in kinks if k.rank == b.comm.rank], dtype=np.int32)
+        b = self._bordered
+        points = self._own_points(kinks)
         x, gamma = b.split(self._y)
         x = x.copy()
+        out = x.copy()
         changes = [b.system.probe(seed) for seed in (1, 2)]
         changes.append(changes[0] + changes[1])
         rough = set()
         for status in sorted({s for k in kinks for s in k.statuses}):
             uniform = piece.with_codes(points, [status] * len(points))
-            base = self._residual(x, gamma, uniform)
             rows = []
-            for change in changes:
-                shifted = x.copy()
-                shifted.axpy(_PROBE, change)
-                rows.append(self._residual(shifted, gamma, uniform) - base)
-            first, second, total = rows
-            bent = np.abs(total - first - second) > _BENT * (np.abs(first) + np.abs(second))
-            if b.comm.allreduce(int(bent.any()), op=max):
+            for state in (x, *(b.moved(x, _PROBE, change) for change in changes)):
+                b.system.residual(state, gamma, out, uniform)
+                rows.append(out.array_r.copy())
+            base, first, second, total = rows
+            bent = np.abs(total - first - second + base)
+            if b.anywhere(bent > _BENT * (np.abs(first - base) + np.abs(second - base))):
                 rough.add(status)
         return rough
-
-    def _residual(self, x: PETSc.Vec, gamma: float, piece: Piece) -> npt.NDArray[np.float64]:
-        """Rows of H on this rank."""
-        system = self._corrector.bordered.system
-        out = system.create_vector()
-        system.residual(x, gamma, out, piece)
-        return np.asarray(out.array_r.copy(), dtype=np.float64)
 
     def same(self, a: Ray, other: Ray) -> bool:
         """Return True if two rays coincide, for example along the common border of two pieces."""
@@ -288,23 +278,19 @@ class KinkRays(RayFinder):
         idle: bool = False,
     ):
         super().__init__(corrector, y, self._stays_inside, PETSc.Vec.norm)
-        self._b = corrector.bordered
         self._piece = piece
         self._tolerance = tolerance
         self._idle = idle
-        self.kinks = self._kinks()
-
-    def _kinks(self) -> tuple[Kink, ...]:
-        b = self._b
-        events = b.system.events(*b.split(self._y), self._piece)
+        b = self._bordered
+        events = b.events(y, piece)
         targets: dict[int, int] = {}
-        for i in np.flatnonzero(np.abs(events.distance) <= self._tolerance):
+        for i in np.flatnonzero(np.abs(events.distance) <= tolerance):
             targets.setdefault(int(events.point[i]), int(events.target[i]))
         own = []
         for point, target in targets.items():
             statuses = tuple(map(int, b.system.statuses(point)))
-            own.append(Kink(b.comm.rank, point, int(self._piece.codes[point]), target, statuses))
-        return tuple(k for part in b.comm.allgather(own) for k in part)
+            own.append(Kink(b.comm.rank, point, int(piece.codes[point]), target, statuses))
+        self.kinks = tuple(k for part in b.comm.allgather(own) for k in part)
 
     def rays_out(self, t: PETSc.Vec) -> FoundRays[Ray]:
         """Return all outgoing rays of a point at which a branch begins or ends.
@@ -324,7 +310,7 @@ class KinkRays(RayFinder):
             led = [
                 self.led_by_H((sense,), self._is_along, tangent_at_point=False)
                 for sense in (1.0, -1.0)
-                if not any(sense * self._b.gamma(ray.tangent) > 0 for ray in found.rays)
+                if not any(sense * self._bordered.gamma(ray.tangent) > 0 for ray in found.rays)
             ]
             method = f"{found.method}; {_LED}" if led else found.method
             found = FoundRays((*found.rays, *(r for r in led if r is not None)), False, method)
@@ -340,7 +326,7 @@ class KinkRays(RayFinder):
         Args:
             t: unit tangent of the incoming branch.
         """
-        b = self._b
+        b = self._bordered
         kinks = self.kinks
         sign = 0
         found = self.by_tangent_cone(100 * self._tolerance) if len(kinks) > 1 else None
@@ -351,8 +337,7 @@ class KinkRays(RayFinder):
             natural = tuple(k.target for k in kinks)
 
             def leads_on(ray: Ray) -> bool:
-                same = is_same_piece(b.comm, ray.piece, self._piece)
-                return not (same and b.inner(ray.tangent, t) < 0)
+                return not (b.is_same_piece(ray.piece, self._piece) and b.inner(ray.tangent, t) < 0)
 
             rays = [r for r in self.of_statuses(self._piece, kinks, natural, t) if leads_on(r)]
             if len(rays) == 1:
@@ -381,41 +366,38 @@ class KinkRays(RayFinder):
 
     def _codes(self, piece: Piece) -> list[int]:
         """Return the statuses of the kinked points on a piece."""
-        comm = self._b.comm
-        own = [int(piece.codes[k.point]) if comm.rank == k.rank else 0 for k in self.kinks]
-        parts = comm.allgather(own)
-        return [parts[k.rank][i] for i, k in enumerate(self.kinks)]
+        comm = self._bordered.comm
+        own = [int(c) for c in piece.codes[self._own_points(self.kinks)]]
+        parts = [iter(part) for part in comm.allgather(own)]
+        return [next(parts[k.rank]) for k in self.kinks]
 
     def _is_along(self, ray: Ray, away: PETSc.Vec) -> bool:
-        b = self._b
+        b = self._bordered
         return bool(b.inner(ray.tangent, away) > _ALONG * b.length(away))
 
     def _stays_inside(self, ray: Ray) -> bool:
         """Return True if the vanishing events of the kinked points grow along a ray."""
-        comm = self._b.comm
-        points = np.array([k.point for k in self.kinks if k.rank == comm.rank], dtype=np.int32)
-        events, slope = _slopes(self._corrector, self._y, ray.piece, ray.tangent)
-        chosen = np.isin(events.point, points)
-        rate = _largest(comm, slope)
+        b = self._bordered
+        events, slope = _slopes(b, self._y, ray.piece, ray.tangent)
+        chosen = np.isin(events.point, self._own_points(self.kinks))
+        rate = b.largest(slope)
         least = 1e-7 * rate
         # Distances count as zero up to a hundredth of their change along the probe, and round-off.
         # An event at its border must grow; the other events must be inside.
-        border = max(1e-2 * rate * _PROBE, 1e-11 * _largest(comm, events.distance))
+        border = max(1e-2 * rate * _PROBE, 1e-11 * b.largest(events.distance))
         at_border = chosen & (np.abs(events.distance) <= border)
-        bad = np.where(at_border, slope < -least, chosen & (events.distance < 0))
-        moves = at_border & (np.abs(slope) > least)
-        inside = not comm.allreduce(bool(bad.any()), op=MPI.LOR)
-        return inside and (self._idle or bool(comm.allreduce(bool(moves.any()), op=MPI.LOR)))
+        if b.anywhere(np.where(at_border, slope < -least, chosen & (events.distance < 0))):
+            return False
+        return self._idle or b.anywhere(at_border & (np.abs(slope) > least))
 
 
-def reach_of_events(corrector: Corrector, y: PETSc.Vec, piece: Piece, t: PETSc.Vec) -> float:
+def reach_of_events(b: Bordered, y: PETSc.Vec, piece: Piece, t: PETSc.Vec) -> float:
     """Return the larger of the largest distance and its largest rate along ``t``. Collective.
 
     It is the unit of distances. At a start without load all distances vanish, but not the rates.
     """
-    comm = corrector.bordered.comm
-    events, slope = _slopes(corrector, y, piece, t)
-    return max(_largest(comm, events.distance), _largest(comm, slope))
+    events, slope = _slopes(b, y, piece, t)
+    return max(b.largest(events.distance), b.largest(slope))
 
 
 def parity(corrector: Corrector, y: PETSc.Vec, piece: Piece, t: PETSc.Vec, ray: Ray) -> int:
@@ -429,22 +411,9 @@ def parity(corrector: Corrector, y: PETSc.Vec, piece: Piece, t: PETSc.Vec, ray: 
 
 
 def _slopes(
-    corrector: Corrector, y: PETSc.Vec, piece: Piece, t: PETSc.Vec
+    b: Bordered, y: PETSc.Vec, piece: Piece, t: PETSc.Vec
 ) -> tuple[Events, npt.NDArray[np.float64]]:
-    """Return the events of a piece at ``y``, and the rates of the distances along ``t``.
-
-    Collective.
-    """
-    b = corrector.bordered
-    events = b.system.events(*b.split(y), piece)
-    ahead = y.copy()
-    ahead.axpy(_PROBE, t)
-    beyond = b.system.events(*b.split(ahead), piece)
-    return events, np.asarray(
-        (matched_distances(events, beyond) - events.distance) / _PROBE, dtype=np.float64
-    )
-
-
-def _largest(comm: MPI.Comm, values: npt.NDArray[np.float64]) -> float:
-    """Return the largest absolute value on all ranks. Collective."""
-    return float(comm.allreduce(float(np.max(np.abs(values), initial=0.0)), op=max))
+    """Return the events of a piece at ``y``, and the rates of the distances along ``t``."""
+    events = b.events(y, piece)
+    beyond = matched_distances(events, b.events(b.moved(y, _PROBE, t), piece))
+    return events, np.asarray((beyond - events.distance) / _PROBE, dtype=np.float64)

@@ -129,7 +129,7 @@ class Solutions:
             no_tangent = layout.vector()
             no_tangent.set(0.0)
             y = layout.joined(s.x, self.gamma)
-            points.append(BranchPoint(y, no_tangent, s.piece, self.gamma, 0.0, 0))
+            points.append(BranchPoint(y, no_tangent, s.piece, self.gamma))
         return points
 
 

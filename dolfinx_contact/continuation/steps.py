@@ -27,7 +27,7 @@ one of the tangents is too large, or if its distance from the prediction exceeds
 
 from __future__ import annotations
 
-import logging
+import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeAlias
@@ -41,7 +41,6 @@ from dolfinx_contact.continuation.branch import (
     Change,
     Ray,
     SpecialPoint,
-    is_same_piece,
     kind_of_kink,
 )
 from dolfinx_contact.continuation.corrector import Corrector
@@ -51,10 +50,10 @@ from dolfinx_contact.continuation.system import Piece, fractions_to_borders, mat
 
 __all__ = ["BatchedSteps", "ExactSteps", "Locate", "SteppingSteps"]
 
-logger = logging.getLogger(__name__)
-
 #: Selects the changes to locate in batched steps; called on the rank that owns the point.
 Locate: TypeAlias = Callable[[Change], bool]
+#: Changes with the fraction of a step at which each occurs if its event is linear.
+Changes: TypeAlias = tuple[tuple[float, Change], ...]
 #: The next point, the special points on the way to it, and the length of the step after it.
 Advance: TypeAlias = tuple[BranchPoint, list[SpecialPoint], float]
 
@@ -82,7 +81,7 @@ class _Trial:
     """
 
     new: BranchPoint | None
-    changes: tuple[tuple[float, Change], ...] = ()
+    changes: Changes = ()
     monotone: bool = False
     parity: int = 0
 
@@ -139,10 +138,8 @@ class ExactSteps(Locator):
 
     def corrected_step(self, point: BranchPoint, h: float, piece: Piece | None) -> PETSc.Vec | None:
         """Return the state after a step of length ``h`` on a piece or on H; None if it fails."""
-        y = point.y.copy()
-        t = point.tangent.copy()
-        y.axpy(h, point.tangent)
-        return y if self.corrector.moore_penrose(y, t, piece) else None
+        y = self.bordered.moved(point.y, h, point.tangent)
+        return y if self.corrector.moore_penrose(y, point.tangent.copy(), piece) else None
 
     def new_point(
         self,
@@ -186,16 +183,13 @@ class ExactSteps(Locator):
         """
         b = self.bordered
         away = y - point.y
-        row = b.dual(away)
-        length = np.sqrt(float(row.dot(away)))
-        beyond = float(row.dot(tangent))
-        row = b.dual(point.tangent)
-        along = float(row.dot(away))
+        chord, start = b.dual(away), b.dual(point.tangent)
+        along = float(start.dot(away))
         least = self.control.cosine
-        turns = float(row.dot(tangent)) < least
-        aside = min(along, beyond) < least * length
-        away.axpy(-h, point.tangent)
-        off = b.length(away)
+        turns = float(start.dot(tangent)) < least
+        shortest = least * np.sqrt(float(chord.dot(away)))
+        aside = min(along, float(chord.dot(tangent))) < shortest
+        off = b.length(b.moved(away, -h, point.tangent))
         landed = not (turns or aside or abs(along - h) > _SHARE * h or off > h)
         if not landed:
             self.corrector.reject()
@@ -217,22 +211,20 @@ class ExactSteps(Locator):
 
     def _there_and_back(self, point: BranchPoint, y_high: PETSc.Vec) -> bool:
         """Return True if an event is zero at ``point``, grows, and is negative at ``y_high``."""
+        b = self.bordered
         border = AT_BORDER * self.unit(point.y, point.piece)
-        probe = point.y.copy()
-        probe.axpy(_PROBE, point.tangent)
-        low, high = (self.events(y, point.piece) for y in (point.y, y_high))
+        probe = b.moved(point.y, _PROBE, point.tangent)
+        low, high, ahead = (b.events(y, point.piece) for y in (point.y, y_high, probe))
         before = matched_distances(high, low, np.full_like(high.distance, np.inf))
-        ahead = matched_distances(high, self.events(probe, point.piece), before)
         exists = np.isfinite(before)
-        slope = np.subtract(ahead, before, out=np.zeros_like(before), where=exists) / _PROBE
-        rate = float(np.max(np.abs(slope), initial=0.0))
-        least = _IDLE * self.bordered.comm.allreduce(rate, op=max)
-        twice = (high.distance < -border) & (np.abs(before) <= border) & (slope > least)
-        return bool(self.bordered.comm.allreduce(int(twice.any())))
+        growth = matched_distances(high, ahead, before)
+        slope = np.subtract(growth, before, out=np.zeros_like(before), where=exists) / _PROBE
+        twice = (high.distance < -border) & (np.abs(before) <= border)
+        return b.anywhere(twice & (slope > _IDLE * b.largest(slope)))
 
     def _to_the_border(self, point: BranchPoint, h: float, y_high: PETSc.Vec) -> Advance | None:
         """Go to the first event before ``y_high`` and cross it; None if that fails."""
-        comm = self.bordered.comm
+        b = self.bordered
         first = self.first_event(point, y_high)
         if first is None:
             return None
@@ -241,7 +233,7 @@ class ExactSteps(Locator):
         if tangent is None:
             return None
         corrections = self.corrector.iterations
-        gamma = self.bordered.gamma(y)
+        gamma = b.gamma(y)
         kink = BranchPoint(y, tangent, point.piece, gamma, s, corrections, self.test())
         special = self.smooth_points(point, kink)
         incoming = Ray(point.piece, tangent)
@@ -250,43 +242,40 @@ class ExactSteps(Locator):
         onwards, *others = crossing.rays or (None,)
         # A ray on the old piece directly after the start leads nowhere: on a singular piece the
         # computed direction is not necessarily a tangent.
-        stays = onwards is not None and is_same_piece(comm, onwards.piece, point.piece)
+        stays = onwards is not None and b.is_same_piece(onwards.piece, point.piece)
         if onwards is None or (stays and s < self.control.minimum):
             tried = "all pieces were tried" if crossing.complete else "too many pieces to try"
             self.dead_end = (
                 f"no continuation was found from gamma = {gamma:.10g}, where {crossing.kinks} "
                 f"points are at a kink at once ({tried})"
             )
-            special.append(SpecialPoint("end", False, gamma, y, 0, complete=crossing.complete))
+            special.append(SpecialPoint("end", False, gamma, y, complete=crossing.complete))
             return kink, special, h
         if s <= _NO_STEP and self._goes_back(onwards, point):
             return None
         self._incoming = (y, incoming)
-        special.append(
-            SpecialPoint(
-                kind_of_kink(bool(others), self.turned(tangent, onwards.tangent)),
-                False,
-                gamma,
-                y,
-                0,
-                crossing.changes,
-                crossing.parity,
-                tuple(others),
-                crossing.complete,
-                incoming,
-                onwards,
-                crossing.method,
-            )
+        vertex = SpecialPoint(
+            kind_of_kink(bool(others), self.turned(tangent, onwards.tangent)),
+            False,
+            gamma,
+            y,
+            changes=crossing.changes,
+            parity=crossing.parity,
+            others=tuple(others),
+            complete=crossing.complete,
+            incoming=incoming,
+            onwards=onwards,
+            method=crossing.method,
         )
         new = BranchPoint(y, onwards.tangent, onwards.piece, gamma, s, corrections)
-        return self.rescaled(new), special, h
+        return self.rescaled(new), [*special, vertex], h
 
     def _goes_back(self, ray: Ray, point: BranchPoint) -> bool:
         """Return True if a ray is the reverse of the one by which the branch came to ``point``."""
         if self._incoming is None or self._incoming[0] is not point.y:
             return False
         incoming = self._incoming[1]
-        same = is_same_piece(self.bordered.comm, incoming.piece, ray.piece)
+        same = self.bordered.is_same_piece(incoming.piece, ray.piece)
         return same and self.bordered.inner(incoming.tangent, ray.tangent) < 0
 
     # -- the end of the range --------------------------------------------------------------------
@@ -310,20 +299,49 @@ class ExactSteps(Locator):
         before = [s for s in special if s.smooth and low <= s.gamma <= high]
         piece = self.piece_between(point, new)
         # interpolate linearly, and correct at fixed gamma
-        y = point.y.copy()
         end = low if new.gamma < low else high
-        y.axpy((end - point.gamma) / (new.gamma - point.gamma), new.y - point.y)
+        part = (end - point.gamma) / (new.gamma - point.gamma)
+        y = self.bordered.moved(point.y, part, new.y - point.y)
         if not self.corrector.natural(y, end, piece):
             return new, before
         tangent = new.tangent
-        own = self.system.piece_at(*self.bordered.split(y)) if piece is None else piece
-        if not is_same_piece(self.bordered.comm, point.piece, new.piece):
+        own = piece or self.bordered.piece_at(y)
+        if not self.bordered.is_same_piece(point.piece, new.piece):
             # at a kink within round-off keep the incoming ray
             tangent = self.corrector.tangent(y, point.tangent, own) or tangent
         last = BranchPoint(y, tangent, own, end, new.step, new.corrections)
         if piece is None:
-            before += _unlocated(point, last, _changes(self, point, y, own))
+            before += self._unlocated(point, last, self._changes(point, y, own))
         return last, before
+
+    # -- changes that are not located ------------------------------------------------------------
+
+    def _changes(self, point: BranchPoint, y: PETSc.Vec, piece: Piece) -> Changes:
+        """Return the changes of status from a point to ``y`` on ``piece``, in order."""
+        b = self.bordered
+        old = point.piece
+        low, high = (b.events(state, old) for state in (point.y, y))
+        first = np.full(len(old.codes), np.inf)
+        np.minimum.at(first, high.point, fractions_to_borders(low, high))
+        own = []
+        for i in np.flatnonzero(old.codes != piece.codes):
+            change = Change(b.comm.rank, int(i), int(old.codes[i]), int(piece.codes[i]))
+            own.append((min(float(first[i]), 1.0), change))
+        every = [pair for part in b.comm.allgather(own) for pair in part]
+        return tuple(sorted(every, key=lambda pair: pair[0]))
+
+    def _unlocated(
+        self, point: BranchPoint, new: BranchPoint, changes: Changes, parity: int = 0
+    ) -> list[SpecialPoint]:
+        """Return the events for the changes of a step that are not located."""
+        bracket = min(point.gamma, new.gamma), max(point.gamma, new.gamma)
+        parity = parity if len(changes) == 1 else 0
+        events = []
+        for fraction, change in changes:
+            gamma = point.gamma + fraction * (new.gamma - point.gamma)
+            event = SpecialPoint("event", False, gamma, new.y, parity=parity, bracket=bracket)
+            events.append(replace(event, changes=(change,)))
+        return events
 
 
 class _StepsOnH(ExactSteps):
@@ -343,21 +361,21 @@ class _StepsOnH(ExactSteps):
                 if not any(s.kind == "bifurcation" for s in within[1]):
                     self._keep_orientation(point, new)
                 return within
-        elif new is not None and trial.monotone and not self._locates(trial):
-            special = _unlocated(point, new, trial.changes, trial.parity)
+        elif new is not None and trial.monotone and self._first_located(trial) > 1:
+            special = self._unlocated(point, new, trial.changes, trial.parity)
             return self.rescaled(new), special, self._next_length(h, new)
         return self._shortened(point, trial, h)
 
-    def _locates(self, trial: _Trial) -> bool:
-        """Return True if a change of the step is to be located."""
-        return False
+    def _first_located(self, trial: _Trial) -> float:
+        """Return the fraction of the step before the first change to be located; inf for none."""
+        return np.inf
 
     def _shortened(self, point: BranchPoint, trial: _Trial, h: float) -> Advance | float:
         """Return the length of the next attempt after a refused trial."""
         return h * self.control.decrease
 
     def piece_between(self, a: BranchPoint, c: BranchPoint) -> Piece | None:
-        return a.piece if is_same_piece(self.bordered.comm, a.piece, c.piece) else None
+        return a.piece if self.bordered.is_same_piece(a.piece, c.piece) else None
 
     def _trial(self, point: BranchPoint, h: float) -> _Trial:
         """Take a step of the length ``h`` on H."""
@@ -365,8 +383,8 @@ class _StepsOnH(ExactSteps):
         y = self.corrected_step(point, h, None)
         if y is None:
             return _Trial(None)
-        piece = self.system.piece_at(*b.split(y))
-        changes = _changes(self, point, y, piece)
+        piece = b.piece_at(y)
+        changes = self._changes(point, y, piece)
         before = self._orientation(point) if changes else 0.0
         new = self.new_point(point, h, y, piece, factorise=bool(changes))
         if new is None or not changes:
@@ -375,11 +393,10 @@ class _StepsOnH(ExactSteps):
         self._oriented = (y, after)
         parity = int(before * after)
         # gamma continues by less than both rates predict if there are two folds in between
-        length = b.length(y - point.y)
-        rates = b.gamma(point.tangent), b.gamma(new.tangent)
-        slower = min(rates, key=abs)
+        slower = min(b.gamma(point.tangent), b.gamma(new.tangent), key=abs)
         advance = (new.gamma - point.gamma) * np.sign(slower)
-        turned = self.turned(point.tangent, new.tangent) or advance < abs(slower) * length / 2
+        least = abs(slower) * b.length(y - point.y) / 2
+        turned = self.turned(point.tangent, new.tangent) or advance < least
         return _Trial(new, changes, not turned and parity > 0, parity)
 
     def _orientation(self, point: BranchPoint) -> float:
@@ -423,9 +440,6 @@ class BatchedSteps(_StepsOnH):
             self._refused = 0.0
         return crossed
 
-    def _locates(self, trial: _Trial) -> bool:
-        return self._first_located(trial) <= 1
-
     def _shortened(self, point: BranchPoint, trial: _Trial, h: float) -> Advance | float:
         """End before the first change to be located, or cross few changes exactly."""
         self._refused = max(self._refused, h)
@@ -436,13 +450,11 @@ class BatchedSteps(_StepsOnH):
         return shorter
 
     def _first_located(self, trial: _Trial) -> float:
-        """Return the fraction of the step before the first change to be located; inf for none."""
-        comm = self.bordered.comm
-        locate = self._locate
-        if locate is None:
+        if self._locate is None:
             return np.inf
-        own = [f for f, change in trial.changes if change.rank == comm.rank and locate(change)]
-        return float(comm.allreduce(min(own, default=np.inf), op=min))
+        rank = self.bordered.comm.rank
+        own = [f for f, change in trial.changes if change.rank == rank and self._locate(change)]
+        return self.bordered.least(own)
 
 
 class SteppingSteps(_StepsOnH):
@@ -458,22 +470,18 @@ class SteppingSteps(_StepsOnH):
         for factor in _BEYOND:
             # the tangent of the piece beyond
             h_1 = factor * self.control.minimum
-            beyond = point.y.copy()
-            beyond.axpy(h_1, point.tangent)
-            piece = self.system.piece_at(*b.split(beyond))
-            tangent = None
-            if not is_same_piece(b.comm, piece, point.piece):
-                tangent = self.corrector.tangent(beyond, point.tangent, piece)
+            beyond = b.moved(point.y, h_1, point.tangent)
+            piece = b.piece_at(beyond)
+            if b.is_same_piece(piece, point.piece):
+                continue
+            tangent = self.corrector.tangent(beyond, point.tangent, piece)
             if tangent is None:
                 continue
-            for sense in (1.0, -1.0):
-                t = tangent.copy()
-                t.scale(sense)
-                for longer in _LONGER:
-                    new = self._along(point, t, longer * h_1)
-                    if new is not None:
-                        kink = self._kink(point, new, h_1)
-                        return self.rescaled(new), [kink], self.control.initial
+            for t, longer in itertools.product((tangent, -tangent), _LONGER):
+                new = self._along(point, t, longer * h_1)
+                if new is not None:
+                    kink = self._kink(point, new, h_1)
+                    return self.rescaled(new), [kink], self.control.initial
         return None
 
     def _along(self, point: BranchPoint, t: PETSc.Vec, h: float) -> BranchPoint | None:
@@ -483,69 +491,17 @@ class SteppingSteps(_StepsOnH):
         y = self.corrected_step(start, h, None)
         if y is None:
             return None
-        piece = self.system.piece_at(*b.split(y))
-        away = y - point.y
-        back = is_same_piece(b.comm, piece, point.piece) and b.inner(away, point.tangent) < 0
-        if back:
+        piece = b.piece_at(y)
+        if b.is_same_piece(piece, point.piece) and b.inner(y - point.y, point.tangent) < 0:
             return None
         return self.new_point(start, h, y, piece, factorise=True, precise=True)
 
     def _kink(self, point: BranchPoint, new: BranchPoint, h_1: float) -> SpecialPoint:
         """Return the kink between ``point`` and ``new``, within ``h_1`` of ``point``."""
-        b = self.bordered
-        t = self.corrector.tangent(new.y, new.tangent, new.piece, factorise=True)
-        after = self.corrector.orientation() if t is not None else 0.0
-        parity = int(self._orientation(point) * after)
-        self._oriented = (new.y, after)
-        changes = tuple(change for _, change in _changes(self, point, new.y, new.piece))
-        reach = abs(h_1 * b.gamma(point.tangent))
+        parity = int(self._orientation(point) * self._orientation(new))
+        changes = tuple(change for _, change in self._changes(point, new.y, new.piece))
+        reach = abs(h_1 * self.bordered.gamma(point.tangent))
         bracket = (point.gamma - reach, point.gamma + reach)
         kind = kind_of_kink(parity < 0, self.turned(point.tangent, new.tangent))
-        return SpecialPoint(kind, False, point.gamma, point.y, 0, changes, parity, bracket=bracket)
-
-
-def _changes(
-    steps: ExactSteps, point: BranchPoint, y: PETSc.Vec, piece: Piece
-) -> tuple[tuple[float, Change], ...]:
-    """Changes of status from a point to ``y`` on ``piece``, in order. Collective.
-
-    Returns:
-        Changes with the fraction of the way at which each occurs if its event is linear.
-    """
-    comm = steps.bordered.comm
-    old = point.piece
-    low, high = (steps.system.events(*steps.bordered.split(state), old) for state in (point.y, y))
-    first = np.full(len(old.codes), np.inf)
-    np.minimum.at(first, high.point, fractions_to_borders(low, high))
-    own = [
-        (
-            min(float(first[i]), 1.0),
-            Change(comm.rank, int(i), int(old.codes[i]), int(piece.codes[i])),
-        )
-        for i in np.flatnonzero(old.codes != piece.codes)
-    ]
-    every = [pair for part in comm.allgather(own) for pair in part]
-    return tuple(sorted(every, key=lambda pair: pair[0]))
-
-
-def _unlocated(
-    point: BranchPoint,
-    new: BranchPoint,
-    changes: Sequence[tuple[float, Change]],
-    parity: int = 0,
-) -> list[SpecialPoint]:
-    """Return the events for the changes of a step that are not located."""
-    bracket = min(point.gamma, new.gamma), max(point.gamma, new.gamma)
-    return [
-        SpecialPoint(
-            "event",
-            False,
-            point.gamma + fraction * (new.gamma - point.gamma),
-            new.y,
-            0,
-            (change,),
-            parity=parity if len(changes) == 1 else 0,
-            bracket=bracket,
-        )
-        for fraction, change in changes
-    ]
+        kink = SpecialPoint(kind, False, point.gamma, point.y, parity=parity, bracket=bracket)
+        return replace(kink, changes=changes)

@@ -13,8 +13,6 @@ from typing import TextIO, TypeAlias
 from mpi4py import MPI
 from petsc4py import PETSc
 
-import numpy as np
-
 from dolfinx_contact._petsc import staged
 from dolfinx_contact._progress import Progress
 from dolfinx_contact.continuation.arguments import leads_out, reason_to_stop
@@ -145,9 +143,7 @@ class Walker(ABC):
 
     def correction(self, x: PETSc.Vec, point: BranchPoint) -> float:
         """Return the largest change of an unknown by the correction of a start."""
-        change = point.y.array_r[: x.getLocalSize()] - x.array_r
-        size = float(np.max(np.abs(change), initial=0.0))
-        return float(self.bordered.comm.allreduce(size, op=MPI.MAX))
+        return self.bordered.largest(point.y.array_r[: x.getLocalSize()] - x.array_r)
 
     @abstractmethod
     def _point_at(self, x: PETSc.Vec, gamma: float, sign: float) -> BranchPoint:

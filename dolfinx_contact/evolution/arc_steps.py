@@ -118,7 +118,7 @@ class ArcSteps(ExactSteps):
         Returns:
             The end of the step; None if no step of at least the shortest length succeeds.
         """
-        distances = self.distances(point.y, point.piece)
+        distances = self.bordered.events(point.y, point.piece).distance
         at_border = np.abs(distances) <= _AT_BORDER * self.unit(point.y, point.piece)
         while h >= self.control.minimum:
             arrival = self._step_of(point, h, at_border, gamma_range)
@@ -150,7 +150,7 @@ class ArcSteps(ExactSteps):
         next_h = self._next_length(h, new)
         at: EndOfStep = ""
         # the first border of the piece
-        distances = self.distances(new.y, new.piece)
+        distances = self.bordered.events(new.y, new.piece).distance
         beyond = distances < -_BEYOND * self.unit(new.y, new.piece)
         if self._any(beyond):
             if self._any(beyond & at_border):
@@ -196,13 +196,11 @@ class ArcSteps(ExactSteps):
             if np.any(slopes * rates[0] < 0):
                 return True
         # distances to the borders of the piece
-        events = self.events(point.y, point.piece)
+        events = self.bordered.events(point.y, point.piece)
 
         def distances(p: BranchPoint, shift: float) -> Array:
-            y = p.y.copy()
-            y.axpy(shift, p.tangent)
-            shifted = matched_distances(events, self.events(y, p.piece))
-            return shifted
+            y = b.moved(p.y, shift, p.tangent)
+            return matched_distances(events, b.events(y, p.piece))
 
         at_ends = [distances(p, 0.0) for p in ends]
         growth = [(distances(p, _PROBE) - distances(p, -_PROBE)) / (2 * _PROBE) for p in ends]
@@ -233,7 +231,7 @@ class ArcSteps(ExactSteps):
 
     def _any(self, which: npt.NDArray[np.bool_]) -> bool:
         """Return whether an entry is true on any rank. Collective."""
-        return bool(self.bordered.comm.allreduce(int(which.any())))
+        return self.bordered.anywhere(which)
 
 
 def _cubic(values: npt.ArrayLike, rates: npt.ArrayLike, length: float) -> tuple[Array, Array]:

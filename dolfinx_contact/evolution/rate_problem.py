@@ -139,7 +139,7 @@ class RateProblem:
         """Return the borders that a direction crosses."""
         present = self._events(ray, 0.0)
         slopes = _slopes(present, self._events(ray, _PROBE), self._events(ray, -_PROBE))
-        largest = self._comm.allreduce(float(np.max(np.abs(slopes), initial=0.0)), op=max)
+        largest = self._bordered.largest(slopes)
         at_border = np.abs(present.distance) <= self._at_border
         crosses = at_border & (slopes < -_IDLE * largest) | (present.distance < -self._beyond)
         falling = np.flatnonzero(crosses)
@@ -148,10 +148,8 @@ class RateProblem:
 
     def _events(self, ray: Ray, shift: float) -> Events:
         """Return the distances to the borders of a piece, at a shift along a direction."""
-        y = self._y.copy()
-        y.axpy(shift, ray.tangent)
-        events = self._bordered.system.events(*self._bordered.split(y), ray.piece)
-        return events
+        y = self._bordered.moved(self._y, shift, ray.tangent)
+        return self._bordered.events(y, ray.piece)
 
     def _by_newton(self, piece: Piece, t: PETSc.Vec, *, oriented: bool = True) -> tuple[Ray, ...]:
         """Find a direction inside its piece by Newton's method; none if that fails.
@@ -213,7 +211,7 @@ class RateProblem:
         """Try all statuses of the points at a border, unless there are too many."""
         system = self._bordered.system
         order = system.order()
-        events = system.events(*self._bordered.split(self._y), piece)
+        events = self._bordered.events(self._y, piece)
         at_border = np.abs(events.distance) <= self._at_border
         placed = []
         for i in np.unique(events.point[at_border]):

@@ -211,7 +211,7 @@ def _rays_at_turn(follower: Follower, turn: SpecialPoint) -> FoundRays[Ray]:
         found = FoundRays((turn.onwards, *turn.others), True, turn.method)
     else:
         incoming = turn.incoming or turn.onwards
-        events = b.system.events(*b.split(turn.y), incoming.piece)
+        events = b.events(turn.y, incoming.piece)
         largest = float(np.max(np.abs(events.distance), initial=0.0))
         tolerance = _AT_BORDER * b.comm.allreduce(largest, op=max)
         finder = KinkRays(follower.corrector, turn.y, incoming.piece, tolerance)
