@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""A contact problem with a parameter, as a system that the continuation can follow.
+"""A contact problem with a parameter, as a system of the continuation.
 
-The parameter gamma is a Constant of the user's forms: a factor of the load, a material or friction
+The parameter gamma is a Constant of the user's forms: a load factor, a material or friction
 coefficient, a position of an obstacle. Dirichlet data may depend on it as well. The derivative of H
-by gamma is exact, by UFL.
+by gamma is exact; UFL computes it.
 """
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any, ClassVar
@@ -25,16 +25,14 @@ from dolfinx import fem
 from dolfinx_contact._compat import is_mesh_of, is_value_of
 from dolfinx_contact._mpi import Arguments, collective, on_root, require
 from dolfinx_contact._ufl import described, refuse_other_mesh
-from dolfinx_contact._validate import ReadOnly, copy_with
+from dolfinx_contact._validate import ReadOnly, copy_with, instance, listed
 from dolfinx_contact.continuation import BranchPoint, Piece
 from dolfinx_contact.continuation.affine import AffineSystem
 from dolfinx_contact.continuation.arguments import checked_gamma
 from dolfinx_contact.continuation.solutions import Solution
 from dolfinx_contact.continuation.system import Condensed, Proof, RayProof
-from dolfinx_contact.equations.data import (
-    data_within,
-    placed_data,
-)
+from dolfinx_contact.equations.data import data_within, placed_data
+from dolfinx_contact.equations.evaluation import Evaluation
 from dolfinx_contact.equations.order import Gathered
 from dolfinx_contact.equations.parametric import ParametricEquations
 from dolfinx_contact.equations.state import State
@@ -57,7 +55,7 @@ __all__ = ["ParametricContact"]
 
 logger = logging.getLogger(__name__)
 
-_PROOF_SECONDS = 10.0
+_PROOF_SECONDS = 10.0  # default time limit of proofs
 _MOST_PROVED = 128  # contact points up to which all solutions are proved by default
 
 
@@ -66,8 +64,7 @@ def _check_parameter(a: Arguments) -> None:
 
 
 def _check(a: Arguments) -> None:
-    if not isinstance(a.problem, ContactProblem):
-        raise ValueError(f"a ContactProblem is needed, got {type(a.problem).__name__}")
+    instance(a.problem, "problem", ContactProblem)
     a.driven = _checked(a.problem, a.gamma, a.driven)
     _require_own(a.problem, a.gamma, a.driven)
 
@@ -82,29 +79,29 @@ class ParametricContact(ReadOnly, ParametricEquations):
     """H(x, gamma) = 0 for a contact problem, with the statuses of contact points as pieces.
 
     Statuses are those of `laws.status`: 0 open, 1 stick, 2 slip with u_t > 0, 3 slip with u_t < 0;
-    in 3D, 2 is slip; 4 to 6 are the same at open points, under a friction bound given in advance.
+    in 3D, 2 is slip; 4 to 6 are the same at open points, under a prescribed friction bound.
 
-    The Constant gamma and the driven Functions follow every evaluation (`residual`, `piece_at`) and
-    are left at its gamma: `set_parameter` before a solve of the problem itself.
-
-    It is a `continuation.System`, which documents what a continuation requires besides.
+    Evaluations (`residual`, `piece_at`) set the Constant gamma and the driven Functions. Call
+    `set_parameter` before the problem itself is solved. The remaining methods are documented in
+    `continuation.System`.
 
     Args:
-        problem: the contact problem; its Functions receive what is `put` there, as every point is
-            that an observer is called with, and the last one of a branch.
-        gamma: the parameter, a scalar Constant in the bulk, a law, an obstacle, or the load or
-            motion of a rigid body. Dirichlet data depend on it by ``driven`` alone.
-        driven: pairs of a Function used in a Dirichlet condition and the UFL expression of gamma
-            (and position) that it is to have. The Function occurs nowhere else.
+        problem: contact problem. Its Functions receive the points passed to observers, and the last
+            point of a branch.
+        gamma: parameter, a scalar Constant in the bulk, a law, an obstacle, or the load or motion
+            of a rigid body. Dirichlet data depend on it through ``driven`` only.
+        driven: pairs of a Function used in a Dirichlet condition and its value, a UFL expression of
+            gamma and the position. The Function must not occur elsewhere.
 
     Attributes:
-        proof_seconds: for a proof that the rays out of a point are all, for each sense of gamma; 0
-            for none. It may be set, all else is read-only.
+        proof_seconds: time limit of a proof that all rays out of a point have been found, for each
+            sense of gamma; 0 for no proof, default 10. It may be assigned.
 
     Raises:
-        ValueError: on every rank, if ``gamma`` is no scalar Constant of the mesh, something of
-            ``driven`` is of another mesh or shape, in no Dirichlet condition, or elsewhere as well,
-            or if gamma is the value of one itself, or ranks differ.
+        ValueError: on every rank, if ``gamma`` is not a scalar Constant of the mesh or is the value
+            of a Dirichlet condition; if a driven Function or its expression belongs to another
+            mesh, has another shape, is not in a Dirichlet condition or occurs elsewhere as well; or
+            if arguments differ between ranks.
     """
 
     _listed = (
@@ -145,7 +142,7 @@ class ParametricContact(ReadOnly, ParametricEquations):
         self.proof_seconds = _PROOF_SECONDS
         super().__init__(problem.equations, gamma, lambda: problem.linear_solver, driven=driven)
         self._condensed: Reduction | None = None
-        self._condensed_from = 0  # mark of the data
+        self._condensed_from = 0  # checksum of the data
         self._condensed_at_gamma: Reduction | None = None
         self._obstacle_at_gamma = ""
         #: Surfaces on which a warning of sliding has been logged.
@@ -153,56 +150,51 @@ class ParametricContact(ReadOnly, ParametricEquations):
 
     @collective("set_parameter", _check_parameter)
     def set_parameter(self, gamma: float) -> None:
-        """Put gamma into the forms and the Dirichlet data, for a solve at this value. Collective.
+        """Set gamma in the forms and the Dirichlet data, for a solve at this value. Collective.
 
         Raises:
-            ValueError: on every rank, if gamma is no finite number, or differs between ranks.
+            ValueError: on every rank, if gamma is not a finite number or differs between ranks.
         """
         self._set(gamma)
 
     def with_memory(self, memory: Sequence[Memory | None]) -> ParametricContact:
-        """The same system with another memory of the contact points. Collective.
+        """Return the same system with another memory of the contact points. Collective.
 
         The copy is shallow, see `ContactProblem.with_memory`.
 
         Args:
-            memory: memory of the points of each surface at the beginning of the step; None: the
+            memory: memory of the points of each surface at the beginning of the step; None for the
                 static law.
         """
         problem = self.problem.with_memory(memory)
-        equations = problem.equations
-        return copy_with(
-            self,
-            problem=problem,
-            equations=equations,
-            _last=None,
-            _condensed=None,
-            _condensed_at_gamma=None,
-        )
+        none = {"_condensed": None, "_condensed_at_gamma": None}
+        return copy_with(self, problem=problem, equations=problem.equations, **none)
 
     def put(self, x: PETSc.Vec, gamma: float, piece: Piece) -> None:
-        """Put a point of a branch into the Functions of the problem, its statuses included.
+        """Write a point of a branch and its statuses into the problem, and set gamma. Collective.
 
-        Gamma and what it drives follow, obstacles too. Indicators of surfaces above their
-        thresholds are logged once each. Collective.
+        Indicators of surfaces above their thresholds are logged once each.
         """
+        evaluation = self._put(x, gamma, piece)
+        self.equations.refresh()
+        if all(not s.between_bodies and s.obstacle.flat for s in self.problem.surfaces):
+            return
+        warnings = Indicators(surface_indicators(self.equations, evaluation())).warnings
+        for name, text in warnings.items():
+            if name not in self._warned and self.comm.rank == 0:
+                logger.warning("%s: at gamma = %.6g %s", name, gamma, text)
+        self._warned.update(warnings)
+
+    def _put(self, x: PETSc.Vec, gamma: float, piece: Piece) -> Callable[[], Evaluation]:
+        """Write a point into the problem; return a function that evaluates the contact there."""
         self._set(gamma)
         statuses = self.statuses_of(piece)
         assert statuses is not None
         self.problem.put(x, statuses)
-        self.equations.refresh()
-        if all(not s.between_bodies and s.obstacle.flat for s in self.problem.surfaces):
-            return
-        found = Indicators(
-            surface_indicators(self.equations, self.equations.contact(x, statuses))
-        ).warnings
-        for name, text in found.items():
-            if name not in self._warned and self.comm.rank == 0:
-                logger.warning("%s: at gamma = %.6g %s", name, gamma, text)
-        self._warned.update(found)
+        return lambda: self.equations.contact(x, statuses)
 
     def solution_from(self, x: PETSc.Vec, gamma: float) -> tuple[PETSc.Vec | None, str]:
-        """What `ContactProblem.solve` finds at gamma from x; see `System`. Collective."""
+        """Solve at gamma from x by `ContactProblem.solve`; see `System`. Collective."""
         with self.restored(always=True), self.problem.warning_once():
             self._set(gamma)
             self.problem.read(x)
@@ -211,59 +203,55 @@ class ParametricContact(ReadOnly, ParametricEquations):
             except ConvergenceError as error:
                 tried = "; ".join(f"{a.strategy}: {a.reason}" for a in error.attempts)
                 return None, f"solve() found no solution ({tried})"
-            found = self.create_vector()
-            self.problem.write(found)
-        return found, f"solve() by {result.reason}"
+            solution = self.create_vector()
+            self.problem.write(solution)
+        return solution, f"solve() by {result.reason}"
 
     def validity_warning(self, x: PETSc.Vec, gamma: float, piece: Piece) -> str:
-        """Reason why small sliding does not describe a solution; "" if it does. Collective."""
+        """Return the reason why small sliding is not valid; "" if it is valid. Collective."""
         with self.restored(always=True):
-            self._set(gamma)
-            statuses = self.statuses_of(piece)
-            assert statuses is not None
-            self.problem.put(x, statuses)
-            return small_sliding_violated(self.equations, self.equations.contact(x, statuses))
+            return small_sliding_violated(self.equations, self._put(x, gamma, piece)())
 
     def result_at(self, point: BranchPoint) -> Result:
-        """The tables of a point of a branch, which is left in the Functions. Collective.
+        """Return the tables of a point of a branch, which is left in the Functions. Collective.
 
-        Statuses are those of the piece of the point, also where it lies on a border.
+        Statuses are those of the piece of the point, also if it lies on a border.
         """
-        x = self.create_vector()
-        x.array[:] = point.y.array_r[: x.getLocalSize()]
         self._set(point.gamma)
-        done = Attempt("continuation", "a point of a branch", converged=True)
-        result = self.problem.collect(x, [done], self.statuses_of(point.piece))
+        attempt = Attempt("continuation", "a point of a branch", converged=True)
+        result = self.problem.collect(
+            self._unknowns(point.y), [attempt], self.statuses_of(point.piece)
+        )
         self.problem.log_warnings(result)
-        x.destroy()
         return result
 
     def state_at(self, point: BranchPoint | Solution, gamma: float | None = None) -> State:
-        """The state of a point of a branch or of a solution, with its gamma. Collective.
+        """Return the state of a point of a branch or of a solution, with its gamma. Collective.
 
-        The Functions, gamma and what it drives stay as they are.
+        The Functions, gamma and the driven Functions are not changed.
 
         Args:
             point: point of a branch, or one of `Solutions.found`.
-            gamma: parameter at which the solution was found; that of the point of a branch is
-                known.
+            gamma: parameter of the solution; for a point of a branch, its own.
         """
-        x = self.create_vector()
-        if isinstance(point, Solution):
-            if gamma is None:
-                raise ValueError("gamma is needed for a solution, as in state_at(found, gamma=1.0)")
-            known, unknowns = gamma, point.x.array_r
-        else:
-            known, unknowns = point.gamma, point.y.array_r
-        x.array[:] = unknowns[: x.getLocalSize()]
+        if not isinstance(point, Solution):
+            gamma = point.gamma
+        elif gamma is None:
+            raise ValueError("gamma is needed for a solution, as in state_at(found, gamma=1.0)")
+        x = self._unknowns(point.x if isinstance(point, Solution) else point.y)
         with self.restored(always=True):
-            self._set(known)
+            self._set(gamma)
             state = self.problem.state_at(x, self.statuses_of(point.piece))
-        x.destroy()
-        return replace(state, gamma=known)
+        return replace(state, gamma=gamma)
+
+    def _unknowns(self, y: PETSc.Vec) -> PETSc.Vec:
+        """Return a copy of x of a vector that begins with it."""
+        x = self.create_vector()
+        x.array[:] = y.array_r[: x.getLocalSize()]
+        return x
 
     def restore(self, state: State) -> None:
-        """Put a state into the Functions, with its gamma and what that drives. Collective.
+        """Write a state into the Functions, and set its gamma. Collective.
 
         Raises:
             ValueError: on every rank, if it is not a state of this problem.
@@ -274,10 +262,10 @@ class ParametricContact(ReadOnly, ParametricEquations):
 
     @contextmanager
     def restored(self, *, always: bool = False) -> Iterator[None]:
-        """Put Functions, statuses, gamma and Dirichlet data back if the context raises.
+        """Restore Functions, statuses, gamma and Dirichlet data after an error in the context.
 
         Args:
-            always: also if it does not.
+            always: whether to restore them in any case.
         """
         with self.problem.restored(always=always), super().restored(always=always):
             yield
@@ -285,16 +273,16 @@ class ParametricContact(ReadOnly, ParametricEquations):
     # -- affine pieces ---------------------------------------------------------------------------
 
     def condensed(self, x: PETSc.Vec, gamma: float, *, conic: bool = True) -> Reduction | None:
-        """The problem condensed onto its contact points, or its linearisation at (x, gamma).
+        """Return the problem condensed onto its contact points, linearised at (x, gamma).
 
-        None where the statuses of the points are no polyhedral cones (3D friction, integral
-        contact, gamma in the law or in the obstacle), the bulk has kinks in u, or there are too
-        many points. In 3D, with ``conic=False``, a linear problem. Collective.
+        None if the statuses of the points are not polyhedral cones (3D friction, integral contact,
+        gamma in the law or in the obstacle), the bulk has kinks in u, or there are too many points.
+        In 3D, with ``conic=False``, a linear problem. Collective.
 
         Args:
-            x: the state.
-            gamma: there.
-            conic: whether there is none under a friction bound given in advance either.
+            x: state.
+            gamma: parameter.
+            conic: whether cones are required, so that a prescribed friction bound gives None, too.
         """
         if self.kinks:
             return None
@@ -307,18 +295,17 @@ class ParametricContact(ReadOnly, ParametricEquations):
             return Reduction(self, x, gamma, exact=False)
         mark = self._data_mark()
         if self._condensed is None or self.comm.allreduce(int(mark != self._condensed_from)):
-            # From nothing: no state leaves its round-off in what is degenerate without load.
-            nothing = self.create_vector()
+            # at x = 0, so that round-off of a state does not perturb a degenerate problem
+            zero = self.create_vector()
             with super().restored(always=True):
-                self._condensed = Reduction(self, nothing, 0.0, exact=True, conic=cones)
-            nothing.destroy()
+                self._condensed = Reduction(self, zero, 0.0, exact=True, conic=cones)
             self._condensed_from = mark
         return self._condensed
 
     def _condensed_at(self, gamma: float) -> Reduction | None:
-        """The problem at one value of gamma, which may enter the forms in any way. Collective.
+        """Return the condensed problem at one gamma, on which the forms may depend nonlinearly.
 
-        None if the body is not linear, or the problem is not one of its contact points.
+        None if the body is not linear, or the problem cannot be condensed. Collective.
         """
         eq = self.equations
         if not eq.linear:
@@ -335,15 +322,13 @@ class ParametricContact(ReadOnly, ParametricEquations):
             if can_condense(fixed, bounded=True) if in_plane else not self._obstacle_at_gamma:
                 x = fixed.create_vector()
                 self._condensed_at_gamma = Reduction(fixed, x, 0.0, exact=True, conic=False)
-                x.destroy()
-            fixed.destroy()
         return self._condensed_at_gamma
 
     @property
     def _is_of_points(self) -> bool:
-        """Whether the problem is one of its contact points, by laws that are no cones. Collective.
+        """Whether the problem can be condensed although its laws are not cones. Collective.
 
-        These are Tresca's, and those of friction in 3D.
+        Such laws are Tresca's law, and friction in 3D.
         """
         if self.equations.dim == 3:
             return not obstacle_in_space(self)
@@ -355,10 +340,10 @@ class ParametricContact(ReadOnly, ParametricEquations):
         return self.is_linear and can_condense(self)
 
     def prove(self, condensed: Condensed, gamma: float, seconds: float) -> Proof | None:
-        """All solutions at gamma, with a proof (`analysis`). Collective.
+        """Compute all solutions at gamma, with a proof. Collective.
 
-        None where no certificate applies (`analysis.body_proofs.obstacle_to_proof`) and beyond 128
-        contact points.
+        None if no certificate applies (`analysis.body_proofs.obstacle_to_proof`), or with more than
+        128 contact points.
         """
         from dolfinx_contact.analysis.body_proofs import obstacle_to_proof, proved
 
@@ -368,7 +353,7 @@ class ParametricContact(ReadOnly, ParametricEquations):
         return on_root(self.comm, lambda: proved(condensed, gamma, seconds))
 
     def obstacle_to_proof(self) -> str:
-        """Why nothing is proved of a problem in 3D, in words; "" in 2D, or if it is. Collective."""
+        """Return the reason why no proof is available in 3D; "" in 2D or if one is. Collective."""
         from dolfinx_contact.analysis.body_proofs import obstacle_to_proof
 
         if self.equations.dim == 2:
@@ -377,7 +362,7 @@ class ParametricContact(ReadOnly, ParametricEquations):
             return self.kinks
         condensed, obstacle = self._condensed, obstacle_in_space(self)
         if self.equations.linear and not (self.is_linear and self._held_laws):
-            # A proof concerns one value of gamma.
+            # a proof concerns one value of gamma
             condensed, obstacle = self._condensed_at_gamma, self._obstacle_at_gamma
         if obstacle:
             return obstacle
@@ -391,10 +376,10 @@ class ParametricContact(ReadOnly, ParametricEquations):
         cone: AffineSystem,
         known: Sequence[tuple[npt.NDArray[np.int8], float]],
     ) -> RayProof | None:
-        """All rays of a tangent cone, with a proof (`proofs.rays`). Collective.
+        """Compute all rays of a tangent cone, with a proof (`proofs.rays`). Collective.
 
-        None for other laws than Coulomb's and none of friction, beyond 128 contact points, and
-        where `proof_seconds` is 0.
+        None for laws other than Coulomb's and frictionless contact, with more than 128 contact
+        points, and if `proof_seconds` is 0.
         """
         from dolfinx_contact.analysis.body_proofs import proved_rays
 
@@ -408,7 +393,7 @@ class ParametricContact(ReadOnly, ParametricEquations):
     # -- pieces ----------------------------------------------------------------------------------
 
     def letters(self, piece: Piece) -> str:
-        """Statuses of all points of all surfaces, in the order of their tables. Collective."""
+        """Return the statuses of all points, by surface in the order of the tables. Collective."""
         words: list[str] = []
         for s, a, b in self.parts():
             letters = np.where(self.clamped[a:b], "d", status.letters(s.dim)[piece.codes[a:b]])
@@ -416,13 +401,13 @@ class ParametricContact(ReadOnly, ParametricEquations):
         return "".join(words)
 
     def piece_of(self, letters: str) -> Piece:
-        """The piece whose `letters` these are. Collective.
+        """Return the piece with these `letters`. Collective.
 
         Raises:
-            ValueError: on every rank, if they are not statuses of these points.
+            ValueError: on every rank, if the letters are not statuses of these points.
         """
         is_word = isinstance(letters, str)
-        require(self.comm, is_word, f"the letters of a piece are a word, got {letters!r}")
+        require(self.comm, is_word, f"the letters of a piece must be a str, got {letters!r}")
         parts = []
         start = 0
         for s, a, b in self.parts():
@@ -431,49 +416,45 @@ class ParametricContact(ReadOnly, ParametricEquations):
             word = np.array(list(letters[start : start + number]))
             start += number
             every = status.letters(s.dim)
-            known = "".join(every[sorted(s.law_at_points.codes)]) + "d"
-            fits = len(word) == number and set(word) <= set(known)
-            require(self.comm, fits, f"{s.name}: {number} statuses of {known} are needed")
-            mine = word[gathered.mine]
-            same = bool(np.array_equal(mine == "d", self.clamped[a:b]))
+            possible = "".join(every[sorted(s.law_at_points.codes)]) + "d"
+            fits = len(word) == number and set(word) <= set(possible)
+            require(self.comm, fits, f"{s.name}: {number} statuses of {possible} are needed")
+            own = word[gathered.mine]
+            same = bool(np.array_equal(own == "d", self.clamped[a:b]))
             require(self.comm, same, f"{s.name}: other points are clamped")
-            parts.append([OPEN if c == "d" else "".join(every).index(c) for c in mine])
+            parts.append([OPEN if c == "d" else "".join(every).index(c) for c in own])
         require(self.comm, start == len(letters), f"{start} statuses are needed, not more")
         return Piece(np.concatenate(parts).astype(np.int8))
 
     def destroy(self) -> None:
-        """Free the PETSc objects made here."""
+        """Free the PETSc objects."""
         super().destroy()
-        if self._condensed is not None:
-            self._condensed.destroy()
-            self._condensed = None
-        if self._condensed_at_gamma is not None:
-            self._condensed_at_gamma.destroy()
-            self._condensed_at_gamma = None
+        for condensed in (self._condensed, self._condensed_at_gamma):
+            if condensed is not None:
+                condensed.destroy()
+        self._condensed = self._condensed_at_gamma = None
 
 
 def _checked(problem: ContactProblem, gamma: Any, driven: Any) -> list[tuple[fem.Function, Any]]:
-    """The pairs ``driven``, or ``ValueError`` if something does not fit. Not collective."""
+    """Return the pairs ``driven``, or raise ``ValueError``. Not collective."""
     domain = problem.V.mesh
     if not isinstance(gamma, fem.Constant) or gamma.ufl_shape != ():
         raise ValueError("gamma must be a scalar Constant")
     if gamma.ufl_domain() != domain.ufl_domain():
         raise ValueError("gamma is a Constant of another mesh")
-    if not isinstance(driven, list | tuple):
-        raise ValueError(f"driven must be a list of pairs, got {driven!r}")
     pairs = []
-    for pair in driven:
+    for pair in listed(driven, "driven"):
         if not isinstance(pair, tuple | list) or len(pair) != 2:
             raise ValueError("driven must be a list of pairs: a Function and its UFL expression")
-        f, expression = pair
-        if not isinstance(f, fem.Function):
-            raise ValueError(f"a driven Function must be a Function, got {type(f).__name__}")
+        f = instance(pair[0], "a driven Function", fem.Function)
         if not is_mesh_of(domain, f.function_space):
-            raise ValueError(f"the driven Function {f.name} is of another mesh")
+            raise ValueError(f"the driven Function {f.name} belongs to another mesh")
         try:
-            expression = ufl.as_ufl(expression)
+            expression = ufl.as_ufl(pair[1])
         except ValueError:
-            raise ValueError(f"what drives {f.name} is no UFL expression: {pair[1]!r}") from None
+            raise ValueError(
+                f"the value of {f.name} must be a UFL expression, got {pair[1]!r}"
+            ) from None
         if expression.ufl_shape != f.ufl_shape:
             raise ValueError(
                 f"the driven Function {f.name} has shape {f.ufl_shape}, its expression "
@@ -481,39 +462,37 @@ def _checked(problem: ContactProblem, gamma: Any, driven: Any) -> list[tuple[fem
             )
         refuse_other_mesh(expression, domain, f"the expression that drives {f.name}")
         if not any(is_value_of(f, bc) for bc in problem.bcs):
-            raise ValueError(f"the driven Function {f.name} is in no Dirichlet condition")
+            raise ValueError(f"the driven Function {f.name} is not in a Dirichlet condition")
         pairs.append((f, expression))
     return pairs
 
 
 def _require_own(problem: ContactProblem, gamma: fem.Constant, driven: Any) -> None:
-    """Raise ``ValueError`` if gamma, or what it drives, acts where no rate by it is taken.
+    """Raise ``ValueError`` if gamma or a driven Function occurs where it is not differentiated.
 
-    A Function has no derivative by gamma, nor has the Constant of a Dirichlet condition: what
-    follows from them elsewhere would be missing in every rate.
+    A Function has no derivative by gamma, and neither has the Constant of a Dirichlet condition.
     """
     if any(is_value_of(gamma, bc) for bc in problem.bcs):
         raise ValueError(
-            "gamma is the value of a Dirichlet condition itself: give that a Function, and the "
-            "pair of this and gamma in driven"
+            "gamma is the value of a Dirichlet condition itself: use a Function there and pass the "
+            "pair of this Function and gamma in driven"
         )
-    forms = placed_data(problem.equations, conditions=False)
-    data = [*forms, *data_within([e for _, e in driven])]
+    driving = data_within([e for _, e in driven])
+    data = [*placed_data(problem.equations, conditions=False), *driving]
     for i, (f, _) in enumerate(driven):
         if any(_share(f, other) for other, _ in driven[:i]):
-            raise ValueError(f"the Function {f.name} is driven twice: give one expression of it")
+            raise ValueError(f"the Function {f.name} is driven twice: pass one expression for it")
         for d in data:
             if _share(f, d.value):
                 raise ValueError(
-                    f"{d.place} is a driven one, whose change with gamma is not seen there: write "
-                    "its expression of gamma in its place"
+                    f"{d.place} is a driven Function, whose change with gamma has no effect there: "
+                    "use its expression of gamma instead"
                 )
-    for f in problem.fields:
-        for d in data_within([e for _, e in driven]):
-            if _share(f, d.value):
-                raise ValueError(f"{d.place} is an unknown, which may not drive Dirichlet data")
+    for d in driving:
+        if any(_share(f, d.value) for f in problem.fields):
+            raise ValueError(f"{d.place} is an unknown, which must not drive Dirichlet data")
 
 
 def _share(f: fem.Function, other: Any) -> bool:
-    """Whether values of a Function are those of another."""
+    """Return whether two Functions share their values."""
     return hasattr(other, "x") and np.shares_memory(f.x.array, other.x.array)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""H(x, gamma) = 0: a contact problem with a parameter, as a system that can be followed."""
+"""H(x, gamma) = 0: a contact problem with a parameter, as a `System` of the continuation."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from dolfinx import fem
 from dolfinx_contact._compat import dirichlet_value, is_value_of
 from dolfinx_contact._forms import compiled_form
 from dolfinx_contact._geometry import node_positions
-from dolfinx_contact._mpi import anywhere, require
+from dolfinx_contact._mpi import require
 from dolfinx_contact.continuation import Events, Piece, Preconditioner, System
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.data import (
     data_within,
     placed_data,
 )
-from dolfinx_contact.equations.evaluation import Evaluated, Evaluation, Statuses
+from dolfinx_contact.equations.evaluation import Evaluation, Statuses
 from dolfinx_contact.equations.measures import Scales
 from dolfinx_contact.equations.order import Gathered
 from dolfinx_contact.equations.rates import (
@@ -47,13 +47,13 @@ __all__ = ["ParametricEquations"]
 
 logger = logging.getLogger(__name__)
 
-_MANY_POINTS = 50
+_MANY_POINTS = 50  # contact points in 3D above which kinks are passed in batches
 
 Array = npt.NDArray[np.float64]
 
 
 class JacobianSolver(Protocol):
-    """What is required of the linear solver of a contact problem. Collective."""
+    """Linear solver of a contact problem. Methods are collective."""
 
     matrix: PETSc.Mat
     corrects: bool
@@ -61,31 +61,34 @@ class JacobianSolver(Protocol):
 
     @property
     def preconditioner(self) -> Preconditioner | None:
-        """Of `matrix`; None where that is to be factorised."""
+        """Preconditioner of `matrix`; None if the matrix is to be factorised."""
 
     def update(self, state: Evaluation) -> None:
         """Assemble the Jacobian at a state."""
 
     def correct(self, state: Evaluation, residual: PETSc.Vec, correction: PETSc.Vec) -> bool:
-        """What to subtract to solve the rows of the surfaces for their unknowns."""
+        """Solve the rows of the surfaces for their unknowns; see `System.correct`."""
 
 
 class ParametricEquations(System):
     """H(x, gamma) = 0 for a contact problem, with the statuses of contact points as pieces.
 
-    Statuses are those of `laws.status`. The Constant gamma and the Functions that it drives follow
-    what is evaluated; nothing else does.
+    Statuses are those of `laws.status`. Evaluations set the Constant gamma and the driven
+    Functions.
 
     Args:
-        equations: the contact problem.
-        gamma: the parameter, a scalar Constant in the bulk, a law, an obstacle, or the load or
-            motion of a rigid body.
-        linear: gives the linear solver of the problem, when it is first wanted.
-        driven: pairs of a Function used in a Dirichlet condition and the UFL expression of gamma
-            (and position) that it is to have.
+        equations: contact problem.
+        gamma: parameter, a scalar Constant in the bulk, a law, an obstacle, or the load or motion
+            of a rigid body.
+        linear: function that returns the linear solver of the problem.
+        driven: pairs of a Function used in a Dirichlet condition and its value, a UFL expression of
+            gamma and the position.
 
     Attributes:
-        clamped: owned points that Dirichlet data clamp: they have no status of their own.
+        clamped: flags of the owned points that Dirichlet data clamp; they have no status.
+        not_affine: part of the loads and motions that is not affine in gamma; "" if all are affine.
+        is_linear: whether the body is linear in u with a stiffness that does not depend on gamma,
+            and loads and motions are affine in gamma.
     """
 
     def __init__(
@@ -100,7 +103,7 @@ class ParametricEquations(System):
         self.constant = gamma
         self.comm = equations.comm
         self._linear = linear
-        #: Of the problem when it was asked for last, which what follows a branch stays with.
+        #: Linear solver of the present branch.
         self._solver: JacobianSolver | None = None
         self._scales = Scales(equations)
         rate = Rate(gamma)
@@ -123,9 +126,7 @@ class ParametricEquations(System):
         body = equations.bulk
         driven_by = [d.not_affine for d in self._driven]
         curved = [rate.not_affine(body.residual), *driven_by, self._rigid_rates.not_affine]
-        #: What makes loads and motions not affine in gamma, in words; "" if they are.
         self.not_affine = next(filter(None, curved), "")
-        #: Whether the body is linear in u, by a stiffness without gamma, and the data are affine.
         self.is_linear = (
             equations.linear and gamma not in body.jacobian_constants and not self.not_affine
         )
@@ -136,18 +137,16 @@ class ParametricEquations(System):
         kinks = next(filter(None, rough), "")
         self.kinks_in_gamma = f"the data have kinks or jumps in gamma: {kinks}" if kinks else ""
         self._data = self._given()
-        #: Gamma of the driven Functions where nobody else changes them; see `undisturbed`.
+        #: Gamma of the driven Functions, in a context in which nothing else changes them.
         self._driven_at: float | None = None
-        self._alone = False
-        #: The last evaluation there, and its gamma.
-        self._last: tuple[Evaluated, float] | None = None
+        self._is_undisturbed = False
 
     # -- data ------------------------------------------------------------------------------------
 
     def _given(self) -> list[Any]:
-        """What the user may change between two calls: Functions and Constants but gamma's own.
+        """Return the Functions and Constants of the data, except gamma and driven Functions.
 
-        Those in the expressions that drive Dirichlet data are among them: rates by gamma hold them.
+        The data of the expressions that drive Dirichlet data are included.
         """
         driven = [
             dirichlet_value(bc)
@@ -161,19 +160,19 @@ class ParametricEquations(System):
 
     @property
     def _driven_functions(self) -> list[fem.Function]:
-        """Functions of Dirichlet conditions that gamma drives."""
+        """Functions of Dirichlet conditions that depend on gamma."""
         return [d.function for d in self._driven]
 
     @property
     def _driven_expressions(self) -> list[Any]:
-        """What these are to be, in UFL."""
+        """Values of these Functions in UFL."""
         return [d.expression for d in self._driven]
 
     def _not_affine_in(self, other: fem.Constant) -> str:
-        """What keeps another parameter from shifting the loads and bounds evenly; "" if nothing.
+        """Return the reason why the data are not affine in another parameter; "" if they are.
 
-        By what the data are made of: loads, gaps and fields of the laws are to be affine in it,
-        while the stiffness, the normals and the rates by gamma must not hold it.
+        Loads, gaps and fields of the laws must be affine in it; the stiffness, the normals and the
+        derivatives by gamma must not contain it.
         """
         eq = self.equations
         rate = Rate(other)
@@ -190,7 +189,7 @@ class ParametricEquations(System):
         return next(filter(None, map(rate.not_affine, [*loads, *laws])), "")
 
     def _data_mark(self) -> int:
-        """A checksum of the data that the user may change, on this rank."""
+        """Return a checksum of the data on this rank."""
         mark = 0
         for f in self._data:
             values = f.x.array if hasattr(f, "x") else np.asarray(f.value)
@@ -198,13 +197,13 @@ class ParametricEquations(System):
         return mark
 
     def _set(self, gamma: float) -> None:
-        """Put gamma into forms and Dirichlet data. Collective."""
+        """Set gamma in forms and Dirichlet data. Collective."""
         self.constant.value = gamma
         if self._driven_at == gamma:
             return
         for d in self._driven:
             d.set()
-        self._driven_at = gamma if self._alone else None
+        self._driven_at = gamma if self._is_undisturbed else None
 
     @contextmanager
     def restored(self, *, always: bool = False) -> Iterator[None]:
@@ -224,14 +223,13 @@ class ParametricEquations(System):
 
     @contextmanager
     def undisturbed(self) -> Iterator[None]:
-        self._alone = True
+        self._is_undisturbed = True
         try:
             self.equations.require_same_mesh()
             yield
         finally:
-            self._alone = False
+            self._is_undisturbed = False
             self._driven_at = None
-            self._last = None
 
     def check_parameter(self, gammas: Sequence[float]) -> None:
         eq = self.equations
@@ -252,7 +250,7 @@ class ParametricEquations(System):
                 check_moduli(eq, f" at gamma = {gamma:g}")
         with self.restored(always=True):
             for gamma in gammas:
-                # What lies opposite is searched anew: at the ends alone if the law stays.
+                # Opposing faces are searched again, if the law is constant at the ends only.
                 looked_at = [s for s in surfaces if s in varying]
                 if gamma in ends:
                     looked_at += [s for s in surfaces if s.between_bodies and s not in varying]
@@ -266,7 +264,7 @@ class ParametricEquations(System):
 
     @property
     def scales(self) -> tuple[float, ...]:  # type: ignore[override]
-        """Force and length that residuals are measured by; they grow along a branch."""
+        """Force and length, the units of residuals; they grow along a branch."""
         return self._scales.force, self._scales.length
 
     @scales.setter
@@ -275,7 +273,7 @@ class ParametricEquations(System):
 
     @property
     def has_many_pieces(self) -> bool:  # type: ignore[override]
-        """Whether kinks are passed in batches by default: in 3D beyond fifty contact points."""
+        """Whether kinks are passed in batches by default: in 3D with many contact points."""
         return self.equations.dim == 3 and self._num_points > _MANY_POINTS
 
     @property
@@ -287,13 +285,13 @@ class ParametricEquations(System):
 
     @property
     def kinks(self) -> str:  # type: ignore[override]
-        """What makes the bulk one with kinks in u, which the statuses do not show."""
+        """Kinks of the bulk in u, which the statuses do not show; "" if there are none."""
         text = self.equations.bulk.kinks
         return f"the bulk has kinks in u: {text}" if text else ""
 
     @property
     def preconditioner(self) -> Preconditioner | None:  # type: ignore[override]
-        """That of the problem's linear solver; None if it is a direct one. Collective."""
+        """Preconditioner of the linear solver; None if it is direct. Collective."""
         self._solver = self._linear()
         self._solver.is_followed_with = True
         return self._solver.preconditioner
@@ -304,62 +302,37 @@ class ParametricEquations(System):
 
     @property
     def matrix(self) -> PETSc.Mat:  # type: ignore[override]
-        """The derivative of H by x, a product of PETSc's or an assembled matrix. Collective."""
+        """Derivative of H by x, assembled or as a product. Collective."""
         return self._jacobian_solver.matrix
 
     def create_vector(self) -> PETSc.Vec:
         return self.equations.create_vector()
 
-    def _evaluate(
-        self, x: PETSc.Vec, gamma: float, b: PETSc.Vec, piece: Piece | None
-    ) -> Evaluation:
-        """H(x, gamma) into ``b``, and the state. Collective."""
-        self._set(gamma)
-        state = self.equations.residual(x, b, self.statuses_of(piece))
-        self._note(x, gamma, state)
-        return state
-
     def contact(self, x: PETSc.Vec, gamma: float, piece: Piece | None) -> Evaluation:
-        """The state (x, gamma), which may be without the rows of H. Collective.
-
-        Matrix, rate by gamma, events and piece at one state are made of one evaluation where nobody
-        else changes data in between (`undisturbed`).
-        """
+        """Evaluate the contact conditions, without the rows of H. Collective."""
         self._set(gamma)
-        statuses = self.statuses_of(piece)
-        known = self._noted(x, gamma)
-        if known is not None:
-            return self.equations.taken_by(x, known, statuses)
-        state = self.equations.contact(x, statuses)
-        self._note(x, gamma, state)
-        return state
-
-    def _note(self, x: PETSc.Vec, gamma: float, state: Evaluation) -> None:
-        """Keep what was evaluated last where nobody else changes data."""
-        if self._alone:
-            self._last = Evaluated(x.array_r.copy(), state), gamma
-
-    def _noted(self, x: PETSc.Vec, gamma: float) -> Evaluation | None:
-        """What was evaluated last, if that was at (x, gamma). Collective."""
-        if self._last is None:
-            return None
-        last, at = self._last
-        same = at == gamma and np.array_equal(last.unknowns, x.array_r)
-        return None if anywhere(self.comm, not same)[0] else last.state
+        return self.equations.contact(x, self.statuses_of(piece))
 
     def residual(self, x: PETSc.Vec, gamma: float, b: PETSc.Vec, piece: Piece | None) -> float:
         return self._scales.measure(self._evaluate(x, gamma, b, piece)).worst
+
+    def _evaluate(
+        self, x: PETSc.Vec, gamma: float, b: PETSc.Vec, piece: Piece | None
+    ) -> Evaluation:
+        """Write H(x, gamma) into ``b``, and return the evaluation. Collective."""
+        self._set(gamma)
+        return self.equations.residual(x, b, self.statuses_of(piece))
 
     def jacobian(self, x: PETSc.Vec, gamma: float, piece: Piece | None) -> None:
         linear = self._jacobian_solver
         before = linear.matrix
         linear.update(self.contact(x, gamma, piece))
-        # What follows a branch keeps the matrix.
+        # a branch keeps its matrix
         require(
             self.comm,
             linear.matrix is before,
-            "faces that slide over each other face others than those for which the Jacobian has "
-            "places, which a branch cannot follow yet: they have too many facets; take a history",
+            "sliding faces have reached facets for which the Jacobian has no entries, which is not "
+            "supported on a branch; use a history",
         )
 
     def correct(
@@ -391,13 +364,13 @@ class ParametricEquations(System):
         c.array[:] = self.equations.rates(state, body, answers, *given)
 
     def _dirichlet_rates(self) -> Array:
-        """Derivatives of Dirichlet values by gamma on the local displacement dofs, 0 elsewhere."""
+        """Derivatives of Dirichlet values by gamma at the local displacement dofs, 0 elsewhere."""
         if not self._driven:
             return np.zeros_like(self.equations.bulk.displacement.x.array)
         return dirichlet_rates(self.equations.constraints, self._driven)
 
     def _rates_of_rigid_bodies(self) -> tuple[Array, Array]:
-        """Derivatives by gamma of loads and of prescribed motions of the rigid bodies."""
+        """Return the derivatives of loads and of prescribed motions of rigid bodies by gamma."""
         return self._rigid_rates()
 
     def metric(self, x: PETSc.Vec, out: PETSc.Vec) -> None:
@@ -416,7 +389,7 @@ class ParametricEquations(System):
         out.array[rigid:] = x.array_r[rigid:] / self.equations.body_size**2
 
     def _mass(self) -> PETSc.Mat:
-        """Mass matrix of a component of u over the volume and the square of the body's size."""
+        """Mass matrix of one component of u, over the volume and the square of the body size."""
         V = self.equations.V
         u = ufl.TrialFunction(V)
         v = ufl.TestFunction(V)
@@ -430,8 +403,6 @@ class ParametricEquations(System):
         ones.set(1.0)
         mass.mult(ones, volume)
         mass.scale(1.0 / (volume.sum() * self.equations.body_size**2))
-        for thing in (whole, first, ones, volume):
-            thing.destroy()
         return mass
 
     def piece_at(self, x: PETSc.Vec, gamma: float) -> Piece:
@@ -458,7 +429,7 @@ class ParametricEquations(System):
         for V in (eq.V, *(s.points.Q for s in eq.surfaces)):
             bs = V.dofmap.index_map_bs
             n = V.dofmap.index_map.size_local
-            # Keyed by coordinates: neither numbering nor ranks matter.
+            # functions of the coordinates depend neither on numbering nor on ranks
             places = node_positions(V)[:n] / eq.body_size
             phase = places @ np.array([12.9898, 78.233, 37.719]) + seed
             parts.append(np.sin(43.7585 * (phase[:, None] + np.arange(bs))).reshape(-1))
@@ -474,27 +445,27 @@ class ParametricEquations(System):
     # -- pieces ----------------------------------------------------------------------------------
 
     def parts(self) -> Iterator[tuple[DiscreteSurface, int, int]]:
-        """Surfaces with the range of their points among those of this rank."""
+        """Surfaces with the range of their points among the points of this rank."""
         ends = self._offsets[1:]
         return zip(self.equations.surfaces, self._offsets[:-1], ends, strict=True)
 
     def statuses_of(self, piece: Piece | None) -> Statuses | None:
-        """The statuses of a piece, surface by surface."""
+        """Return the statuses of a piece by surface."""
         return None if piece is None else [piece.codes[a:b] for _, a, b in self.parts()]
 
     def piece(self, statuses: Statuses) -> Piece:
-        """The piece of statuses, in which clamped points count as open."""
+        """Return the piece with statuses by surface; clamped points count as open."""
         codes = np.concatenate(statuses)
         return Piece(np.where(self.clamped, OPEN, codes).astype(np.int8))
 
     @property
     def positions(self) -> Array:
-        """Places of the owned points of all surfaces, in the order of a piece (n, dim)."""
+        """Positions of the owned points of all surfaces in the order of a piece, shape (n, dim)."""
         return np.concatenate([s.points.positions for s in self.equations.surfaces])
 
     @property
     def _ids(self) -> npt.NDArray[np.int64]:
-        """What distinguishes points at one place: the surface, and `ContactPoints.ids` (n, k)."""
+        """Identifiers of points, which also distinguish points at one position, shape (n, k)."""
         surfaces = enumerate(self.equations.surfaces)
         parts = [np.insert(s.points.ids, 0, i, axis=1) for i, s in surfaces]
         return np.concatenate(parts)
@@ -503,8 +474,7 @@ class ParametricEquations(System):
         return Gathered(self.comm, self.positions, self._ids).mine
 
     def destroy(self) -> None:
-        """Free the PETSc objects made here."""
+        """Free the PETSc objects."""
         if self._metric is not None:
-            for thing in (self._metric, self._mass_in, self._mass_out):
-                thing.destroy()
+            self._metric.destroy()
             self._metric = None

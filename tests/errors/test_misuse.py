@@ -470,19 +470,22 @@ MISUSE = {
         lambda w: parametric(w, fem.Constant(w.domain, (0.0, 1.0))),
         "gamma must be a scalar Constant",
     ),
-    "no problem": (lambda w: parametric(w, problem=w.energy), "a ContactProblem is needed"),
+    "no problem": (lambda w: parametric(w, problem=w.energy), "must be a ContactProblem"),
     "driven of another mesh": (
         lambda w: parametric(w, driven=[(w.v_other, vector(w.gamma))]),
-        "is of another mesh",
+        "belongs to another mesh",
     ),
     "driven of another shape": (
         lambda w: parametric(w, driven=[(w.held, w.gamma)]),
         r"has shape \(2,\), its expression \(\)",
     ),
-    "driven by a word": (lambda w: parametric(w, driven=[(w.held, "gamma")]), "no UFL expression"),
+    "driven by a word": (
+        lambda w: parametric(w, driven=[(w.held, "gamma")]),
+        "must be a UFL expression",
+    ),
     "driven nowhere": (
         lambda w: parametric(w, driven=[(fem.Function(w.V), vector(w.gamma))]),
-        "is in no Dirichlet condition",
+        "is not in a Dirichlet condition",
     ),
     "driven twice": (
         lambda w: parametric(w, driven=[(w.held, vector(w.gamma)), (w.held, vector(w.gamma))]),
@@ -494,7 +497,7 @@ MISUSE = {
             problem=problem(w, w.energy - ufl.dot(w.held, w.u) * ufl.dx, bcs=w.problem.bcs),
             driven=[(w.held, vector(w.gamma))],
         ),
-        "in the form of the body is a driven one",
+        "in the form of the body is a driven Function",
     ),
     "driven and a coefficient of friction": (
         lambda w: parametric(
@@ -504,11 +507,11 @@ MISUSE = {
             ),
             driven=[(w.held, vector(w.gamma))],
         ),
-        "is a driven one",
+        "is a driven Function",
     ),
     "driven by a driven one": (
         lambda w: parametric(w, driven=[(w.held, vector(w.gamma) + 0.5 * w.held)]),
-        "is a driven one",
+        "is a driven Function",
     ),
     "driven by the displacement": (
         lambda w: parametric(w, driven=[(w.held, vector(w.gamma) + w.u)]),
