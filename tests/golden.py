@@ -104,7 +104,6 @@ from dolfinx_contact.records import (
     PathRecord,
     journal_of,
     read_journal,
-    resume,
     total,
 )
 
@@ -690,12 +689,11 @@ def laws_in_histories():
 
 
 def options_of_histories():
-    """Histories that are extrapolated, stopped, refused steps, or ended at a jump."""
+    """Histories that are extrapolated, stopped, or that count the rays."""
     kinds = {
         "extrapolated": {"extrapolate": True},
         "stopped": {"stop": lambda step: "far" if step.time > 2.2 else ""},
-        "refused": {"accept": lambda step: step.time - step.start < 0.6},
-        "rays": {"rays": True, "follow_rays": True},
+        "rays": {"rays": True},
     }
     found = {"solved": {}, "exact": {}, "counts": {}}
     for name, given in kinds.items():
@@ -844,7 +842,7 @@ def recorded(make, times, interrupted=0, **how):
         except Interrupted:
             with EvolutionRecord(folder, make(), resume=True) as kept:
                 history = kept.go_on(progress=False)
-                kept.show(1)
+                kept.problem.restore(kept.state(1))
                 shown = state(kept.problem)
         found = with_journal(steps(history), read_journal(folder).rows())
     if interrupted:
@@ -1205,7 +1203,8 @@ def resumed_branch(make, **how):
             how = {"gamma_range": (0.0, 1.0)} | how
             follow(system, x, 0.0, record=kept, max_steps=4, **how)
         system = make()
-        followed = resume(folder, system, functionals(system), every=2, max_steps=200)
+        with BranchRecord(folder, system, functionals(system), every=2, resume=True) as kept:
+            followed = kept.go_on(max_steps=200)
         journal = read_journal(folder)
         with BranchRecord(folder, system, functionals(system), every=2, resume=True) as kept:
             states = [vector(system.problem, state_vector(system, p)) for p in kept.points()]

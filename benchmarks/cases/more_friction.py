@@ -108,8 +108,8 @@ def main(argv=None):
     say(f"folds at F = {', '.join(f'{f:.10g}' for f in folds)}; {branch.reason}")
     if comm.rank == 0:
         title = "One solution, three, and one again"
-        words = dict(title=title, parameter="friction coefficient F", label="$u_t$ of A")
-        plot.draw_diagram(folder / "branch.png", journal, "ut_A", **words)
+        words = dict(title=title, parameter="friction coefficient F")
+        plot.draw_diagram(folder / "branch.png", journal, {"ut_A": "$u_t$ of A"}, **words)
     summary = branch.summary() | {"fold_frictions": folds, "solutions": solutions}
     return io.write_summary(comm, folder, summary)
 

@@ -4,7 +4,7 @@
 # Give a run a record: every accepted step is on the disk before the next one is computed. After the
 # simulation was killed, a script that makes the same problem, on more or fewer cores, opens the
 # record with `resume=True`, continues the run, and comes to the same steps. Branches have
-# `BranchRecord` and `resume`, paths `PathRecord`. Here an exception stands for the kill.
+# `BranchRecord`, paths `PathRecord`. Here an exception stands for the kill.
 
 import contextlib
 

@@ -3,9 +3,9 @@
 #
 # Curves, diagrams of branches and charts are drawn by matplotlib in the format of the file's name:
 # PDF or SVG, vector graphics that LaTeX includes, or PNG. Or draw the columns of a table yourself.
-# Pictures of bodies take these formats too, and say what is seen: `fields` and `cmap` colour the
-# body, `zoom` is what it is enlarged to, and in 3D `view` is where the eye is and `clip` cuts the
-# body open. All functions return the axes, the figure or (3D) the plotter, which you can change.
+# Pictures of bodies have the same formats: `stress` or `field` colours the body; in 3D `view` is
+# the direction to the eye and `clip` cuts the body open. All functions return the axes, the figure
+# or (3D) the plotter, which you can change.
 
 from pathlib import Path
 
@@ -25,7 +25,7 @@ for file in ("figure.pdf", "figure.png"):
 cube = Block(n=6, cell="hexahedron")
 problem = cube.problem()
 problem.solve()
-look = dict(view="front", clip="-y", zoom=1.1, cmap="viridis", fields="von Mises stress")
+look = dict(view="-y", clip="-y", scale=5.0, stress=cube.steel.full_stress(cube.u))
 for file in ("inside.pdf", "inside.png"):
-    picture_of_body(file, problem, stress=cube.steel.full_stress(cube.u), scale=5.0, **look)
+    picture_of_body(file, problem, **look)
     assert Path(file).stat().st_size > 1000

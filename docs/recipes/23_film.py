@@ -1,17 +1,16 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 # # How do I make a film?
 #
-# `plot.animate` draws a recorded history step by step and saves the movie of the deformation as a
-# GIF, or as MP4 with imageio-ffmpeg. `scale` magnifies the displacement, which the title states;
-# what is coloured (`fields`, `cmap`) and seen (`zoom`; in 3D `view` and `clip`) is given as for
-# pictures. `plot.film` draws any states, as the shape of a vibration.
+# `plot.film` draws states one after the other and writes a GIF, or an MP4 with imageio-ffmpeg: the
+# states of a history, those of a record (`record.state(k)`), or the shapes of a vibration. `scale`
+# magnifies the displacement, which the title states; `stress`, `field` and in 3D `view` and `clip`
+# are those of pictures.
 
 import numpy as np
 from common import Block
 
 from dolfinx_contact import plot
 from dolfinx_contact.evolution import QuasiStatic
-from dolfinx_contact.records import EvolutionRecord
 
 block = Block()
 
@@ -23,7 +22,6 @@ def load(t):
 problem = block.problem()
 problem.solve()
 evolution = QuasiStatic(problem, load)
-with EvolutionRecord("output/film", evolution) as record:
-    evolution.run(np.linspace(0.0, 1.0, 5), record=record)
-    file = plot.animate("to_and_fro.gif", record, scale=5.0, cmap="magma")
+history = evolution.run(np.linspace(0.0, 1.0, 5))
+file = plot.film("to_and_fro.gif", problem, [step.state for step in history.steps], scale=5.0)
 assert file.stat().st_size > 1000

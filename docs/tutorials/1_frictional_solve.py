@@ -106,10 +106,9 @@ assert np.all(shear <= 0.4 * table.rn + 1e-6 * force[2])
 # The deformed body, cut open in the middle and coloured by von Mises stress; and the contact face
 # with pressure and status. `io.write_fields` writes the same for ParaView.
 
-units = ("mm", "MPa")
 stress = rubber.full_stress(u)
-plot.picture_of_body("body.png", problem, stress=stress, clip="y", scale=1.0, units=units)
-plot.picture_of_contact("contact.png", problem, units=units)
+plot.picture_of_body("body.png", problem, stress=stress, clip="y")
+plot.picture_of_contact("contact.png", problem)
 
 # ## Other loads
 #

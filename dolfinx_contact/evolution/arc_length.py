@@ -17,7 +17,7 @@ Time has no meaning on a path: laws must not depend on it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import ClassVar
 
 import numpy as np
@@ -38,7 +38,6 @@ from dolfinx_contact.equations.state import State
 from dolfinx_contact.equations.validation import check_times
 from dolfinx_contact.evolution.arc_steps import ArcSteps
 from dolfinx_contact.evolution.by_arc_length import ByArcLength
-from dolfinx_contact.evolution.energy import Energies
 from dolfinx_contact.evolution.evolution import Runnable
 from dolfinx_contact.evolution.path import (
     Known,
@@ -50,10 +49,8 @@ from dolfinx_contact.evolution.path import (
     PathTask,
     begun,
 )
-from dolfinx_contact.evolution.run import NOT_BY_VALUE, Listeners, Run, compared_arguments
-from dolfinx_contact.evolution.step import AcceptedState
+from dolfinx_contact.evolution.run import Listeners, Run
 from dolfinx_contact.parametric import ParametricContact
-from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.points.surface import DiscreteSurface
 
 __all__ = ["ArcLength", "PathDirection"]
@@ -121,6 +118,7 @@ class ArcLength(Runnable[PathTask, PathState, PathHistory]):
             raise ValueError(f"a ParametricContact is needed, got {type(parametric).__name__}")
         self.parametric = parametric
         self.problem = parametric.problem
+        self.driven = parametric._driven_expressions
         require_smooth(parametric)
         self._require_no_time()
 
@@ -136,8 +134,7 @@ class ArcLength(Runnable[PathTask, PathState, PathHistory]):
     @collective(
         "a path by arc length",
         _check_run,
-        compare=compared_arguments,
-        local=NOT_BY_VALUE,
+        local=("start",),
     )
     def run(
         self,
@@ -171,14 +168,10 @@ class ArcLength(Runnable[PathTask, PathState, PathHistory]):
                 `PathStep.directions`: True: at every kink and nonsmooth fold, by all statuses that
                 meet there, up to 256 pieces; False or None (default): only if no direction is found
                 otherwise.
-            stop: function called with every accepted point on every rank; it returns the reason to
-                end the run there, or "" to continue.
-            observer: function called with every accepted point while it is in the problem, or a
-                `continuation.Observer`. It must be read-only.
-            record: record of every accepted point, such as `records.PathRecord`; it is written
-                before the observer is called.
-            progress: whether rank 0 shows the progress on the standard error stream; default: only
-                if the run takes longer than a few seconds.
+            stop: condition that ends the run, see `QuasiStatic.run`.
+            observer: observer of the accepted points, see `QuasiStatic.run`.
+            record: record of the accepted points, such as `records.PathRecord`.
+            progress: whether rank 0 shows the progress, see `QuasiStatic.run`.
 
         Returns:
             History with the accepted points and the reason why the path ended. A path never jumps:
@@ -197,27 +190,12 @@ class ArcLength(Runnable[PathTask, PathState, PathHistory]):
         run_state = self._run_state if start is None else None
         if run_state is None:
             self._require_start(start)
-            accepted = self._stepper(None).start(0.0, start)
+            accepted = self.stepper(None).start(0.0, start)
             run_state = PathState(accepted, 0.0, known=Known(scales=self.parametric.scales))
         self._has_begun()
         task = PathTask(gamma_range, direction, control, max_steps, bool(rays))
-        listeners = Listeners(None, stop, observer, record, progress)
+        listeners = Listeners(stop, observer, record, progress)
         return self._run(task, begun(task, run_state), listeners)
-
-    def recalled(
-        self,
-        time: float,
-        gamma: float,
-        memory: Sequence[Memory],
-        energies: Energies,
-        *,
-        first: bool,
-    ) -> AcceptedState:
-        """Return the state in the Functions as an earlier accepted state. Collective.
-
-        See `PathStepper.recalled_under`.
-        """
-        return self._stepper(None).recalled_under(gamma, time, memory, energies, first=first)
 
     @property
     def _gamma(self) -> float:
@@ -225,7 +203,7 @@ class ArcLength(Runnable[PathTask, PathState, PathHistory]):
         value = self.parametric.constant.value
         return float(value) if self._run_state is None else self._run_state.gamma
 
-    def _stepper(self, progress: bool | None) -> PathStepper:
+    def stepper(self, progress: bool | None) -> PathStepper:
         return PathStepper(self.parametric)
 
     def _run(self, task: PathTask, run_state: PathState, listeners: Listeners) -> PathHistory:
@@ -233,7 +211,7 @@ class ArcLength(Runnable[PathTask, PathState, PathHistory]):
         accepted = run_state.accepted
         bordered = Bordered(self.parametric, gamma_scale=high - low)
         steps = ArcSteps(Corrector(bordered, task.control, chords=False))
-        stepper = self._stepper(listeners.progress)
+        stepper = self.stepper(listeners.progress)
         rule = ByArcLength(self.parametric, stepper, steps, task, run_state)
         history = PathHistory(accepted.time, accepted.energies, gamma=accepted.gamma)
         try:

@@ -11,21 +11,20 @@ interrupted run. `Evolution` is the base of histories and motions; paths by arc 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import ClassVar, Generic, TypeVar
+from typing import Any, ClassVar, Generic, TypeVar
 
 import ufl
 from dolfinx import fem
 
 from dolfinx_contact._mpi import collective, everywhere, require
 from dolfinx_contact._validate import ReadOnly
-from dolfinx_contact.continuation.ending import Ending
 from dolfinx_contact.equations.data import Datum
 from dolfinx_contact.equations.state import State
 from dolfinx_contact.evolution.energy import Energies
 from dolfinx_contact.evolution.history import History, NoContinuation
 from dolfinx_contact.evolution.run import Listeners, Run, RunState
-from dolfinx_contact.evolution.step import AcceptedState, SolvedStep, Stepper
-from dolfinx_contact.evolution.through_times import Accept, HistoryTask, ThroughTimes
+from dolfinx_contact.evolution.step import AcceptedState, Stepper
+from dolfinx_contact.evolution.through_times import HistoryTask, ThroughTimes
 from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.problem import ContactProblem
 
@@ -35,8 +34,6 @@ T = TypeVar("T")
 S = TypeVar("S", bound=RunState)
 H = TypeVar("H", bound=History)
 
-_MOST_FORKS = 16  # histories along other rays that are followed
-
 
 class Runnable(ReadOnly, Generic[T, S, H]):
     """An evolution of a contact problem; each run starts where the last one has ended.
@@ -44,9 +41,17 @@ class Runnable(ReadOnly, Generic[T, S, H]):
     Attributes:
         problem: contact problem, whose Functions follow the accepted steps.
         account: class of the energies.
+        method: parameters of the method in words, for the manifest of a record.
+        data: Functions and Constants in addition to those of the problem, such as a density.
+        forms: forms in addition to those of the problem, such as damping.
+        driven: expressions by which a load drives Dirichlet data.
     """
 
     account: type[Energies] = Energies
+    method: Sequence[str] = ()
+    data: Sequence[Datum] = ()
+    forms: Sequence[ufl.Form] = ()
+    driven: Sequence[Any] = ()
     problem: ContactProblem
     #: Class of the records, for messages.
     _record: ClassVar[str]
@@ -56,7 +61,6 @@ class Runnable(ReadOnly, Generic[T, S, H]):
     @collective(
         "a run that continues",
         lambda a: a.listeners.check(a.self._record),
-        compare=lambda a: a.listeners.compared(),
         local=("task", "run_state", "listeners"),
     )
     def go_on(self, task: T, run_state: S, listeners: Listeners) -> H:
@@ -77,7 +81,7 @@ class Runnable(ReadOnly, Generic[T, S, H]):
         """Put the end of a run into the problem; the next run starts from it. Collective."""
         self._has_begun()
         self._run_state = run_state
-        self._stepper(None).put(run_state.accepted)
+        self.stepper(None).put(run_state.accepted)
 
     @property
     def memory(self) -> tuple[Memory | None, ...]:
@@ -106,7 +110,7 @@ class Runnable(ReadOnly, Generic[T, S, H]):
         """Record in the problem that it has an evolution. Not collective."""
         self.problem.evolved.append(type(self).__name__)
 
-    def _stepper(self, progress: bool | None) -> Stepper:
+    def stepper(self, progress: bool | None) -> Stepper:
         """Return a stepper of the problem; ``progress`` is that of its solves."""
         raise NotImplementedError
 
@@ -133,10 +137,7 @@ class Evolution(Runnable[HistoryTask, RunState, History]):
     Attributes:
         problem: contact problem as given.
         load: load as given; it may be replaced between two runs.
-        method: parameters of the method in words, for the manifest of a record.
         kept: Functions of a state in addition to those of the problem, by name.
-        data: Functions and Constants in addition to those of the problem, such as a density.
-        forms: forms in addition to those of the problem, such as damping.
 
     Raises:
         ValueError: on every rank, if an argument is not admissible.
@@ -148,10 +149,7 @@ class Evolution(Runnable[HistoryTask, RunState, History]):
         "another evolution"
     }
     _record = "a records.EvolutionRecord"
-    method: Sequence[str] = ()
     kept: Mapping[str, fem.Function] = {}
-    data: Sequence[Datum] = ()
-    forms: Sequence[ufl.Form] = ()
 
     def __init__(self, problem: ContactProblem, load: Callable[[float], object]):
         if not isinstance(problem, ContactProblem):
@@ -166,13 +164,7 @@ class Evolution(Runnable[HistoryTask, RunState, History]):
         self.problem = problem
         self.load = load
 
-    def recalled(
-        self, time: float, memory: Sequence[Memory], energies: Energies, *, first: bool
-    ) -> AcceptedState:
-        """Return the state in the Functions as an accepted state; see `Stepper.recalled`."""
-        return self._stepper(None).recalled(time, memory, energies, first=first)
-
-    def _stepper(self, progress: bool | None) -> Stepper:
+    def stepper(self, progress: bool | None) -> Stepper:
         return Stepper(self.problem, self.load, False if progress is False else None)
 
     def _begin(self, task: HistoryTask, listeners: Listeners, start: State | None) -> History:
@@ -183,12 +175,12 @@ class Evolution(Runnable[HistoryTask, RunState, History]):
             listeners: listeners of the run; like the task they are checked.
             start: state at the start, if given.
         """
-        stepper = self._stepper(listeners.progress)
+        stepper = self.stepper(listeners.progress)
         before = self._run_state if start is None else None
         if before is None:
             self._require_start(start)
         try:
-            stepper.require_repeatable(task.times[0], self._later_time(task))
+            stepper.require_repeatable(task.times[0], task.times[-1])
             if before is None:
                 run_state = RunState(stepper.start(task.times[0], start), task.longest)
             else:
@@ -201,44 +193,11 @@ class Evolution(Runnable[HistoryTask, RunState, History]):
         self._has_begun()
         return self._run(task, run_state, listeners)
 
-    def _later_time(self, task: HistoryTask) -> float:
-        """Return a later time of a run, for the test of its load."""
-        return task.times[-1]
-
-    def _rule(
-        self, stepper: Stepper, task: HistoryTask, run_state: RunState, accept: Accept | None
-    ) -> ThroughTimes:
-        """Return the rule that finds the steps of a run."""
-        return ThroughTimes(stepper, task, run_state, accept)
-
     def _run(self, task: HistoryTask, run_state: RunState, listeners: Listeners) -> History:
-        stepper = self._stepper(listeners.progress)
-        rule = self._rule(stepper, task, run_state, listeners.accept)
-        history = _history_from(run_state.accepted)
+        stepper = self.stepper(listeners.progress)
+        rule = ThroughTimes(stepper, task, run_state)
+        history = History(run_state.accepted.time, run_state.accepted.energies)
         self._follow(Run(stepper, rule, listeners, history))
-        history.others = _followed(rule.forks, stepper, task)
-        stepper.put(rule.run_state.accepted)
         if rule.failed and task.at_jump != "stop":
             raise NoContinuation(history.reason, history) from rule.failure
         return history
-
-
-def _history_from(accepted: AcceptedState) -> History:
-    """Return an empty history that begins at a state."""
-    return History(accepted.time, accepted.energies)
-
-
-def _followed(forks: Sequence[SolvedStep], stepper: Stepper, task: HistoryTask) -> list[History]:
-    """Follow the histories along the rays that a run did not take, and along theirs. Collective."""
-    histories: list[History] = []
-    steps = list(forks)
-    while steps and len(histories) < _MOST_FORKS:
-        first = steps.pop(0)
-        rule = ThroughTimes(stepper, task, RunState(first.before, task.longest), first=first)
-        run = Run(stepper, rule, Listeners(progress=False), _history_from(first.before))
-        histories.append(run.go())
-        steps += rule.forks
-    for step in steps:
-        histories.append(_history_from(step.before))
-        histories[-1].end(Ending.BUDGET, f"not followed: more than {_MOST_FORKS} evolutions")
-    return histories

@@ -8,7 +8,6 @@ variables of the laws, and the work of the solver.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -90,15 +89,6 @@ class EvolutionStep:
             "inserted": self.inserted,
         }
 
-    def row_before(self, known: Mapping[str, Any]) -> dict[str, Any]:
-        """Return a row of the state at the start, with the keys of `row`.
-
-        Args:
-            known: values at the start; missing ones are None, except number, time and length.
-        """
-        start = {"step": self.number - 1, "time": self.start, "length": 0.0, **known}
-        return {name: start.get(name) for name in self.row()}
-
 
 @dataclass
 class History(Ends):
@@ -110,8 +100,6 @@ class History(Ends):
         steps: accepted steps.
         ending: kind of its ending; None before.
         reason: reason of the ending, as a sentence.
-        others: with ``follow_rays``, the evolutions along the remaining solutions of the rate
-            problem; each begins with its first step that differs from this history.
     """
 
     start: float
@@ -119,7 +107,6 @@ class History(Ends):
     steps: list[EvolutionStep] = field(default_factory=list)
     ending: Ending | None = None
     reason: str = "not ended"
-    others: list[History] = field(default_factory=list)
 
     @property
     def complete(self) -> bool:
@@ -147,19 +134,9 @@ class History(Ends):
                 return step
         raise KeyError(f"no step ends at {time!r}")
 
-    def rows(self, *, start: bool = False) -> list[dict[str, Any]]:
-        """Return the table of steps, for `io.write_rows`.
-
-        Args:
-            start: whether a row of the state at the start comes first, with its time and energies,
-                on a path with its load, and None otherwise. Default: False.
-        """
-        rows = [step.row() for step in self.steps]
-        return [self.steps[0].row_before(self._at_start()), *rows] if start and rows else rows
-
-    def _at_start(self) -> dict[str, Any]:
-        """Return the values at the start, by the keys of the table."""
-        return self.before.row()
+    def rows(self) -> list[dict[str, Any]]:
+        """Return the table of steps, for `io.write_rows`."""
+        return [step.row() for step in self.steps]
 
 
 class NoContinuation(RuntimeError):

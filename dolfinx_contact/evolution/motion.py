@@ -25,7 +25,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, TypeAlias, get_args
+from typing import Any, Literal, TypeAlias, get_args
 
 from mpi4py import MPI
 
@@ -42,7 +42,6 @@ from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation, Statuses
 from dolfinx_contact.equations.state import State
 from dolfinx_contact.equations.validation import require_obstacles
-from dolfinx_contact.evolution.energy import Energies
 from dolfinx_contact.evolution.mass_and_damping import Matrices
 from dolfinx_contact.evolution.motion_energy import Motion, MotionEnergies, account, motion_at
 from dolfinx_contact.evolution.prescribed_motion import PrescribedMotion
@@ -368,16 +367,8 @@ class MotionStepper(Stepper):
         rows, load = self._body.forces(a.u, a.v), self._body.load()
         return replace(accepted, forces=replace(a, rows=rows, load=load))
 
-    def _state(
-        self,
-        law: ContactProblem,
-        statuses: Statuses,
-        memory: Sequence[Memory],
-        time: float,
-        energies: Energies,
-    ) -> State:
-        state = super()._state(law, statuses, memory, time, energies)
-        return replace(state, velocity=self._velocity.x.array)
+    def _more(self) -> dict[str, Any]:
+        return {"velocity": self._velocity.x.array}
 
 
 def _motion(accepted: AcceptedState) -> Motion:

@@ -40,15 +40,8 @@ from dolfinx_contact.evolution.history import EvolutionStep, History
 from dolfinx_contact.evolution.mass_and_damping import Matrices, is_scalar_constant
 from dolfinx_contact.evolution.motion import Level, Method, MotionStepper
 from dolfinx_contact.evolution.motion_energy import MotionEnergies
-from dolfinx_contact.evolution.run import NOT_BY_VALUE, Listeners, RunState, compared_arguments
-from dolfinx_contact.evolution.step import Stepper
-from dolfinx_contact.evolution.through_times import (
-    Accept,
-    HistoryTask,
-    ThroughTimes,
-    checked_times,
-)
-from dolfinx_contact.evolution.to_rest import RestTask, ToRest
+from dolfinx_contact.evolution.run import Listeners
+from dolfinx_contact.evolution.through_times import HistoryTask, checked_times
 from dolfinx_contact.problem import ContactProblem
 
 __all__ = ["NSCD"]
@@ -229,8 +222,7 @@ class NSCD(Evolution):
     @collective(
         "the times of a motion",
         _check_run,
-        compare=compared_arguments,
-        local=NOT_BY_VALUE,
+        local=("start",),
     )
     def run(
         self,
@@ -238,7 +230,6 @@ class NSCD(Evolution):
         *,
         start: State | None = None,
         locate: float | None = None,
-        accept: Accept | None = None,
         stop: Stop[EvolutionStep] | None = None,
         observer: ObserverLike[EvolutionStep] | None = None,
         record: Observer | None = None,
@@ -255,19 +246,10 @@ class NSCD(Evolution):
                 has had another evolution.
             locate: time resolution of first contacts: a step in which a point closes is tried again
                 with half the length, unless that is shorter; default: not located.
-            accept: function called with every step on every rank; a rejected step is tried again
-                with half the length, down to ``locate`` or dt/2^20. Rejecting a step of that length
-                is an error.
-            stop: function called with every accepted step on every rank, while its end is in the
-                problem; it returns the reason to end the run there, or "" to continue. A later run
-                continues from there.
-            observer: function called with every accepted step while its end is in the problem, or a
-                `continuation.Observer`. It must be read-only: the run restores the accepted state
-                before the next step.
-            record: record of every accepted step, such as `records.EvolutionRecord`; it is written
-                before the observer is called.
-            progress: whether rank 0 shows the progress on the standard error stream; default: only
-                if the run takes longer than a few seconds.
+            stop: condition that ends the run, see `QuasiStatic.run`.
+            observer: observer of the accepted steps, see `QuasiStatic.run`.
+            record: record of the accepted steps, see `QuasiStatic.run`.
+            progress: whether rank 0 shows the progress, see `QuasiStatic.run`.
 
         Returns:
             History with the accepted steps of this run and the reason why it ended. Forces in the
@@ -277,13 +259,13 @@ class NSCD(Evolution):
             NoContinuation: if a step is not solved with any length; the problem is at the last
                 accepted state.
             ValueError: on every rank, if arguments or data are not admissible, or a point is inside
-                an obstacle at the start. Errors of ``load``, ``accept``, ``stop`` and ``observer``
-                on one rank are raised on every rank.
+                an obstacle at the start. Errors of ``load``, ``stop`` and ``observer`` on
+                one rank are raised on every rank.
             OSError: on every rank, if a step cannot be recorded.
         """
         shortest = self._dt * _SHORTEST if locate is None else locate
         task = HistoryTask(tuple(times), self._dt, shortest, locate=locate is not None)
-        return self._begin(task, Listeners(accept, stop, observer, record, progress), start)
+        return self._begin(task, Listeners(stop, observer, record, progress), start)
 
     @collective("settling", _check_settle, local=("start",))
     def settle(
@@ -315,21 +297,13 @@ class NSCD(Evolution):
             ValueError: on every rank, if arguments are not admissible; see also `run`.
         """
         time = 0.0 if start is not None or self._accepted is None else self._accepted.time
-        shortest = self._dt * _SHORTEST
-        task = RestTask((time,), self._dt, shortest, max_time=max_time, rest=float(rest))
+        times = [time]
+        while times[-1] < time + max_time:
+            times.append(times[-1] + self._dt)
+        task = HistoryTask(tuple(times), self._dt, self._dt * _SHORTEST, rest=float(rest))
         return self._begin(task, Listeners(observer=observer, progress=progress), start)
 
-    def _later_time(self, task: HistoryTask) -> float:
-        return task.times[0] + self._dt if isinstance(task, RestTask) else super()._later_time(task)
-
-    def _rule(
-        self, stepper: Stepper, task: HistoryTask, run_state: RunState, accept: Accept | None
-    ) -> ThroughTimes:
-        if isinstance(task, RestTask):
-            return ToRest(stepper, task, run_state)
-        return super()._rule(stepper, task, run_state, accept)
-
-    def _stepper(self, progress: bool | None) -> MotionStepper:
+    def stepper(self, progress: bool | None) -> MotionStepper:
         return MotionStepper(
             self.problem,
             self.velocity,

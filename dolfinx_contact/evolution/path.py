@@ -14,15 +14,11 @@ from typing import Any, Literal, TypeAlias
 
 from dolfinx_contact.continuation.branch import BranchPoint
 from dolfinx_contact.continuation.parameters import StepControl
-from dolfinx_contact.equations.evaluation import Statuses
 from dolfinx_contact.equations.state import State
-from dolfinx_contact.evolution.energy import Energies
 from dolfinx_contact.evolution.history import EvolutionStep, History
 from dolfinx_contact.evolution.run import RunState
 from dolfinx_contact.evolution.step import AcceptedState, Stepper
 from dolfinx_contact.parametric import ParametricContact
-from dolfinx_contact.points.memory import Memory
-from dolfinx_contact.problem import ContactProblem
 
 __all__ = [
     "Known",
@@ -100,9 +96,6 @@ class PathHistory(History):
 
     gamma: float = 0.0
     steps: list[PathStep] = field(default_factory=list)  # type: ignore[assignment]
-
-    def _at_start(self) -> dict[str, Any]:
-        return super()._at_start() | {"gamma": self.gamma}
 
     @property
     def folds(self) -> list[PathStep]:
@@ -198,38 +191,8 @@ class PathStepper(Stepper):
         # keep the statuses of the last step: at borders the state does not determine them
         return replace(accepted, statuses=given.statuses)
 
-    def recalled_under(
-        self,
-        gamma: float,
-        time: float,
-        memory: Sequence[Memory],
-        energies: Energies,
-        *,
-        first: bool,
-    ) -> AcceptedState:
-        """Return the state in the Functions as an accepted state under a load. Collective.
-
-        Args:
-            gamma: load parameter of the state.
-            time: arc length from the start of the path.
-            memory: memory from which the next step starts, one per surface.
-            energies: energies since the start.
-            first: whether it is the start, whose statuses are not known.
-        """
-        with self._system.restored():
-            self._system._set(gamma)
-            return self.recalled(time, memory, energies, first=first)
-
-    def _state(
-        self,
-        law: ContactProblem,
-        statuses: Statuses,
-        memory: Sequence[Memory],
-        time: float,
-        energies: Energies,
-    ) -> State:
-        state = super()._state(law, statuses, memory, time, energies)
-        return replace(state, gamma=float(self._system.constant.value))
+    def _more(self) -> dict[str, Any]:
+        return {"gamma": float(self._system.constant.value)}
 
     def _take_start(self, given: State) -> None:
         super()._take_start(given)

@@ -44,24 +44,20 @@ class PrescribedMotion:
     """
 
     def __init__(self, problem: ContactProblem):
+        eq = problem.equations
         self._problem = problem
+        self._comm = problem.comm
+        self._held = np.asarray(eq.fixed[: eq.owned_sizes[0]])  # owned dofs with Dirichlet data
+        self._zero = _ROUND_OFF * eq.body_size
         self._reported = False
-
-    @property
-    def _held(self) -> npt.NDArray[np.bool_]:
-        """Mask of the owned dofs that Dirichlet data hold."""
-        eq = self._problem.equations
-        return np.asarray(eq.fixed[: eq.owned_sizes[0]])
 
     def require_displacement(self) -> None:
         """Raise ``ValueError`` if the displacement differs from the Dirichlet data. Collective."""
-        eq = self._problem.equations
         u, data = self._displacement_and_data()
-        (size,) = self._largest(np.maximum(np.abs(u), np.abs(data)))
-        tolerance = _SAME * size + _ROUND_OFF * eq.body_size
-        place = self._largest_deviation(u, data, self._held, tolerance)
+        size = max(largest(self._comm, [_size(u), _size(data)]))
+        place = self._deviation(u, data, self._held, _SAME * size + self._zero)
         require(
-            eq.comm,
+            self._comm,
             not place,
             f"at the start the displacement differs from the Dirichlet data: {place}; solve() "
             "first, or copy the prescribed values into the displacement",
@@ -75,13 +71,12 @@ class PrescribedMotion:
         Args:
             v: velocity at the start, all local values.
         """
-        eq = self._problem.equations
         u, data = self._displacement_and_data()
-        still = self._held & (np.abs(data - u) <= _ROUND_OFF * eq.body_size)
-        (size,) = self._largest(v)
-        place = self._largest_deviation(v[: len(u)], np.zeros_like(u), still, _SAME * size)
+        still = self._held & (np.abs(data - u) <= self._zero)
+        (size,) = largest(self._comm, [_size(v)])
+        place = self._deviation(v[: len(u)], np.zeros_like(u), still, _SAME * size)
         require(
-            eq.comm,
+            self._comm,
             not place,
             "the velocity at the start is against Dirichlet data that are constant in the first "
             f"step: {place}; it would change its sign in every step: set the velocity of held "
@@ -98,21 +93,20 @@ class PrescribedMotion:
             b: motion at the end of the step.
             step: time step.
         """
-        held = self._held
-        n = len(held)
+        n = len(self._held)
         mean = np.asarray((b.u - a.u)[:n] / step.length)
-        values = np.where(held, b.v[:n] - mean, 0.0)
+        values = np.where(self._held, b.v[:n] - mean, 0.0)
         last = a.deviation
         if last is None or step.scheme == "theta-euler" or step.theta >= _DAMPED:
             return Deviation(values)
-        size, change, *speeds = self._largest(values, values + last.values, mean, b.v)
+        sizes = [_size(v) for v in (values, values + last.values, mean, b.v)]
+        size, change, *speeds = largest(self._comm, sizes)
         if not (change < _REVERSED * size and size > _VISIBLE * max(speeds)):
             return Deviation(values)
-        reversals = last.reversals + 1
-        if reversals == _REVERSALS and not self._reported:
+        if last.reversals + 1 == _REVERSALS and not self._reported:
             self._reported = True
-            place = self._largest_deviation(b.v[:n], mean, held, 0.5 * size)
-            if self._problem.comm.rank == 0:
+            place = self._deviation(b.v[:n], mean, self._held, 0.5 * size)
+            if self._comm.rank == 0:
                 logger.warning(
                     "velocities of nodes held by Dirichlet data change from step to step about the "
                     "velocity of the data (%s according to the data): the motion started with "
@@ -120,20 +114,15 @@ class PrescribedMotion:
                     "damps the oscillation",
                     place,
                 )
-        return Deviation(values, reversals)
+        return Deviation(values, last.reversals + 1)
 
     def _displacement_and_data(self) -> tuple[Array, Array]:
         """Owned values of the displacement and of the Dirichlet data."""
         eq = self._problem.equations
-        n = eq.owned_sizes[0]
+        n = len(self._held)
         return self._problem.u.x.array[:n], eq.prescribed.values().reshape(-1)[:n]
 
-    def _largest(self, *values: Array) -> list[float]:
-        """Largest absolute values over all ranks. Collective."""
-        local = [np.max(np.abs(v), initial=0.0) for v in values]
-        return [float(v) for v in largest(self._problem.comm, local)]
-
-    def _largest_deviation(
+    def _deviation(
         self, values: Array, data: Array, which: npt.NDArray[np.bool_], tolerance: float
     ) -> str:
         """Describe the largest deviation of values from data; "" if it is small. Collective.
@@ -144,23 +133,24 @@ class PrescribedMotion:
             which: mask of the compared dofs.
             tolerance: deviation that counts as small.
         """
+        off = np.where(which, np.abs(values - data), 0.0)
+        (worst,) = largest(self._comm, [_size(off)])
+        if worst <= tolerance:
+            return ""
+        # of equal deviations on several nodes and ranks the first in the order of coordinates
         V = self._problem.V
         bs = V.dofmap.index_map_bs
+        dofs = np.flatnonzero(off == worst)
         size = self._problem.equations.body_size
-        off = np.where(which, np.abs(values - data), 0.0)
-        worst = np.flatnonzero((off == np.max(off, initial=0.0)) & (off > tolerance))
-        places = []
-        if len(worst):
-            nodes = node_positions(V)[worst // bs, : V.mesh.geometry.dim]
-            nodes = np.round(nodes / size, 9) * size + 0.0
-            columns = (-off[worst], nodes, worst % bs, values[worst], data[worst])
-            places = list(zip(*(column.tolist() for column in columns), strict=True))
-        # among equal deviations, choose the first place in lexicographic order
-        places = [place for part in self._problem.comm.allgather(places) for place in part]
-        if not places:
-            return ""
-        _, x, component, value, wanted = min(places)
+        nodes = (np.round(node_positions(V)[dofs // bs, :bs] / size, 9) * size + 0.0).tolist()
+        local = [(x, i % bs, values[i], data[i]) for x, i in zip(nodes, dofs, strict=True)]
+        x, component, value, wanted = min(p for part in self._comm.allgather(local) for p in part)
         return (
             f"component {'xyz'[component]} at the node ({', '.join(f'{c:.6g}' for c in x)}) is "
             f"{value:.6g}, prescribed is {wanted:.6g}"
         )
+
+
+def _size(values: Array) -> float:
+    """Largest absolute value on this rank."""
+    return float(np.max(np.abs(values), initial=0.0))

@@ -18,37 +18,23 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 
 from dolfinx_contact._mpi import Arguments, collective
 from dolfinx_contact.continuation.observer import Observer, ObserverLike, Stop
 from dolfinx_contact.equations.state import State
-from dolfinx_contact.evolution.energy import Energies
 from dolfinx_contact.evolution.evolution import Evolution
-from dolfinx_contact.evolution.history import EvolutionStep, History, NoContinuation
-from dolfinx_contact.evolution.nscd import NSCD
-from dolfinx_contact.evolution.run import NOT_BY_VALUE, Listeners, compared_arguments
-from dolfinx_contact.evolution.through_times import (
-    Accept,
-    AtJump,
-    HistoryTask,
-    checked_times,
-)
+from dolfinx_contact.evolution.history import EvolutionStep, History
+from dolfinx_contact.evolution.run import Listeners
+from dolfinx_contact.evolution.through_times import AtJump, HistoryTask, checked_times
 
 __all__ = ["QuasiStatic"]
 
 _HALVINGS = 20  # halvings from the whole time to the default shortest step
 
 
-def _check_jump(a: Arguments) -> None:
-    before = a.self._run_state
-    if before is None or not a.time >= before.accepted.time:
-        raise ValueError("a jump begins where a run has ended, at its time or later")
-    if a.motion.problem.u is not a.self.problem.u:
-        raise ValueError("the motion belongs to another body")
-
-
 def _check_run(a: Arguments) -> None:
+    if a.shortest is not None and a.halve_steps is False and not a.locate_jumps:
+        raise ValueError("shortest has no effect without halve_steps or locate_jumps")
     a.times = checked_times(a.times, None if a.start is not None else a.self._accepted)
     Listeners.of(a).check(a.self._record)
 
@@ -90,8 +76,7 @@ class QuasiStatic(Evolution):
     @collective(
         "the times of an evolution",
         _check_run,
-        compare=compared_arguments,
-        local=NOT_BY_VALUE,
+        local=("start",),
     )
     def run(
         self,
@@ -103,11 +88,8 @@ class QuasiStatic(Evolution):
         halve_steps: bool | None = None,
         locate_jumps: bool = False,
         at_jump: AtJump = "raise",
-        sudden: float = 2.0,
         rays: bool | None = None,
-        follow_rays: bool = False,
         extrapolate: bool = False,
-        accept: Accept | None = None,
         stop: Stop[EvolutionStep] | None = None,
         observer: ObserverLike[EvolutionStep] | None = None,
         record: Observer | None = None,
@@ -117,8 +99,8 @@ class QuasiStatic(Evolution):
 
         A history takes exactly the given times. Each step has indicators of a jump of the state
         within it (``result.indicators.step``) with one warning. ``longest`` divides long intervals
-        into equal steps. ``halve_steps``, ``locate_jumps`` and ``accept`` insert steps, which are
-        marked (`EvolutionStep.inserted`). Shorter steps change the results of laws that depend on
+        into equal steps. ``halve_steps`` and ``locate_jumps`` insert steps, which are marked
+        (`EvolutionStep.inserted`). Shorter steps change the results of laws that depend on
         time.
 
         In a jump the state changes suddenly although the load changes little. If a run cannot
@@ -137,38 +119,29 @@ class QuasiStatic(Evolution):
             shortest: lower bound of the length of a halved step. Default: the whole time halved
                 twenty times.
             halve_steps: whether a step that was not solved is tried again with half or a quarter of
-                its length, down to ``shortest``. Default: only if ``shortest``, ``locate_jumps`` or
-                ``accept`` is given.
+                its length, down to ``shortest``. Default: with ``shortest`` or ``locate_jumps``.
             locate_jumps: whether steps in which the state changes suddenly are searched for a jump,
                 which takes additional solves. A jump is located to ``shortest``. If there is none,
                 the additional steps are kept only if they lead to another solution. Jumps are
-                missed if they are a tenth or less of the change in the step, or if the rate stays
-                below ``sudden``. Default: False.
+                missed if they are a tenth or less of the change in the step. A step is searched if
+                the state changes more than twice as fast as in the previous step. Rates are those
+                of all unknowns and of the points of each surface (mean and maximum), if these
+                exceed half the rate of the body. The first step and steps in which a bond loses
+                more than a quarter of the largest strength are always searched, unless they begin
+                in a state that is not a solution. Default: False.
             at_jump: action if no solution continues the evolution: ``"raise"`` (default)
                 `NoContinuation`; ``"stop"``: end the run before the jump; ``"jump"``, with
                 ``locate_jumps``: continue from the solution beyond the jump, or from one found at a
                 slightly later time, marked by `EvolutionStep.jump`. Without such a solution
                 ``"jump"`` raises.
-            sudden: threshold of ``locate_jumps``, a factor of at least 1 (default 2). A step is
-                searched if the state changes faster than ``sudden`` times its rate in the previous
-                step. Rates are those of all unknowns and of the points of each surface (mean and
-                maximum), if these exceed half the rate of the body. The first step and steps in
-                which a bond loses more than a quarter of the largest strength are always searched,
-                unless they begin in a state that is not a solution.
             rays: whether all solutions of the rate problem are computed and counted in
                 `EvolutionStep.directions`: True: at the start of every step, in 2D with nodal
-                contact; False: never. None (default): with ``locate_jumps`` or ``follow_rays``, up
-                to sixteen points, where the statuses of the previous step do not hold; otherwise
-                never.
-            follow_rays: whether the remaining solutions are followed, too, each to the last time
-                (`History.others`), up to sixteen. ``observer``, ``stop`` and ``accept`` are not
-                called with their steps.
+                contact; False: never. None (default): with ``locate_jumps``, up to sixteen points,
+                where the statuses of the previous step do not hold; otherwise never.
             extrapolate: whether, for bodies that slide over each other, the solver starts at the
                 extrapolation of the previous step, and at the previous state if that fails. This
                 saves iterations in steps up to about one facet. A resumed run extrapolates from its
                 second step. Default: False.
-            accept: function called with every step on every rank; a rejected step is tried again
-                with half the length. Rejecting a step of the shortest length is an error.
             stop: function called with every accepted step on every rank, while its end is in the
                 problem; it returns the reason to end the run there, or "" to continue. A later run
                 continues from there.
@@ -186,76 +159,23 @@ class QuasiStatic(Evolution):
         Raises:
             NoContinuation: see ``at_jump``; the problem is at the last accepted state.
             ValueError: on every rank, if arguments or data are not admissible. Errors of ``load``,
-                ``accept``, ``stop`` and ``observer`` on one rank are raised on every rank.
+                ``stop`` and ``observer`` on one rank are raised on every rank.
             OSError: on every rank, if a step cannot be recorded.
         """
         if halve_steps is None:
-            # accept may be given on some ranks only
-            accepts = bool(self.problem.comm.allreduce(int(accept is not None)))
-            halve_steps = locate_jumps or shortest is not None or accepts
+            halve_steps = locate_jumps or shortest is not None
         if shortest is None:
             shortest = (times[-1] - times[0]) / 2**_HALVINGS
-        if rays is None and not (locate_jumps or follow_rays):
+        if rays is None and not locate_jumps:
             rays = False
         task = HistoryTask(
             tuple(times),
             longest,
             shortest,
             at_jump,
-            sudden,
             locate_jumps=bool(locate_jumps),
             halve=bool(halve_steps),
             rays=rays,
-            follow_rays=bool(follow_rays),
             extrapolate=bool(extrapolate),
         )
-        return self._begin(task, Listeners(accept, stop, observer, record, progress), start)
-
-    @collective("a jump", _check_jump)
-    def jump(self, motion: NSCD, time: float, max_time: float, *, rest: float = 1e-6) -> History:
-        """Continue by dynamics if an evolution has lost its equilibrium. Collective.
-
-        The body moves from the last accepted state under the load of ``time`` until it is at rest
-        again. `run` then continues from there. Viscous dissipation of the motion is part of the
-        residue of the energies.
-
-        Args:
-            motion: damped motion of the same body.
-            time: time that determines the load, not before the last accepted state.
-            max_time: upper bound of the duration of the motion, see `NSCD.settle`.
-            rest: fraction of the kinetic energy below which the body is at rest, see `NSCD.settle`.
-
-        Returns:
-            History of the motion, with its own times.
-
-        Raises:
-            NoContinuation: if the body is not at rest by ``max_time``, or a step of the motion
-                fails; the problem is at the last accepted state.
-            ValueError: on every rank, if there is no accepted state, the motion belongs to another
-                body, or `NSCD.run` raises it.
-        """
-        before = self._run_state
-        assert before is not None
-        stepper = self._stepper(None)
-        try:
-            stepper.begin(before.accepted, time)
-            start = before.accepted.state
-            history = motion.settle(max_time, start=start, rest=rest, progress=False)
-            if not history.complete:
-                raise NoContinuation(f"the body moves on: {history.reason}", history)
-            a = before.accepted.energies
-            b = history.energies
-            energies = Energies(
-                a.external + b.external,
-                a.stored + b.stored,
-                a.dissipated + b.dissipated,
-                a.damage + b.damage,
-            )
-            end = history.steps[-1].state
-            assert end is not None
-            accepted = stepper.recalled(time, end.memory, energies, first=False)
-            self.put(replace(before, accepted=accepted, rate=None))
-        except BaseException:
-            self.put(before)
-            raise
-        return history
+        return self._begin(task, Listeners(stop, observer, record, progress), start)

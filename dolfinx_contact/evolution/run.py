@@ -17,7 +17,7 @@ the last accepted state.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, ClassVar, Generic, TypeVar
 
@@ -27,7 +27,6 @@ import numpy.typing as npt
 from dolfinx_contact._mpi import Arguments
 from dolfinx_contact._progress import Progress
 from dolfinx_contact.continuation.arguments import (
-    check_functions,
     check_listeners,
     reason_to_stop,
 )
@@ -41,7 +40,7 @@ from dolfinx_contact.continuation.observer import (
 from dolfinx_contact.evolution.history import EvolutionStep, History
 from dolfinx_contact.evolution.step import AcceptedState, Stepper
 
-__all__ = ["NOT_BY_VALUE", "Listeners", "Rule", "Run", "RunState", "compared_arguments"]
+__all__ = ["Listeners", "Rule", "Run", "RunState"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,23 +125,17 @@ class Rule(Ends, ABC, Generic[T, S]):
         """Return the completed part of the run after a step, up to 1; None if it is unknown."""
 
 
-#: Arguments of a run that are compared by `compared_arguments`, or may differ between ranks.
-NOT_BY_VALUE = ("accept", "stop", "record", "start")
-
-
 @dataclass(frozen=True)
 class Listeners:
     """Functions and observers that users pass to a run; see `QuasiStatic.run`.
 
     Attributes:
-        accept: function of a step that returns whether it is accepted.
         stop: function of an accepted step that returns the reason to end the run there, or "".
         observer: observer of every accepted step.
         record: record that stores every accepted step.
         progress: whether rank 0 shows the progress of the run.
     """
 
-    accept: Callable[[Any], bool] | None = None
     stop: Stop[Any] | None = None
     observer: ObserverLike[Any] | None = None
     record: Observer | None = None
@@ -151,7 +144,7 @@ class Listeners:
     @classmethod
     def of(cls, a: Arguments) -> Listeners:
         """Collect the listeners from the arguments of a run."""
-        return cls(getattr(a, "accept", None), a.stop, a.observer, a.record, a.progress)
+        return cls(a.stop, a.observer, a.record, a.progress)
 
     def check(self, record: str) -> None:
         """Raise ``ValueError`` if one of them has a wrong type. Not collective.
@@ -159,7 +152,6 @@ class Listeners:
         Args:
             record: name of the class of the records, for the message.
         """
-        check_functions("a step", accept=self.accept)
         check_listeners(
             observer=self.observer,
             record=self.record,
@@ -167,15 +159,6 @@ class Listeners:
             stop=self.stop,
             of=record,
         )
-
-    def compared(self) -> dict[str, Any]:
-        """Return facts that must be the same on all ranks, by their names in messages."""
-        return {"stop_condition": self.stop is not None, "a_record": self.record is not None}
-
-
-def compared_arguments(a: Arguments) -> dict[str, Any]:
-    """Return facts about arguments that must be the same on all ranks, by names in messages."""
-    return Listeners.of(a).compared() | {"a_start": a.start is not None}
 
 
 class Run(Generic[T, S, H]):

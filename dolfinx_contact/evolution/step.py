@@ -407,22 +407,9 @@ class Stepper:
             known: whether the next step is tried with its statuses first.
             solved: whether it is a solution under its load.
         """
-        state = self._state(law, statuses, memory, time, energies)
-        likely = state.statuses if known else None
-        return AcceptedState(state, self._unknowns(), energies, likely, solved, forces)
-
-    def _state(
-        self,
-        law: ContactProblem,
-        statuses: Statuses,
-        memory: Sequence[Memory],
-        time: float,
-        energies: Energies,
-    ) -> State:
-        """Return the values in the Functions as a state. Not collective."""
         problem = self.problem
         displacement, *multipliers = (f.x.array for f in problem.fields)
-        return State(
+        state = State(
             displacement,
             tuple(multipliers),
             tuple(statuses),
@@ -432,15 +419,18 @@ class Stepper:
             time=time,
             energies=asdict(energies),
             signature=problem.signature,
+            **self._more(),
         )
-
-    def _unknowns(self) -> Array:
-        """Return the owned unknowns in the Functions, as lengths. Not collective."""
-        x = self.problem.create_vector()
-        self.problem.write(x)
-        values = x.array_r.copy()
+        x = problem.create_vector()
+        problem.write(x)
+        unknowns = x.array_r.copy()
         x.destroy()
-        return values
+        likely = state.statuses if known else None
+        return AcceptedState(state, unknowns, energies, likely, solved, forces)
+
+    def _more(self) -> dict[str, Any]:
+        """Return further items of the state in the Functions. Not collective."""
+        return {}
 
 
 def _residual(eq: ContactEquations, evaluation: Evaluation) -> float:

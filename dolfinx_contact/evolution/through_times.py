@@ -12,14 +12,19 @@ and hits the given times exactly. Further steps are inserted only on request:
                 that slide over each other are tried with h/2 first: Newton's method solves a step
                 of about one facet of the master in a few iterations, and where it fails, shorter
                 steps cost less than the further strategies of the `ladder`.
-    jumps       a step is searched for a jump (`jumps`) if its rates exceed ``sudden`` times those
-                of the step before: rates of `Changes.parts`, and of the largest change at a point
+    jumps       a step is searched for a jump (`jumps`) if its rates exceed twice those of the step
+                before: rates of `Changes.parts`, and of the largest change at a point
                 of each surface. Points that begin to slip may move with half the rate of the body.
-    accept      a step that the user rejects is tried again with h/2.
+    locate      a step in which a point closes is tried again with h/2.
+
+A motion is at rest, which ends a run to rest, once its kinetic energy E has satisfied
+E <= rest max E at the ends of ten successive steps and for a time of 4 sqrt(rest) T, where T is the
+time since the start. A body that reverses its velocity v after a time T, for example at the top of
+a throw, has v = v_max t/T around that instant, and satisfies the inequality for 2 sqrt(rest) T.
 
 At the start of a step every slipping point is at the border of stick, and the rate problem may have
-several solutions (`step_branch`). On request they are counted, their statuses are tried if a step
-is not solved, and the steps along the other ones are collected in `ThroughTimes.forks`.
+several solutions (`step_branch`). On request they are counted, and their statuses are tried if a
+step is not solved.
 
 In a long step of sliding bodies Newton's method may find a folded state that does not continue the
 evolution: the smallest det F falls below half of its value, or of 1. Such a step is not accepted.
@@ -30,14 +35,13 @@ from __future__ import annotations
 import bisect
 import logging
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact._mpi import everywhere, require
 from dolfinx_contact._validate import listed, one_of, positive
 from dolfinx_contact.body.cells import smallest_jacobian
 from dolfinx_contact.continuation.arguments import check_rays
@@ -46,6 +50,7 @@ from dolfinx_contact.equations.evaluation import Statuses, differs
 from dolfinx_contact.evolution.energy import Forces
 from dolfinx_contact.evolution.history import EvolutionStep
 from dolfinx_contact.evolution.jumps import Changes, Found, changes, find_jump, where_it_changes
+from dolfinx_contact.evolution.motion_energy import MotionEnergies
 from dolfinx_contact.evolution.run import Rule, RunState
 from dolfinx_contact.evolution.step import AcceptedState, SolvedStep, Stepper
 from dolfinx_contact.evolution.step_branch import rays_of_step
@@ -55,17 +60,15 @@ from dolfinx_contact.results.result import Result
 from dolfinx_contact.solvers import ConvergenceError
 from dolfinx_contact.solvers.strategies import Trial
 
-__all__ = ["Accept", "AtJump", "HistoryTask", "ThroughTimes", "checked_times"]
+__all__ = ["AtJump", "HistoryTask", "ThroughTimes", "checked_times"]
 
 #: Action if no solution continues the evolution, or none is found that does.
 AtJump: TypeAlias = Literal["raise", "stop", "jump"]
-#: Function of a step that returns whether the step is accepted.
-Accept: TypeAlias = Callable[[EvolutionStep], bool]
 
 logger = logging.getLogger(__name__)
 
 _ROUND_OFF = 1e-9  # relative difference of equal times and lengths
-_SUDDEN = 2.0  # ratio to the previous rate above which a step solved from a later state is a jump
+_SUDDEN = 2.0  # ratio to the previous rates above which a step may contain a jump
 _SLIPS = 0.5  # largest rate of points that begin to slip, as a fraction of the rate of the body
 _BREAKS = 0.25  # loss of strength above which a bond may have snapped
 _FURTHER = 4.0  # ratio of successive distances in time at which a later solution is searched
@@ -73,7 +76,8 @@ _MOST_FURTHER = 20  # largest number of these distances
 _PARTS = 16  # number of parts of a requested step; shorter steps are solved by all strategies
 _FOLDS = 0.5  # factor of the previous smallest det F, at most 1, below which a state is folded
 _FEW = 16  # largest number of contact points for which rays are computed by default
-_SAME = 1e-6  # distance of equal ends, relative to the change in a step
+_TURNING = 4.0  # multiple of sqrt(rest) T, twice the slow phase of a reversal
+_QUIET = 10  # least number of steps at rest
 _REACHED = "the last time is reached"
 _HALVE = "; shorter steps are tried with halve_steps=True"
 
@@ -87,13 +91,13 @@ class HistoryTask:
         longest: upper bound of the length of a step.
         shortest: lower bound of the length of a halved step.
         at_jump: action if no solution continues the evolution.
-        sudden: threshold of the search for jumps.
         locate: whether the closing of points is located to ``shortest``.
+        rest: fraction of the largest kinetic energy below which a motion is at rest, which ends the
+            run (see `NSCD.settle`); 0: the last time ends it.
         locate_jumps: whether sudden steps are searched for jumps.
         halve: whether steps that are not solved are halved.
         rays: whether all solutions of the rate problem are computed; None: only for up to sixteen
             points, at steps that change the statuses.
-        follow_rays: whether steps along the other solutions are collected.
         extrapolate: whether the solver starts from the extrapolated last step if bodies slide.
 
     Raises:
@@ -104,28 +108,22 @@ class HistoryTask:
     longest: float
     shortest: float
     at_jump: AtJump = "raise"
-    sudden: float = 2.0
     locate: bool = False
+    rest: float = 0.0
     locate_jumps: bool = False
     halve: bool = True
     rays: bool | None = False
-    follow_rays: bool = False
     extrapolate: bool = False
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "longest", positive(self.longest, "longest", infinite=True))
         object.__setattr__(self, "shortest", positive(self.shortest, "shortest"))
-        object.__setattr__(self, "sudden", positive(self.sudden, "sudden", infinite=True))
         if self.shortest > self.longest:
             raise ValueError(f"shortest = {self.shortest} is longer than longest = {self.longest}")
         one_of(self.at_jump, "at_jump", get_args(AtJump))
         check_rays(self.rays)
-        if self.follow_rays and self.rays is False:
-            raise ValueError("follow_rays=True requires rays=True or None, got False")
         if self.at_jump == "jump" and not self.locate_jumps:
             raise ValueError("at_jump='jump' needs locate_jumps=True")
-        if not self.sudden >= 1:
-            raise ValueError(f"sudden must be 1 or more, got {self.sudden}")
 
     def requested(self, time: float) -> float:
         """Return the length of the requested equal steps around a time; 0 beyond the times."""
@@ -170,40 +168,30 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
         stepper: stepper of the problem.
         task: task of the run.
         run_state: state of the run where it starts or continues.
-        accept: function of a step that returns whether it is accepted.
-        first: step that is accepted before any other.
 
     Attributes:
         failed: whether the run ended because no step continues it.
         failure: error of the last step; None if it was solved.
-        forks: steps along the other rays.
     """
 
     what = "evolution"
     units = "steps"
 
-    def __init__(
-        self,
-        stepper: Stepper,
-        task: HistoryTask,
-        run_state: RunState,
-        accept: Accept | None = None,
-        *,
-        first: SolvedStep | None = None,
-    ):
+    def __init__(self, stepper: Stepper, task: HistoryTask, run_state: RunState):
         super().__init__(task, run_state)
         self.failed = False
         self.failure: BaseException | None = None
-        self.forks: list[SolvedStep] = []
         self._stepper = stepper
         self._comm = stepper.problem.comm
-        self._user_accepts = accept
-        self._first = first
         self._accepted = run_state.accepted
         self._length = run_state.length
         self._rate = run_state.rate
         self._number = run_state.number
         self._settled = True
+        # of a run to rest: largest kinetic energy, number of slow steps, time before these
+        self._peak = 0.0
+        self._quiet = 0
+        self._awake = run_state.accepted.time
         self._rejected = 0
         self._changed: tuple[SolvedStep, Changes] | None = None
         self._det: tuple[AcceptedState, float] | None = None
@@ -239,8 +227,6 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
 
     def steps(self) -> Iterator[EvolutionStep]:
         try:
-            if self._first is not None:
-                yield self._accept(self._first)
             for end in self._goals():
                 while self._accepted.time < end:
                     yield from self._towards(end)
@@ -270,7 +256,7 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
             beyond = self._beyond(goal)
             if beyond is None:
                 raise _Ended(Ending.NOT_SOLVED, self._not_solved(length, error)) from error
-            jump = self._slow_rates(beyond, min(self.task.sudden, _SUDDEN)) is not None
+            jump = self._slow_rates(beyond) is not None
             yield self._accept(beyond, jump=jump)
             return
         found = self._search(step)
@@ -282,10 +268,10 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
                 if self.task.at_jump != "jump":
                     raise self._end_before(found, found.far) from found.failure
                 yield self._accept(found.far, jump=True)
-        elif self._is_wanted(step):
-            yield self._accept(step)
-        else:
+        elif self.task.locate and length / 2 >= self.task.shortest and self._closes(step):
             self._retry(length / 2)
+        else:
+            yield self._accept(step)
 
     def _retry(self, length: float) -> None:
         """Continue with a shorter step from the same state."""
@@ -297,8 +283,6 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
     ) -> EvolutionStep:
         """Make the end of a step the accepted state. Collective."""
         step = self._step(solved, jump)
-        if self.task.follow_rays:
-            self.forks += self._others(solved)
         if not jump:
             self._rate = self._rates(solved)
         self._last = None if jump or not solved.before.solved else solved
@@ -312,8 +296,28 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
 
     def _end_if_reached(self, solved: SolvedStep) -> None:
         """End the run if an accepted step leads to its end."""
-        if solved.after.time >= self.task.times[-1]:
-            self.end(Ending.REACHED, _REACHED)
+        rest = self.task.rest
+        if rest and self._is_at_rest(solved):
+            self.end(Ending.REACHED, "the body is at rest")
+        elif solved.after.time >= self.task.times[-1]:
+            duration = solved.after.time - self.task.times[0]
+            self.end(
+                Ending.BUDGET if rest else Ending.REACHED,
+                f"not at rest after {duration:.6g}" if rest else _REACHED,
+            )
+
+    def _is_at_rest(self, solved: SolvedStep) -> bool:
+        """Return whether a motion has been slow for long enough."""
+        energies = solved.after.energies
+        assert isinstance(energies, MotionEnergies)
+        self._peak = max(self._peak, energies.kinetic)
+        self._quiet += 1
+        if energies.kinetic > self.task.rest * self._peak:
+            self._quiet = 0
+            self._awake = solved.after.time
+        duration = solved.after.time - self.task.times[0]
+        turning = _TURNING * math.sqrt(self.task.rest) * duration * (1 - _ROUND_OFF)
+        return self._quiet >= _QUIET and solved.after.time - self._awake >= turning
 
     def _step(self, solved: SolvedStep, jump: bool = False) -> EvolutionStep:
         """Return a step as users see it. Collective."""
@@ -414,28 +418,6 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
         number = sum(int(np.count_nonzero(d)) for d in differs(a, b))
         return not self._comm.allreduce(number)
 
-    def _others(self, solved: SolvedStep) -> list[SolvedStep]:
-        """Return steps from the same start to the same time along the other rays. Collective."""
-        steps = [solved]
-        whole = self._changes(solved).unknowns
-        for statuses in solved.rays or ():
-            try:
-                other = self._stepper.take(solved.before, solved.after.time, likely=(statuses,))
-            except ConvergenceError as error:
-                if self._comm.rank == 0:
-                    logger.warning(
-                        "another continuation from the time %.10g is not followed, because its "
-                        "first step was not solved: %s",
-                        solved.before.time,
-                        error,
-                    )
-                continue
-            size = max(whole, changes(self._comm, other.before, other.after).unknowns)
-            ends = (changes(self._comm, other.after, t.after).unknowns for t in steps)
-            if all(distance > _SAME * size for distance in ends):
-                steps.append(other)
-        return steps[1:]
-
     def _require_unfolded(self, step: SolvedStep) -> None:
         """Raise `ConvergenceError` if the smallest det F falls suddenly in a step. Collective."""
         eq = self._stepper.problem.equations
@@ -458,39 +440,6 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
         eq = self._stepper.problem.equations
         u = accepted.state.displacement
         return smallest_jacobian(eq.V, u, vertices=False, axisymmetric=eq.axisymmetric)[0]
-
-    def _is_wanted(self, solved: SolvedStep) -> bool:
-        """Return whether the user accepts a step, whose end is put into the problem. Collective.
-
-        Raises:
-            ValueError: on every rank, if the user rejects a step that cannot be shorter.
-        """
-        comm = self._comm
-        length = solved.after.time - solved.before.time
-        shorter = length / 2 >= self.task.shortest
-        if shorter and self.task.locate and self._closes(solved):
-            return False
-        if not comm.allreduce(int(self._user_accepts is not None)):
-            return True
-        step = self._step(solved)
-        self._stepper.put(solved.after)
-        wanted = True
-        with everywhere(comm, "accept"):
-            if self._user_accepts is not None:
-                answer = self._user_accepts(step)
-                if not isinstance(answer, bool | np.bool_):
-                    raise ValueError(f"accept must answer True or False, got {answer!r}")
-                wanted = bool(answer)
-        # a step is accepted if no rank rejects it
-        wanted = not comm.allreduce(int(not wanted))
-        require(
-            comm,
-            wanted or shorter,
-            f"accept rejects every step from the time {solved.before.time:.10g}, down to the "
-            f"length {length:.2g}: accept longer steps, or reduce the shortest length, "
-            f"{self.task.shortest:.2g}",
-        )
-        return wanted
 
     def _closes(self, solved: SolvedStep) -> bool:
         """Return whether a point closes in a step. Collective."""
@@ -516,15 +465,14 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
         """Search a sudden step for a jump; None if it has none. Collective."""
         if not self.task.locate_jumps or not solved.before.solved:
             return None
-        slow = self._slow_rates(solved, self.task.sudden)
+        slow = self._slow_rates(solved)
         return None if slow is None else find_jump(self._stepper, solved, slow, self.task.shortest)
 
-    def _slow_rates(self, solved: SolvedStep, factor: float) -> npt.NDArray[np.float64] | None:
+    def _slow_rates(self, solved: SolvedStep) -> npt.NDArray[np.float64] | None:
         """Return rates of `Changes.parts` without a jump; None if a step is not sudden. Collective.
 
         Args:
             solved: the step.
-            factor: ratio to the rates of the step before above which a step is sudden.
         """
         n = len(self._stepper.problem.surfaces)
         means = slice(2, 2 + n)
@@ -533,7 +481,7 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
         rate = self._rates(solved)
         slow = np.zeros_like(rate)
         if self._rate is not None:
-            slow = factor * self._rate
+            slow = _SUDDEN * self._rate
             for points in (means, largest):
                 slow[points] = np.maximum(slow[points], _SLIPS * self._rate[0])
         fast = rate > slow

@@ -11,13 +11,10 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-
-from mpi4py import MPI
 
 import numpy as np
 import numpy.typing as npt
@@ -30,24 +27,18 @@ from dolfinx_contact._compat import interpolation_points
 from dolfinx_contact._forms import compiled_expression, is_of_cells
 from dolfinx_contact._mpi import collective, everywhere, same_everywhere
 from dolfinx_contact._ufl import described, refuse_other_mesh
-from dolfinx_contact.io.disk import aside
-from dolfinx_contact.io.folder import output_folder
 from dolfinx_contact.io.master import MasterFace
-from dolfinx_contact.io.script import write_script
-from dolfinx_contact.io.writers import FieldSeries, FieldsOfFile, Format, checked_format
+from dolfinx_contact.io.writers import Format, Writer
 
 if TYPE_CHECKING:
     from dolfinx_contact.equations.state import State
-    from dolfinx_contact.points.surface import DiscreteSurface
     from dolfinx_contact.problem import ContactProblem
 
 __all__ = [
-    "Face",
+    "StateFields",
     "body_fields",
     "check_stress",
-    "faces",
     "of_cells",
-    "state_fields",
     "von_mises",
     "write_fields",
 ]
@@ -97,99 +88,57 @@ def write_fields(
             the cell tags of the bulk, two surfaces would have one file, the format cannot be
             written, or arguments differ between ranks.
     """
-    tags = check_stress(problem, stress)
-    comm = problem.comm
-    kind = checked_format(problem.comm, format)
-    path = output_folder(comm, folder)
-    with problem.at(state) as shown, aside(comm, path, "write_fields") as part:
-        fields = state_fields(shown, faces(shown), stress, tags)
-        written = FieldSeries(part, path, kind)
-        try:
-            written.write(0.0, fields)
-        finally:
-            written.close()
-        write_script(comm, part, path)
-    return written.files
+    fields = StateFields(problem, stress)
+    with Writer(problem.comm, folder, format) as writer, problem.at(state) as shown:
+        writer.write(0.0, fields.at(shown))
+    return writer.files
 
 
-def state_fields(
-    problem: ContactProblem,
-    on_faces: Sequence[Face],
-    stress: Any = None,
-    tags: mesh.MeshTags | None = None,
-    prefix: str = "",
-) -> list[FieldsOfFile]:
-    """Return the fields of all files at the state in the Functions. Collective.
+class StateFields:
+    """Fields of the bodies and of all faces at states of a problem. Collective.
 
     Args:
         problem: contact problem.
-        on_faces: faces of the problem, see `faces`.
         stress: stress, see `write_fields`.
-        tags: cell tags returned by `check_stress`.
         prefix: beginning of the file names.
 
-    Returns:
-        Displacement, stresses if requested, and the fields of each face.
-    """
-    found = [FieldsOfFile(f"{prefix}body", problem.comm, [problem.u])]
-    if stress is not None:
-        u = problem.u
-        stresses = [*body_fields(u, stress, tags), _at_corners(u)]
-        found.append(FieldsOfFile(f"{prefix}body_stress", problem.comm, stresses))
-    for face in on_faces:
-        fields = list(face.fields(problem).values())
-        found.append(FieldsOfFile(prefix + face.stem, face.comm, fields))
-    return found
-
-
-def _at_corners(u: fem.Function) -> fem.Function:
-    """Interpolate the displacement into the element of the stresses, to show them deformed."""
-    domain = u.function_space.mesh
-    f = fem.Function(fem.functionspace(domain, ("DG", 1, u.ufl_shape)), name="displacement")
-    f.interpolate(u)
-    return f
-
-
-@dataclass(frozen=True)
-class Face:
-    """A face with its own file.
-
-    Attributes:
-        stem: name of the file without suffix.
-        comm: communicator of its mesh.
-        fields: function that returns the fields on the face at the state in the Functions of a
-            problem, by name. Collective.
-    """
-
-    stem: str
-    comm: MPI.Comm
-    fields: Callable[[ContactProblem], dict[str, fem.Function]]
-
-
-def faces(problem: ContactProblem) -> list[Face]:
-    """Return all faces: each surface, and the master after its pair. Collective.
-
     Raises:
-        ValueError: if two faces have the same file.
+        ValueError: on every rank, if the stress is refused, or two faces have the same file.
     """
-    found = []
-    for s in problem.surfaces:
-        name = re.sub(r"[^\w.-]+", "_", s.name)
-        stem = "contact" if name == "contact" else f"contact_{name}"
-        found.append(Face(stem, s.submesh.mesh.comm, partial(_surface_fields, s)))
-        if s.between_bodies:
-            master = MasterFace(problem, s)
-            found.append(Face(f"{stem}_opposite", master.submesh.mesh.comm, master.fields))
-    stems = [face.stem for face in found]
-    if len(set(stems)) < len(stems):
-        names = [s.name for s in problem.surfaces]
-        raise ValueError(f"the names of contact surfaces make the same file: {names}")
-    return found
 
+    def __init__(self, problem: ContactProblem, stress: Any = None, prefix: str = ""):
+        self._stress = stress
+        self._tags = check_stress(problem, stress)
+        self._prefix = prefix
+        self._faces: dict[str, Callable[[ContactProblem], dict[str, fem.Function]]] = {}
+        for s in problem.surfaces:
+            name = re.sub(r"[^\w.-]+", "_", s.name)
+            stem = "contact" if name == "contact" else f"contact_{name}"
+            if stem in self._faces:
+                names = [s.name for s in problem.surfaces]
+                raise ValueError(f"the names of contact surfaces make the same file: {names}")
+            self._faces[stem] = partial(type(problem).contact_fields, surface=s)
+            if s.between_bodies:
+                self._faces[f"{stem}_opposite"] = MasterFace(problem, s).fields
 
-def _surface_fields(s: DiscreteSurface, problem: ContactProblem) -> dict[str, fem.Function]:
-    """Return the fields on a contact surface. Collective."""
-    return problem.contact_fields(s)
+    def at(self, problem: ContactProblem) -> dict[str, list[fem.Function]]:
+        """Return the Functions of all files at the state in the Functions. Collective.
+
+        Args:
+            problem: problem with the law of the state.
+        """
+        u = problem.u
+        found = {f"{self._prefix}body": [u]}
+        if self._stress is not None:
+            # the displacement in the element of the stresses, to show them deformed
+            domain = u.function_space.mesh
+            f = fem.Function(fem.functionspace(domain, ("DG", 1, u.ufl_shape)), name="displacement")
+            f.interpolate(u)
+            stresses = [*body_fields(u, self._stress, self._tags), f]
+            found[f"{self._prefix}body_stress"] = stresses
+        for stem, fields in self._faces.items():
+            found[self._prefix + stem] = list(fields(problem).values())
+        return found
 
 
 def von_mises(stress: Any) -> Any:

@@ -9,8 +9,11 @@ facets are linear.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
+from urllib.parse import quote, unquote
+
+from mpi4py import MPI
 
 import numpy as np
 import numpy.typing as npt
@@ -18,7 +21,7 @@ import numpy.typing as npt
 import ufl
 from dolfinx import fem, la, mesh
 
-from dolfinx_contact.io.gathering import Arrays, gather_cells
+from dolfinx_contact._geometry import node_positions
 from dolfinx_contact.points.trace import facet_closures, vertex_numbers
 
 if TYPE_CHECKING:
@@ -26,8 +29,18 @@ if TYPE_CHECKING:
     from dolfinx_contact.problem import ContactProblem
     from dolfinx_contact.results.tables import ContactTable
 
-__all__ = ["OuterSurface", "Outside", "SurfaceState", "patch"]
+__all__ = [
+    "Arrays",
+    "OuterSurface",
+    "Outside",
+    "SurfaceState",
+    "flat",
+    "gather_cells",
+    "nested",
+    "patch",
+]
 
+Arrays = dict[str, npt.NDArray[Any]]
 Cells = npt.NDArray[np.int64]
 
 #: Stored columns of a `ContactTable`.
@@ -55,35 +68,9 @@ class OuterSurface:
     x: npt.NDArray[np.float64]
     nodes: npt.NDArray[np.int64]
     cells: Cells
-    contact: dict[str, Cells]
-    opposite: dict[str, Cells]
-    obstacles: dict[str, Cells]
-
-    def arrays(self) -> Arrays:
-        """Return all data as arrays by name, for a file."""
-        found: Arrays = {"x": self.x, "nodes": self.nodes, "cells": self.cells}
-        found["surfaces"] = np.array(list(self.contact), dtype=np.str_)
-        for i, name in enumerate(self.contact):
-            found[f"contact_{i}"] = self.contact[name]
-            if name in self.opposite:
-                found[f"opposite_{i}"] = self.opposite[name]
-            else:
-                found[f"obstacle_{i}"] = self.obstacles[name]
-        return found
-
-    @staticmethod
-    def of_arrays(found: Mapping[str, npt.NDArray[Any]]) -> OuterSurface:
-        """Return the surface stored by `arrays`.
-
-        Raises:
-            KeyError: if an array is missing.
-        """
-        parts: dict[str, dict[str, Cells]] = {"contact": {}, "opposite": {}, "obstacle": {}}
-        for i, name in enumerate(map(str, found["surfaces"])):
-            other = "opposite" if f"opposite_{i}" in found else "obstacle"
-            for kind in ("contact", other):
-                parts[kind][name] = found[f"{kind}_{i}"]
-        return OuterSurface(found["x"], found["nodes"], found["cells"], *parts.values())
+    contact: dict[str, Cells] = field(default_factory=dict)
+    opposite: dict[str, Cells] = field(default_factory=dict)
+    obstacles: dict[str, Cells] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,43 +79,40 @@ class SurfaceState:
 
     Attributes:
         u: displacement of the vertices, shape (n, dim).
+        strain: equivalent strain at the vertices, shape (n,); see `Outside`.
         obstacles: vertices of the obstacle of each surface that is not a pair, their motion, and
             the normals there, by name, shape (3, m, dim).
-        tables: columns of the `ContactTable` of each contact surface, by name, in double precision.
-        strain: equivalent strain at the vertices, shape (n,); see `Outside`.
+        tables: columns of the `ContactTable` of each contact surface, by name.
     """
 
     u: npt.NDArray[Any]
-    obstacles: dict[str, npt.NDArray[Any]]
-    tables: dict[str, Arrays]
     strain: npt.NDArray[Any]
+    obstacles: dict[str, npt.NDArray[Any]] = field(default_factory=dict)
+    tables: dict[str, Arrays] = field(default_factory=dict)
 
-    def arrays(self) -> Arrays:
-        """Return all data as arrays by name, for a file; displacement and strain in float32."""
-        found: Arrays = {"u": self.u.astype(np.float32), "strain": self.strain.astype(np.float32)}
-        found["obstacles"] = np.array(list(self.obstacles), dtype=np.str_)
-        for i, values in enumerate(self.obstacles.values()):
-            # Double precision: gaps and displacements are small compared with its coordinates.
-            found[f"obstacle_{i}"] = values
-        found["tables"] = np.array(list(self.tables), dtype=np.str_)
-        for i, columns in enumerate(self.tables.values()):
-            found |= {f"table_{i}.{name}": values for name, values in columns.items()}
-        return found
 
-    @staticmethod
-    def of_arrays(found: Mapping[str, npt.NDArray[Any]]) -> SurfaceState:
-        """Return the state stored by `arrays`.
+def flat(data: Mapping[str, Any], start: str = "") -> Arrays:
+    """Return nested dictionaries of arrays as one dictionary, for a file.
 
-        Raises:
-            KeyError: if an array is missing.
-        """
-        obstacles = {str(name): found[f"obstacle_{i}"] for i, name in enumerate(found["obstacles"])}
-        tables: dict[str, Arrays] = {}
-        for i, name in enumerate(found["tables"]):
-            prefix = f"table_{i}."
-            columns = {k.removeprefix(prefix): v for k, v in found.items() if k.startswith(prefix)}
-            tables[str(name)] = columns
-        return SurfaceState(found["u"], obstacles, tables, found["strain"])
+    Keys are joined by slashes, and special characters in them are quoted as in addresses.
+    """
+    found: Arrays = {}
+    for key, value in data.items():
+        name = start + quote(key, safe="")
+        found |= flat(value, f"{name}/") if isinstance(value, Mapping) else {name: value}
+    return found
+
+
+def nested(arrays: Arrays) -> dict[str, Any]:
+    """Return the dictionaries from which `flat` has made arrays, without empty ones."""
+    found: dict[str, Any] = {}
+    for name, values in arrays.items():
+        *parents, key = map(unquote, name.split("/"))
+        place = found
+        for parent in parents:
+            place = place.setdefault(parent, {})
+        place[key] = values
+    return found
 
 
 class Outside:
@@ -227,7 +211,7 @@ class Outside:
         if not seen:
             return None
         obstacles = {k: np.array([p["floor"], p["moved"], p["n"]]) for k, p in patches.items()}
-        return SurfaceState(seen["u"], obstacles, tables, seen["strain"])
+        return SurfaceState(seen["u"], seen["strain"], obstacles, tables)
 
     def _face(self, facets: npt.NDArray[np.int32]) -> Arrays:
         """Gather owned facets of the body on rank 0. Collective."""
@@ -308,3 +292,46 @@ def _outer_cells(V: fem.FunctionSpace) -> npt.NDArray[np.int32]:
         return np.asarray(V.dofmap.list[: topology.index_map(2).size_local])
     topology.create_connectivity(2, 3)
     return facet_closures(V, mesh.exterior_facet_indices(topology))
+
+
+def gather_cells(
+    comm: MPI.Comm,
+    V: fem.FunctionSpace,
+    cells: npt.NDArray[np.int32],
+    values: Mapping[str, Any],
+    numbers: npt.NDArray[np.int64] | None = None,
+) -> Arrays:
+    """Gather owned cells with coordinates and values at their nodes on rank 0. Collective.
+
+    Args:
+        comm: communicator.
+        V: scalar space of the nodes.
+        cells: local nodes of the cells of this rank, one row each.
+        values: values at the local nodes, by name.
+        numbers: numbers of the local nodes that determine their order, equal on all ranks with the
+            node; by default the global numbers in V, which depend on the number of ranks.
+
+    Returns:
+        ``cells``, ``nodes`` (their numbers), ``x`` and the values on rank 0; an empty dictionary on
+        other ranks.
+    """
+    if numbers is None:
+        index_map = V.dofmap.index_map
+        every = np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32)
+        numbers = index_map.local_to_global(every)
+    nodes, local = np.unique(cells, return_inverse=True)
+    mine = {
+        "cells": numbers[nodes][local].reshape(cells.shape),
+        "nodes": numbers[nodes],
+        "x": node_positions(V)[nodes],
+        **{k: v[nodes] for k, v in values.items()},
+    }
+    parts = comm.gather(mine)
+    if parts is None:
+        return {}
+    parts = [p for p in parts if len(p["nodes"])]
+    joined = {k: np.concatenate([p[k] for p in parts]) for k in mine}
+    number, first = np.unique(joined.pop("nodes"), return_index=True)
+    places = np.searchsorted(number, joined.pop("cells"))
+    at_nodes = {k: v[first] for k, v in joined.items()}
+    return {"cells": places, "nodes": number, **at_nodes}

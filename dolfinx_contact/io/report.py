@@ -3,10 +3,8 @@
 
 from __future__ import annotations
 
-import os
 import sys
-from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, Any, Protocol, TextIO
+from typing import TYPE_CHECKING, TextIO
 
 from mpi4py import MPI
 
@@ -15,15 +13,6 @@ if TYPE_CHECKING:
     from dolfinx_contact.solvers.history import Step
 
 __all__ = ["Report"]
-
-
-class JournalOfBranches(Protocol):
-    """The part of `records.Journal` that a report uses."""
-
-    @property
-    def branches(self) -> Sequence[Any]: ...
-
-    def rows(self, branch: int | None = None) -> Sequence[Any]: ...
 
 
 class Report:
@@ -71,20 +60,3 @@ class Report:
                 numbers = ", ".join(f"{v:.6g}" for v in pairs[name].master + 0.0)
                 self(f"contact force on the master ({name}): {numbers}")
         self(f"worst violation of the contact law: {result.kkt_violation:.1e} (relative)")
-
-    def branch(self, journal: JournalOfBranches, branch: int = 0) -> None:
-        """Write special points of a branch with their statuses, and the reason of its end."""
-        rows = journal.rows(branch)
-        known = journal.branches[branch]
-        for p in known.points:
-            for s in p.special:
-                word = rows[p.index]["status"]
-                self(f"{s.kind:11s} gamma {s.gamma:.12f}  {word if len(word) < 65 else ''}")
-        self(f"{len(known.points)} points: {known.reason}")
-
-    def files(self, files: Iterable[str | os.PathLike[str] | None]) -> None:
-        """Write names of files; None is a file that could not be written."""
-        self("files:")
-        for file in files:
-            if file is not None:
-                self(f"  {os.fspath(file)}")

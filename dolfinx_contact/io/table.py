@@ -14,7 +14,7 @@ from mpi4py import MPI
 
 from dolfinx_contact._files import os_error
 from dolfinx_contact._mpi import on_root
-from dolfinx_contact.io.disk import write_text
+from dolfinx_contact.io.files import write_text
 from dolfinx_contact.results.tables import ContactTable
 
 __all__ = ["GrowingTable", "write_contact_table", "write_rows"]

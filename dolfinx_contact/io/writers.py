@@ -9,9 +9,9 @@ nothing is lost. The Functions of a file have one mesh and one Lagrange element.
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Literal, TypeAlias
 
@@ -22,13 +22,16 @@ from dolfinx import fem, io
 from dolfinx_contact._compat import VTXFile, has_vtx
 from dolfinx_contact._files import os_error
 from dolfinx_contact._mpi import everywhere, require, same_everywhere
+from dolfinx_contact.io.files import aside, output_folder, write_script
 
-__all__ = ["FieldSeries", "FieldsOfFile", "Format", "checked_format"]
+__all__ = ["Fields", "Format", "Writer", "checked_format"]
 
 logger = logging.getLogger(__name__)
 
 #: Format of files; None means VTX, or VTK if DOLFINx was built without ADIOS2.
 Format: TypeAlias = Literal["vtx", "vtk"] | None
+#: Functions of all files at a state, by the name of the file without suffix.
+Fields: TypeAlias = Mapping[str, Sequence[fem.Function]]
 
 
 def checked_format(comm: MPI.Comm, format: Format) -> Literal["vtx", "vtk"]:
@@ -48,88 +51,92 @@ def checked_format(comm: MPI.Comm, format: Format) -> Literal["vtx", "vtk"]:
     return format or "vtx"
 
 
-@dataclass(frozen=True, eq=False)
-class FieldsOfFile:
-    """The fields of one file at a state.
+class Writer:
+    """Writes states one after the other, and ``paraview.py`` that shows them. Collective.
 
-    Attributes:
-        stem: name of the file without suffix.
-        comm: communicator of the mesh.
-        functions: Functions of one mesh and one Lagrange element.
-    """
-
-    stem: str
-    comm: MPI.Comm
-    functions: Sequence[fem.Function]
-
-
-class FieldSeries:
-    """Files to which states are written one after the other. Collective.
-
-    The first state opens the files. Later states are copied into its Functions.
+    The first state opens the files, in a hidden folder. Later states are copied into its Functions.
+    When the context ends the files are moved to their folder, where they replace earlier ones.
 
     Args:
-        part: hidden folder in which the files are written (`disk.aside`).
-        folder: folder to which they will be moved.
+        comm: communicator.
+        folder: output folder, created if necessary.
         format: format of the files.
+        prefix: beginning of the names of a series, whose earlier files are all removed.
+
+    Attributes:
+        files: final paths of the files; none before the first state.
     """
 
-    def __init__(self, part: Path, folder: Path, format: Literal["vtx", "vtk"]):
-        self._part = part
-        self._folder = folder
-        self._suffix = {"vtx": ".bp", "vtk": ".pvd"}[format]
-        self._first: Sequence[FieldsOfFile] = []
+    def __init__(
+        self, comm: MPI.Comm, folder: str | os.PathLike[str], format: Format, prefix: str = ""
+    ):
+        self._comm = comm
+        self._suffix = {"vtx": ".bp", "vtk": ".pvd"}[checked_format(comm, format)]
+        self._prefix = prefix
+        self.folder = output_folder(comm, folder)
+        self.files: list[Path] = []
+        self._first: Fields = {}
         self._writers: list[VTXFile | io.VTKFile] = []
+        self._stack = ExitStack()
 
-    @property
-    def files(self) -> list[Path]:
-        """Final paths of the files; none before the first state."""
-        return [self._folder / (fields.stem + self._suffix) for fields in self._first]
+    def __enter__(self) -> Writer:
+        name = f"{self._prefix}write_fields"
+        self._part = self._stack.enter_context(aside(self._comm, self.folder, name, self._prefix))
+        return self
 
-    def write(self, time: float, state: Sequence[FieldsOfFile]) -> None:
+    def write(self, time: float, fields: Fields) -> None:
         """Write a state. Collective.
 
         Args:
             time: time of the state.
-            state: fields of all files, the same files in the same order at all states.
+            fields: Functions of all files, the same files in the same order at all states.
 
         Raises:
             OSError: on every rank, with the path, if a file cannot be written.
         """
-        self._first = self._first or state
-        for number, (shown, fields) in enumerate(zip(self._first, state, strict=True)):
-            functions = list(shown.functions)
-            for f, g in zip(functions, fields.functions, strict=True):
+        self._first = self._first or fields
+        self.files = [self.folder / (stem + self._suffix) for stem in self._first]
+        for number, (stem, functions) in enumerate(self._first.items()):
+            for f, g in zip(functions, fields[stem], strict=True):
                 f.x.array[:] = g.x.array
             with self._errors(number):
                 if number == len(self._writers):
-                    file = self._part / (shown.stem + self._suffix)
-                    vtx = self._suffix == ".bp"
-                    self._writers.append(
-                        VTXFile(shown.comm, file, functions)
-                        if vtx
-                        else io.VTKFile(shown.comm, file, "w")
-                    )
+                    comm = functions[0].function_space.mesh.comm
+                    file = self._part / (stem + self._suffix)
+                    if self._suffix == ".bp":
+                        self._writers.append(VTXFile(comm, file, functions))
+                    else:
+                        self._writers.append(io.VTKFile(comm, file, "w"))
                 writer = self._writers[number]
                 if isinstance(writer, VTXFile):
                     writer.write(time)
                 else:
-                    writer.write_function(functions, time)
+                    writer.write_function(list(functions), time)
 
-    def close(self) -> None:
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: object
+    ) -> None:
+        with self._stack:
+            self._close()
+            if error is not None:
+                raise error  # the files are not moved
+            if self._first:
+                write_script(self._comm, self._part, self.folder)
+
+    def _close(self) -> None:
         """Finish the files. Collective."""
         for number, writer in enumerate(self._writers):
             with self._errors(number):
                 writer.close()
-        self._writers = []
+        self._writers = []  # a VTKFile that is destroyed later would write once more
 
     @contextmanager
     def _errors(self, number: int) -> Iterator[None]:
         """Raise an error of a file as ``OSError`` with its path on every rank. Collective."""
-        fields = self._first[number]
-        path = self._part / (fields.stem + self._suffix)
+        stem, functions = list(self._first.items())[number]
+        path = self._part / (stem + self._suffix)
         try:
-            with everywhere(fields.comm, f"writing {path}"):
+            with everywhere(functions[0].function_space.mesh.comm, f"writing {path}"):
                 try:
                     yield
                 except (OSError, RuntimeError) as error:

@@ -4,19 +4,17 @@
 from dolfinx_contact.plot.bodies import picture_of_body
 from dolfinx_contact.plot.curves import draw_chart, draw_curves, draw_polar
 from dolfinx_contact.plot.diagrams import draw_diagram
-from dolfinx_contact.plot.films import animate, draw_record, film
-from dolfinx_contact.plot.look import Look
+from dolfinx_contact.plot.films import film
+from dolfinx_contact.plot.scene import Look
 from dolfinx_contact.plot.states import picture_of_states
 from dolfinx_contact.plot.tractions import picture_of_contact
 
 __all__ = [
     "Look",
-    "animate",
     "draw_chart",
     "draw_curves",
     "draw_diagram",
     "draw_polar",
-    "draw_record",
     "film",
     "picture_of_body",
     "picture_of_contact",

@@ -20,33 +20,23 @@ import numpy.typing as npt
 import ufl
 from dolfinx import fem, la, mesh
 
-from dolfinx_contact._geometry import unit
 from dolfinx_contact._mpi import Arguments, collective
 from dolfinx_contact._ufl import refuse_other_mesh
 from dolfinx_contact._validate import number
 from dolfinx_contact.io.fields import check_stress, of_cells, von_mises
-from dolfinx_contact.io.outside import OuterSurface, Outside, SurfaceState
+from dolfinx_contact.io.outside import Outside
 from dolfinx_contact.plot.figures import Drawing, drawn_on_root, save
-from dolfinx_contact.plot.look import Look, Options, options_of
-from dolfinx_contact.plot.scene import DrawnObstacle, Scene
+from dolfinx_contact.plot.scene import Look, Options, Scene, in_space, options_of, scene_of
 
 if TYPE_CHECKING:
     from dolfinx_contact.equations.state import State
     from dolfinx_contact.problem import ContactProblem
 
-__all__ = [
-    "body_scene",
-    "check_look",
-    "draw_scene",
-    "picture_of_body",
-    "scene_of_surface",
-    "title_of",
-]
+__all__ = ["body_scene", "check_look", "draw_scene", "picture_of_body", "title_of"]
 
 Array = npt.NDArray[np.float64]
-Cells = npt.NDArray[np.int64]
 
-_PLANE = 1e-9  # difference of the normals of an obstacle up to which it is a plane
+_NOT_FINITE = " (grey: not a number)"
 
 
 def _check_body(a: Arguments) -> None:
@@ -58,10 +48,9 @@ def check_look(a: Arguments) -> None:
     """Validate the scale and the look of a picture or film of a problem. Not collective."""
     a.scale = number(a.scale, "the scale of the displacement")
     domain = a.problem.V.mesh
-    options = options_of(domain.topology.dim, a.stress is not None, **a.look)
-    for name, e in options.fields.items():
-        if e is not None:
-            refuse_other_mesh(e, domain, f"the field {name!r}")
+    options = options_of(domain.topology.dim, **a.look)
+    if isinstance(options.field, ufl.core.expr.Expr):
+        refuse_other_mesh(options.field, domain, "the field")
 
 
 @collective("a picture", _check_body)
@@ -90,7 +79,7 @@ def picture_of_body(
         scale: factor of the displacement and of the motion of obstacles, default 1. Bodies that are
             drawn with a larger displacement overlap resting obstacles.
         title: title of the picture, default the name of the picture and the scale.
-        look: fields, view, section, zoom, colours, units, arrows: see `Look`.
+        look: field, view, section, arrows: see `Look`.
 
     Returns:
         On rank 0 the matplotlib ``Figure`` in 2D and the ``pyvista.Plotter`` in 3D, which can be
@@ -105,11 +94,10 @@ def picture_of_body(
     Example:
         ::
 
-            plot.picture_of_body("block.pdf", problem, stress=steel.full_stress(u), view="front")
+            plot.picture_of_body("block.pdf", problem, stress=steel.full_stress(u), view="-y")
             plot.picture_of_body("drag.png", problem, clip="-y", arrows={"drag": (top, motion)})
     """
-    dim = problem.V.mesh.topology.dim
-    options = options_of(dim, stress is not None, **look)
+    options = options_of(problem.V.mesh.topology.dim, **look)
     with problem.at(state):
         scene = body_scene(problem, stress, scale, options, title_of("Deformed body", scale, title))
 
@@ -127,7 +115,7 @@ def draw_scene(
     options: Options,
     *,
     reach: Array | None = None,
-    limits: Mapping[str, tuple[float, float]] | None = None,
+    limits: tuple[float, float] | None = None,
     width: int = 1600,
 ) -> Drawing:
     """Draw a scene. Not collective.
@@ -136,19 +124,19 @@ def draw_scene(
         scene: bodies and obstacles.
         options: options of the picture.
         reach: points that must be visible (k, 3), default bodies and obstacles.
-        limits: ends of the colours by field, default those of the scene.
+        limits: ends of the colours, default those of the scene.
         width: approximate width in pixels, default 1600.
     """
     if reach is None:
-        scene = replace(scene, obstacles=[o.below(scene.x) for o in scene.obstacles])
+        scene = scene.above(scene.x)
         reach = np.concatenate([scene.x, *(o.x for o in scene.obstacles)])
     if scene.x[:, 2].any():
         from dolfinx_contact.plot.in_3d import draw_3d
 
-        return draw_3d(scene, options, reach, limits or {}, width)
+        return draw_3d(scene, options, reach, limits, width)
     from dolfinx_contact.plot.in_2d import draw_2d
 
-    return draw_2d(scene, options, reach, limits or {}, width)
+    return draw_2d(scene, options, reach, limits, width)
 
 
 def title_of(words: str, scale: float, title: str | None = None) -> str:
@@ -180,62 +168,38 @@ def body_scene(
     outside = Outside(problem)
     surface = outside.surface()
     state = outside.state()
-    # UFL fields at the local vertices; the displacement needs no projection
-    fields = {}
-    for name, e in options.fields.items():
-        if e is not None:
-            fields[name] = _averaged(outside.V, {None: e}, None, quadrature_rule="vertex")
-        elif name != "displacement":
-            stresses = stress if isinstance(stress, Mapping) else {None: stress}
-            sizes = {tag: von_mises(stresses[tag]) for tag in sorted(stresses)}
-            fields[name] = _averaged(outside.V, sizes, tags, quadrature_degree=2)
-    keys = {name: f"field {i}" for i, name in enumerate(fields)}
-    local = {keys[name]: values for name, values in fields.items()}
+    # the field at the local vertices
+    label = ""
+    local: dict[str, Array] = {}
+    if options.field is None and stress is not None:
+        label = "von Mises stress"
+        stresses = stress if isinstance(stress, Mapping) else {None: stress}
+        sizes = {tag: von_mises(stresses[tag]) for tag in sorted(stresses)}
+        local["field"] = _averaged(outside.V, sizes, tags, quadrature_degree=2)
+    elif isinstance(options.field, str):  # the displacement needs no projection
+        label = options.field
+    elif options.field is not None:
+        label = getattr(options.field, "name", "field")
+        vertices = {"quadrature_rule": "vertex"}
+        local["field"] = _averaged(outside.V, {None: options.field}, None, **vertices)
     on_surface = outside.gather(local)
-    everywhere = outside.inside(local) if options.clip is not None else {}
+    inside = outside.inside(local) if options.clip is not None else {}
     if surface is None or state is None:
         return None
 
-    def by_name(arrays: Mapping[str, Array], u: Array) -> dict[str, Array]:
-        size = np.linalg.norm(u, axis=1)
-        return {name: arrays[keys[name]] if name in keys else size for name in options.fields}
+    def values(arrays: Mapping[str, Array], u: Array) -> Array | None:
+        if not label:
+            return None
+        return arrays["field"] if local else np.linalg.norm(u, axis=1)
 
-    scene = scene_of_surface(surface, state, scale)
-    inside = None
-    if everywhere:
-        x = everywhere["x"] + scale * _in_space(everywhere["u"])
-        inside = x, everywhere["cells"], by_name(everywhere, everywhere["u"])
-    return replace(scene, values=by_name(on_surface, state.u), inside=inside, title=title)
-
-
-def scene_of_surface(surface: OuterSurface, state: SurfaceState, scale: float) -> Scene:
-    """Place bodies and obstacles at a state. Not collective.
-
-    Args:
-        surface: outer surface of the bodies.
-        state: displacement, and position and motion of the obstacles.
-        scale: factor of the displacement and of the motion.
-    """
-    obstacles = []
-    for name, cells in surface.obstacles.items():
-        floor, motion, n = (_in_space(values) for values in state.obstacles[name])
-        # an obstacle with facets of its own (a rigid surface) is drawn with these
-        at_points = 0 < len(n) == len(np.unique(surface.contact[name]))
-        is_plane = at_points and bool(np.ptp(n, axis=0).max() < _PLANE)
-        obstacles.append(DrawnObstacle(floor + scale * motion, cells, unit(n), is_plane))
-    return Scene(
-        rest=surface.x,
-        x=surface.x + scale * _in_space(state.u),
-        cells=surface.cells,
-        slaves=list(surface.contact.values()),
-        masters=list(surface.opposite.values()),
-        obstacles=obstacles,
-    )
-
-
-def _in_space(vectors: npt.NDArray[Any]) -> Array:
-    """Append zeros to vectors in 2D."""
-    return np.pad(vectors, ((0, 0), (0, 3 - vectors.shape[1])))
+    field = values(on_surface, state.u)
+    if field is not None and not np.isfinite(field).all():
+        label += _NOT_FINITE
+    scene = replace(scene_of(surface, state, scale), values=field, label=label, title=title)
+    if inside:
+        x = inside["x"] + scale * in_space(inside["u"])
+        scene = replace(scene, inside=(x, inside["cells"], values(inside, inside["u"])))
+    return scene
 
 
 def _averaged(

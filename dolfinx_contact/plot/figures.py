@@ -21,7 +21,10 @@ if TYPE_CHECKING:
     import pyvista
     from matplotlib.figure import Figure
 
-__all__ = ["FILLS", "INK", "LINES", "Drawing", "drawn_on_root", "new_figure", "save", "with_unit"]
+__all__ = [
+    *("FIELD", "FILLS", "FLOOR", "INK", "LINES", "NOT_FINITE", "TINTS", "Drawing"),
+    *("drawn_on_root", "new_figure", "save"),
+]
 
 Drawing: TypeAlias = "Figure | pyvista.Plotter"
 
@@ -33,6 +36,10 @@ FILLS = (
     *("#8fc1c9", "#9a8f5a"),
 )
 INK = "#22262b"
+FLOOR = "#c9ced4"
+TINTS = ["#c3d0dc", "#e3d3b4", "#c9dcc3", "#d9cbdf"]  # colours of bodies without a field
+NOT_FINITE = "#9a9a9a"
+FIELD = "Spectral_r"  # colour map of fields
 _DPI = 130
 
 
@@ -91,8 +98,3 @@ def drawn_on_root(comm: MPI.Comm, draw: Callable[[], Drawing]) -> Drawing | None
     drawings: list[Drawing] = []
     on_root(comm, lambda: drawings.append(draw()))
     return drawings[0] if drawings else None
-
-
-def with_unit(name: str, unit: str) -> str:
-    """Label of a quantity, with its unit in brackets if there is one."""
-    return f"{name} [{unit}]" if unit else name

@@ -5,10 +5,12 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import numpy.typing as npt
 
 from dolfinx_contact._install import optional
 from dolfinx_contact._mpi import Arguments, collective
@@ -18,9 +20,8 @@ from dolfinx_contact.io.outside import patch
 from dolfinx_contact.laws.status import COLOURS, NAMES
 from dolfinx_contact.plot.bodies import body_scene
 from dolfinx_contact.plot.figures import drawn_on_root, new_figure, save
-from dolfinx_contact.plot.in_2d import around, draw_field
-from dolfinx_contact.plot.look import options_of
-from dolfinx_contact.plot.scene import Scene
+from dolfinx_contact.plot.in_2d import draw_body
+from dolfinx_contact.plot.scene import Scene, options_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -67,78 +68,59 @@ def picture_of_states(
             finite, or arguments differ between ranks.
     """
     optional("matplotlib", "pictures")
-    options = options_of(2, False, fields="displacement")
+    options = options_of(2, field="displacement")
     scenes = []
-    marks = []
     for point in points:
         tables = system.result_at(point).tables.values()
-        scenes.append(body_scene(system.problem, None, scale, options, ""))
+        scene = body_scene(system.problem, None, scale, options, "")
+        places: npt.NDArray[np.float64] = np.zeros((0, 2))
+        letters = ""
         for s, table in zip(system.problem.surfaces, tables, strict=True):
             face = patch(s)
             if face and len(face["x"]) == len(table.letters):  # Gauss points have no vertex
                 order = by_coordinates(face["x"], face["ids"])
                 x = face["x"][order, :2] + scale * face["u"][order]
-                marks.append((len(scenes) - 1, x, table.letters))
+                places = np.concatenate([places, x])
+                letters += "".join(table.letters)
+        if scene is not None:
+            scenes.append(replace(scene, marks=(places, letters)))
 
     def draw() -> Figure:
-        states = [scene for scene in scenes if scene is not None]
-        figure = _draw(states, marks, list(titles) or [""] * len(states))
-        figure.legends[0].set_title(f"displacement x {scale:.3g}; grey: undeformed")
+        figure = _draw(scenes, list(titles) or [""] * len(scenes))
+        figure.legends[0].set_title(f"displacement x {scale:.3g}")
         save(figure, file)
         return figure
 
     return drawn_on_root(system.comm, draw)
 
 
-def _draw(
-    scenes: Sequence[Scene], marks: Sequence[tuple[int, Any, Any]], titles: Sequence[str]
-) -> Figure:
-    """Draw scenes side by side with contact points coloured by their status.
-
-    Args:
-        scenes: scenes.
-        marks: number of the scene, positions and letters of contact points.
-        titles: titles of the panels.
-    """
-    from matplotlib.collections import LineCollection, PolyCollection
+def _draw(scenes: Sequence[Scene], titles: Sequence[str]) -> Figure:
+    """Draw scenes side by side, with one scale of colours and a legend of statuses."""
     from matplotlib.lines import Line2D
 
     # slender bodies in a column or a row, others in a square
     every = np.concatenate([scene.x[:, :2] for scene in scenes])
     low, high = every.min(axis=0), every.max(axis=0)
-    low, high = low - 0.05 * (high - low).max(), high + 0.05 * (high - low).max()
     ratio = float((high[1] - low[1]) / (high[0] - low[0]))
-    count = len(scenes)
-    columns = int(np.clip(np.ceil(np.sqrt(count * ratio)), 1, count))
-    rows = -(-count // columns)
+    columns = int(np.clip(np.ceil(np.sqrt(len(scenes) * ratio)), 1, len(scenes)))
+    rows = -(-len(scenes) // columns)
     width = min(12.0 / columns, 9.0 / rows / ratio)
     figure = new_figure((max(columns * width + 1.3, 4.5), rows * (width * ratio + 0.4) + 0.9))
     panels = figure.subplots(rows, columns, squeeze=False).ravel()
     for axes in panels:
         axes.set_axis_off()
-    # one scale of colours for all states
-    largest = max(float(scene.values["displacement"].max()) for scene in scenes) or 1.0
+    corners = np.pad([low, high], ((0, 0), (0, 1)))
+    fields = [scene.values for scene in scenes if scene.values is not None]
+    limits = 0.0, max(float(values.max()) for values in fields) or 1.0
     for axes, scene, title in zip(panels, scenes, titles, strict=False):
-        cells = scene.rest[around(scene.cells), :2]
-        rest = dict(facecolor="none", edgecolor="#d5d9de", linewidth=0.3, zorder=0)
-        axes.add_collection(PolyCollection(cells, **rest))
-        values = scene.values["displacement"]
-        shades = draw_field(axes, scene, values, (0.0, largest), "GnBu")
-        for o in scene.obstacles:
-            floor = o.below(np.pad([low, high], ((0, 0), (0, 1))))
-            axes.add_collection(LineCollection(floor.x[floor.cells, :2], colors="0.15", lw=1.0))
-        axes.set(aspect="equal", xlim=(low[0], high[0]), ylim=(low[1], high[1]))
+        shades = draw_body(axes, scene.above(corners), low, high, limits)
         axes.set_title(title, fontsize=10)
-    for i, x, letters in marks:
-        look = dict(s=14 if len(x) <= 40 else 8, edgecolors="0.2", linewidths=0.2, zorder=3)
-        panels[i].scatter(*x.T, c=[COLOURS[k] for k in letters], **look)
-    bar = figure.colorbar(shades, ax=list(panels), shrink=0.8, pad=0.01, aspect=30)
-    bar.set_label("|u|")
-    present = {k for *_, letters in marks for k in letters}
+    figure.colorbar(shades, ax=list(panels), shrink=0.8, pad=0.01, aspect=30).set_label("|u|")
+    letters = "".join(scene.marks[1] for scene in scenes if scene.marks)
     handles = [
         Line2D([], [], marker="o", ls="", color=COLOURS[k], mec="0.2", mew=0.3, label=NAMES[k])
         for k in NAMES
-        if k in present
+        if k in letters
     ]
     place: dict[str, Any] = dict(loc="outside lower center", ncols=max(len(handles), 1))
     figure.legend(handles=handles, title=" ", frameon=False, **place)

@@ -18,11 +18,10 @@ from scipy.sparse.csgraph import connected_components, depth_first_order
 
 from dolfinx_contact._geometry import area_vectors, unit
 from dolfinx_contact._mpi import Arguments, collective, same_everywhere
-from dolfinx_contact.io.gathering import Arrays, gather_cells
+from dolfinx_contact.io.outside import Arrays, gather_cells
 from dolfinx_contact.laws.status import COLOURS, NAMES
-from dolfinx_contact.plot.figures import INK, drawn_on_root, new_figure, save, with_unit
-from dolfinx_contact.plot.in_2d import around, connected_parts, triangles
-from dolfinx_contact.plot.look import checked_units
+from dolfinx_contact.plot.figures import INK, drawn_on_root, new_figure, save
+from dolfinx_contact.plot.in_2d import around, triangles
 from dolfinx_contact.results.fields import STATUS_CODES, contact_fields, vertex_state
 
 if TYPE_CHECKING:
@@ -45,11 +44,11 @@ _ZERO_FORCE = 1e-10  # relative to stiffness times displacement
 _LITTLE = 1e-6  # relative to the largest traction
 _STRAIGHT = 0.05  # height over length up to which a curve is drawn over a coordinate
 _SEEN = 0.1  # cosine of the angle between the view and the normal of a visible facet
+_ALONG = 0.998  # component of a mean normal along a coordinate axis from which on it is this axis
 
 
 def _check(a: Arguments) -> None:
     a.file = None if a.file is None else Path(a.file)
-    a.units = checked_units(a.units)
     if a.surface is not None and not any(a.surface is s for s in a.problem.surfaces):
         name = getattr(a.surface, "name", a.surface)
         raise ValueError(f"the surface {name!r} is not one of the problem")
@@ -63,7 +62,6 @@ def picture_of_contact(
     surface: DiscreteSurface | None = None,
     state: State | None = None,
     title: str | None = None,
-    units: tuple[str, str] = ("", ""),
 ) -> Figure | None:
     """Draw pressure, shear and status of a contact surface. Collective.
 
@@ -79,7 +77,6 @@ def picture_of_contact(
         surface: contact surface of the problem, default the first.
         state: state to draw, default the current Functions.
         title: title of the picture, default the name of the surface.
-        units: units of length and stress, for the labels, default none.
 
     Returns:
         The figure on rank 0, None on other ranks.
@@ -87,8 +84,8 @@ def picture_of_contact(
     Raises:
         ModuleNotFoundError: on every rank, if matplotlib is not installed.
         OSError: on every rank, if the file cannot be written; an existing file is then unchanged.
-        ValueError: on every rank, if the surface is not one of the problem, units are not two
-            strings, or arguments differ between ranks.
+        ValueError: on every rank, if the surface is not one of the problem, or arguments differ
+            between ranks.
     """
     s = problem.surfaces[0] if surface is None else surface
     same_everywhere(problem.comm, surface=s.name)
@@ -100,7 +97,7 @@ def picture_of_contact(
 
     def draw() -> Figure:
         draw_surface = _draw_curve if s.dim == 2 else _draw_map
-        figure = draw_surface(data, s, units)
+        figure = draw_surface(data, s)
         figure.suptitle(title or f"Contact surface: {s.name}", fontweight="bold")
         save(figure, file)
         return figure
@@ -188,7 +185,7 @@ def _statuses(data: Arrays, s: DiscreteSurface) -> tuple[Array, list[Any]]:
 # -- curves in 2D --------------------------------------------------------------------------------
 
 
-def _draw_curve(data: Arrays, s: DiscreteSurface, units: tuple[str, str]) -> Figure:
+def _draw_curve(data: Arrays, s: DiscreteSurface) -> Figure:
     """Draw the tractions over the position along a curve."""
     touching = _touching(data)
     at, path, label, tangents = _positions(data, touching)
@@ -220,7 +217,7 @@ def _draw_curve(data: Arrays, s: DiscreteSurface, units: tuple[str, str]) -> Fig
         look = dict(s=12 if len(at) > 60 else 26, linewidths=0.4, edgecolors=INK, zorder=3)
         axes.scatter(at, values, c=colours, **look)
     axes.axhline(0, color=INK, lw=0.6)
-    axes.set(xlabel=with_unit(label, units[0]), ylabel=with_unit("traction", units[1]))
+    axes.set(xlabel=label, ylabel="traction")
     axes.spines[["top", "right"]].set_visible(False)
     axes.legend(frameon=False, loc="upper left")
     return axes.figure
@@ -269,17 +266,21 @@ def _positions(data: Arrays, touching: Marks) -> tuple[Array, Cells, str, Array]
 # -- maps in 3D ----------------------------------------------------------------------------------
 
 
-def _draw_map(data: Arrays, s: DiscreteSurface, units: tuple[str, str]) -> Figure:
+def _draw_map(data: Arrays, s: DiscreteSurface) -> Figure:
     """Draw pressure, and status with the shear traction, on the projected surface."""
     figure = new_figure((1.0, 1.0))
     from matplotlib import colormaps
     from matplotlib.collections import PolyCollection
     from matplotlib.colors import CenteredNorm, LinearSegmentedColormap, Normalize
 
-    x, cells, data, labels, (low, high) = _projected(data)
-    extent = high - low
-    is_long = bool(extent[1] < 0.3 * extent[0])  # then it is stretched, in panels above each other
-    figure.set_size_inches((11.0, 7.5) if is_long else (11.2, 5 * extent[1] / extent[0] + 2.2))
+    x, cells, across, labels = _projected(data)
+    touching = _touching(data)
+    low, high = np.transpose([_near_contact(x[:, k], touching, 0.05) for k in range(2)])
+    wide, tall = high - low
+    is_long = bool(tall < 0.3 * wide)  # then it is stretched, in panels above each other
+    figure.set_size_inches(
+        (11.0, 22 * tall / wide + 3) if is_long else (11.2, 5 * tall / wide + 2.2)
+    )
     left, right = figure.subplots(*((2, 1) if is_long else (1, 2)), sharex=True, sharey=True)
     # pressure; without bonds negative values are discretisation errors
     pressure = data["pressure"]
@@ -295,7 +296,7 @@ def _draw_map(data: Arrays, s: DiscreteSurface, units: tuple[str, str]) -> Figur
         "Normal pressure, negative where it pulls" if pulls else "Normal pressure", loc="left"
     )
     bar = figure.colorbar(shades, ax=left, location="bottom", aspect=60 if is_long else 30)
-    bar.set_label(with_unit("pressure", units[1]))
+    bar.set_label("pressure")
     # status: each vertex colours the adjacent part of the facets
     loop = around(cells)
     corners = x[loop]
@@ -307,61 +308,48 @@ def _draw_map(data: Arrays, s: DiscreteSurface, units: tuple[str, str]) -> Figur
     figure.legend(handles=handles, **place)
     colours = colours[loop.reshape(-1)]
     right.add_collection(PolyCollection(quads, facecolors=colours, edgecolors=colours, lw=0.3))
-    body = "slave" if s.between_bodies else "body"
-    right.set_title(f"Status, and shear on the {body}", loc="left")
-    spacing = np.array([extent[0] / 28, extent[1] / 6 if is_long else extent[0] / 28])
-    _draw_arrows(right, x, data["shear"], spacing, units[1])
+    right.set_title(
+        f"Status, and shear on the {'slave' if s.between_bodies else 'body'}", loc="left"
+    )
+    spacing = np.array([wide / 28, tall / 6 if is_long else wide / 28])
+    _draw_arrows(right, x, data["shear"] @ across, spacing)
     for axes in (left, right):
         axes.triplot(*x.T, triangles(cells), color=INK, lw=0.15, alpha=0.25)
         axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
+        axes.set(xlabel=labels[0], ylabel=labels[1] + " (stretched)" * is_long)
         axes.set_aspect("auto" if is_long else "equal")
-        axes.set_xlabel(with_unit(labels[0], units[0]))
-        axes.set_ylabel(with_unit(labels[1], units[0]) + (" (stretched)" * is_long))
         axes.label_outer()
         axes.spines[["top", "right"]].set_visible(False)
     return figure
 
 
-def _projected(data: Arrays) -> tuple[Array, Cells, Arrays, list[str], Array]:
+def _projected(data: Arrays) -> tuple[Array, Cells, Array, list[str]]:
     """Project a surface along its mean normal where it touches.
 
-    Facets behind the touching part, as of a closed surface, are left out.
+    Facets that are turned away, as behind a closed surface, are left out.
 
     Returns:
-        Positions (m, 2), facets, values, labels of the axes, and limits of the picture (2, 2).
+        Positions (m, 2), facets, and the axes of the picture (3, 2) with their labels.
     """
-    touching = _touching(data)
     x, cells = data["x"], data["cells"]
     normals = unit(area_vectors(x[cells[:, :3]]))
     normals *= np.sign(np.sum(normals * data["n"][cells].mean(axis=1), axis=1, keepdims=True))
-    touches = touching[cells].any(axis=1)
-    mean = normals[touches if touches.any() else slice(None)].mean(axis=0)
-    n = unit(mean) if np.linalg.norm(mean) > _SEEN else np.eye(3)[2]
-    visible = cells[np.abs(normals @ n) > _SEEN]
-    parts = connected_parts(visible, len(x))
-    joined = visible[np.isin(parts, parts[touching])[visible[:, 0]]]
-    cells = next(part for part in (joined, visible, cells) if len(part))
+    touches = _touching(data)[cells].any(axis=1)
+    n = unit(normals[touches if touches.any() else slice(None)].mean(axis=0))
     # coordinate axes if the normal is close to one, the longer axis first
-    across = np.flatnonzero(np.abs(n) < 0.05)
-    if len(across) == 2:
-        axes = np.eye(3)[:, across]
-        labels = ["xyz"[k] for k in across]
-    else:
-        first = np.eye(3)[np.argmin(np.abs(n))]
-        first = unit(first - (first @ n) * n)
-        axes = np.stack([first, np.cross(first, n)], axis=1)
+    axes = np.delete(np.eye(3), np.argmax(np.abs(n)), axis=0).T
+    labels = ["xyz"[k] for k in np.argmax(axes, axis=0)]
+    if np.max(np.abs(n)) < _ALONG:
+        first = unit(axes[:, 0] - (axes[:, 0] @ n) * n)
+        axes = np.stack([first, np.cross(n, first)], axis=1)
         labels = ["along the surface", "across"]
-    nodes, places = np.unique(cells, return_inverse=True)
-    if np.ptp(x[nodes] @ axes[:, 1]) > 2.5 * np.ptp(x[nodes] @ axes[:, 0]):
+    if np.ptp(x @ axes[:, 1]) > 2.5 * np.ptp(x @ axes[:, 0]):
         axes, labels = axes[:, ::-1], labels[::-1]
-    values = {name: data[name][nodes] for name in ("pressure", "status")}
-    values["shear"] = data["shear"][nodes] @ axes
-    flat = x[nodes] @ axes
-    near = np.array([_near_contact(flat[:, k], touching[nodes], 0.05) for k in range(2)]).T
-    return flat, places.reshape(cells.shape), values, labels, near
+    visible = normals @ n > _SEEN
+    return x @ axes, cells[visible] if visible.any() else cells, axes, labels
 
 
-def _draw_arrows(axes: Axes, x: Array, vectors: Array, spacing: Array, unit_name: str) -> None:
+def _draw_arrows(axes: Axes, x: Array, vectors: Array, spacing: Array) -> None:
     """Draw arrows at the vertices, one in each square of a grid, with a reference arrow."""
     size = np.linalg.norm(vectors, axis=1)
     if not size.any():
@@ -374,5 +362,5 @@ def _draw_arrows(axes: Axes, x: Array, vectors: Array, spacing: Array, unit_name
     look |= dict(scale=size.max() / (2 * spacing[0]), clip_on=False, zorder=3)
     arrows = axes.quiver(*x[chosen].T, *vectors[chosen].T, **look)
     arrows.set_in_layout(False)  # matplotlib overestimates the extent of arrows
-    label = f"{size.max():.3g} {unit_name}".strip()
-    axes.quiverkey(arrows, 0.9, 1.02, size.max(), label, labelpos="W", coordinates="axes")
+    where: dict[str, Any] = dict(labelpos="W", coordinates="axes")
+    axes.quiverkey(arrows, 0.9, 1.02, size.max(), f"{size.max():.3g}", **where)

@@ -5,7 +5,7 @@
 `read_journal` reads them in any script, and `journal_of` makes a journal without the disk.
 """
 
-from dolfinx_contact.records.branch_record import BranchRecord, resume
+from dolfinx_contact.records.branch_record import BranchRecord
 from dolfinx_contact.records.functionals import leftmost, rightmost, total
 from dolfinx_contact.records.journal import (
     EvolutionJournal,
@@ -27,7 +27,6 @@ __all__ = [
     "journal_of",
     "leftmost",
     "read_journal",
-    "resume",
     "rightmost",
     "total",
     "write_series",

@@ -11,8 +11,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -35,9 +34,8 @@ from dolfinx_contact.continuation import (
 from dolfinx_contact.continuation.arguments import check_listeners, check_steps
 from dolfinx_contact.continuation.layout import Layout
 from dolfinx_contact.equations.data import data_within
-from dolfinx_contact.records.columns import EndEntry, JournalEdge, plain
 from dolfinx_contact.records.functionals import Functional, compiled, functional_forms
-from dolfinx_contact.records.journal import Explored, Journal
+from dolfinx_contact.records.journal import Explored, Journal, plain
 from dolfinx_contact.records.manifest import manifest_of, values_of
 from dolfinx_contact.records.points import JournalEntries
 from dolfinx_contact.records.record import Record, Resume
@@ -45,7 +43,7 @@ from dolfinx_contact.records.record import Record, Resume
 if TYPE_CHECKING:
     from dolfinx_contact.parametric import ParametricContact
 
-__all__ = ["BranchRecord", "resume"]
+__all__ = ["BranchRecord"]
 
 
 class BranchRecord(Record[Journal]):
@@ -68,7 +66,7 @@ class BranchRecord(Record[Journal]):
         every: number of points between two checkpoints; special points and both ends have one as
             well. Default 10.
         surface_displacement: whether the displacement of the outer surface is recorded at every
-            point, in single precision, for `plot.draw_record`. A resumed record continues as it
+            point, in single precision, for the explorer. A resumed record continues as it
             began.
         resume: True to continue an existing record, False to begin a new one, "if_exists" for
             either.
@@ -92,9 +90,10 @@ class BranchRecord(Record[Journal]):
                 branch = follow(system, x, 0.0, gamma_range=(0.0, 1.0), record=record)
             table = read_journal("output/branch").to_pandas()  # pandas, a row a point
 
-        If the run is killed, the same script continues with ``resume``::
+        If the run is killed, a script that has made the same system continues::
 
-            branch = resume("output/branch", system, push)
+            with BranchRecord("output/branch", system, push, resume=True) as record:
+                branch = record.go_on()
     """
 
     def __init__(
@@ -191,24 +190,21 @@ class BranchRecord(Record[Journal]):
         require(self.comm, follows, message)
         entry = self._entries.point(step.index, point, step.special, state.x_scale)
         name = _name(step.branch, step.index)
-        ends = state.ending is not None
         keys = self._write_surface(name, self.problem)
-        if step.index % self.every == 0 or step.special or ends:
+        if step.index % self.every == 0 or step.special or state.ending is not None:
             keys |= self._checkpoint(name, point)
-        entry = replace(
-            entry,
-            next_step=state.next_step,
-            x_scale=state.x_scale,
-            largest_distance=state.largest_distance,
-            scales=list(self.system.scales),
-            tangent_gamma=self._layout.gamma(point.tangent),
-            ending=state.ending,
-            reason=state.reason if ends else None,
-        )
-        line = plain(entry) | keys
-        if recorded and recorded[-1].status == entry.status:
-            del line["status"]
-        self._append({"type": "point", "branch": step.branch, **line})
+        entry |= {
+            "next_step": state.next_step,
+            "x_scale": state.x_scale,
+            "largest_distance": state.largest_distance,
+            "scales": list(self.system.scales),
+            "tangent_gamma": self._layout.gamma(point.tangent),
+        }
+        if state.ending is not None:
+            entry |= {"ending": state.ending, "reason": state.reason}
+        if recorded and recorded[-1].status == entry["status"]:
+            del entry["status"]
+        self._append({"type": "point", "branch": step.branch, **entry, **keys})
 
     def end(self, ended: Ends) -> None:
         """Record the end of a branch, with a checkpoint of its last point."""
@@ -218,7 +214,7 @@ class BranchRecord(Record[Journal]):
         point, stepping = self._last
         if stepping.index < len(branch.points) - 1:
             return  # more was recorded before, after which this is not the end
-        end = plain(EndEntry(ending=ended.ending, reason=ended.reason))
+        end = {"ending": ended.ending.name, "reason": ended.reason}
         if branch.points[-1].checkpoint is None:
             end |= self._checkpoint(_name(self._branch, stepping.index), point)
         self._append({"type": "end", "branch": self._branch, **end})
@@ -230,11 +226,11 @@ class BranchRecord(Record[Journal]):
             # a resumed exploration repeats the recorded nodes, with fewer rays at first
             entry = self._entries.node(node)
             known = journal.nodes[number] if number < len(journal.nodes) else None
-            if known is None or entry.size > known.size:
-                self._append({"type": "node", "node": number, **plain(entry)})
+            if known is None or _size(entry) > _size(known):
+                self._append({"type": "node", "node": number, **entry})
         for number, edge in list(enumerate(diagram.edges))[len(journal.edges) :]:
-            entry_of_edge = JournalEdge(branch=number, start=edge.start, end=edge.end)
-            self._append({"type": "edge", **plain(entry_of_edge)})
+            ends = {"branch": number, "start": edge.start, "end": edge.end}
+            self._append({"type": "edge", **ends})
         ended = Explored(diagram.ending, diagram.reason, diagram.complete)
         if diagram.ending is not None and ended != journal.explored:
             self._append({"type": "explored", **plain(ended)})
@@ -360,37 +356,11 @@ class BranchRecord(Record[Journal]):
             )
 
 
+def _size(node: Mapping[str, Any]) -> int:
+    """Number of rays of a node and of the branches along them, which grows."""
+    return len(node["rays"]) + sum(edge is not None for edge in node["edges"])
+
+
 def _name(branch: int, index: int) -> str:
     """Name of the checkpoint of a point, and of the file with its outer surface."""
     return f"branch_{branch:04d}_point_{index:06d}"
-
-
-def resume(
-    folder: str | os.PathLike[str],
-    system: ParametricContact,
-    functionals: Mapping[str, Functional] | None = None,
-    *,
-    branch: int = 0,
-    every: int = 10,
-    max_steps: int | None = None,
-    stop: Stop[BranchStep] | None = None,
-    observer: ObserverLike[BranchStep] | None = None,
-    progress: bool | None = None,
-) -> Branch:
-    """Continue a recorded branch as if the run had never been killed. Collective.
-
-    Args:
-        folder: folder of the record.
-        system: the same problem, on any number of ranks.
-        functionals: the recorded functionals.
-        branch: number of the branch; see `BranchRecord.go_on`, also for errors and the result.
-        every: number of points between two checkpoints.
-        max_steps: another budget of steps.
-        stop: the same stop condition as at the beginning.
-        observer: called with every point, after the record.
-        progress: see `follow`.
-    """
-    with BranchRecord(folder, system, functionals, every=every, resume=True) as record:
-        return record.go_on(
-            branch, max_steps=max_steps, stop=stop, observer=observer, progress=progress
-        )

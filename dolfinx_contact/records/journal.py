@@ -1,13 +1,25 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Journals of branches, evolutions and paths: their format, their content, and their reader.
 
-A journal has one JSON object per line, and lines are only appended:
+A journal has one JSON object per line, and lines are only appended. `type` names the line:
 
-- the header with the manifest of the problem, once, and a session for every recording run;
-- in a journal of branches: begin and end of every branch, every point, and the nodes and edges of a
-  diagram;
-- in a journal of an evolution or a path: the start, begin and end of every run, and every accepted
-  step.
+    header    manifest of the problem, once
+    session   a recording run: ranks, versions, start time
+    branch    begin of a branch: number and task              end    ending of a branch or run
+    point     accepted point of a branch                      edge   branch of a diagram
+    node      bifurcation of a diagram, again when it grows   explored   end of an exploration
+    run       begin of a run of an evolution or path: task, and `after`, the state where it begins
+    state     start or accepted step of an evolution or path
+
+There are three sets of columns. Points of branches have `index`, `gamma`, `step`, `corrections`,
+`tau` (`continuation.BranchPoint`), `status` (letters of all contact points), `special` (points of
+`continuation.SpecialPoint` on the way, with `changes` of statuses at `x`), `norm` (length of the
+unknowns in units of steps), `functionals`, and step data for resumption. States have `index`,
+`time` (of a path: arc length), `status`, `size`, `energies`, `data` (`manifest.values_of`), `row`
+(of the table of steps), and `run`, with which the run continues: `number`, `length`, `settled` and
+`rate` (`evolution.run.RunState`), on a path `gamma`, `arrived` and `known`
+(`evolution.path.PathState`). Both name their files `checkpoint` and `surface`, with the
+fingerprints `sum` and `surface_sum`, and have the `ending` and `reason` of a run that ends there.
 
 Every line contains its number and ends with the CRC-32 of the preceding text. A run may be killed
 at any time: an incomplete last line is ignored. Any other damaged or missing line is an error.
@@ -23,10 +35,12 @@ Reading a journal needs the standard library and NumPy only:
 from __future__ import annotations
 
 import json
+import math
 import os
 import zlib
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, fields, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields, is_dataclass
+from enum import Enum
 from pathlib import Path
 from typing import Any, ClassVar, TypeVar
 
@@ -36,23 +50,15 @@ import numpy.typing as npt
 from dolfinx_contact._install import optional
 from dolfinx_contact._validate import is_number
 from dolfinx_contact.continuation.ending import Ending, Ends
-from dolfinx_contact.io.outside import OuterSurface, SurfaceState
-from dolfinx_contact.records.arrays import Arrays, DamagedFile, check, load
-from dolfinx_contact.records.columns import (
-    EndEntry,
-    JournalEdge,
-    JournalNode,
-    PointEntry,
-    SpecialEntry,
-    StateEntry,
-    made,
-    plain,
-)
+from dolfinx_contact.io.outside import OuterSurface, SurfaceState, nested
+from dolfinx_contact.laws import status
+from dolfinx_contact.records.arrays import check, load
 
 __all__ = [
     "FILE_NAME",
     "FORMAT",
     "AnyJournal",
+    "Entry",
     "EvolutionJournal",
     "EvolutionRun",
     "Explored",
@@ -63,15 +69,15 @@ __all__ = [
     "encoded",
     "outer_surface_file",
     "parse",
+    "plain",
     "read_journal",
     "reread",
     "surface_file",
 ]
 
 FILE_NAME = "journal.jsonl"
-FORMAT = 3
+FORMAT = 4
 _CRC = ', "crc": "'
-T = TypeVar("T")
 
 
 def checkpoint_file(folder: Path, name: str) -> Path:
@@ -92,18 +98,48 @@ def outer_surface_file(folder: Path) -> Path:
 # -- lines -----------------------------------------------------------------------------------------
 
 
+class Entry(dict[str, Any]):
+    """Object of a line, whose items are attributes as well; missing items are None."""
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("__"):
+            raise AttributeError(name)
+        return self.get(name)
+
+
+def plain(value: Any) -> Any:
+    """Convert a value to JSON types; numbers that are not finite become ``{"float": "nan"}``.
+
+    Dataclasses become dictionaries; items that are None are omitted.
+    """
+    if is_dataclass(value) and not isinstance(value, type):
+        value = {f.name: getattr(value, f.name) for f in fields(value)}
+        value = {name: item for name, item in value.items() if item is not None}
+    if isinstance(value, Mapping):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    if isinstance(value, Enum):
+        return value.name
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, float) and not math.isfinite(value):
+        return {"float": str(value)}
+    return value
+
+
 def encoded(entry: Mapping[str, Any]) -> bytes:
     """Return the line of an entry, with its CRC; numbers keep all digits."""
     body = json.dumps(plain(entry), allow_nan=False)[:-1]
     return f'{body}{_CRC}{zlib.crc32(body.encode()):08x}"}}\n'.encode()
 
 
-def reread(entry: Mapping[str, Any]) -> dict[str, Any]:
+def reread(entry: Mapping[str, Any]) -> Entry:
     """Return an entry as it is read from its line."""
     return _decoded(encoded(entry).rstrip(b"\n"))
 
 
-def _decoded(line: bytes) -> dict[str, Any]:
+def _decoded(line: bytes) -> Entry:
     """Return the entry of a line.
 
     Raises:
@@ -112,13 +148,14 @@ def _decoded(line: bytes) -> dict[str, Any]:
     body, mark, crc = line.decode().rpartition(_CRC)
     if not mark or crc != f'{zlib.crc32(body.encode()):08x}"}}':
         raise ValueError("its check sum is wrong")
-    return dict(json.loads(body + "}", object_hook=_number))
+    entry: Entry = json.loads(body + "}", object_hook=_number)
+    return entry
 
 
 def _number(entry: dict[str, Any]) -> Any:
-    """Return the number that an object represents (see `plain`), or the object itself."""
+    """Return the number that an object represents (see `plain`), or the object as an entry."""
     word = entry.get("float")
-    return float(word) if len(entry) == 1 and isinstance(word, str) else entry
+    return float(word) if len(entry) == 1 and isinstance(word, str) else Entry(entry)
 
 
 # -- journals --------------------------------------------------------------------------------------
@@ -156,7 +193,7 @@ class AnyJournal:
         """Whether no point or state was recorded yet."""
         return not self.all_entries()
 
-    def entries(self, branch: int = 0) -> Sequence[PointEntry | StateEntry[Any]]:
+    def entries(self, branch: int = 0) -> Sequence[Entry]:
         """Return the entries of all points of a branch, or of all states of a history or path.
 
         Raises:
@@ -164,16 +201,12 @@ class AnyJournal:
         """
         raise NotImplementedError
 
-    def all_entries(self) -> Sequence[PointEntry | StateEntry[Any]]:
+    def all_entries(self) -> Sequence[Entry]:
         """Return the entries of all points of all branches, or of all states."""
         raise NotImplementedError
 
     def columns(self) -> dict[str, npt.NDArray[Any]]:
         """Return all points or steps as numpy arrays by name."""
-        raise NotImplementedError
-
-    def rows(self) -> list[dict[str, Any]]:
-        """Return all points or steps as dictionaries."""
         raise NotImplementedError
 
     def to_pandas(self) -> Any:
@@ -188,8 +221,8 @@ class AnyJournal:
         """
         if self.folder is None or not self.sessions:
             raise ValueError("the journal is in memory only or has no session, thus no surface")
-        file = outer_surface_file(self.folder)
-        return _loaded(OuterSurface.of_arrays, file, self.sessions[0]["outer_surface"])
+        arrays = load(outer_surface_file(self.folder), self.sessions[0]["outer_surface"])
+        return OuterSurface(**nested(arrays))
 
     def surface_at(self, index: int, branch: int = 0) -> SurfaceState:
         """Return the outer surface at a recorded point. Not collective.
@@ -211,8 +244,8 @@ class AnyJournal:
                 f"no displacement was recorded at point {index}: record with "
                 "surface_displacement=True"
             )
-        file = surface_file(self.folder, entry.surface)
-        return _loaded(SurfaceState.of_arrays, file, str(entry.surface_sum))
+        arrays = load(surface_file(self.folder, entry.surface), str(entry.surface_sum))
+        return SurfaceState(**nested(arrays))
 
     def check_surfaces(self) -> None:
         """Raise ``ValueError`` if a file with the outer surface is missing or was exchanged."""
@@ -223,7 +256,7 @@ class AnyJournal:
             if entry.surface is not None:
                 check(surface_file(self.folder, entry.surface), str(entry.surface_sum))
 
-    def take(self, entry: dict[str, Any]) -> None:
+    def take(self, entry: Entry) -> None:
         """Add the entry of the next line.
 
         Raises:
@@ -249,21 +282,9 @@ class AnyJournal:
         if header["of"] != self.kind:
             raise ValueError(f"it is the journal of {header['of']}, not of {self.kind}")
 
-    def _take(self, kind: str, entry: dict[str, Any]) -> None:
+    def _take(self, kind: str, entry: Entry) -> None:
         """Add an entry that is neither a header nor a session."""
         raise NotImplementedError
-
-
-def _loaded(make: Callable[[Arrays], T], file: Path, fingerprint: str) -> T:
-    """Return an object made from the arrays of a file.
-
-    Raises:
-        DamagedFile: if the file is missing or damaged, or lacks an array.
-    """
-    try:
-        return make(load(file, fingerprint))
-    except KeyError as error:
-        raise DamagedFile(f"{file} is damaged: {error} is missing") from None
 
 
 @dataclass
@@ -278,7 +299,7 @@ class JournalBranch(Ends):
     """
 
     task: dict[str, Any] = field(default_factory=dict)
-    points: list[PointEntry] = field(default_factory=list)
+    points: list[Entry] = field(default_factory=list)
     ending: Ending | None = None
     reason: str = ""
 
@@ -316,8 +337,8 @@ class Journal(AnyJournal):
 
     kind: ClassVar[str] = "branches"
     branches: dict[int, JournalBranch] = field(default_factory=dict)
-    nodes: list[JournalNode] = field(default_factory=list)
-    edges: list[JournalEdge] = field(default_factory=list)
+    nodes: list[Entry] = field(default_factory=list)
+    edges: list[Entry] = field(default_factory=list)
     explored: Explored = field(default_factory=Explored)
 
     @property
@@ -330,10 +351,10 @@ class Journal(AnyJournal):
         """Whether the branches were explored, so that they end at nodes."""
         return bool(self.edges) or any(b.task.get("to_node") for b in self.branches.values())
 
-    def entries(self, branch: int = 0) -> list[PointEntry]:
+    def entries(self, branch: int = 0) -> list[Entry]:
         return [p for _, p in self._points(branch)]
 
-    def all_entries(self) -> list[PointEntry]:
+    def all_entries(self) -> list[Entry]:
         return [p for _, p in self._points(None)]
 
     def columns(self, branch: int | None = None) -> dict[str, npt.NDArray[Any]]:
@@ -349,7 +370,7 @@ class Journal(AnyJournal):
         for names, kind in ((("index", "corrections"), int), (_FLOATS, float)):
             table |= {k: np.array([getattr(p, k) for p in points], kind) for k in names}
         table |= {k: np.array([p.functionals[k] for p in points], float) for k in self.functionals}
-        counts = [p.counts for p in points]
+        counts = [status.count(p.status) for p in points]
         table |= {k: np.array([c[k] for c in counts], int) for k in _COUNTS}
         kinds = [" ".join(s.kind for s in p.special) for p in points]
         table["special"] = np.array(kinds, dtype=object)
@@ -414,22 +435,20 @@ class Journal(AnyJournal):
         of gamma between which it lies; None if it is located), and ``changes``, a list of
         dictionaries with the place ``x`` and the status ``before`` and ``after``.
         """
-        names = ["branch", "index", *(f.name for f in fields(SpecialEntry))]
+        names = ["branch", "index", *_SPECIAL]
         rows = [
-            {"branch": b, "index": p.index, **asdict(s)}
-            for b, p in self._points(branch)
-            for s in p.special
+            {"branch": b, "index": p.index, **s} for b, p in self._points(branch) for s in p.special
         ]
         return optional("pandas", "records").DataFrame(rows, columns=names)
 
-    def _points(self, branch: int | None) -> list[tuple[int, PointEntry]]:
+    def _points(self, branch: int | None) -> list[tuple[int, Entry]]:
         """Return the points of one branch or of all, with the numbers of their branches."""
         if branch is not None and not (is_number(branch) and branch in self.branches):
             raise ValueError(f"no branch {branch} was recorded, only {sorted(self.branches)}")
         numbers = sorted(self.branches) if branch is None else [branch]
         return [(b, p) for b in numbers for p in self.branches[b].points]
 
-    def _take(self, kind: str, entry: dict[str, Any]) -> None:
+    def _take(self, kind: str, entry: Entry) -> None:
         if kind != "explored":
             self.explored = Explored()
         if kind == "branch":
@@ -438,29 +457,27 @@ class Journal(AnyJournal):
             branch = self.branches[entry.pop("branch")]
             if "status" not in entry:  # as at the previous point
                 entry["status"] = branch.points[-1].status
-            point = made(PointEntry, entry)
-            branch.points.append(point)
+            branch.points.append(entry)
             branch.go_on()
-            if point.ending is not None:
-                branch.end(point.ending, point.reason or "")
+            if entry.ending is not None:
+                branch.end(Ending[entry.ending], entry.reason)
         elif kind == "end":
             branch = self.branches[entry.pop("branch")]
-            end = made(EndEntry, entry)
-            branch.end(end.ending, end.reason)
-            if end.checkpoint is not None:
-                last = branch.points[-1]
-                branch.points[-1] = replace(last, checkpoint=end.checkpoint, sum=end.sum)
+            branch.end(Ending[entry.ending], entry.reason)
+            if entry.checkpoint is not None:
+                branch.points[-1] |= {"checkpoint": entry.checkpoint, "sum": entry.sum}
         elif kind == "node":
             number = entry.pop("node")
-            self.nodes[number : number + 1] = [made(JournalNode, entry)]  # again when it changes
+            self.nodes[number : number + 1] = [entry]  # again when it changes
         elif kind == "edge":
-            self.edges.append(made(JournalEdge, entry))
+            self.edges.append(entry)
         else:
-            self.explored = made(Explored, entry)
+            self.explored = Explored(Ending[entry.ending], entry.reason, entry.complete)
 
 
 _FLOATS = ("gamma", "step", "tau", "norm")
 _COUNTS = ("open", "stick", "slip", "clamped")
+_SPECIAL = ("kind", "smooth", "gamma", "parity", "others", "complete", "bracket", "changes")
 
 
 @dataclass
@@ -495,15 +512,15 @@ class EvolutionJournal(AnyJournal):
     """
 
     kind: ClassVar[str] = "an evolution"
-    states: list[StateEntry[Any]] = field(default_factory=list)
+    states: list[Entry] = field(default_factory=list)
     runs: list[EvolutionRun] = field(default_factory=list)
 
-    def entries(self, branch: int = 0) -> list[StateEntry[Any]]:
+    def entries(self, branch: int = 0) -> list[Entry]:
         if branch != 0:
             raise ValueError(f"{self.kind} has no branches, so no branch {branch}")
         return self.states
 
-    def all_entries(self) -> list[StateEntry[Any]]:
+    def all_entries(self) -> list[Entry]:
         return self.states
 
     def rows(self) -> list[dict[str, Any]]:
@@ -520,20 +537,15 @@ class EvolutionJournal(AnyJournal):
             columns[name] = np.array(values, dtype=None if numbers else object)
         return columns
 
-    def data_at(self, index: int) -> dict[str, Any]:
-        """Return the values of all data at a state, by place; see `manifest.values_of`."""
-        return {place: v for s in self.states[: index + 1] for place, v in s.data.items()}
-
-    def _take(self, kind: str, entry: dict[str, Any]) -> None:
+    def _take(self, kind: str, entry: Entry) -> None:
         if kind == "state":
             if self.states:
                 self.runs[-1].go_on()
-            self.states.append(made(StateEntry, entry))
+            self.states.append(entry)
         elif kind == "run":
             self.runs.append(EvolutionRun(**entry))
         else:
-            end = made(EndEntry, entry)
-            self.runs[-1].end(end.ending, end.reason)
+            self.runs[-1].end(Ending[entry.ending], entry.reason)
 
 
 @dataclass

@@ -16,16 +16,8 @@ from dolfinx_contact.continuation.layout import Layout
 from dolfinx_contact.continuation.points import require_solutions
 from dolfinx_contact.equations.order import Gathered, by_coordinates
 from dolfinx_contact.laws import status
-from dolfinx_contact.records.columns import (
-    ChangeEntry,
-    JournalNode,
-    NodePoint,
-    PointEntry,
-    RayEntry,
-    SpecialEntry,
-)
 from dolfinx_contact.records.functionals import Functional, compiled
-from dolfinx_contact.records.journal import FORMAT, Journal, JournalBranch
+from dolfinx_contact.records.journal import FORMAT, Journal, JournalBranch, reread
 
 if TYPE_CHECKING:
     from dolfinx_contact.parametric import ParametricContact
@@ -70,7 +62,7 @@ class JournalEntries:
 
     def point(
         self, index: int, point: BranchPoint, special: Sequence[SpecialPoint], x_scale: float = 1.0
-    ) -> PointEntry:
+    ) -> dict[str, Any]:
         """Return the entry of a point, which is put into the problem. Collective.
 
         Args:
@@ -86,34 +78,34 @@ class JournalEntries:
         self.put(point)
         self._system.metric(self._x, self._mx)
         square = max(float(self._x.dot(self._mx)), 0.0)
-        return PointEntry(
-            index=index,
-            gamma=point.gamma,
-            step=point.step,
-            corrections=point.corrections,
-            tau=point.tau,
-            status=self._system.letters(point.piece),
-            special=[SpecialEntry(**self._described(s)) for s in special],
-            norm=float(np.sqrt(square / x_scale)) if x_scale else 0.0,
-            functionals=values,
-        )
+        return {
+            "index": index,
+            "gamma": point.gamma,
+            "step": point.step,
+            "corrections": point.corrections,
+            "tau": point.tau,
+            "status": self._system.letters(point.piece),
+            "special": [self._special(s) for s in special],
+            "norm": float(np.sqrt(square / x_scale)) if x_scale else 0.0,
+            "functionals": values,
+        }
 
-    def node(self, node: Node) -> JournalNode:
+    def node(self, node: Node) -> dict[str, Any]:
         """Return the entry of a node of a diagram. Collective."""
         rays = [
-            RayEntry(status=self._system.letters(ray.piece), gamma=self._layout.gamma(ray.tangent))
+            {"status": self._system.letters(ray.piece), "gamma": self._layout.gamma(ray.tangent)}
             for ray in node.rays
         ]
-        point = NodePoint(**self._described(node.point), method=node.point.method)
-        return JournalNode(point=point, rays=rays, edges=list(node.edges))
+        point = self._special(node.point) | {"method": node.point.method}
+        return {"point": point, "rays": rays, "edges": list(node.edges)}
 
     def destroy(self) -> None:
         """Destroy the vectors."""
         self._x.destroy()
         self._mx.destroy()
 
-    def _described(self, s: SpecialPoint) -> dict[str, Any]:
-        """Return the fields of the entry of a special point. Collective."""
+    def _special(self, s: SpecialPoint) -> dict[str, Any]:
+        """Return the entry of a special point. Collective."""
         return {
             "kind": s.kind,
             "smooth": s.smooth,
@@ -125,7 +117,7 @@ class JournalEntries:
             "changes": self._changes(s.changes),
         }
 
-    def _changes(self, changes: Sequence[Change]) -> list[ChangeEntry]:
+    def _changes(self, changes: Sequence[Change]) -> list[dict[str, Any]]:
         """Return the changes of statuses, in the order of coordinates. Collective."""
         if not changes:
             return []
@@ -138,12 +130,12 @@ class JournalEntries:
         letters = [str(letter) for letter in status.letters(x.shape[1])]
         surfaces = [s.name for s in system.problem.surfaces]
         return [
-            ChangeEntry(
-                surface=surfaces[ids[i, 0]],
-                x=x[i].tolist(),
-                before=letters[changes[i].before],
-                after=letters[changes[i].after],
-            )
+            {
+                "surface": surfaces[ids[i, 0]],
+                "x": x[i].tolist(),
+                "before": letters[changes[i].before],
+                "after": letters[changes[i].after],
+            }
             for i in by_coordinates(x, ids)
         ]
 
@@ -191,7 +183,7 @@ def journal_of(
     with system.restored(always=True):
         for number, branch in enumerate(branches):
             points = [
-                entries.point(i, point, [s for s in branch.special if s.index == i])
+                reread(entries.point(i, point, [s for s in branch.special if s.index == i]))
                 for i, point in enumerate(branch.points)
             ]
             journal.branches[number] = JournalBranch(

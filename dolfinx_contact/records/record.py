@@ -18,11 +18,13 @@ from typing import TYPE_CHECKING, Any, Generic, Literal, TypeAlias, TypeVar
 
 from petsc4py import PETSc
 
+import numpy as np
+
 from dolfinx_contact._files import os_error
 from dolfinx_contact._mpi import everywhere, on_root, require, same_everywhere
 from dolfinx_contact.continuation.observer import Observer
-from dolfinx_contact.io.folder import agreed_path, output_folder
-from dolfinx_contact.io.outside import Outside
+from dolfinx_contact.io.files import agreed_path, output_folder
+from dolfinx_contact.io.outside import Outside, flat
 from dolfinx_contact.records.arrays import Arrays, DamagedFile, load, save
 from dolfinx_contact.records.fields import FieldArrays
 from dolfinx_contact.records.journal import (
@@ -157,7 +159,7 @@ class Record(Observer, Generic[J]):
         session = {"time": time.time(), "ranks": self.comm.size, "package": __version__}
         if not self.journal.sessions:
             surface = self._outside.surface()
-            arrays = {} if surface is None else surface.arrays()
+            arrays = {} if surface is None else flat(vars(surface))
             session["outer_surface"] = self._save(outer_surface_file(self.folder), arrays)
         self._append({"type": "session", **session})
 
@@ -195,7 +197,10 @@ class Record(Observer, Generic[J]):
         if not self._shows:
             return {}
         state = self._outside.state(law)
-        arrays = {} if state is None else state.arrays()
+        arrays: Arrays = {}
+        if state is not None:  # double precision where values are differences of coordinates
+            single = {name: getattr(state, name).astype(np.float32) for name in ("u", "strain")}
+            arrays = flat(vars(state) | single)
         return {"surface": name, "surface_sum": self._save(surface_file(self.folder, name), arrays)}
 
     def _save(self, file: Path, arrays: Arrays) -> str:

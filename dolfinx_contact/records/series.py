@@ -8,18 +8,13 @@ not leave an incomplete series.
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 from dolfinx import fem
 
 from dolfinx_contact._mpi import same_everywhere
-from dolfinx_contact.io.disk import aside
-from dolfinx_contact.io.fields import Face, faces, state_fields
-from dolfinx_contact.io.folder import output_folder
-from dolfinx_contact.io.script import write_script
-from dolfinx_contact.io.writers import FieldSeries, FieldsOfFile, Format, checked_format
+from dolfinx_contact.io.fields import StateFields
+from dolfinx_contact.io.writers import Format, Writer
 from dolfinx_contact.records.branch_record import BranchRecord
 
 __all__ = ["write_series"]
@@ -59,43 +54,28 @@ def write_series(
         ValueError: on every rank, if the branch has no checkpoints, they are damaged, the format
             cannot be written, or arguments differ between ranks.
     """
-    problem = record.system.problem
-    comm = record.comm
-    same_everywhere(comm, branch=branch)
+    system = record.system
+    same_everywhere(record.comm, branch=branch)
     known = record.journal.branches.get(branch)
     kept = known.kept if known else []
     if not kept:
         raise ValueError(f"no fields of branch {branch} were kept in {record.folder}")
-    kind = checked_format(comm, format)
-    path = output_folder(comm, folder)
-    on_faces = faces(problem)
-    with aside(comm, path, "write_series") as part:
-        written = FieldSeries(part, path, kind)
-        try:
-            for index in kept:
-                written.write(float(index), _fields(record, on_faces, branch, index))
-        finally:
-            written.close()
-        write_script(comm, part, path)
-    return written.files
-
-
-def _fields(
-    record: BranchRecord, on_faces: Sequence[Face], branch: int, index: int
-) -> list[FieldsOfFile]:
-    """Return the fields of all files at a recorded point, on faces with gamma. Collective."""
-    system = record.system
-    point, _ = record.state(branch, index)
-    x = system.create_vector()
-    x.array[:] = point.y.array_r[: x.getLocalSize()]
-    system.put(x, point.gamma, point.piece)
-    for v in (x, point.y, point.tangent):
-        v.destroy()
-    body, *others = state_fields(system.problem, on_faces, prefix=f"branch_{branch:04d}_")
-    found = [body]
-    for fields in others:
-        pressure = next(f for f in fields.functions if f.name == "pressure")
-        gamma = fem.Function(pressure.function_space, name="gamma")
-        gamma.x.array[:] = point.gamma
-        found.append(replace(fields, functions=[*fields.functions, gamma]))
-    return found
+    prefix = f"branch_{branch:04d}_"
+    fields = StateFields(system.problem, prefix=prefix)
+    with Writer(record.comm, folder, format, prefix) as writer:
+        for index in kept:
+            point, _ = record.state(branch, index)
+            x = system.create_vector()
+            x.array[:] = point.y.array_r[: x.getLocalSize()]
+            system.put(x, point.gamma, point.piece)
+            shown = fields.at(system.problem)
+            for stem, functions in shown.items():
+                if "contact" in stem:
+                    W = next(f for f in functions if f.name == "pressure").function_space
+                    gamma = fem.Function(W, name="gamma")
+                    gamma.x.array[:] = point.gamma
+                    functions.append(gamma)
+            writer.write(float(index), shown)
+            for v in (x, point.y, point.tangent):
+                v.destroy()
+    return writer.files

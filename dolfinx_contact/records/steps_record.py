@@ -10,7 +10,6 @@ again and not recorded again.
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -22,15 +21,12 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
-import ufl
-
 from dolfinx_contact._mpi import everywhere, require, same_everywhere
 from dolfinx_contact.continuation.branch import BranchPoint
 from dolfinx_contact.continuation.ending import Ending, Ends
 from dolfinx_contact.continuation.layout import Layout
 from dolfinx_contact.continuation.observer import ObserverLike, Stop
 from dolfinx_contact.continuation.parameters import StepControl
-from dolfinx_contact.equations.data import Datum
 from dolfinx_contact.equations.state import State
 from dolfinx_contact.evolution import (
     ArcLength,
@@ -38,29 +34,21 @@ from dolfinx_contact.evolution import (
     History,
     NoContinuation,
     PathHistory,
-    PathStep,
 )
-from dolfinx_contact.evolution.evolution import Evolution
-from dolfinx_contact.evolution.path import PathState, PathTask, begun
+from dolfinx_contact.evolution.evolution import Evolution, Runnable
+from dolfinx_contact.evolution.path import Known, PathState, PathTask, begun
 from dolfinx_contact.evolution.run import Listeners, RunState
 from dolfinx_contact.evolution.step import AcceptedState
-from dolfinx_contact.evolution.through_times import Accept, HistoryTask
-from dolfinx_contact.io.folder import output_folder
-from dolfinx_contact.io.table import write_contact_table
-from dolfinx_contact.parametric import ParametricContact
-from dolfinx_contact.problem import ContactProblem
-from dolfinx_contact.records.arrays import Arrays
-from dolfinx_contact.records.columns import (
-    Arrived,
-    EndEntry,
-    GoesOn,
-    HistoryGoesOn,
-    PathGoesOn,
-    StateEntry,
+from dolfinx_contact.evolution.through_times import HistoryTask
+from dolfinx_contact.points.memory import Memory
+from dolfinx_contact.records.fields import PointArrays
+from dolfinx_contact.records.journal import (
+    Entry,
+    EvolutionJournal,
+    EvolutionRun,
+    PathJournal,
     plain,
 )
-from dolfinx_contact.records.fields import PointArrays
-from dolfinx_contact.records.journal import EvolutionJournal, EvolutionRun, PathJournal
 from dolfinx_contact.records.manifest import data_restored, manifest_of, values_of
 from dolfinx_contact.records.record import Record, Resume
 
@@ -68,23 +56,20 @@ __all__ = ["EvolutionRecord", "PathRecord", "StepsRecord"]
 
 J = TypeVar("J", bound=EvolutionJournal)
 S = TypeVar("S", bound=RunState)
+H = TypeVar("H", bound=History)
 
 _WITHOUT_CONTINUATION = (Ending.NO_SOLUTION, Ending.NOT_FOUND, Ending.NOT_SOLVED)
 
 
-class StepsRecord(Record[J], Generic[J, S]):
+class StepsRecord(Record[J], Generic[J, S, H]):
     """A record of runs, step by step. Collective, as a context.
 
     Args:
         folder: folder of the record, created if necessary.
-        system: the contact problem, or the problem with its load.
+        runs: evolution or path whose runs are recorded.
         kind: class of the journal.
-        method: words for the method of the runs and its parameters.
         surface_displacement: see `EvolutionRecord`, also for the following argument.
         resume: whether a record is continued.
-        data: further Functions and Constants, with their places.
-        forms: further forms, by name.
-        driven: expressions by which a load drives Dirichlet data.
 
     Attributes:
         journal: content of the journal, on every rank.
@@ -100,28 +85,25 @@ class StepsRecord(Record[J], Generic[J, S]):
     def __init__(
         self,
         folder: str | os.PathLike[str],
-        system: ContactProblem | ParametricContact,
+        runs: Runnable[Any, S, H],
         kind: type[J],
         *,
         surface_displacement: bool,
         resume: Resume,
-        method: Sequence[str] = (),
-        data: Sequence[Datum] = (),
-        forms: Mapping[str, ufl.Form] | None = None,
-        driven: Sequence[Any] = (),
     ):
-        problem = system if isinstance(system, ContactProblem) else system.problem
+        problem = runs.problem
         super().__init__(
             folder, problem, kind, surface_displacement=surface_displacement, resume=resume
         )
-        self._system = system
-        self._more_data = data
+        self._runs = runs
         self._points = PointArrays(problem)
         self._index = -1  # number of the state where the runs are
         self._last: AcceptedState | None = None  # that state
         self._resumed_state: S | None = None  # state from which a recorded run continues
         try:
-            now = manifest_of(problem, method=method, forms=forms, driven=driven)
+            forms = {f"the form {i} of the motion": f for i, f in enumerate(runs.forms, 1)}
+            more = dict(method=runs.method, forms=forms, driven=runs.driven)
+            now = manifest_of(problem, **more)
             if self.journal.header:
                 self._require_same(self.journal.header, now)
             if self.journal.states:
@@ -131,19 +113,18 @@ class StepsRecord(Record[J], Generic[J, S]):
             self.close()
             raise
 
-    def _require_load(self, state: StateEntry[Any]) -> None:
+    def _require_load(self, state: Entry) -> None:
         """Require the recorded data under the load of a state. Collective."""
         at = f"{self._along} {state.time:.10g}"
-        with self.looking():
+        with self._looking():
             with everywhere(self.comm, f"the load at {at}"):
                 self._load(state)
-            now = values_of(self.problem, more=self._more_data)
-        recorded = self.journal.data_at(state.index)
-        self._require_same({"values": recorded}, {"values": now}, f" at {at}")
+            now = values_of(self.problem, more=self._runs.data)
+        self._require_same({"values": state.data}, {"values": now}, f" at {at}")
 
     # -- differences between histories and paths -------------------------------------------------
 
-    def _load(self, state: StateEntry[Any]) -> None:
+    def _load(self, state: Entry) -> None:
         """Put the load of a state into the data of the problem. Collective."""
         raise NotImplementedError
 
@@ -155,25 +136,40 @@ class StepsRecord(Record[J], Generic[J, S]):
         """
         raise NotImplementedError
 
-    def _goes_on(self, run_state: S, common: dict[str, Any]) -> GoesOn:
-        """Return the entry for the continuation of a run. Collective.
-
-        Args:
-            run_state: state of the run.
-            common: fields of the entry that all runs have.
-        """
-        raise NotImplementedError
-
-    def _recalled(
-        self, state: StateEntry[Any], vectors: Mapping[str, PETSc.Vec], arrays: Arrays
-    ) -> S:
-        """Return the state of a run at a recorded state, which is in the problem. Collective.
+    def _put_more(self, state: Entry, vectors: Mapping[str, PETSc.Vec]) -> None:
+        """Put the items of `_more` into the problem. Collective.
 
         Args:
             state: entry of the state.
             vectors: vectors of its checkpoint, by name.
-            arrays: arrays at the points of its checkpoint.
         """
+
+    def _goes_on(self, run_state: S) -> dict[str, Any]:
+        """Return further items with which a run continues. Collective."""
+        raise NotImplementedError
+
+    def _recalled(
+        self, state: Entry, accepted: AcceptedState, vectors: Mapping[str, PETSc.Vec]
+    ) -> S:
+        """Return the state of a run at a recorded state. Collective.
+
+        Args:
+            state: entry of the state.
+            accepted: the state, which is in the problem.
+            vectors: vectors of its checkpoint, by name.
+        """
+        raise NotImplementedError
+
+    def _task(self, words: Mapping[str, Any]) -> Any:
+        """Return the task of a recorded run."""
+        raise NotImplementedError
+
+    def _continued(self, run: EvolutionRun, task: Any, run_state: S) -> S:
+        """Return the state from which a run continues; `self._index` is its number."""
+        raise NotImplementedError
+
+    def _history(self, run_state: S) -> H:
+        """Return an empty history that begins at a state."""
         raise NotImplementedError
 
     # -- recording -------------------------------------------------------------------------------
@@ -223,8 +219,7 @@ class StepsRecord(Record[J], Generic[J, S]):
         """Record the end of a run. Collective."""
         if ended.ending is None or self._index < len(self.journal.states) - 1:
             return  # more was recorded before, after which this is not the end
-        end = EndEntry(ending=ended.ending, reason=ended.reason)
-        self._append({"type": "end", **plain(end)})
+        self._append({"type": "end", "ending": ended.ending, "reason": ended.reason})
 
     def _write_state(self, run_state: S, letters: str, row: dict[str, Any] | None = None) -> None:
         """Record a state, which is in the problem. Collective.
@@ -237,8 +232,7 @@ class StepsRecord(Record[J], Generic[J, S]):
         accepted = run_state.accepted
         index = self._index + 1
         name = f"state_{index:06d}"
-        values = values_of(self.problem, more=self._more_data)
-        before = self.journal.data_at(index - 1)
+        values = values_of(self.problem, more=self._runs.data)
         square = self.comm.allreduce(float(np.dot(accepted.unknowns, accepted.unknowns)))
         common = {k: getattr(run_state, k) for k in ("number", "length", "settled")}
         common |= {"ending": run_state.ending, "reason": run_state.reason}
@@ -249,19 +243,21 @@ class StepsRecord(Record[J], Generic[J, S]):
         for x in vectors.values():
             x.destroy()
         keys |= self._write_surface(name, self.problem.with_memory(accepted.state.previous))
-        entry = StateEntry(
-            index=index,
-            time=accepted.time,
-            status=letters,
-            size=float(np.sqrt(square)),
-            energies=asdict(accepted.energies),
-            data={place: v for place, v in values.items() if before.get(place) != v},
-            row=row,
-            first=accepted.statuses is None,
-            run=self._goes_on(run_state, common),
-            **keys,
+        self._append(
+            {
+                "type": "state",
+                "index": index,
+                "time": accepted.time,
+                "status": letters,
+                "size": float(np.sqrt(square)),
+                "energies": asdict(accepted.energies),
+                "data": values,
+                "row": row,
+                "first": accepted.statuses is None,
+                "run": common | self._goes_on(run_state),
+                **keys,
+            }
         )
-        self._append({"type": "state", **plain(entry)})
         self._index = index
         self._last = accepted
 
@@ -311,37 +307,55 @@ class StepsRecord(Record[J], Generic[J, S]):
         vectors = self._vectors()
         arrays = self._read_fields(state.checkpoint, state.sum, vectors)
         self.problem.put(vectors["x"], self._points.statuses(arrays))
-        run_state = self._recalled(state, vectors, arrays)
+        self._put_more(state, vectors)
+        energies = self._runs.account(**state.energies)
+        memory = self._points.memory(arrays)
+        stepper = self._runs.stepper(None)
+        accepted = stepper.recalled(state.time, memory, energies, first=state.first)
+        run_state = self._recalled(state, accepted, vectors)
         for x in vectors.values():
             x.destroy()
         return run_state
 
-    # -- showing ---------------------------------------------------------------------------------
+    def go_on(
+        self,
+        *,
+        stop: Stop[Any] | None = None,
+        observer: ObserverLike[Any] | None = None,
+        progress: bool | None = None,
+    ) -> H:
+        """Continue the last run with its recorded task. Collective.
 
-    def show(self, index: int) -> ContactProblem:
-        """Put a recorded state into the problem, for tables, fields and pictures. Collective.
-
-        Runs are not affected: the next run puts its own state back.
+        A run that has ended stays as it is. The evolution is then at the end of the record, and
+        another ``run`` may continue with ``record=`` this record.
 
         Args:
-            index: number of the step, 0 for the start.
+            stop: the same stop condition as at the beginning, if there was one.
+            observer: called with the computed steps, after the record.
+            progress: see `QuasiStatic.run`.
 
         Returns:
-            The problem under the law of the step, for evaluations such as `ContactProblem.table`.
+            The computed steps; the journal has all.
 
         Raises:
-            ValueError: on every rank, if there is no such step, or it is damaged.
+            NoContinuation: as `QuasiStatic.run`.
+            ValueError: on every rank, if no run was recorded, or its checkpoints are damaged.
         """
-        same_everywhere(self.comm, index=index)
-        last = len(self.journal.states) - 1
-        valid = isinstance(index, int | np.integer) and 0 <= index <= last
-        require(self.comm, valid, f"steps 0 to {last} are recorded, not {index}")
-        if index == 0:
-            self._run_state(0)
-            return self.problem
-        before = self._run_state(index - 1).accepted
-        step = self._run_state(index).accepted.time - before.time
-        return self.problem.step_from(before.state, step=step)
+        run = self._last_run()
+        run_state = self._stand_in_run(run)
+        task = self._task(run.task)
+        if run.ending is not None:
+            self._runs.put(run_state)
+            history = self._history(run_state)
+            history.end(run.ending, run.reason)
+            if run.ending in _WITHOUT_CONTINUATION and getattr(task, "at_jump", "stop") != "stop":
+                raise NoContinuation(run.reason, history)
+            return history
+        self._resumed_state = self._continued(run, task, run_state)
+        listeners = Listeners(stop, observer, self, progress)
+        return self._runs.go_on(task, self._resumed_state, listeners)
+
+    # -- states ----------------------------------------------------------------------------------
 
     def state(self, index: int) -> State:
         """Return a recorded state, for evaluators and ``run(..., start=)``. Collective.
@@ -354,38 +368,27 @@ class StepsRecord(Record[J], Generic[J, S]):
         Raises:
             ValueError: on every rank, if there is no such step, or it is damaged.
         """
-        with self.looking():
-            law = self.show(index)
-            state = self._run_state(index).accepted.state
-        previous = law.equations.memory if index else [None] * len(state.memory)
-        return replace(state, previous=tuple(previous))
+        same_everywhere(self.comm, index=index)
+        last = len(self.journal.states) - 1
+        valid = isinstance(index, int | np.integer) and 0 <= index <= last
+        require(self.comm, valid, f"steps 0 to {last} are recorded, not {index}")
+        with self._looking():
+            after = self._run_state(index).accepted
+            previous: list[Memory | None] = [None] * len(after.memory)
+            if index > 0:
+                before = self._run_state(index - 1).accepted
+                previous = [m.later(after.time - before.time) for m in before.memory]
+        return replace(after.state, previous=tuple(previous))
 
     @contextmanager
-    def looking(self) -> Iterator[None]:
+    def _looking(self) -> Iterator[None]:
         """Restore the state and the data of the problem at the end. Collective."""
-        with data_restored(self.problem), self._system.restored(always=True):
+        system = getattr(self._runs, "parametric", self.problem)
+        with data_restored(self.problem), system.restored(always=True):
             yield
 
-    def write_contact(self, folder: str | os.PathLike[str], index: int) -> None:
-        """Write the contact points of a recorded state, ``folder/contact.csv``. Collective.
 
-        The problem stays as it is.
-
-        Args:
-            folder: folder of the file, created if necessary.
-            index: number of the step, 0 for the start.
-
-        Raises:
-            OSError: on every rank, with the path, if it cannot be written.
-            ValueError: on every rank, if there is no such step, or it is damaged.
-        """
-        with self.looking():
-            shown = self.show(index)
-            tables = [shown.table(s) for s in self.problem.surfaces]
-        write_contact_table(self.comm, output_folder(self.comm, folder), tables)
-
-
-class EvolutionRecord(StepsRecord[EvolutionJournal, RunState]):
+class EvolutionRecord(StepsRecord[EvolutionJournal, RunState, History]):
     """A record of the runs of an evolution in a folder. Collective.
 
     While the record is open no other process can write to it; ranks that outlive a killed
@@ -401,7 +404,7 @@ class EvolutionRecord(StepsRecord[EvolutionJournal, RunState]):
         folder: folder of the record, created if necessary.
         evolution: evolution whose runs are recorded.
         surface_displacement: whether the displacement of the outer surface is recorded at every
-            step, in single precision, for `plot.draw_record`. A resumed record continues as it
+            step, in single precision, for the explorer. A resumed record continues as it
             began.
         resume: True to continue an existing record, False to begin a new one, "if_exists" for
             either.
@@ -445,89 +448,49 @@ class EvolutionRecord(StepsRecord[EvolutionJournal, RunState]):
         self.evolution = evolution
         super().__init__(
             folder,
-            evolution.problem,
+            evolution,
             EvolutionJournal,
             surface_displacement=surface_displacement,
             resume=resume,
-            method=evolution.method,
-            data=evolution.data,
-            forms={f"the form {i} of the motion": f for i, f in enumerate(evolution.forms, 1)},
         )
 
-    def _load(self, state: StateEntry[HistoryGoesOn]) -> None:
+    def _load(self, state: Entry) -> None:
         self.evolution.load(state.time)
 
     def _more(self, run_state: RunState | None) -> Mapping[str, npt.ArrayLike]:
         n = self.problem.equations.owned_sizes[0]
         return {name: f.x.array[:n] for name, f in self.evolution.kept.items()}
 
-    def _goes_on(self, run_state: RunState, common: dict[str, Any]) -> HistoryGoesOn:
-        rate = None if run_state.rate is None else [float(r) for r in run_state.rate]
-        return HistoryGoesOn(rate=rate, **common)
+    def _goes_on(self, run_state: RunState) -> dict[str, Any]:
+        return {"rate": None if run_state.rate is None else run_state.rate.tolist()}
 
-    def _recalled(
-        self,
-        state: StateEntry[HistoryGoesOn],
-        vectors: Mapping[str, PETSc.Vec],
-        arrays: Arrays,
-    ) -> RunState:
+    def _put_more(self, state: Entry, vectors: Mapping[str, PETSc.Vec]) -> None:
         n = self.problem.equations.owned_sizes[0]
         for name, f in self.evolution.kept.items():
             f.x.array[:n] = vectors[name].array_r[:n]
             f.x.scatter_forward()
-        memory = self._points.memory(arrays)
-        energies = self.evolution.account(**state.energies)
-        accepted = self.evolution.recalled(state.time, memory, energies, first=state.first)
+
+    def _recalled(
+        self, state: Entry, accepted: AcceptedState, vectors: Mapping[str, PETSc.Vec]
+    ) -> RunState:
         run = state.run
         rate = None if run.rate is None else np.array(run.rate)
-        return RunState(
-            accepted, run.length, rate, run.number, ending=run.ending, reason=run.reason
-        )
+        ending = None if run.ending is None else Ending[run.ending]
+        return RunState(accepted, run.length, rate, run.number, ending=ending, reason=run.reason)
 
-    def go_on(
-        self,
-        *,
-        accept: Accept | None = None,
-        stop: Stop[EvolutionStep] | None = None,
-        observer: ObserverLike[EvolutionStep] | None = None,
-        progress: bool | None = None,
-    ) -> History:
-        """Continue the last run with its recorded task. Collective.
+    def _task(self, words: Mapping[str, Any]) -> HistoryTask:
+        return HistoryTask(**{**words, "times": tuple(words["times"])})
 
-        A run that has ended stays as it is. The evolution is then at the end of the record, and
-        another ``run`` may continue with ``record=`` this record.
+    def _continued(self, run: EvolutionRun, task: HistoryTask, run_state: RunState) -> RunState:
+        if self._index > run.after:
+            return run_state
+        return replace(run_state, length=task.longest, ending=None, reason="")
 
-        Args:
-            accept: the same acceptance condition as at the beginning, if there was one.
-            stop: the same stop condition as at the beginning, if there was one.
-            observer: called with the computed steps, after the record.
-            progress: see `QuasiStatic.run`.
-
-        Returns:
-            The computed steps; the journal has all.
-
-        Raises:
-            NoContinuation: as `QuasiStatic.run`.
-            ValueError: on every rank, if no run was recorded, or its checkpoints are damaged.
-        """
-        run = self._last_run()
-        run_state = self._stand_in_run(run)
-        if run.ending is not None:
-            self.evolution.put(replace(run_state, length=math.inf))
-            history = History(run_state.accepted.time, run_state.accepted.energies)
-            history.end(run.ending, run.reason)
-            if run.ending in _WITHOUT_CONTINUATION and run.task["at_jump"] != "stop":
-                raise NoContinuation(run.reason, history)
-            return history
-        task = HistoryTask(**run.task | {"times": tuple(run.task["times"])})
-        if self._index == run.after:
-            run_state = replace(run_state, length=task.longest, ending=None, reason="")
-        self._resumed_state = run_state
-        listeners = Listeners(accept, stop, observer, self, progress)
-        return self.evolution.go_on(task, run_state, listeners)
+    def _history(self, run_state: RunState) -> History:
+        return History(run_state.accepted.time, run_state.accepted.energies)
 
 
-class PathRecord(StepsRecord[PathJournal, PathState]):
+class PathRecord(StepsRecord[PathJournal, PathState, PathHistory]):
     """A record of the runs of a path by arc length in a folder. Collective.
 
     While the record is open no other process can write to it; ranks that outlive a killed
@@ -577,14 +540,13 @@ class PathRecord(StepsRecord[PathJournal, PathState]):
         self._layout = Layout(path.parametric)
         super().__init__(
             folder,
-            path.parametric,
+            path,
             PathJournal,
             surface_displacement=surface_displacement,
             resume=resume,
-            driven=path.parametric._driven_expressions,
         )
 
-    def _load(self, state: StateEntry[PathGoesOn]) -> None:
+    def _load(self, state: Entry) -> None:
         self.path.parametric._set(state.run.gamma)
 
     def _more(self, run_state: PathState | None) -> Mapping[str, npt.ArrayLike]:
@@ -593,29 +555,26 @@ class PathRecord(StepsRecord[PathJournal, PathState]):
         values = run_state.arrived.tangent.array_r
         return {"tangent": values[: len(values) - int(self._layout.last)]}
 
-    def _goes_on(self, run_state: PathState, common: dict[str, Any]) -> PathGoesOn:
+    def _goes_on(self, run_state: PathState) -> dict[str, Any]:
         point = run_state.arrived
         arrived = None
         if point is not None:
-            arrived = Arrived(
-                tangent=self._layout.gamma(point.tangent),
-                piece=self.path.parametric.letters(point.piece),
-                step=point.step,
-                corrections=point.corrections,
-                tau=point.tau,
-            )
-        return PathGoesOn(gamma=run_state.gamma, arrived=arrived, known=run_state.known, **common)
+            arrived = {
+                "tangent": self._layout.gamma(point.tangent),
+                "piece": self.path.parametric.letters(point.piece),
+                "step": point.step,
+                "corrections": point.corrections,
+                "tau": point.tau,
+            }
+        return {"gamma": run_state.gamma, "arrived": arrived, "known": run_state.known}
+
+    def _put_more(self, state: Entry, vectors: Mapping[str, PETSc.Vec]) -> None:
+        self._load(state)
 
     def _recalled(
-        self,
-        state: StateEntry[PathGoesOn],
-        vectors: Mapping[str, PETSc.Vec],
-        arrays: Arrays,
+        self, state: Entry, accepted: AcceptedState, vectors: Mapping[str, PETSc.Vec]
     ) -> PathState:
         run = state.run
-        energies = self.path.account(**state.energies)
-        memory = self._points.memory(arrays)
-        accepted = self.path.recalled(state.time, run.gamma, memory, energies, first=state.first)
         arrived = None
         if (step := run.arrived) is not None:
             arrived = BranchPoint(
@@ -631,12 +590,26 @@ class PathRecord(StepsRecord[PathJournal, PathState]):
             accepted,
             run.length,
             number=run.number,
-            ending=run.ending,
+            ending=None if run.ending is None else Ending[run.ending],
             reason=run.reason,
             arrived=arrived,
-            known=run.known,
+            known=Known(**run.known),
             passed=(accepted.time,),
         )
+
+    def _task(self, words: Mapping[str, Any]) -> PathTask:
+        low, high = words["gamma_range"]
+        control = StepControl(**words["control"])
+        return PathTask(**{**words, "gamma_range": (low, high), "control": control})
+
+    def _continued(self, run: EvolutionRun, task: PathTask, run_state: PathState) -> PathState:
+        passed = tuple(s.time for s in self.journal.states[run.after : self._index + 1])
+        run_state = replace(run_state, passed=passed)
+        return begun(task, run_state) if self._index == run.after else run_state
+
+    def _history(self, run_state: PathState) -> PathHistory:
+        accepted = run_state.accepted
+        return PathHistory(accepted.time, accepted.energies, gamma=run_state.gamma)
 
     def begin(self, task: PathTask, state: PathState) -> None:
         """Record the beginning of a run; nothing for a run that continues. Collective.
@@ -647,53 +620,6 @@ class PathRecord(StepsRecord[PathJournal, PathState]):
         """
         runs = self.journal.runs
         if runs and runs[-1].ending is None and self._last is None:
-            recorded = plain(_task(runs[-1].task))
+            recorded = plain(self._task(runs[-1].task))
             self._require_same({"task": recorded}, {"task": plain(task)}, " in the task of the run")
         super().begin(task, state)
-
-    def go_on(
-        self,
-        *,
-        stop: Stop[PathStep] | None = None,
-        observer: ObserverLike[PathStep] | None = None,
-        progress: bool | None = None,
-    ) -> PathHistory:
-        """Continue the last run with its recorded task. Collective.
-
-        A run that has ended stays as it is. The path is then at the end of the record, and another
-        ``run`` may continue with ``record=`` this record.
-
-        Args:
-            stop: the same stop condition as at the beginning, if there was one.
-            observer: called with the computed points, after the record.
-            progress: see `ArcLength.run`.
-
-        Returns:
-            The computed points; the journal has all.
-
-        Raises:
-            ValueError: on every rank, if no run was recorded, or its checkpoints are damaged.
-        """
-        run = self._last_run()
-        run_state = self._stand_in_run(run)
-        if run.ending is not None:
-            self.path.put(run_state)
-            history = PathHistory(run_state.accepted.time, run_state.accepted.energies)
-            history.gamma = run_state.gamma
-            history.end(run.ending, run.reason)
-            return history
-        task = _task(run.task)
-        passed = tuple(s.time for s in self.journal.states[run.after : self._index + 1])
-        run_state = replace(run_state, passed=passed)
-        if self._index == run.after:
-            run_state = begun(task, run_state)
-        self._resumed_state = run_state
-        listeners = Listeners(None, stop, observer, self, progress)
-        return self.path.go_on(task, run_state, listeners)
-
-
-def _task(words: Mapping[str, Any]) -> PathTask:
-    """Return the recorded task of a run."""
-    low, high = words["gamma_range"]
-    control = StepControl(**words["control"])
-    return PathTask(**dict(words) | {"gamma_range": (low, high), "control": control})

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from support.bodies import block, floor, table_of, two_blocks
 from support.checks import assert_close
+from support.recorded_run import resume
 
 import ufl
 from dolfinx import fem
@@ -29,7 +30,7 @@ from dolfinx_contact import (
 )
 from dolfinx_contact.continuation import Observer, Observers, StepControl, explore, follow
 from dolfinx_contact.evolution import ArcLength, QuasiStatic
-from dolfinx_contact.records import BranchRecord, read_journal, resume
+from dolfinx_contact.records import BranchRecord, read_journal
 
 COMM = MPI.COMM_WORLD
 

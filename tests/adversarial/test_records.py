@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 from support.bodies import block, floor, two_blocks
 from support.checks import assert_close
+from support.recorded_run import resume
 
 import basix.ufl
 import ufl
@@ -39,7 +40,6 @@ from dolfinx_contact.records import (
     EvolutionRecord,
     PathRecord,
     read_journal,
-    resume,
 )
 
 COMM = MPI.COMM_WORLD

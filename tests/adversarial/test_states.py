@@ -280,19 +280,3 @@ def test_each_question_on_a_mesh_that_moved_is_refused(question):
     }
     with pytest.raises(ValueError, match="the mesh has moved"):
         questions[question]()
-
-
-def test_an_accept_that_never_accepts_ends_the_run():
-    """It would otherwise go on with steps of a millionth of the time."""
-    body, problem = dragged(0.0)
-    problem.solve()
-    asked = []
-
-    def never(*_):
-        asked.append(None)
-        assert len(asked) < 200
-        return False
-
-    evolution = QuasiStatic(problem, lambda t: body.move_top(*slid(t)))
-    with pytest.raises(ValueError, match="accept"):
-        evolution.run([0.0, 1.0], accept=never)

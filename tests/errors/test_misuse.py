@@ -9,6 +9,7 @@ from petsc4py import PETSc
 import numpy as np
 import pytest
 from support.blocks import block, box, facets
+from support.recorded_run import resume
 
 import ufl
 from dolfinx import fem, mesh

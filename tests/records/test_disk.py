@@ -16,12 +16,12 @@ import numpy as np
 import pytest
 from support import recorded_run
 from support.blocks import block
-from support.recorded_run import moved_block, record
+from support.recorded_run import moved_block, record, resume
 
 from dolfinx_contact.continuation import Observer, follow
 from dolfinx_contact.io import write_contact_table, write_fields, write_summary
 from dolfinx_contact.materials import LinearElastic
-from dolfinx_contact.records import BranchRecord, journal_file, read_journal, resume, write_series
+from dolfinx_contact.records import BranchRecord, journal_file, read_journal, write_series
 from dolfinx_contact.records.journal import FILE_NAME
 
 COMM = MPI.COMM_WORLD

@@ -37,8 +37,8 @@ def fields_at(folder, case, index):
     """Displacement and multipliers of a recorded point on this rank."""
     path = made(case, anew=False)
     with PathRecord(folder, path, resume=True) as kept:
-        kept.show(index)
-        return [f.x.array.copy() for f in path.problem.fields]
+        state = kept.state(index)
+        return [state.displacement, *state.multipliers]
 
 
 @pytest.fixture(scope="module")
@@ -70,22 +70,16 @@ def test_the_journal_says_what_was_followed(folder):
         assert [r["step"] for r in journal.kinks] == [s.number for s in history.kinks]
         assert [r["event"] for r in journal.folds] == ["nonsmooth fold", "smooth fold"]
         assert journal.runs[0].reason == "the budget of 16 steps is exhausted"
-        # A point that is shown is the point that was.
+        # The state of a point is that of the run.
         at = history.folds[1]
         standing = path.problem.u.x.array.copy()
-        with kept.looking():
-            kept.show(at.number)
-            assert float(path.parametric.constant.value) == at.gamma
-            found = path.problem.table(path.problem.surfaces[0])
-            same_tables(found, at.result.tables["contact"], 1e-12)
+        state = kept.state(at.number)
+        assert state.gamma == at.gamma
+        found = path.problem.table(path.problem.surfaces[0], state=state)
+        same_tables(found, at.result.tables["contact"], 1e-12)
         np.testing.assert_array_equal(path.problem.u.x.array, standing)
         assert float(path.parametric.constant.value) == history.steps[-1].gamma
-        state = kept.state(at.number)
         np.testing.assert_allclose(state.displacement, at.state.displacement, atol=1e-13)
-        kept.write_contact(folder / "contact", at.number)
-        if COMM.rank == 0:
-            assert (folder / "contact/contact.csv").exists()
-        COMM.barrier()
         # A run that has ended stays as it is, and the next one is on the same record.
         again = kept.go_on()
         assert (again.reason, again.steps) == (history.reason, [])
@@ -217,7 +211,7 @@ def test_what_is_refused(whole, folder):
         with pytest.raises(Stop):
             path.run(gamma_range=(-1.0, 1.0), record=kept, **given)
         with pytest.raises(ValueError, match="steps 0 to 2 are recorded, not 3"):
-            kept.show(3)
+            kept.state(3)
     with PathRecord(folder / "run", made("crack"), resume=True) as kept:
         with pytest.raises(
             ValueError,

@@ -1,29 +1,16 @@
 """Records hold the outer surface of bodies, and can be looked at without the problem."""
 
-import shutil
-import subprocess
-import sys
-
 from mpi4py import MPI
 
 import numpy as np
 import pytest
 from support import recorded_evolution
-from support.recorded_run import moved_block, record
+from support.recorded_run import moved_block, record, resume
 
-from dolfinx_contact import plot
-from dolfinx_contact.records import BranchRecord, EvolutionRecord, read_journal, resume
+from dolfinx_contact.records import BranchRecord, EvolutionRecord, read_journal
 
 COMM = MPI.COMM_WORLD
 KEPT = {"surface_displacement": True}
-#: What a process needs that looks at a record.
-SCRIPT = """
-import sys
-from dolfinx_contact import plot, records
-journal = records.read_journal(sys.argv[1])
-for file in sys.argv[2:]:
-    assert plot.draw_record(file, journal, scale=3.0, title="Block") is not None, file
-"""
 #: Vertices, facets of the boundary (in 2D cells), and facets of the contact face.
 SIZES = {"tri": (25, 32, 4), "quad": (25, 16, 4), "tet": (26, 48, 8), "hex": (26, 24, 4)}
 
@@ -172,30 +159,7 @@ def test_tables_of_contact_points(folder):
                 same_table(found[surface], table)
 
 
-@pytest.mark.long
-@pytest.mark.skipif(COMM.size > 1, reason="starts a process of its own")
-@pytest.mark.parametrize("cell", ["tri", pytest.param("hex", marks=pytest.mark.long)])
-@pytest.mark.verifies(
-    "pictures",
-    reference="itself: pictures in a process without the problem",
-    aspects=(
-        "2D",
-        "3D",
-        "records",
-    ),
-)
-def test_drawn_without_the_problem(cell, folder):
-    record(*moved_block(COMM, cell=cell, n=2, degree=2), folder / "record", max_steps=2, **KEPT)
-    moved = folder / "elsewhere"
-    shutil.move(folder / "record", moved)
-    shutil.rmtree(moved / "checkpoints")
-    files = [folder / "last.png", folder / "all.gif"]
-    subprocess.run([sys.executable, "-c", SCRIPT, moved, *files], check=True)
-    for file in files:
-        assert file.stat().st_size > 3000
-
-
-def test_what_cannot_be_drawn(folder):
+def test_surfaces_that_cannot_be_read(folder):
     system, functionals = moved_block(COMM)
     record(system, functionals, folder / "none", max_steps=2)
     record(system, functionals, folder / "all", max_steps=2, **KEPT)
@@ -203,28 +167,12 @@ def test_what_cannot_be_drawn(folder):
     assert len(none.surface().cells) == 16
     assert not (folder / "none" / "surface").exists()
     with pytest.raises(ValueError, match="record with surface_displacement=True"):
-        plot.draw_record(folder / "a.png", none)
-    with pytest.raises(ValueError, match="no displacement was recorded at point 1"):
-        plot.draw_record(folder / "a.png", none, points=[1])
+        none.surface_at(1)
     journal = read_journal(folder / "all")
-    for options, message in [
-        ({"points": [3]}, "points 0 to 2 are recorded, not 3"),
-        ({"points": [0, 1]}, "a picture shows one point, not 2"),
-        ({"points": []}, "points are none: there are no states"),
-        ({"points": "1"}, "'str' object cannot be interpreted as an integer"),
-        ({"points": 1}, "'int' object is not iterable"),
-        ({"points": [1.0]}, "'float' object cannot be interpreted as an integer"),
-        ({"points": [-1]}, "points 0 to 2 are recorded, not -1"),
-        ({"branch": 5}, "no branch 5 was recorded"),
-        ({"branch": [0]}, r"no branch \[0\] was recorded"),
-        ({"scale": np.nan}, "must be a finite number"),
-    ]:
-        with pytest.raises((ValueError, TypeError), match=message):
-            plot.draw_record(folder / "a.png", journal, **options)
-    with pytest.raises(ValueError, match=r"animations are .gif or .mp4, not a.bmp"):
-        plot.draw_record(folder / "a.bmp", journal)
-    with pytest.raises(ValueError, match=r"must be one of records\.read_journal, got str"):
-        plot.draw_record(folder / "a.png", str(folder / "all"))
+    with pytest.raises(ValueError, match="points 0 to 2 are recorded, not 3"):
+        journal.surface_at(3)
+    with pytest.raises(ValueError, match="no branch 5 was recorded"):
+        journal.surface_at(0, 5)
     COMM.barrier()
     if COMM.rank == 0:
         file = folder / "all" / "surface" / "branch_0000_point_000001.npz"

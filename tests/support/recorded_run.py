@@ -14,7 +14,7 @@ from dolfinx import fem
 from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, ParametricContact
 from dolfinx_contact.continuation import StepControl, follow
 from dolfinx_contact.materials import NeoHookean
-from dolfinx_contact.records import BranchRecord, resume
+from dolfinx_contact.records import BranchRecord
 from support.blocks import box, facets
 
 CONTROL = StepControl(initial=0.01, maximum=0.01)
@@ -78,6 +78,12 @@ def record_in(kept, **options):
         record=kept,
         **options,
     )
+
+
+def resume(folder, system, functionals=None, *, branch=0, every=10, **options):
+    """Continue a recorded branch."""
+    with BranchRecord(folder, system, functionals, every=every, resume=True) as kept:
+        return kept.go_on(branch, **options)
 
 
 def main():

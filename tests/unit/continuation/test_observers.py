@@ -7,13 +7,12 @@ import pytest
 from cases._triangle import linear_triangle
 from support import recorded_evolution, recorded_path
 from support.driven_blocks import driven_block
-from support.recorded_run import CONTROL, moved_block, start
+from support.recorded_run import CONTROL, moved_block, resume, start
 
 from dolfinx_contact.continuation import Observer, explore, follow
 from dolfinx_contact.records import (
     BranchRecord,
     PathRecord,
-    resume,
 )
 
 COMM = MPI.COMM_WORLD

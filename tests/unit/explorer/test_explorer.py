@@ -43,8 +43,7 @@ from dolfinx_contact.records import (
     read_journal,
     total,
 )
-from dolfinx_contact.records.columns import PointEntry
-from dolfinx_contact.records.journal import FILE_NAME, JournalBranch
+from dolfinx_contact.records.journal import FILE_NAME, Entry, JournalBranch
 
 pytest.importorskip("plotly", reason="plotly is not installed")
 COMM = MPI.COMM_WORLD
@@ -330,7 +329,7 @@ def plain_journal(gamma, functionals=None, reason=""):
     """A journal in memory: one branch of a single sliding point, with functionals by name."""
     known = functionals or {}
     points = [
-        PointEntry(index=i, gamma=float(g), step=0.1, corrections=1, tau=1.0, status="k", norm=1.0,
+        Entry(index=i, gamma=float(g), step=0.1, corrections=1, tau=1.0, status="k", norm=1.0,
                    special=[], functionals={k: float(v[i]) for k, v in known.items()})
         for i, g in enumerate(gamma)
     ]  # fmt: skip

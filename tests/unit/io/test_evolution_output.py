@@ -6,10 +6,11 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
+from support.blocks import same_tables
 from support.pictures import number_of_colours
 from support.recorded_evolution import pair
 
-from dolfinx_contact import io, plot, records
+from dolfinx_contact import plot, records
 from dolfinx_contact.io import EvolutionSeries
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.records import EvolutionRecord
@@ -114,7 +115,7 @@ def test_numbers_in_a_record(folder):
     ),
 )
 def test_tables_of_any_step(folder):
-    """In one call, and bit by bit what the step had; the problem stays where it is."""
+    """They are those that the step had; the problem stays as it is."""
     evolution = pair(COMM, n=2)
     problem = evolution.problem
     with EvolutionRecord(folder / "record", evolution) as record:
@@ -122,22 +123,15 @@ def test_tables_of_any_step(folder):
         before = [f.x.array.copy() for f in problem.fields]
         now = problem.table(problem.surfaces[0])
         for step in (history.steps[1], history.steps[-1]):
-            record.write_contact(folder / "found", step.number)
-            io.write_contact_table(COMM, folder, step.result.tables.values())
-            found, wanted = (lines(path / "contact.csv") for path in (folder / "found", folder))
-            assert found[0] == wanted[0]
-            for a, b in zip(found[1:], wanted[1:], strict=True):
-                a, b = (row.split(",") for row in (a, b))
-                assert (a[0], a[16]) == (b[0], b[16])
-                numbers = ([float(v) for v in row[1:16] + row[17:]] for row in (a, b))
-                np.testing.assert_allclose(*numbers, rtol=1e-10, atol=1e-12)
+            found = problem.table(problem.surfaces[0], state=record.state(step.number))
+            same_tables(found, step.result.tables["contact"], 1e-10)
         for values, f in zip(before, problem.fields, strict=True):
             np.testing.assert_array_equal(values, f.x.array)
         assert problem.table(problem.surfaces[0]).status == now.status
         assert evolution.run([3.0, 4.0], record=record).complete
         for bad in (-1, 99, 1.5, None):
             with pytest.raises(ValueError, match="are recorded, not"):
-                record.write_contact(folder, bad)
+                record.state(bad)
 
 
 @pytest.fixture(scope="module")
@@ -171,15 +165,16 @@ def test_an_animation(folder, recorded):
     stress = {
         tag: LinearElastic.from_young(E, 0.3).full_stress(problem.u) for tag, E in bodies.items()
     }
-    look = dict(stress=stress, scale=5.0, rate=5.0, steps=[1, len(recorded.journal.states) - 1])
-    file = plot.animate(folder / "blocks.gif", recorded, **look)
+    look = dict(stress=stress, scale=5.0, rate=5.0)
+    states = [recorded.state(k) for k in (1, len(recorded.journal.states) - 1)]
+    file = plot.film(folder / "blocks.gif", problem, states, **look)
     assert file == folder / "blocks.gif"
     np.testing.assert_array_equal(problem.u.x.array, before)
     with Image.open(file) as animation:
         seen = [np.asarray(f.convert("RGB"), int) for f in ImageSequence.Iterator(animation)]
         assert animation.info["duration"] == 200
     assert len(seen) == 2
-    plot.animate(folder / "blocks.mp4", recorded, **look)
+    plot.film(folder / "blocks.mp4", problem, states, **look)
     assert imageio.get_reader(folder / "blocks.mp4").count_frames() == 2
     for a, b in itertools.pairwise(seen):
         assert a.shape == b.shape
