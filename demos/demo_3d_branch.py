@@ -105,7 +105,7 @@ say(f"shear over normal force at the end {F:.4f}; the friction coefficient is {f
 folder = io.output_folder(comm, "output/3d_branch")
 if comm.rank == 0:
     labels = {"sum_rn": "normal force", "sum_rt": "tangential force"}
-    plot.draw_diagram(folder / "branch.png", journal, labels, counts=True)
+    plot.draw_diagram(folder / "branch.png", journal, labels)
 partial_slip = branch.points[(along["stick"] * along["slip"]).argmax()]
 system.result_at(partial_slip)
 title = f"gamma = {partial_slip.gamma:.3f}"

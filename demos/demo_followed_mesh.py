@@ -84,7 +84,9 @@ with records.BranchRecord(folder / "record", system, outputs, every=1) as record
     branch = follow(system, x, 0.0, gamma_range=(0.0, 1.0), record=record)
     journal = record.journal
 say = io.Report(comm)
-say.branch(journal)
+for s in branch.special:
+    say(f"{s.kind:11s} gamma {s.gamma:.12f}")
+say(f"{len(branch.points)} points: {branch.reason}")
 
 # ## All solutions of the branch at one load
 #

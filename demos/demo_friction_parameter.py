@@ -102,5 +102,5 @@ folder = io.output_folder(MPI.COMM_WORLD, "output/friction_parameter")
 if MPI.COMM_WORLD.rank == 0:
     journal = records.journal_of(system, [branch], {"ut_A": leftmost("ut")})
     title = "One solution, three, and one again"
-    labels = dict(title=title, parameter="friction coefficient F", label="$u_t$ of A")
-    plot.draw_diagram(folder / "branch.png", journal, "ut_A", **labels)
+    words = dict(title=title, parameter="friction coefficient F")
+    plot.draw_diagram(folder / "branch.png", journal, {"ut_A": "$u_t$ of A"}, **words)

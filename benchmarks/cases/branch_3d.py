@@ -95,7 +95,7 @@ def draw(folder, comm, system, material, branch, journal):
     plot.picture_of_body(folder / "body.png", problem, stress=stress)
     if comm.rank == 0:
         labels = {"sum_rn": "normal force", "sum_rt": "tangential force"}
-        plot.draw_diagram(folder / "branch.png", journal, labels, counts=True)
+        plot.draw_diagram(folder / "branch.png", journal, labels)
 
 
 # Follow it.

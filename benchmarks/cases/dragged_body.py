@@ -116,7 +116,7 @@ def main(argv=None):
     summary = io.write_summary(comm, folder, result.summary())
     others = ("body.png", "contact.png", "paraview.py", "contact.csv", "summary.json")
     files += [folder / name for name in others]
-    say.files(files)
+    say("files: " + ", ".join(map(str, files)))
     return summary
 
 

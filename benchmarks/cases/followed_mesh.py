@@ -146,7 +146,7 @@ def main(argv=None):
     summary = branch.summary() | journal.summary()
     summary["dofs"] = x.getSize()
     summary["augmentation"] = body.problem.surfaces[0].points.mean_augmentation
-    io.Report(comm).branch(journal)
+    io.Report(comm)(f"{len(branch.points)} points: {branch.reason}")
     if args.solutions_at is not None:
         there = points_at(body, branch, args.solutions_at, **way)
         found = records.journal_of(body, [Branch(there)], FUNCTIONALS).rows()

@@ -68,9 +68,9 @@ def main(argv=None):
         say(f"stick and slip meet at F = {s.gamma:.12f} (closed form {fold:.12f})")
     say(f"slip against the closed form: {slip_error:.1e}; {branch.reason}")
     if comm.rank == 0:
-        words = dict(label="$u_t$ of A", parameter="friction coefficient F")
         title = "Two solutions in contact, born at F = |F1|/|F2|"
-        plot.draw_diagram(folder / "branch.png", journal, "ut", title=title, **words)
+        words = dict(title=title, parameter="friction coefficient F")
+        plot.draw_diagram(folder / "branch.png", journal, {"ut": "$u_t$ of A"}, **words)
 
     summary = branch.summary()
     summary["dofs"] = stuck.x.getSize()

@@ -148,7 +148,7 @@ def main(argv=None):
     title = f"F = {args.friction:g}, frequency {modes.frequency:.4g}"
     states = period(problem, modes, size, args.frames)
     gif = plot.film(folder / "mode.gif", problem, states, title=title)
-    say.files([picture, file, gif])
+    say(f"files: {picture}, {file}, {gif}")
     summary = {
         "converged": True,
         "newton_iterations": 0,
