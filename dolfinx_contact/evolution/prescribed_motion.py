@@ -54,7 +54,7 @@ class PrescribedMotion:
     def require_displacement(self) -> None:
         """Raise ``ValueError`` if the displacement differs from the Dirichlet data. Collective."""
         u, data = self._displacement_and_data()
-        size = max(largest(self._comm, [_size(u), _size(data)]))
+        (size,) = largest(self._comm, [max(_size(u), _size(data))])
         place = self._deviation(u, data, self._held, _SAME * size + self._zero)
         require(
             self._comm,
@@ -142,8 +142,11 @@ class PrescribedMotion:
         bs = V.dofmap.index_map_bs
         dofs = np.flatnonzero(off == worst)
         size = self._problem.equations.body_size
-        nodes = (np.round(node_positions(V)[dofs // bs, :bs] / size, 9) * size + 0.0).tolist()
-        local = [(x, i % bs, values[i], data[i]) for x, i in zip(nodes, dofs, strict=True)]
+        nodes = np.round(node_positions(V)[dofs // bs, :bs] / size, 9) * size + 0.0
+        local: list[tuple[list[float], int, float, float]] = [
+            (nodes[k].tolist(), int(i % bs), float(values[i]), float(data[i]))
+            for k, i in enumerate(dofs)
+        ]
         x, component, value, wanted = min(p for part in self._comm.allgather(local) for p in part)
         return (
             f"component {'xyz'[component]} at the node ({', '.join(f'{c:.6g}' for c in x)}) is "

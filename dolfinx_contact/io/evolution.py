@@ -7,7 +7,7 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dolfinx_contact._mpi import collective, on_root
+from dolfinx_contact._mpi import Arguments, collective, on_root
 from dolfinx_contact._validate import count
 from dolfinx_contact.io.fields import StateFields
 from dolfinx_contact.io.table import GrowingTable
@@ -20,6 +20,10 @@ if TYPE_CHECKING:
 __all__ = ["EvolutionSeries"]
 
 _TABLE = "steps.csv"
+
+
+def _check(a: Arguments) -> None:
+    count(a.every, "every")
 
 
 class EvolutionSeries:
@@ -55,7 +59,7 @@ class EvolutionSeries:
                 history = evolution.run(times, observer=series)
     """
 
-    @collective("a series", lambda a: count(a.every, "every"))
+    @collective("a series", _check)
     def __init__(
         self,
         folder: str | os.PathLike[str],

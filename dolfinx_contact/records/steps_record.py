@@ -102,8 +102,7 @@ class StepsRecord(Record[J], Generic[J, S, H]):
         self._resumed_state: S | None = None  # state from which a recorded run continues
         try:
             forms = {f"the form {i} of the motion": f for i, f in enumerate(runs.forms, 1)}
-            more = dict(method=runs.method, forms=forms, driven=runs.driven)
-            now = manifest_of(problem, **more)
+            now = manifest_of(problem, method=runs.method, forms=forms, driven=runs.driven)
             if self.journal.header:
                 self._require_same(self.journal.header, now)
             if self.journal.states:
