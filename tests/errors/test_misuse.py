@@ -9,7 +9,6 @@ from petsc4py import PETSc
 import numpy as np
 import pytest
 from support.blocks import block, box, facets
-from support.recorded_run import resume
 
 import ufl
 from dolfinx import fem, mesh

@@ -270,7 +270,8 @@ def test_a_branch_between_bodies(folder):
         with records.BranchRecord(folder / route, system, seen, every=2) as record:
             options = dict(gamma_range=(0.0, 1.0), control=control, record=record)
             follow(system, x, 0.0, route=route, max_steps=3, **options)
-        branch = records.resume(folder / route, system, seen, every=2, max_steps=200)
+        with records.BranchRecord(folder / route, system, seen, every=2, resume=True) as record:
+            branch = record.go_on(max_steps=200)
         assert branch.reason == "gamma reached the end of its range"
         special = records.read_journal(folder / route).special()
         found = special[special["kind"] == "event"].to_dict("records")
