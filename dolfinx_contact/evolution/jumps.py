@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Changes of the state in a step, and jumps under a load that continues smoothly.
+r"""StateChanges of the state in a step, and jumps under a load that continues smoothly.
 
 The change from a state a to a state b consists of
 
@@ -12,7 +12,7 @@ Where points move one after the other, such a mean over a time is the sum over i
 
 Where a branch of the rate problem folds or ends (Klarbring, Ing.-Arch. 60, 1990: one node, friction
 beyond a bound), the solver finds a solution to which no path of solutions leads. Such a jump
-differs from a large change in one step: halving the step does not reduce it. Changes with the load,
+differs from a large change in one step: halving the step does not reduce it. StateChanges with the load,
 and faster changes after kinks, shrink with the step. `find_jump` searches a step by halves.
 
 A change that does not shrink is not a proof, because the solver may have passed over a solution.
@@ -38,7 +38,7 @@ from dolfinx_contact.evolution.step_branch import StepBranch, branch_of_step
 from dolfinx_contact.laws.status import letters
 from dolfinx_contact.solvers import ConvergenceError
 
-__all__ = ["Changes", "Found", "changes", "find_jump", "where_it_changes"]
+__all__ = ["Found", "StateChanges", "changes", "find_jump", "where_it_changes"]
 
 Array = npt.NDArray[np.float64]
 
@@ -55,8 +55,8 @@ _SHOWN = 5  # largest number of places in a message
 
 
 @dataclass(frozen=True)
-class Changes:
-    """Changes from one state to another, see the top of the module.
+class StateChanges:
+    """StateChanges from one state to another, see the top of the module.
 
     Attributes:
         parts: moved, unknowns, and, between states of equilibrium, the means and the bonds of all
@@ -76,12 +76,12 @@ class Changes:
         return float(self.parts[1])
 
 
-def changes(comm: MPI.Comm, a: AcceptedState, b: AcceptedState) -> Changes:
+def changes(comm: MPI.Comm, a: AcceptedState, b: AcceptedState) -> StateChanges:
     """Measure the changes from one state to another. Collective."""
     d = b.unknowns - a.unknowns
     if not (isinstance(a.forces, Forces) and isinstance(b.forces, Forces)):
         size = math.sqrt(comm.allreduce(float(np.dot(d, d))))
-        return Changes(np.array([0.0, size]), np.zeros(0), np.zeros(0))
+        return StateChanges(np.array([0.0, size]), np.zeros(0), np.zeros(0))
     if a.forces.covered is not None and b.forces.covered is not None:
         d = d * np.minimum(a.forces.covered, b.forces.covered)
     n = len(b.forces.surfaces)
@@ -97,11 +97,11 @@ def changes(comm: MPI.Comm, a: AcceptedState, b: AcceptedState) -> Changes:
     means = np.array([distances, weakened]) / np.maximum(number, 1.0)
     largest, lost, left = np.reshape(most, (n, 3)).T
     broken = np.divide(lost, left, out=np.zeros_like(left), where=left > 0)
-    return Changes(np.array([moved, math.sqrt(square), *means.ravel()]), largest, broken)
+    return StateChanges(np.array([moved, math.sqrt(square), *means.ravel()]), largest, broken)
 
 
 def _at_points(a: AcceptedState, b: AcceptedState, k: int) -> Array:
-    """Changes at the points of a surface that are not clamped, on this rank, shape (3, points).
+    """StateChanges at the points of a surface that are not clamped, on this rank, shape (3, points).
 
     Rows: change of the jump; change of the variable by which bonds weaken; its distance to its end
     at the first state, which is the strength left.
@@ -183,7 +183,7 @@ def find_jump(stepper: Stepper, step: SolvedStep, slow: Array, least: float) -> 
     Args:
         stepper: stepper of the problem; the Functions are left in any state.
         step: step that is searched.
-        slow: rates of the parts of `Changes` up to which the state does not jump.
+        slow: rates of the parts of `StateChanges` up to which the state does not jump.
         least: shortest length of a step.
 
     Returns:

@@ -13,7 +13,7 @@ and hits the given times exactly. Further steps are inserted only on request:
                 of about one facet of the master in a few iterations, and where it fails, shorter
                 steps cost less than the further strategies of the `ladder`.
     jumps       a step is searched for a jump (`jumps`) if its rates exceed twice those of the step
-                before: rates of `Changes.parts`, and of the largest change at a point
+                before: rates of `StateChanges.parts`, and of the largest change at a point
                 of each surface. Points that begin to slip may move with half the rate of the body.
     locate      a step in which a point closes is tried again with h/2.
 
@@ -49,7 +49,13 @@ from dolfinx_contact.continuation.ending import Ending
 from dolfinx_contact.equations.evaluation import Statuses, differs
 from dolfinx_contact.evolution.energy import Forces
 from dolfinx_contact.evolution.history import EvolutionStep
-from dolfinx_contact.evolution.jumps import Changes, Found, changes, find_jump, where_it_changes
+from dolfinx_contact.evolution.jumps import (
+    Found,
+    StateChanges,
+    changes,
+    find_jump,
+    where_it_changes,
+)
 from dolfinx_contact.evolution.motion_energy import MotionEnergies
 from dolfinx_contact.evolution.run import Rule, RunState
 from dolfinx_contact.evolution.step import AcceptedState, SolvedStep, Stepper
@@ -193,7 +199,7 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
         self._quiet = 0
         self._awake = run_state.accepted.time
         self._rejected = 0
-        self._changed: tuple[SolvedStep, Changes] | None = None
+        self._changed: tuple[SolvedStep, StateChanges] | None = None
         self._det: tuple[AcceptedState, float] | None = None
         self._last: SolvedStep | None = None
         at_rest = isinstance(run_state.accepted.forces, Forces)
@@ -449,7 +455,7 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
 
     # -- jumps -----------------------------------------------------------------------------------
 
-    def _changes(self, solved: SolvedStep) -> Changes:
+    def _changes(self, solved: SolvedStep) -> StateChanges:
         """Return the changes in a step. Collective."""
         if self._changed is None or self._changed[0] is not solved:
             self._changed = solved, changes(self._comm, solved.before, solved.after)
@@ -469,7 +475,7 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
         return None if slow is None else find_jump(self._stepper, solved, slow, self.task.shortest)
 
     def _slow_rates(self, solved: SolvedStep) -> npt.NDArray[np.float64] | None:
-        """Return rates of `Changes.parts` without a jump; None if a step is not sudden. Collective.
+        """Return rates of `StateChanges.parts` without a jump; None if a step is not sudden. Collective.
 
         Args:
             solved: the step.
