@@ -12,7 +12,7 @@ Where points move one after the other, such a mean over a time is the sum over i
 
 Where a branch of the rate problem folds or ends (Klarbring, Ing.-Arch. 60, 1990: one node, friction
 beyond a bound), the solver finds a solution to which no path of solutions leads. Such a jump
-differs from a large change in one step: halving the step does not reduce it. StateChanges with the load,
+differs from a large change in one step: halving the step does not reduce it. Changes with the load,
 and faster changes after kinks, shrink with the step. `find_jump` searches a step by halves.
 
 A change that does not shrink is not a proof, because the solver may have passed over a solution.
@@ -56,7 +56,7 @@ _SHOWN = 5  # largest number of places in a message
 
 @dataclass(frozen=True)
 class StateChanges:
-    """StateChanges from one state to another, see the top of the module.
+    """Changes from one state to another, see the top of the module.
 
     Attributes:
         parts: moved, unknowns, and, between states of equilibrium, the means and the bonds of all
@@ -101,7 +101,7 @@ def changes(comm: MPI.Comm, a: AcceptedState, b: AcceptedState) -> StateChanges:
 
 
 def _at_points(a: AcceptedState, b: AcceptedState, k: int) -> Array:
-    """StateChanges at the points of a surface that are not clamped, on this rank, shape (3, points).
+    """Changes at the points of a surface that are not clamped, on this rank, shape (3, points).
 
     Rows: change of the jump; change of the variable by which bonds weaken; its distance to its end
     at the first state, which is the strength left.

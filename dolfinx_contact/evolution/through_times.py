@@ -475,7 +475,7 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
         return None if slow is None else find_jump(self._stepper, solved, slow, self.task.shortest)
 
     def _slow_rates(self, solved: SolvedStep) -> npt.NDArray[np.float64] | None:
-        """Return rates of `StateChanges.parts` without a jump; None if a step is not sudden. Collective.
+        """Return rates of the parts without a jump; None if a step is not sudden. Collective.
 
         Args:
             solved: the step.
