@@ -1,7 +1,6 @@
 """Tests run serial and under mpirun; only rank 0 reports, and any rank that fails fails the run."""
 
 import os
-from importlib.util import find_spec
 from pathlib import Path
 
 from mpi4py import MPI
@@ -13,21 +12,8 @@ import pytest
 os.environ.setdefault("SCOTCH_PTHREAD_NUMBER", "1")
 
 COMM = MPI.COMM_WORLD
-#: Tests that the wheel of DOLFINx (`docker/wheel`) cannot run, and why; `pytest -rs` lists them.
-NOT_ON_WHEEL = {
-    "test_ratio_of_contact_to_elasticity": "the PETSc of the wheel has no hypre",
-    "test_bodies_that_are_tied": "the PETSc of the wheel has no hypre",
-    "test_ranks_that_outlive_a_killed_mpirun": "MPICH has processes between mpiexec and its ranks",
-}
-
-
 #: Standard error as it was before pytest captured it, for reports of hangs.
 STDERR = os.fdopen(os.dup(2), "w")
-#: The regression record: all cases run on one rank, every second on two, every third on three.
-RECORD = "test_golden"
-#: Cases of the record that take several times as long on ranks, for hundreds of small linear
-#: systems; other tests cover their mechanisms on ranks.
-LONG_ON_RANKS = ("path with a record", "path that snaps back", "Uzawa", "history of a crack")
 #: Folder of the adversarial tests, of which a sample runs by default.
 ADVERSARIAL = Path(__file__).parent / "adversarial"
 
@@ -53,7 +39,7 @@ def pytest_ignore_collect(collection_path, config):
         return None if COMM.size <= 2 else True
     if COMM.size == 1 or config.getoption("--long") or collection_path.suffix != ".py":
         return None
-    if collection_path.stem == RECORD or not collection_path.stem.startswith("test_"):
+    if not collection_path.stem.startswith("test_"):
         return None
     return None if "mark.ranks(" in collection_path.read_text() else True
 
@@ -63,20 +49,13 @@ def pytest_collection_modifyitems(config, items):
 
     Of cases that are a product, `each_value` leaves so few that every value is in one of them. On
     several ranks only tests marked `ranks` run, and those that send many messages do not. There a
-    test with several cases runs in one, the last on two ranks and the first on more, but for tests
-    of what ranks do to each other and the golden record, of which two ranks run half and three a
-    third, without what takes long there.
+    test with several cases runs in one, the last on two ranks and the first on more, unless it is
+    marked with `every_case`.
     """
-    if find_spec("dolfinx_solver"):
-        for item in items:
-            why = NOT_ON_WHEEL.get(item.originalname)
-            if why:
-                item.add_marker(pytest.mark.skip(reason=why))
     _select_sample(config, items)
     if config.getoption("--long"):
         return
     cases = {}
-    golden = []
     left_out = _beside_each_value(items)
     for item in items:
         if ADVERSARIAL in item.path.parents:
@@ -86,21 +65,14 @@ def pytest_collection_modifyitems(config, items):
                 pytest.mark.skip(reason="its values are in other cases: --long runs it")
             )
             continue
-        if item.path.stem == RECORD:
-            golden.append(item)
-            continue
         if item.get_closest_marker("long"):
             item.add_marker(pytest.mark.skip(reason="takes long: --long runs it"))
         elif COMM.size > 1 and item.get_closest_marker("chatty"):
             item.add_marker(pytest.mark.skip(reason="sends many messages"))
         elif not _on_ranks(item):
             item.add_marker(pytest.mark.skip(reason="runs on fewer ranks"))
-        elif COMM.size > 1 and (COMM.size > 2 or not _every_case(item)):
+        elif COMM.size > 1 and not _every_case(item):
             cases.setdefault(item.nodeid.partition("[")[0], []).append(item)
-    for number, item in enumerate(golden):
-        name = item.callspec.params["name"] if hasattr(item, "callspec") else None
-        if COMM.size > 1 and (name in LONG_ON_RANKS or number % COMM.size):
-            item.add_marker(pytest.mark.skip(reason="takes long: --long runs it"))
     for repeated in cases.values():
         for item in repeated[:-1] if COMM.size == 2 else repeated[1:]:
             item.add_marker(pytest.mark.skip(reason="another case runs on so many ranks"))

@@ -1,4 +1,4 @@
-"""What the package computes is what it computed; `golden.py` says how that is kept."""
+"""The package computes the numbers of its regression record, which `golden.py` writes."""
 
 import json
 
@@ -6,13 +6,23 @@ import golden
 import pytest
 
 RECORD = json.loads(golden.RECORD.read_text())
+#: Cases that take several times as long on ranks, for hundreds of small linear systems; other tests
+#: cover their mechanisms on ranks.
+LONG_ON_RANKS = ("path with a record", "path that snaps back", "Uzawa", "history of a crack")
 
 
-@pytest.mark.parametrize("name", golden.CASES)
+def case(number, name):
+    """A case of the record: every second one runs on two ranks too, every third one on three."""
+    sizes = [size for size in (2, 3) if number % size == 0 and name not in LONG_ON_RANKS]
+    return pytest.param(name, marks=pytest.mark.ranks(*sizes, every_case=True))
+
+
+@pytest.mark.parametrize("name", [case(*pair) for pair in enumerate(golden.CASES)])
 def test_the_record(name):
     kept = golden.in_record(RECORD, name, golden.COMM.size)
     assert golden.differences(golden.computed(name), kept) == []
 
 
+@pytest.mark.ranks(2, 3)
 def test_nothing_else_is_in_the_record():
     assert set(RECORD) == set(golden.CASES)

@@ -65,7 +65,7 @@ def test_the_bar_to_one_percent(folder):
 
 @pytest.mark.long
 @pytest.mark.chatty
-def test_two_blocks(folder, no_pictures):
+def test_the_two_blocks_demo_costs_little_friction(folder, no_pictures):
     """Other nodes below cost as much friction, to some percent; what is written is there."""
     spent = []
     for ratio in (1, 2):

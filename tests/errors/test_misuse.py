@@ -1,42 +1,48 @@
 """Misuse in one table: every input gives the same clear error on every rank, and nothing hangs."""
 
-import faulthandler
-from types import SimpleNamespace
-
-from mpi4py import MPI
-from petsc4py import PETSc
-
 import numpy as np
 import pytest
-from support.blocks import block, box, facets
+from support.blocks import block, facets
+from support.misused_block import (
+    FLOOR,
+    MATERIAL,
+    Telling,
+    UsersError,
+    clamp,
+    discretised,
+    explored,
+    followed,
+    found,
+    parametric,
+    problem,
+    raising,
+    refused,
+    solved,
+    surface,
+    tags_of,
+    two_spaces,
+    vector,
+    with_option,
+)
 
 import ufl
-from dolfinx import fem, mesh
+from dolfinx import fem
 
 from dolfinx_contact import (
-    ContactProblem,
     ContactSurface,
     Coulomb,
     Cylinder,
-    Frictionless,
     HalfSpace,
     LevelSet,
-    ParametricContact,
     RigidBody,
     Sphere,
-    Tresca,
 )
 from dolfinx_contact.algorithms import Uzawa
 from dolfinx_contact.analysis.two_parameters import contact_family
 from dolfinx_contact.continuation import (
-    Observer,
     StepControl,
-    explore,
-    find_solutions,
-    follow,
     follower_for,
 )
-from dolfinx_contact.io import write_fields
 from dolfinx_contact.laws import FrictionLaw
 from dolfinx_contact.materials import (
     CiarletGeymonat,
@@ -45,133 +51,13 @@ from dolfinx_contact.materials import (
     StVenantKirchhoff,
 )
 from dolfinx_contact.obstacles import Obstacle
-from dolfinx_contact.plot import picture_of_body, picture_of_contact, picture_of_states
-from dolfinx_contact.problem import discretise
-from dolfinx_contact.records import BranchRecord, write_series
 
 #: What ranks do to each other is tested in all cases on two of them.
-pytestmark = pytest.mark.ranks(2, every_case=True)
-
-COMM = MPI.COMM_WORLD
-LAST = COMM.rank == COMM.size - 1
-FLOOR = HalfSpace((0.0, 0.0), (0.0, 1.0))
-MATERIAL = LinearElastic.from_young(1000.0, 0.3)
-several = pytest.mark.skipif(COMM.size == 1, reason="for ranks that differ")
-
-
-@pytest.fixture(autouse=True)
-def nothing_hangs():
-    """A test that takes longer than a minute ends the run, also inside a call of MPI."""
-    faulthandler.dump_traceback_later(60, exit=True)
-    yield
-    faulthandler.cancel_dump_traceback_later()
-
-
-class UsersError(Exception):
-    """An exception of a class that this package does not know."""
-
-
-def square(n=4):
-    domain = box(COMM, n, "tri")
-    return fem.Function(fem.functionspace(domain, ("Lagrange", 1, (2,))))
-
-
-def tags_of(domain, dim=1):
-    where = facets(domain, 1, 0.0)
-    if dim == 2:
-        where = np.arange(domain.topology.index_map(2).size_local, dtype=np.int32)
-    return mesh.meshtags(domain, dim, np.sort(where), np.full(len(where), 7, dtype=np.int32))
-
-
-def clamp(u, value=(0.0, -0.01), axis=1, at=1.0):
-    V = u.function_space
-    value = np.array(value) if isinstance(value, tuple) else value
-    return fem.dirichletbc(value, fem.locate_dofs_topological(V, 1, facets(V.mesh, axis, at)), V)
-
-
-@pytest.fixture(scope="module")
-def w():
-    """A block with everything that is needed to misuse it, the same for all tests."""
-    u = square()
-    other = box(COMM, 3, "tri")
-    domain = u.function_space.mesh
-    V = u.function_space
-    scalars = fem.functionspace(other, ("Lagrange", 1))
-    vectors = fem.functionspace(other, ("Lagrange", 1, (2,)))
-    gamma = fem.Constant(domain, 0.0)
-    load = ufl.dot(ufl.as_vector([gamma, -1.0]), u) * ufl.ds
-    surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=FLOOR, law=Coulomb(0.3))
-    held = fem.Function(V)
-    held.interpolate(lambda x: np.vstack([0 * x[0], 0 * x[0] - 0.01]))
-    top = fem.locate_dofs_topological(V, 1, facets(domain, 1, 1.0))
-    energy = MATERIAL.energy(u) * ufl.dx
-    problem = ContactProblem(energy - load, u, [surface], bcs=[fem.dirichletbc(held, top)])
-    system = ParametricContact(problem, gamma)
-    problem.solve()
-    x = problem.create_vector()
-    problem.write(x)
-    short = PETSc.Vec().createMPI((2, None), comm=COMM)
-    infinite = x.copy()
-    infinite.array[:] = np.nan
-    field = fem.Function(fem.functionspace(domain, ("Lagrange", 1)), name="slope")
-    field.interpolate(lambda x: x[0])
-    return SimpleNamespace(
-        u=u,
-        V=V,
-        domain=domain,
-        other=other,
-        field=field,
-        f_other=fem.Function(scalars),
-        v_other=fem.Function(vectors),
-        c_other=fem.Constant(other, 1.0),
-        gamma=gamma,
-        held=held,
-        energy=energy,
-        surface=surface,
-        problem=problem,
-        system=system,
-        x=x,
-        short=short,
-        infinite=infinite,
-    )
-
-
-def surface(w, where=None, **options):
-    where = facets(w.domain, 1, 0.0) if where is None else where
-    return ContactSurface(w.u, where, **{"obstacle": FLOOR, "law": Coulomb(0.3), **options})
-
-
-def discretised(w, where=None, **options):
-    return discretise(surface(w, where, **options))
-
-
-def problem(w, bulk=None, surfaces=None, **options):
-    bulk = w.energy if bulk is None else bulk
-    surfaces = surfaces or [w.surface]
-    return ContactProblem(bulk, w.u, surfaces, **{"bcs": [clamp(w.u)], **options})
-
-
-def followed(w, **options):
-    x = options.pop("x", w.x)
-    gamma = options.pop("gamma", 0.0)
-    system = options.pop("system", w.system)
-    return follow(system, x, gamma, **{"gamma_range": (0.0, 1.0), **options})
-
-
-def explored(w, starts, **options):
-    return explore(w.system, starts, **{"gamma_range": (0.0, 1.0), **options})
-
-
-def found(w, guesses=None, gamma=0.0, **options):
-    return find_solutions(w.system, [w.x] if guesses is None else guesses, gamma, **options)
-
-
-def parametric(w, gamma=None, driven=(), problem=None):
-    return ParametricContact(problem or w.problem, gamma or w.gamma, driven=driven)
-
-
-def solved(**options):
-    return block(**options).solve()
+pytestmark = [
+    pytest.mark.ranks(2, every_case=True),
+    pytest.mark.usefixtures("nothing_hangs"),
+]
+pytest_plugins = ["support.misused_block"]
 
 
 def started(value):
@@ -191,52 +77,12 @@ def tilted(f):
     return LevelSet(lambda x: x[1] + 0.3 * f)
 
 
-def raising(error):
-    def function(*_):
-        raise error
-
-    return function
-
-
-def on_last(error):
-    def function(*_):
-        if LAST:
-            raise error
-        return ""
-
-    return function
-
-
-class Telling(Observer):
-    def __init__(self, do):
-        self.do = do
-
-    def step(self, *_):
-        self.do()
-
-
-class WorseLaw(FrictionLaw):
-    """One that raises on a rank: nothing tells it from what the others have."""
-
-    def __init__(self, raises):
-        self.raises = raises
-
-    def bound(self, a, p):
-        if self.raises:
-            raise UsersError("in the law")
-        return 0.3 * p
-
-
 class BadLaw(FrictionLaw):
     def bind(self, domain):
         return self
 
     def bound(self, a, p):
         raise UsersError("in the law")
-
-
-def vector(g):
-    return ufl.as_vector([g, g])
 
 
 #: What is done, what the message says, and of which class the error is if not ValueError.
@@ -654,307 +500,6 @@ MISUSE = {
 }
 
 
-def differs(a, b):
-    return b if LAST else a
-
-
-#: What is done with other arguments on the last rank, and what the message says.
-DISAGREEMENT = {
-    "friction": (
-        lambda w: discretised(w, law=Coulomb(differs(0.3, 0.4))),
-        r"law differs between ranks: 'Coulomb\(friction 0\.3 .* rank 0, 'Coulomb\(friction 0\.4 ",
-    ),
-    "friction nan": (
-        lambda w: discretised(w, law=Coulomb(differs(0.3, np.nan))),
-        "finite and nonnegative",
-    ),
-    "friction Constant": (
-        lambda w: discretised(w, law=Coulomb(fem.Constant(w.domain, differs(0.3, 0.4)))),
-        "law differs between ranks",
-    ),
-    "kind of law": (
-        lambda w: discretised(w, law=differs(Coulomb(0.3), Frictionless())),
-        "law differs between ranks",
-    ),
-    "threshold": (
-        lambda w: discretised(w, law=Tresca(differs(0.3, 0.4))),
-        "law differs between ranks",
-    ),
-    "law that raises": (
-        lambda w: discretised(w, law=differs(WorseLaw(False), WorseLaw(True))),
-        "in the law",
-        (UsersError, RuntimeError),
-    ),
-    "point": (
-        lambda w: discretised(w, obstacle=HalfSpace((0.0, differs(0.0, -0.1)), (0, 1))),
-        "obstacle differs between ranks",
-    ),
-    "radius": (
-        lambda w: discretised(w, obstacle=Sphere((0.5, -2.0), differs(2.0, 1.9))),
-        "obstacle differs between ranks",
-    ),
-    "kind of obstacle": (
-        lambda w: discretised(w, obstacle=differs(FLOOR, Sphere((0.5, -2.0), 2.0))),
-        "obstacle differs between ranks",
-    ),
-    "level set": (
-        lambda w: discretised(w, obstacle=LevelSet(lambda x: differs(1.0, 1.1) + x[1])),
-        "obstacle differs between ranks",
-    ),
-    "method": (
-        lambda w: discretised(w, method=differs("nodal", "integral")),
-        "method differs between ranks: 'nodal' on rank 0, 'integral'",
-    ),
-    "quadrature degree": (
-        lambda w: discretised(w, method="integral", quadrature_degree=differs(2, 4)),
-        "quadrature degree differs between ranks",
-    ),
-    "name": (lambda w: discretised(w, name=differs("a", "b")), "name differs between ranks"),
-    "tag": (
-        lambda w: discretised(w, tags_of(w.domain), tag=differs(7, 8)),
-        "tag differs between ranks: 7 on rank 0, 8",
-    ),
-    "kind of facets": (
-        lambda w: discretised(w, differs(tags_of(w.domain), facets(w.domain, 1, 0.0)), tag=7),
-        "kind of facets differs between ranks",
-    ),
-    "facets outside": (
-        lambda w: discretised(w, differs(facets(w.domain, 1, 0.0), np.array([10**6]))),
-        "facet indices outside the mesh",
-    ),
-    "surfaces": (
-        lambda w: problem(w, surfaces=differs([w.surface], [w.surface] * 2)),
-        "need different names",
-    ),
-    "conditions": (
-        lambda w: problem(w, bcs=differs([clamp(w.u)], [])),
-        "Dirichlet data differs between ranks",
-    ),
-    "Dirichlet value": (
-        lambda w: problem(w, bcs=[clamp(w.u, np.array([0.0, differs(-0.01, -0.02)]))]),
-        r"Dirichlet data differs between ranks: .*-0\.01.* on rank 0, .*-0\.02",
-    ),
-    "r": (lambda w: problem(w, r=differs(10.0, 20.0)), "r differs between ranks: .*10.0"),
-    "bulk": (
-        lambda w: problem(w, fem.Constant(w.domain, differs(1.0, 2.0)) * w.energy),
-        "bulk differs between ranks",
-    ),
-    "kind of bulk": (
-        lambda w: problem(w, differs(w.energy, w.energy + w.u[1] * ufl.dx)),
-        "bulk differs between ranks",
-    ),
-    "options": (
-        lambda w: problem(w, petsc_options={"snes_rtol": differs(1e-8, 1e-9)}),
-        "petsc options differs between ranks",
-    ),
-    "prefix": (
-        lambda w: problem(w, petsc_options_prefix=differs("a_", "b_")),
-        "petsc options prefix differs between ranks",
-    ),
-    "database": (
-        lambda w: with_option(w, differs("contact_snes_rtol", "contact_snes_max_it"), 9),
-        "PETSc database differs between ranks",
-    ),
-    "parameter": (
-        lambda w: parametric(w, fem.Constant(w.domain, differs(0.0, 1.0))),
-        "gamma differs between ranks",
-    ),
-    "driven": (
-        lambda w: parametric(w, driven=differs([], [(w.held, vector(w.gamma))])),
-        "driven differs between ranks",
-    ),
-    "driven by": (
-        lambda w: parametric(w, driven=[(w.held, differs(1.0, 2.0) * vector(w.gamma))]),
-        "driven differs between ranks",
-    ),
-    "parameter that is set": (
-        lambda w: w.system.set_parameter(differs(0.0, 1.0)),
-        "gamma differs between ranks",
-    ),
-    "range": (
-        lambda w: followed(w, gamma_range=(0.0, differs(1.0, 2.0))),
-        "gamma range differs between ranks",
-    ),
-    "start": (lambda w: followed(w, gamma=differs(0.0, 0.5)), "gamma differs between ranks"),
-    "direction": (
-        lambda w: followed(w, gamma=0.5, direction=differs("increasing", "decreasing")),
-        "direction differs between ranks",
-    ),
-    "control": (
-        lambda w: followed(w, control=StepControl(initial=differs(0.01, 0.02))),
-        "control differs between ranks",
-    ),
-    "steps": (lambda w: followed(w, max_steps=differs(5, 6)), "max steps differs between ranks"),
-    "route": (lambda w: followed(w, route=differs("auto", "steps")), "route differs between ranks"),
-    "stop of one rank": (
-        lambda w: followed(w, stop=differs(None, lambda *_: "enough")),
-        "stop differs between ranks: None on rank 0, given",
-    ),
-    "answers of stop": (
-        lambda w: followed(w, stop=lambda *_: differs("", "enough")),
-        "the answer of stop differs between ranks",
-    ),
-    "stop raises": (
-        lambda w: followed(w, stop=on_last(ZeroDivisionError("in stop"))),
-        "in stop",
-        ZeroDivisionError,
-    ),
-    "stop answers True": (
-        lambda w: followed(w, stop=lambda *_: differs("", True)),
-        "answered True",
-    ),
-    "observer raises": (
-        lambda w: followed(w, observer=Telling(on_last(ZeroDivisionError("in the observer")))),
-        "in the observer",
-        ZeroDivisionError,
-    ),
-    "state too short": (
-        lambda w: followed(w, x=differs(w.x, PETSc.Vec().createSeq(3))),
-        "x does not fit the unknowns",
-    ),
-    "monitor raises": (
-        lambda w: block().solve(monitor=on_last(ZeroDivisionError("in the monitor"))),
-        "in the monitor",
-        ZeroDivisionError,
-    ),
-    "gamma of solutions": (lambda w: found(w, gamma=differs(0.0, 0.1)), "gamma differs between"),
-    "lengths": (
-        lambda w: found(w, lengths=differs((0.5,), (0.25,))),
-        "lengths differs between ranks",
-    ),
-    "guesses": (
-        lambda w: found(w, differs([w.x], [w.x, w.x])),
-        "guesses differs between ranks: 1 of them on rank 0, 2",
-    ),
-    "max_branches must be a whole number": (
-        lambda w: explored(w, [(w.x, 0.0)], max_branches=differs(3, 4)),
-        "max branches differs between ranks",
-    ),
-}
-
-
-def two_spaces(w):
-    spaces = w.V, w.v_other.function_space
-    parts = [fem.locate_dofs_topological(W, 1, facets(W.mesh, 1, 1.0)) for W in spaces]
-    least = min(len(p) for p in parts)
-    return [p[:least] for p in parts]
-
-
-def with_option(w, name, value):
-    """A problem made while an option is in PETSc's database, as from the command line."""
-    options = PETSc.Options()
-    options.setValue(name, value)
-    try:
-        return problem(w)
-    finally:
-        options.delValue(name)
-
-
-def refused(w, do, message, error=ValueError):
-    """The call raises, the same on every rank, and the displacement is as it was."""
-    before = w.u.x.array.copy()
-    with pytest.raises(error, match=message) as info:
-        do(w)
-    assert len(set(COMM.allgather(str(info.value)))) == 1
-    np.testing.assert_array_equal(w.u.x.array, before)
-
-
 @pytest.mark.parametrize("name", MISUSE)
-def test_misuse(w, name):
+def test_misuse_raises_the_same_error_on_every_rank(w, name):
     refused(w, *MISUSE[name])
-
-
-#: What is written with other arguments on the last rank, below a folder; and what is said.
-WRITTEN_DIFFERENTLY = {
-    "format": (
-        lambda w, f: write_fields(f, w.problem, format=differs("vtx", "vtk")),
-        "format differs between ranks: 'vtx' on rank 0, 'vtk'",
-    ),
-    "stress": (
-        lambda w, f: write_fields(f, w.problem, stress=differs(None, MATERIAL.full_stress(w.u))),
-        "stress differs between ranks: None on rank 0",
-    ),
-    "folder": (
-        lambda w, f: write_fields(f / differs("a", "b"), w.problem),
-        "folder differs between ranks",
-    ),
-    "picture with stress": (
-        lambda w, f: picture_of_body(
-            f / "p.png", w.problem, stress=differs(None, MATERIAL.full_stress(w.u))
-        ),
-        "stress differs between ranks",
-    ),
-    "scale": (
-        lambda w, f: picture_of_body(f / "p.png", w.problem, scale=differs(1.0, 2.0)),
-        "scale differs between ranks: 1.0 on rank 0, 2.0",
-    ),
-    "picture": (
-        lambda w, f: picture_of_body(f / differs("a.png", "b.png"), w.problem),
-        "file differs between ranks",
-    ),
-    "picture of another surface": (
-        lambda w, f: picture_of_contact(f / "p.png", w.problem, surface=differs(None, "floor")),
-        "the surface 'floor' is not one of the problem",
-    ),
-    "number of states": (
-        lambda w, f: picture_of_states(f / "p.png", w.system, [None] * differs(1, 2)),
-        "points differs between ranks",
-    ),
-    "record in folders": (
-        lambda w, f: BranchRecord(f / differs("a", "b"), w.system),
-        "folder differs between ranks",
-    ),
-    "resume": (
-        lambda w, f: BranchRecord(f, w.system, resume=differs(False, True)),
-        "resume differs between ranks",
-    ),
-    "every": (
-        lambda w, f: BranchRecord(f, w.system, every=differs(5, 6)),
-        "every differs between ranks",
-    ),
-    "names of functionals": (
-        lambda w, f: BranchRecord(f, w.system, {differs("a", "b"): w.u[0] * ufl.dx}),
-        r"functionals differs between ranks: \['a'\] on rank 0, \['b'\]",
-    ),
-    "order of functionals": (
-        lambda w, f: BranchRecord(
-            f, w.system, {k: w.u[0] * ufl.dx for k in differs(("a", "b"), ("b", "a"))}
-        ),
-        "functionals differs between ranks",
-    ),
-    "functionals": (
-        lambda w, f: BranchRecord(f, w.system, {"a": w.u[0] * differs(1, 2) * ufl.dx}),
-        "functionals differs between ranks",
-    ),
-}
-
-
-@several
-@pytest.mark.parametrize("name", WRITTEN_DIFFERENTLY)
-def test_ranks_that_write_different_things(w, folder, name):
-    """Nothing is written then."""
-    do, *said = WRITTEN_DIFFERENTLY[name]
-    refused(w, lambda w: do(w, folder), *said)
-    assert not list(folder.iterdir())
-
-
-@several
-def test_ranks_that_write_different_series(w, folder):
-    with BranchRecord(folder / "record", w.system) as record:
-        follow(w.system, w.x, 0.0, gamma_range=(0.0, 1.0), max_steps=2, record=record)
-        for said, options in {
-            "branch": {"branch": differs(0, 1)},
-            "format": {"format": differs("vtx", "vtk")},
-            "folder": {"folder": folder / differs("a", "b")},
-        }.items():
-            do = {"folder": folder / "series", **options}
-            match = f"{said} differs between ranks"
-            refused(w, lambda _, do=do: write_series(record=record, **do), match)
-        refused(w, lambda _: record.go_on(differs(0, 1)), "branch differs between ranks")
-        refused(w, lambda _: record.go_on(max_steps=differs(3, 4)), "max steps differs between")
-
-
-@several
-@pytest.mark.parametrize("name", DISAGREEMENT)
-def test_ranks_that_disagree(w, name):
-    refused(w, *DISAGREEMENT[name])

@@ -244,7 +244,7 @@ def test_viscosity(speed, wanted):
         "3D",
     ),
 )
-def test_jacobian_by_taylor(cell, method, viscosity):
+def test_the_jacobian_of_bonds_passes_taylors_test(cell, method, viscosity):
     """With a memory, friction, and points of all statuses, which are held."""
     problem = block(n=2, cell=cell, method=method, law=RCCM(3e4, 2e4, 0.4, 0.3, viscosity))
     x = randomise(problem, 1, 0.01, 10.0)

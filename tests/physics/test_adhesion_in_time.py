@@ -53,7 +53,7 @@ def errors(law, wanted, steps):
     reference="independent code: an integrator of the equation of the intensity",
     alone=True,
 )
-def test_orders(b, order):
+def test_steps_of_damage_have_their_orders(b, order):
     np.testing.assert_allclose(exact(b), OPENED[b], rtol=1e-8)
     law = RCCM(C, C, W, viscosity=b * W, order=order)
     found = errors(law, OPENED[b], (16, 32, 64))

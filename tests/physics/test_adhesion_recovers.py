@@ -135,7 +135,7 @@ def test_thresholds_with_compliance(exponent):
         {"recovers": True, "broken": 0.1},
     ],
 )
-def test_energies(given):
+def test_the_energy_residue_of_recovering_bonds_falls_with_the_steps(given):
     """What is left falls with the steps: springs and the surface are counted once each."""
     left = []
     for n in (12, 24):

@@ -79,7 +79,7 @@ def test_uniform_pressure_on_a_disc(cell, degree, method):
 @pytest.mark.verifies(
     "bodies of revolution", "units", reference="itself: other units", aspects=("2D",)
 )
-def test_units():
+def test_a_disc_in_other_units_has_the_same_iterates():
     """Millimetres and pascals: the same iterates, forces in the units of the input."""
     plain, other = (
         disc(section(4, size=size), law=Coulomb(0.1), size=size, modulus=modulus).solve()
@@ -292,7 +292,7 @@ def fitted(n, ratio, method, degree=1, twist=None):
         "pairs",
     ),
 )
-def test_lame(ratio, method, degree):
+def test_a_press_fit_of_revolution_has_lames_pressure(ratio, method, degree):
     """A press fit: Lame's pressure and radial displacement, to the square of the mesh size."""
     exact = cases.press_fit.lame(0.02)
     errors = []
@@ -488,7 +488,7 @@ def test_large_sliding(method, degree):
         "branches",
     ),
 )
-def test_a_branch():
+def test_a_branch_in_friction_ends_in_the_solution_of_a_disc():
     """The friction coefficient as a parameter leads to where a solve with it does."""
     domain = section(4, "quad")
     friction = fem.Constant(domain, 0.1)

@@ -89,7 +89,7 @@ def test_oracle_forces(case, accuracy, folder):
         "3D",
     ),
 )
-def test_patch(dim, cell, degree):
+def test_a_uniform_pressure_on_a_distorted_mesh_is_exact(dim, cell, degree):
     """Uniform pressure E d / height for nu = 0, to round-off on a distorted mesh."""
     domain = box(COMM, 3, cell)
     x = domain.geometry.x
@@ -162,7 +162,7 @@ def test_ranks_and_ghost_modes(name, ghosts):
         assert result.kkt_violation < 1e-9
 
 
-def test_forces_balance():
+def test_contact_forces_balance_the_reactions():
     """Contact forces and reactions of the held face are in equilibrium."""
     problem = block(cell="tet", n=4)
     result = problem.solve()
@@ -183,7 +183,7 @@ def test_forces_balance():
         "3D",
     ),
 )
-def test_units(cell, units):
+def test_a_block_in_other_units_has_the_same_iterates(cell, units):
     """Lengths and stresses in other units: the same iterates and the same solution."""
     length, stress = units
     dim = 2 if cell == "tri" else 3

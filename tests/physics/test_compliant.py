@@ -185,7 +185,7 @@ def test_limits():
         "multigrid",
     ),
 )
-def test_between_bodies(solver):
+def test_a_compliant_interface_is_a_spring_between_two_bodies(solver):
     """Two blocks of height 1 in a row with a spring of the interface, and friction as it is."""
     both = stacked(3, "tet", 2)
     u = displacement(both.mesh)

@@ -77,7 +77,7 @@ def on_circle(angle, radius, number):
     reference="closed form: arcs of circles",
     aspects=("2D", "large sliding"),
 )
-def test_circle(step):
+def test_a_point_led_along_a_circle_slips_by_the_arc(step):
     """A point that is led along a circle slips by the arc, in one step up to half a turn."""
     obstacle = Sphere((0.0, 0.0), 2.0)
     angles = [-0.3, -0.3 + step, -0.3 + step / 3]
@@ -189,7 +189,9 @@ def on_turned(dim, shape, **given):
     reference="differences: central differences",
     aspects=("2D", "3D", "large sliding"),
 )
-def test_jacobian(name, cell, given, turned, remembers):
+def test_the_jacobian_on_curved_obstacles_agrees_with_differences(
+    name, cell, given, turned, remembers
+):
     """Every status somewhere, normals, gaps and slips that follow the displacement."""
     dim = 2 if cell in ("tri", "quad") else 3
     shape = OBSTACLES[name]
@@ -291,7 +293,7 @@ def test_derivative_by_the_motion(dim, method, remembers):
     reference="theorem: a rotation changes nothing",
     aspects=("2D", "3D", "large sliding"),
 )
-def test_turned(shape, method, angle):
+def test_a_stuck_block_that_turns_with_its_body_keeps_sticking(shape, method, angle):
     """A stuck block that turns with the body under it in one step sticks, its tractions turned."""
     dim = 2 if shape in ("disc", "ellipse") else 3
     about = np.array([0.4, *[0.5] * (dim - 2), -1.0])
@@ -473,7 +475,7 @@ def test_on_a_plane(dim, cell, method):
     reference="closed form: external work less stored energy and friction is nothing",
     aspects=("2D", "large sliding"),
 )
-def test_energy(turning):
+def test_the_energy_residue_of_a_block_on_a_drum_falls_with_the_steps(turning):
     """Of a block led over a drum, or held on one that turns: the residue falls with the steps."""
     rests = []
     for steps in (10, 20, 40):
@@ -549,7 +551,7 @@ def test_motion():
     reference="closed form: Euler's belt on a drum",
     aspects=("2D", "large sliding"),
 )
-def test_demo(folder, monkeypatch):
+def test_the_belt_has_the_tension_of_the_capstan_equation(folder, monkeypatch):
     """T2/T1 = exp(mu alpha), and its convergence with cells and thickness."""
     monkeypatch.setattr(plot, "picture_of_body", lambda *_, **__: None)
     off = []

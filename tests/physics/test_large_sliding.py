@@ -160,7 +160,7 @@ def test_around_a_cylinder(solid):
         "large sliding",
     ),
 )
-def test_jacobian_by_taylor(obstacle, cell, law, given):
+def test_the_jacobian_of_large_sliding_passes_taylors_test(obstacle, cell, law, given):
     """|H(x + h d) - H(x) - h J d| falls like h^2 with the statuses held, far from small slopes."""
     problem = block(OBSTACLES[obstacle], cell=cell, n=2, law=law, **given)
     x = shaken(problem, 0.1, 1.0)
@@ -412,7 +412,7 @@ def test_an_obstacle_that_comes_and_turns():
         "large sliding",
     ),
 )
-def test_demo(folder, monkeypatch):
+def test_the_pressed_ring_has_the_pressure_of_its_closed_form(folder, monkeypatch):
     """The pressure of a ring to second order, and no change of it on the way around."""
     monkeypatch.setattr(plot, "picture_of_body", lambda *_, **__: None)
     errors = []

@@ -80,7 +80,7 @@ def run(folder, *arguments):
         "proofs",
     ),
 )
-def test_demo(folder):
+def test_the_demo_finds_four_solutions_of_the_triangle(folder):
     """The default: 3 + 1 solutions with the numbers of the oracle, and the pictures."""
     summary = run(folder)
     assert summary["converged"]
@@ -203,7 +203,7 @@ def test_steps_and_pivoting_find_the_same(folder):
 
 
 @pytest.mark.ranks(2)
-def test_bad_input(capsys):
+def test_the_triangle_demo_refuses_a_mesh_without_cells(capsys):
     with pytest.raises(SystemExit):
         demo.main(["--n", "0"])
     assert COMM.rank > 0 or "must be positive" in capsys.readouterr().err

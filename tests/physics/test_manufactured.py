@@ -67,7 +67,7 @@ def as_tabled(name):
     aspects=("3D",),
     figure="order >",
 )
-def test_orders(name):
+def test_errors_of_manufactured_solutions_have_their_orders(name):
     """Errors of a manufactured solution fall with their order, in space or in time."""
     as_tabled(name)
 

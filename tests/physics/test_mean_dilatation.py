@@ -144,7 +144,7 @@ def middle_pressures(u, material):
     reference="closed form: a uniform strain of distorted cells",
     aspects=("2D", "3D"),
 )
-def test_patch(cell, kind):
+def test_a_uniform_strain_of_distorted_cells_is_exact(cell, kind):
     """Distorted cells held at their boundary by a uniform strain have that strain everywhere."""
     domain = box(COMM, 3, cell)
     dim = domain.geometry.dim

@@ -35,7 +35,7 @@ COMM = MPI.COMM_WORLD
         "pairs",
     ),
 )
-def test_uniform_tractions(case, slave, master, angle):
+def test_mortar_forces_are_exact_integrals_of_uniform_tractions(case, slave, master, angle):
     """Forces on both faces are integrals over what they have in common, node by node."""
     both = stacked(*case, angle=angle)
     u = displacement(both.mesh)
@@ -84,7 +84,7 @@ def test_uniform_tractions(case, slave, master, angle):
         "pairs",
     ),
 )
-def test_patch(case, slave, master, cell, angle):
+def test_a_linear_displacement_over_different_meshes_is_exact(case, slave, master, cell, angle):
     """A linear displacement, with pressure and a shear below the bound, to round-off."""
     both = stacked(*case, cell=cell, angle=angle)
     u = displacement(both.mesh)
@@ -134,7 +134,7 @@ def test_patch(case, slave, master, cell, angle):
         "pairs",
     ),
 )
-def test_more_elements_converge_to_one_body(slave, master, ratio):
+def test_a_pressed_mortar_pair_converges_to_one_body(slave, master, ratio):
     """A pressed pair with much friction: the energy of matching meshes, which are one body.
 
     Among them meshes whose nodes on one side are some of those on the other.
@@ -217,7 +217,7 @@ def test_uniform_tractions_in_space(case, slave, master, cells):
         "pairs",
     ),
 )
-def test_patch_in_space(case, slave, master, cells):
+def test_a_linear_displacement_over_different_meshes_in_space_is_exact(case, slave, master, cells):
     """A linear displacement, with pressure and a shear below the bound, to round-off."""
     both = solids(*case, cells)
     u = displacement(both.mesh)

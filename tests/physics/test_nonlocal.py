@@ -192,7 +192,7 @@ def spread_share(problem, x):
         "3D",
     ),
 )
-def test_jacobian_by_taylor(cell, degree, method, law):
+def test_the_jacobian_of_nonlocal_friction_passes_taylors_test(cell, degree, method, law):
     """Of pieces that are smooth the remainder falls as h^2."""
     problem = block(n=4 if cell == "quad" else 2, cell=cell, degree=degree, method=method, law=law)
     x = randomise(problem, 1, 0.02, 10.0)
@@ -222,7 +222,7 @@ def between_bodies(law, solver="direct", cell="tet"):
         "multigrid",
     ),
 )
-def test_between_bodies():
+def test_nonlocal_friction_between_bodies_averages_the_slaves_pressure():
     """The slave's points see each other: the bound is that of their pressures; by both solvers."""
     law = NonlocalCoulomb(0.25, 0.5)
     tables = []
@@ -279,7 +279,7 @@ def test_limit_of_the_local_law():
         "branches",
     ),
 )
-def test_a_branch():
+def test_a_branch_in_nonlocal_friction_ends_in_the_solution():
     """Followed in the coefficient by steps, to the solution at its end."""
     domain = box(COMM, 4, "quad")
     gamma = fem.Constant(domain, 0.6)

@@ -107,7 +107,7 @@ def test_two_strips(dim, sliding):
 @pytest.mark.ranks(2)
 @pytest.mark.parametrize(("dim", "sliding"), KINDS)
 @pytest.mark.refuses("press fits", aspects=("2D", "3D", "pairs", "large sliding"))
-def test_refused(dim, sliding):
+def test_an_overlap_beyond_its_limit_is_refused(dim, sliding):
     """More than is allowed, and arguments that say two things or none."""
     both = strips(dim)
     u = displacement(both.mesh)

@@ -62,7 +62,7 @@ ORACLE = json.loads((Path(__file__).parents[1] / "data" / "two_blocks.json").rea
         "pairs",
     ),
 )
-def test_two_blocks(folder, case):
+def test_two_blocks_have_the_forces_of_another_code(folder, case):
     """All nodal forces of another code, which condenses both bodies onto their jumps."""
     given = ORACLE[case]
     wanted = given["static_end_of_shear"]
@@ -207,7 +207,7 @@ def test_a_gap_that_closes():
         "pairs",
     ),
 )
-def test_a_press_fit():
+def test_a_given_overlap_is_the_displacement_of_a_press_fit():
     """An overlap is an error, unless it is meant: then it is the displacement that presses."""
     both = stacked(2, "quad", 2, gap=-0.02)
     u = displacement(both.mesh)

@@ -149,7 +149,7 @@ def moved(x):
 
 @pytest.mark.ranks(2)
 @pytest.mark.refuses("sliding pairs", aspects=("2D", "pairs", "large sliding"))
-def test_refused():
+def test_planes_that_do_not_bound_a_half_are_refused():
     """Planes that are none, do not end the face, have a master behind, or that nodes can leave."""
     body = bodies(2, whole=False)
     u = displacement(body.mesh)

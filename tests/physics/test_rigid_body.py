@@ -418,7 +418,7 @@ def test_a_branch_under_a_growing_force(method, route):
 @pytest.mark.verifies(
     "rigid bodies", "all solutions", reference="itself: the solve", aspects=("2D",)
 )
-def test_all_solutions():
+def test_all_solutions_carry_the_motion_of_a_rigid_body():
     """The reduced problem carries the unknowns of the body."""
     problem, _, system = parametric(law=Coulomb(0.5))
     system.set_parameter(4.0)

@@ -68,7 +68,7 @@ STIFF = 500.0  # mu of a material with nu = 0
     reference="closed form: uniform compression",
     aspects=("2D", "pairs", "large sliding"),
 )
-def test_patch(cell, slave, part):
+def test_a_block_that_has_slid_presses_uniformly(cell, slave, part):
     """A block that has slid by a part of a facet presses uniformly, a slave partly covered too."""
     low, high = (0.0, 2.0), (0.2, 1.2)
     n = 8
@@ -119,7 +119,7 @@ def test_patch(cell, slave, part):
     reference="closed form: uniform compression",
     aspects=("3D", "pairs", "large sliding"),
 )
-def test_patch_in_space(cell, slave):
+def test_a_cube_that_has_turned_presses_uniformly(cell, slave):
     """A cube that has turned by a right angle on another one presses uniformly."""
     both = cubes(3, 4, cell)
     bodies = Bodies(both, slave, Frictionless(), NeoHookean(0.0, STIFF))
@@ -186,7 +186,7 @@ def pressed_and_sheared(bodies, shear=0.03):
     reference="theorem: a rotation changes nothing",
     aspects=("2D", "3D", "pairs", "large sliding"),
 )
-def test_turned(dim, cell, slave, angle):
+def test_a_stuck_pair_that_turns_keeps_sticking(dim, cell, slave, angle):
     """A stuck state turned in one step stays stuck, with its tractions turned."""
     bodies = Bodies(blocks(dim, cell), slave, Coulomb(2.0))
     bodies.problem.petsc_options["snes_rtol"] = 1e-11

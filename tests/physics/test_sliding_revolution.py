@@ -74,7 +74,7 @@ def shaft_and_tube(shaft, tube, cell, slope):
     reference="closed form: the same pressure everywhere",
     aspects=("2D", "pairs", "large sliding"),
 )
-def test_patch(shape, cell, slave):
+def test_a_uniform_strain_of_sliding_rings_is_exact(shape, cell, slave):
     """Lengths shrink by a part: exact between cones, and of a tube that has slid along a shaft."""
     slope = 0.3 if shape == "cone" else 0.0
     way = 0.37 * 0.25 if shape == "slid" else 0.0
@@ -248,7 +248,7 @@ def pressure_of_fit(d):
     reference="closed form: Lame's pressure between two cylinders",
     aspects=("2D", "pairs", "large sliding"),
 )
-def test_lame():
+def test_a_sliding_press_fit_has_lames_pressure():
     """A hub that widens in a ring with other nodes: to the square of the mesh size."""
     d = 1e-4
     errors = []

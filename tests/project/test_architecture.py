@@ -4,6 +4,7 @@ import ast
 import re
 import subprocess
 import sys
+from collections import Counter
 from functools import cache
 from pathlib import Path
 
@@ -160,15 +161,63 @@ def test_the_checker_stands_alone():
     assert found <= {"numpy", *sys.stdlib_module_names}
 
 
+TESTS = Path(__file__).parents[1]
+#: Tests that need private names, and why.
+PRIVATE = {
+    "project/test_packaging.py": "the import of the package fails before there are public names",
+}
+
+
+def trees():
+    """Files of the tests, below their folder, as syntax trees."""
+    for path in sorted(TESTS.rglob("*.py")):
+        yield path.relative_to(TESTS).as_posix(), ast.parse(path.read_text())
+
+
 def test_what_one_rank_skips_runs_on_several():
     """A test that needs several ranks is marked `ranks`, or is in a file of which all are."""
-    folder = Path(__file__).parents[1]
     several = r"^((?:@.*\n)*@pytest\.mark\.skipif\(COMM\.size == 1,.*\n(?:@.*\n)*)def test_"
-    for path in folder.rglob("test_*.py"):
+    for path in TESTS.rglob("test_*.py"):
         text = path.read_text()
         marked = "pytestmark = pytest.mark.ranks(" in text
         for decorators in re.findall(several, text, flags=re.MULTILINE):
             assert marked or "mark.ranks(" in decorators, path.stem
+
+
+def test_modules_of_tests_do_not_import_each_other():
+    """What several of them need is in `tests/support`."""
+    for file, tree in trees():
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Import):
+                names = [alias.name for alias in node.names]
+            elif isinstance(node, ast.ImportFrom):
+                names = [node.module, *(alias.name for alias in node.names)]
+            else:
+                continue
+            found = [n for n in names if n.rpartition(".")[2].startswith("test_")]
+            assert not found, f"{file} imports {found}"
+
+
+def test_tests_use_public_names():
+    """Modules whose names begin with an underscore are private, and so are names that do."""
+    for file, tree in trees():
+        if file in PRIVATE:
+            continue
+        for node in ast.walk(tree):
+            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith(PACKAGE):
+                parts = [*node.module.split("."), *(alias.name for alias in node.names)]
+                private = [p for p in parts if p.startswith("_") and p != "__main__"]
+                assert not private, f"{file} imports {private}"
+
+
+def test_names_of_tests_are_unique():
+    names = [
+        node.name
+        for file, tree in trees()
+        for node in tree.body
+        if isinstance(node, ast.FunctionDef) and node.name.startswith("test_")
+    ]
+    assert not [name for name, number in Counter(names).items() if number > 1]
 
 
 def test_page_on_the_architecture_names_existing_files():

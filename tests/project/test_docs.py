@@ -66,7 +66,7 @@ def code_of(page):
 
 @pytest.mark.ranks(2)
 @pytest.mark.parametrize("page", [p for p in [*THEORY, TOUR] if code_of(p)], ids=name_of)
-def test_theory(page, tmp_path, monkeypatch):
+def test_formulas_of_theory_pages_hold(page, tmp_path, monkeypatch):
     """The formulas that a page checks are those of the package, on any number of ranks."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(str(DOCS / "recipes"))

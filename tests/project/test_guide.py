@@ -48,7 +48,7 @@ def test_no_example_is_forgotten():
     assert pages == {"bodies.md", "histories.md", "laws.md", "records.md", "solving.md"}
 
 
-def test_laws():
+def test_each_law_of_the_guide_presses_back():
     """Each law of the page presses back; those with a time are made so that a solve needs none."""
     names = run("laws.md")
     laws = [names[name] for name in ("spring", "soft", "both", "around")]

@@ -40,7 +40,7 @@ serial = pytest.mark.skipif(COMM.size > 1, reason="problems of one process")
     reference="theorem: axes, units, numbers of nodes and names of surfaces mean nothing",
     aspects=("2D", "3D"),
 )
-def test_places(request):
+def test_solutions_do_not_depend_on_axes_and_units(request):
     """Turned, mirrored, in other units, renumbered, as two surfaces: the solution is put so."""
     examine(stays_under_places, request)
 
@@ -52,7 +52,7 @@ def test_places(request):
     reference="independent code: forces and work at the nodes, and the law in numpy",
     aspects=("2D", "3D"),
 )
-def test_balance(request):
+def test_forces_balance_node_by_node(request):
     """Equilibrium node by node, resultants, energies, the law: of the displacement alone."""
     examine(balances, request)
 
@@ -67,7 +67,7 @@ def test_new_data(request):
 @pytest.mark.verifies(
     "all solutions", reference="itself: a solve beside an enumeration", aspects=("2D", "3D")
 )
-def test_all_solutions(request):
+def test_a_solve_finds_one_of_all_solutions(request):
     """What a solve finds is among all solutions, which follow the law."""
     examine(is_among_all, request)
 
@@ -85,7 +85,7 @@ def test_one_step(request):
     reference="independent code: sums of forces times slips, step by step",
     aspects=("2D", "3D"),
 )
-def test_energies(request):
+def test_a_history_accounts_for_its_energies(request):
     """What a history dissipates, and what its account leaves."""
     examine(accounts_for_energies, request)
 
@@ -94,7 +94,7 @@ def test_energies(request):
 @pytest.mark.verifies(
     "records of histories", reference="itself: a run that is not interrupted", aspects=("records",)
 )
-def test_resumed(request):
+def test_an_interrupted_history_resumes_to_the_same_end(request):
     """A run that is interrupted and resumed is the run that is not."""
     examine(resumes, request)
 
@@ -114,7 +114,7 @@ def test_refinement_of_a_body_that_slides_as_a_whole():
 
 @pytest.mark.ranks(2, 3)
 @pytest.mark.skipif(COMM.size == 1, reason="one rank and all ranks are the same")
-def test_ranks():
+def test_all_ranks_find_what_one_rank_finds():
     """All ranks together find what one of them finds alone."""
     some = [kind for kind in FEW if kind[1] in ("Coulomb", "Tresca")]
     drawn = st.tuples(cases(some, friction=(0.1, 0.1)))

@@ -102,7 +102,7 @@ def test_the_journal_says_what_was_run(folder):
         "records",
     ),
 )
-def test_an_interrupted_run_resumes(case, whole, folder):
+def test_an_interrupted_history_resumes(case, whole, folder):
     """By an observer; then between the files of a step and its line, and in a line."""
     with pytest.raises(Stop):
         record(CASES[case](COMM), folder, observer=stopping(5))
@@ -123,7 +123,7 @@ def test_an_interrupted_run_resumes(case, whole, folder):
     require_same(folder, whole(case))
 
 
-def test_a_damaged_checkpoint_is_passed_over(whole, folder):
+def test_a_damaged_checkpoint_of_a_history_is_passed_over(whole, folder):
     with pytest.raises(Stop):
         record(pair(COMM), folder, observer=stopping(6))
     if COMM.rank == 0:
@@ -140,7 +140,7 @@ def test_a_damaged_checkpoint_is_passed_over(whole, folder):
 
 
 @pytest.mark.ranks(2)
-def test_what_is_refused(whole, folder):
+def test_a_history_record_refuses_other_problems_and_loads(whole, folder):
     """Records of other problems and loads, damaged ones, and those that would be overwritten."""
     known = whole("pair")
     before = (whole("pair") / FILE_NAME).read_bytes()
@@ -262,7 +262,7 @@ def test_a_rigid_body_and_three_dimensions(folder):
         "records",
     ),
 )
-def test_killed_at_random_moments(case, kills, whole, folder):
+def test_a_history_killed_at_random_moments_is_resumed(case, kills, whole, folder):
     """Every session on another number of ranks; each is killed, but for the last."""
     longest = LONGEST if kills == 1 else 0.05
     known = whole(case, longest)

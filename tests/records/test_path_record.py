@@ -181,7 +181,7 @@ def test_killed_between_two_points(after, whole, folder):
     require_same_path(folder, known)
 
 
-def test_what_is_refused(whole, folder):
+def test_a_path_record_refuses_other_problems_and_ranges(whole, folder):
     """Records of other problems, loads and ranges, and those that would be overwritten."""
     known = whole("crack")
     before = (whole("crack") / FILE_NAME).read_bytes()
@@ -247,7 +247,7 @@ def test_what_is_refused(whole, folder):
     ),
 )
 @pytest.mark.long
-def test_killed_at_random_moments(case, kills, whole, folder):
+def test_a_path_killed_at_random_moments_is_resumed(case, kills, whole, folder):
     """Every session on another number of ranks; each is killed, but for the last."""
     longest = LONGEST if kills == 1 else LONGEST / 8
     known = whole(case, longest)

@@ -351,7 +351,7 @@ def task(r, **changes):
 
 
 @pytest.mark.chatty
-def test_a_damaged_checkpoint_is_passed_over(whole, folder):
+def test_a_damaged_checkpoint_of_a_branch_is_passed_over(whole, folder):
     """The run goes on from the checkpoint before; if all are damaged, an error says so."""
     system, functionals = moved_block(COMM)
     record(system, functionals, folder, max_steps=16)
@@ -409,7 +409,7 @@ def test_a_finished_branch_stays_as_it_is(whole):
         "records",
     ),
 )
-def test_an_interrupted_run_resumes(whole, folder):
+def test_an_interrupted_branch_resumes(whole, folder):
     """Ended by an exception between the checkpoint and the line of a point, and in a line."""
     system, functionals = moved_block(COMM)
 
@@ -523,7 +523,7 @@ def test_several_branches_in_one_record(folder):
     ),
 )
 @pytest.mark.long
-def test_killed_at_random_moments(whole, folder, kills):
+def test_a_branch_killed_at_random_moments_is_resumed(whole, folder, kills):
     """Every session on another number of ranks; each is killed, but for the last."""
     random.seed(3)
     path = folder / FILE_NAME

@@ -73,7 +73,7 @@ def violation(contact, a, r):
     ),
     alone=True,
 )
-def test_random_problems(algorithm, dim):
+def test_every_algorithm_solves_random_problems(algorithm, dim):
     """Each ends in the solution, on its own."""
     rng = np.random.default_rng(dim)
     for bound in (0.0, 0.0, 0.5):

@@ -128,7 +128,7 @@ def test_in_the_plane(algorithm):
     reference="independent code: GetFEM, every nodal force",
     aspects=("3D",),
 )
-def test_in_space(algorithm):
+def test_classical_algorithms_solve_in_space(algorithm):
     check_stored("b3d_n4", algorithm)
 
 
@@ -214,12 +214,12 @@ def test_penalty(dim, on):
     reference="itself: Newton's method",
     aspects=("2D",),
 )
-def test_laws(law, algorithm):
+def test_classical_algorithms_solve_other_laws(law, algorithm):
     check(block(n=3, cell="tri", law=law), algorithm)
 
 
 @pytest.mark.ranks(2)
-def test_a_symmetry_plane():
+def test_classical_algorithms_keep_a_node_on_its_symmetry_plane():
     """A contact node whose tangential displacement is prescribed."""
     for algorithm in ("gauss-seidel", "interior-point", "lemke", "tresca"):
         check(half_block(), algorithm)

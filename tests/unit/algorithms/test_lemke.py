@@ -58,7 +58,7 @@ def random_problem(rng):
     aspects=("2D",),
     alone=True,
 )
-def test_random_problems():
+def test_lemke_solves_random_problems():
     """Friction up to 20: no ray, no cycle, and what comes out is a solution."""
     rng = np.random.default_rng(7)
     for number in range(1000):
@@ -69,7 +69,7 @@ def test_random_problems():
         assert violation(w, S, p, friction) < 1e-10
 
 
-def test_a_bound_given_in_advance():
+def test_lemke_solves_trescas_law():
     rng = np.random.default_rng(8)
     for _ in range(200):
         S, p, friction = random_problem(rng)
@@ -79,7 +79,7 @@ def test_a_bound_given_in_advance():
 
 
 @pytest.mark.parametrize("scale", [1e-12, 1.0, 1e12])
-def test_units_do_not_matter(scale):
+def test_lemke_does_not_depend_on_units(scale):
     rng = np.random.default_rng(9)
     S, p, friction = random_problem(rng)
     one, pivots = coulomb_by_lemke(S, p, friction)
@@ -91,7 +91,7 @@ def test_units_do_not_matter(scale):
 @pytest.mark.verifies(
     "Lemke", reference="closed form: Hild's element, three solutions", aspects=("2D",), alone=True
 )
-def test_one_node():
+def test_lemke_finds_the_solutions_of_hilds_element():
     """Hild's element with lambda = mu = 1, F = 3: separation, stick and slip are its solutions."""
     S = np.array([[2.0, 1.0], [1.0, 2.0]])
     p = np.array([-1.2, -0.5])

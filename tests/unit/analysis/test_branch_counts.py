@@ -132,7 +132,7 @@ def test_where_branches_meet():
     ("n", "aside", "events", "letters"),
     [(1, (0.006, 0.0, 0.0), None, None), (2, (0.02, 0.002, 0.009), 3, "sssssssss")],
 )
-def test_in_space(n, aside, events, letters):
+def test_counts_along_a_branch_in_space_are_proved(n, aside, events, letters):
     """Cubes with 4 and 9 nodes on the floor, pressed and moved aside; proofs are checked."""
     domain = box(MPI.COMM_WORLD, n, "hex")
     V = fem.functionspace(domain, ("Lagrange", 1, (3,)))

@@ -67,7 +67,7 @@ def by_hand(problem, xi=None):
     reference="closed form: kt/k of one element, and known coefficients of finer meshes",
     aspects=("2D",),
 )
-def test_hild_triangle(lame):
+def test_critical_friction_of_hilds_triangle(lame):
     for n, expected in zip((1, 2, 4, 8), LAME[lame], strict=True):
         problem = linear_triangle(n, 0.3, lame=lame).problem
         for dense in (True, False):
@@ -128,7 +128,7 @@ def test_bound_of_theory(folder):
     assert all(row["alternating"] <= row["one_way"] < row["critical"] for row in levels)
 
 
-def test_units():
+def test_critical_friction_does_not_depend_on_units():
     """Neither moduli nor lengths matter."""
     plain = critical_friction(linear_triangle(4, 0.3).problem).friction
     other = linear_triangle(4, 0.3, lame=(1e11, 0.82e11), length=1e-3).problem
@@ -179,7 +179,7 @@ def test_any_direction_in_3d():
 
 
 @pytest.mark.ranks(2, 3)
-def test_of_a_solution():
+def test_critical_friction_takes_the_directions_of_a_solution():
     """Of a solution in full slip to the right: the uniform field, and F of the other sign."""
     problem = leaning(4)
     uniform = critical_friction(problem)
@@ -258,7 +258,7 @@ def corner(*laws):
         "pairs",
     ),
 )
-def test_between_bodies(options):
+def test_a_stiff_second_body_has_the_coefficients_of_a_rigid_one(options):
     """On a body that is very stiff, with matching faces or others, as on a rigid floor."""
     rigid, pair = (
         critical_friction(two_blocks(["--n=4", "--upper", "1.0", "0.3", *given]))

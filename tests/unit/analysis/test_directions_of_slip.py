@@ -54,7 +54,7 @@ def test_a_leaning_prism():
 
 
 @pytest.mark.ranks(2)
-def test_bad_input():
+def test_critical_friction_by_direction_refuses_numbers():
     with pytest.raises(ValueError, match="3D"):
         critical_friction_by_direction(block(n=1))
     for number in (1, 3, 2.5, "a"):

@@ -89,7 +89,7 @@ def test_more_elements():
 @pytest.mark.verifies(
     "charts", reference="enumeration: all pieces of random problems", aspects=("2D",), alone=True
 )
-def test_random_families(seed):
+def test_regions_of_random_families_agree_with_enumeration(seed):
     """Against solving all pieces; a curve that is left out is missed."""
     family = random_family(seed)
     span = (0.2, 4.0)
@@ -113,7 +113,7 @@ def test_random_families(seed):
     assert not solution_regions(family, less, mu_range=span, gamma_range=gammas).explained
 
 
-def test_demo(folder):
+def test_the_regions_demo_finds_the_published_regions(folder):
     summary = cases.regions.main(["--over-critical", "1.5", f"--output={folder}"])
     (found,) = summary["regions"]
     assert found["friction"] == 3.0

@@ -21,7 +21,7 @@ COMM = MPI.COMM_WORLD
     reference="closed form: 2 sqrt(kt^2 - k^2)/kt of one element, and known coefficients",
     aspects=("2D",),
 )
-def test_hild_triangle(dense):
+def test_renards_coefficient_of_hilds_triangle(dense):
     """Coefficients of the benchmark; of one element the closed form."""
     lmbda = 100.0
     mu = 82.0
@@ -57,7 +57,7 @@ def test_against_the_form_in_3d(dense):
 
 
 @pytest.mark.ranks(2, 3)
-def test_of_a_solution():
+def test_renards_criterion_takes_the_directions_of_a_solution():
     """The directions are those of slips and of the shear of stuck points."""
     problem = linear_triangle(8, 0.5, load=(14.0, -20.0)).problem
     problem.solve()

@@ -86,7 +86,7 @@ def test_two_points_by_hand(c):
     alone=True,
 )
 @pytest.mark.parametrize("F", [0.5, 1.9, 2.1])
-def test_one_point(F):
+def test_one_point_shakes_down_to_its_closed_form(F):
     S = np.array([[2.0, -1.0], [-1.0, 2.0]])
     steady = np.array([0.0, -1.0])
     found = shakedown_of(points(S, [F]), np.add(steady, [[0.3, 0.0], [-0.3, 0.0]]), steady)
@@ -358,7 +358,7 @@ def test_a_body():
 
 
 @pytest.mark.ranks(2)
-def test_bad_input():
+def test_shakedown_refuses_loads_and_factors():
     problem, loads, _ = pressed(0.3)
     with pytest.raises(ValueError, match="two functions"):
         shakedown(problem, loads[:1])
@@ -386,7 +386,7 @@ def test_bad_input():
 
 
 @pytest.mark.long
-def test_the_demo(folder):
+def test_the_shakedown_demo_comes_to_rest(folder):
     summary = cases.shakedown.main(["--n", "4", "--cases", "6", "--output", str(folder)])
     assert summary["pair"]["theorem_holds"]
     assert summary["pair"]["below"] == ["rest"]

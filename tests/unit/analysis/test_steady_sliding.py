@@ -82,7 +82,7 @@ def test_large_problems_by_slepc():
 @pytest.mark.verifies(
     "steady sliding", reference="closed form: growth and frequency of one node", aspects=("2D",)
 )
-def test_one_node(dense):
+def test_one_sliding_node_grows_at_its_closed_form(dense):
     """A node that slips to the left grows at sqrt((F k - kt)/m), and oscillates before that."""
     lmbda = 1.0
     mu = 1.0
@@ -187,7 +187,7 @@ def test_against_the_quadratic_problem_in_3d(quadratic):
     assert np.abs(near[:, None] - expected).min(axis=1).max() < 1e-7 * size
 
 
-def test_of_a_solution():
+def test_steady_sliding_takes_the_directions_of_a_solution():
     """All points slipping to the right in the solution is the uniform direction."""
     problem = pad(4, friction=0.7)
     uniform = SteadySliding(problem, (1.0, 0.0), density=1.0, damping=0.02).modes(0.7)
@@ -198,7 +198,7 @@ def test_of_a_solution():
 
 @pytest.mark.long
 @pytest.mark.chatty
-def test_demo(folder):
+def test_the_squeal_demo_has_its_benchmark_numbers(folder):
     """Numbers of the benchmark, what regularised friction hides, and the animation."""
     pad_options = ["--nx=2", "--ny=2", "--width=1", "--height=1", "--friction=0.5"]
     found = cases.squeal.main(

@@ -55,7 +55,7 @@ def friction_of(system):
         "branches",
     ),
 )
-def test_one_element(unit):
+def test_stick_and_separation_of_one_element_end_on_their_curves(unit):
     """Stick ends at gamma = F, separation at gamma = kt / k, and they cross at F = kt / k."""
     system = element((unit, unit), 3.0, 1.0, (-2.0 * unit, 0.0), (0.0, -2.0 * unit))
     branch = branch_of(system, (0.0, 10.0))
@@ -150,7 +150,7 @@ def vee():
         "branches",
     ),
 )
-def test_vee(vee):
+def test_curves_of_the_vee_pass_through_the_folds_of_branches(vee):
     """Folds of branches at other coefficients lie on the curves, with the same statuses."""
     F = friction_of(vee)
     F.value = 1.5
@@ -178,7 +178,7 @@ def test_vee(vee):
 @pytest.mark.verifies(
     "curves of folds", reference="enumeration: borders of all pieces", aspects=("2D",), alone=True
 )
-def test_random_families(seed):
+def test_curves_of_random_families_pass_all_borders(seed):
     """At any coefficient the curves pass through all borders that enumeration finds.
 
     Curves are followed from all borders at three coefficients; those that never pass these are not
@@ -259,7 +259,7 @@ def test_demo_of_one_element(folder):
 
 
 @pytest.mark.ranks(2)
-def test_what_is_refused(vee):
+def test_charts_refuse_ranges_and_families(vee):
     F = friction_of(vee)
     with pytest.raises(ValueError, match="another Constant than gamma"):
         contact_family(vee, vee.constant, mu_range=(0.0, 1.0))

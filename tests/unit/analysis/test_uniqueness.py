@@ -153,7 +153,7 @@ def test_summary_with_and_without_a_verdict():
         "proofs",
     ),
 )
-def test_theory(kind, law, exists, unique, words):
+def test_theorems_prove_uniqueness(kind, law, exists, unique, words):
     theory = block(law=law, **kind).theory()
     assert (theory.exists, theory.unique) == (exists, unique)
     assert words in theory.reason

@@ -55,7 +55,7 @@ def check_state(found, S, dim):
     aspects=("2D", "3D", "proofs"),
     alone=True,
 )
-def test_one_node():
+def test_one_node_wedges_at_its_closed_form():
     rng = np.random.default_rng(0)
     for _ in range(20):
         S = random_stiffness(1, rng, 20.0)
@@ -155,7 +155,7 @@ def test_the_table_of_the_triangle(lame):
     reference="closed form: load over force of the last piece before the body is free",
     aspects=("2D",),
 )
-def test_the_demo(folder):
+def test_the_wedging_demo_moves_above_its_coefficient(folder):
     """Just below the coefficient the body is free without load, just above a pull frees it."""
     summary = cases.wedging.main(["--n", "4", "--output", str(folder)])
     np.testing.assert_allclose(summary["wedging"], 1.64042448, rtol=5e-9)

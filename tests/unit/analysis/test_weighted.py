@@ -26,7 +26,7 @@ def form_of(S, slope):
 
 
 @pytest.mark.verifies("Renard's criterion", reference="closed form: kt/k of one node", alone=True)
-def test_one_point():
+def test_one_point_has_its_weighted_coefficient():
     """Slip to one side: up to k_t/k, where non-uniqueness begins; to the other: for every F."""
     kt = 173.0
     kn = 150.0
@@ -50,7 +50,7 @@ def test_one_point():
     reference="itself: critical friction of the same triangle",
     aspects=("2D",),
 )
-def test_hild_triangle(n, critical):
+def test_weighted_renard_coefficient_of_hilds_triangle(n, critical):
     """More than without weights, and never more than the coefficient of a second solution."""
     problem = linear_triangle(n, 0.4, lame=(100.0, 82.0)).problem
     plain = renard_criterion(problem, to_the(-1)).friction
@@ -65,7 +65,7 @@ def test_hild_triangle(n, critical):
     reference="independent code: eigenvalues of the form, in numpy",
     aspects=("3D",),
 )
-def test_in_space():
+def test_the_weighted_form_in_space_is_definite():
     """The sum is positive definite where it is said to be, with the weights that say so."""
     plain = renard_criterion(block(3, friction=0.25), swirl)
     found = renard_criterion(block(3, friction=0.25), swirl, weights=True)

@@ -40,7 +40,7 @@ def values(system, point):
 @pytest.mark.verifies(
     "branches", reference="closed form: the fold of a circle", aspects=("branches",), alone=True
 )
-def test_circle():
+def test_a_circle_has_its_fold_and_other_half():
     """x^2 + g^2 = 1: the smooth fold at g = 1, located, and round to the other end."""
     system = smooth(
         1, lambda x, g: x**2 + g**2 - 1, lambda x, g: [[2 * x[0]]], lambda x, g: [2 * g]
@@ -98,7 +98,7 @@ def test_a_start_at_an_end_of_the_range(route, gamma):
     aspects=("branches",),
     alone=True,
 )
-def test_path_with_two_nonsmooth_folds():
+def test_the_node_has_two_nonsmooth_folds():
     """The one-node S: kt = kn = 2, k = 1, F = 3, p = (-g, -1); folds at 3 and 2."""
     system = one_node(2.0, 2.0, 1.0, 3.0, (0.0, -1.0), (-1.0, 0.0))
     branch = follow(system, start(system, [0, 0, 0, 1.0]), 0.0, gamma_range=(-1.0, 5.0))

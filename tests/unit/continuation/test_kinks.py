@@ -14,7 +14,7 @@ COMM = MPI.COMM_WORLD
 
 
 @pytest.mark.parametrize("kinks", ["batched", "stepping"])
-def test_path_with_two_nonsmooth_folds(kinks):
+def test_the_node_has_its_folds_in_batches_too(kinks):
     """The one-node S: both folds, with their changes of status and their parity."""
     system = one_node(2.0, 2.0, 1.0, 3.0, (0.0, -1.0), (-1.0, 0.0))
     control = StepControl(kinks=kinks, minimum=1e-6)
@@ -47,7 +47,7 @@ def test_path_with_two_nonsmooth_folds(kinks):
         "branches",
     ),
 )
-def test_vee(kinks):
+def test_the_vee_by_batches_has_the_folds_of_exact_passage(kinks):
     """The V-shaped body: folds where the exact passage has them, three solutions at 0.7."""
     runs = {}
     for mode in ("exact", kinks):
@@ -148,7 +148,7 @@ def test_events_that_are_asked_for_are_located():
         "branches",
     ),
 )
-def test_3d_branch(folder):
+def test_a_branch_in_space_is_the_same_on_all_ranks(folder):
     """The foot on all ranks and on one: the same steps; the last solution is one of H."""
     options = ["--n", "3", "--output", str(folder)]
     summary = cases.branch_3d.main(options)

@@ -101,7 +101,7 @@ def follow_vee(solver, kinks, *options):
         "branches",
     ),
 )
-def test_vee(kinks):
+def test_the_vee_by_krylov_has_the_folds_of_mumps(kinks):
     """Two nonsmooth folds, between which the determinant of H_x has the other sign."""
     branch, letters, signs = follow_vee("amg", kinks)
     direct, same, _ = follow_vee("direct", "exact")
@@ -142,7 +142,7 @@ def test_vee(kinks):
         "branches",
     ),
 )
-def test_large_deformation():
+def test_a_hyperelastic_branch_by_krylov_is_that_of_mumps():
     """A hyperelastic body with its support moved: its stiffness changes all along."""
     options = ("--law", "neo-hookean", "--friction", "0.3", "--drive-top", "0.2", "-0.3")
     branch, letters, _ = follow_vee("amg", "exact", *options)
@@ -176,7 +176,7 @@ def test_large_deformation():
         "branches",
     ),
 )
-def test_3d_branch():
+def test_a_branch_in_space_by_krylov_is_that_of_mumps():
     """The foot, every event located: those of the direct solver, with few hierarchies."""
     branches = []
     for solver in ("amg", "direct"):
@@ -199,7 +199,7 @@ def test_3d_branch():
 
 
 @pytest.mark.parametrize("n", [3, 5])
-def test_parity_is_that_of_mumps(n):
+def test_the_sign_of_the_determinant_by_krylov_is_that_of_mumps(n):
     """A foot with much friction, held in random pieces: the sign of MUMPS, but for a constant."""
     quotients = set()
     seen = set()

@@ -41,7 +41,7 @@ def test_gould():
     aspects=("2D",),
     alone=True,
 )
-def test_one_element(deflation):
+def test_open_stick_and_slip_of_one_element_are_found(deflation):
     """Hild's element between its folds: open, stick and slip, by enumeration and by deflation."""
     system = linear_triangle(1, 2.5, (4.0, 0.0), preload=(0.0, -1.0), comm=MPI.COMM_SELF)
     gamma = 0.55  # between 0.4752747 and 0.625

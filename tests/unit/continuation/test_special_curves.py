@@ -114,7 +114,7 @@ def test_a_curve_ends_where_its_point_lifts_off():
 
 
 @pytest.mark.ranks(2)
-def test_what_is_refused():
+def test_curves_in_two_parameters_refuse_other_points():
     system, other, branch = one_node_with(lambda *_: None, lambda *_: [0, 0, 0, 0])
     way = dict(mu_range=(1.0, 4.0), gamma_scale=1.0)
     with pytest.raises(ValueError, match="range"):

@@ -187,7 +187,7 @@ def test_tried_steps_leave_nothing():
 @pytest.mark.verifies(
     "energies of histories", "quasi-static", reference="itself: shorter steps", aspects=("2D",)
 )
-def test_energy():
+def test_the_energy_residue_of_a_history_falls_with_the_steps():
     """What is neither stored nor dissipated falls with the steps."""
     residues = []
     for n in (4, 8, 16):
@@ -302,7 +302,7 @@ def test_where_nothing_continues(folder, at_jump):
 @pytest.mark.verifies(
     "quasi-static", "hyperelastic bodies", "units", reference="itself: other units", aspects=("2D",)
 )
-def test_large_deformation():
+def test_a_neo_hookean_history_balances_energy():
     """A neo-Hookean block: the same loop in either units, energies in balance."""
     rows = []
     for unit in (1.0, 1e-9):  # of stress

@@ -178,7 +178,7 @@ def check_states(page, journal, entries, allowed=0.005):
         "records",
     ),
 )
-def test_a_branch(cell, folder):
+def test_a_page_shows_every_point_of_a_branch(cell, folder):
     n = 4 if cell == "quad" else 2
     system, functionals = moved_block(COMM, cell=cell, n=n)
     record(system, functionals, folder / "branch", max_steps=20, **KEPT)

@@ -151,7 +151,7 @@ def test_uniform_pressure(case):
         "pairs",
     ),
 )
-def test_forces_balance(case):
+def test_forces_and_moments_between_two_faces_balance(case):
     """With pressure and shear: between the faces, and of their moments."""
     problem = pressed(*case, friction=0.25)
     pair = problem.surfaces[0]
@@ -182,7 +182,7 @@ def test_forces_balance(case):
 @pytest.mark.each_value
 @pytest.mark.parametrize("case", [CASES[2], CASES[4], CASES[5]])
 @pytest.mark.parametrize("format", ["vtx", "vtk"])
-def test_files(format, case, folder):
+def test_both_faces_have_files_of_their_own(format, case, folder):
     """Slave and master have files of their own, with the numbers of the Functions."""
     problem = pressed(*case, friction=0.25)
     problem.solve()

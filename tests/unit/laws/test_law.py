@@ -108,7 +108,7 @@ def test_a_piece_of_a_linear_bulk_in_2d_is_affine(cell, method, degree, multipli
         "3D",
     ),
 )
-def test_jacobian_by_taylor(cell, degree, material):
+def test_the_jacobian_passes_taylors_test(cell, degree, material):
     problem = block(n=2, cell=cell, degree=degree, material=material)
     x = randomise(problem, 1, 0.01, 10.0)
     sizes = remainders(problem, x, 2)

@@ -137,7 +137,7 @@ def test_static_and_kinetic_friction_of_one_element(distance):
 
 
 @pytest.mark.long
-def test_demo(folder):
+def test_the_demo_of_an_own_law_runs(folder):
     summary = demo(["--n=4", f"--output={folder}"])
     assert summary["kkt_violation_orthotropic"] < 1e-9
     assert summary["kkt_violation_weakening"] < 1e-9

@@ -60,7 +60,7 @@ def integrals(points, a, b, degree):
         (CASES[3], SIDES[1], (1, 1)),
     ],
 )
-def test_uniform_tractions(case, sides, degrees):
+def test_gauss_point_forces_are_exact_integrals_of_uniform_tractions(case, sides, degrees):
     """Forces on both faces are integrals over what they have in common, node by node."""
     angle = 0.7
     both = stacked(*case, angle=angle)
@@ -102,7 +102,7 @@ def test_uniform_tractions(case, sides, degrees):
         "pairs",
     ),
 )
-def test_patch(case, sides, cell, degrees):
+def test_a_linear_displacement_at_common_gauss_points_is_exact(case, sides, cell, degrees):
     c = np.cos(0.7)
     s = np.sin(0.7)
     both = stacked(*CASES[case], cell=cell, angle=0.7)
@@ -129,7 +129,9 @@ def test_patch(case, sides, cell, degrees):
         "pairs",
     ),
 )
-def test_patch_in_space(case, sides, cells, degrees):
+def test_a_linear_displacement_at_common_gauss_points_in_space_is_exact(
+    case, sides, cells, degrees
+):
     base = np.array([[0.3, -0.1, 0.02], [0.07, 0.1, -0.03], [0.01, 0.04, -0.5]])
     both = solids(*SOLID_CASES[case], cells)
     solved_patch(both, TILT, base, SIDES[sides], degrees, (4, 5, 6, 7, 8))
@@ -184,7 +186,7 @@ def test_patch_of_a_short_block(case, sides, degrees):
         "pairs",
     ),
 )
-def test_more_elements_converge_to_one_body(degrees):
+def test_a_pressed_integral_pair_converges_to_one_body(degrees):
     """A pressed pair with much friction: the energy of matching meshes, which are one body."""
     errors = []
     for n in (4, 8):

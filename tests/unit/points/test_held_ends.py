@@ -31,7 +31,7 @@ REACH = (0.0, 1.0)
         "pairs",
     ),
 )
-def test_patch(cells, sides, fixed, clamped):
+def test_pressure_and_shear_at_held_ends_are_uniform(cells, sides, fixed, clamped):
     """Both bodies are held aside: uniform pressure and shear go to the master up to its end."""
     both = stacked(*cells, REACH, REACH, "tri")
     aside = tuple({4, 5, 6} - set(fixed))
@@ -57,7 +57,7 @@ def test_patch(cells, sides, fixed, clamped):
         "pairs",
     ),
 )
-def test_patch_in_space(cell, counts, sides, fixed, clamped):
+def test_pressure_and_shear_at_held_ends_in_space_are_uniform(cell, counts, sides, fixed, clamped):
     base = np.array([[0.3, -0.1, 0.02], [0.07, 0.1, -0.03], [0.01, 0.04, -0.5]])
     both = solids(*counts, REACH, REACH, cell)
     options = {"method": "nodal", "fixed": (1, *fixed)}

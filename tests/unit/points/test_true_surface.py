@@ -74,7 +74,7 @@ def pressure(both, degree, **options):
         "pairs",
     ),
 )
-def test_a_press_fit(degree):
+def test_a_press_fit_with_its_true_shape_has_lames_pressure(degree):
     """The pressure of Lame, where the chords are off by several times the overlap."""
     both = tubes(12, 17)
     found = pressure(both, degree, surface=Sphere((0.0, 0.0), MIDDLE + OVERLAP))
@@ -85,7 +85,7 @@ def test_a_press_fit(degree):
 
 
 @pytest.mark.ranks(2)
-def test_bad_surfaces():
+def test_pairs_refuse_true_surfaces():
     both = tubes(3, 4)
     u = displacement(both.mesh)
     disc, small = (Sphere((0.0, 0.0), radius) for radius in (MIDDLE + OVERLAP, MIDDLE))

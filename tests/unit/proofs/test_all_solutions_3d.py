@@ -234,7 +234,7 @@ def test_a_step_of_a_history():
     reference="itself: all solutions, proved",
     aspects=("3D", "proofs"),
 )
-def test_others_exist(caplog):
+def test_another_solution_comes_with_a_solution_in_space(caplog):
     """Of three solutions one is found, and another one beside it."""
     system = cases.proofs_3d.body(cases.proofs_3d.arguments([]), COMM)
     problem = system.problem

@@ -51,7 +51,7 @@ def compare(seed, number):
     ),
     alone=True,
 )
-def test_random_problems():
+def test_proofs_of_random_problems_agree_with_enumeration():
     """100 problems: what is proved is what the enumeration finds."""
     verdicts = compare(0, 100)
     assert sum(v == "complete" for v, _ in verdicts) > 95
@@ -96,7 +96,7 @@ def test_bounds_hold_every_solution():
             assert (used <= ub + 1e-13).all()
 
 
-def test_data_with_errors():
+def test_a_proof_in_the_plane_holds_for_all_data_within_their_errors():
     """What is proved for data with errors holds for all data within them."""
     rng = np.random.default_rng(8)
     proved = 0
@@ -123,7 +123,7 @@ def test_data_with_errors():
 
 
 @pytest.mark.parametrize("scale", [1e-9, 1.0, 1e12])
-def test_units_do_not_matter(scale):
+def test_a_proof_does_not_depend_on_units(scale):
     problem, pieces = next(several(1))
     found = prove_solutions(
         ReducedProblem(scale * problem.S, scale**2 * problem.p, problem.friction)
@@ -144,7 +144,7 @@ def test_units_do_not_matter(scale):
     ),
     alone=True,
 )
-def test_a_bound_given_in_advance_has_one_solution():
+def test_trescas_law_in_the_plane_has_one_proved_solution():
     """Tresca's law, beside Coulomb's and none."""
     rng = np.random.default_rng(9)
     for k in range(20):
@@ -159,7 +159,7 @@ def test_a_bound_given_in_advance_has_one_solution():
         np.testing.assert_allclose(one.state, w, atol=1e-9)
 
 
-def test_no_load():
+def test_rest_in_the_plane_is_the_only_solution_without_load():
     """Nothing but rest, where every point is at every border; little load is no such thing."""
     S, _, F = random_problem(np.random.default_rng(10))
     found = prove_solutions(ReducedProblem(S, np.zeros(len(S)), F))
@@ -196,7 +196,7 @@ def test_degenerate_problems_are_said_to_be():
     assert [s.tolist() for s in continuum.singular] == [[3]]
 
 
-def test_a_search_that_is_cut_short_says_so():
+def test_a_search_in_the_plane_that_is_cut_short_says_so():
     rng = np.random.default_rng(11)
     G = rng.standard_normal((24, 24))
     problem = ReducedProblem(G @ G.T + np.eye(24), rng.standard_normal(24), np.full(12, 4.0))

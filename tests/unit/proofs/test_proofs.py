@@ -250,7 +250,7 @@ def test_several_surfaces(left, right, gap):
         "proofs",
     ),
 )
-def test_a_bound_given_in_advance(right):
+def test_solutions_of_trescas_law_are_proved(right):
     """Tresca's law on one floor, and another or the same on the other, with open points."""
     problem = plate(Tresca(3.0), right, gap=0.004)
     result = problem.solve()
@@ -295,7 +295,7 @@ def test_a_solution_that_is_the_only_one():
         "proofs",
     ),
 )
-def test_others_exist(caplog):
+def test_another_solution_comes_with_a_solution_in_the_plane(caplog):
     """One of three solutions: another one comes with it, and a warning."""
     problem = triangle(16, 1.9, 1.0)
     result = problem.solve()

@@ -43,7 +43,7 @@ pytestmark = pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="numpy alone, on
     aspects=("3D", "proofs"),
     alone=True,
 )
-def test_one_node(number):
+def test_all_solutions_of_a_node_in_space_are_proved(number):
     rng = np.random.default_rng(0)
     several = 0
     for k in range(number):
@@ -221,13 +221,13 @@ def test_a_continuum_is_left_open_with_a_reason():
     assert np.abs(ends - 2.0).max() < 1e-3
 
 
-def test_no_load():
+def test_rest_in_space_is_the_only_solution_without_load():
     found = prove_solutions(ReducedProblem(NODE, np.zeros(3), np.array([0.5])))
     assert found.verdict == "complete"
     assert not found.solutions[0].state.any()
 
 
-def test_a_search_that_is_cut_short_says_so():
+def test_a_search_in_space_that_is_cut_short_says_so():
     rng = np.random.default_rng(5)
     problem = ReducedProblem(random_stiffness(10, rng), rng.normal(size=30), np.full(10, 5.0))
     found = prove_solutions(problem, proof_seconds=1.0)
@@ -243,7 +243,7 @@ def test_a_search_that_is_cut_short_says_so():
     aspects=("3D", "proofs"),
     alone=True,
 )
-def test_a_bound_given_in_advance_has_one_solution():
+def test_trescas_law_in_space_has_one_proved_solution():
     rng = np.random.default_rng(6)
     for _ in range(20):
         n = int(rng.integers(1, 5))
@@ -258,7 +258,7 @@ def test_a_bound_given_in_advance_has_one_solution():
 
 
 @pytest.mark.parametrize("tries", [2, pytest.param(5, marks=pytest.mark.long)])
-def test_data_with_errors(tries):
+def test_a_proof_in_space_holds_for_all_data_within_their_errors(tries):
     """Solutions of every problem within the errors are within those of the solutions."""
     rng = np.random.default_rng(7)
     for problem in (three_solutions(), two_far_nodes(rng)):
@@ -279,7 +279,7 @@ def test_data_with_errors(tries):
                 assert sum(fits) == 1
 
 
-def test_bad_input():
+def test_prove_solutions_in_space_refuses_known_states():
     problem = three_solutions()
     with pytest.raises(ValueError, match="known must be states"):
         prove_solutions(problem, known=[np.zeros((1, 4))])

@@ -245,7 +245,7 @@ def test_the_file_of_fclib(cell, tmp_path):
 
 
 @pytest.mark.ranks(2)
-def test_what_is_refused(tmp_path):
+def test_point_problem_refuses_laws_and_bodies(tmp_path):
     folder = shared(tmp_path)
     problem = block(n=2)
     with Reduction.of(problem.equations) as reduction:
@@ -378,7 +378,7 @@ def test_files_beside_what_is_saved(tmp_path):
     assert [(folder / name).read_text() for name in names] == ["mine"] * 3
 
 
-def test_units():
+def test_a_point_problem_converts_between_units():
     """The problem in the units of the input, and in those of the condensed numbers."""
     with Reduction.of(block(n=2, law=Coulomb(0.5)).equations) as reduction:
         unit = reduction.force_unit

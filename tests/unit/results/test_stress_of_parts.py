@@ -91,7 +91,7 @@ def refused(folder, reason, problem, stress):
             write()
 
 
-def test_what_is_refused(folder):
+def test_stress_by_tags_refuses_incomplete_parts(folder):
     problem, _ = pressed(2, two)
     full = {tag: part.full_stress(problem.u) for tag, part in PARTS.items()}
     refused(folder, r"has the cell tags \[1\], the bulk \[1, 2\]", problem, {1: full[1]})

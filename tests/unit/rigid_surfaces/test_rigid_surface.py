@@ -183,7 +183,7 @@ def test_rim():
     reference="differences: central differences",
     aspects=("2D", "3D", "large sliding"),
 )
-def test_jacobian(kind, given):
+def test_the_jacobian_on_rigid_surfaces_agrees_with_differences(kind, given):
     """Gap, normal and slip with memory, on a body that has turned, and past the rims of such."""
     dim = 2 if kind in ("disc", "arc") else 3
     crease = given.get("crease", 30.0)
@@ -327,7 +327,7 @@ def test_frictionless():
     reference="itself: a history without a stop",
     aspects=("2D", "records"),
 )
-def test_resumed(folder):
+def test_a_record_continues_with_its_own_rigid_surface(folder):
     """A record goes on with the surface that it was made with, and no other."""
 
     def made(start=0.0):
@@ -378,7 +378,7 @@ def test_corner_between_points_is_said(caplog):
 
 @pytest.mark.skipif(COMM.size > 1, reason="not collective")
 @REFUSED
-def test_bad_surfaces():
+def test_rigid_surfaces_refuse_open_and_flat_facets():
     points, cells = ball(1)
     flipped = cells.copy()
     flipped[3] = flipped[3, ::-1]
@@ -503,7 +503,7 @@ def test_truncated_stl_files_are_refused(folder):
 @pytest.mark.verifies(
     "surfaces of facets", reference="closed form: what was written", aspects=("2D", "3D")
 )
-def test_files(folder):
+def test_rigid_surfaces_read_and_write_files(folder):
     """STL in words and binary, groups of gmsh in 2D and 3D; errors are those of all ranks."""
     points, cells = ball(2)
     if COMM.rank == 0:
@@ -578,7 +578,7 @@ def _write_gmsh(path):
     reference="itself: exact shapes; closed form: equilibrium with the force",
     aspects=("3D", "large sliding"),
 )
-def test_demo(tool, folder, monkeypatch):
+def test_the_rigid_indenter_demo_converges(tool, folder, monkeypatch):
     monkeypatch.setattr(plot, "picture_of_body", lambda *_, **__: None)
     found = cases.punch.main([f"--tool={tool}", "--n=6", "--steps=2", f"--output={folder}"])
     assert found["unbalanced"] < 1e-9

@@ -108,7 +108,7 @@ CHATTY = (
         "multigrid",
     ),
 )
-def test_same_as_direct(name):
+def test_multigrid_has_the_solution_of_mumps(name):
     """Tight tolerances give the answer of MUMPS to 1e-8, the defaults to 1e-6."""
     options = PROBLEMS[name]
     direct = block(**options, options={"snes_rtol": 1e-11}).solve()

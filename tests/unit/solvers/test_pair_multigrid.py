@@ -147,7 +147,7 @@ PROBLEMS = {
         "multigrid",
     ),
 )
-def test_same_as_direct(name):
+def test_pairs_by_multigrid_have_the_solution_of_mumps(name):
     direct = PROBLEMS[name]({"snes_rtol": 1e-11}).solve()
     problem = PROBLEMS[name](TIGHT)
     result = problem.solve()
@@ -189,7 +189,7 @@ def test_iterations_do_not_grow():
         "branches",
     ),
 )
-def test_a_branch():
+def test_a_branch_by_multigrid_has_the_events_of_mumps():
     """By multigrid and by MUMPS: the same events, and the same end."""
     branches = []
     for options in (AMG, {}):
