@@ -54,7 +54,7 @@ print("done")
 )
 def test_the_next_collective_does_not_wait_for_ever(launcher):
     command = [*launcher, sys.executable, "-c", SCRIPT]
-    here = Path(__file__).parents[2]
+    here = Path(__file__).parents[1]
     done = subprocess.run(command, cwd=here, capture_output=True, text=True, timeout=100)
     assert done.returncode == 0, done.stderr
     assert done.stdout.count("done") == max(len(launcher) - 1, 1)
