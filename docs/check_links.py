@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Check that what the built pages link to and show is there: files and places within pages.
+"""Check the links and pictures of the built pages: files and places within pages.
 
 ``python3 docs/check_links.py docs/_build/html``; external addresses are for ``make docs-links``.
 """
@@ -14,7 +14,7 @@ from urllib.parse import unquote, urlsplit
 
 
 class Page(HTMLParser):
-    """What a page links to, and the places in it that can be linked to."""
+    """Links of a page, and the places in it that can be linked to."""
 
     def __init__(self, text: str):
         super().__init__()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Ask the search of the built site what users ask, and see whether the right page comes first.
+"""Look up questions of users in the search of the built site and rank the right page.
 
 ``python3 docs/check_questions.py docs/_build/check`` takes questions, each with the page that
 answers it, from ``docs/questions.csv``, and looks them up in the site's index as its search page
@@ -83,7 +83,7 @@ class Index:
         return list(best.values())
 
     def _points(self, page: str) -> int:
-        """What ``docs/_static/scorer.js`` adds to the score of a page."""
+        """Return the points of ``docs/_static/scorer.js`` for a page."""
         return self.points.get(max(filter(page.startswith, self.points), key=len, default=""), 0)
 
     def _titles(self, query: str) -> Iterator[Result]:

@@ -41,7 +41,7 @@ exclude_patterns = [
     ),
     *("demos/output", "**/__pycache__"),
 ]
-# Names in docstrings stand in single quotes; what is no name of the site stays text.
+# Names in docstrings stand in single quotes; other words stay text.
 default_role = "py:obj"
 python_maximum_signature_line_length = 88
 python_use_unqualified_type_names = True
@@ -59,7 +59,7 @@ html_theme = "pydata_sphinx_theme"
 html_title = "dolfinx_contact"
 html_static_path = ["_static"]
 html_css_files = ["site.css"]
-# It changes what the search page has defined by then, and runs before that page starts to search.
+# It replaces functions of the search page, and runs before that page starts to search.
 html_js_files = [("words.js", {"defer": "defer"})]
 html_search_scorer = str(HERE / "_static" / "scorer.js")
 html_favicon = "_static/favicon.svg"

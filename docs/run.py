@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Run the scripts of the site, and keep their printed output and pictures.
 
-Called by ``make docs`` where DOLFINx is. What a script showed is kept in the cache of docker/run
-under a key of the script, of what it imports beside it, of the package and of its dependencies; if
-one of them changes it is run again. `docs/_build/run` has a copy, which Sphinx reads.
+Called by ``make docs`` where DOLFINx is installed. Outputs are kept in the cache of docker/run under
+a key of the script, its local imports, the package and its dependencies; if the key changes, the
+script runs again. `docs/_build/run` has a copy, which Sphinx reads.
 """
 
 from __future__ import annotations
@@ -107,7 +107,7 @@ def blocks(text: str) -> Iterator[tuple[int, Any]]:
 def run_here(script: Path) -> None:
     """Run a script statement by statement in the current folder; its outputs to ``run.json``.
 
-    Called in a process of its own, so that what a statement printed is known.
+    Called in a separate process, which separates the output of statements.
     """
     sys.path.insert(0, str(script.parent))
     sys.argv = [str(script)]
@@ -154,7 +154,7 @@ def run(script: Path, folder: Path) -> str:
 
 
 def keep(folder: Path, cached: Path) -> None:
-    """Move what the site shows of a run into the cache: whole, or not at all."""
+    """Move the outputs of a run into the cache: all of them or none."""
     new = cached.with_name(f"{cached.name}.{os.getpid()}.new")
     shutil.rmtree(new, ignore_errors=True)
     pages = [file for file in folder.rglob("*") if file.suffix in PAGES]
@@ -162,7 +162,7 @@ def keep(folder: Path, cached: Path) -> None:
         there = new / file.relative_to(folder)
         there.parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(file, there)
-    # What earlier versions of the script showed is not needed any more.
+    # Outputs of earlier versions of the script are not needed any more.
     for old in cached.parent.glob(f"{cached.name.rpartition('-')[0]}-*"):
         if old != new:
             shutil.rmtree(old)
@@ -170,7 +170,7 @@ def keep(folder: Path, cached: Path) -> None:
 
 
 def show(script: Path, cache: Path, package: str, *, run_it: bool = True) -> str:
-    """Put what a script shows into `SHOWN`, run it if that is not in the cache; why not, or ""."""
+    """Copy the outputs of a script to `SHOWN` and run it if needed; return the failure or ""."""
     cached = cache / key(script, package)
     if not cached.exists():
         if not run_it:
@@ -189,12 +189,12 @@ def show(script: Path, cache: Path, package: str, *, run_it: bool = True) -> str
 
 
 def main() -> int:
-    """Run what is not in the cache; the number of scripts that failed."""
+    """Run the scripts that are not in the cache; return the number of failures."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("names", nargs="*", help="of scripts, by default all")
     parser.add_argument("--here", type=Path, help=argparse.SUPPRESS)
     parser.add_argument("--jobs", type=int, default=2, help="scripts at a time (default: 2)")
-    parser.add_argument("--cached", action="store_true", help="run none, show what the cache has")
+    parser.add_argument("--cached", action="store_true", help="run none, show the cached outputs")
     args = parser.parse_args()
     if args.here:
         run_here(args.here.resolve())

@@ -46,7 +46,7 @@ NAPOLEON = Config(
 
 @dataclass(frozen=True)
 class Name:
-    """A public name: where it is described, where it is defined, and what defines it."""
+    """Public name with the place of its description and its definition."""
 
     room: str
     name: str
@@ -82,7 +82,7 @@ def is_module(name: str) -> bool:
 
 
 def defined_in(module: str) -> dict[str, Definition]:
-    """What a module defines at its top level."""
+    """Return the top-level definitions of a module."""
     found: dict[str, Definition] = {}
     for node in tree_of(module).body:
         match node:
@@ -96,7 +96,7 @@ def defined_in(module: str) -> dict[str, Definition]:
 
 
 def imported(module: str) -> dict[str, tuple[str, str]]:
-    """By name, from which module of the package it is imported and what it is called there."""
+    """Return module and original name of each imported name."""
     found = {}
     for node in ast.walk(tree_of(module)):
         if isinstance(node, ast.ImportFrom) and (node.module or "").startswith(PACKAGE):
@@ -131,7 +131,7 @@ def origin(module: str, name: str) -> tuple[str, Definition | None]:
 
 @cache
 def names() -> dict[str, Name]:
-    """Every public name by what users import; a name of several rooms has several entries."""
+    """Return all public names by import path; a name of several modules has several entries."""
     found: dict[str, Name] = {}
     described: dict[tuple[str, str], Name] = {}
     for room in ROOMS:
@@ -147,7 +147,7 @@ def names() -> dict[str, Name]:
 
 @cache
 def by_last_word() -> dict[str, str]:
-    """Full names of what is described, by their last words: ``solve``, ``ContactProblem.solve``.
+    """Full names of described objects by their last words: ``solve``, ``ContactProblem.solve``.
 
     A word that several share is that of none, but the name of a room's own object comes first.
     """
@@ -243,7 +243,7 @@ def field_argument(part: ast.AnnAssign) -> str:
 
 
 def signature(node: ast.FunctionDef, *, method: bool) -> str:
-    """The arguments of a function and what it returns; of a method without ``self``."""
+    """Return the signature of a function, of a method without ``self``."""
     arguments = node.args
     static = any(ast.unparse(d) == "staticmethod" for d in node.decorator_list)
     if method and not static and (arguments.posonlyargs or arguments.args):
@@ -467,7 +467,7 @@ def class_of(annotation: ast.expr | None) -> str:
 
 @cache
 def type_of(full: str) -> str:
-    """The class of what a public name gives: of a call of a function, or of a property."""
+    """Return the class of the value of a public name: of a function call or a property."""
     known = names().get(full)
     if known is not None:
         if isinstance(known.node, ast.ClassDef):
@@ -487,7 +487,7 @@ def type_of(full: str) -> str:
 
 
 def resolve(chain: Any, inventory: Any) -> str:
-    """What a name in an example refers to, in place of sphinx_codeautolink's imports.
+    """Resolve a name in an example, in place of the imports of sphinx_codeautolink.
 
     Its own way imports the package, which needs DOLFINx; here calls and properties are followed by
     the annotations in the source.
@@ -505,7 +505,7 @@ def resolve(chain: Any, inventory: Any) -> str:
         else:
             found = part
         if not found:
-            raise CouldNotResolve("the source does not say what it is")
+            raise CouldNotResolve("the type is not annotated")
         if found in names():
             found = names()[found].full
     return found
@@ -515,7 +515,7 @@ class NamesOfAPage:
     """Names in examples, in place of sphinx_codeautolink's `parse_names`.
 
     All examples of a page so far come as one text. Its own way reads all of it for each of them,
-    which takes half of the time of the site; here what was read before is not read again. The
+    which takes half of the time of the site; here modules are read once. The
     names that are left out are those of earlier lines, which it takes away itself.
     """
 

@@ -28,7 +28,7 @@ def copy_katex(app: Sphinx, failure: Exception | None) -> None:
 
 def setup(app: Sphinx) -> dict[str, Any]:
     """Called by Sphinx."""
-    # Sphinx loads what stands in place of MathJax on pages with formulas only, after these.
+    # Sphinx loads the replacement of MathJax on pages with formulas only, after these files.
     app.config.mathjax_path = "katex/start.js"
     app.config.mathjax_options = {"defer": "defer"}
     app.add_css_file("katex/katex.min.css")

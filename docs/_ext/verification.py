@@ -363,9 +363,9 @@ def _mark(module: Module, function: ast.FunctionDef, call: ast.Call) -> Test:
     comparisons: tuple[str, ...] = ()
     if refuses:
         if kind or figure:
-            raise wrong("what is refused has no reference and no figure")
+            raise wrong("a mark `refuses` has no reference and no figure")
         if not aspects:
-            raise wrong("what is refused is refused with something: aspects")
+            raise wrong("a mark `refuses` needs aspects")
         if not _raises(module, function):
             raise wrong("no ValueError is expected")
     else:

@@ -3,7 +3,7 @@
 #
 # Let the parts overlap (penetrate initially) in a `ContactPair` with `interference=True`: as drawn,
 # or by a negative `gap`. So are press fits and shrink fits. The solution presses the parts apart,
-# and what it does to one face it does to the other: `result.pairs` has the forces on both. Here two
+# and the forces on both faces are opposite: `result.pairs` contains them. Here two
 # blocks overlap by 0.01 between fixed ends, with nu = 0: the pressure is E times 0.01 over their
 # common height. `demo_press_fit.py` has a ring on a hub.
 

@@ -3,8 +3,8 @@
 #
 # Newton's method is the default and has fallbacks; leave it unless you compare. In 2D Lemke's
 # method ends in a solution whatever the friction. The others are the classical ones, as Uzawa's
-# method and Tresca's fixed point; what does not converge fails with the reason.
-# See {doc}`the theory </theory/3_newton>`.
+# method and Tresca's fixed point; an algorithm that does not converge raises an error with the
+# reason. See {doc}`the theory </theory/3_newton>`.
 
 import numpy as np
 from common import Block

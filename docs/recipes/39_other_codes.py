@@ -14,7 +14,7 @@
 # | cohesive behaviour | JOINT_MECA_FROT, CZM | - | `BilinearCohesive`, `RCCM` |
 # | Riks | PILOTAGE | continuation | `follow`, `ArcLength` |
 #
-# What penalty and elastic slip change is seen beside the exact law:
+# Penalty and elastic slip, compared with the exact law:
 
 from common import Block
 

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-# # What the recipes start from
+# # The common set-up of the recipes
 #
-# Five bodies, so that a recipe shows what it is about and nothing else. To run a recipe as it
-# stands, copy this file, `docs/recipes/common.py`, beside it.
+# Five bodies from which the recipes start. To run a recipe, copy this file
+# (`docs/recipes/common.py`) next to it.
 
 from mpi4py import MPI
 

@@ -2,7 +2,7 @@
 # # A frictional solve from a gmsh file
 #
 # A rubber foot, round below, is pressed onto a floor and dragged along it. We draw it with gmsh,
-# read the mesh file, solve the Signorini-Coulomb problem, and look at forces, at what sticks and
+# read the mesh file, solve the Signorini-Coulomb problem, and evaluate forces, sticking and
 # slips, and at pictures. Lengths are in mm, forces in N, so that stresses are in MPa. It needs the
 # extras `gmsh` and `pictures`.
 #

@@ -19,9 +19,9 @@ from dolfinx_contact.meshing import crack, mesh_from_gmsh
 
 # ## One mesh with two bodies
 #
-# `mesh_from_gmsh` meshes what a function draws, on rank 0, without a file. The base is a rectangle
-# with a line inside that will become the crack; the block stands on it. The bodies have points of
-# their own where they meet, so that their meshes need not match.
+# `mesh_from_gmsh` calls a drawing function on rank 0 and distributes the mesh, without a file. The
+# base is a rectangle with a line inside that will become the crack; the block stands on it. The
+# bodies have points of their own where they meet, so that their meshes need not match.
 
 
 def draw():
@@ -91,7 +91,7 @@ for name, table in result.tables.items():
 
 # ## Checks
 #
-# What acts on one face acts on the other, to round-off, although the meshes do not match; and what
+# The forces on both faces are opposite up to round-off, although the meshes do not match; and what
 # is pressed in on the top arrives at the ground. The slip of the crack is driven by the shear in
 # it; with more friction it slips less, and with much friction not at all.
 

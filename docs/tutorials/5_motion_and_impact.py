@@ -2,7 +2,7 @@
 # # Motion and impact
 #
 # Bodies with mass: a bar flies against a wall and bounces. Its contact force and the time of its
-# contact are known exactly from the theory of waves, so that we see what a scheme is worth.
+# contact are known exactly from the theory of waves, so that schemes can be assessed.
 # The schemes are in {doc}`the theory </theory/6_impact>`.
 #
 # A bar of length $L$ with the wave speed $c = \sqrt{E/\rho}$ that meets a rigid wall with the

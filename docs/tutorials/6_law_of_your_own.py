@@ -3,7 +3,7 @@
 #
 # Friction that weakens: where a point has slipped by some distance, the coefficient falls from a
 # static to a kinetic value, as on faults and brake pads. The law is a few lines of UFL; Newton's
-# method, histories and records need nothing else. What a law is:
+# method, histories and records need nothing else. A law contains:
 # {doc}`the theory </theory/1_laws>`.
 
 from dataclasses import dataclass
@@ -47,7 +47,7 @@ class SlipWeakening(FrictionLaw):
 # ## A block that is pulled
 #
 # The block of the third tutorial, pressed first and then pulled to the right. Its top moves by
-# 0.06, which is more than what it takes to slip everywhere. The friction falls within a slip of
+# 0.06, which is enough for slip everywhere. The friction falls within a slip of
 # some 0.02: if it fell faster than the block can relax, the block would jump. `QuasiStatic` warns
 # of a step in which the state may jump; `locate_jumps=True` decides whether it does.
 
@@ -82,7 +82,7 @@ def pulled(static, kinetic):
     return ways, -forces[:, 0] / forces[:, 1], history.steps[-1].result.tables["contact"]
 
 
-# ## What it does
+# ## Results
 #
 # With equal coefficients the law is Coulomb's. With a smaller kinetic one the force rises, and
 # falls again while the block slips: the largest force lies below that of the static coefficient,

@@ -131,7 +131,7 @@ def test_a_test_that_no_ranks_share(marks, body):
         (SHOWN, "\n    pressed(2)\n", "nothing is compared"),
         ('@pytest.mark.verifies("mortar", reference="itself: x", alone=True)\n', BODY, "no cell"),
         ('@pytest.mark.refuses("mortar", aspects=("3D",))\n', BODY, "no ValueError is expected"),
-        ('@pytest.mark.refuses("mortar")\n', BODY, "refused with something"),
+        ('@pytest.mark.refuses("mortar")\n', BODY, "needs aspects"),
         (SHOWN.replace("verifies", "refuses"), BODY, "has no reference"),
     ],
 )
