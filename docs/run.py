@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Run the scripts of the site, and keep their printed output and pictures.
 
-Called by ``make docs`` where DOLFINx is installed. Outputs are kept in the cache of docker/run under
-a key of the script, its local imports, the package and its dependencies; if the key changes, the
-script runs again. `docs/_build/run` has a copy, which Sphinx reads.
+Called by ``make docs`` where DOLFINx is installed. Outputs are kept in the cache of docker/run
+under a key of the script, its local imports, the package and its dependencies; if the key changes,
+the script runs again. `docs/_build/run` has a copy, which Sphinx reads.
 """
 
 from __future__ import annotations
