@@ -85,14 +85,14 @@ say(f"folds at F = {', '.join(f'{fold:.10f}' for fold in folds)}")
 # Two points have 16 combinations of statuses; all are examined. Between two folds the number does
 # not change, so that one coefficient in each interval suffices.
 
-numbers = []
+solutions = []
 for a, b in pairwise([low, *folds, high]):
     at_middle = body((a + b) / 2)
     unused = fem.Constant(at_middle.V.mesh, 0.0)  # the load does not vary
     fixed = ParametricContact(at_middle, unused)
     found = find_solutions(fixed, [fixed.create_vector()], 0.0)
     statuses = sorted(fixed.letters(solution.piece) for solution in found.found)
-    numbers.append(len(statuses))
+    solutions.append(statuses)
     proved = "proved" if found.complete else "not proved"
     say(f"F = {(a + b) / 2:.4f}: {len(statuses)} solutions ({', '.join(statuses)}), {proved}")
 

@@ -79,7 +79,7 @@ def block(mirrored):
 
 say = io.Report(comm)
 folder = io.output_folder(comm, "output/shakedown")
-factors, endings = {}, {}
+factors, endings, theorem = {}, {}, {}
 for name, mirrored in (("pair", True), ("floor", False)):
     problem, ends = block(mirrored)
 
@@ -95,7 +95,7 @@ for name, mirrored in (("pair", True), ("floor", False)):
     above = shakedown(
         problem, corners, steady=steady, factor=1.05 * below.factor, cycles=100, starts=0
     )
-    factors[name] = below.factor
+    factors[name], theorem[name] = below.factor, below.theorem_holds
     endings[name] = (
         sorted({cycle.ending for cycle in below.cycles}),
         sorted({cycle.ending for cycle in above.cycles}),

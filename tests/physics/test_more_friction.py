@@ -2,12 +2,15 @@
 
 from mpi4py import MPI
 
-import cases.more_friction as demo
 import numpy as np
 import pytest
+from support.demo_numbers import run
 from support.enumeration import enumerated
 
 serial = pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="numpy alone, the same on every rank")
+
+#: Displacements of the held nodes, as in `demo_friction_parameter.py`.
+MOVED = {(0.5, 0.5): (-0.02, 0.0), (1.5, 1.5): (0.01, -0.01)}
 
 
 def by_hand():
@@ -15,7 +18,7 @@ def by_hand():
     lmbda = 0.3 / (1.3 * 0.4)
     mu = 0.5 / 1.3
     D = np.array([[lmbda + 2 * mu, lmbda, 0], [lmbda, lmbda + 2 * mu, 0], [0, 0, mu]])
-    corners = np.array([(0, 0), (1, 0), *demo.MOVED])
+    corners = np.array([(0, 0), (1, 0), *MOVED])
     K = np.zeros((8, 8))
     for cell in ([0, 1, 2], [1, 3, 2]):
         whole = np.column_stack([np.ones(3), corners[cell]])
@@ -25,7 +28,7 @@ def by_hand():
         B[2, 0::2], B[2, 1::2] = slopes[::-1]
         rows = (2 * np.array(cell)[:, None] + [0, 1]).reshape(-1)
         K[np.ix_(rows, rows)] += 0.5 * np.linalg.det(whole) * B.T @ D @ B
-    return K[:4, :4], -K[:4, 4:] @ np.concatenate(list(demo.MOVED.values()))
+    return K[:4, :4], -K[:4, 4:] @ np.concatenate(list(MOVED.values()))
 
 
 @pytest.mark.verifies(
@@ -39,11 +42,13 @@ def by_hand():
 )
 def test_folds(folder):
     """The branch turns back at F = 7 and at F = 1.78, and ends alone."""
-    summary = demo.main(["--output", str(folder)])
-    assert summary["fold_frictions"] == pytest.approx([7.0, 1.7812751263], rel=1e-9)
-    assert [len(words) for words in summary["solutions"].values()] == [1, 3, 1]
-    assert list(summary["solutions"].values())[1] == ["--", "k-", "o-"]
-    assert (folder / "branch.png").stat().st_size > 10_000
+    names = run("friction_parameter", folder)
+    folds = [special.gamma for special in names["branch"].folds]
+    assert folds == pytest.approx([7.0, 1.7812751263], rel=1e-9)
+    assert [len(words) for words in names["solutions"]] == [1, 3, 1]
+    assert names["solutions"][1] == ["--", "k-", "o-"]
+    picture = folder / "output" / "friction_parameter" / "branch.png"
+    assert picture.stat().st_size > 10_000
 
 
 @serial

@@ -126,8 +126,8 @@ NUMBERS = {
         Number("second fold", "closed form", "folds[1]", "kt / k / 4", 1e-10),
     ],
     "friction_parameter": [
-        Number("solutions at strong friction", "enumeration", "numbers[-1]", "1", 0.0),
-        Number("solutions in between", "enumeration", "numbers[1]", "3", 0.0),
+        Number("solutions at strong friction", "enumeration", "len(solutions[-1])", "1", 0.0),
+        Number("solutions in between", "enumeration", "len(solutions[1])", "3", 0.0),
     ],
     "chart": [
         Number("cusp, friction coefficient", "closed form", "cusps[0][0]", "2", 1e-10),

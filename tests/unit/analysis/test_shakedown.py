@@ -4,12 +4,12 @@ import itertools
 
 from mpi4py import MPI
 
-import cases.shakedown
 import numpy as np
 import pytest
 from scipy.linalg import block_diag
 from scipy.optimize import linprog
 from support.blocks import block
+from support.demo_numbers import run
 from support.space_problems import random_stiffness
 
 from dolfinx_contact import Coulomb
@@ -387,16 +387,32 @@ def test_shakedown_refuses_loads_and_factors():
 
 @pytest.mark.long
 def test_the_shakedown_demo_comes_to_rest(folder):
-    summary = cases.shakedown.main(["--n", "4", "--cases", "6", "--output", str(folder)])
-    assert summary["pair"]["theorem_holds"]
-    assert summary["pair"]["below"] == ["rest"]
-    np.testing.assert_allclose(summary["pair"]["factor"], 4.71273572, rtol=1e-6)
-    assert not summary["floor"]["theorem_holds"]
-    np.testing.assert_allclose(summary["floor"]["factor"], 4.37285334, rtol=1e-6)
-    assert summary["floor"]["below"] == ["alternating slip", "rest"]
-    assert summary["pair"]["above"] == summary["floor"]["above"] == ["alternating slip"]
-    assert summary["pair"]["wedging"] == np.inf
-    assert summary["broken"] >= summary["broken_from_some_starts"] > 0
+    names = run("shakedown", folder, n=4)
+    assert names["theorem"] == {"pair": True, "floor": False}
+    np.testing.assert_allclose(names["factors"]["pair"], 4.71273572, rtol=1e-6)
+    np.testing.assert_allclose(names["factors"]["floor"], 4.37285334, rtol=1e-6)
+    assert names["endings"]["pair"] == (["rest"], ["alternating slip"])
+    assert names["endings"]["floor"] == (["alternating slip", "rest"], ["alternating slip"])
+    assert wedging_friction(names["block"](True)[0]).friction == np.inf
     for name in ("pair", "floor"):
-        for kind in ("work", "rest"):
-            assert (folder / f"{name}_{kind}.png").stat().st_size > 10_000
+        assert (folder / "output" / "shakedown" / f"{name}.png").stat().st_size > 10_000
+
+
+@pytest.mark.long
+def test_cycles_below_the_bound_that_never_come_to_rest():
+    """Among random points under two corners of a load; some do from other starts."""
+    rng = np.random.default_rng(0)
+    broken = []
+    for _ in range(6):
+        B = rng.normal(size=(4, 4))
+        friction = rng.uniform(0.2, 0.6)
+        points = PointProblem(B @ B.T / 4 + 0.3 * np.eye(4), np.zeros(4), np.full(2, friction))
+        steady = np.array([0.0, -1.0, 0.0, -1.0]) + 0.2 * rng.normal(size=4)
+        loads = steady + 0.5 * rng.normal(size=(2, 4))
+        result = shakedown_of(points, loads, steady, cycles=200)
+        if result.broken:
+            finer = shakedown_of(points, loads, steady, cycles=200, steps=8)
+            if len(finer.broken) == len(result.broken):
+                broken.append(result)
+    mixed = [r for r in broken if any(c.ending == "rest" for c in r.cycles)]
+    assert len(broken) >= len(mixed) > 0
