@@ -122,8 +122,10 @@ def main(argv=None):
     journal = records.journal_of(system, [branch], forces)
     draw(folder, comm, system, material, branch, journal)
 
-    seen = journal.rows(0, ("gamma", "open", "stick", "slip", *forces))
     columns = journal.columns()
+    names = ("gamma", "open", "stick", "slip", *forces)
+    numbers = zip(*(columns[name].tolist() for name in names), strict=True)
+    seen = [dict(zip(names, row, strict=True)) for row in numbers]
     changes = np.diff(np.sign(columns["stick"]))
     gone = np.flatnonzero(changes < 0) + 1  # the last point that stuck has given way
     sliding = float(columns["gamma"][gone[-1]]) if len(gone) else None

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""StateChanges of the state in a step, and jumps under a load that continues smoothly.
+r"""Changes of the state in a step, and jumps under a load that continues smoothly.
 
 The change from a state a to a state b consists of
 

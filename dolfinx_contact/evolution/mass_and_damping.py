@@ -34,7 +34,7 @@ from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.data import Constancy, Datum, data_in, placed_data
 from dolfinx_contact.problem import ContactProblem
 
-__all__ = ["Matrices", "is_scalar_constant"]
+__all__ = ["Matrices"]
 
 logger = logging.getLogger(__name__)
 
@@ -236,36 +236,19 @@ def _data(density: Any, damping: Any, velocity: fem.Function) -> list[Datum]:
     found = list(data_in(ufl.as_ufl(density), "the density"))
     if isinstance(damping, ufl.Form):
         found += data_in(damping, "the damping")
-    elif damping is not None:
-        found += [
-            Datum(f"the factor {name} of Rayleigh's damping", factor)
-            for name, factor in zip("ab", damping, strict=True)
-            if isinstance(factor, fem.Constant)
-        ]
     return [d for d in found if d.value is not velocity]
 
 
 def _factors(damping: Any) -> tuple[float, float]:
-    """Present values of the Rayleigh factors (a, b).
+    """Rayleigh factors (a, b).
 
     Raises:
-        ValueError: if they are not two numbers or scalar Constants, or negative.
+        ValueError: if they are not two numbers, or negative.
     """
-    try:
-        a, b = damping
-    except (TypeError, ValueError):
-        a = b = None
-    if not all(is_number(v) or is_scalar_constant(v) for v in (a, b)):
+    pair = isinstance(damping, tuple | list) and len(damping) == 2
+    if not (pair and all(is_number(v) and math.isfinite(v) and v >= 0 for v in damping)):
         raise ValueError(
-            f"damping must be a form or a pair of numbers or scalar Constants, got {damping!r}; "
+            f"damping must be a form or a pair of numbers that are not negative, got {damping!r}; "
             "use a form for damping that varies over the body"
         )
-    a, b = float(a), float(b)
-    if not (math.isfinite(a) and math.isfinite(b) and min(a, b) >= 0):
-        raise ValueError(f"the factors of damping must not be negative, got {(a, b)!r}")
-    return a, b
-
-
-def is_scalar_constant(value: Any) -> bool:
-    """Return whether a value is a scalar Constant."""
-    return isinstance(value, fem.Constant) and value.ufl_shape == ()
+    return float(damping[0]), float(damping[1])

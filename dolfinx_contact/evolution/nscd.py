@@ -37,7 +37,7 @@ from dolfinx_contact.continuation.observer import Observer, ObserverLike, Stop
 from dolfinx_contact.equations.state import State
 from dolfinx_contact.evolution.evolution import Evolution
 from dolfinx_contact.evolution.history import EvolutionStep, History
-from dolfinx_contact.evolution.mass_and_damping import Matrices, is_scalar_constant
+from dolfinx_contact.evolution.mass_and_damping import Matrices
 from dolfinx_contact.evolution.motion import Level, Method, MotionStepper
 from dolfinx_contact.evolution.motion_energy import MotionEnergies
 from dolfinx_contact.evolution.run import Listeners
@@ -150,8 +150,8 @@ class NSCD(Evolution):
             velocity of a node without mass has no meaning of its own: to compute momentum, use
             contact impulses or another mass.
         damping: forces affine in the velocity: a UFL form in ``velocity`` and a test function, a
-            UFL form in a trial and a test function, or a pair (a, b) of numbers or scalar Constants
-            for Rayleigh damping a M + b K, a an inverse time, b a time, with K of the undeformed
+            UFL form in a trial and a test function, or a pair (a, b) of numbers for
+            Rayleigh damping a M + b K, a an inverse time, b a time, with K of the undeformed
             body and M consistent. The part of a form at zero velocity, such as wind in c (v - w),
             is a load. Forms that contain the displacement or have kinks in the velocity (dry
             friction) are an error. The coefficients, and for b > 0 the stiffness, must not change
@@ -323,9 +323,4 @@ def _positive_time(name: str, value: Any) -> float:
 
 def _described(damping: Any, V: fem.FunctionSpace) -> str:
     """Describe damping, for records and for the comparison of ranks."""
-    if isinstance(damping, ufl.Form):
-        return described(damping, V.mesh)
-    if isinstance(damping, tuple | list):
-        words = [repr(float(v) if is_scalar_constant(v) else v) for v in damping]
-        return f"({', '.join(words)})"
-    return repr(damping)
+    return described(damping, V.mesh) if isinstance(damping, ufl.Form) else repr(damping)

@@ -299,7 +299,7 @@ def gather_cells(
     V: fem.FunctionSpace,
     cells: npt.NDArray[np.int32],
     values: Mapping[str, Any],
-    numbers: npt.NDArray[np.int64] | None = None,
+    numbers: npt.NDArray[np.int64],
 ) -> Arrays:
     """Gather owned cells with coordinates and values at their nodes on rank 0. Collective.
 
@@ -309,16 +309,12 @@ def gather_cells(
         cells: local nodes of the cells of this rank, one row each.
         values: values at the local nodes, by name.
         numbers: numbers of the local nodes that determine their order, equal on all ranks with the
-            node; by default the global numbers in V, which depend on the number of ranks.
+            node.
 
     Returns:
         ``cells``, ``nodes`` (their numbers), ``x`` and the values on rank 0; an empty dictionary on
         other ranks.
     """
-    if numbers is None:
-        index_map = V.dofmap.index_map
-        every = np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32)
-        numbers = index_map.local_to_global(every)
     nodes, local = np.unique(cells, return_inverse=True)
     mine = {
         "cells": numbers[nodes][local].reshape(cells.shape),

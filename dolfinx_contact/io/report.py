@@ -3,8 +3,7 @@
 
 from __future__ import annotations
 
-import sys
-from typing import TYPE_CHECKING, TextIO
+from typing import TYPE_CHECKING
 
 from mpi4py import MPI
 
@@ -20,7 +19,6 @@ class Report:
 
     Args:
         comm: communicator; only its rank 0 writes.
-        stream: output stream; by default `sys.stdout` at the time of writing.
 
     Example:
         ::
@@ -31,14 +29,13 @@ class Report:
             say.result(result)
     """
 
-    def __init__(self, comm: MPI.Comm, *, stream: TextIO | None = None):
+    def __init__(self, comm: MPI.Comm):
         self._speaks = comm.rank == 0
-        self._stream = stream
 
     def __call__(self, text: str) -> None:
         """Write a line."""
         if self._speaks:
-            print(text, file=self._stream or sys.stdout, flush=True)
+            print(text, flush=True)
 
     def newton(self, step: Step) -> None:
         """Write a line for an iterate of Newton's method; a monitor for `ContactProblem.solve`."""

@@ -33,10 +33,9 @@ def write_contact_table(
         OSError: on every rank, with the path, if it cannot be written; an earlier file remains.
     """
     columns = [t.columns() for t in tables]
+    # columns of some laws come last
     names = dict.fromkeys(name for table in columns for name in table)
-    # Optional columns come last.
-    last = [name for name in ("bond", "slid") if name in names]
-    head = [*(name for name in names if name not in last), *last]
+    head = sorted(names, key=lambda name: name in ("bond", "slid"))
 
     def text() -> str:
         rows = [

@@ -22,6 +22,7 @@ from dolfinx_contact.io.outside import Arrays, gather_cells
 from dolfinx_contact.laws.status import COLOURS, NAMES
 from dolfinx_contact.plot.figures import INK, drawn_on_root, new_figure, save
 from dolfinx_contact.plot.in_2d import around, triangles
+from dolfinx_contact.points.trace import vertex_numbers
 from dolfinx_contact.results.fields import STATUS_CODES, contact_fields, vertex_state
 
 if TYPE_CHECKING:
@@ -92,8 +93,9 @@ def picture_of_contact(
     with problem.at(state) as shown:
         values = _values(shown, s)
     owned = s.submesh.mesh.topology.index_map(s.dim - 1).size_local
-    cells = s.points.vertices.dofmap.list[:owned]
-    data = gather_cells(s.comm, s.points.vertices, cells, values)
+    V = s.points.vertices
+    cells = V.dofmap.list[:owned]
+    data = gather_cells(s.comm, V, cells, values, vertex_numbers(V))
 
     def draw() -> Figure:
         draw_surface = _draw_curve if s.dim == 2 else _draw_map

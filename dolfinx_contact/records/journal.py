@@ -377,25 +377,16 @@ class Journal(AnyJournal):
         table["status"] = np.array([p.status for p in points], dtype=object)
         return table
 
-    def rows(
-        self, branch: int | None = None, columns: Sequence[str] | None = None
-    ) -> list[dict[str, Any]]:
-        """Return all points as dictionaries, of one branch or of all, in order.
+    def rows(self, branch: int | None = None) -> list[dict[str, Any]]:
+        """Return ``gamma``, ``status`` of the points that are not clamped, and the functionals.
 
         Args:
             branch: number of the branch; None for all.
-            columns: names of `columns`; by default ``gamma``, the functionals, and the ``status``
-                of the points that are not clamped.
         """
-        table = self.columns(branch)
-        names = ["gamma", "status", *self.functionals] if columns is None else list(columns)
-        unknown = ", ".join(sorted(set(names) - set(table)))
-        if unknown:
-            raise ValueError(f"these are not columns: {unknown}")
-        values: list[list[Any]] = [list(table[name].tolist()) for name in names]
-        if columns is None:
-            values[1] = [letters.replace("d", "") for letters in values[1]]
-        return [dict(zip(names, row, strict=True)) for row in zip(*values, strict=True)]
+        return [
+            {"gamma": p.gamma, "status": p.status.replace("d", ""), **p.functionals}
+            for _, p in self._points(branch)
+        ]
 
     def summary(self, branch: int = 0) -> dict[str, Any]:
         """Return scalars and lists of a branch for `summary.json`.

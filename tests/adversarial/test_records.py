@@ -242,8 +242,8 @@ def field_of_density(heavy):
 
 
 def rayleighs_factor(factor):
-    body, problem = pushed((2, 2))
-    return NSCD(problem, 1.0, dt=0.5, damping=(fem.Constant(body.domain, factor), 0.0))
+    _, problem = pushed((2, 2))
+    return NSCD(problem, 1.0, dt=0.5, damping=(factor, 0.0))
 
 
 def restitution(coefficient):

@@ -134,9 +134,6 @@ def test_journal_in_memory_is_that_of_a_record(followed, folder):
     rows = journal.rows()
     assert [row["gamma"] for row in rows] == branch.summary()["gammas"]
     assert rows[-1] == journal.summary()["end"]
-    assert journal.rows(0, ("stick", "gamma"))[-1]["gamma"] == 1.0
-    with pytest.raises(ValueError, match="not columns: wheels"):
-        journal.rows(columns=["wheels"])
     with pytest.raises(ValueError, match="must be Branches"):
         records.journal_of(system, [3])
     with pytest.raises(ValueError, match="neither a UFL form nor a function"):
