@@ -22,7 +22,7 @@ from timing import Timer, clean, peak_gigabytes
 
 from dolfinx import fem
 
-import dolfinx_contact.points.sliding.candidates as searching
+import dolfinx_contact.points.search as searching
 from dolfinx_contact import ContactPair, Frictionless
 from dolfinx_contact.equations.sliding import SlidingTerms
 from dolfinx_contact.problem import discretise
@@ -49,11 +49,11 @@ class Places:
 
 def counting(sent):
     """The exchange between ranks, which adds the bytes that this rank sends to others."""
-    plain = searching.exchanged
+    plain = searching._exchanged
 
-    def exchanged(comm, parts, shape):
+    def exchanged(comm, parts):
         sent.append(sum(p.nbytes for r, p in enumerate(parts) if r != comm.rank))
-        return plain(comm, parts, shape)
+        return plain(comm, parts)
 
     return exchanged
 
@@ -82,15 +82,15 @@ def main(argv=None):
     moved = moved[: V.dofmap.index_map.size_local]
     faces.searches = 0
     sent = []
-    searching.exchanged = counting(sent)
+    searching._exchanged = counting(sent)
     clean(comm)
-    timed("search", lambda: faces._search(faces._X + faces.spread(moved)))
+    timed("search", lambda: faces._search(faces._X + faces.spread(moved), None))
     sizes = [moved.size, 3 * pair.points.number]
     equations = SimpleNamespace(comm=comm, surfaces=[pair], units=[1.0, 1.0], owned_sizes=sizes)
     terms = SlidingTerms(equations, 0, Places(comm, sizes))
     timed("pattern", terms.set_up)
     timed("who faces whom", lambda: pair.points.at(moved, None))
-    pairs = comm.allreduce(len(faces.candidates.pairs))
+    pairs = comm.allreduce(len(faces.found.pairs))
     total = comm.allreduce(sum(sent))
     memory = peak_gigabytes(comm)
     if comm.rank == 0:

@@ -51,7 +51,6 @@ from dolfinx_contact.points.descriptions import (
     Contact,
     ContactPair,
     ContactSurface,
-    is_axisymmetric,
 )
 from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.points.pair import DiscretePair
@@ -149,11 +148,11 @@ def discretise(contact: Contact) -> DiscreteSurface:
     """
     if isinstance(contact, ContactSurface):
         return DiscreteSurface(contact)
-    if isinstance(contact, ContactPair):
+    if isinstance(contact, ContactPair) and contact.sliding != "large":
         return DiscretePair(contact)
-    from dolfinx_contact.points.self_contact import DiscreteSelfContact
+    from dolfinx_contact.points.sliding.points import SlidingPair
 
-    return DiscreteSelfContact(contact)
+    return SlidingPair(contact)
 
 
 class _LastWrite:
@@ -317,7 +316,7 @@ class ContactProblem(ReadOnly):
         PETSc.garbage_cleanup(self.comm)  # objects of earlier problems on several ranks
         check_cells(self.V.mesh)
         given = ProblemOptions(petsc_options_prefix, self.petsc_options)
-        axisymmetric = is_axisymmetric(surfaces[0])
+        axisymmetric = surfaces[0].axisymmetric
         body = Bulk(weighted(bulk, axisymmetric=axisymmetric), u)
         #: The UFL energy as given, or None if a residual was given.
         self.energy: ufl.Form | None = bulk if body.is_energy else None

@@ -150,7 +150,7 @@ class Constraints:
         self._warn_of_contradictions()
         prescribed = np.where(self.fixed, values, 0.0)
         for i, s in enumerate(surfaces):
-            s.points.require_in_place(prescribed, size, f"{s.name}{where}")
+            s.require_in_place(prescribed, size, where)
             objection = self._objection_to_values(i, s, prescribed, size)
             require(s.comm, not objection, f"{s.name}{where}: {objection}")
 

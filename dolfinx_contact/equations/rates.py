@@ -26,7 +26,7 @@ from dolfinx_contact._forms import compiled_expression, compiled_form
 from dolfinx_contact._ufl import dependence, has_branches, is_affine
 from dolfinx_contact.equations.evaluation import ContactState
 from dolfinx_contact.equations.rigid_bodies import RigidBodies
-from dolfinx_contact.points.contact_points import Given
+from dolfinx_contact.points.evaluation import Given
 from dolfinx_contact.points.surface import DiscreteSurface
 
 __all__ = ["Driven", "Rate", "RigidRates", "SurfaceRates", "depends_on", "dirichlet_rates"]

@@ -135,8 +135,8 @@ class SlidingTerms:
         self._unit = equations.units[number + 1]
         self._numbering = numbering
         self._size = sum(equations.owned_sizes)
-        vertices = self._faces.slave_vertices()
-        self._slave = numbering.places(0, self._faces.slave_nodes())
+        vertices = self._faces.slave_vertices
+        self._slave = numbering.places(0, self._faces.slave_nodes)
         self._multipliers = numbering.places(number + 1, vertices)
         self._vectors = s.dim * vertices[..., None] + np.arange(s.dim)
         first = s.points.vertices.dofmap.index_map.local_range[0]
@@ -156,7 +156,7 @@ class SlidingTerms:
         self.destroy()
         n = self._size
         m = self._dim * self._points.number
-        found = self._faces.whole or self._faces.candidates
+        found = self._faces.whole or self._faces.found
         facet, master = found.pairs.T
         of_pairs = self._blocks(facet, found.nodes[master])
         shapes = ((n, n), (n, m), (m, n))

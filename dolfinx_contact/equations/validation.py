@@ -33,9 +33,9 @@ from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.data import Datum, data_of_surface, placed_data
 from dolfinx_contact.equations.evaluation import Evaluated, Evaluation, Statuses
 from dolfinx_contact.laws.law import obeys
-from dolfinx_contact.laws.status import closed
+from dolfinx_contact.laws.status import STICK, closed
 from dolfinx_contact.materials import Axisymmetric, materials_in
-from dolfinx_contact.points.descriptions import Contact, is_axisymmetric
+from dolfinx_contact.points.descriptions import Contact
 from dolfinx_contact.points.displaced_faces import outward_at_points
 from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.points.surface import DiscreteSurface
@@ -119,7 +119,7 @@ def _objections_to_arguments(
 ) -> Iterator[str]:
     """Yield the reasons why surfaces do not fit the bulk, the displacement or each other."""
     names = [s.name for s in surfaces]
-    plane = [s.name for s in surfaces if not is_axisymmetric(s)]
+    plane = [s.name for s in surfaces if not s.axisymmetric]
     turned = [isinstance(m, Axisymmetric) for m in materials_in(bulk)]
     if not surfaces:
         yield "a contact problem needs at least one contact surface"
@@ -374,6 +374,8 @@ def check_sides(eq: ContactEquations) -> None:
     for i, (s, memory) in enumerate(zip(eq.surfaces, eq.memory, strict=True)):
         if i in eq.moved and (memory is None or s.displaced is None) and not s.between_bodies:
             _warn_of_obstacle(eq, s)
+        if i in eq.moved and STICK in s.law_at_points.codes:
+            _warn_of_dragging(eq, s)
     eq.moved.clear()
 
 
@@ -419,6 +421,20 @@ def _warn_of_obstacle(eq: ContactEquations, s: DiscreteSurface) -> None:
                 "the friction bound of Tresca acts on the whole surface, and the obstacle is "
                 f"{nearest:.3g} away, more than ten times the size of the body",
             )
+
+
+def _warn_of_dragging(eq: ContactEquations, s: DiscreteSurface) -> None:
+    """Warn, once, about an obstacle that its Constants move along its surface. Collective."""
+    place = s.comm.allreduce(int(not s.moved_along))
+    name = f"{s.name}, moved along"
+    if place == 0 and name not in eq.wrong_sides:
+        eq.wrong_sides.add(name)
+        _warn(
+            s,
+            "the obstacle was moved along its surface by its Constants, which drags nothing: "
+            "friction opposes slip over the obstacle as it is now; use a RigidBody with the "
+            "motion of the obstacle",
+        )
 
 
 def _acts_everywhere(s: DiscreteSurface) -> bool:

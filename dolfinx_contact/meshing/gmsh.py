@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Meshes from gmsh, with the physical groups by name.
+"""Meshes from gmsh with named physical groups.
 
-A gmsh file names parts of a mesh by physical groups. The body must be one or more groups of the
-highest dimension, and every part of its boundary that a problem speaks of a group of one dimension
-less.
+The body must be one or more physical groups of the highest dimension. Each part of its boundary
+that a problem uses must be a group of one dimension less.
 """
 
 from __future__ import annotations
@@ -37,11 +36,11 @@ __all__ = [
 
 
 class NamedTags(mesh.MeshTags):  # type: ignore[misc]
-    """MeshTags that know the names of their groups.
+    """MeshTags with the names of their groups.
 
     Args:
-        tags: the MeshTags.
-        names: tag of every group that has a name.
+        tags: MeshTags.
+        names: tags by group name.
     """
 
     def __init__(self, tags: mesh.MeshTags, names: Mapping[str, int]):
@@ -49,20 +48,12 @@ class NamedTags(mesh.MeshTags):  # type: ignore[misc]
         self.names = dict(names)
 
     def tag(self, name: str) -> int:
-        """Tag of the group ``name``, or ``ValueError``."""
-        return _tag_of(name, self.names, "cells" if self._of_cells else "facets")
-
-    @property
-    def _of_cells(self) -> bool:
-        return bool(self.dim == self.topology.dim)
-
-
-def _tag_of(name: str, names: Mapping[str, int], what: str) -> int:
-    """Tag of the group ``name`` of cells or facets, or ``ValueError`` with the names there are."""
-    if name not in names:
-        known = f"names: {sorted(names)}" if names else "no group has a name"
-        raise ValueError(f"no group of {what} is named {name!r}; {known}")
-    return names[name]
+        """Return the tag of the group ``name``, or raise ``ValueError``."""
+        if name not in self.names:
+            what = "cells" if self.dim == self.topology.dim else "facets"
+            known = f"names: {sorted(self.names)}" if self.names else "no group has a name"
+            raise ValueError(f"no group of {what} is named {name!r}; {known}")
+        return self.names[name]
 
 
 def _check_space(a: Arguments) -> None:
@@ -75,11 +66,11 @@ class GmshMesh(NamedTuple):
     """A mesh and its physical groups.
 
     Attributes:
-        mesh: the mesh of the body.
+        mesh: mesh of the body.
         cell_tags: groups of cells.
         facet_tags: groups of facets, possibly empty.
-        names: dimension and tag of every group that has a name; of one of cells and one of facets
-            that share a name those of the facets. Both are known to the tags, and to `dx` and `ds`.
+        names: dimension and tag by group name. If a group of cells and a group of facets have the
+            same name, the entry is that of the facets; the tags, `dx` and `ds` know both.
 
     Example:
         Parts of the boundary by their names::
@@ -100,14 +91,14 @@ class GmshMesh(NamedTuple):
     names: dict[str, tuple[int, int]]
 
     def tag(self, name: str) -> int:
-        """Tag of the group ``name``, or ``ValueError``."""
+        """Return the tag of the group ``name``, or raise ``ValueError``."""
         if name not in self.names:
             raise ValueError(f"no physical group is named {name!r}; names: {sorted(self.names)}")
         return self.names[name][1]
 
     @collective("facets of a group")
     def facets(self, name: str) -> npt.NDArray[np.int32]:
-        """Local indices of the facets of the group ``name``. Collective.
+        """Return the local indices of the facets of the group ``name``. Collective.
 
         Raises:
             ValueError: on every rank, if there is no such group, or ranks request different ones.
@@ -116,9 +107,9 @@ class GmshMesh(NamedTuple):
         return np.asarray(tags.find(tags.tag(name)), dtype=np.int32)
 
     def bounds(self, name: str) -> npt.NDArray[np.float64]:
-        """Least and largest coordinates of the facets of the group ``name``, (2, 3). Collective.
+        """Return the bounding box of the facets of the group ``name``, shape (2, 3). Collective.
 
-        Of an empty group infinity and minus infinity. Raises as `facets`.
+        For an empty group it is infinity and minus infinity. Raises errors like `facets`.
         """
         facets = self.facets(name)
         dim = self.facet_tags.dim
@@ -134,12 +125,12 @@ class GmshMesh(NamedTuple):
 
     @collective("dofs of a group", _check_space)
     def dofs(self, V: Any, name: str) -> Any:
-        """Dofs on the facets of the group ``name``, for Dirichlet conditions. Collective.
+        """Return dofs on the facets of the group ``name`` for Dirichlet conditions. Collective.
 
         Args:
-            V: a space on the mesh, or a component of one, or a component and what it collapses to,
-                as for ``fem.locate_dofs_topological``.
-            name: of the group.
+            V: space on the mesh, a component of one, or a component and its collapsed space, as for
+                ``fem.locate_dofs_topological``.
+            name: name of the group.
 
         Raises:
             ValueError: on every rank, if there is no such group, ranks request different ones, or
@@ -150,7 +141,7 @@ class GmshMesh(NamedTuple):
 
     @collective("a measure of a group")
     def ds(self, name: str, **metadata: Any) -> ufl.Measure:
-        """Measure of the facets of the group ``name``, for loads. Collective.
+        """Return the measure of the facets of the group ``name`` for loads. Collective.
 
         Raises:
             ValueError: on every rank, if there is no such group, ranks request different ones, or
@@ -164,11 +155,11 @@ class GmshMesh(NamedTuple):
 
     @collective("a measure of a group")
     def dx(self, name: str, **metadata: Any) -> ufl.Measure:
-        """Measure of the cells of the group ``name``, for a material or a body force. Collective.
+        """Return the measure of the cells of the group ``name``. Collective.
 
         Args:
-            name: of the group.
-            metadata: of the measure, as ``quadrature_degree=4``.
+            name: name of the group.
+            metadata: metadata of the measure, such as ``quadrature_degree=4``.
 
         Raises:
             ValueError: on every rank, if there is no such group, or ranks request different ones.
@@ -191,7 +182,7 @@ class GmshMesh(NamedTuple):
 
 
 def _named(tags: mesh.MeshTags, names: Mapping[str, tuple[int, int]]) -> NamedTags:
-    """Tags with the names that they know, else with those of their dimension."""
+    """Return tags with their names; default: the names of their dimension."""
     if isinstance(tags, NamedTags):
         return tags
     return NamedTags(tags, {k: t for k, (d, t) in names.items() if d == tags.dim})
@@ -216,7 +207,7 @@ def _refuse_interior(tags: mesh.MeshTags, tag: int, name: str, domain: mesh.Mesh
 
 
 def _in_order(groups: Iterable[str]) -> list[str]:
-    """Names in an order that is the same on every rank, which that of a set is not."""
+    """Return names in an order that is the same on every rank, unlike that of a set."""
     return sorted(groups) if isinstance(groups, set | frozenset) else list(groups)
 
 
@@ -237,9 +228,9 @@ def read_mesh(
 
     Args:
         comm: communicator of the mesh.
-        filename: a ``.msh`` file with physical groups.
-        dim: 2 or 3, what the body has to be; by default what the file has.
-        groups: names of groups of facets that must be there.
+        filename: path of a ``.msh`` file with physical groups.
+        dim: required dimension of the body, 2 or 3; default: any.
+        groups: required names of groups of facets; default: none.
 
     Raises:
         FileNotFoundError: on every rank, if there is no such file.
@@ -266,14 +257,14 @@ def mesh_from_gmsh(
     dim: int | None = None,
     groups: Iterable[str] = (),
 ) -> GmshMesh:
-    """Distribute the mesh that ``draw`` makes in gmsh on rank 0. Collective.
+    """Distribute a mesh drawn in gmsh on rank 0. Collective.
 
     Args:
         comm: communicator of the mesh.
-        draw: makes a mesh with physical groups in the current gmsh model, which is empty; called
-            on rank 0 only.
-        dim: as in `read_mesh`.
-        groups: as in `read_mesh`.
+        draw: function that makes a mesh with physical groups in the current, empty gmsh model;
+            called on rank 0 only.
+        dim: see `read_mesh`.
+        groups: see `read_mesh`.
 
     Raises:
         ValueError: on every rank, if ``draw`` fails; if the model has no mesh, no physical groups,
@@ -298,9 +289,9 @@ def draw_polygon(
     """Draw and mesh a polygon in the current gmsh model; for `mesh_from_gmsh`, on rank 0.
 
     Args:
-        corners: in order; the inside is in the group ``body``.
-        size: of cells.
-        sides: names of groups, with the numbers of their sides; side 0 leads from corner 0 to 1.
+        corners: corners in order; the inside becomes the group ``body``.
+        size: size of the cells.
+        sides: numbers of the sides by group name; side 0 leads from corner 0 to corner 1.
 
     Raises:
         ValueError: if there are fewer than three corners, or no such side.
@@ -328,7 +319,7 @@ def draw_polygon(
 
 @contextmanager
 def empty_model(gmsh: Any) -> Iterator[Any]:
-    """A model of gmsh; a session that the caller has open continues with its own models."""
+    """Return an empty gmsh model; an open session of the caller keeps its own models."""
     mine = not gmsh.isInitialized()
     if mine:
         gmsh.initialize(readConfigFiles=False, interruptible=False)
@@ -348,7 +339,7 @@ def empty_model(gmsh: Any) -> Iterator[Any]:
 
 
 def _fill(model: Any, draw: Callable[[], Any], dim: int | None, wanted: list[str]) -> None:
-    """Draw, or ``ValueError``. On rank 0."""
+    """Draw, or raise ``ValueError``. On rank 0."""
     try:
         draw()
         if model.getNumberOfPartitions():  # DOLFINx makes a partition of its own
@@ -361,7 +352,7 @@ def _fill(model: Any, draw: Callable[[], Any], dim: int | None, wanted: list[str
 
 
 def _distribute(comm: MPI.Comm, model: Any) -> GmshMesh:
-    """The mesh of a model on rank 0. Collective."""
+    """Return the mesh of a model on rank 0. Collective."""
     names: dict[str, tuple[int, int]] = {}
     of_cells: dict[str, int] = {}
     of_facets: dict[str, int] = {}
@@ -386,14 +377,14 @@ def _distribute(comm: MPI.Comm, model: Any) -> GmshMesh:
 
 
 def _names_of(model: Any, dim: int) -> dict[str, int]:
-    """Tags of the named groups of a dimension. On rank 0."""
+    """Return the tags of the named groups of a dimension. On rank 0."""
     names = {model.getPhysicalName(*group): int(group[1]) for group in model.getPhysicalGroups(dim)}
     names.pop("", None)
     return names
 
 
 def _objections(model: Any, dim: int | None, wanted: list[str]) -> Iterator[str]:
-    """Reasons why a model cannot be the mesh of a body, the most basic one first. On rank 0."""
+    """Yield reasons why a model cannot be the mesh of a body, the most basic first. On rank 0."""
     x = model.mesh.getNodes()[1].reshape(-1, 3)
     groups = model.getPhysicalGroups()
     if not len(x):

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What the facets of one face cover of those of another, in simplices with quadrature points.
+"""Common parts of the facets of two faces, divided into simplices with quadrature points.
 
-The parts are found in the plane of the slave's facet (in 2D, its line), along its normal. How they
-are divided depends on the facets alone and not on how these are numbered, so that points are the
-same on any number of ranks.
+The parts are computed in the plane of the slave facet (in 2D, its line), along its normal. Their
+division depends on the facets but not on their numbering, so that points are the same on any number
+of ranks.
 """
 
 from __future__ import annotations
@@ -15,7 +15,16 @@ import numpy.typing as npt
 
 import basix
 
-__all__ = ["Cover", "Faces", "QuadratureRule", "basis", "cover", "nodal_points", "tabulated"]
+__all__ = [
+    "Cover",
+    "Faces",
+    "QuadratureRule",
+    "basis",
+    "cover",
+    "nodal_points",
+    "slopes",
+    "tabulated",
+]
 
 Array = npt.NDArray[np.float64]
 Nodes = npt.NDArray[np.int64]
@@ -34,9 +43,9 @@ class Faces:
     """Flat facets: segments, triangles or quadrilaterals.
 
     Attributes:
-        x: corners (n, k, dim), those of quadrilaterals in tensor order.
-        normals: outward (n, dim).
-        nodes: global nodes of the displacement (n, m), those at the corners first.
+        x: corners, of quadrilaterals in tensor order, shape (n, k, dim).
+        normals: outward unit normals, shape (n, dim).
+        nodes: global nodes of the displacement, those at the corners first, shape (n, m).
     """
 
     x: Array
@@ -45,8 +54,15 @@ class Faces:
 
     @property
     def corners(self) -> int:
-        """Of a facet."""
+        """Number of corners of a facet."""
         return int(self.x.shape[1])
+
+    @property
+    def balls(self) -> tuple[Array, Array]:
+        """Middles (n, dim) of the facets, and radii (n,) of balls around them."""
+        middles = self.x.mean(axis=1)
+        off = np.linalg.norm(self.x - middles[:, None], axis=2)
+        return middles, off.max(axis=1, initial=0.0)
 
 
 @dataclass(frozen=True)
@@ -54,9 +70,9 @@ class QuadratureRule:
     """Quadrature points on the pieces.
 
     Attributes:
-        weights: (pieces, points).
-        mine: reference coordinates in the facets of the slave (pieces, points, dim - 1).
-        theirs: in those of the master.
+        weights: quadrature weights, shape (pieces, points).
+        mine: reference coordinates in the slave facets, shape (pieces, points, dim - 1).
+        theirs: reference coordinates in the master facets, shape (pieces, points, dim - 1).
     """
 
     weights: Array
@@ -66,16 +82,16 @@ class QuadratureRule:
 
 @dataclass(frozen=True)
 class Cover:
-    """The covered parts of the facets of a slave, in pieces that are simplices.
+    """Covered parts of slave facets, in pieces that are simplices.
 
     Attributes:
-        slave: its facets.
-        master: facets that may be opposite to some.
-        facet: of the slave, by piece.
-        other: of the master, by piece.
-        pieces: corners in the plane of the slave's facet (pieces, dim, dim - 1).
-        mine: corners of the slave's facet in its plane (pieces, k, dim - 1).
-        theirs: corners of the master's facet there.
+        slave: slave facets.
+        master: master facets that may oppose some of them.
+        facet: slave facet by piece.
+        other: master facet by piece.
+        pieces: corners in the plane of the slave facet, shape (pieces, dim, dim - 1).
+        mine: corners of the slave facet in its plane, shape (pieces, k, dim - 1).
+        theirs: corners of the master facet in that plane, shape (pieces, k, dim - 1).
     """
 
     slave: Faces
@@ -92,11 +108,10 @@ class Cover:
         return Cover(self.slave, self.master, *facets, *shapes)
 
     def places(self) -> tuple[Nodes, Nodes, Array]:
-        """The points opposite to corners of the slave's facets, each as often as pieces meet there.
+        """Return the opposing points of slave corners, each as often as pieces meet there.
 
         Returns:
-            Global nodes of the slave (n,), nodes of the master (n, k) and their weights, of degree
-            1.
+            Global slave nodes (n,), master nodes (n, k), and their weights of degree 1.
         """
         apart = np.linalg.norm(self.pieces[:, :, None] - self.mine[:, None], axis=3)
         size = np.ptp(self.mine, axis=1).max(axis=1)
@@ -107,10 +122,10 @@ class Cover:
         return self.slave.nodes[self.facet[piece], corner], theirs, basis(at, k, 1)
 
     def rule(self, degree: int) -> QuadratureRule:
-        """Quadrature points, exact for products of bases on parallelograms.
+        """Return quadrature points, exact for products of bases on parallelograms.
 
         Args:
-            degree: of the products, in each direction of quadrilaterals.
+            degree: degree of the products, in each direction of quadrilaterals.
         """
         dim = self.pieces.shape[1]
         flat = {2: basix.CellType.interval, 3: basix.CellType.triangle}[dim]
@@ -129,20 +144,35 @@ def _element(corners: int, degree: int) -> basix.finite_element.FiniteElement:
 
 
 def basis(x: Array, corners: int, degree: int) -> Array:
-    """Lagrange basis of facets with 2, 3 or 4 corners at reference coordinates (..., dim - 1)."""
+    """Return the Lagrange basis of facets with 2, 3 or 4 corners at places (..., dim - 1)."""
     return tabulated(_element(corners, degree), x)
 
 
+def slopes(eta: Array, corners: int) -> Array:
+    """Return derivatives of the linear basis at places (..., dim - 1), (..., corners, dim - 1)."""
+    if corners == 2:
+        constant = np.array([[-1.0], [1.0]])
+    elif corners == 3:
+        constant = np.array([[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]])
+    else:
+        a = eta[..., 0]
+        b = eta[..., 1]
+        by_a = np.stack([b - 1, 1 - b, -b, b], axis=-1)
+        by_b = np.stack([a - 1, -a, 1 - a, a], axis=-1)
+        return np.stack([by_a, by_b], axis=-1)
+    return np.asarray(np.broadcast_to(constant, (*eta.shape[:-1], *constant.shape)))
+
+
 def tabulated(element: basix.finite_element.FiniteElement, x: Array) -> Array:
-    """Values of a scalar element (..., k) at reference coordinates (..., dim - 1)."""
-    # Of no points at all basix aborts.
+    """Return values of a scalar element (..., k) at reference coordinates (..., dim - 1)."""
+    # Basix aborts without any points.
     points = x.reshape(-1, x.shape[-1]) if x.size else np.zeros((1, x.shape[-1]))
     values = element.tabulate(0, points)[0, : x[..., 0].size, :, 0]
     return np.asarray(values.reshape(*x.shape[:-1], values.shape[1]))
 
 
 def nodal_points(corners: int, degree: int) -> Array:
-    """Reference coordinates of the nodes of a basis (nodes, dim - 1)."""
+    """Return reference coordinates of the nodes of a basis, shape (nodes, dim - 1)."""
     return np.asarray(_element(corners, degree).points)
 
 
@@ -156,18 +186,18 @@ def cover(
     least: float = _LEAST_COVER,
     steep: float = _STEEP,
 ) -> Cover:
-    """The covered parts. Not collective.
+    """Return the covered parts of slave facets. Not collective.
 
-    Where several facets of the master lie over each other, as many count as fit, the nearest first;
-    facets of the slave that are hardly covered do not count at all.
+    If master facets lie over each other, the nearest count, as many as fit. Slave facets that are
+    hardly covered do not count.
 
     Args:
-        slave: facets of this rank.
-        master: facets that may be opposite to some.
-        pairs: numbers of slave and master facets that may be opposite to each other (n, 2).
-        deepest: how far the bodies may overlap, at each facet of the slave or at all.
-        farthest: how far they may be apart.
-        least: part of a facet of the slave below which it is hardly covered.
+        slave: slave facets of this rank.
+        master: master facets that may oppose some of them.
+        pairs: numbers of slave and master facets that may oppose each other, shape (n, 2).
+        deepest: largest overlap of the bodies, one length or one per slave facet.
+        farthest: largest distance of the bodies.
+        least: covered fraction of a slave facet below which it does not count.
         steep: cosine of the largest angle at which facets face each other.
     """
     i, k = pairs.T
@@ -199,7 +229,7 @@ def cover(
 
 
 def _axes(faces: Faces) -> Array:
-    """Unit vectors in the planes of facets (n, dim, dim - 1)."""
+    """Return unit vectors in the planes of facets, shape (n, dim, dim - 1)."""
     first = faces.x[:, 1] - faces.x[:, 0]
     first -= np.sum(first * faces.normals, axis=1)[:, None] * faces.normals
     first /= np.linalg.norm(first, axis=1, keepdims=True)
@@ -209,10 +239,10 @@ def _axes(faces: Faces) -> Array:
 
 
 def _nearest(facet: Nodes, gap: Array, area: Array, size: Array) -> Nodes:
-    """Which pieces count: of several over each other as many as fit, the nearest first.
+    """Return the pieces that count: of several over each other the nearest, as many as fit.
 
-    Parts of a master that overlap a little, as bodies side by side do whose meshes do not quite
-    fit, are no layers, and none of them is dropped.
+    Master parts that overlap slightly, such as adjacent bodies whose meshes do not quite fit, are
+    not layers, and all of them count.
     """
     total = np.bincount(facet, area, len(size))
     kept = np.ones(len(facet), dtype=bool)
@@ -226,7 +256,7 @@ def _nearest(facet: Nodes, gap: Array, area: Array, size: Array) -> Nodes:
 
 
 def _segments(mine: Array, theirs: Array, size: Array) -> tuple[Nodes, Array]:
-    """Common parts of pairs of segments: numbers of the pairs, and ends (parts, 2, 1)."""
+    """Return common parts of pairs of segments: numbers of the pairs, ends (parts, 2, 1)."""
     low = np.maximum(mine.min(axis=1), theirs.min(axis=1))[:, 0]
     high = np.minimum(mine.max(axis=1), theirs.max(axis=1))[:, 0]
     pair = np.flatnonzero(high - low > _SLIVER * size)
@@ -234,7 +264,7 @@ def _segments(mine: Array, theirs: Array, size: Array) -> tuple[Nodes, Array]:
 
 
 def _polygons(mine: Array, theirs: Array, size: Array) -> tuple[Nodes, Array]:
-    """Common parts of pairs of polygons, in triangles around their centres (parts, 3, 2)."""
+    """Return common parts of pairs of polygons, as triangles around their centres."""
     clip = _anticlockwise(mine[:, _LOOP[mine.shape[1]]])
     polygon = _anticlockwise(theirs[:, _LOOP[theirs.shape[1]]])
     count: Nodes = np.full(len(mine), polygon.shape[1], dtype=np.int64)
@@ -256,7 +286,7 @@ def _polygons(mine: Array, theirs: Array, size: Array) -> tuple[Nodes, Array]:
 
 
 def _centre(polygon: Array, count: Nodes) -> Array:
-    """Centres of area (n, 2), on which it does not count where corners are or are twice."""
+    """Return centres of area (n, 2), independent of the order and repetition of corners."""
     first = polygon[:, :1]
     places = np.minimum(np.arange(polygon.shape[1]), np.maximum(count - 1, 0)[:, None])
     x = np.take_along_axis(polygon, places[:, :, None], axis=1) - first
@@ -269,7 +299,7 @@ def _centre(polygon: Array, count: Nodes) -> Array:
 
 
 def _area(x: Array) -> Array:
-    """Signed areas of polygons (n, k, 2)."""
+    """Return signed areas of polygons (n, k, 2)."""
     y = np.roll(x, -1, axis=1)
     double = x[..., 0] * y[..., 1] - x[..., 1] * y[..., 0]
     return np.asarray(0.5 * double.sum(axis=1))
@@ -280,13 +310,16 @@ def _anticlockwise(x: Array) -> Array:
 
 
 def _after(count: Nodes, m: int) -> Nodes:
-    """Places of the next corners of polygons (n, m)."""
+    """Return the places of the next corners of polygons, shape (n, m)."""
     places = np.arange(1, m + 1)
     return np.where(places < count[:, None], places, 0)
 
 
 def _cut(polygon: Array, count: Nodes, start: Array, end: Array) -> tuple[Array, Nodes]:
-    """What lies to the left of lines, of convex polygons (n, m, 2) with ``count`` corners each."""
+    """Return the parts of convex polygons (n, m, 2) to the left of lines.
+
+    The polygons have ``count`` corners each.
+    """
     n, m, _ = polygon.shape
     along = end - start
     offset = polygon - start[:, None]
@@ -306,7 +339,7 @@ def _cut(polygon: Array, count: Nodes, start: Array, end: Array) -> tuple[Array,
 
 
 def _without_copies(polygon: Array, count: Nodes, size: Array) -> tuple[Array, Nodes]:
-    """Polygons without corners at the place of the next one."""
+    """Return polygons without corners at the place of the next one."""
     m = polygon.shape[1]
     after = _after(count, m)
     step = np.take_along_axis(polygon, after[:, :, None], axis=1) - polygon
@@ -315,14 +348,14 @@ def _without_copies(polygon: Array, count: Nodes, size: Array) -> tuple[Array, N
 
 
 def _kept(corners: Array, kept: npt.NDArray[np.bool_]) -> tuple[Array, Nodes]:
-    """Polygons of the corners that are kept, in their order, and how many these are."""
+    """Return polygons of the kept corners, in their order, and the numbers of corners."""
     count = kept.sum(axis=1)
     order = np.argsort(~kept, axis=1, kind="stable")[:, : int(count.max(initial=3))]
     return np.take_along_axis(corners, order[:, :, None], axis=1), count
 
 
 def _reference(corners: Array, x: Array) -> Array:
-    """Reference coordinates in facets (n, k, dim - 1) of points (n, q, dim - 1) of their plane."""
+    """Return reference coordinates in facets (n, k, dim - 1) of points of their plane (n, q)."""
     k, width = corners.shape[1:]
     if k == width + 1:
         edges = corners[:, 1:] - corners[:, :1]
@@ -330,21 +363,10 @@ def _reference(corners: Array, x: Array) -> Array:
         return np.asarray(np.linalg.solve(edges.transpose(0, 2, 1)[:, None], offset)[..., 0])
     xi: Array = np.full(x.shape, 0.5)
     for _ in range(20):
-        values, slopes = _bilinear(xi)
-        off = np.einsum("nqk,nka->nqa", values, corners) - x
-        jacobian = np.einsum("nqkb,nka->nqab", slopes, corners)
+        off = np.einsum("nqk,nka->nqa", basis(xi, k, 1), corners) - x
+        jacobian = np.einsum("nqkb,nka->nqab", slopes(xi, k), corners)
         step = np.linalg.solve(jacobian, off[..., None])[..., 0]
         xi -= step
         if np.max(np.abs(step), initial=0.0) < 1e-14:
             break
     return xi
-
-
-def _bilinear(xi: Array) -> tuple[Array, Array]:
-    """The bilinear basis in tensor order, and its derivatives (..., 4, 2)."""
-    a = xi[..., 0]
-    b = xi[..., 1]
-    values = np.stack([(1 - a) * (1 - b), a * (1 - b), (1 - a) * b, a * b], axis=-1)
-    by_a = np.stack([b - 1, 1 - b, -b, b], axis=-1)
-    by_b = np.stack([a - 1, -a, 1 - a, a], axis=-1)
-    return values, np.stack([by_a, by_b], axis=-1)

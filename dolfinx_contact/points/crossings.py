@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Nodes at which pairs meet so that their jumps go around, as where cracks cross.
+r"""Nodes at which the jumps of pairs form a closed loop, as where cracks cross.
 
-Where cracks cross k nodes lie at one place, and between them the pairs have as many jumps as there
-are arms. Those of a closed loop sum to zero,
+Where cracks cross, k nodes lie at one place, and the pairs have as many jumps between them as there
+are arms. The jumps of a closed loop sum to zero,
 
     (u_1 - u_2) + (u_2 - u_3) + ... + (u_k - u_1) = 0,
 
-so that one of them depends on the others: multipliers of all of them are not unique where all
-stick, and the matrix is singular. As at the crosspoints of mortar methods none of these nodes has a
-multiplier; the nodes beside it take its function (`held_ends`; Wohlmuth, SIAM J. Numer. Anal. 38,
-2000, section 2). Where a node is of several pairs but their jumps make no loop, as that of a body
-on which two others stand, all of them are independent and stay.
+so that one of them depends on the others: if all stick, their multipliers are not unique and the
+matrix is singular. As at the crosspoints of mortar methods, none of these nodes has a multiplier;
+the adjacent nodes take its function (`held_ends`; Wohlmuth, SIAM J. Numer. Anal. 38, 2000, section
+2). A node of several pairs whose jumps form no loop, such as that of a body on which two others
+stand, keeps all of its multipliers.
 """
 
 from __future__ import annotations
@@ -42,16 +42,16 @@ def crossings(
     surfaces: Sequence[DiscreteSurface],
     fixed: npt.NDArray[np.bool_],
 ) -> tuple[list[npt.NDArray[np.bool_]], npt.NDArray[np.bool_]]:
-    """Where jumps of pairs go around. Collective.
+    """Return the places at which jumps of pairs form loops. Collective.
 
     Args:
         V: displacement space.
-        surfaces: of one problem; only pairs whose faces match are considered.
-        fixed: local nodes x dim, by Dirichlet data.
+        surfaces: surfaces of one problem; only pairs whose faces match are considered.
+        fixed: mask of the components fixed by Dirichlet data, shape (local nodes, dim).
 
     Returns:
-        Which local vertices of every surface are there, and which local nodes of the displacement,
-        of both faces.
+        Mask of the local vertices of each surface, and mask of the local nodes of the displacement
+        on both faces.
     """
     comm = V.mesh.comm
     index_map = V.dofmap.index_map
@@ -72,7 +72,7 @@ def crossings(
         parts.append(np.asarray(edges[~rests], dtype=np.int64))
     mine: Edges = np.concatenate(parts)
     several = at_global_places(comm, _counts(V, mine), mine[:, 2:]) > 1
-    # Few are left: nodes of one pair have one jump.
+    # few are left, since nodes of one pair have one jump
     mine = mine[several.all(axis=1)]
     found = mine[_in_loops(comm.allgather(mine), comm.rank)]
     marks = []
@@ -89,7 +89,7 @@ def _none(index_map: Any) -> npt.NDArray[np.bool_]:
 
 
 def _counts(V: fem.FunctionSpace, edges: Edges) -> npt.NDArray[np.float64]:
-    """How many edges end at the owned nodes. Collective."""
+    """Return the number of edges that end at the owned nodes. Collective."""
     counts = PETSc.Vec().createMPI((V.dofmap.index_map.size_local, None), comm=V.mesh.comm)
     ends = edges[:, 2:].reshape(-1).astype(PETSc.IntType)
     counts.setValues(ends, np.ones(len(ends)), addv=PETSc.InsertMode.ADD_VALUES)
@@ -100,7 +100,7 @@ def _counts(V: fem.FunctionSpace, edges: Edges) -> npt.NDArray[np.float64]:
 
 
 def _in_loops(parts: Sequence[Edges], rank: int) -> npt.NDArray[np.bool_]:
-    """Which edges of a rank are of loops, or between such: no end of theirs is free."""
+    """Return the mask of the edges of a rank in or between loops, which have no free end."""
     ends = np.concatenate(parts)[:, 2:]
     left: npt.NDArray[np.bool_] = np.ones(len(ends), dtype=bool)
     _, nodes = np.unique(ends, return_inverse=True)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal, TypeAlias, TypeVar
+from typing import Any, ClassVar, Literal, TypeAlias, TypeVar
 
 from mpi4py import MPI
 
@@ -32,7 +32,7 @@ from dolfinx_contact._validate import (
     vector,
     word,
 )
-from dolfinx_contact.laws import Law
+from dolfinx_contact.laws import Frictionless, Law
 from dolfinx_contact.meshing import GmshMesh
 from dolfinx_contact.obstacles import Obstacle, has_ufl
 from dolfinx_contact.points.rigid_body import RigidBody
@@ -47,7 +47,6 @@ __all__ = [
     "SelfContact",
     "SlidingKind",
     "displacement_degree",
-    "is_axisymmetric",
 ]
 
 Facets: TypeAlias = GmshMesh | mesh.MeshTags | npt.NDArray[np.int32]
@@ -80,29 +79,13 @@ _ACROSS = 1e-9  # part of a unit direction across a plane of symmetry that count
 # -- arguments -------------------------------------------------------------------------------------
 
 
-def _check_common(a: Arguments) -> int:
-    """Validate the arguments of all descriptions and return the degree of the displacement.
-
-    The law gets its numbers as Constants of the mesh.
-    """
-    degree = displacement_degree(a.u)
-    word(a.name, "the name of a contact surface")
-    one_of(getattr(a, "sliding", None), f"{a.name}: sliding", ("small", "large", None))
-    flag(getattr(a, "axisymmetric", False), f"{a.name}: axisymmetric")
-    hint = "such as Frictionless(), Coulomb(F) or Tresca(g)"
-    a.law = instance(a.law, f"{a.name}: the law", Law, hint).bind(a.u.function_space.mesh)
-    return degree
-
-
 def displacement_degree(u: Any) -> int:
     """Return the degree of a vector Lagrange displacement, or raise ``ValueError``."""
     domain = instance(u, "the displacement", fem.Function).function_space.mesh
     element = u.function_space.ufl_element()
     cell, dim = domain.basix_cell().name, domain.geometry.dim
-    if (
-        cell not in ("triangle", "quadrilateral", "tetrahedron", "hexahedron")
-        or domain.topology.dim != dim
-    ):
+    cells = {2: ("triangle", "quadrilateral"), 3: ("tetrahedron", "hexahedron")}
+    if cell not in cells.get(dim, ()):
         raise ValueError(
             "the body must be a 2D mesh in the plane of triangles or quadrilaterals, or a 3D mesh "
             f"of tetrahedra or hexahedra; got cells of kind {cell} in {dim}D"
@@ -117,12 +100,27 @@ def displacement_degree(u: Any) -> int:
     return int(one_of(element.degree, "the degree of the displacement", (1, 2)))
 
 
-def _check_elements(a: Arguments, degree: int) -> None:
-    """Raise ``ValueError`` if degrees are not stable in the method, or quadrature is too coarse.
+def _check_common(a: Arguments) -> int:
+    """Validate the arguments of all descriptions and return the degree of the displacement.
 
-    The rule must integrate multiplier times displacement exactly on flat facets, otherwise the
-    stability is lost. In bodies of revolution the weight 2 pi r takes one degree more.
+    The law gets its numbers as Constants of the mesh.
     """
+    degree = displacement_degree(a.u)
+    word(a.name, "the name of a contact surface")
+    hint = "such as Frictionless(), Coulomb(F) or Tresca(g)"
+    a.law = instance(a.law, f"{a.name}: the law", Law, hint).bind(a.u.function_space.mesh)
+    return degree
+
+
+def _check_elements(a: Arguments, degree: int) -> None:
+    """Set the default method; raise ``ValueError`` if it does not support the degrees.
+
+    The quadrature must integrate multiplier times displacement exactly on flat facets, otherwise
+    the stability is lost. In bodies of revolution the weight 2 pi r takes one degree more.
+    """
+    one_of(a.sliding, f"{a.name}: sliding", ("small", "large", None))
+    flag(a.axisymmetric, f"{a.name}: axisymmetric")
+    a.method = a.method or ("nodal" if degree == 1 else "integral")
     one_of(a.method, f"{a.name}: method", sorted(_STABLE))
     multiplier = count(a.multiplier_degree, f"{a.name}: multiplier_degree")
     if (degree, multiplier) not in _STABLE[a.method]:
@@ -133,23 +131,10 @@ def _check_elements(a: Arguments, degree: int) -> None:
         )
     if a.quadrature_degree is None:
         a.quadrature_degree = 2 * degree + a.axisymmetric
-    least = degree + multiplier + a.axisymmetric
     what = f"{a.name}: the quadrature degree of P{degree} with P{multiplier}"
-    count(a.quadrature_degree, what, least)
-
-
-def _check_revolution(a: Arguments) -> None:
-    """Raise ``ValueError`` for a law or obstacle that a body of revolution does not support."""
-    if a.law.averaging is not None:
+    count(a.quadrature_degree, what, degree + multiplier + a.axisymmetric)
+    if a.axisymmetric and a.law.averaging is not None:
         raise ValueError(f"{a.name}: there is no nonlocal friction of bodies of revolution")
-    if isinstance(a.obstacle, RigidBody):
-        body = a.obstacle
-        parts = zip(body.components, body.expressions, body.fixed, strict=True)
-        held = {c for c, e, fixed in parts if fixed and isinstance(e, ufl.constantvalue.Zero)}
-        if not {"x", "rz"} <= held:
-            raise ValueError(
-                f"{a.name}: {body.name} moves along the axis of revolution alone; hold x and rz"
-            )
 
 
 @dataclass(frozen=True)
@@ -173,7 +158,9 @@ class Overlap:
     @classmethod
     def of(cls, name: str, interference: Any, remove_overlap: Any) -> Overlap:
         """Return the overlap of two arguments of a surface, or raise ``ValueError``."""
-        if isinstance(interference, bool | np.bool_):
+        if interference is None:  # a rigid obstacle pushes out, and a removed overlap is not
+            most = np.inf if remove_overlap is None else 0.0
+        elif isinstance(interference, bool | np.bool_):
             most = np.inf if interference else 0.0
         else:
             must = "True, False or the largest overlap, a positive length"
@@ -186,7 +173,7 @@ class Overlap:
         return cls(positive(remove_overlap, f"{name}: remove_overlap", must), removed=True)
 
     def exceeded_by(self, gap: float) -> bool:
-        """Whether the smallest gap is negative by more than is allowed."""
+        """Return whether the smallest gap is negative by more than is allowed."""
         return not gap >= -self.most * (1.0 + _ROUND_OFF)
 
     def require(self, comm: MPI.Comm, gap: float, allowed: float, name: str, unless: str) -> None:
@@ -209,26 +196,23 @@ class Overlap:
 
 def _check_surface(a: Arguments) -> None:
     degree = _check_common(a)
-    a.method = a.method or ("nodal" if degree == 1 else "integral")
     instance(a.obstacle, f"{a.name}: the obstacle", Obstacle, "such as a HalfSpace or a RigidBody")
-    if a.axisymmetric:
-        _check_revolution(a)
     _check_elements(a, degree)
-    if a.interference is None:  # points inside a smooth obstacle are pushed out
-        a.interference = a.remove_overlap is None and a.obstacle.outline is None
+    if a.axisymmetric and isinstance(a.obstacle, RigidBody) and not a.obstacle.held_across_axis:
+        raise ValueError(
+            f"{a.name}: {a.obstacle.name} moves along the axis of revolution alone; hold x and rz"
+        )
     Overlap.of(a.name, a.interference, a.remove_overlap)
 
 
 def _check_pair(a: Arguments) -> None:
     degree = _check_common(a)
     dim = a.u.function_space.mesh.geometry.dim
+    large = a.sliding == "large"
     a.symmetry = checked_planes(a.symmetry, dim, a.name) or None
     Overlap.of(a.name, a.interference, a.remove_overlap)
     # arguments that exclude each other
-    large = a.sliding == "large"
     present = {name for name, value in vars(a).items() if value is not None}
-    if large and a.method == "mixed":
-        present.remove("method")
     for name, others, reason in _EXCLUSIVE:
         if name in present and present & others:
             raise ValueError(f"{a.name}: {name} with {min(present & others)}: {reason}")
@@ -240,7 +224,9 @@ def _check_pair(a: Arguments) -> None:
         raise ValueError(f"{a.name}: facets of the slave by their indices need master_facets")
     # values
     if large:
-        _check_straight(a, degree, "sliding='large'")
+        _check_sliding(a, degree, "sliding='large'")
+        return
+    _check_elements(a, degree)
     formula = isinstance(a.surface, Obstacle) and a.surface.outline is None
     if a.surface is not None and (not formula or isinstance(a.surface, RigidBody)):
         raise ValueError(
@@ -253,13 +239,18 @@ def _check_pair(a: Arguments) -> None:
     a.normal = None if a.normal is None else _unit(a.normal, dim, f"{a.name}: the normal")
 
 
-def _check_straight(a: Arguments, degree: int, what: str) -> None:
-    """Raise ``ValueError`` for elements or a search distance that large sliding excludes."""
+def _check_sliding(a: Arguments, degree: int, what: str) -> None:
+    """Raise ``ValueError`` for elements, laws or a search distance that do not fit."""
     cells = a.u.function_space.mesh.ufl_domain().ufl_coordinate_element()
     if (degree, getattr(a, "multiplier_degree", 1), cells.degree) != (1, 1, 1):
         raise ValueError(
             f"{a.name}: {what} needs displacements of degree 1, multipliers of degree 1, and cells "
             "with straight edges"
+        )
+    if getattr(a, "axisymmetric", False) and not isinstance(a.law, Frictionless):
+        raise ValueError(
+            f"{a.name}: bodies of revolution with sliding='large' take Frictionless() alone, got "
+            f"the law {a.law.name}"
         )
     if a.search_distance is not None:
         positive(a.search_distance, f"{a.name}: the search distance", "positive")
@@ -272,7 +263,7 @@ def _unit(value: Any, dim: int, name: str) -> npt.NDArray[np.float64]:
 
 
 def _check_self(a: Arguments) -> None:
-    _check_straight(a, _check_common(a), "self-contact")
+    _check_sliding(a, _check_common(a), "self-contact")
     dim = a.u.function_space.mesh.geometry.dim
     a.symmetry = checked_planes(a.symmetry, dim, a.name)
     Overlap.of(a.name, a.interference, a.remove_overlap)
@@ -286,8 +277,10 @@ def _check_self(a: Arguments) -> None:
         )
 
 
-def _compared_surface(a: Arguments) -> dict[str, Any]:
-    fields = [f"{k} {described(e, a.u.function_space.mesh)}" for k, e in a.law.given.items()]
+def _compared(a: Arguments) -> dict[str, Any]:
+    """Return descriptions of the arguments that cannot be compared directly between ranks."""
+    domain = a.u.function_space.mesh
+    fields = [f"{k} {described(e, domain)}" for k, e in a.law.given.items()]
     return {
         "displacement": str(a.u.function_space.ufl_element()),
         "kind_of_facets": isinstance(a.facets, mesh.MeshTags),
@@ -295,36 +288,16 @@ def _compared_surface(a: Arguments) -> dict[str, Any]:
     }
 
 
-def _compared_sides(a: Arguments) -> dict[str, Any]:
-    return {
-        "gap": a.gap is None,
-        "surface": a.surface is None,
-        "symmetry": repr(a.symmetry),
-        "kind_of_facets": isinstance(a.facets, mesh.MeshTags),
-    }
-
-
-def _compared_self(a: Arguments) -> dict[str, Any]:
-    return {
-        "direction": a.direction.tolist(),
-        "search_distance": a.search_distance,
-        "symmetry": repr(a.symmetry),
-    }
-
-
 T = TypeVar("T")
 
 
 def _declared(
-    what: str,
-    check: Callable[[Arguments], None],
-    compare: Callable[[Arguments], Mapping[str, Any]] | None,
-    local: Collection[str],
+    what: str, check: Callable[[Arguments], Any], local: Collection[str]
 ) -> Callable[[type[T]], type[T]]:
     """Return a class decorator that validates the arguments collectively; see `collective`."""
 
     def decorate(cls: type[T]) -> type[T]:
-        validated = collective(what, check, compare=compare, local=local)
+        validated = collective(what, check, compare=_compared, local=local)
         setattr(cls, "__init__", validated(getattr(cls, "__init__")))  # noqa: B009, B010
         return cls
 
@@ -334,7 +307,7 @@ def _declared(
 # -- descriptions ----------------------------------------------------------------------------------
 
 
-@_declared("a contact surface", _check_surface, _compared_surface, ("facets",))
+@_declared("a contact surface", _check_surface, ("facets",))
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ContactSurface:
     """A part of the boundary that may touch a rigid obstacle.
@@ -361,9 +334,9 @@ class ContactSurface:
             (`points.displaced`). Default: large for bodies that are not linear, unless the obstacle
             is a rigid body that rotates.
         interference: whether contact points may start inside the obstacle, from where they are
-            pushed out, or the largest allowed depth, a length. Without permission, an overlap of 5
-            % of a facet or more is an error. Default: allowed, unless the obstacle consists of
-            facets (`RigidSurface`, also as the shape of a `RigidBody`).
+            pushed out, or the largest allowed depth, a length. If it is False, an overlap of 5 % of
+            a facet or more is an error. Default: allowed, with a warning (indicator `overlap`) if
+            the depth exceeds 5 % of the smallest extent of the body.
         remove_overlap: length; an initial overlap up to this value is subtracted from the gap for
             good, so that the points touch the obstacle at the start, without stress. A larger
             overlap is an error, and so is one beyond the middle of the obstacle, where its normals
@@ -403,7 +376,7 @@ class ContactSurface:
     name: str = "contact"
 
 
-@_declared("a contact pair", _check_pair, _compared_sides, ("facets", "master_facets"))
+@_declared("a contact pair", _check_pair, ("facets", "master_facets"))
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ContactPair:
     """Two faces of one mesh that may touch each other.
@@ -506,7 +479,7 @@ class ContactPair:
     name: str = "contact"
 
 
-@_declared("self-contact", _check_self, _compared_self, ("facets",))
+@_declared("self-contact", _check_self, ("facets",))
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SelfContact:
     """A face that may touch itself, wherever it moves.
@@ -549,12 +522,11 @@ class SelfContact:
     remove_overlap: float | None = None
     symmetry: Mapping[int, float] | None = None
     name: str = "contact"
+    method: ClassVar[ContactMethod] = "mixed"
+    multiplier_degree: ClassVar[int] = 1
+    quadrature_degree: ClassVar[int] = 2
+    axisymmetric: ClassVar[bool] = False
 
 
 #: Any description of contact.
 Contact: TypeAlias = ContactSurface | ContactPair | SelfContact
-
-
-def is_axisymmetric(contact: Contact) -> bool:
-    """Whether the mesh is half of a section of a body of revolution."""
-    return not isinstance(contact, SelfContact) and contact.axisymmetric

@@ -1,37 +1,37 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Curved obstacles in large displacement: gap, normal and slip where the contact points are now.
+r"""Curved obstacles in large displacement: gap, normal and slip at the displaced contact points.
 
-A contact point X with the displacement d, as the obstacle sees it, is at x = X + d. There the
+A contact point X with the displacement d relative to the obstacle is at x = X + d. There the
 obstacle has the gap g(x) and the normal n(x) (Wriggers, Computational Contact Mechanics, 2006,
-section 4.1). With the slip s since the last accepted state the law is given no gap, and the jump
+section 4.1). With the slip s since the last accepted state, the law receives a zero gap and the
+jump
 
     j = -g n + s.
 
-The slip is that along the surface between the two points of it that are opposite to x, and were to
-x_o of the last accepted state, or of the reference configuration where nothing is remembered,
+The slip follows the surface between the two points of it that are opposite to x now and were
+opposite to x_o at the last accepted state, or in the reference configuration without memory,
 
-    y = x + g(x) n(x),    y_o = x_o + g(x_o) n(x_o),
+    y = x + g(x) n(x),    y_o = x_o + g(x_o) n(x_o).
 
-turned with the normal (`arcs`), and not about it: where a face spins about the normal it is the
-chord of the step, whose angle is the indicator `spin`. Points that stay where they are on
-the obstacle do not slip. Of a law without friction it is the whole (I - n n^T) d.
+It is turned with the normal (`arcs`), but not about it: where a face spins about the normal, the
+slip is the chord of the step, whose angle is the indicator `spin`. Points that keep their place on
+the obstacle do not slip. For a law without friction, the slip is all of (I - n n^T) d.
 
-What a rigid body sees are points in its own frame: with its displacement d_0 and its rotation Q
-about X_0, of any angle,
+A rigid body sees points in its own frame: with its displacement d_0 and its rotation Q about X_0,
+of any angle,
 
     x = X_0 + Q^T (X + u - X_0 - d_0),
 
-so that what sticks to a body that turns does not slip; jumps and normals are turned by Q for the
-law. Of an obstacle that is moved by Constants shape and place alone change, not its material: both
-y and y_o are those of the obstacle as it is now. Functions of the user in an obstacle are taken
-where the body was.
+so that points that stick to a turning body do not slip; jumps and normals are turned by Q for the
+law. Moving an obstacle by Constants changes its shape and place but not its material points: both y
+and y_o belong to its present position, and its tangential motion drags nothing.
 
-Derivatives by x are exact, those of the gap, the normal and the slip.
+Derivatives of gap, normal and slip by x are exact.
 
-An overlap o of the reference configuration that is removed is no part of the gap, g(x) + o in j;
-places y on the surface are as they are.
+A removed overlap o of the reference configuration does not belong to the gap: j contains g(x) + o.
+The places y on the surface are unaffected.
 
-Whatever a law is given, `TrueGaps` has how far the points are from the obstacle where they are now.
+`TrueGaps` returns the distances of the displaced points to the obstacle, independent of the law.
 """
 
 from __future__ import annotations
@@ -51,10 +51,16 @@ from dolfinx_contact._mpi import require
 from dolfinx_contact.laws import LawAtPoints, PointData
 from dolfinx_contact.laws.status import STICK
 from dolfinx_contact.laws.symbols import before
-from dolfinx_contact.obstacles import Obstacle, gap_at, known_displaced
-from dolfinx_contact.points.contact_points import ContactPoints, Evaluator, Given
+from dolfinx_contact.obstacles import Obstacle, known_displaced
+from dolfinx_contact.points.contact_points import ContactPoints, Evaluator
 from dolfinx_contact.points.descriptions import SlidingKind
-from dolfinx_contact.points.evaluation import PointEvaluator, blocked_space, fields_of, measure_of
+from dolfinx_contact.points.evaluation import (
+    Given,
+    PointEvaluator,
+    blocked_space,
+    fields_of,
+    measure_of,
+)
 from dolfinx_contact.points.kinematics import rotation
 from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.points.rigid_body import RigidBody
@@ -62,9 +68,9 @@ from dolfinx_contact.points.rigid_body import RigidBody
 __all__ = ["DisplacedPoints", "TrueGaps", "displaced_points"]
 
 Array = npt.NDArray[np.float64]
-_FACING = 0.5  # cosine of the normals of a face and of what it faces, the least
-_SAME = 1e-9  # of an overlap that is removed, by which one is that still
-_ROUND_OFF = 1e-14  # of the largest coordinate, a gap that is none
+_FACING = 0.5  # smallest cosine between the normals of a face and of an obstacle it looks to
+_SAME = 1e-9  # relative excess of a removed overlap that counts as round-off
+_ROUND_OFF = 1e-14  # of the largest coordinate, gap that is round-off
 
 
 def displaced_points(
@@ -77,49 +83,46 @@ def displaced_points(
     linear: bool,
     name: str,
 ) -> DisplacedPoints | None:
-    """What follows the displacement of a surface; None if gap and normal stay. Collective.
+    """Return gap, normal and slip at displaced points; None in small sliding. Collective.
 
-    Nothing of a plane follows: its gap is exact as it is. Nor, by default, of obstacles that linear
-    bodies touch, of rigid bodies that turn, whose motions are small then, and of obstacles that are
-    known in the reference configuration alone.
+    By default sliding is small for linear bodies, for rigid bodies that turn, whose motions are
+    then small, and for obstacles known in the reference configuration only.
 
     Args:
-        points: of the surface.
+        points: contact points.
         domain: mesh of the body.
-        obstacle: that it may touch.
-        law: at the points.
-        sliding: as the user requires it; None for the default.
+        obstacle: curved rigid obstacle.
+        law: law at the points.
+        sliding: kind of sliding requested by the user; None for the default.
         linear: whether the body is linear.
-        name: of the surface.
+        name: name of the surface for messages.
 
     Raises:
-        ValueError: if large sliding is not possible there.
+        ValueError: if large sliding is requested and not possible.
     """
+    if sliding == "small":
+        return None
     body = obstacle if isinstance(obstacle, RigidBody) else None
     known = known_displaced(obstacle if body is None else body.shape)
     free = body is not None and body.turns_freely
-    if obstacle.flat or sliding == "small":
-        return None
     turns = body is not None and body.turns
     if sliding is None and (linear or turns or not known):
         return None
     friction = STICK in law.codes
+    bonded = law.compiled.bonded
+    whole = bool(set(law.compiled.names) & set(before(law.dim)))
     given = f"there is no friction with the law {law.law.name}, which"
     for good, why in (
-        (obstacle.opposite is None, "between bodies sliding is small"),
         (known, "the obstacle is known in the reference configuration alone: it needs a method at"),
         (not free, "a rigid body that turns freely turns little; hold or prescribe its rotation"),
         (points.method != "mixed", "gaps of mixed contact are averages around nodes; take another"),
         (law.law.averaging is None, f"{given} averages the pressure around points"),
-        (not (friction and law.compiled.bonded), f"{given} has bonds"),
+        (not (friction and bonded), f"{given} has bonds"),
         (
-            not (turns and law.compiled.bonded),
+            not (turns and bonded),
             f"a rigid body does not turn with the law {law.law.name}, which has bonds",
         ),
-        (
-            not (friction and set(law.compiled.names) & set(before(law.dim))),
-            f"{given} depends on the whole tangential jump",
-        ),
+        (not (friction and whole), f"{given} depends on the whole tangential jump"),
     ):
         message = f"{name}: in large sliding on a curved obstacle {why}, or sliding='small'"
         require(points.comm, good, message)
@@ -127,22 +130,22 @@ def displaced_points(
 
 
 class DisplacedPoints:
-    """What an obstacle is at displaced contact points. Collective, as all its methods are.
+    """Gap, normal and slip at displaced contact points. Collective, like all its methods.
 
-    Displacements, gaps and normals are those in the frame of the obstacle.
+    Displacements, gaps and normals are in the frame of the obstacle.
 
     Args:
         points: nodes or Gauss points.
-        obstacle: known at displaced points (`obstacles.Obstacle.at`).
+        domain: mesh of the body.
+        obstacle: obstacle that is known at displaced points (`obstacles.Obstacle.at`).
         friction: whether slips are counted from the last accepted state.
 
     Attributes:
-        friction: as given.
-        shape: what the obstacle is to the points, in its frame.
-        ended: whether that is more than the obstacle itself, past its rim.
-        given: gap and normal at the displaced points in UFL, and the fields of the law, which are
-            those of the reference configuration.
-        seen: j in UFL.
+        friction: whether slips are counted from the last accepted state.
+        ended: whether the obstacle has a rim, past which a face leaves it gradually.
+        given: gap and normal at the displaced points in UFL, and the fields of the law in the
+            reference configuration.
+        seen: jump j in UFL.
     """
 
     def __init__(
@@ -150,25 +153,24 @@ class DisplacedPoints:
     ):
         self._points = points
         self._domain = domain
-        shape = obstacle.shape if isinstance(obstacle, RigidBody) else obstacle
-        self._whole = shape
-        self.shape = shape.ended(lambda: (points.facet_widths, _taken(points.removed_overlap)))
-        self.ended = self.shape is not shape
+        self._whole = obstacle.shape if isinstance(obstacle, RigidBody) else obstacle
+        shape = self._shape(points.removed_overlap)
+        self.ended = shape is not self._whole
         self.friction = friction
         space = blocked_space(points.space, points.dim)
         self._moved = fem.Function(space)
         self._moved_before = fem.Function(space)
         start = ufl.SpatialCoordinate(domain)
         x = ufl.variable(start + self._moved)
-        gap, normal = self.shape.at(domain, x)
-        left = _without(gap, points.removed_overlap)
+        gap, normal = shape.at(domain, x)
+        left = gap + _removed(points.removed_overlap)
         self.given = Given(left, normal, points.given.fields)
         expressions = {"gap": left, "normal": normal}
         if friction:
             from dolfinx_contact.points.arcs import slip_along
 
             there = start + self._moved_before
-            gap_before, normal_before = self.shape.at(domain, there)
+            gap_before, normal_before = shape.at(domain, there)
             way = x + gap * normal - there - gap_before * normal_before
             slip = slip_along(way, normal_before, normal)
             expressions["normal_before"] = normal_before
@@ -182,41 +184,42 @@ class DisplacedPoints:
         largest = float(np.max(np.abs(points.positions), initial=0.0))
         self._no_gap = _ROUND_OFF * points.comm.allreduce(largest, op=max)
 
-    def starts(self, most: float) -> tuple[Array, Array, Array]:
-        """Gaps of the undeformed body on an obstacle that ends. Collective.
+    def _shape(self, removed: fem.Function | None) -> Obstacle:
+        """Return the obstacle for the sliding face, with a removed overlap."""
+        return self._whole.ended(lambda: (self._points.facet_widths, _removed(removed)))
 
-        What is below its rim and past it has its height over the rim as its gap, as the face beside
-        it, where that is an overlap that is removed; what the obstacle does not hold there only
-        where the face looks to it.
+    def starts(self, most: float) -> tuple[Array, Array]:
+        """Return gaps of the undeformed body on an obstacle that ends. Collective.
+
+        Points below the rim and past it have their height over the rim as their gap, like the face
+        next to them, if this overlap is removed. Points that the obstacle does not hold have it
+        only if the face looks to the obstacle.
 
         Args:
-            most: the largest overlap that is removed; 0 for none.
+            most: largest removed overlap; 0 for none.
 
         Returns:
-            Gaps at the points of this rank (n,) and at the local vertices, and the normals at the
-            points (n, dim).
+            Gaps at the points of this rank and at the local vertices.
         """
         points = self._points
-        out = ufl.FacetNormal(self._domain)
-        given = {"width": points.facet_widths, "out": out}
-        here = points.evaluator(given | {"taken": _taken(points.removed_overlap)})()
+        given = {"width": points.facet_widths, "out": ufl.FacetNormal(self._domain)}
+        here = points.evaluator(given | {"removed": _removed(points.removed_overlap)})()
         mine = {name: values[: points.number] for name, values in here.items()}
-        gap, normal = self._started(points.positions, mine, most)
-        there = self._evaluator_at_vertices(given | {"taken": _taken(points.removed_at_vertices)})
+        there = given | {"removed": _removed(points.removed_at_vertices)}
+        at_vertices = self._evaluator_at_vertices(there)()
         x = node_positions(points.vertices)[:, : points.dim]
-        return gap, self._started(x, there(), most)[0], normal
+        return self._started(points.positions, mine, most), self._started(x, at_vertices, most)
 
-    def _started(self, x: Array, of_face: Mapping[str, Array], most: float) -> tuple[Array, Array]:
-        """Gaps (n,) and normals (n, dim) as `starts` has them at points x (n, dim)."""
-        start = self.shape.starts(x, of_face["width"])
+    def _started(self, x: Array, of_face: Mapping[str, Array], most: float) -> Array:
+        """Return gaps at points x (n, dim); see `starts`."""
+        start = self._whole.starts(x, of_face["width"])
         facing = np.sum(start.normal * of_face["out"], axis=1) > _FACING
-        removed = (
-            (start.height < 0.0) & (start.height >= -most * (1.0 + _SAME)) & (start.held | facing)
-        )
-        return np.where(removed, start.height, start.gap) + of_face["taken"], start.normal
+        removed = (start.height < 0.0) & (start.height >= -most * (1.0 + _SAME))
+        removed &= start.held | facing
+        return np.asarray(np.where(removed, start.height, start.gap) + of_face["removed"])
 
     def _place(self, place: Array, before: Array | None) -> None:
-        """Let the points be, and have been, where these displacements (n, dim) bring them."""
+        """Set present and earlier displacements of the points, shape (n, dim)."""
         self._moved.x.array[:] = self._points.with_ghosts(place).reshape(-1)
         there = np.zeros_like(place) if before is None else before
         self._moved_before.x.array[:] = self._points.with_ghosts(there).reshape(-1)
@@ -224,12 +227,12 @@ class DisplacedPoints:
     def at(
         self, place: Array, memory: Memory | None, frame: Array | None
     ) -> tuple[PointData, Array, Array]:
-        """What the law is given, the jump that it sees, and what it does not see of it (n, dim).
+        """Return data of the law, the jump in the law, and the part of the slip it does not see.
 
         Args:
-            place: displacements of the points (n, dim).
-            memory: of the last accepted state.
-            frame: Q (dim, dim); None for the identity.
+            place: displacements of the points, shape (n, dim).
+            memory: memory at the last accepted state.
+            frame: rotation Q, shape (dim, dim); None for the identity.
         """
         self._place(place, None if memory is None else memory.place)
         found = {name: v[: self._points.number] for name, v in self._evaluate().items()}
@@ -240,7 +243,7 @@ class DisplacedPoints:
             reference = np.einsum("nij,nj->ni", rotation(before, found["normal"]), slipped)
         normal, seen = found["normal"], found["seen"]
         if self._points.removed_overlap is not None:
-            # What lies on the obstacle does not touch yet, whatever the sign of round-off.
+            # points on the obstacle do not touch yet, whatever the sign of round-off
             gap = -np.sum(seen * normal, axis=1)
             none_yet = np.where(np.abs(gap) <= self._no_gap, gap, 0.0)
             seen = seen + none_yet[:, None] * normal
@@ -255,13 +258,13 @@ class DisplacedPoints:
     def rates(
         self, evaluate: Evaluator, place: Array, memory: Memory | None, frame: Array | None
     ) -> tuple[PointData, Array]:
-        """Rates of what the law is given and of the jump (n, dim), where points stay.
+        """Return rates of the data of the law and of the jump (n, dim) at fixed points.
 
         Args:
-            evaluate: the evaluator of rates, that of the jump under the name seen.
-            place: displacements of the points (n, dim).
-            memory: of the last accepted state.
-            frame: Q (dim, dim); None for the identity.
+            evaluate: evaluator of rates, with that of the jump under the name ``seen``.
+            place: displacements of the points, shape (n, dim).
+            memory: memory at the last accepted state.
+            frame: rotation Q, shape (dim, dim); None for the identity.
         """
         self._place(place, None if memory is None else memory.place)
         values = {name: v[: self._points.number] for name, v in evaluate().items()}
@@ -271,37 +274,35 @@ class DisplacedPoints:
         return data, values["seen"] @ turn.T
 
     def gaps_and_normals(self, place: Array) -> tuple[Array, Array]:
-        """Gaps (n,) and normals (n, dim) of the points, in the frame of the obstacle.
+        """Return gaps (n,) and normals (n, dim) of the points, in the frame of the obstacle.
 
         Args:
-            place: displacements of the points (n, dim).
+            place: displacements of the points, shape (n, dim).
         """
         self._place(place, None)
         found = self._evaluate()
         return found["gap"][: self._points.number], found["normal"][: self._points.number]
 
     def at_vertices(self, place: Array) -> tuple[Array, Array]:
-        """Gaps (n,) and normals (n, dim) at the local vertices.
+        """Return gaps (n,) and normals (n, dim) at the local vertices.
 
         Args:
-            place: displacements of the local vertices (n, dim).
+            place: displacements of the local vertices, shape (n, dim).
         """
+        points = self._points
+        if self._at_vertices is None and points.space is points.vertices:
+            self._at_vertices = self._moved, self._evaluate
         if self._at_vertices is None:
-            nodal = self._points.space is self._points.vertices
-            self._at_vertices = (self._moved, self._evaluate) if nodal else self._vertices()
+            moved = fem.Function(blocked_space(points.vertices, points.dim))
+            removed = points.removed_at_vertices
+            x = ufl.SpatialCoordinate(self._domain) + moved
+            gap, normal = self._shape(removed).at(self._domain, x)
+            given = {"gap": gap + _removed(removed), "normal": normal}
+            self._at_vertices = moved, self._evaluator_at_vertices(given)
         moved, evaluate = self._at_vertices
         moved.x.array[:] = place.reshape(-1)
         values = evaluate()
         return values["gap"], values["normal"]
-
-    def _vertices(self) -> tuple[fem.Function, PointEvaluator]:
-        domain = self._domain
-        moved = fem.Function(blocked_space(self._points.vertices, self._points.dim))
-        taken = self._points.removed_at_vertices
-        shape = self._whole.ended(lambda: (self._points.facet_widths, _taken(taken)))
-        gap, normal = shape.at(domain, ufl.SpatialCoordinate(domain) + moved)
-        gap = _without(gap, taken)
-        return moved, self._evaluator_at_vertices({"gap": gap, "normal": normal})
 
     def _evaluator_at_vertices(self, expressions: dict[str, Any]) -> PointEvaluator:
         submesh = self._points.submesh
@@ -309,53 +310,48 @@ class DisplacedPoints:
         return PointEvaluator(self._points.vertices, ds, expressions, merge_entity_maps([submesh]))
 
 
-def _without(gap: Any, taken: fem.Function | None) -> Any:
-    """A gap in UFL without the overlap that is taken from it."""
-    return gap if taken is None else gap + taken
-
-
-def _taken(overlap: fem.Function | None) -> Any:
-    """The overlap that is removed, in UFL."""
+def _removed(overlap: fem.Function | None) -> Any:
+    """Return a removed overlap in UFL."""
     return ufl.as_ufl(0.0) if overlap is None else overlap
 
 
 class TrueGaps:
-    """Distances of displaced contact points, compiled at first use.
+    """Distances of displaced contact points to the obstacle, compiled at first use.
 
     Args:
         u: displacement of the body.
-        points: of a surface.
-        obstacle: that it may touch.
+        points: contact points.
+        obstacle: obstacle.
     """
 
-    def __init__(
-        self,
-        u: fem.Function,
-        points: ContactPoints,
-        obstacle: Obstacle,
-    ):
+    def __init__(self, u: fem.Function, points: ContactPoints, obstacle: Obstacle):
         self._u = u
         self._points = points
         self._body = obstacle if isinstance(obstacle, RigidBody) else None
         self._shape = obstacle if self._body is None else self._body.shape
+        domain, dim = u.function_space.mesh, points.dim
+        #: Displacement and rotation of the rigid body.
+        self._shift = fem.Constant(domain, np.zeros(dim))
+        self._turn = fem.Constant(domain, np.eye(dim))
         self._evaluate: Evaluator | None = None
 
-    def __call__(self) -> npt.NDArray[np.float64] | None:
-        """Distances of the points of this rank (n,), negative inside. Collective.
+    def __call__(self) -> Array | None:
+        """Return distances of the points of this rank (n,), negative inside. Collective.
 
-        None if the obstacle does not define it (`obstacles.gap_at`).
+        None if the obstacle is known in the reference configuration only.
         """
+        if not known_displaced(self._shape):
+            return None
         body = self._body
-        shape = self._shape
         if self._evaluate is None:
             domain = self._u.function_space.mesh
             x = ufl.SpatialCoordinate(domain) + self._u
-            at = gap_at(shape, domain, x) if body is None else body.gap_of(shape, domain, x)
-            if at is None:
-                return None
-            self._evaluate = self._points.evaluator(
-                {"gap": _without(at, self._points.removed_overlap)}
-            )
+            if body is not None:  # in the frame of the body
+                about = ufl.as_vector(body.about.tolist())
+                x = about + self._turn * (x - about - self._shift)
+            gap = self._shape.at(domain, x)[0] + _removed(self._points.removed_overlap)
+            self._evaluate = self._points.evaluator({"gap": gap})
         if body is not None:
-            body.place()
+            self._shift.value = body.displacement
+            self._turn.value = body.frame(body.values).T
         return self._evaluate()["gap"][: self._points.number]

@@ -106,10 +106,12 @@ def slave_triangles(s: DiscreteSurface, u: Array) -> tuple[Array, Ints, Array]:
 def _slave_facets(s: DiscreteSurface, u: Array) -> tuple[Array, Ints, Array]:
     """Positions of the local vertices, vertices of the owned facets, outward area vectors."""
     owned = s.submesh.mesh.topology.index_map(s.dim - 1).size_local
-    corners, _, side = s.facet_sides
-    cells = corners[:owned].astype(np.int64)
-    now = (s.node_positions + u)[s.points.vertex_trace_dofs]
-    return now, cells, side[:owned, None] * area_vectors(now[cells])
+    cells = s.points.vertices.dofmap.list[:owned].astype(np.int64)
+    trace = s.points.vertex_trace_dofs
+    outward = facet_normals(s.domain, s.submesh.parent_facets[:owned])
+    side = np.sign(dot(area_vectors(s.node_positions[trace][cells]), outward))
+    now = (s.node_positions + u)[trace]
+    return now, cells, side[:, None] * area_vectors(now[cells])
 
 
 def outward_at_points(s: DiscreteSurface, u: Array) -> Array:

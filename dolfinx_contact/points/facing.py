@@ -1,9 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Facets of a face, and those of another one, of any rank, that may be opposite to them."""
+"""Facets of a face, and the facets of another face, of any rank, that may oppose them."""
 
 from __future__ import annotations
-
-from typing import Any
 
 from mpi4py import MPI
 
@@ -16,7 +14,7 @@ from dolfinx import fem, mesh
 from dolfinx_contact._geometry import node_positions
 from dolfinx_contact._mpi import require
 from dolfinx_contact.points.clipping import Faces
-from dolfinx_contact.points.search import exchanged, nearest, ranks_nearby
+from dolfinx_contact.points.search import around, nearest
 from dolfinx_contact.points.trace import facet_closures, facet_normals
 
 __all__ = ["candidates", "faces_of", "measured", "projected", "projected_faces", "refuse_aslant"]
@@ -28,7 +26,7 @@ _ASLANT = 0.5  # cosine between a given normal and that of a facet, the least
 
 
 def faces_of(V: fem.FunctionSpace, facets: npt.NDArray[np.int32]) -> Faces:
-    """The facets that this rank owns."""
+    """Return the facets owned by this rank."""
     domain = V.mesh
     dim = V.mesh.geometry.dim
     owned = facets[facets < domain.topology.index_map(dim - 1).size_local]
@@ -40,68 +38,49 @@ def faces_of(V: fem.FunctionSpace, facets: npt.NDArray[np.int32]) -> Faces:
 
 
 def candidates(comm: MPI.Comm, slave: Faces, master: Faces) -> tuple[Faces, Nodes]:
-    """Facets of the master, of any rank, that may be opposite to those of the slave. Collective.
+    """Return facets of the master, of any rank, that may oppose those of the slave. Collective.
 
-    A facet that lies opposite at an angle of less than 60 degrees is at most twice as far as the
-    nearest, and half the sizes of both.
+    An opposing facet at an angle of less than 60 degrees is at most twice as far as the nearest one
+    plus half the sizes of both.
 
     Returns:
-        The facets, and pairs of numbers of slave and master facets.
+        Facets, and pairs of numbers of slave and master facets.
     """
-    middles = slave.x.mean(axis=1)
-    others = master.x.mean(axis=1)
-    dim = middles.shape[1]
-    radius, theirs = (
-        np.linalg.norm(f.x - f.x.mean(axis=1, keepdims=True), axis=2).max(axis=1, initial=0.0)
-        for f in (slave, master)
-    )
+    middles, radius = slave.balls
+    others, theirs = master.balls
+    dim, corners = middles.shape[1], master.corners
     largest = comm.allreduce(float(np.max(theirs, initial=0.0)), op=max)
-    closest = nearest(comm, others, middles, dim)
-    distance = np.linalg.norm(closest - middles, axis=1)
+    distance = np.linalg.norm(nearest(comm, others, middles, dim) - middles, axis=1)
+    columns = [others, master.x.reshape(len(others), corners * dim), master.normals, master.nodes]
     reach = 2 * (distance + largest) + radius
-    places, tree = ranks_nearby(comm, others, middles, lambda near, _: near <= reach)
-    sent: Any = [np.column_stack([middles[i], reach[i], i]) for i in places]
-    answers: list[Array] = []
-    corners = master.corners
-    nodes = master.nodes.shape[1]
-    width = 1 + corners * dim + dim + nodes
-    for q in exchanged(comm, sent, (dim + 2,)):
-        found = tree.query_ball_point(q[:, :dim], q[:, dim]) if tree is not None and len(q) else []
-        k = np.array([j for part in found for j in part], dtype=np.int64)
-        i = np.repeat(q[:, dim + 1], [len(part) for part in found]) if len(k) else np.empty(0)
-        x = master.x[k].reshape(-1, corners * dim)
-        columns = [i[:, None], x, master.normals[k], master.nodes[k]]
-        answers.append(np.column_stack(columns) if len(k) else np.empty((0, width)))
-    rows = np.concatenate(exchanged(comm, answers, (width,)))
-    a = 1 + corners * dim
-    b = 1 + (corners + 1) * dim
-    faces = Faces(
-        rows[:, 1:a].reshape(-1, corners, dim), rows[:, a:b], rows[:, b:].astype(np.int64)
-    )
-    return faces, np.column_stack([rows[:, 0].astype(np.int64), np.arange(len(rows))])
+    i, rows = around(comm, np.column_stack(columns), middles, reach, dim)
+    _, x, normals, nodes = np.split(rows, np.cumsum([dim, corners * dim, dim]), axis=1)
+    faces = Faces(x.reshape(-1, corners, dim), normals, nodes.astype(np.int64))
+    return faces, np.column_stack([i, np.arange(len(i))])
 
 
 def projected_faces(normal: Array, faces: Faces) -> Faces:
-    """Facets as they are seen in the direction of a unit vector: in planes across it."""
+    """Return facets projected along a unit vector, in planes across it."""
     off = (faces.x - faces.x.mean(axis=1, keepdims=True)) @ normal
     x = faces.x - off[:, :, None] * normal
     return Faces(x, np.broadcast_to(normal, faces.normals.shape), faces.nodes)
 
 
 def projected(direction: Array, x: Array) -> Array:
-    """Points (n, dim) as they are seen in the direction of a unit vector: in a plane across it."""
+    """Return points (n, dim) projected along a unit vector, in a plane across it."""
     return np.asarray(x - np.outer(x @ direction, direction))
 
 
 def measured(
     domain: mesh.Mesh, facets: npt.NDArray[np.int32], direction: Array | None = None
 ) -> Array:
-    """Means of the nodes and areas of the facets that this rank owns (n, dim + 1).
+    """Return node means and areas of the facets owned by this rank, shape (n, dim + 1).
 
     Args:
         domain: mesh.
-        facets: local.
-        direction: in which they are seen; those that look against it are left out.
+        facets: local facets.
+        direction: direction of projection, without the facets that look against it; default: no
+            projection.
     """
     dim = domain.geometry.dim
     owned = facets[facets < domain.topology.index_map(dim - 1).size_local]
@@ -120,7 +99,7 @@ def measured(
 def refuse_aslant(
     domain: mesh.Mesh, slave: npt.NDArray[np.int32], normal: Array, name: str
 ) -> None:
-    """``ValueError`` if a normal does not fit the owned facets of the slave. Collective."""
+    """Raise ``ValueError`` if a given normal does not fit the slave facets. Collective."""
     count = domain.comm.allreduce(int((facet_normals(domain, slave) @ normal < _ASLANT).sum()))
     require(
         domain.comm,

@@ -1,21 +1,21 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Nodes of a mortar whose jump Dirichlet data fix: their dual functions go to those around them.
+r"""Mortar nodes whose jump Dirichlet data fix: their dual functions go to the adjacent nodes.
 
-Where a node p of the slave is held and so is the master at its place, as at the end of an interface
-that meets a support, the jump there is no unknown. Its dual function psi_p reaches as far as the
-facets of the slave, and may so meet nodes of the master that are free: a multiplier of its own
-would constrain these alone, the harder the smaller int psi_p N_k is, and be of the size of the
-inverse. It is removed, and the others take its function,
+Where a slave node p is held and so is the master at its place, as at the end of an interface that
+meets a support, the jump is not an unknown. The dual function psi_p covers the adjacent slave
+facets and may overlap free master nodes. A multiplier of its own would constrain these alone, the
+more strongly the smaller int psi_p N_k is, and have the size of its inverse. It is removed, and
+the other nodes take its function,
 
     psi_q + sum_p a_qp psi_p,    sum_q a_qp = 1,
 
-so that they still sum to 1 everywhere: a uniform traction is transmitted to the master up to the
-support. They stay biorthogonal to the free nodes of the slave (Wohlmuth, SIAM J. Numer. Anal. 38,
-2000, section 2; in space Puso, Int. J. Numer. Methods Eng. 59, 2004). A node that is held opposite
-to a master that is free keeps its multiplier: both still push each other.
+so that they still sum to 1 everywhere, and a uniform traction is transmitted to the master up to
+the support. They remain biorthogonal to the free slave nodes (Wohlmuth, SIAM J. Numer. Anal. 38,
+2000, section 2; in 3D Puso, Int. J. Numer. Methods Eng. 59, 2004). A held node opposite to a free
+master keeps its multiplier: both still push each other.
 
-Where pairs cross it is the same (`crossings`), of faces that match too; in the integral method the
-hat functions N_p of the multiplier are given away so.
+The same holds where pairs cross (`crossings`), also for matching faces; in the integral method the
+hat functions N_p of the multiplier are given away.
 """
 
 from __future__ import annotations
@@ -30,9 +30,8 @@ import numpy.typing as npt
 
 from dolfinx import fem, la
 
-from dolfinx_contact._mpi import SharedValues
 from dolfinx_contact._petsc import Entries, matrix_of
-from dolfinx_contact.points.operators import multiplied, rows_of
+from dolfinx_contact.points.operators import multiplied, rows_of, rows_with_ghosts
 from dolfinx_contact.points.opposite import Opposite
 
 __all__ = ["held_in_place", "in_place", "receiving_vertices", "resting", "shared"]
@@ -45,12 +44,14 @@ _MOVES = 1e-6  # a weight that is none of round-off
 def resting(
     V: fem.FunctionSpace, opposite: Opposite, fixed: npt.NDArray[np.bool_]
 ) -> npt.NDArray[np.bool_]:
-    """Local nodes x dim, True where neither a node nor the point opposite moves. Collective.
+    """Return the mask of components in which neither a node nor its opposing point moves.
+
+    Collective. There is no jump without an opposing point.
 
     Args:
         V: displacement space.
-        opposite: of the nodes; there is no jump where that is nothing.
-        fixed: local nodes x dim, by Dirichlet data.
+        opposite: opposing points of the nodes.
+        fixed: mask of the components fixed by Dirichlet data, shape (local nodes, dim).
     """
     free = (~fixed[: V.dofmap.index_map.size_local]).astype(float)
     moves = opposite.values(V.mesh.comm, free, len(fixed), sizes=True) > _MOVES
@@ -60,12 +61,12 @@ def resting(
 def held_in_place(
     V: fem.FunctionSpace, opposite: Opposite, fixed: npt.NDArray[np.bool_]
 ) -> npt.NDArray[np.bool_]:
-    """Local nodes whose jump is fixed while some of what their function meets moves. Collective.
+    """Return the mask of nodes with a fixed jump whose function overlaps free nodes. Collective.
 
     Args:
         V: displacement space.
-        opposite: of faces that do not match.
-        fixed: local nodes x dim, by Dirichlet data.
+        opposite: opposing points of faces that do not match.
+        fixed: mask of the components fixed by Dirichlet data, shape (local nodes, dim).
     """
     assert opposite.common is not None
     places = opposite.common.places
@@ -79,7 +80,7 @@ def held_in_place(
 
 
 def in_place(opposite: Opposite, nodes: npt.NDArray[np.bool_]) -> Opposite:
-    """The points opposite, at some of the local nodes at their own places. Not collective."""
+    """Return opposing points, at marked local nodes those at their own places. Not collective."""
     assert opposite.common is not None
     places = opposite.common.places
     chosen = nodes[opposite.rows >= 0][:, None]
@@ -101,18 +102,18 @@ def shared(
     idle: npt.NDArray[np.bool_],
     areas: Array,
 ) -> tuple[PETSc.Mat, Array, npt.NDArray[np.bool_]]:
-    """Means over the functions of a vertex and those that it takes. Collective.
+    """Return means over the functions of vertices and those that they take. Collective.
 
     Args:
-        vertices: scalar P1 space of the slave's facets.
-        given: local vertices whose function is given away, ghosts included.
-        idle: local vertices that take none.
-        areas: of the owned vertices.
+        vertices: scalar P1 space of the slave facets.
+        given: mask of the local vertices whose function is given away, ghosts included.
+        idle: mask of the local vertices that take none.
+        areas: areas of the owned vertices.
 
     Returns:
-        The matrix of the means, in which a vertex that is given away has its own row; areas of the
-        owned vertices with those that they take; and the local vertices that are given away, none
-        whose function nobody can take.
+        Matrix of the means, in which a vertex that is given away has its own row; areas of the
+        owned vertices with those that they take; and the mask of the vertices whose functions
+        could be given away.
     """
     n = len(areas)
     shares, given = _shares(vertices, given, idle)
@@ -133,36 +134,30 @@ def shared(
 def receiving_vertices(
     vertices: fem.FunctionSpace, given: npt.NDArray[np.bool_], idle: npt.NDArray[np.bool_]
 ) -> tuple[npt.NDArray[np.int64], Array, npt.NDArray[np.bool_]]:
-    """Which vertices take the functions of the local vertices, most their own. Collective.
+    """Return the vertices that take the functions of the local vertices. Collective.
 
     Args:
-        vertices: scalar P1 space of the slave's facets.
-        given: local vertices whose function is given away, ghosts included.
-        idle: local vertices that take none.
+        vertices: scalar P1 space of the slave facets.
+        given: mask of the local vertices whose function is given away, ghosts included.
+        idle: mask of the local vertices that take none.
 
     Returns:
-        Global vertices and shares (n, k), of no share are copies of any; and the local vertices
-        that are given away, none whose function nobody can take.
+        Global vertices and shares (n, k); vertices of share 0 are copies of any; and the mask of
+        the vertices whose functions could be given away.
     """
     shares, given = _shares(vertices, given, idle)
     index_map = vertices.dofmap.index_map
-    comm = vertices.mesh.comm
-    nodes, weights = rows_of(shares, np.ones(index_map.size_local))
-    width = comm.allreduce(nodes.shape[1], op=max)
-    rows = np.zeros((index_map.size_local, 2 * width))
-    rows[: len(nodes), : nodes.shape[1]] = nodes
-    rows[: len(nodes), width : width + nodes.shape[1]] = weights
-    rows = SharedValues(index_map).from_owners(rows)
-    return rows[:, :width].astype(np.int64), rows[:, width:].copy(), given
+    rows = rows_of(shares, np.ones(index_map.size_local))
+    return *rows_with_ghosts(vertices.mesh.comm, index_map, *rows), given
 
 
 def _shares(
     vertices: fem.FunctionSpace, given: npt.NDArray[np.bool_], idle: npt.NDArray[np.bool_]
 ) -> tuple[PETSc.Mat, npt.NDArray[np.bool_]]:
-    """The shares a, by rows of all functions and columns of those that are kept, and the given.
+    """Return the shares a, rows of all functions and columns of kept ones, and the mask `given`.
 
-    Of a vertex that is given away those around it take equal parts; where these are given as well,
-    the parts continue to where they are taken. What nobody can take is kept.
+    The vertices around a vertex that is given away take equal parts. If these are given away too,
+    the parts continue until they are taken. A function that no vertex can take is kept.
     """
     index_map = vertices.dofmap.index_map
     comm = vertices.mesh.comm
@@ -198,7 +193,7 @@ def _shares(
 
 
 def _diagonal(vertices: fem.FunctionSpace, marked: npt.NDArray[np.bool_]) -> PETSc.Mat:
-    """1 at the owned vertices that are marked. Collective."""
+    """Return the diagonal matrix of a mask of the owned vertices. Collective."""
     at = vertices.dofmap.index_map.local_range[0] + np.flatnonzero(marked).astype(np.int64)
     shape = len(marked), len(marked)
     A = matrix_of(vertices.mesh.comm, shape, entries := Entries(at, at))

@@ -35,13 +35,13 @@ Nodes = npt.NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Coupling:
-    """What the facets of a slave contribute.
+    """Integrals over slave facets.
 
     Attributes:
-        slave: global nodes of the slave, at corners (entries,).
-        master: global nodes of the master (entries,).
-        values: int psi_p N_k (entries,).
-        areas: int N of the covered part, at the corners of the slave's facets (n, k).
+        slave: global slave nodes at corners, shape (entries,).
+        master: global master nodes, shape (entries,).
+        values: integrals of psi_p N_k, shape (entries,).
+        areas: integrals of N over the covered parts, at the facet corners, shape (n, k).
     """
 
     slave: Nodes
@@ -51,12 +51,12 @@ class Coupling:
 
 
 def coupling(cover: Cover, degree: int, *, axisymmetric: bool) -> Coupling:
-    """Integrals over the covered parts of the slave's facets. Not collective.
+    """Return integrals over the covered parts of slave facets. Not collective.
 
     Args:
-        cover: those parts.
-        degree: of the displacement.
-        axisymmetric: whether they are those of a body of revolution.
+        cover: covered parts.
+        degree: degree of the displacement.
+        axisymmetric: whether the bodies are bodies of revolution.
     """
     i = cover.facet
     k = cover.other
@@ -91,7 +91,7 @@ def coupling(cover: Cover, degree: int, *, axisymmetric: bool) -> Coupling:
 
 
 def between(comm: MPI.Comm, A: PETSc.Mat, nodes: Nodes, corners: int) -> PETSc.Mat:
-    """Rows of all nodes of facets (n, k), each the mean of those of some corners. Collective."""
+    """Return rows of all nodes of facets (n, k), means of the rows of corners. Collective."""
     n = A.getLocalSize()[0]
     sums = A.getRowSum()
     sums.array[:] = np.divide(1.0, sums.array, where=sums.array > 0, out=np.ones(n))

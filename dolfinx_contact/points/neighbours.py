@@ -1,14 +1,12 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Laws that see the points around theirs: a sparse matrix on the contact points of a surface.
+"""Nonlocal laws: a sparse matrix on the contact points of a surface.
 
-N has a row for every point, with weights of the points within the radius of the kernel, times
-their areas. Pairs are found by boxes and messages from rank to rank; no rank holds more of the
-surface than lies around its own points.
+N has a row for each point, with the weights of the points within the radius of the kernel, times
+their areas. No rank holds more of the surface than lies around its own points.
 """
 
 from __future__ import annotations
 
-import logging
 from dataclasses import replace
 
 from mpi4py import MPI
@@ -17,51 +15,38 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
-import basix
-
 from dolfinx_contact._petsc import Entries, matrix_of
 from dolfinx_contact.laws import Answers, Kernel, Law, LawAtPoints, PointData
 from dolfinx_contact.laws.spreading import KERNELS, whole
 from dolfinx_contact.laws.status import closed
 from dolfinx_contact.laws.symbols import AROUND
 from dolfinx_contact.points.contact_points import ContactPoints
-from dolfinx_contact.points.search import exchanged, ranks_nearby
+from dolfinx_contact.points.operators import multiplied
+from dolfinx_contact.points.search import around
 
 __all__ = ["LawAmongPoints", "Neighbours", "spreading_matrix"]
-
-logger = logging.getLogger(__name__)
 
 Array = npt.NDArray[np.float64]
 Codes = npt.NDArray[np.int8]
 
 
 def spreading_matrix(comm: MPI.Comm, x: Array, areas: Array, kernel: Kernel) -> PETSc.Mat:
-    """N on the points of all ranks. Collective.
+    """Return N on the points of all ranks. Collective.
 
     Args:
         comm: communicator.
-        x: points of this rank (n, dim).
-        areas: of the points (n,).
-        kernel: with its radius.
+        x: points of this rank, shape (n, dim).
+        areas: areas of the points, shape (n,).
+        kernel: kernel with its radius.
     """
     n, dim = x.shape
     first = comm.exscan(n) or 0
     known = np.column_stack([x, areas, first + np.arange(n)])
-    places, tree = ranks_nearby(comm, x, x, lambda near, _: near <= kernel.radius)
-    answers = []
-    for q in exchanged(comm, [np.column_stack([x[i], i]) for i in places], (dim + 1,)):
-        found = []
-        if tree is not None and len(q):
-            found = tree.query_ball_point(q[:, :dim], kernel.radius)
-        k = np.array([j for part in found for j in part], dtype=np.int64)
-        i = np.repeat(np.arange(len(q)), [len(part) for part in found]).astype(np.int64)
-        away = np.linalg.norm(q[i, :dim] - x[k], axis=1)
-        answers.append(np.column_stack([q[i, dim], known[k, dim:], away]))
-    rows = np.concatenate(exchanged(comm, answers, (4,)))
-    i = rows[:, 0].astype(np.int64)
-    k = rows[:, 2].astype(np.int64)
-    share = KERNELS[kernel.shape](np.asarray(rows[:, 3] / kernel.radius, dtype=np.float64))
-    weights = np.asarray(rows[:, 1] * share, dtype=np.float64)
+    i, rows = around(comm, known, x, np.full(n, kernel.radius), dim)
+    k = rows[:, dim + 1].astype(np.int64)
+    away = np.linalg.norm(x[i] - rows[:, :dim], axis=1)
+    share = KERNELS[kernel.shape](away / kernel.radius)
+    weights = np.asarray(rows[:, dim] * share)
     if kernel.normalised:
         weights = np.asarray(weights / np.bincount(i, weights, minlength=n)[i])
     else:
@@ -73,64 +58,37 @@ def spreading_matrix(comm: MPI.Comm, x: Array, areas: Array, kernel: Kernel) -> 
 
 
 class Neighbours:
-    """The matrix N of a surface, made when it is first wanted.
+    """The matrix N of a surface, made at its first use.
 
     Args:
-        points: of the surface.
-        kernel: with its radius.
-        name: of the surface.
+        points: contact points of the surface.
+        kernel: kernel with its radius.
     """
 
-    def __init__(self, points: ContactPoints, kernel: Kernel, name: str):
+    def __init__(self, points: ContactPoints, kernel: Kernel):
         self._points = points
         self._kernel = kernel
-        self._name = name
         self._areas: Array | None = None
         self._matrix: PETSc.Mat | None = None
 
     @property
     def matrix(self) -> PETSc.Mat:
-        """N; anew where areas have been given from held ends to their neighbours. Collective."""
+        """N; made again after areas were given from held ends to their neighbours. Collective."""
         points = self._points
         if self._matrix is None or self._areas is not points.areas:
-            if self._matrix is None:
-                self._warn_of_size()
-            else:
-                self._matrix.destroy()
             self._areas = points.areas
             self._matrix = spreading_matrix(
                 points.comm, points.positions, points.areas, self._kernel
             )
-            self._in, self._out = self._matrix.createVecs()
         return self._matrix
 
-    def _warn_of_size(self) -> None:
-        """Warn of a radius below the mean size of the facets. Collective."""
-        sub = self._points.submesh.mesh
-        comm = self._points.comm
-        area = comm.allreduce(float(self._points.areas.sum()))
-        cells = sub.topology.index_map(sub.topology.dim).size_global
-        share = basix.cell.volume(sub.basix_cell())
-        size = (area / cells / share) ** (1.0 / sub.topology.dim)
-        if self._kernel.radius < (1 - 1e-9) * size and comm.rank == 0:
-            logger.warning(
-                "%s: the radius of nonlocal friction, %.3g, is below the mesh size, %.3g: points "
-                "hardly see one another, and friction is local",
-                self._name,
-                self._kernel.radius,
-                size,
-            )
-
     def __call__(self, values: Array) -> Array:
-        """N times values (n,). Collective."""
-        N = self.matrix
-        self._in.array[:] = values
-        N.mult(self._in, self._out)
-        return self._out.array_r.copy()
+        """Return N times values, shape (n,). Collective."""
+        return multiplied(self.matrix, values[:, None])[:, 0]
 
 
 class _Spread:
-    """What points spread, and how; see `laws.answers.Spreading`."""
+    """Contributions of points to those around them; see `laws.answers.Spreading`."""
 
     def __init__(self, neighbours: Neighbours, around: Array, by_jump: Array, by_traction: Array):
         self.neighbours = neighbours
@@ -143,22 +101,20 @@ class _Spread:
 
 
 class LawAmongPoints(LawAtPoints):
-    """A law that is not local, on the contact points of a surface. Collective, as its methods are.
+    """A nonlocal law on the contact points of a surface. Collective, like its methods.
 
-    What the points around spread is one more field of the law, which is known when the pressures
-    are.
+    The contributions of the points around are a further field of the law, known from the pressures.
 
     Args:
-        law: with an `averaging`.
-        points: of the surface.
-        name: of the surface.
+        law: law with an `averaging`.
+        points: contact points of the surface.
     """
 
-    def __init__(self, law: Law, points: ContactPoints, name: str):
+    def __init__(self, law: Law, points: ContactPoints):
         super().__init__(law, points.dim, points.number, points.comm)
         kernel = law.averaging
         assert kernel is not None
-        self.neighbours = Neighbours(points, kernel, name)
+        self.neighbours = Neighbours(points, kernel)
 
     def __call__(
         self, jump: Array, traction: Array, data: PointData, codes: Codes | None = None
@@ -184,12 +140,12 @@ class LawAmongPoints(LawAtPoints):
         assert isinstance(spread, _Spread)
         around = _with(data, spread.around)
         changes = self._evaluate(self.compiled.pressure_sensitivities, jump, traction, around)
-        # What memory has does not change.
+        # fields in the memory do not change
         still = np.zeros(self.number)
         fields = [rates.fields.get(name, still) for name in self.compiled.names[:-1]]
         given = np.column_stack([rates.n, *fields])
         change = np.where(closed(codes), np.sum(changes * given, axis=1), 0.0)
-        # A gap is a jump along the normal, backwards.
+        # a gap is a negative jump along the normal
         change -= rates.gap * np.sum(spread.by_jump * data.n, axis=1)
         if moved is not None:
             change += np.sum(spread.by_jump * moved, axis=1)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Contact points at nodes: those of the nodal and of the mixed method (`contact_points`)."""
+"""Contact points that are nodes: nodal and mixed method (`contact_points`)."""
 
 from __future__ import annotations
 
@@ -24,11 +24,12 @@ from dolfinx_contact.points.trace import point_ids
 __all__ = ["AveragedPoints", "NodePoints"]
 
 Array = npt.NDArray[np.float64]
+Mask = npt.NDArray[np.bool_]
 Nodes = npt.NDArray[np.int64]
 
 
 class NodePoints(ContactPoints):
-    """The mesh nodes of a surface, with the vertex rule."""
+    """Mesh nodes of a surface with the vertex rule."""
 
     method: ClassVar[ContactMethod] = "nodal"
 
@@ -38,19 +39,11 @@ class NodePoints(ContactPoints):
         self.ids, self.vertex_ids = point_ids(self.vertices)
 
     def _measure(self, opposite: Opposite | None) -> None:
-        self.vertex_areas = self._evaluate.areas
-        self.circumferences = np.ones(len(self.vertex_areas))
-        if self._weight is not None:
-            sections = self.vertex_areas
-            self.vertex_areas = self._swept()
-            self.circumferences = self.vertex_areas / sections
-        if opposite is not None and opposite.areas is not None:
-            self.vertex_areas = opposite.areas[self.vertex_trace_dofs]
-            self._covered_areas = self.vertex_areas
+        self._set_vertex_areas(self._evaluate.areas, opposite)
         self.areas = self.vertex_areas[: self.number].copy()
 
     def evaluator(self, expressions: Mapping[str, Any]) -> Evaluator:
-        # Values are those of the vertex rule, on the axis of a body of revolution too.
+        # also on the axis of a body of revolution, values are those of the vertex rule
         return PointEvaluator(self.space, self._at_nodes, expressions, self._maps)
 
     def _given_at_vertices(self, values: Mapping[str, Array]) -> Mapping[str, Array]:
@@ -64,36 +57,33 @@ class NodePoints(ContactPoints):
 
     @property
     def cells(self) -> npt.NDArray[np.int32]:
-        return np.arange(self._owned_cells, dtype=np.int32)
+        topology = self.submesh.mesh.topology
+        return np.arange(topology.index_map(topology.dim).size_local, dtype=np.int32)
 
     def _stencils(self, trace: Trace) -> Stencils:
         return self._each_alone(*trace(self.trace_dofs[: self.number]))
 
     def _each_alone(self, nodes: Nodes, weights: Array) -> Stencils:
-        """Points that are multiplier nodes."""
+        """Return the stencils of points that are multiplier nodes."""
         n = self.number
         mine = np.arange(n, dtype=np.int64)[:, None]
         first = self.Q.dofmap.index_map.local_range[0]
         return Stencils(mine, nodes, weights[:, None, :], first + mine, np.ones((n, 1, 1)), True)
 
-    def _give(
-        self, alone: Stencils, given: npt.NDArray[np.bool_], idle: npt.NDArray[np.bool_]
-    ) -> npt.NDArray[np.bool_]:
-        _, areas = self._apart
-        D, self.areas, given = shared(self.vertices, given, idle, areas[: self.number])
+    def _give(self, given: Mask, idle: Mask) -> Mask:
+        D, self.areas, given = shared(self.vertices, given, idle, self.areas)
         self.vertex_areas = self.with_ghosts(self.areas)
-        plain = alone.scalar_matrix(self.comm, self._owned_nodes)
+        plain = self._weights.scalar_matrix(self.comm, self._owned_nodes)
         means = self._each_alone(*rows_of(D.matMult(plain), np.ones(self.number)))
         plain.destroy()
-        self._disconnect()
-        self._shared = D
         self._connect(means)
+        self._shared = D
         self.update()
         return given
 
 
 class AveragedPoints(NodePoints):
-    """The vertices in the mixed method, at which jumps and gaps are weighted means.
+    """Vertices in the mixed method, at which jumps and gaps are weighted means.
 
     The weights are the hat functions of the multiplier, integrated over the surface by the Gauss
     points of the integral method.
@@ -127,7 +117,7 @@ class AveragedPoints(NodePoints):
         hats.destroy()
         self.areas = multiplied(self._means, areas[:, None])[:, 0]
         if opposite is not None and opposite.areas is not None:
-            # There any area serves, since vertices of uncovered facets have no traction.
+            # vertices of uncovered facets have no traction, so that any area serves
             whole = opposite.areas[self.vertex_trace_dofs[: self.number]]
             self.areas = np.where(self.areas > 0.0, self.areas, whole)
         vertices, points = self._means.createVecs(side="left"), self._means.createVecs(side="right")
@@ -138,9 +128,8 @@ class AveragedPoints(NodePoints):
         self.vertex_areas = self.with_ghosts(self.areas)
         if opposite is not None and opposite.areas is not None:
             self._covered_areas = self.vertex_areas
-        self.circumferences = np.ones(len(self.vertex_areas))
-        if self._weight is not None:
-            self.circumferences = self.vertex_areas / self._evaluate.areas
+        sections = self.vertex_areas if self._weight is None else self._evaluate.areas
+        self.circumferences = self.vertex_areas / sections
 
     @property
     def cells(self) -> npt.NDArray[np.int32]:

@@ -1,27 +1,26 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""B at a state: from displacements to jumps at contact points, and from tractions to forces.
 
-Forces do the work of tractions, B^T W t . v = sum W t . (B v), with the areas W of the points. As
-long as each point keeps the same point opposite to it B is the same at every state. Where points
-slide
-on to other facets it is not: then the jumps that laws see may change by more than B v, and the
-forces of held tractions change with the displacement.
+Forces do the work of tractions, B^T W t . v = sum W t . (B v), with the areas W of the points. B is
+constant if each point keeps its opposing point. If points slide to other facets, the jumps in the
+laws may change by more than B v, and the forces of fixed tractions change with the displacement.
 
-With B the same at every state jumps and tractions are weighted sums of nodal vectors (`Stencils`),
+With a constant B, jumps and tractions are weighted sums of nodal vectors (`Stencils`),
 
     j = B u,    t = E l,    B = b (x) I,    E = e (x) I,
 
-with the scalar weights b and e of the nodes of the displacement and of the multiplier. Points come
-in groups that share their nodes: those of a facet, or every point by itself.
+with the scalar weights b and e of the nodes of the displacement and of the multiplier. Points form
+groups that share their nodes: the points of a facet, or single points.
 
-What needs B to be the same everywhere (matrices that are set up once, condensation onto the contact
-points, proofs) takes it from `DiscreteSurface.constant_operator`, which refuses any other.
+Code that needs a constant B (matrices that are set up once, condensation onto the contact points,
+proofs) takes it from `DiscreteSurface.constant_operator`, which refuses any other.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
+from typing import Any
 
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -29,6 +28,7 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
+from dolfinx_contact._mpi import SharedValues
 from dolfinx_contact._petsc import Entries, matrix_of
 
 __all__ = [
@@ -38,6 +38,7 @@ __all__ = [
     "multiplied",
     "multiplied_transposed",
     "rows_of",
+    "rows_with_ghosts",
     "weights_matrix",
 ]
 
@@ -46,13 +47,13 @@ Nodes = npt.NDArray[np.int64]
 
 
 class Operator(ABC):
-    """B of a surface at a state. Collective, as all its methods are.
+    """B of a surface at a state. Collective, like all its methods.
 
-    Displacements are those of the owned nodes (n, dim), seen from the rigid body where there is one
-    (`DiscreteSurface.relative`); tractions and jumps those at the contact points of this rank.
+    Displacements belong to the owned nodes (n, dim) and are relative to a rigid body
+    (`DiscreteSurface.relative`); tractions and jumps belong to the contact points of this rank.
     """
 
-    #: W of the points (n,), by which tractions become forces.
+    #: Areas W of the points, shape (n,).
     areas: Array
     #: Mask (n,) of points without an opposing point, which carry nothing; None if there are none.
     absent: npt.NDArray[np.bool_] | None = None
@@ -62,30 +63,30 @@ class Operator(ABC):
 
     @abstractmethod
     def apply(self, v: Array) -> Array:
-        """B v at the points (n, dim)."""
+        """Return B v at the points, shape (n, dim)."""
 
     @abstractmethod
     def rate(self, v: Array) -> Array:
-        """The derivative along v of the jumps that laws see (n, dim).
+        """Return the derivative along v of the jumps in the laws, shape (n, dim).
 
-        Where normals turn with the displacement without what turns with them (`normal_rate`).
+        The part from normals that turn with the displacement (`normal_rate`) is not included.
         """
 
     def normal_rate(self, v: Array) -> Array | None:
-        """The derivative along v of the normals (n, dim); None where jumps alone turn them."""
+        """Return the derivative along v of the normals (n, dim); None if only jumps turn them."""
         return None
 
     def mean_around(self, tractions: Array) -> Array:
-        """Means of the tractions of the points around each (n, dim)."""
+        """Return means of the tractions of the points around each point, shape (n, dim)."""
         return tractions
 
     @abstractmethod
     def transpose(self, tractions: Array) -> Array:
-        """B^T W t: forces on the owned displacement dofs, flat."""
+        """Return B^T W t, forces on the owned displacement dofs, flat."""
 
     @abstractmethod
     def transpose_rate(self, tractions: Array, v: Array) -> Array:
-        """The derivative along v of the forces of held tractions, flat."""
+        """Return the derivative along v of the forces of fixed tractions, flat."""
 
     @abstractmethod
     def destroy(self) -> None:
@@ -94,12 +95,12 @@ class Operator(ABC):
 
 @dataclass(frozen=True, eq=False)
 class ConstantOperator(Operator):
-    """B that is the same at every state: jumps are B u, but for a constant.
+    """B that is the same at every state: jumps are B u plus a constant.
 
     Attributes:
-        stencils: weights of the nodes at the points, of B and of the multipliers.
-        areas: W of the points (n,).
-        B: the matrix.
+        stencils: weights of displacement and multiplier nodes at the points.
+        areas: areas W of the points, shape (n,).
+        B: matrix.
     """
 
     stencils: Stencils
@@ -132,12 +133,12 @@ class Stencils:
     """Weights of the nodes at the points of this rank, group by group.
 
     Attributes:
-        points: local numbers of the points of every group (groups, p).
-        nodes: global nodes of the displacement (groups, k).
-        weights: b (groups, p, k); of a node that is named twice they add up.
-        multiplier_nodes: global nodes of the multiplier (groups, l).
-        multiplier_weights: e (groups, p, l).
-        identity: whether E is the identity: a multiplier node is a point.
+        points: local numbers of the points by group, shape (groups, p).
+        nodes: global nodes of the displacement, shape (groups, k).
+        weights: weights b; those of a repeated node add up, shape (groups, p, k).
+        multiplier_nodes: global nodes of the multiplier, shape (groups, l).
+        multiplier_weights: weights e, shape (groups, p, l).
+        identity: whether E is the identity, since the points are multiplier nodes.
     """
 
     points: npt.NDArray[np.int64]
@@ -149,11 +150,11 @@ class Stencils:
 
     @property
     def number(self) -> int:
-        """Points of this rank."""
+        """Number of points of this rank."""
         return int(self.points.size)
 
     def minus(self, other: Stencils) -> Stencils:
-        """Of the difference of two displacements at the same points."""
+        """Return the stencils of the difference of two displacements at the same points."""
         return replace(
             self,
             nodes=np.concatenate([self.nodes, other.nodes], axis=1),
@@ -161,21 +162,21 @@ class Stencils:
         )
 
     def jump_matrix(self, comm: MPI.Comm, nodes: int, dim: int) -> PETSc.Mat:
-        """B, from displacements to points. Collective.
+        """Return B, from displacements to points. Collective.
 
         Args:
             comm: communicator.
-            nodes: of the displacement that this rank owns.
-            dim: 2 or 3.
+            nodes: number of displacement nodes owned by this rank.
+            dim: dimension, 2 or 3.
         """
         return weights_matrix(comm, self.points, self.nodes, self.weights, nodes, dim)
 
     def scalar_matrix(self, comm: MPI.Comm, nodes: int) -> PETSc.Mat:
-        """b, from a scalar at nodes to one at points. Collective."""
+        """Return b, from a scalar at nodes to one at points. Collective."""
         return weights_matrix(comm, self.points, self.nodes, self.weights, nodes, 1)
 
     def traction_matrix(self, comm: MPI.Comm, nodes: int, dim: int) -> PETSc.Mat:
-        """E, from multipliers to points. Collective."""
+        """Return E, from multipliers to points. Collective."""
         weights = self.multiplier_weights
         return weights_matrix(comm, self.points, self.multiplier_nodes, weights, nodes, dim)
 
@@ -188,7 +189,7 @@ def weights_matrix(
     owned_nodes: int,
     dim: int,
 ) -> PETSc.Mat:
-    """The matrix of weights (x) I, from vectors at nodes to vectors at points. Collective."""
+    """Return the matrix weights (x) I, from vectors at nodes to vectors at points. Collective."""
     n = int(points.size)
     first = comm.exscan(dim * n) or 0
     rows = np.broadcast_to(points[:, :, None], weights.shape)[..., None]
@@ -202,21 +203,34 @@ def weights_matrix(
 
 
 def rows_of(product: PETSc.Mat, divisor: Array) -> tuple[Nodes, Array]:
-    """Nodes and weights (n, k) of the rows of a matrix, each over a divisor; it is destroyed."""
+    """Return nodes and weights (n, k) of the rows of a matrix, each divided; it is destroyed.
+
+    Nodes of weight 0 are copies of any node.
+    """
     indptr, columns, values = product.getValuesCSR()
     product.destroy()
     counts = np.diff(indptr)
-    n = len(counts)
     width = int(counts.max(initial=1))
-    # Of no weight are copies of the first node of the row.
-    place = indptr[:-1, None] + np.minimum(np.arange(width), counts[:, None] - 1)
-    nodes = columns[place].astype(np.int64) if n else np.zeros((0, width), dtype=np.int64)
+    place = indptr[:-1, None] + np.clip(counts[:, None] - 1, 0, np.arange(width))
+    nodes = np.append(columns, 0)[place].astype(np.int64)
     held = np.arange(width) < counts[:, None]
-    return nodes, np.where(held, values[place] if n else 0.0, 0.0) / divisor[:, None]
+    return nodes, np.where(held, np.append(values, 0.0)[place], 0.0) / divisor[:, None]
+
+
+def rows_with_ghosts(
+    comm: MPI.Comm, index_map: Any, nodes: Nodes, weights: Array
+) -> tuple[Nodes, Array]:
+    """Return nodes and weights of all local rows from those of the owned ones. Collective."""
+    width = comm.allreduce(nodes.shape[1], op=max)
+    rows = np.zeros((index_map.size_local, 2 * width))
+    rows[:, : nodes.shape[1]] = nodes
+    rows[:, width : width + nodes.shape[1]] = weights
+    rows = SharedValues(index_map).from_owners(rows)
+    return rows[:, :width].astype(np.int64), rows[:, width:].copy()
 
 
 def multiplied(A: PETSc.Mat, values: Array) -> Array:
-    """A times every column of values (n, k). Collective."""
+    """Return A times every column of values (n, k). Collective."""
     x, y = A.createVecs()
     found = np.empty((y.getLocalSize(), values.shape[1]))
     for i, column in enumerate(values.T):
@@ -228,7 +242,7 @@ def multiplied(A: PETSc.Mat, values: Array) -> Array:
 
 
 def multiplied_transposed(A: PETSc.Mat, values: Array) -> Array:
-    """The transpose of A times values, flat. Collective."""
+    """Return the transpose of A times values, flat. Collective."""
     x, y = A.createVecs()
     y.array[:] = values.reshape(-1)
     A.multTranspose(y, x)

@@ -13,7 +13,6 @@ may be, and answers come back.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 from mpi4py import MPI
@@ -42,8 +41,9 @@ from dolfinx_contact.points.facing import (
     refuse_aslant,
 )
 from dolfinx_contact.points.mortar import between, coupling
+from dolfinx_contact.points.operators import rows_of, rows_with_ghosts
 from dolfinx_contact.points.revolution import mirrored
-from dolfinx_contact.points.search import nearest, within
+from dolfinx_contact.points.search import around, nearest
 from dolfinx_contact.points.trace import (
     at_global_places,
     nodes_on,
@@ -54,6 +54,8 @@ __all__ = ["CURVED_OVERLAP", "Common", "Opposite", "OppositeFacets"]
 
 Array = npt.NDArray[np.float64]
 Nodes = npt.NDArray[np.int64]
+Facets = npt.NDArray[np.int32]
+Mask = npt.NDArray[np.bool_]
 
 _TANGENTIAL = 1e-6  # of a facet's size, by which nodes may be off across the normal
 _OVERLAP = 1e-6  # of a facet's size, an overlap that is round-off
@@ -66,12 +68,12 @@ _FAR = 10.0  # sizes of the mesh, the gap of a node that has nothing opposite
 
 @dataclass(frozen=True)
 class Common:
-    """What two faces that do not match have in common.
+    """Common parts of two faces that do not match.
 
     Attributes:
-        facets: local, of the slave, that this rank owns.
-        cover: of these.
-        places: the points opposite to the nodes at their own places; none where there are none.
+        facets: local slave facets owned by this rank.
+        cover: their covered parts.
+        places: opposing points of the nodes at their own places, where these exist.
     """
 
     facets: npt.NDArray[np.int32]
@@ -81,51 +83,45 @@ class Common:
 
 @dataclass(frozen=True)
 class Opposite:
-    """Weighted means of nodes that move opposite to those of a surface.
+    """Weighted means of nodes opposite to the nodes of a surface.
 
     Attributes:
-        rows: for every local node of the displacement the row of what follows, -1 off the surface.
-        nodes: global nodes (rows, k).
-        weights: of them (rows, k); of no weight are copies of any node.
-        none: local nodes without a point opposite, or with themselves.
-        areas: of the local nodes at corners of facets, of the covered part; None where faces
-            match.
-        sides: which local nodes lie on slave and master.
-        master_facets: local, ghosts included.
-        common: what the faces have in common; None where they match.
+        rows: row of `nodes` and `weights` by local node of the displacement, -1 off the surface.
+        nodes: global nodes, shape (rows, k).
+        weights: their weights, shape (rows, k); nodes of weight 0 are copies of any node.
+        none: mask of the local nodes without an opposing point, or opposite to themselves.
+        areas: covered areas of the local nodes at corners of facets; None if faces match.
+        sides: masks of the local nodes on slave and master.
+        master_facets: local master facets, ghosts included.
+        common: common parts of the faces; None if they match.
     """
 
     rows: Nodes
     nodes: Nodes
     weights: Array
-    none: npt.NDArray[np.bool_]
+    none: Mask
     areas: Array | None
-    sides: tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]
-    master_facets: npt.NDArray[np.int32]
+    sides: tuple[Mask, Mask]
+    master_facets: Facets
     common: Common | None = None
 
     @property
-    def points(self) -> type[Any] | None:
-        """What the contact points are, whatever the method; None: the method decides."""
-        return None
-
-    @property
     def matching(self) -> bool:
-        """Whether every node has one opposite to it."""
+        """Whether every node has one opposing node."""
         return self.common is None
 
     def at(self, nodes: npt.NDArray[np.int32]) -> tuple[Nodes, Array]:
-        """Nodes and weights (..., k) opposite to local nodes of the surface."""
+        """Return nodes and weights (..., k) opposite to local nodes of the surface."""
         return self.nodes[self.rows[nodes]], self.weights[self.rows[nodes]]
 
     def values(self, comm: MPI.Comm, values: Array, size: int, *, sizes: bool = False) -> Array:
-        """Values opposite to the local nodes, 0 off the surface. Collective.
+        """Return values opposite to the local nodes, 0 off the surface. Collective.
 
         Args:
             comm: communicator.
-            values: at the owned nodes (n, ...).
+            values: values at the owned nodes, shape (n, ...).
             size: number of local nodes.
-            sizes: whether weights count by their size.
+            sizes: whether the absolute values of the weights are used.
         """
         found = np.zeros((size, *values.shape[1:]))
         on = np.flatnonzero(self.rows >= 0)
@@ -138,24 +134,24 @@ class Opposite:
 class OppositeFacets(Obstacle):
     """Facets of the same mesh, of another body or of the other side of a crack.
 
-    Gap and normal are those of the reference configuration. The normal is that of the slave, at
-    nodes the mean over its facets around them, or one that is given.
+    Gap and normal are those of the reference configuration. The normal is given, or that of the
+    slave; at nodes it is the mean over the slave facets around them.
 
     Args:
         V: displacement space.
-        slave: local facets, ghosts included.
-        master: likewise.
-        gap: UFL or a number; None for that of the geometry.
-        surface: the true shape of the master, of which gap and normal are taken at the nodes; None
-            for that of its facets.
-        normal: a unit vector (dim,) along which the faces face each other; None for those of the
-            slave.
-        overlap: what becomes of bodies that start in each other.
-        axisymmetric: whether these are bodies of revolution.
-        name: of the pair, for messages.
+        slave: local slave facets, ghosts included.
+        master: local master facets, ghosts included.
+        gap: UFL or a number; None for the gap of the geometry.
+        surface: true shape of the master, whose gap and normal are taken at the nodes; None for the
+            shape of its facets.
+        normal: unit vector along which the faces oppose each other, shape (dim,); None for the
+            normals of the slave.
+        overlap: treatment of bodies that overlap in the mesh.
+        axisymmetric: whether the bodies are bodies of revolution.
+        name: name of the pair for messages.
 
     Attributes:
-        opposite: the nodes opposite to those of the slave.
+        opposite: opposing points of the nodes of the slave.
 
     Raises:
         ValueError: on every rank, if the faces have facets in common, do not match where they have
@@ -168,8 +164,8 @@ class OppositeFacets(Obstacle):
     def __init__(
         self,
         V: fem.FunctionSpace,
-        slave: npt.NDArray[np.int32],
-        master: npt.NDArray[np.int32],
+        slave: Facets,
+        master: Facets,
         *,
         gap: Any,
         surface: Obstacle | None,
@@ -178,8 +174,7 @@ class OppositeFacets(Obstacle):
         axisymmetric: bool,
         name: str,
     ):
-        domain = V.mesh
-        comm = domain.comm
+        domain, comm = V.mesh, V.mesh.comm
         dim = domain.geometry.dim
         owned = domain.topology.index_map(dim - 1).size_local
         common = comm.allreduce(int((np.intersect1d(slave, master) < owned).sum()))
@@ -188,12 +183,10 @@ class OppositeFacets(Obstacle):
         size = comm.allreduce(outward_normals(W, slave)[1], op=min)
         if normal is not None:
             refuse_aslant(domain, slave[slave < owned], normal, name)
-        of_nodes = partial(_normals, slave=slave, given=normal, axisymmetric=axisymmetric)
-        found = _matched(V, slave, master, size, name, of_nodes(V), normal)
-        if found is None:
-            found = _mortar(V, slave, master, size, name, normal, axisymmetric=axisymmetric)
-        self.opposite = found
-        normals = of_nodes(W)
+        sides = nodes_on(V, slave), nodes_on(V, master)
+        faces = _Sides(V, slave, master, sides, size, name, normal, axisymmetric)
+        self.opposite = found = _matched(faces) or _mortar(faces)
+        normals = faces.normals(W)
         field = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (dim,))))
         field.x.array[:] = normals.reshape(-1)
         self._normal = field / ufl.sqrt(ufl.dot(field, field))
@@ -201,17 +194,17 @@ class OppositeFacets(Obstacle):
             self._gap: Any = ufl.as_ufl(gap)
             return
         if surface is not None:
-            gaps, shape = _to_surface(W, surface, slave, normals, size, name)
+            gaps, shape = _to_surface(W, surface, normals, faces)
             field.x.array[:] = shape.reshape(-1)
         else:
             corners: npt.NDArray[np.int32] = np.zeros(len(normals), dtype=np.int32)
             corners[W.dofmap.list] = V.dofmap.list[:, : W.dofmap.list.shape[1]]
-            gaps = _gaps(V, found, of_nodes(V), size)[corners]
+            gaps = _gaps(faces, found)[corners]
             allowed = (_OVERLAP if found.matching else CURVED_OVERLAP) * size
             worst = comm.allreduce(float(np.min(gaps, initial=0.0)), op=min)
             unless = "if slave and master do not look away from each other"
             overlap.require(comm, worst, allowed, name, unless)
-            # What is allowed without being meant is round-off, or the chords of curved faces.
+            # without a press fit, an admissible overlap is round-off or that of chords of curves
             gaps = gaps if overlap.presses else np.maximum(gaps, 0.0)
         self._gap = fem.Function(W)
         self._gap.x.array[:] = gaps
@@ -220,106 +213,125 @@ class OppositeFacets(Obstacle):
         return self._gap, self._normal
 
 
-def _normals(
-    V: fem.FunctionSpace,
-    slave: npt.NDArray[np.int32],
-    given: Array | None,
-    *,
-    axisymmetric: bool,
-) -> Array:
-    """Of the slave at the local nodes, or the one that is given; zero elsewhere. Collective."""
-    normals, _ = outward_normals(V, slave)
-    if given is not None:
-        normals[np.any(normals != 0.0, axis=1)] = given
-    return mirrored(V, normals) if axisymmetric else normals
+@dataclass(frozen=True)
+class _Sides:
+    """Slave and master.
+
+    Attributes:
+        V: displacement space.
+        slave: local slave facets, ghosts included.
+        master: local master facets, ghosts included.
+        nodes: masks of the local nodes on slave and master.
+        size: size of the smallest slave facet.
+        name: name of the pair for messages.
+        normal: given normal, shape (dim,); None for the normals of the slave.
+        axisymmetric: whether the bodies are bodies of revolution.
+    """
+
+    V: fem.FunctionSpace
+    slave: Facets
+    master: Facets
+    nodes: tuple[Mask, Mask]
+    size: float
+    name: str
+    normal: Array | None
+    axisymmetric: bool
+
+    @property
+    def x(self) -> Array:
+        """Positions of the local nodes, shape (n, dim)."""
+        return node_positions(self.V)[:, : self.V.mesh.geometry.dim]
+
+    def normals(self, V: fem.FunctionSpace) -> Array:
+        """Return normals of the slave at local nodes, zero elsewhere. Collective."""
+        normals, _ = outward_normals(V, self.slave)
+        if self.normal is not None:
+            normals[np.any(normals != 0.0, axis=1)] = self.normal
+        return mirrored(V, normals) if self.axisymmetric else normals
+
+    def owned(self, local: Mask) -> int:
+        """Return the number of owned nodes of a mask on all ranks. Collective."""
+        mine = local[: self.V.dofmap.index_map.size_local]
+        return int(self.V.mesh.comm.allreduce(int(mine.sum())))
 
 
 def _to_surface(
-    W: fem.FunctionSpace,
-    surface: Obstacle,
-    slave: npt.NDArray[np.int32],
-    normals: Array,
-    size: float,
-    name: str,
+    W: fem.FunctionSpace, surface: Obstacle, normals: Array, faces: _Sides
 ) -> tuple[Array, Array]:
-    """Gaps to a given surface, and its normals, at the local nodes of the slave. Collective.
-
-    Zero elsewhere.
-    """
+    """Return gaps and normals of a given surface at the slave nodes, zero elsewhere. Collective."""
     gaps, shape = at_nodes(W, surface)
-    on_slave = nodes_on(W, slave)
+    on_slave = nodes_on(W, faces.slave)
     turned = (np.sum(shape * normals, axis=1) < _FACING)[: W.dofmap.index_map.size_local]
     count = W.mesh.comm.allreduce(int((turned & on_slave[: len(turned)]).sum()))
     require(
         W.mesh.comm,
         count == 0,
-        f"{name}: at {count} nodes of the slave the normal of the given surface is another",
+        f"{faces.name}: at {count} nodes of the slave the normal of the given surface is another",
     )
-    gaps = np.where(on_slave & (np.abs(gaps) > _ROUND_OFF * size), gaps, 0.0)
+    gaps = np.where(on_slave & (np.abs(gaps) > _ROUND_OFF * faces.size), gaps, 0.0)
     return gaps, np.where(on_slave[:, None], shape, 0.0)
 
 
-def _gaps(V: fem.FunctionSpace, opposite: Opposite, normals: Array, size: float) -> Array:
-    """Gaps at the local nodes, along the normals; large where nothing is opposite. Collective."""
-    dim = V.mesh.geometry.dim
-    comm = V.mesh.comm
-    x = node_positions(V)[:, :dim]
-    there = opposite.values(comm, x[: V.dofmap.index_map.size_local], len(x))
-    gaps = np.sum((there - x) * normals, axis=1)
-    gaps[np.abs(gaps) <= _ROUND_OFF * size] = 0.0
-    low, high = bounding_box(comm, x)
+def _gaps(faces: _Sides, opposite: Opposite) -> Array:
+    """Return gaps at local nodes along the normals; large without an opposing point. Collective."""
+    V, x = faces.V, faces.x
+    there = opposite.values(V.mesh.comm, x[: V.dofmap.index_map.size_local], len(x))
+    gaps = np.sum((there - x) * faces.normals(V), axis=1)
+    gaps[np.abs(gaps) <= _ROUND_OFF * faces.size] = 0.0
+    low, high = bounding_box(V.mesh.comm, x)
     if not opposite.matching:
         gaps[opposite.none] = _FAR * float(np.linalg.norm(high - low))
     return np.asarray(gaps)
 
 
-def _matched(
-    V: fem.FunctionSpace,
-    slave: npt.NDArray[np.int32],
-    master: npt.NDArray[np.int32],
-    size: float,
-    name: str,
-    normals: Array,
-    given: Array | None,
-) -> Opposite | None:
-    """The node of the master opposite to each of the slave; None if one has none. Collective.
+def _matched(faces: _Sides) -> Opposite | None:
+    """Return the opposing master node of each slave node; None if faces do not match. Collective.
 
-    Along a given normal that is the nearest as it is seen in its direction, of those that look
-    against it; else the nearest of all.
+    It is the nearest node; along a given normal the nearest in the projection along it, of nodes
+    whose normals point against it.
     """
+    V, name, given = faces.V, faces.name, faces.normal
     comm = V.mesh.comm
     dim = V.mesh.geometry.dim
     index_map = V.dofmap.index_map
-    x = node_positions(V)[:, :dim]
-    theirs, _ = outward_normals(V, master)
-    against = nodes_on(V, master)
+    x = faces.x
+    theirs, _ = outward_normals(V, faces.master)
+    against = faces.nodes[1]
     if given is not None:
         x = projected(given, x)
         against = against & (theirs @ given < 0)
     on_master = np.flatnonzero(against[: index_map.size_local])
-    mine = np.flatnonzero(nodes_on(V, slave))
+    mine = np.flatnonzero(faces.nodes[0])
     first = index_map.local_range[0]
     known = np.column_stack([x[on_master], theirs[on_master], first + on_master])
     found = nearest(comm, known, x[mine], dim)
-    offset = found[:, :dim] - x[mine]
-    n = normals[mine]
+    places, normals, ids = found[:, :dim], found[:, dim : 2 * dim], found[:, 2 * dim]
+    offset = places - x[mine]
+    n = faces.normals(V)[mine]
     gap = np.sum(offset * n, axis=1)
     aside = np.linalg.norm(offset - gap[:, None] * n, axis=1)
-    unmatched: npt.NDArray[np.bool_] = np.asarray(~(aside <= _TANGENTIAL * size))
-    # Every node once, by its owner.
+    unmatched = np.asarray(~(aside <= _TANGENTIAL * faces.size))
     owned = mine < index_map.size_local
-    missing = comm.allreduce(int((unmatched & owned).sum()))
-    if missing or _unlike_facets(V, slave, master, given):
+    if comm.allreduce(int((unmatched & owned).sum())):
         return None
-    ids = found[:, 2 * dim].astype(np.int64)
-    itself = ids == index_map.local_to_global(mine.astype(np.int32))
-    turned = np.sum(found[:, dim : 2 * dim] * n, axis=1) > 0.5
+    # nodes of finer facets lie between those that have an opposing node
+    ours = measured(V.mesh, faces.slave, given)
+    others = measured(V.mesh, faces.master, None if given is None else -given)
+    facing = nearest(comm, others, ours[:, :dim], dim)
+    off = np.abs(facing[:, dim] / ours[:, dim] - 1) > _TANGENTIAL
+    if comm.allreduce(int(off.sum())):
+        return None
+    nodes = ids.astype(np.int64)
+    itself = nodes == index_map.local_to_global(mine.astype(np.int32))
+    turned = np.sum(normals * n, axis=1) > 0.5
     require(
         comm,
-        not comm.allreduce(int((turned & ~itself).sum())),
+        not (turned & ~itself).any(),
         f"{name}: slave and master look the same way, and not at each other",
     )
-    double = within(comm, x[on_master], found[:, :dim], _TANGENTIAL * size) > 1
+    radius = np.full(len(mine), _TANGENTIAL * faces.size)
+    near, _ = around(comm, x[on_master], places, radius, dim)
+    double = np.bincount(near, minlength=len(mine)) > 1
     ambiguous = comm.allreduce(int((double & owned & ~itself).sum()))
     require(
         comm,
@@ -332,111 +344,71 @@ def _matched(
     none = np.zeros(len(x), dtype=bool)
     rows[mine] = np.arange(len(mine))
     none[mine] = itself
-    sides = nodes_on(V, slave), nodes_on(V, master)
-    return Opposite(rows, ids[:, None], np.ones((len(mine), 1)), none, None, sides, master)
+    weights = np.ones((len(mine), 1))
+    return Opposite(rows, nodes[:, None], weights, none, None, faces.nodes, faces.master)
 
 
-def _unlike_facets(
-    V: fem.FunctionSpace,
-    slave: npt.NDArray[np.int32],
-    master: npt.NDArray[np.int32],
-    given: Array | None,
-) -> bool:
-    """Whether facets of the slave differ in size from the opposing ones. Collective.
+def _mortar(faces: _Sides) -> Opposite:
+    """Return the weights of a mortar; see `mortar`. Collective.
 
-    Nodes of finer facets lie between those that have one opposite.
+    For degree 2 these are the weights at the corners of facets; nodes between them have means.
     """
-    comm = V.mesh.comm
-    dim = V.mesh.geometry.dim
-    ours = measured(V.mesh, slave, given)
-    others = measured(V.mesh, master, None if given is None else -given)
-    facing = nearest(comm, others, ours[:, :dim], dim)
-    off = np.abs(facing[:, dim] / ours[:, dim] - 1) > _TANGENTIAL
-    return bool(comm.allreduce(int(off.sum())))
-
-
-def _mortar(
-    V: fem.FunctionSpace,
-    slave: npt.NDArray[np.int32],
-    master: npt.NDArray[np.int32],
-    size: float,
-    name: str,
-    normal: Array | None,
-    *,
-    axisymmetric: bool,
-) -> Opposite:
-    """The weights of a mortar; see `mortar`. Collective.
-
-    Of degree 2 these are the weights at the corners of facets; nodes between them have the means.
-    """
+    V, name, size = faces.V, faces.name, faces.size
     comm = V.mesh.comm
     index_map = V.dofmap.index_map
-    dim = V.mesh.geometry.dim
-    degree = V.mesh.ufl_domain().ufl_coordinate_element().degree
-    require(comm, degree == 1, f"{name}: cells are curved where faces do not match")
-    on_slave = nodes_on(V, slave)
-    on_master = nodes_on(V, master)
-    shared = comm.allreduce(int((on_slave & on_master)[: index_map.size_local].sum()))
+    n = index_map.size_local
+    degree = V.ufl_element().degree
+    curved = V.mesh.ufl_domain().ufl_coordinate_element().degree > 1
+    require(comm, not curved, f"{name}: cells are curved where faces do not match")
+    shared = faces.owned(faces.nodes[0] & faces.nodes[1])
     require(comm, shared == 0, f"{name}: slave and master touch at {shared} nodes of the mesh")
-    facets = slave[slave < V.mesh.topology.index_map(dim - 1).size_local]
+    dim = V.mesh.geometry.dim
+    facets = faces.slave[faces.slave < V.mesh.topology.index_map(dim - 1).size_local]
     mine = faces_of(V, facets)
-    if normal is not None:
-        require(comm, V.ufl_element().degree == 1, f"{name}: a given normal needs degree 1 here")
-        mine = projected_faces(normal, mine)
-    theirs, pairs = candidates(comm, mine, faces_of(V, master))
+    if faces.normal is not None:
+        require(comm, degree == 1, f"{name}: a given normal needs degree 1 here")
+        mine = projected_faces(faces.normal, mine)
+    theirs, pairs = candidates(comm, mine, faces_of(V, faces.master))
     common = cover(mine, theirs, pairs, deepest=size)
     marked = np.unique(common.facet)
     require(comm, bool(comm.allreduce(len(marked))), f"{name}: nothing is opposite")
-    degree = V.ufl_element().degree
-    found = coupling(common, degree, axisymmetric=axisymmetric)
-    corners = mine.nodes[:, : mine.corners]
-    local = index_map.global_to_local(corners.reshape(-1))
+    found = coupling(common, degree, axisymmetric=faces.axisymmetric)
+    local = index_map.global_to_local(mine.nodes[:, : mine.corners].reshape(-1))
     sums = SharedValues(index_map).sums(local, found.areas.reshape(-1))
-    n = index_map.size_local
-    A = matrix_of(comm, (n, n), entries := Entries(found.slave, found.master))
-    entries.add(found.values, A)
-    if degree > 1:
-        A = between(comm, A, mine.nodes[marked], mine.corners)
-    # There any area serves, as there is no traction.
+    # without an opposing point there is no traction, and any area serves
     areas = np.where(sums > 0, sums, size ** (dim - 1))
-    sides = on_slave, on_master
 
-    def opposite(A: PETSc.Mat, common: Common | None) -> Opposite:
-        rows, nodes, weights, none = _means(V, A, on_slave)
-        return Opposite(rows, nodes, weights, none, areas, sides, master, common)
+    def opposite(rows: Nodes, columns: Nodes, values: Array, common: Common | None) -> Opposite:
+        A = matrix_of(comm, (n, n), entries := Entries(rows.reshape(-1), columns.reshape(-1)))
+        entries.add(values.reshape(-1), A)
+        if degree > 1 and common is not None:
+            A = between(comm, A, mine.nodes[marked], mine.corners)
+        means = _means(V, A, faces.nodes[0])
+        return Opposite(*means, areas, faces.nodes, faces.master, common)
 
     nodes, others, shares = common.places()
-    at = np.repeat(nodes, shares.shape[1]), others.reshape(-1)
-    P = matrix_of(comm, (n, n), entries := Entries(*at))
-    entries.add(shares.reshape(-1), P)
-    return opposite(A, Common(facets, common, opposite(P, None)))
+    at = np.repeat(nodes, shares.shape[1])
+    places = opposite(at, others, shares, None)
+    return opposite(found.slave, found.master, found.values, Common(facets, common, places))
 
 
-def _means(
-    V: fem.FunctionSpace, A: PETSc.Mat, on_slave: npt.NDArray[np.bool_]
-) -> tuple[Nodes, Nodes, Array, npt.NDArray[np.bool_]]:
-    """The rows of a matrix as weighted means, as in `Opposite`; the matrix is destroyed."""
+def _means(V: fem.FunctionSpace, A: PETSc.Mat, on_slave: Mask) -> tuple[Nodes, Nodes, Array, Mask]:
+    """Return the rows of a matrix as weighted means, as in `Opposite`. Collective.
+
+    The matrix is destroyed. Its row sums are the areas, except for round-off.
+    """
     index_map = V.dofmap.index_map
-    comm = V.mesh.comm
-    indptr, columns, values = A.getValuesCSR()
-    A.destroy()
-    counts = np.diff(indptr)
-    width = comm.allreduce(int(counts.max(initial=1)), op=max)
-    # By way of a vector, so that the ghosts have them too: nodes, then weights, whether there are.
-    rows = np.zeros((index_map.size_local, 2 * width + 1))
-    for i in np.flatnonzero(on_slave[: index_map.size_local]):
-        here = slice(indptr[i], indptr[i + 1])
-        # A node without a partner is its own partner, and has no jump.
-        rows[i, :width] = index_map.local_range[0] + i
-        rows[i, width] = 1.0
-        if counts[i]:
-            rows[i, : counts[i]] = columns[here]
-            # The sum is the area, but for round-off.
-            rows[i, width : width + counts[i]] = values[here] / values[here].sum()
-            rows[i, -1] = 1.0
-    rows = SharedValues(index_map).from_owners(rows)
+    counts = np.diff(A.getValuesCSR()[0])
+    sums = A.getRowSum()
+    nodes, weights = rows_of(A, np.where(counts > 0, sums.array_r, 1.0))
+    sums.destroy()
+    # a node without an opposing point is opposite to itself, and has no jump
+    alone = counts == 0
+    nodes[alone, 0] = (index_map.local_range[0] + np.arange(len(counts)))[alone]
+    weights[alone, 0] = 1.0
+    nodes, weights = rows_with_ghosts(V.mesh.comm, index_map, nodes, weights)
+    none = SharedValues(index_map).from_owners(alone.astype(np.float64)) > 0
     on = np.flatnonzero(on_slave)
     places = np.full(len(on_slave), -1, dtype=np.int64)
     places[on] = np.arange(len(on))
-    none = np.asarray(on_slave & (rows[:, -1] == 0))
-    return places, rows[on, :width].astype(np.int64), rows[on, width:-1].copy(), none
+    return places, nodes[on], weights[on], np.asarray(on_slave & none)

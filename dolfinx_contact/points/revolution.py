@@ -2,8 +2,8 @@
 r"""Bodies of revolution about x = 0: half of a section is meshed, with r = x >= 0 and z = y.
 
 Forces are those of the whole circumference. The area of a point is the integral of 2 pi r against
-its basis function, positive on the axis too. Radial nodal forces add up to no force, as those of
-opposite meridians cancel; what is left of a resultant is axial.
+its basis function, which is positive on the axis too. Resultants are axial, since the radial nodal
+forces of opposite meridians cancel.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _NEAR = 1e-9  # of the size of the mesh, a distance from the axis that is none
 
 
 def on_axis(V: fem.FunctionSpace) -> npt.NDArray[np.bool_]:
-    """Which local nodes lie on the axis. Collective."""
+    """Return the mask of the local nodes on the axis. Collective."""
     domain = V.mesh
     r = domain.geometry.x[:, 0]
     largest = domain.comm.allreduce(float(np.max(r, initial=0.0)), op=max)
@@ -32,7 +32,10 @@ def on_axis(V: fem.FunctionSpace) -> npt.NDArray[np.bool_]:
 
 
 def check_section(domain: mesh.Mesh, facets: npt.NDArray[np.int32], name: str) -> None:
-    """``ValueError`` if a mesh is no half of a section, or a facet lies on its axis. Collective."""
+    """Raise ``ValueError`` unless a mesh is half of a section without facets on the axis.
+
+    Collective.
+    """
     comm = domain.comm
     require(comm, domain.geometry.dim == 2, f"{name}: an axisymmetric body is meshed in 2D")
     r = domain.geometry.x[:, 0]
@@ -53,14 +56,14 @@ def check_section(domain: mesh.Mesh, facets: npt.NDArray[np.int32], name: str) -
 
 
 def mirrored(V: fem.FunctionSpace, normals: Array) -> Array:
-    """Normals (n, 2) at the local nodes, means with their mirror images on the axis. Collective."""
+    """Return normals (n, 2) averaged with their mirror images on the axis. Collective."""
     axis = on_axis(V) & (normals[:, 1] != 0)
     along = np.stack([np.zeros(len(normals)), np.sign(normals[:, 1])], axis=1)
     return np.where(axis[:, None], along, normals)
 
 
 def axis_condition(V: fem.FunctionSpace) -> list[fem.DirichletBC]:
-    """u_r = 0 on the axis; nothing where no node lies there. Collective."""
+    """Return the condition u_r = 0 on the axis; none without nodes on it. Collective."""
     nodes = np.flatnonzero(on_axis(V)).astype(np.int32)
     if not V.mesh.comm.allreduce(len(nodes)):
         return []

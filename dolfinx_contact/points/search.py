@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Searches for places that other ranks know: by boxes, trees and messages from rank to rank."""
+"""Spatial search among the points of all ranks.
+
+No rank holds all points. Each rank queries the ranks in whose bounding boxes the points it needs
+may lie; these search their own points in a tree and send the answers back.
+"""
 
 from __future__ import annotations
 
@@ -11,37 +15,37 @@ import numpy as np
 import numpy.typing as npt
 import scipy
 
-__all__ = ["exchanged", "nearest", "ranks_nearby", "within"]
+__all__ = ["around", "nearest"]
 
 Array = npt.NDArray[np.float64]
 Nodes = npt.NDArray[np.int64]
 
 
 def nearest(comm: MPI.Comm, known: Array, wanted: Array, dim: int) -> Array:
-    """The rows of ``known``, of all ranks, whose first columns are nearest to places. Collective.
+    """Return the row of ``known``, of all ranks, nearest to each place. Collective.
 
     Args:
         comm: communicator.
-        known: of this rank; places come first.
-        wanted: places (n, dim) of this rank.
-        dim: 2 or 3.
+        known: rows of this rank, which begin with their places, shape (m, columns).
+        wanted: places of this rank, shape (n, dim).
+        dim: dimension, 2 or 3.
 
     Returns:
-        A row for every place; infinite places where there are none at all.
+        Rows, shape (n, columns); infinite if no rank has any.
     """
     best = np.full((len(wanted), known.shape[1]), np.inf)
-    places, tree = ranks_nearby(
+    places, tree = _ranks_nearby(
         comm,
         known[:, :dim],
         wanted,
         lambda near, far: near <= np.nanmin(far, axis=0, initial=np.inf) * (1 + 1e-12),
     )
-    questions = exchanged(comm, [wanted[i] for i in places], (dim,))
+    questions = _exchanged(comm, [wanted[i] for i in places])
     answers = [
         known[tree.query(q)[1]] if tree is not None and len(q) else known[:0] for q in questions
     ]
     distance = np.full(len(wanted), np.inf)
-    for i, rows in zip(places, exchanged(comm, answers, known.shape[1:]), strict=True):
+    for i, rows in zip(places, _exchanged(comm, answers), strict=True):
         d = np.linalg.norm(rows[:, :dim] - wanted[i], axis=1)
         closer = d < distance[i]
         best[i[closer]] = rows[closer]
@@ -49,63 +53,90 @@ def nearest(comm: MPI.Comm, known: Array, wanted: Array, dim: int) -> Array:
     return best
 
 
-def within(comm: MPI.Comm, known: Array, wanted: Array, radius: float) -> Nodes:
-    """How many of the known places, of all ranks, lie around the wanted ones. Collective."""
-    places, tree = ranks_nearby(comm, known, wanted, lambda near, _: near <= radius)
-    questions = exchanged(comm, [wanted[i] for i in places], wanted.shape[1:])
-    answers = [
-        np.array([float(len(p)) for p in tree.query_ball_point(q, radius)])
-        if tree is not None and len(q)
-        else np.zeros(len(q))
-        for q in questions
-    ]
-    counts = np.zeros(len(wanted))
-    for i, found in zip(places, exchanged(comm, answers, ()), strict=True):
-        counts[i] += found
-    return counts.astype(np.int64)
+def in_balls(questions: Array, tree: scipy.spatial.cKDTree) -> tuple[Nodes, Nodes]:
+    """Return pairs of questions and points of a tree within their distances."""
+    return pairs_of(tree.query_ball_point(questions[:, : tree.m], questions[:, -2]))
 
 
-def ranks_nearby(
+def pairs_of(lists: npt.NDArray[np.object_]) -> tuple[Nodes, Nodes]:
+    """Return the pairs (i, k) with k in the list i."""
+    i = np.repeat(np.arange(len(lists)), [len(part) for part in lists])
+    return i, np.array([k for part in lists for k in part], dtype=np.int64)
+
+
+def around(
+    comm: MPI.Comm,
+    known: Array,
+    wanted: Array,
+    reach: Array,
+    dim: int,
+    pairs: Callable[[Array, scipy.spatial.cKDTree], tuple[Nodes, Nodes]] = in_balls,
+) -> tuple[Nodes, Array]:
+    """Return the rows of ``known``, of all ranks, within a distance of each place. Collective.
+
+    Args:
+        comm: communicator.
+        known: rows of this rank, which begin with their places, shape (m, columns).
+        wanted: rows of this rank, which begin with their places, shape (n, more columns).
+        reach: distance by place, shape (n,).
+        dim: dimension, 2 or 3.
+        pairs: function that selects pairs of rows of ``wanted``, followed by two columns of which
+            the first is the distance, and points of the tree; default: all within the distance.
+
+    Returns:
+        Numbers of places, shape (pairs,), and rows near them, shape (pairs, columns).
+    """
+    places, tree = _ranks_nearby(
+        comm, known[:, :dim], wanted[:, :dim], lambda near, _: near <= reach
+    )
+    answers = []
+    for q in _exchanged(comm, [np.column_stack([wanted[i], reach[i], i]) for i in places]):
+        i: Nodes = np.zeros(0, dtype=np.int64)
+        k = i
+        if tree is not None and len(q):
+            i, k = pairs(q, tree)
+        answers.append(np.column_stack([q[i, -1], known[k]]))
+    rows = np.concatenate(_exchanged(comm, answers))
+    return rows[:, 0].astype(np.int64), rows[:, 1:]
+
+
+def _ranks_nearby(
     comm: MPI.Comm,
     known: Array,
     wanted: Array,
     which: Callable[[Array, Array], npt.NDArray[np.bool_]],
 ) -> tuple[list[npt.NDArray[np.intp]], scipy.spatial.cKDTree | None]:
-    """The places about which each rank is queried, and its known ones as a tree. Collective.
+    """Return the numbers of the places to ask each rank about, and a tree of own ones. Collective.
 
     Args:
         comm: communicator.
         known: places of this rank.
-        wanted: places (n, dim).
-        which: of distances of ``wanted`` to the nearest and farthest point of the box around the
-            known places of each rank (ranks, n), NaN of ranks that have none: the ranks to query.
+        wanted: places, shape (n, dim).
+        which: function from the distances of ``wanted`` to the nearest and the farthest point of
+            the boxes around the known places of the ranks (ranks, n), NaN for ranks without any, to
+            the mask of the ranks to ask.
     """
     box = np.full((2, wanted.shape[1]), np.nan)
     if len(known):
         box[:] = known.min(axis=0), known.max(axis=0)
     boxes = np.array(comm.allgather(box))
-    low = boxes[:, 0, None]
-    high = boxes[:, 1, None]
-    below = low - wanted
-    above = wanted - high
-    outside = np.maximum(below, above).clip(0.0)
-    across = np.maximum(np.abs(below), np.abs(above))
-    near = np.linalg.norm(outside, axis=2)
-    far = np.linalg.norm(across, axis=2)
+    below = boxes[:, 0, None] - wanted
+    above = wanted - boxes[:, 1, None]
+    near = np.linalg.norm(np.maximum(below, above).clip(0.0), axis=2)
+    far = np.linalg.norm(np.maximum(np.abs(below), np.abs(above)), axis=2)
     tree = scipy.spatial.cKDTree(known) if len(known) else None
     return [np.flatnonzero(marked) for marked in which(near, far)], tree
 
 
-def exchanged(comm: MPI.Comm, parts: list[Array], shape: tuple[int, ...]) -> list[Array]:
-    """What every rank has for this one, of what all have for each other. Collective.
+def _exchanged(comm: MPI.Comm, parts: list[Array]) -> list[Array]:
+    """Return the array that each rank has for this one. Collective.
 
     Args:
         comm: communicator.
-        parts: for every rank an array (n, *shape).
-        shape: of a row.
+        parts: array for every rank, shape (n, columns).
     """
     counts = comm.alltoall([len(p) for p in parts])
-    received = [np.empty((n, *shape)) for n in counts]
+    received = [np.empty((n, parts[0].shape[1])) for n in counts]
     requests = [comm.Irecv(a, source=r) for r, a in enumerate(received) if len(a)]
     requests += [comm.Isend(np.ascontiguousarray(p), dest=r) for r, p in enumerate(parts) if len(p)]
     MPI.Request.Waitall(requests)

@@ -35,7 +35,6 @@ __all__ = [
     "owned_exterior",
     "point_ids",
     "rounded",
-    "tagged_facets",
     "trace_dofs",
     "vertex_numbers",
 ]
@@ -45,114 +44,93 @@ Ids = npt.NDArray[np.int64]
 _ON_PLANE = 1e-9  # of the largest coordinate, up to which a node lies on a plane of symmetry
 
 
-def tagged_facets(
-    comm: MPI.Comm, facets: Any, tag: int | str | None, what: str
-) -> tuple[Any, int | None]:
-    """Return the facets of a surface and the number of their tag, which may be a name. Collective.
-
-    Args:
-        comm: communicator.
-        facets: GmshMesh, MeshTags or array of local indices.
-        tag: number, name of a physical group, or None.
-        what: name of the surface in messages.
-
-    Returns:
-        MeshTags or array, and the number.
-
-    Raises:
-        ValueError: on every rank, if no group has the name, or ranks request different tags.
-    """
-    tag = int(tag) if isinstance(tag, np.integer) else tag
-    same_everywhere(comm, **{f"{what}: tag": tag})
-    if isinstance(facets, GmshMesh):
-        facets = facets._named_facets
-        known = sorted(facets.names)
-        require(comm, tag is not None, f"{what}: the facets of a mesh need a tag; names: {known}")
-    if not isinstance(tag, str):
-        return facets, tag
-    message = (
-        f"{what}: the tag {tag!r} is a name, and only a GmshMesh and its facet_tags have names"
-    )
-    require(comm, isinstance(facets, NamedTags), message)
-    try:
-        return facets, facets.tag(tag)
-    except ValueError as error:  # the same on every rank, as names and tag are
-        raise ValueError(f"{what}: {error}") from None
-
-
 def owned_exterior(domain: mesh.Mesh, facets: npt.NDArray[np.int32]) -> npt.NDArray[np.int32]:
-    """Those of the local ``facets`` that this rank owns and that lie on the boundary."""
+    """Return the owned facets among the local ``facets`` that lie on the boundary."""
     exterior = mesh.exterior_facet_indices(domain.topology)
     return np.intersect1d(facets, exterior).astype(np.int32)
 
 
 def exterior_facets(
-    domain: mesh.Mesh, facets: mesh.MeshTags | npt.NDArray[np.int32], tag: int | None, name: str
+    domain: mesh.Mesh, facets: Any, tag: int | str | None, name: str
 ) -> npt.NDArray[np.int32]:
-    """Facets of a surface on this rank, ghosts included, whichever rank the user named them on.
+    """Return the local facets of a surface, ghosts included. Collective.
 
-    Every rank gives facets of the same kind, MeshTags or indices. Indices do not tell which mesh
-    they number: those of another one would be read as facets of this one.
+    Each rank may name facets of other ranks' surfaces, such as its ghosts; all ranks then have
+    them. Indices do not identify their mesh: those of another mesh would be read as facets of this
+    one.
+
+    Args:
+        domain: mesh of the body.
+        facets: GmshMesh, MeshTags or array of local indices; the same kind on every rank.
+        tag: number of the tag, or name of a physical group; None for indices.
+        name: name of the surface for messages.
 
     Raises:
-        ValueError: on every rank, if there is no such facet, one lies inside the body, or the
-            MeshTags are those of another mesh.
+        ValueError: on every rank, if there is no such facet, a facet lies inside the body, no group
+            has the name, or the MeshTags are those of another mesh.
     """
-    fdim = domain.topology.dim - 1
     comm = domain.comm
+    fdim = domain.topology.dim - 1
     domain.topology.create_connectivity(fdim, fdim + 1)
     domain.topology.create_connectivity(fdim + 1, fdim)
     index_map = domain.topology.index_map(fdim)
-    size = index_map.size_local + index_map.num_ghosts
+    if isinstance(facets, GmshMesh):
+        facets = facets._named_facets
+    tag = int(tag) if isinstance(tag, np.integer) else tag
+    same_everywhere(comm, **{f"{name}: tag": tag})
     with everywhere(comm, f"the facets of {name}"):
-        chosen = _chosen(domain, facets, tag, name)
-        if not ((chosen >= 0) & (chosen < size)).all():
-            raise ValueError(f"{name}: facet indices outside the mesh")
-        chosen = chosen.astype(np.int32)
-    if isinstance(facets, mesh.MeshTags):
-        tags = sorted(set().union(*comm.allgather(set(facets.values.tolist()))))
-        missing = f"no facet has the tag {tag}; tags of the mesh: {tags}"
-    else:
-        missing = "no facet was given"
+        try:
+            chosen = _chosen(domain, facets, tag)
+        except ValueError as error:
+            raise ValueError(f"{name}: {error}") from None
     marks = la.vector(index_map, 1)
     marks.array[:] = 0.0
     marks.array[chosen] = 1.0
     marks.scatter_reverse(la.InsertMode.add)
     owned = np.flatnonzero(marks.array[: index_map.size_local] > 0).astype(np.int32)
-    require(comm, comm.allreduce(len(owned)) > 0, f"{name}: {missing}")
-    count = comm.allreduce(len(owned) - len(owned_exterior(domain, owned)))
-    require(
-        comm,
-        count == 0,
-        f"{name}: {count} facets lie inside the body; contact needs facets of its boundary",
-    )
+    counts = np.array([len(owned), len(owned) - len(owned_exterior(domain, owned))])
+    number, inside = comm.allreduce(counts)
+    missing = "no facet was given"
+    if isinstance(facets, mesh.MeshTags):
+        tags = sorted(set().union(*comm.allgather(set(facets.values.tolist()))))
+        missing = f"no facet has the tag {tag}; tags of the mesh: {tags}"
+    require(comm, number > 0, f"{name}: {missing}")
+    words = f"{inside} facets lie inside the body; contact needs facets of its boundary"
+    require(comm, inside == 0, f"{name}: {words}")
     marks.scatter_forward()
     return np.flatnonzero(marks.array > 0).astype(np.int32)
 
 
-def _chosen(
-    domain: mesh.Mesh, facets: mesh.MeshTags | npt.NDArray[np.int32], tag: int | None, name: str
-) -> npt.NDArray[np.int64]:
-    """The local facets that the user names, as they are named. Not collective."""
+def _chosen(domain: mesh.Mesh, facets: Any, tag: int | str | None) -> npt.NDArray[np.int32]:
+    """Return the local facets named by the user, or raise ``ValueError``. Not collective."""
     fdim = domain.topology.dim - 1
+    if isinstance(tag, str):
+        if not isinstance(facets, NamedTags):
+            raise ValueError(
+                f"the tag {tag!r} is a name, and only a GmshMesh and its facet_tags have names"
+            )
+        tag = facets.tag(tag)
     if isinstance(facets, mesh.MeshTags):
         if facets.dim != fdim:
-            raise ValueError(f"{name}: the MeshTags must be of dimension {fdim}, not {facets.dim}")
+            raise ValueError(f"the MeshTags must be of dimension {fdim}, not {facets.dim}")
         if not is_topology_of(domain, facets):
-            raise ValueError(f"{name}: the MeshTags are those of another mesh")
+            raise ValueError("the MeshTags are those of another mesh")
         if tag is None:
-            raise ValueError(f"{name}: MeshTags of facets need a tag")
-        if isinstance(tag, bool) or not isinstance(tag, int | np.integer):
-            raise ValueError(f"{name}: the tag must be a whole number, got {tag!r}")
-        return np.asarray(facets.indices[facets.values == tag], dtype=np.int64)
-    given = np.asarray(facets).reshape(-1)
-    if given.size > 0 and not np.issubdtype(given.dtype, np.integer):
-        raise ValueError(f"{name}: facets must be MeshTags or an array of integer indices")
-    return given.astype(np.int64)
+            known = f"; names: {sorted(facets.names)}" if isinstance(facets, NamedTags) else ""
+            raise ValueError(f"MeshTags of facets need a tag{known}")
+        count(tag, "the tag", np.iinfo(np.int32).min)
+        return np.asarray(facets.indices[facets.values == tag], dtype=np.int32)
+    chosen = np.asarray(facets).reshape(-1)
+    if chosen.size > 0 and not np.issubdtype(chosen.dtype, np.integer):
+        raise ValueError("facets must be MeshTags or an array of integer indices")
+    index_map = domain.topology.index_map(fdim)
+    if not ((chosen >= 0) & (chosen < index_map.size_local + index_map.num_ghosts)).all():
+        raise ValueError("facet indices outside the mesh")
+    return chosen.astype(np.int32)
 
 
 def facet_closures(V: fem.FunctionSpace, facets: npt.NDArray[np.int32]) -> npt.NDArray[np.int32]:
-    """Local nodes of ``V`` in the closure of each of the local ``facets``, one row a facet."""
+    """Return the local nodes of ``V`` in the closure of each local facet, one row per facet."""
     topology = V.mesh.topology
     tdim = topology.dim
     to_cells = topology.connectivity(tdim - 1, tdim)
@@ -172,7 +150,7 @@ def facet_closures(V: fem.FunctionSpace, facets: npt.NDArray[np.int32]) -> npt.N
 def trace_dofs(
     V: fem.FunctionSpace, Q: fem.FunctionSpace, parent_facets: npt.NDArray[np.int32]
 ) -> npt.NDArray[np.int32]:
-    """For every local node of ``Q`` (on a facet submesh) the local node of ``V`` at its place."""
+    """Return the local node of ``V`` at each local node of ``Q`` (on a facet submesh)."""
     index_map = Q.dofmap.index_map
     nodes = np.full(index_map.size_local + index_map.num_ghosts, -1, dtype=np.int32)
     candidates = facet_closures(V, parent_facets)
@@ -188,14 +166,15 @@ def trace_dofs(
 def outward_normals(
     V: fem.FunctionSpace, facets: npt.NDArray[np.int32]
 ) -> tuple[npt.NDArray[np.float64], float]:
-    """Unit normals at the local nodes, means over the facets around them by area. Collective.
+    """Return unit normals at local nodes, area-weighted means of the facets there. Collective.
 
     Args:
-        V: a Lagrange space.
+        V: Lagrange space.
         facets: local exterior facets, ghosts included.
 
     Returns:
-        Normals (nodes, dim), zero off the facets, and the size of the smallest facet of this rank.
+        Normals, zero off the facets, shape (nodes, dim), and size of the smallest facet of this
+        rank.
     """
     domain = V.mesh
     dim = V.mesh.geometry.dim
@@ -213,7 +192,7 @@ def outward_normals(
 def facet_normals(
     domain: mesh.Mesh, facets: npt.NDArray[np.int32], *, unit: bool = True
 ) -> npt.NDArray[np.float64]:
-    """Outward normals of local exterior facets (n, dim), of unit length or that of the area."""
+    """Return outward normals of local exterior facets (n, dim), unit or area vectors."""
     dim = domain.geometry.dim
     if not len(facets):  # DOLFINx divides by their number
         return np.zeros((0, dim))
@@ -227,24 +206,23 @@ def facet_normals(
 
 
 def rounded(x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """Coordinates to nine digits of the largest."""
+    """Return coordinates rounded to nine digits of the largest one."""
     size = 10.0 ** np.ceil(np.log10(np.max(np.abs(x), initial=1e-300)))
     return np.round(x / size, 9) * size + 0.0
 
 
 def checked_planes(symmetry: Any, dim: int, name: str) -> dict[int, float]:
-    """Planes of symmetry, by their axis, or ``ValueError`` if these are none. Not collective."""
+    """Return planes of symmetry by axis, or raise ``ValueError``. Not collective."""
     if symmetry is None:
         return {}
     instance(symmetry, f"{name}: symmetry", dict, "planes by their axis, as {0: 0.0} for x = 0")
     what = f"{name}: an axis of symmetry"
-    planes = {
-        one_of(count(axis, what, 0), what, range(dim)): number(
-            place, f"{name}: a plane of symmetry"
+    return {
+        one_of(int(count(axis, what, 0)), what, range(dim)): number(
+            symmetry[axis], f"{name}: a plane of symmetry"
         )
-        for axis, place in symmetry.items()
+        for axis in sorted(symmetry, key=str)
     }
-    return dict(sorted(planes.items()))
 
 
 def across_planes(
@@ -254,22 +232,21 @@ def across_planes(
     planes: Mapping[int, float],
     name: str,
 ) -> npt.NDArray[np.bool_]:
-    """Local nodes x dim, True along axes across planes of symmetry on which nodes lie. Collective.
+    """Return the components across planes of symmetry, shape (local nodes, dim). Collective.
 
     Args:
-        V: a Lagrange space.
-        slave: which local nodes lie on the face that ends at the planes.
-        master: which lie on the other face, which has images behind them.
-        planes: of symmetry, where they are by their axis.
-        name: of the surface.
+        V: Lagrange space.
+        slave: mask of the local nodes on the face that ends at the planes.
+        master: mask of the local nodes on the other face, which has images behind them.
+        planes: positions of the planes of symmetry by axis.
+        name: name of the surface for messages.
 
     Raises:
-        ValueError: on every rank, if no node of the slave lies on a plane, or some of the slave, or
-            of both faces, lie on either side of it.
+        ValueError: on every rank, if no node of the slave lies on a plane, or both faces together
+            lie on both sides of it.
     """
-    dim = V.mesh.geometry.dim
     comm = V.mesh.comm
-    x = node_positions(V)[:, :dim]
+    x = node_positions(V)[:, : V.mesh.geometry.dim]
     owned = V.dofmap.index_map.size_local
     across: npt.NDArray[np.bool_] = np.zeros(x.shape, dtype=bool)
     size = comm.allreduce(float(np.max(np.abs(x), initial=0.0)), op=max)
@@ -278,27 +255,27 @@ def across_planes(
         near = np.abs(off) <= _ON_PLANE * size
         across[:, axis] = near & (slave | master)
         sides = [near, ~near & (off < 0), ~near & (off > 0)]
-        counts = np.array([int((on & c)[:owned].sum()) for on in (slave, master) for c in sides])
-        there, below, above, _, under, over = comm.allreduce(counts)
-        where = f"the plane of symmetry {'xyz'[axis]} = {place:g}"
+        counts = np.array([[int((on & c)[:owned].sum()) for c in sides] for on in (slave, master)])
+        (there, below, above), (_, under, over) = comm.allreduce(counts)
+        where = f"{name}: the plane of symmetry {'xyz'[axis]} = {place:g}"
         require(
             comm,
             there > 0 and not (below and above),
-            f"{name}: {where} does not end the face: {there} of its nodes lie on it, {below} "
-            f"below and {above} above",
+            f"{where} does not end the face: {there} of its nodes lie on it, {below} below and "
+            f"{above} above",
         )
         require(
             comm,
             not (below + under and above + over),
-            f"{name}: images of the master lie behind {where}, so that both faces lie on one side "
-            f"of it; below are {below} nodes of the slave and {under} of the master, above "
-            f"{above} and {over}",
+            f"{where} has images of the master behind it, so that both faces lie on one side of "
+            f"it; below are {below} nodes of the slave and {under} of the master, above {above} "
+            f"and {over}",
         )
     return across
 
 
 def nodes_on(V: fem.FunctionSpace, facets: npt.NDArray[np.int32]) -> npt.NDArray[np.bool_]:
-    """Which local nodes lie on facets of any rank. Collective."""
+    """Return the mask of the local nodes on facets of any rank. Collective."""
     nodes = facet_closures(V, facets)
     counts = SharedValues(V.dofmap.index_map).sums(nodes, np.ones(nodes.shape))
     return np.asarray(counts > 0)
@@ -307,15 +284,15 @@ def nodes_on(V: fem.FunctionSpace, facets: npt.NDArray[np.int32]) -> npt.NDArray
 def at_global_places(
     comm: MPI.Comm, values: npt.NDArray[np.float64], places: npt.NDArray[np.int64]
 ) -> npt.NDArray[np.float64]:
-    """Values of any rank. Collective.
+    """Return values of other ranks. Collective.
 
     Args:
         comm: communicator.
-        values: of this rank (n, ...).
-        places: among those of all ranks, of any shape.
+        values: values of this rank, shape (n, ...).
+        places: global numbers of the wanted values, of any shape.
 
     Returns:
-        Of shape (*places.shape, ...).
+        Values, shape (*places.shape, ...).
     """
     first: int = comm.exscan(len(values)) or 0
     mine = (first <= places) & (places < first + len(values))

@@ -107,7 +107,7 @@ def manifest_of(
         if opposite is not None:
             facets = _entities(s.domain, s.dim - 1, opposite.master_facets)
             parts["the opposite facets" + of] = facets
-        expressions = [_signature(e, domain) for e in s.given.all]
+        expressions = [_signature(e, domain) for e in s.given.at_points.values()]
         signatures["the obstacle" + of] = "".join([s.obstacle.mark, *expressions])
         axisymmetric = " axisymmetric" if s.axisymmetric else ""
         law = f"{s.law_at_points.compiled.signature} {s.law.averaging!r}{axisymmetric}"

@@ -1,26 +1,26 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""The points of segments and triangles that are closest to others.
+r"""Closest points on segments and triangles.
 
-On a triangle the regions of its corners, edges and inside are distinguished by six products
-(Ericson, Real-Time Collision Detection, 2005, section 5.1.5). Barycentric coordinates of what is
-on an edge or a corner are exactly zero for the corners that have no part in it. Three of the
-products are differences of the order of the fourth power of the longest edge; of slivers, whose
-area squared is far less, they are those of the area vector with parts of it instead.
+The foot of a point on the plane of a triangle lies inside the triangle if the area vectors of its
+three parts, opposite to the corners, have the sense of the triangle. Otherwise the closest point is
+that of an edge. Area vectors are precise for slivers too, unlike scalar products of edges, which
+are differences of the order of the fourth power of the longest edge. Barycentric coordinates of a
+point on an edge or a corner are exactly zero for the corners that have no part in it.
 
 A search examines few facets: each is covered by balls of radii r, large facets by balls around
-their parts. What is at a distance d has its facet among those whose balls have their centres within
-d + r. The facets of the nearest balls bound d; where others may be closer they are examined too.
+their parts. The facet at a distance d is among those whose balls have their centres within d + r.
+The facets of the nearest balls bound d; others are examined if they may be closer.
 """
 
 from __future__ import annotations
 
-from itertools import chain
+from itertools import chain, combinations
 
 import numpy as np
 import numpy.typing as npt
 import scipy
 
-from dolfinx_contact.rigid_surfaces.normals import crossed
+from dolfinx_contact._geometry import area_vectors, dot
 
 __all__ = ["ClosestFacets", "closest_on"]
 
@@ -29,74 +29,41 @@ Ints = npt.NDArray[np.int64]
 
 _FIRST = 8  # balls whose facets bound the distance
 _LARGER = 1.0 + 1e-12  # round-off of distances
-_PAIRS = 2**18  # of points and facets that are looked at in one go
-_THIN = 1e-4  # of squares of edges, squared, an area squared that is a sliver's
-_PARTS = 64.0  # balls along the largest extent of a surface, up to which facets are cut
+_PAIRS = 2**18  # pairs of points and facets examined at once
+_PARTS = 64.0  # balls along the largest extent of a surface, up to which facets are divided
 
 
 def closest_on(x: Array, corners: Array) -> Array:
-    """Barycentric coordinates (n, k) of what is closest to points on simplices, one each.
+    """Return barycentric coordinates (n, k) of the points of simplices closest to given points.
 
     Args:
-        x: points (n, dim).
-        corners: of segments (n, 2, dim) or triangles (n, 3, dim), none of them degenerate.
+        x: points, one for each simplex, shape (n, dim).
+        corners: corners of segments (n, 2, dim) or triangles (n, 3, dim).
     """
-    return _on_segments(x, corners) if corners.shape[1] == 2 else _on_triangles(x, corners)
-
-
-def _on_segments(x: Array, corners: Array) -> Array:
-    along = corners[:, 1] - corners[:, 0]
-    part = _dot(x - corners[:, 0], along) / _dot(along, along)
-    part = np.clip(part, 0.0, 1.0)
-    return np.stack([1.0 - part, part], axis=1)
-
-
-def _on_triangles(x: Array, corners: Array) -> Array:
-    a, b, c = (corners[:, i] for i in range(3))
-    ab, ac = b - a, c - a
-    d1, d2 = _dot(ab, x - a), _dot(ac, x - a)
-    d3, d4 = _dot(ab, x - b), _dot(ac, x - b)
-    d5, d6 = _dot(ab, x - c), _dot(ac, x - c)
-    of_c, of_b, of_a = d1 * d4 - d3 * d2, d5 * d2 - d1 * d6, d3 * d6 - d5 * d4
-    squares = _dot(ab, ab), _dot(ac, ac)
-    thin = np.flatnonzero(squares[0] * squares[1] - _dot(ab, ac) ** 2 < _THIN * sum(squares) ** 2)
-    if len(thin):
-        of_a[thin], of_b[thin], of_c[thin] = _areas(x[thin], corners[thin])
-    zero, one = np.zeros(len(x)), np.ones(len(x))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        on_ab, on_ac = d1 / (d1 - d3), d2 / (d2 - d6)
-        on_bc = (d4 - d3) / ((d4 - d3) + (d5 - d6))
-        inside = np.stack([of_a, of_b, of_c], axis=1) / (of_a + of_b + of_c)[:, None]
-    regions = [
-        ((d1 <= 0) & (d2 <= 0), (one, zero, zero)),
-        ((d3 >= 0) & (d4 <= d3), (zero, one, zero)),
-        ((d6 >= 0) & (d5 <= d6), (zero, zero, one)),
-        ((of_c <= 0) & (d1 >= 0) & (d3 <= 0), (1 - on_ab, on_ab, zero)),
-        ((of_b <= 0) & (d2 >= 0) & (d6 <= 0), (1 - on_ac, zero, on_ac)),
-        ((of_a <= 0) & (d4 >= d3) & (d5 >= d6), (zero, 1 - on_bc, on_bc)),
-    ]
-    found = inside
-    for where, parts in reversed(regions):
-        found = np.where(where[:, None], np.stack(parts, axis=1), found)
+    found = np.zeros(corners.shape[:2])
+    outside: Ints = np.arange(len(x), dtype=np.int64)
+    if corners.shape[1] == 3:
+        across = area_vectors(corners)
+        off = corners - x[:, None]
+        squares = np.maximum(dot(across, across), np.finfo(float).tiny)
+        off -= (dot(off, across[:, None]) / squares[:, None])[..., None] * across[:, None]
+        parts = np.einsum("nki,ni->nk", np.cross(off[:, [1, 2, 0]], off[:, [2, 0, 1]]), across)
+        inside = (parts > 0.0).all(axis=1)
+        found[inside] = parts[inside] / parts[inside].sum(axis=1, keepdims=True)
+        outside = np.flatnonzero(~inside)
+    x, corners = x[outside], corners[outside]
+    least = np.full(len(x), np.inf)
+    for i, j in combinations(range(corners.shape[1]), 2):
+        along = corners[:, j] - corners[:, i]
+        square = np.maximum(dot(along, along), np.finfo(float).tiny)
+        part = np.clip(dot(x - corners[:, i], along) / square, 0.0, 1.0)
+        away = x - corners[:, i] - part[:, None] * along
+        closer = dot(away, away) < least
+        least[closer] = dot(away, away)[closer]
+        edge = np.zeros((len(x), corners.shape[1]))
+        edge[:, i], edge[:, j] = 1.0 - part, part
+        found[outside[closer]] = edge[closer]
     return found
-
-
-def _areas(x: Array, corners: Array) -> tuple[Array, Array, Array]:
-    """Products of the area vectors of triangles with those of their parts opposite to corners."""
-    across = crossed(corners)
-    off = corners - x[:, None]
-    # In the plane of the triangle, where it is close to what is far above.
-    squares = _dot(across, across)
-    squares[squares == 0] = 1.0  # of a segment
-    height = np.einsum("nki,ni->nk", off, across) / squares[:, None]
-    off = off - height[..., None] * across[:, None]
-    parts = np.asarray(np.cross(off[:, [1, 2, 0]], off[:, [2, 0, 1]]), dtype=np.float64)
-    a, b, c = _dot(across[:, None], parts).T
-    return a, b, c
-
-
-def _dot(a: Array, b: Array) -> Array:
-    return np.asarray(np.einsum("...i,...i->...", a, b))
 
 
 class ClosestFacets:

@@ -7,23 +7,24 @@ on an edge with the direction t, or at a corner, x is in the cone of normals the
 
     grad d = (I - d d^T - t t^T)/phi,    at a corner (I - d d^T)/phi.
 
-The normal of the surface is d at creases and rims; elsewhere m/|m|, in which m is interpolated
-between the normals at the corners of the facet with the barycentric coordinates of c. These are
-linear in x while c stays in a facet, or on an edge.
+The normal of the surface is d at creases and rims, and m/|m| elsewhere. Here m is interpolated
+between the normals at the corners of the facet with the barycentric coordinates of c, which are
+linear in x while c stays in a facet or on an edge.
 
-At the rim of an open surface the distance is positive on both sides: what goes past it leaves.
-That is a jump for what is past the rim and below it, and comes back. A face that slides leaves an
-open surface by degrees instead, within one of its facets, of the size b: with the mean normal m at
-the closest point c, the height z = m.(x - c) and the way a = |x - c - z m| past the rim the gap is
+At the rim of an open surface the distance is positive on both sides: points past the rim have left
+the surface. The distance jumps for points that are past the rim, below it, and come back. A sliding
+face instead leaves an open surface gradually, within one of its facets, of the size b. With the
+mean normal m at the closest point c, the height z = m.(x - c) and the distance a = |x - c - z m|
+past the rim, the gap is
 
     g = z + b - sqrt(b^2 - a^2)    for a < b and z > -b - o,
 
-with the overlap o that is removed from the gap, where one is, as if the surface turned down there
-by a quarter of a circle, and its normal stays m. So forces fall to zero as
-points move off, and are not turned: across the surface of a sharper end they would push points off
-it, from where there is no equilibrium nearby. Where facets become small the end does. The overlap
-of what starts below the rim and past it is -z, as of the face beside it, so that it leaves as from
-a start on the surface.
+with the overlap o that is removed from the gap, if any. The surface turns down there by a quarter
+of a circle, but its normal remains m. So forces decrease to zero as points leave, and keep their
+direction: normals of a sharper end would push points off the surface, where there is no equilibrium
+nearby. The size of the end decreases with that of the facets. The overlap of points that start
+below the rim and past it is -z, like that of the face next to them, so that they leave as if they
+had started on the surface.
 """
 
 from __future__ import annotations
@@ -47,16 +48,16 @@ _ON = 1e-10  # of the extent, up to which a point is on an edge or corner
 
 @dataclass(frozen=True)
 class Distances:
-    """Of points from a surface.
+    """Distances of points from a surface.
 
     Attributes:
-        feet: the closest points of the surface (n, dim).
-        facets: on which they are (n,).
-        distance: with sign, positive outside (n,).
-        slope: its gradient (n, dim).
-        normal: unit normals of the surface, out of the obstacle (n, dim).
-        turn: their derivatives (n, dim, dim).
-        past: whether a point is past the rim of an open surface (n,).
+        feet: closest points of the surface, shape (n, dim).
+        facets: facets of the closest points, shape (n,).
+        distance: signed distances, positive outside, shape (n,).
+        slope: gradients of the distances, shape (n, dim).
+        normal: unit normals of the surface, out of the obstacle, shape (n, dim).
+        turn: derivatives of the normals, shape (n, dim, dim).
+        past: mask of the points past the rim of an open surface, shape (n,).
     """
 
     feet: Array
@@ -75,15 +76,15 @@ def distances_from(
     ends: Array | None = None,
     removed: Array | None = None,
 ) -> Distances:
-    """The distances of points, on this rank alone; of those that are not finite NaN.
+    """Return distances of points of this rank; NaN for points that are not finite.
 
     Args:
-        surface: from which.
-        closest: the search for its facets.
-        x: points (n, dim).
-        ends: the sizes b of the facets at these (n,), within which they leave an open surface by
-            degrees; zero or None: at once.
-        removed: overlaps that are removed from their gaps (n,); None: nothing.
+        surface: the surface.
+        closest: search for its facets.
+        x: points, shape (n, dim).
+        ends: sizes b of the facets at the points, within which these leave an open surface
+            gradually, shape (n,); zero or None: at once.
+        removed: overlaps removed from the gaps, shape (n,); None for no overlap.
     """
     finite: Bools = np.asarray(np.isfinite(x).all(axis=1))
     facets, parts = closest(np.where(finite[:, None], x, surface.points[0]))
@@ -124,13 +125,14 @@ def distances_from(
 
 
 class _Places:
-    """Where closest points are: inside facets, on ridges or at corners.
+    """Places of closest points: inside facets, on ridges or at corners.
 
     Attributes:
-        zeros: how many corners of the facet have no part in it (n,).
-        side: unit vectors that tell outside (n, dim).
-        along: of edges their directions, else zero (n, dim).
-        crease, rim: of the edge or corner (n,).
+        zeros: number of corners of the facet with zero barycentric coordinate, shape (n,).
+        side: unit vectors that point to the outside, shape (n, dim).
+        along: directions of edges, zero elsewhere, shape (n, dim).
+        crease: mask of the creases, shape (n,).
+        rim: mask of the rims, shape (n,).
     """
 
     def __init__(self, surface: Triangulation, facets: Ints, parts: Array):
@@ -166,15 +168,15 @@ class _Places:
 def _ended(
     away: Array, m: Array, turn: Array, along: Array, b: Array, low: Array
 ) -> tuple[Bools, Array, Array]:
-    """Which points leave by degrees past a rim, their gaps and the gradients of these.
+    """Return the mask of points that leave gradually past a rim, their gaps and gradients.
 
     Args:
-        away: from the closest points (n, dim).
-        m: normals there (n, dim).
-        turn: their derivatives (n, dim, dim).
-        along: direction of the edge on which the closest point moves, else zero (n, dim).
-        b: within which they leave (n,).
-        low: heights from which on they do (n,).
+        away: vectors from the closest points, shape (n, dim).
+        m: normals there, shape (n, dim).
+        turn: derivatives of the normals, shape (n, dim, dim).
+        along: direction of the edge on which the closest point moves, otherwise zero, (n, dim).
+        b: distances within which points leave, shape (n,).
+        low: heights above which points leave gradually, shape (n,).
     """
     z = np.einsum("ni,ni->n", away, m)
     past = away - z[:, None] * m
@@ -190,7 +192,7 @@ def _ended(
 def _interpolated(
     surface: Triangulation, facets: Ints, parts: Array, corners: Array, on: _Places
 ) -> tuple[Array, Array]:
-    """Averaged normals at the closest points and their derivatives."""
+    """Return averaged normals at the closest points and their derivatives."""
     of_corners = surface.corner_normals[facets]
     mean = np.einsum("nk,nki->ni", parts, of_corners)
     size = np.linalg.norm(mean, axis=1)
@@ -204,7 +206,7 @@ def _interpolated(
 
 
 def _slopes(corners: Array) -> Array:
-    """Gradients of barycentric coordinates along facets (n, k, dim)."""
+    """Return gradients of barycentric coordinates along facets, shape (n, k, dim)."""
     edges = corners[:, 1:] - corners[:, :1]
     inner = np.einsum("nai,nbi->nab", edges, edges)
     rest = np.linalg.solve(inner, edges)

@@ -4,11 +4,13 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact.rigid_surfaces.gmsh_group import group_of
+from dolfinx_contact._install import optional
+from dolfinx_contact.meshing.gmsh import empty_model
 
 __all__ = ["facets_in"]
 
@@ -20,25 +22,30 @@ _HEAD = 84  # bytes before the facets of a binary STL file: a line of 80, and th
 _WORDS = ("facet", "normal", *3 * [""], "outer", "loop")
 _WORDS += (*3 * ["vertex", *3 * [""]], "endloop", "endfacet")
 _FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("more", "<u2")])
+#: Nodes of the facets of gmsh's elements of degree 1: lines, triangles, halves of quadrilaterals.
+_PARTS = {1: [[0, 1]], 2: [[0, 1, 2]], 3: [[0, 1, 2], [0, 2, 3]]}
+_PLANE = 1e-10  # of the extent, range of z of a plane curve
 
 
 def facets_in(path: Path, group: str | int | None) -> tuple[Array, Ints]:
-    """Points (m, dim) and facets by these (k, dim); those of STL share no points yet.
+    """Return points (m, dim) and the points of the facets (k, dim).
+
+    Facets of an STL file do not share points yet.
 
     Args:
-        path: of a file .stl or .msh.
-        group: physical group of the latter, by name or tag; None for all of its facets.
+        path: path of a file .stl or .msh.
+        group: physical group of a .msh file, by name or tag; None for all facets.
 
     Raises:
         OSError: if the file cannot be read.
-        ValueError: if its content is none of these, or has no facets or no such group.
+        ValueError: if its content is of another kind, or has no facets or no such group.
     """
     kind = path.suffix.lower()
     if kind not in (".stl", ".msh"):
         raise ValueError(f"{path}: a surface is read from a file .stl or .msh")
     if kind == ".msh":
         path.open("rb").close()  # an error of the system if it cannot be read
-        return group_of(path, group)
+        return _of_gmsh(path, group)
     if group is not None:
         raise ValueError(f"{path}: an STL file has no groups, and {group!r} was asked for")
     corners = _of_stl(path)
@@ -85,3 +92,55 @@ def _of_text(path: Path, text: str) -> Array:
         return facets[:, numbers].astype(np.float64)[:, 3:].reshape(-1, 3, 3)
     except ValueError as error:
         raise ValueError(f"{path} is no complete ASCII STL file: {error}") from None
+
+
+def _of_gmsh(path: Path, group: str | int | None) -> tuple[Array, Ints]:
+    """Return points and facets of a group of curves (2D) or surfaces (3D) of a gmsh file.
+
+    Without a group these are all surfaces, or all curves if there are no surfaces.
+    """
+    gmsh = optional("gmsh", "gmsh")
+    with empty_model(gmsh) as model:
+        try:
+            gmsh.merge(str(path))
+        except Exception as error:  # gmsh raises no other kind
+            raise ValueError(f"gmsh cannot read {path}: {error}") from error
+        dim, entities = _entities(model, path, group)
+        found: list[Ints] = [np.zeros((0, dim + 1), dtype=np.int64)]
+        for entity in entities:
+            kinds, _, nodes = model.mesh.getElements(dim, entity)
+            for kind, flat in zip(kinds, nodes, strict=True):
+                name, _, _, width, *_ = model.mesh.getElementProperties(kind)
+                if kind not in _PARTS:
+                    where = f"{path}: the group {group!r}"
+                    raise ValueError(f"{where} has elements that are bent or unknown ({name})")
+                each: Ints = np.asarray(flat, dtype=np.int64).reshape(-1, width)
+                found += [each[:, part] for part in _PARTS[kind]]
+        tags, places, _ = model.mesh.getNodes()
+    cells = np.concatenate(found)
+    if not len(cells):
+        what = "no facets" if group is None else f"no facets in the group {group!r}"
+        raise ValueError(f"{path} has {what}: gmsh saves what is in physical groups, and meshed")
+    order = np.argsort(tags)
+    used, numbers = np.unique(cells, return_inverse=True)
+    x = np.asarray(places, dtype=np.float64).reshape(-1, 3)[order]
+    x = x[np.searchsorted(np.asarray(tags)[order], used)]
+    if dim == 1 and np.ptp(x[:, 2]) > _PLANE * np.ptp(x, axis=0).max():
+        raise ValueError(f"{path}: a surface of curves must be in a plane of constant z")
+    return x[:, : dim + 1].copy(), numbers.reshape(cells.shape).astype(np.int64)
+
+
+def _entities(model: Any, path: Path, group: str | int | None) -> tuple[int, list[int]]:
+    """Return dimension and entities of a group."""
+    if group is None:
+        dim = 2 if any(len(model.mesh.getElements(2, e)[0]) for _, e in model.getEntities(2)) else 1
+        return dim, [e for _, e in model.getEntities(dim)]
+    known = [(d, tag, model.getPhysicalName(d, tag)) for d, tag in model.getPhysicalGroups()]
+    known = [g for g in known if g[0] in (1, 2)]
+    found = [g for g in known if group in g[1:]]
+    if len(found) != 1:
+        listed = ", ".join(f"{tag} ({name!r}, {d}D)" for d, tag, name in known) or "none"
+        which = "no group" if not found else f"{len(found)} groups"
+        raise ValueError(f"{path}: {which} {group!r} of curves or surfaces; there are: {listed}")
+    ((dim, tag, _),) = found
+    return int(dim), [int(e) for e in model.getEntitiesForPhysicalGroup(dim, tag)]

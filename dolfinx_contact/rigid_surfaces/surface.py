@@ -17,20 +17,19 @@ import numpy.typing as npt
 
 from dolfinx import mesh
 
+from dolfinx_contact._geometry import area_vectors, unit
 from dolfinx_contact._mpi import Arguments, collective, on_root
 from dolfinx_contact._validate import ReadOnly, copy_with, is_number, positive, word
 from dolfinx_contact.obstacles import Measured, Obstacle, Outline, Start
 from dolfinx_contact.rigid_surfaces.closest import ClosestFacets
 from dolfinx_contact.rigid_surfaces.distance import Distances, distances_from
 from dolfinx_contact.rigid_surfaces.files import facets_in
-from dolfinx_contact.rigid_surfaces.triangulation import Triangulation, mended, merged, triangulated
+from dolfinx_contact.rigid_surfaces.triangulation import mended, merged, triangulated
 
 __all__ = ["RigidSurface"]
 
 Array = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
-
-_WITHIN = 1e-6  # of the extent of a closed part, above which a point is within it
 
 
 class RigidSurface(ReadOnly, Obstacle):
@@ -66,8 +65,8 @@ class RigidSurface(ReadOnly, Obstacle):
     of the body (indicator ``between_points``), and nodes beside a sharp edge are pushed by its
     side: an edge that slides ploughs, by several times the friction, however fine the face of the
     body is (indicator ``across``). By the integral method nodes pass under edges. Each rank has the
-    whole surface (about 1 kB a facet). Closed parts of which one has a point within another are
-    refused; other parts that intersect are not looked for.
+    whole surface (about 1 kB a facet). Parts that intersect, as solids that a CAD program has not
+    united, are not searched for: distances from outside are exact.
 
     Args:
         points: (m, dim), a length.
@@ -86,8 +85,8 @@ class RigidSurface(ReadOnly, Obstacle):
 
     Raises:
         ValueError: if points or cells are not of that shape or not finite, facets are degenerate
-            or there twice, an edge has more than two facets, sides do not fit, as above, rims have
-            points (nearly) in one place, or a closed part has a point within another.
+            or there twice, an edge has more than two facets, sides do not fit, as above, or rims
+            have points (nearly) in one place.
         AttributeError: where attributes are set afterwards.
 
     Example:
@@ -123,13 +122,11 @@ class RigidSurface(ReadOnly, Obstacle):
             x, facets = merged(x, facets)
             facets = mended(x, facets, name)
         found = triangulated(x, facets, np.radians(crease), name)
-        _check_apart(found, name)
         if reverse:
-            turned = found.cells[:, ::-1]
-            found = triangulated(x, turned, np.radians(crease), name, inward=True)
+            found = triangulated(x, facets[:, ::-1], np.radians(crease), name, inward=True)
         self._surface = found
         self._closest = ClosestFacets(found.points, found.cells)
-        #: Of a face that leaves it sizes of facets and the overlap that is removed, in UFL.
+        #: Sizes of the facets of a face that slides off, and removed overlap, in UFL.
         self._face: tuple[Any, ...] = ()
         self.points = found.points
         self.cells = found.cells
@@ -139,8 +136,9 @@ class RigidSurface(ReadOnly, Obstacle):
         self.name = name
         for array in (self.points, self.cells):
             array.flags.writeable = False
-        known = (self.points.tobytes(), self.cells.tobytes(), repr((self.crease, self.rounding)))
-        self.mark = hashlib.sha256(b"|".join((*known[:2], known[2].encode()))).hexdigest()[:32]
+        numbers = repr((self.crease, self.rounding)).encode()
+        content = b"|".join((self.points.tobytes(), self.cells.tobytes(), numbers))
+        self.mark = hashlib.sha256(content).hexdigest()[:32]
 
     @classmethod
     def read(
@@ -173,16 +171,13 @@ class RigidSurface(ReadOnly, Obstacle):
 
     @property
     def outline(self) -> Outline | None:
-        sides = self._surface.point_normals
-        return Outline(self.points, self.cells, -sides / np.linalg.norm(sides, axis=1)[:, None])
+        return Outline(self.points, self.cells, -unit(self._surface.point_normals))
 
     @cached_property
     def facet_size(self) -> float:
         """Mean size of its facets, a length."""
-        corners = self.points[self.cells]
-        sides = corners[:, 1:] - corners[:, :1]
-        areas = np.sqrt(np.linalg.det(sides @ sides.transpose(0, 2, 1)))
-        return float((areas.mean() / (1, 2)[corners.shape[2] - 2]) ** (1 / (corners.shape[2] - 1)))
+        areas = np.linalg.norm(area_vectors(self.points[self.cells]), axis=1)
+        return float(areas.mean() ** (1 / (self.points.shape[1] - 1)))
 
     @property
     def edges(self) -> Ints:
@@ -196,10 +191,10 @@ class RigidSurface(ReadOnly, Obstacle):
             ValueError: if points are not of that shape.
         """
         places = np.asarray(x, dtype=np.float64)
-        if places.ndim != 2 or places.shape[1] != self.points.shape[1]:
+        dim = self.points.shape[1]
+        if places.ndim != 2 or places.shape[1] != dim:
             raise ValueError(
-                f"{self.name}: points are an array (n, {self.points.shape[1]}), got the shape "
-                f"{places.shape}"
+                f"{self.name}: points are an array (n, {dim}), got the shape {places.shape}"
             )
         return distances_from(self._surface, self._closest, places)
 
@@ -243,34 +238,6 @@ class RigidSurface(ReadOnly, Obstacle):
         ends = None if width is None else self._ends(width)
         found = distances_from(self._surface, self._closest, x, ends, removed)
         return found.distance - self.rounding, found.slope, -found.normal, -found.turn
-
-
-def _check_apart(surface: Triangulation, name: str) -> None:
-    """Refuse closed parts of which one has a point within another."""
-    part = surface.parts
-    if part.max() == 0:
-        return
-    rims = np.bincount(part, surface.ridge_rims[surface.ridges].any(axis=1)) > 0
-    corners = surface.points[surface.cells]
-    # Corners and middles: faces of boxes may have their corners in one plane.
-    places = np.concatenate([corners, corners.mean(axis=1, keepdims=True)], axis=1)
-    for k in np.flatnonzero(~rims):
-        mine = corners[part == k]
-        low, high = mine.min(axis=(0, 1)), mine.max(axis=(0, 1))
-        others = places[part != k].reshape(-1, len(low))
-        others = others[((others > low) & (others < high)).all(axis=1)]
-        if not len(others):
-            continue
-        alone = surface.part(part == k)
-        closest = ClosestFacets(alone.points, alone.cells)
-        inside = distances_from(alone, closest, others).distance < -_WITHIN * alone.size
-        if inside.any():
-            place = ", ".join(f"{c:.6g}" for c in others[inside][0])
-            raise ValueError(
-                f"{name}: a closed part of the surface has points of another within it, as at "
-                f"({place}), where sides are not known: join the parts, or leave out what is "
-                "inside, in the program that made them"
-            )
 
 
 def _check_file(a: Arguments) -> None:

@@ -1,37 +1,48 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Facets of a master, of any rank, that may come to lie opposite to those of a slave."""
+"""Master facets, of any rank, that may oppose those of a slave in large sliding."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from itertools import product
 
 from mpi4py import MPI
 
 import numpy as np
 import numpy.typing as npt
+import scipy
 
+from dolfinx import fem
+
+from dolfinx_contact._geometry import area_vectors, unit
 from dolfinx_contact.points.clipping import Faces
-from dolfinx_contact.points.search import exchanged, ranks_nearby
+from dolfinx_contact.points.facing import faces_of
+from dolfinx_contact.points.search import around, pairs_of
+from dolfinx_contact.points.trace import at_global_places
 
-__all__ = ["Candidates", "candidates", "from_rows", "marks_of"]
+__all__ = ["Candidates", "Master", "candidates"]
 
 Array = npt.NDArray[np.float64]
 Nodes = npt.NDArray[np.int64]
 
+#: Pairs of facets up to which the Jacobian has entries for all of them, so that its pattern does
+#: not change and branches can be followed.
+_FEW_PAIRS = 20_000
+
 
 @dataclass(frozen=True, eq=False)
 class Candidates:
-    """What a search has found.
+    """Result of a search.
 
     Attributes:
-        nodes: global nodes of the facets of the master, every facet once (n, b).
-        senses: 1 or -1, of their area vectors (n,).
-        mirrors: 1, or -1 along axes across which they are images of the facets of the nodes (n,
-            dim).
-        pairs: numbers of facets of slave and master (pairs, 2).
-        known: their global nodes, every one once (m,).
-        places: of the corners of the facets among these (n, b).
+        nodes: global nodes of the master facets, each facet once, shape (n, b).
+        senses: signs of their area vectors, shape (n,).
+        mirrors: 1, or -1 along axes across which facets are images of the facets with these nodes,
+            shape (n, dim).
+        pairs: numbers of slave and master facets, shape (pairs, 2).
+        known: global nodes of the facets, each node once, shape (m,).
+        places: numbers of the corners of the facets among these, shape (n, b).
     """
 
     nodes: Nodes
@@ -45,102 +56,153 @@ class Candidates:
 def candidates(
     comm: MPI.Comm, slave: Faces, master: Faces, marks: Array, depth: float, skin: float
 ) -> Candidates:
-    """Facets that the rays of the slave may meet, here or within a skin. Collective.
+    """Return the facets that rays of the slave may meet, now or within a skin. Collective.
 
-    A ray goes along the normal of its facet, so that facets count that lie at most `depth` before
-    or behind it, and across the normal no farther than both reach.
+    A ray is normal to its facet. Facets count that lie at most `depth` before or behind it along
+    the normal, and across the normal no farther than both facets reach.
 
     Args:
         comm: communicator.
-        slave: facets of this rank.
-        master: facets of this rank, and images of these.
-        marks: of the master's (n,), see `marks_of`.
+        slave: slave facets of this rank.
+        master: master facets of this rank and their images.
+        marks: marks of the master facets, see `Master.images`, shape (n,).
         depth: distance along the normal.
-        skin: by which facets may be farther.
+        skin: additional distance.
     """
-    middles, radii = _balls(slave)
-    others, theirs = _balls(master)
+    middles, radii = slave.balls
+    others, theirs = master.balls
     dim = middles.shape[1]
     largest = comm.allreduce(float(np.max(theirs, initial=0.0)), op=max)
     across = radii + largest + skin
-    reach = np.hypot(depth + across, across)
-    places, tree = ranks_nearby(comm, others, middles, lambda near, _: near <= reach)
-    n = slave.normals
-    sent: Any = [np.column_stack([middles[i], n[i], radii[i], reach[i], i]) for i in places]
-    answers = []
-    for q in exchanged(comm, sent, (2 * dim + 3,)):
-        i, k = _near(q, others, theirs, tree, depth, skin)
-        answers.append(np.column_stack([q[i, -1], marks[k], master.nodes[k]]))
-    width = 2 + master.nodes.shape[1]
-    rows = np.concatenate(exchanged(comm, answers, (width,)))
-    found = rows[:, 1:].astype(np.int64)
-    facets, inverse = np.unique(found, axis=0, return_inverse=True)
-    pairs = np.column_stack([rows[:, 0].astype(np.int64), inverse.reshape(-1)])
-    # In the order of the facets, whichever rank an answer comes from.
-    pairs = pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
-    return _found(facets, pairs, dim)
+    wanted = np.column_stack([middles, slave.normals, radii])
+
+    def near_rays(q: Array, tree: scipy.spatial.cKDTree) -> tuple[Nodes, Nodes]:
+        x, n, radius = q[:, :dim], q[:, dim : 2 * dim], q[:, 2 * dim]
+        i, k = _around_rays(x, n, radius + float(theirs.max()) + skin, depth, tree)
+        off = others[k] - x[i]
+        along = np.sum(off * n[i], axis=1)
+        aside = np.linalg.norm(off - along[:, None] * n[i], axis=1)
+        limit = radius[i] + theirs[k] + skin
+        kept = (np.abs(along) <= depth + limit) & (aside <= limit)
+        return i[kept], k[kept]
+
+    known: Array = np.column_stack([others, marks, master.nodes])
+    i, rows = around(comm, known, wanted, np.hypot(depth + across, across), dim, near_rays)
+    facets, k = np.unique(rows[:, dim:].astype(np.int64), axis=0, return_inverse=True)
+    pairs = np.column_stack([i, k.reshape(-1)])
+    # in the order of the facets, independent of the rank that an answer comes from
+    return _candidates(facets, pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))], dim)
 
 
-def from_rows(facets: Nodes, number: int, dim: int) -> Candidates:
-    """All facets of a master (n, 1 + b), marks first, for each facet of the slave."""
-    facets = np.unique(facets, axis=0)
-    pairs = np.indices((number, len(facets))).reshape(2, -1).T
-    return _found(facets, pairs.astype(np.int64), dim)
-
-
-def marks_of(senses: Array, mirror: Array) -> Array:
-    """Senses (n,) times 1 + a number of the axes across which facets are images (dim,)."""
-    axes = 2 ** np.arange(len(mirror))
-    number = (mirror < 0) @ axes
-    return np.asarray(senses * (1 + number))
-
-
-def _found(facets: Nodes, pairs: Nodes, dim: int) -> Candidates:
+def _candidates(facets: Nodes, pairs: Nodes, dim: int) -> Candidates:
+    """Return candidates from marks and nodes of facets (n, 1 + b), and pairs of facets."""
     nodes = facets[:, 1:]
-    known, corners = np.unique(nodes, return_inverse=True)
+    once, corners = np.unique(nodes, return_inverse=True)
     senses = np.sign(facets[:, 0]).astype(np.float64)
-    across = (np.abs(facets[:, :1]) - 1) >> np.arange(dim) & 1
-    mirrors = 1.0 - 2.0 * across
-    return Candidates(nodes, senses, mirrors, pairs, known, corners.reshape(nodes.shape))
+    mirrors = 1.0 - 2.0 * ((np.abs(facets[:, :1]) - 1) >> np.arange(dim) & 1)
+    return Candidates(nodes, senses, mirrors, pairs, once, corners.reshape(nodes.shape))
 
 
-def _balls(faces: Faces) -> tuple[Array, Array]:
-    """Middles of facets, and the radii of balls around them."""
-    middles = faces.x.mean(axis=1)
-    off = np.linalg.norm(faces.x - middles[:, None], axis=2)
-    return middles, off.max(axis=1, initial=0.0)
+class Master:
+    """Master facets owned by this rank, and their images behind planes of symmetry.
 
+    Args:
+        V: displacement space.
+        facets: local facets of the master, ghosts included.
+        planes: positions of the planes by axis, and of the axis of a body of revolution.
 
-def _near(
-    q: Array, others: Array, theirs: Array, tree: Any, depth: float, skin: float
-) -> tuple[Nodes, Nodes]:
-    """Numbers of questions and of facets of this rank that are near each other."""
-    dim = others.shape[1]
-    if tree is None or not len(q):
-        return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
-    i, k = _around_rays(q, tree, depth, float(theirs.max()) + skin)
-    off = others[k] - q[i, :dim]
-    n = q[i, dim : 2 * dim]
-    along = np.sum(off * n, axis=1)
-    across = np.linalg.norm(off - along[:, None] * n, axis=1)
-    reach = q[i, 2 * dim] + theirs[k] + skin
-    kept = (np.abs(along) <= depth + reach) & (across <= reach)
-    return i[kept], k[kept]
-
-
-def _around_rays(q: Array, tree: Any, depth: float, more: float) -> tuple[Nodes, Nodes]:
-    """Numbers of questions and of middles of facets in cylinders around their rays, and some more.
-
-    Rays are bisected, and halves without a facet nearby dropped, so that what is examined is what
-    lies along them, and not all that is as near as they are long.
+    Attributes:
+        places: local nodes of `V` at the corners, shape (n, b).
+        size: size of the largest facet.
     """
-    dim = tree.m
-    across = q[:, 2 * dim] + more
+
+    def __init__(
+        self, V: fem.FunctionSpace, facets: npt.NDArray[np.int32], planes: Mapping[int, float]
+    ):
+        self._V = V
+        self._dim = V.mesh.geometry.dim
+        faces = faces_of(V, facets)
+        self._nodes = faces.nodes
+        local = V.dofmap.index_map.global_to_local(faces.nodes.reshape(-1))
+        self.places = local.reshape(faces.nodes.shape)
+        self._sense = np.sign(np.sum(area_vectors(faces.x) * faces.normals, axis=1))
+        self.size = float(np.max(np.ptp(faces.x, axis=1), initial=0.0))
+        self._planes: Array = np.array([planes.get(i, 0.0) for i in range(self._dim)])
+        signs = [[1.0, -1.0] if axis in planes else [1.0] for axis in range(self._dim)]
+        #: Signs of the axes of the facets themselves and of their images, shape (m, dim).
+        self._mirrors: Array = np.array(list(product(*signs)))
+
+    def images(self, x: Array, reach: float) -> tuple[Faces, Array]:
+        """Return facets and images that lie behind planes by less than a distance.
+
+        Args:
+            x: positions of the corners, shape (n, b, dim).
+            reach: the distance.
+
+        Returns:
+            Facets, and their marks, shape (m,): sense times 1 + a number for the mirrored axes.
+        """
+        parts = []
+        for mirror in self._mirrors:
+            far = np.abs(x - self._planes).min(axis=1)[:, mirror < 0] > reach
+            near = np.flatnonzero(~far.any(axis=1))
+            number = 1 + (mirror < 0) @ 2 ** np.arange(self._dim)
+            senses = np.prod(mirror) * self._sense[near]
+            image = mirror * x[near] + self._behind(mirror)
+            parts.append((image, self._nodes[near], senses * number))
+        places, nodes, marks = (np.concatenate(p) for p in zip(*parts, strict=True))
+        return Faces(places, unit(np.sign(marks)[:, None] * area_vectors(places)), nodes), marks
+
+    def _behind(self, mirrors: Array) -> Array:
+        """Return the shifts of images in addition to mirrored positions, shape (m, dim)."""
+        return np.where(mirrors < 0, 2.0 * self._planes, 0.0)
+
+    def whole(self, slave: int) -> Candidates | None:
+        """Return every facet of the master for each slave facet; None for too many pairs.
+
+        Images have the nodes of the facets themselves. Collective.
+
+        Args:
+            slave: number of slave facets of this rank.
+        """
+        comm = self._V.mesh.comm
+        counts = comm.allreduce(np.array([slave, len(self._nodes)]))
+        if counts.prod() > _FEW_PAIRS:
+            return None
+        parts = comm.allgather(np.column_stack([self._sense.astype(np.int64), self._nodes]))
+        facets = np.unique(np.concatenate(parts), axis=0)
+        pairs = np.indices((slave, len(facets))).reshape(2, -1).T
+        return _candidates(facets, pairs.astype(np.int64), self._dim)
+
+    def vectors(self, values: Array, found: Candidates) -> Array:
+        """Return vectors of the owned nodes at the corners of candidates (m, b, dim). Collective.
+
+        Args:
+            values: vectors at the first local nodes, at least the owned ones, shape (n, dim).
+            found: candidates.
+        """
+        owned = np.ascontiguousarray(values[: self._V.dofmap.index_map.size_local])
+        at = at_global_places(self._V.mesh.comm, owned, found.known)
+        return np.asarray(at[found.places] * found.mirrors[:, None])
+
+    def positions(self, x: Array, found: Candidates) -> Array:
+        """Return positions of the corners of candidates, shape (m, b, dim). Collective."""
+        return np.asarray(self.vectors(x, found) + self._behind(found.mirrors)[:, None])
+
+
+def _around_rays(
+    x: Array, n: Array, across: Array, depth: float, tree: scipy.spatial.cKDTree
+) -> tuple[Nodes, Nodes]:
+    """Return numbers of rays and of facet middles in cylinders around them, and some more.
+
+    Rays are bisected, and halves without a facet nearby dropped. So the cost is that of the facets
+    along the rays, not of all facets within their length.
+    """
     half = depth + across
-    i = np.arange(len(q))
-    at = np.zeros(len(q))
+    i = np.arange(len(x))
+    at = np.zeros(len(x))
     while True:
-        middles = q[i, :dim] + at[:, None] * q[i, dim : 2 * dim]
+        middles = x[i] + at[:, None] * n[i]
         radius = np.hypot(half, across)[i]
         near = tree.query(middles)[0] <= radius
         i, at, middles, radius = i[near], at[near], middles[near], radius[near]
@@ -149,8 +211,6 @@ def _around_rays(q: Array, tree: Any, depth: float, more: float) -> tuple[Nodes,
         half = half / 2
         at = np.concatenate([at - half[i], at + half[i]])
         i = np.concatenate([i, i])
-    found = tree.query_ball_point(middles, radius)
-    i = np.repeat(i, [len(part) for part in found])
-    k = np.array([j for part in found for j in part], dtype=np.int64)
-    pairs = np.unique(i * tree.n + k)
+    balls, k = pairs_of(tree.query_ball_point(middles, radius))
+    pairs = np.unique(i[balls] * tree.n + k)
     return pairs // tree.n, pairs % tree.n

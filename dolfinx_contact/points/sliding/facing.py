@@ -2,7 +2,7 @@
 r"""Weighted gap and slip of the nodes of a slave at a state, and their derivatives.
 
 With quadrature points q on the parts that facets of slave and master have in common, weights w of
-the reference configuration, and the gap g and the place eta of the ray of each (`rays`), a node a
+the reference configuration, and the gap g and the place eta of the ray of each (`cast`), a node a
 of the slave has
 
     W_a = sum_q w N_a,    g_a = sum_q w N_a g / W_a,    d_a = sum_q w N_a R_aq d / W_a,
@@ -55,31 +55,157 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from dolfinx_contact._geometry import area_vector_rates, area_vectors, edges_of
+from dolfinx_contact.points.clipping import basis, slopes
 from dolfinx_contact.points.kinematics import rotation
 from dolfinx_contact.points.sliding.candidates import Candidates
-from dolfinx_contact.points.sliding.rays import CastRays
 
-__all__ = ["Facing", "Nodal"]
+__all__ = ["CastRays", "Facing", "Nodal", "cast", "spins"]
 
 Array = npt.NDArray[np.float64]
 Nodes = npt.NDArray[np.int64]
 
+_STEPS = 25
+_FOUND = 1e-12  # relative to the facet, last step of Newton's method
+
+
+@dataclass(frozen=True, eq=False)
+class CastRays:
+    """Rays from pieces p of slave facets, with q points each.
+
+    Attributes:
+        normal: normals n, shape (p, q, dim).
+        length: lengths of m, shape (p, q).
+        gap: gaps g, shape (p, q).
+        weights: weights N_b(eta) of the master nodes, shape (p, q, b).
+        slopes: derivatives of the weights by eta, shape (p, q, b, dim - 1).
+        inverse: inverse of [Y | -n], shape (p, q, dim, dim).
+    """
+
+    normal: Array
+    length: Array
+    gap: Array
+    weights: Array
+    slopes: Array
+    inverse: Array
+
+    @property
+    def by_normal(self) -> Array:
+        """Derivative dn/dm, shape (p, q, dim, dim)."""
+        n = self.normal
+        along = n[..., :, None] * n[..., None, :]
+        return np.asarray((np.eye(n.shape[-1]) - along) / self.length[..., None, None])
+
+
+def cast(x: Array, m: Array, y: Array, eta: Array) -> CastRays:
+    r"""Intersect rays along slave normals with master facets.
+
+    A point x = sum_a N_a x_a of a slave facet has the normal n = m / |m|, m = sum_a N_a m_a, of the
+    vectors m_a at its nodes, each the sum of the area vectors of the facets around it. The ray from
+    x along n meets the facet y(eta) = sum_b N_b(eta) y_b of the master at
+
+        x + g n = y(eta),
+
+    which gives the gap g and the place eta. With the columns Y_i = dy/deta_i the derivatives along
+    displacements dx_a, dy_b and changes dm_a solve
+
+        [Y | -n] (deta, dg) = dx - sum_b N_b dy_b + g dn,    dn = (I - n n^T) dm / |m|
+
+    (Poulios and Renard, Comput. Struct. 153, 2015, section 3, with the normals of the slave).
+
+    Args:
+        x: starts of the rays, shape (p, q, dim).
+        m: normals at the starts, of any length, shape (p, q, dim).
+        y: nodes of the master facets, shape (p, b, dim).
+        eta: first guesses of the places, shape (p, q, dim - 1).
+    """
+    dim = x.shape[-1]
+    corners = y.shape[1]
+    length = np.linalg.norm(m, axis=-1)
+    n = m / length[..., None]
+    eta = eta.copy()
+    gap = np.zeros(x.shape[:2])
+    for _ in range(_STEPS):
+        weights = basis(eta, corners, 1)
+        by_eta = slopes(eta, corners)
+        matrix = np.concatenate([np.einsum("pqbi,pbd->pqdi", by_eta, y), -n[..., None]], axis=-1)
+        off = x + gap[..., None] * n - np.einsum("pqb,pbd->pqd", weights, y)
+        step = np.linalg.solve(matrix, off[..., None])[..., 0]
+        eta += step[..., : dim - 1]
+        gap += step[..., -1]
+        if np.max(np.abs(step[..., : dim - 1]), initial=0.0) <= _FOUND:
+            break
+    weights = basis(eta, corners, 1)
+    by_eta = slopes(eta, corners)
+    matrix = np.concatenate([np.einsum("pqbi,pbd->pqdi", by_eta, y), -n[..., None]], axis=-1)
+    return CastRays(n, length, gap, weights, by_eta, np.linalg.inv(matrix))
+
+
+def spins(before: Array, now: Array, sense: Array) -> tuple[Array, Array]:
+    r"""Return angles by which facets have turned about their normals, and their derivatives.
+
+    A facet has two vectors a_i across its normal o before, with the reciprocal vectors a^i. The
+    smallest rotation R from o to the present normal n turns these to g_i = R a^i. With the present
+    vectors e_i the facet has been deformed by F = sum_i e_i g_i^T. The rotation in its polar
+    decomposition is about n, by the angle
+
+        tan psi = s / c,    s = n . sum_i g_i x e_i,    c = sum_i g_i . e_i.
+
+    Normal parts of changes of e_i do not count. Where n turns, R turns about it by the part
+    n.(o x dn)/(1 + o.n), and psi is less by that.
+
+    Args:
+        before: corners of the facets before, shape (n, k, dim).
+        now: present corners, shape (n, k, dim).
+        sense: signs of the area vectors, shape (n,).
+
+    Returns:
+        Angles about the outward normals, shape (n,), and derivatives by the present corners, shape
+        (n, k, dim); zero in 2D.
+    """
+    n, k, dim = now.shape
+    if dim == 2:
+        return np.zeros(n), np.zeros((n, k, dim))
+    m = sense[:, None] * area_vectors(now)
+    length = np.linalg.norm(m, axis=1, keepdims=True)
+    normal = m / length
+    o = sense[:, None] * area_vectors(before)
+    o /= np.linalg.norm(o, axis=1, keepdims=True)
+    a, b = edges_of(before)
+    volume = np.sum(o * np.cross(a, b), axis=1)[:, None]
+    reciprocal = np.stack([np.cross(b, o) / volume, np.cross(o, a) / volume], axis=1)
+    g = np.einsum("nij,nkj->nki", rotation(o, normal), reciprocal)
+    e = np.stack(edges_of(now), axis=1)
+    across = np.cross(normal[:, None], g)
+    c = np.sum(g * e, axis=(1, 2))
+    s = np.sum(across * e, axis=(1, 2))
+    by_edges = (c[:, None, None] * across - s[:, None, None] * g) / (c**2 + s**2)[:, None, None]
+    by_corners = np.zeros((n, k, dim))
+    starts, ends = ((0, 0), (1, 2)) if k == 3 else ((0, 1), (3, 2))
+    for i, (start, end) in enumerate(zip(starts, ends, strict=True)):
+        by_corners[:, end] += by_edges[:, i]
+        by_corners[:, start] -= by_edges[:, i]
+    by_normal = np.cross(o, normal) / (1.0 + np.sum(o * normal, axis=1))[:, None]
+    rates = sense[:, None, None, None] * area_vector_rates(now)
+    by_corners += np.einsum("ni,nikj->nkj", by_normal / length, rates)
+    return np.arctan2(s, c), by_corners
+
 
 @dataclass(frozen=True, eq=False)
 class Nodal:
-    """What the local vertices of the slave have.
+    """Values at the local vertices of the slave.
 
     Attributes:
-        weight: W (n,), 0 where nothing is opposite.
-        share: s, by which the law counts (n,).
-        around: sum_b m_ab over the other nodes b (n,).
-        gap: g (n,).
-        slip: d (n, dim), along the surface of the last accepted state.
-        normal: n (n, dim).
-        length: |m| (n,).
-        before: normal of the last accepted state (n, dim).
-        spin: psi (n,), 0 in the plane.
-        apart: psi_slave - psi_master, by which one has turned over the other (n,), likewise.
+        weight: covered areas W, 0 without an opposing part, shape (n,).
+        share: weights s of the laws, shape (n,).
+        around: sums of m_ab over the other nodes b, shape (n,).
+        gap: gaps g, shape (n,).
+        slip: slips d along the surface of the last accepted state, shape (n, dim).
+        normal: unit normals n, shape (n, dim).
+        length: lengths of m, shape (n,).
+        before: normals of the last accepted state, shape (n, dim).
+        spin: angles psi, 0 in 2D, shape (n,).
+        apart: angles psi_slave - psi_master between the faces, 0 in 2D, shape (n,).
     """
 
     weight: Array
@@ -95,12 +221,12 @@ class Nodal:
 
     @cached_property
     def _turned(self) -> Array:
-        """R (n, dim, dim)."""
+        """Rotation R, shape (n, dim, dim)."""
         return rotation(self.before, self.normal)
 
     @cached_property
     def _spun(self) -> Array:
-        """S (n, dim, dim), of vectors along the surface."""
+        """Rotation S of vectors along the surface, shape (n, dim, dim)."""
         n, dim = self.normal.shape
         if dim == 2:
             return np.broadcast_to(np.eye(dim, dtype=np.float64), (n, dim, dim)).copy()
@@ -110,38 +236,38 @@ class Nodal:
 
     @cached_property
     def rotation(self) -> Array:
-        """S R (n, dim, dim), of vectors along the surface of the last accepted state."""
+        """Rotation S R of vectors along the surface of the last state, shape (n, dim, dim)."""
         return np.asarray(self._spun @ self._turned)
 
     @property
     def slip_now(self) -> Array:
-        """S R d (n, dim)."""
+        """Slip S R d, shape (n, dim)."""
         return np.einsum("nij,nj->ni", self.rotation, self.slip)
 
     @property
     def by_spin(self) -> Array:
-        """Derivative of S R d by psi (n, dim)."""
+        """Derivative of S R d by psi, shape (n, dim)."""
         if self.normal.shape[1] == 2:
             return np.zeros_like(self.normal)
         return np.asarray(np.cross(self.normal, self.slip_now), dtype=np.float64)
 
     @property
     def jump(self) -> Array:
-        """J (n, dim)."""
+        """Jump j, shape (n, dim)."""
         return self.slip_now - self.gap[:, None] * self.normal
 
     @cached_property
     def by_normal(self) -> Array:
-        """dn/dm (n, dim, dim)."""
+        """Derivative dn/dm, shape (n, dim, dim)."""
         n = self.normal
         along = n[:, :, None] * n[:, None]
         return np.asarray((np.eye(n.shape[1]) - along) / self.length[:, None, None])
 
     @cached_property
     def by_turning(self) -> Array:
-        """d(S R d)/dn less what a rotation with the normal makes of S R d (n, dim, dim).
+        """d(S R d)/dn minus the rotation of S R d with the normal, shape (n, dim, dim).
 
-        Zero in the plane, and where the normal is that of the last accepted state.
+        It is zero in 2D, and if the normal is that of the last accepted state.
         """
         n = self.normal
         o = self.before
@@ -156,19 +282,18 @@ class Nodal:
 
 @dataclass(frozen=True, eq=False)
 class Facing:
-    """Parts of slave and master that face each other, p, with q quadrature points each.
+    """Opposing parts p of slave and master, with q quadrature points each.
 
     Attributes:
-        found: the candidates.
-        facet: of the slave (p,).
-        master: of the master, among the candidates (p,).
-        basis: N_a at the points (p, q, a).
-        areas: w, weights of the reference configuration (p, q).
-        rays: at the points.
-        along: R_aq (I - n_o n_o^T) Y_o, of the last accepted state (p, q, a, dim, dim - 1).
-        spins: derivatives of psi by the corners of the slave, and the nodes of the master: (p, a,
-            dim) and (p, b, dim).
-        nodal: what the vertices have.
+        found: candidates.
+        facet: slave facets, shape (p,).
+        master: master facets among the candidates, shape (p,).
+        basis: basis N_a at the points, shape (p, q, a).
+        areas: weights w of the reference configuration, shape (p, q).
+        rays: rays at the points.
+        along: R_aq (I - n_o n_o^T) Y_o of the last accepted state, shape (p, q, a, dim, dim - 1).
+        spins: derivatives of psi by the slave corners (p, a, dim) and the master nodes (p, b, dim).
+        nodal: values at the vertices.
     """
 
     found: Candidates
@@ -183,32 +308,32 @@ class Facing:
 
     @property
     def master_nodes(self) -> Nodes:
-        """Global nodes of the facets of the master (p, b)."""
+        """Global nodes of the master facets, shape (p, b)."""
         return self.found.nodes[self.master]
 
     @property
     def mirrors(self) -> Array:
-        """1, or -1 along axes across which these are images of the facets of the nodes (p, dim)."""
+        """1, or -1 along axes across which facets are images, shape (p, dim)."""
         return self.found.mirrors[self.master]
 
     @property
     def weighted(self) -> Array:
-        """W N_a (p, q, a)."""
+        """Weighted basis w N_a, shape (p, q, a)."""
         return self.areas[..., None] * self.basis
 
     @property
     def mass(self) -> Array:
-        """Parts of m_ab of other nodes (p, a, b), 0 of a node itself."""
+        """Parts of m_ab, 0 for a = b, shape (p, a, b)."""
         found = np.einsum("pqa,pqb->pab", self.weighted, self.basis)
         return found * (1.0 - np.eye(found.shape[1]))
 
     def moved(self, x: Array, m: Array, y: Array) -> tuple[Array, Array]:
-        """Changes of places (p, q, dim - 1) and gaps (p, q).
+        """Return changes of places (p, q, dim - 1) and gaps (p, q).
 
         Args:
-            x: displacements of the corners of the slave (p, a, dim).
-            m: changes of the vectors m there (p, a, dim).
-            y: displacements of the nodes of the master (p, b, dim).
+            x: displacements of the slave corners, shape (p, a, dim).
+            m: changes of the vectors m at these, shape (p, a, dim).
+            y: displacements of the master nodes, shape (p, b, dim).
         """
         rays = self.rays
         at = np.einsum("pqa,pad->pqd", self.basis, x)
@@ -219,21 +344,21 @@ class Facing:
         return found[..., :-1], found[..., -1]
 
     def spun(self, x: Array, y: Array) -> Array:
-        """Changes of psi at the pieces (p,), of displacements as those of `moved`."""
+        """Return changes of psi at the pieces (p,) for the displacements of `moved`."""
         mine, theirs = self.spins
         return np.asarray(np.sum(mine * x, axis=(1, 2)) + np.sum(theirs * y, axis=(1, 2)))
 
     def spin_slopes(self) -> Array:
-        """Derivatives of `spun`, numbered as `slopes` are (p, c, dim)."""
+        """Derivatives of `spun`, numbered like `slopes`, shape (p, c, dim)."""
         mine, theirs = self.spins
         return np.concatenate([mine, np.zeros_like(mine), theirs], axis=1)
 
     def slopes(self) -> tuple[Array, Array]:
-        """Derivatives of `moved` by its arguments, of all corners and nodes one after the other.
+        """Return derivatives of `moved` by its arguments.
 
         Returns:
-            Of places (p, q, dim - 1, c, dim) and gaps (p, q, c, dim), in which c numbers the
-            corners of x, those of m, the nodes of y.
+            Derivatives of places (p, q, dim - 1, c, dim) and of gaps (p, q, c, dim); c numbers the
+            corners of x, the corners of m, and the nodes of y.
         """
         rays = self.rays
         inverse = rays.inverse[..., :, None, :]

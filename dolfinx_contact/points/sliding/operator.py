@@ -24,10 +24,10 @@ class SlidingOperator(Operator):
     """B at a displacement.
 
     Attributes:
-        faces: of the pair.
-        facing: who faces whom.
-        number: of contact points, the owned vertices of the slave.
-        x: positions of the corners of the slave's facets (n, k, dim).
+        faces: slave and master.
+        facing: opposing parts.
+        number: number of contact points, the owned vertices of the slave.
+        x: positions of the corners of the slave facets, shape (n, k, dim).
     """
 
     faces: SlidingFaces
@@ -46,7 +46,7 @@ class SlidingOperator(Operator):
 
     @property
     def facets_passed(self) -> Array:
-        """Slips since the last accepted state over the size of the facets opposite then (n,)."""
+        """Slips since the last accepted state in facets that were opposite then, shape (n,)."""
         facing = self.facing
         sizes = np.linalg.norm(facing.along, axis=3).mean(axis=3)
         weight = facing.nodal.weight
@@ -69,22 +69,22 @@ class SlidingOperator(Operator):
         return np.asarray(self.faces.kept * by[:, None] * sums)[: self.number]
 
     def _at_corners(self, tractions: Array) -> Array:
-        """Tractions at corners of pieces (p, a, dim) of those at the owned points."""
+        """Return tractions at corners of pieces (p, a, dim) from those at the owned points."""
         alive = np.where(self.absent[:, None], 0.0, tractions)
         return np.asarray(self.faces.ghosted(alive)[self.faces.corners[self.facing.facet]])
 
     def _parts(self, v: Array) -> tuple[Array, Array, Array]:
-        """Displacements of slave and master, and what they make of normals, at the pieces."""
+        """Return displacements of slave and master at pieces, and changes of nodal vectors m."""
         faces = self.faces
         facing = self.facing
         mine = faces.of_slave(v)
         by_facet = np.einsum("nikj,nkj->ni", faces.normal_rates(self.x), mine)
         m = faces.at_nodes(by_facet)
-        theirs = faces.of_master(v, facing.found)
+        theirs = faces.master.vectors(v, facing.found)
         return mine[facing.facet], m, theirs[facing.master]
 
     def _means(self, parts: Array) -> Array:
-        """Weighted means at the local vertices of weighted parts at corners (p, a, ...)."""
+        """Return weighted means at local vertices of weighted parts at corners (p, a, ...)."""
         facing = self.facing
         weight = facing.nodal.weight
         by = np.divide(1.0, weight, out=np.zeros_like(weight), where=weight > 0)
@@ -100,9 +100,9 @@ class SlidingOperator(Operator):
         return self._means(parts)[: self.number]
 
     def entries(self) -> tuple[Nodes, Nodes, Array]:
-        """What adds up to B without the components: vertices (p, a), nodes (p, c), (p, a, c).
+        """Return entries of B without components: vertices, nodes, values, to be added up.
 
-        Vertices and nodes by their global numbers.
+        Vertices (p, a) and nodes (p, c) are global; values have the shape (p, a, c).
         """
         facing = self.facing
         faces = self.faces
@@ -112,12 +112,12 @@ class SlidingOperator(Operator):
         values = by[faces.corners[facing.facet]][:, :, None] * (
             facing.weighted.transpose(0, 2, 1) @ both
         )
-        mine = faces.slave_nodes()[facing.facet]
+        mine = faces.slave_nodes[facing.facet]
         nodes = np.concatenate([mine, facing.master_nodes], axis=1)
-        return faces.slave_vertices()[facing.facet], nodes, values
+        return faces.slave_vertices[facing.facet], nodes, values
 
     def rate(self, v: Array) -> Array:
-        """The derivative of the jumps, without what turns with the normals (n, dim)."""
+        """Return the derivative of the jumps without the turning normals, shape (n, dim)."""
         nodal = self.facing.nodal
         mine, m, theirs = self._parts(v)
         facing = self.facing
@@ -139,7 +139,7 @@ class SlidingOperator(Operator):
         return self._normal_rate(m)[: self.number]
 
     def at_quadrature(self, tractions: Array) -> Array:
-        """Tractions (p, q, dim) of those at the owned points."""
+        """Return tractions (p, q, dim) from those at the owned points."""
         return np.einsum("pqa,pad->pqd", self.facing.basis, self._at_corners(tractions))
 
     def transpose(self, tractions: Array) -> Array:
@@ -159,4 +159,4 @@ class SlidingOperator(Operator):
         return self.faces.forces(facing, np.zeros_like(mine), on_master)
 
     def destroy(self) -> None:
-        """There are no matrices."""
+        """Do nothing, since there are no matrices."""
