@@ -17,6 +17,7 @@ facet size of the contact surface, x, g, n, j are position, gap, normal and jump
 | `spin` | rotation of a face over the other one about the contact normal in a step, weighted by the normal forces | 21 degrees |
 | `between_points` | depth of an edge, corner, sphere or cylinder in a facet, between its contact points, over the size of the facet, or the radius if that is smaller | 0.2 |
 | `across` | fraction of the normal forces where the normals of body and obstacle are more than 66 degrees apart | 0.02 |
+| `overlap` | depth at which closed points start in a rigid obstacle, over the smallest extent of the body; not with interference or remove_overlap, nor after the obstacle has moved | 0.05 |
 | `penetration` | compliant laws: largest -g | 0.1 facets |
 | `min_det_F` | smallest det(I + grad u) of a nonlinear body | 0 (below) |
 | `rotation` | linear body: largest mean rotation of a connected part | 11.5 degrees |
@@ -36,8 +37,9 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from dolfinx_contact._geometry import dot, unit
+from dolfinx_contact._mpi import anywhere
 from dolfinx_contact.body.cells import smallest_jacobian
-from dolfinx_contact.body.rigid import largest_turn, sums_of_parts
+from dolfinx_contact.body.rigid import bounding_box, largest_turn, sums_of_parts
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import ContactState, Evaluation
 from dolfinx_contact.laws.status import STICK, closed
@@ -77,6 +79,7 @@ LIMITS = {
     "spin": 21.0,
     "between_points": 0.2,
     "across": 0.02,
+    "overlap": 0.05,
     "penetration": 0.1,
     "min_det_F": 0.0,
     "rotation": np.degrees(0.2),
@@ -106,6 +109,8 @@ _MESSAGES = {
     "across": "a fraction of {:.2g} of the normal forces acts across the face: an edge of the "
     "obstacle ploughs, or the obstacle is on the wrong side; take method='integral', round the "
     "edge, or reverse the obstacle",
+    "overlap": "the body starts in the obstacle, by {:.2g} of its smallest extent, and is pushed "
+    "out; interference=True allows it, remove_overlap starts without stress",
     "penetration": "the surface gives way by {:.2g} facet sizes; increase the stiffness of the law",
     "min_det_F": "the body is turned inside out: the smallest det F is {:.3g}; take smaller steps "
     "or an energy that grows without bound at det F = 0",
@@ -142,6 +147,8 @@ class SurfaceIndicators:
         between_points: depth of the obstacle in a facet, relative to the size of the facet, or to
             the radius if that is smaller.
         across: fraction of the normal forces that act across the face.
+        overlap: depth at which closed points start in the obstacle, relative to the smallest extent
+            of the body.
         penetration: largest depth, a length; None if the law is not compliant.
     """
 
@@ -156,6 +163,7 @@ class SurfaceIndicators:
     spin: float = 0.0
     between_points: float = 0.0
     across: float = 0.0
+    overlap: float = 0.0
     penetration: float | None = None
 
     @property
@@ -282,6 +290,7 @@ def surface_indicators(eq: ContactEquations, state: Evaluation) -> dict[str, Sur
                 passing=_passing(s, contact),
                 between_points=_between_points(s, state),
                 across=_across(eq, s, state, contact, held),
+                overlap=_overlap(eq, s, contact),
             )
         found[s.name] = small
     return found
@@ -600,6 +609,16 @@ def _numbers(given: Any) -> Array | None:
         return np.asarray(given, dtype=np.float64) if is_uniform(given) else None
     except (TypeError, ValueError):
         return None
+
+
+def _overlap(eq: ContactEquations, s: DiscreteSurface, contact: ContactState) -> float:
+    """Return the initial depth of closed points over the smallest extent. Collective."""
+    if s.start_depth is None:
+        return 0.0
+    moved = not np.array_equal(s.start_depth, np.maximum(-s.points.gaps, 0.0))
+    depth = _most(s, _touching(contact, s.start_depth))
+    low, high = bounding_box(eq.comm, eq.nodes)
+    return 0.0 if anywhere(eq.comm, moved)[0] else depth / float(np.min(high - low))
 
 
 # -- sides of the obstacle -----------------------------------------------------------------------
