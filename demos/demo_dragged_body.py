@@ -48,6 +48,10 @@ base_half_length, base_depth = 1.3, 0.6
 #
 # The section of the rocker, an arc and three lines, is extruded across. The base is a box below it,
 # in the same mesh but without common nodes. Cells grow with the distance from the contact.
+#
+# The physical groups name the parts: the volumes `rocker` and `base`, and the surfaces `contact`
+# (the round face), `top`, `face` (the upper side of the base) and `bottom`. They are used below
+# instead of coordinates. A mesh from a file needs the same names (`meshing.read_mesh`).
 
 
 def draw_rocker(size):
@@ -96,7 +100,11 @@ def draw(size, with_base):
 
 # ## On a rigid floor
 #
-# `mesh_from_gmsh` calls the drawing function on rank 0 and distributes the mesh.
+# `mesh_from_gmsh` calls the drawing function on rank 0 and distributes the mesh. `body.dofs` gives
+# the degrees of freedom on a group. The `monitor` reports the residuals of Newton's method: `force`
+# is the equilibrium of the body, `constraint` the gap and stick conditions, `cone` the friction
+# bound. The number of points that change their status falls to zero before the last iterations,
+# which converge quadratically.
 
 say = io.Report(comm)
 folder = io.output_folder(comm, "output/dragged_body")
@@ -112,7 +120,8 @@ problem = ContactProblem(material.energy(u) * ufl.dx, u, [surface], bcs=[moved])
 result = problem.solve(monitor=say.newton)
 say.result(result)
 
-# The floor carries the whole load: its force is opposite to the reaction of the held top.
+# The floor carries the whole load: its force is opposite to the reaction of the held top. The
+# shear force is below the bound $F$ times the normal force, since a part of the face sticks.
 
 force = result.resultants["contact"]
 imbalance = np.linalg.norm(force + result.support) / np.linalg.norm(force)

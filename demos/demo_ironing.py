@@ -42,7 +42,8 @@ BELOW, SLAB, DIE, ABOVE = 1, 2, 3, 4  # facet tags
 # ## The meshes
 #
 # Both bodies are grids of quadrilaterals. The cells of the slab grow towards its bottom. The grid
-# of the die is mapped so that its lower side becomes an arc.
+# of the die is mapped so that its lower side becomes an arc. `join` puts both meshes into one, with
+# the cell tags 1 and 2, and keeps their facet tags.
 
 heights = [0.0]
 step = size
@@ -95,6 +96,10 @@ x[:, :2] = ((1 - x[:, 1]) * arc + x[:, 1] * flat).T
 bodies = join([slab, die], facet_tags=[slab_tags, die_tags])
 
 # ## The problem
+#
+# The displacement is one function on both bodies. Their energies differ in Young's modulus only:
+# the die is ten times stiffer. The bottom of the slab is clamped, and the top of the die moves as a
+# rigid plate.
 
 
 def stored(u, modulus):
@@ -118,7 +123,10 @@ for tag, value in ((BELOW, np.zeros(2)), (ABOVE, motion)):
     dofs = fem.locate_dofs_topological(V, 1, bodies.facet_tags.find(tag))
     bcs.append(fem.dirichletbc(value, dofs, V))
 
-# The soft body is the slave, whose nodes carry the contact forces.
+# The soft body is the slave, whose nodes carry the contact forces. With `sliding="large"` the
+# facets opposite each other are searched in every iterate, and gap and normal are those of the
+# deformed faces. The friction law applies to the slip of each step. Neither a penalty nor a
+# regularisation parameter is needed.
 
 law = Coulomb(friction)
 pair = ContactPair(u, bodies, slave=SLAB, master=DIE, law=law, sliding="large")
@@ -126,7 +134,10 @@ problem = ContactProblem(energy, u, [pair], bcs=bcs)
 
 # ## The history
 #
-# In a step the die slides by at most one facet, or 0.1 mm. A step whose solve fails is halved.
+# In a step the die slides by at most one facet, or 0.1 mm. A step whose solve fails is halved, and
+# the extrapolated state is the initial guess of the next step (`extrapolate=True`). `load` is
+# called with the time and sets the Constant of the Dirichlet data. The observer is called after
+# each accepted step.
 
 
 def load(t):

@@ -44,7 +44,8 @@ loaded, unloaded = 0.46808, -0.1  # Q/(mu P) at the turn and at the end
 # ## Two blocks
 #
 # The cells have the size h on the contact and grow away from it. Both blocks have nodes at the same
-# places of the contact line.
+# places of the contact line, so that contact is evaluated node by node. The blocks are much larger
+# than the contact and represent half-planes.
 
 h = 0.68 / n
 face_half_length = 0.9
@@ -102,7 +103,8 @@ problem = ContactProblem(energy, u, [contact], bcs=bcs)
 # ## The history
 #
 # The blocks are pressed until $t = 1$. Then $P$ is known, the shear force rises until $t = 2$ and
-# falls until $t = 3$. The second run continues from the end of the first one.
+# falls until $t = 3$. The second run continues from the end of the first one. In each step friction
+# opposes the slip since the previous step, which is the memory that the closed form contains too.
 
 P = 0.0
 
@@ -120,7 +122,9 @@ history = evolution.run(np.linspace(1.0, 3.0, 2 * steps + 1))
 
 # ## Comparison
 #
-# The modulus of the pair is $E^* = E/(2(1 - \nu^2))$.
+# The modulus of the pair is $E^* = E/(2(1 - \nu^2))$. The closed form holds for half-planes, at the
+# measured force $P$. The stick radius is known up to one cell; the traction has infinite slopes at
+# the ends of contact and stick, where the error is largest.
 
 a = np.sqrt(8 * P * radius * (1 - poisson**2) / (np.pi * young))
 bound = friction * 2 * P / (np.pi * a)  # mu p0
