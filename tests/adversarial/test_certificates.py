@@ -18,9 +18,7 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from support.bodies import block, table_of
-from support.branches import solved_start
-from support.checks import on_rank_0
-from support.numbers import condensed, dense, tangent
+from support.checks import condensed, dense, on_rank_0, solved_start, tangent
 
 import ufl
 from dolfinx import fem

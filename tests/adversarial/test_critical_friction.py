@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 import scipy.linalg
 from support.bodies import block, two_blocks
-from support.checks import assert_close
-from support.numbers import condensed, dense, nodes_of, tangent
+from support.checks import assert_close, condensed, dense, nodes_of, tangent
 
 import ufl
 from dolfinx import fem, la

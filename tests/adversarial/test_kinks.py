@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from support.bodies import block, floor, normal_force, triangle, two_blocks
-from support.branches import results_at, solved_start
-from support.checks import assert_close, verdict
+from support.checks import assert_close, results_at, solved_start, verdict
 
 import ufl
 from dolfinx import fem, mesh

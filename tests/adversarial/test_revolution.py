@@ -7,8 +7,7 @@ materials, graded, on each other, and of rubber, in several units.
 import numpy as np
 import pytest
 from support.bodies import block, move, normal_force, two_blocks
-from support.branches import results_at, solved_start
-from support.checks import assert_close
+from support.checks import assert_close, results_at, solved_start
 
 import ufl
 from dolfinx import fem, mesh

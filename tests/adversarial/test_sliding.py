@@ -9,8 +9,14 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from support.bodies import move, normal_force, two_blocks
-from support.branches import solved_start
-from support.checks import assert_close, assert_warned, verdict, warnings_in, warnings_of
+from support.checks import (
+    assert_close,
+    assert_warned,
+    solved_start,
+    verdict,
+    warnings_in,
+    warnings_of,
+)
 
 import ufl
 from dolfinx import fem, la, mesh

@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 import scipy.linalg
 from support.bodies import block, floor, triangle, two_blocks
-from support.checks import assert_close
-from support.numbers import copy_values, dense, nodes_of, tangent
+from support.checks import assert_close, copy_values, dense, nodes_of, tangent
 
 import ufl
 from dolfinx import fem, mesh

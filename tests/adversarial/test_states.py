@@ -12,8 +12,7 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from support.bodies import block, free_row, friction_ratio, normal_force, one_point, table_of
-from support.branches import solved_start
-from support.checks import assert_close
+from support.checks import assert_close, solved_start
 
 import ufl
 from dolfinx import fem

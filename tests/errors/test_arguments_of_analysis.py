@@ -4,11 +4,12 @@ from dataclasses import replace
 
 from mpi4py import MPI
 
+import cases.proofs_3d
 import numpy as np
 import pytest
 from cases._triangle import linear_triangle
 from cases.own_law import SlipWeakening
-from support.families import random_family
+from support.enumeration import random_family
 from support.leaning_bodies import block, leaning, on_box, pad, swirl
 
 import ufl
@@ -26,6 +27,10 @@ from dolfinx_contact.analysis import (
     wedging_friction,
 )
 from dolfinx_contact.analysis.curve_search import follow_events
+from dolfinx_contact.proofs import (
+    ReducedProblem,
+    prove_solutions,
+)
 
 COMM = MPI.COMM_WORLD
 
@@ -128,3 +133,28 @@ def test_wedging_friction_refuses_sides_and_seconds():
             wedging_friction(problem, **wrong)
     with pytest.raises(ValueError, match="ContactProblem"):
         wedging_friction(None)
+
+
+@pytest.mark.ranks(2)
+def test_reduced_problem_refuses_shapes_and_signs():
+    S = np.eye(2)
+    p = np.zeros(2)
+    F = np.array([0.3])
+    for bad, what in (
+        ((S, np.zeros(3), F), "shape"),
+        ((S, np.array([np.nan, 0.0]), F), "not finite"),
+        ((S, p, -F), "negative"),
+        ((S, p, F, np.array([1.0])), "either a coefficient"),
+        ((-S, p, F), "positive definite"),
+        ((S, p, F, None, np.full((2, 2), 0.6)), "positive definite"),
+    ):
+        with pytest.raises(ValueError, match=what):
+            ReducedProblem(*bad)
+    with pytest.raises(ValueError, match="statuses of 1 points"):
+        prove_solutions(ReducedProblem(S, p, F), known=[np.array([0, 0])])
+
+
+@pytest.mark.ranks(2)
+def test_all_solutions_refuses_words():
+    with pytest.raises(SystemExit):
+        cases.proofs_3d.arguments(["--shape", "block", "--cells", "2", "2"])

@@ -4,9 +4,8 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from support.blocks import block, box
+from support.blocks import block, box, randomise, remainders
 from support.bonds import U0, C, W, along, bonded, drawn_node, gap_of_node, put
-from support.jacobians import randomise, remainders
 
 import ufl
 

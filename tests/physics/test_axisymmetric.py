@@ -9,8 +9,8 @@ from cases._hertz import Hertz
 from cases._round import draw, quarter
 from scipy.optimize import brentq
 from support.blocks import box, facets, same_tables
-from support.pairs import tagged
-from support.revolution import FLOOR, disc, held, refused, section
+from support.pairs import FLOOR, disc, refused, section, tagged
+from support.pairs import held_of_revolution as held
 
 import ufl
 from dolfinx import fem, mesh

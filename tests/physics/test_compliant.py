@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq, minimize_scalar
 from support.blocks import KINDS, block, box, facets, same_tables
+from support.histories import rollers, sheared_block
 from support.mortars import sheared
 from support.pairs import displacement, held, stacked
-from support.sheared_blocks import rollers, sheared_block
 
 import ufl
 from dolfinx import fem

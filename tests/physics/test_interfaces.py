@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 from support.blocks import block
-from support.bonded_bar import bar
-from support.bonds import Point, along, bonded
+from support.bonds import Point, along, bar, bonded
 
 import ufl
 

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 from support.blocks import facets
-from support.falling_blocks import COMM, block
+from support.histories import COMM
+from support.histories import falling_block as block
 from support.moving_bar import Bar
 
 import ufl

@@ -5,10 +5,9 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from scipy.spatial.distance import cdist
-from support.blocks import block, box, same_tables
-from support.jacobians import randomise, remainders
+from support.blocks import block, box, randomise, remainders, same_tables
+from support.histories import sheared_block
 from support.pairs import displacement, held, stacked
-from support.sheared_blocks import sheared_block
 
 import ufl
 from dolfinx import fem, mesh

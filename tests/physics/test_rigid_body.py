@@ -8,7 +8,8 @@ from petsc4py import PETSc
 import numpy as np
 import pytest
 from support.blocks import box, facets, same_tables
-from support.rigid_punches import block, punch
+from support.histories import punch
+from support.histories import punched_block as block
 
 import dolfinx.fem.petsc
 import ufl

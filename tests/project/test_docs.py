@@ -2,13 +2,16 @@
 
 import ast
 import csv
+import json
 import re
 import runpy
 import sys
+import types
 from pathlib import Path
 
 from mpi4py import MPI
 
+import matplotlib.image
 import pytest
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -134,3 +137,183 @@ def test_the_guided_tour_names_files_that_exist():
     files = [name for head in heads for name in re.findall(r"`([^`]+)`", head)]
     assert len(files) > 25
     assert [name for name in files if not (package / name).exists()] == []
+
+
+PACKAGE = Path(__file__).parents[2] / "dolfinx_contact"
+
+#: What was written, and a plain word for it.
+PRIVATE = {
+    r"\bsaid\b": "documented, reported, given",
+    r"\btold\b": "distinguished, reported, identified",
+    r"\bgone\b": "moved, vanished, followed",
+    r"\bstood\b": "was, unchanged",
+    r"\bstands\b": "is, occurs, represents",
+    r"\bkeeper\b": "the class that keeps it",
+    r"\bcom(e|es|ing) by\b": "reach, obtain",
+    r"\b(go|goes|going) on\b": "continue",
+    r"\b(let|lets|letting) go\b": "release, detach",
+    r"\bwants?\b": "requires, needs",
+    r"\btaken for\b": "counts as, confused with",
+    r"\blook(s|ed|ing)? at\b": "examine, check, depend on",
+    r"\bask(s|ed)? (for|of)\b": "require, determine, request",
+    r"\bways on\b|\bway on\b": "direction to continue",
+    r"\bwhat (is|was|lies|lay) opposite\b": "the point opposite, the opposing body",
+}
+
+
+def docstrings(text):
+    """Docstrings of a module, its classes and functions, by the line where they begin."""
+    kinds = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, kinds) and ast.get_docstring(node, clean=False):
+            yield node.body[0].lineno, ast.get_docstring(node)
+
+
+def private_words(text):
+    """Lines of docstrings, the words in them that are listed, and what to write instead."""
+    found = []
+    for line, doc in docstrings(text):
+        prose = " ".join(re.sub(r"``.*?``|`[^`]*`", "", doc).split())
+        for pattern, plain in PRIVATE.items():
+            found += [(line, hit.group(), plain) for hit in re.finditer(pattern, prose)]
+    return found
+
+
+@pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="reads files only")
+def test_docstrings_of_the_package_are_plain():
+    found = [
+        f"{path.relative_to(PACKAGE)}:{line}: {word!r}; rather: {plain}"
+        for path in sorted(PACKAGE.rglob("*.py"))
+        for line, word, plain in private_words(path.read_text())
+    ]
+    assert not found, "\n".join(found)
+
+
+@pytest.mark.parametrize(
+    ("sentence", "words"),
+    [
+        ("Where a run goes\n    on from.", ["goes on"]),
+        ("What is said of it, and told.", ["said", "told"]),
+        ("The piece that (x, gamma) determines; see ``what is said``.", []),
+    ],
+)
+def test_private_words_are_found(sentence, words):
+    text = f'def f():\n    """{sentence}"""\n'
+    assert [word for _, word, _ in private_words(text)] == words
+
+
+COMM = MPI.COMM_WORLD
+README = Path(__file__).parents[2] / "README.md"
+EXAMPLES = re.findall(r"```python\n(.*?)```", README.read_text(), flags=re.DOTALL)
+
+
+@pytest.mark.ranks(2)
+def test_readme_example(folder, monkeypatch):
+    monkeypatch.chdir(folder)
+    names: dict = {}
+    exec(EXAMPLES[0], names)
+    result = names["result"]
+    assert result.kkt_violation < 1e-8
+    assert min(result.counts[k] for k in ("stick", "slip")) > 0
+    force = result.resultants["contact"]
+    assert force[2] > 0
+    assert force[0] < 0  # dragged to the right, held back to the left
+    assert any((folder / "output/block").iterdir())
+
+
+@pytest.mark.ranks(2)
+def test_landing_page_example_has_three_proved_solutions(capsys):
+    page = (README.parent / "docs" / "index.md").read_text()
+    (code,) = re.findall(r"```python\n(.*?)```", page, flags=re.DOTALL)
+    names: dict = {}
+    exec(code, names)
+    solutions = names["solutions"]
+    assert solutions.complete
+    assert "3 solutions at gamma = 1; proved to be all there are: " in capsys.readouterr().out
+    # The corner is off the floor, sticks to it, or slips to the left.
+    letters = [names["system"].letters(solution.piece) for solution in solutions.found]
+    assert {word[0] for word in letters} == {"o", "k", "-"}
+    assert {word[1:] for word in letters} == {"o" * 15 + "d"}
+
+
+@pytest.mark.skipif(COMM.size > 1, reason="looks at text")
+def test_readme_shows_the_output_of_its_example(folder, monkeypatch, capsys):
+    monkeypatch.chdir(folder)
+    exec(EXAMPLES[0], {})
+    (shown,) = re.findall(r"```text\n(.*?)```", README.read_text(), flags=re.DOTALL)
+    assert capsys.readouterr().out.startswith(shown)
+
+
+def test_readme_is_short_and_has_one_example():
+    assert len(README.read_text().splitlines()) <= 150
+    assert len(EXAMPLES) == 1
+
+
+def places(file):
+    """The headings of a page, as its links name them."""
+    headings = re.findall(r"^#+ (.*)$", file.read_text(), flags=re.MULTILINE)
+    return {re.sub(r"[^a-z0-9 -]", "", text.lower()).replace(" ", "-") for text in headings}
+
+
+@pytest.mark.skipif(COMM.size > 1, reason="looks at files")
+def test_links_lead_to_files():
+    """Of the README and the guide, as they are read in the repository."""
+    pages = [README, *(README.parent / "docs" / "guide").glob("*.md")]
+    count = 0
+    for page in [*pages, README.parent / "docs" / "limits.md"]:
+        for link in re.findall(r"\]\(([^)\s]*)\)", page.read_text()):
+            if link.startswith("http"):
+                continue
+            name, _, place = link.partition("#")
+            file = page.parent / name if name else page
+            assert file.exists(), f"{page.name}: {link}"
+            assert not place or place in places(file), f"{page.name}: {link}"
+            count += 1
+    assert count > 80
+
+
+NOTEBOOK = Path(__file__).parents[2] / "docs/notebooks/first_steps.ipynb"
+
+
+def cells():
+    return json.loads(NOTEBOOK.read_text())["cells"]
+
+
+@pytest.mark.long
+@pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="a notebook is one process")
+def test_the_code_of_the_notebook(folder, monkeypatch):
+    """It solves, finds all of three solutions, and shows a picture and a diagram."""
+    shown = []
+    display = types.ModuleType("IPython.display")
+    display.Image = shown.append
+    ipython = types.ModuleType("IPython")
+    ipython.version_info = (9, 0)  # matplotlib asks
+    ipython.get_ipython = lambda: None
+    monkeypatch.setitem(sys.modules, "IPython", ipython)
+    monkeypatch.setitem(sys.modules, "IPython.display", display)
+    monkeypatch.chdir(folder)
+    code = ["".join(c["source"]) for c in cells() if c["cell_type"] == "code"]
+    lines = [line for part in code for line in part.splitlines() if not line.startswith("%")]
+    names = {}
+    exec("\n".join(lines), names)
+    counts = names["result"].counts
+    assert counts["stick"] > 0 < counts["slip"]
+    assert len(names["found"].found) == 3
+    assert names["found"].complete
+    assert len(names["diagram"].branches) == 4
+    assert shown == ["block.png", "diagram.png"]
+    for name in shown:
+        assert matplotlib.image.imread(folder / name).std() > 0.01
+
+
+def test_the_notebook_has_no_outputs():
+    for cell in cells():
+        if cell["cell_type"] == "code":
+            assert cell["outputs"] == []
+            assert cell["execution_count"] is None
+
+
+def test_the_notebook_installs_the_solver_and_begins_with_mpi():
+    code = ["".join(c["source"]) for c in cells() if c["cell_type"] == "code"]
+    assert "[solver]" in code[0]
+    assert code[1].startswith("from mpi4py import MPI\n")

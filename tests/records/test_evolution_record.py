@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 from support.blocks import block, box, facets, same_tables
 from support.histories import dragged, put
-from support.killing import killed_and_resumed
+from support.killing import Stop, killed_and_resumed, require_same, stopping
 from support.recorded_evolution import CASES, LONGEST, TIMES, cracked, pair, record
-from support.stopping import Stop, require_same, stopping
 
 from dolfinx import mesh
 

@@ -7,9 +7,8 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from support.blocks import same_tables
-from support.killing import killed_and_resumed
+from support.killing import Stop, killed_and_resumed, require_same, stopping
 from support.recorded_path import CASES, LONGEST, STARTS, made, record, resume
-from support.stopping import Stop, require_same, stopping
 
 from dolfinx_contact.continuation import StepControl
 from dolfinx_contact.records import BranchRecord, EvolutionRecord, PathRecord, read_journal

@@ -1,4 +1,4 @@
-"""Bonded blocks, one bonded node, and one point led through prescribed jumps."""
+"""Bonded blocks and bars, one bonded node, and one point led through prescribed jumps."""
 
 from mpi4py import MPI
 
@@ -6,9 +6,16 @@ import numpy as np
 from cases._triangle import linear_triangle
 
 import ufl
-from dolfinx import fem
+from dolfinx import fem, mesh
 
-from dolfinx_contact import RCCM, ContactPair, ContactProblem, ContactSurface, HalfSpace
+from dolfinx_contact import (
+    RCCM,
+    ContactPair,
+    ContactProblem,
+    ContactSurface,
+    HalfSpace,
+    ParametricContact,
+)
 from dolfinx_contact.laws import LawAtPoints, PointData
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.points.memory import Memory, with_memory
@@ -113,3 +120,24 @@ class Point:
         self.values = np.array([values[0] for values in fields.values()])
         self.lost = 0.0 if before is None else float(before[0] - self.values[0])
         return float(self.values[0]) if names[0] in self.law.given else self.values
+
+
+def bar(k, n=8, *, law=None, free=False, comm=COMM):
+    """A bar of stiffness k C on a bond; gamma moves its end; it may bend if it is free."""
+    corners = [[0.0, 0.0], [0.05, 1.0]]
+    domain = mesh.create_rectangle(comm, corners, [1, n], mesh.CellType.quadrilateral)
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u = fem.Function(V)
+    gamma = fem.Constant(domain, 0.0)
+    top = fem.Function(V)
+    end = fem.locate_dofs_geometrical(V, lambda x: np.isclose(x[1], 1.0))
+    sides = V.sub(0)
+    every = np.arange(sides.dofmap.index_map.size_local + sides.dofmap.index_map.num_ghosts)
+    still = fem.dirichletbc(fem.Constant(domain, 0.0), 2 * every.astype(np.int32), sides)
+    below = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[1], 0.0))
+    law = law or RCCM(C, C, W)
+    surface = ContactSurface(u, below, obstacle=HalfSpace((0, 0), (0, 1)), law=law)
+    energy = LinearElastic.from_young(k * C, 0.0).energy(u) * ufl.dx
+    bcs = [fem.dirichletbc(top, end), *[still][free:]]
+    problem = ContactProblem(energy, u, [surface], bcs=bcs)
+    return ParametricContact(problem, gamma, driven=[(top, ufl.as_vector((0.0, gamma)))])

@@ -7,7 +7,8 @@ from mpi4py import MPI
 import cases.regions
 import numpy as np
 import pytest
-from support.families import enumerated, holds, random_family
+from support.enumeration import events_by_enumeration as enumerated
+from support.enumeration import holds, random_family
 
 from dolfinx_contact.analysis import EventCurves, contact_family, solution_regions
 from dolfinx_contact.analysis.curve_search import follow_events

@@ -10,7 +10,8 @@ import cases.followed_mesh
 import numpy as np
 import pytest
 from cases._triangle import element
-from support.families import enumerated, holds, random_family
+from support.enumeration import events_by_enumeration as enumerated
+from support.enumeration import holds, random_family
 
 import ufl
 from dolfinx import fem, mesh

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from cases._triangle import linear_triangle
 from support import recorded_evolution, recorded_path
-from support.driven_blocks import driven_block
+from support.histories import driven_block
 from support.recorded_run import CONTROL, moved_block, resume, start
 
 from dolfinx_contact.continuation import Observer, explore, follow

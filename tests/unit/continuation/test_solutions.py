@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from cases._triangle import linear_triangle
 from support.blocks import block
-from support.textbook_solutions import gould, state
+from support.textbook import gould, state
 
 from dolfinx import fem
 

@@ -5,7 +5,7 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from cases._triangle import element
-from support.bonded_bar import C, W, bar
+from support.bonds import C, W, bar
 from support.histories import cycle, dragged
 
 import ufl

@@ -7,8 +7,8 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from support.blocks import same_tables
-from support.pictures import number_of_colours
 from support.recorded_evolution import pair
+from support.vtk_files import number_of_colours
 
 from dolfinx_contact import plot, records
 from dolfinx_contact.io import EvolutionSeries

@@ -11,7 +11,7 @@ import matplotlib.image
 import numpy as np
 import pytest
 from support.blocks import block, box, facets
-from support.pictures import number_of_colours
+from support.vtk_files import number_of_colours
 
 import ufl
 from dolfinx import fem

@@ -5,8 +5,8 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from support.blocks import box, facets
-from support.loaded_pairs import blocks, pressed
-from support.pairs import MATERIAL, displacement, tagged
+from support.pairs import MATERIAL, blocks, displacement, tagged
+from support.pairs import pressed_blocks as pressed
 from support.vtk_files import read_grid
 
 import ufl

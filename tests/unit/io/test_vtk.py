@@ -9,7 +9,7 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from support.blocks import block
-from support.loaded_pairs import pressed
+from support.pairs import pressed_blocks as pressed
 from support.recorded_run import moved_block, record
 from support.vtk_files import read_grid
 

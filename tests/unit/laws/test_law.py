@@ -4,8 +4,7 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from support.blocks import KINDS, block
-from support.jacobians import randomise, remainders
+from support.blocks import KINDS, block, randomise, remainders
 
 from dolfinx_contact import Coulomb, Frictionless, HalfSpace, Sphere, Tresca
 from dolfinx_contact.laws import LawAtPoints, PointData, status

@@ -4,7 +4,8 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from support import mortars, pairs, rigid_punches
+from support import histories as rigid_punches
+from support import mortars, pairs
 from support.blocks import block
 
 import ufl
@@ -70,7 +71,7 @@ def rigid(dim, degree=1):
     body = rigid_punches.punch(dim, load={names[dim - 1]: -3.0}, free=names[:1] + names[dim:],
                                  held=names[1 : dim - 1])  # fmt: skip
     method = None if degree == 1 else "integral"
-    return rigid_punches.block(body, dim, n=3, method=method, degree=degree)
+    return rigid_punches.punched_block(body, dim, n=3, method=method, degree=degree)
 
 
 def ball():
@@ -80,7 +81,7 @@ def ball():
     body = RigidBody(
         Sphere(about, 0.5), about=about, load={"z": -6.0}, motion={"x": 0.2}, held=held
     )
-    return rigid_punches.block(body, 3, n=3, law=Frictionless(), hyper=True)
+    return rigid_punches.punched_block(body, 3, n=3, law=Frictionless(), hyper=True)
 
 
 CASES = {

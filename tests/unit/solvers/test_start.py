@@ -11,9 +11,21 @@ from petsc4py import PETSc
 
 import numpy as np
 import pytest
-from support.blocks import block, box
+from support.blocks import block, box, facets, same_tables
 
-from dolfinx_contact import ConvergenceError
+import ufl
+from dolfinx import fem
+
+from dolfinx_contact import (
+    ContactProblem,
+    ContactSurface,
+    ConvergenceError,
+    Coulomb,
+    HalfSpace,
+    Sphere,
+)
+from dolfinx_contact.materials import LinearElastic, NeoHookean
+from dolfinx_contact.solvers.history import FloatingBodyError
 
 COMM = MPI.COMM_WORLD
 
@@ -164,3 +176,147 @@ def test_log_view_on_the_command_line_of_a_script(tmp_path):
     assert done.returncode == 0, done.stderr
     assert "ERROR" not in done.stderr
     assert "ContactSolve" in log.read_text()
+
+
+SHEARED = {2: (0.03, -0.01), 3: (0.03, 0.0, -0.01)}
+
+
+def soft_block(stiffness, cell="hex", material=LinearElastic, **given):
+    """A sheared block whose moduli are in proportion to a Constant, and that Constant."""
+    domain = box(COMM, 4, cell)
+    E = fem.Constant(domain, float(stiffness))
+    top = SHEARED[domain.geometry.dim]
+    law = Coulomb(1.0)
+    body = material(0.6 * E, 0.4 * E)
+    return block(domain=domain, cell=cell, material=body, top=top, law=law, **given), E
+
+
+def from_zero(problem):
+    for f in problem.fields:
+        f.x.array[:] = 0.0
+    return problem.solve()
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.each_value
+@pytest.mark.parametrize(
+    ("cell", "material", "solver"),
+    [
+        ("tri", NeoHookean, "direct"),
+        ("tri", LinearElastic, "amg"),
+        ("hex", LinearElastic, "direct"),
+    ],
+)
+@pytest.mark.parametrize("factor", [1e-9, 1e9])
+def test_material_that_changes(cell, material, solver, factor):
+    """As a problem that is made with the new material, iteration by iteration."""
+    options = {"linear_solver": solver, "snes_rtol": 1e-11}
+    problem, E = soft_block(1.0, cell, material, options=options)
+    problem.solve()
+    E.value *= factor
+    result = from_zero(problem)
+    new, _ = soft_block(factor, cell, material, options=options)
+    expected = new.solve()
+    assert [a.strategy for a in result.attempts] == ["full steps"]
+    assert result.iterations == expected.iterations
+    tables = [p.table(p.surfaces[0]) for p in (problem, new)]
+    same_tables(*tables)
+    assert result.kkt_violation < 1e-9
+
+
+@pytest.mark.ranks(2, 3)
+def test_what_stays():
+    """The meaning of vectors, and r that is given."""
+    problem, E = soft_block(1.0, "tri")
+    problem.solve()
+    scale = problem.equations.stiffness_scale
+    r = problem.surfaces[0].points.r.copy()
+    x = problem.create_vector()
+    problem.write(x)
+    before = [f.x.array.copy() for f in problem.fields]
+    E.value = 11.0
+    problem.solve()
+    assert problem.equations.stiffness_scale == pytest.approx(11.0 * scale, rel=1e-12)
+    np.testing.assert_allclose(problem.surfaces[0].points.r, 11.0 * r, rtol=1e-12)
+    problem.read(x)
+    for f, values in zip(problem.fields, before, strict=True):
+        np.testing.assert_allclose(f.x.array, values, rtol=1e-12)
+    forced, E = soft_block(1.0, "tri", r=3.0)
+    E.value = 1e3
+    forced.solve()
+    assert np.all(forced.surfaces[0].points.r == 3.0)
+    assert forced.equations.stiffness_scale == pytest.approx(1e3 * scale, rel=1e-12)
+
+
+@pytest.mark.parametrize("cell", ["tri", "hex"])
+@pytest.mark.parametrize("ratio", [0.2, 0.45])
+def test_the_integral_method_after_another_material(cell, ratio):
+    """Its solutions contain r: they are those of a new problem, whatever was solved before."""
+    domain = box(COMM, 4, cell)
+    poisson = fem.Constant(domain, 0.3)
+    dim = domain.geometry.dim
+    ball = Sphere(np.append(np.full(dim - 1, 0.45), -2.0), 2.0)
+    given = {
+        "domain": domain,
+        "cell": cell,
+        "method": "integral",
+        "obstacle": ball,
+        "law": Coulomb(0.4),
+        "material": LinearElastic.from_young(1.0, poisson),
+        "top": SHEARED[dim],
+    }
+    problem = block(**given)
+    problem.solve()
+    poisson.value = ratio
+    from_zero(problem)
+    new = block(**given)
+    new.solve()
+    same_tables(*(p.table(p.surfaces[0]) for p in (problem, new)))
+
+
+def test_material_that_vanishes():
+    problem, E = soft_block(1.0, "tri")
+    E.value = 0.0
+    with pytest.raises(ValueError, match="need mu > 0 and 3 lambda"):
+        problem.solve()
+    E.value = 1e6
+    assert problem.solve().counts["open"] >= 0
+
+
+def test_an_energy_of_ones_own_that_vanishes():
+    """Its moduli are not known to the package, its stiffness is seen."""
+    domain = box(COMM, 4, "tri")
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u = fem.Function(V)
+    E = fem.Constant(domain, 1.0)
+    strain = ufl.sym(ufl.grad(u))
+    floor = HalfSpace((0, 0), (0, 1))
+    surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=floor, law=Coulomb(0.3))
+    problem = ContactProblem(E * ufl.inner(strain, strain) * ufl.dx, u, [surface])
+    E.value = 0.0
+    with pytest.raises(ValueError, match="the stiffness of the bulk is zero"):
+        problem.solve()
+
+
+@pytest.mark.long
+def test_springs_that_come_and_go():
+    """A block that springs hold, or nothing."""
+    domain = box(COMM, 4, "tri")
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u = fem.Function(V)
+    k = fem.Constant(domain, 0.0)
+    surface = ContactSurface(
+        u, facets(domain, 1, 0.0), obstacle=HalfSpace((0, -0.1), (0, 1)), law=Coulomb(0.3)
+    )
+    energy = LinearElastic.from_young(1000.0, 0.3).energy(u) + 0.5 * k * ufl.inner(u, u)
+    lift = fem.Constant(domain, 1.0)
+    problem = ContactProblem((energy - lift * u[1]) * ufl.dx, u, [surface])
+    with pytest.raises(FloatingBodyError):
+        problem.solve()
+    k.value = 20.0
+    problem.solve()
+    lifted = np.broadcast_to([0.0, 1 / 20], (len(u.x.array) // 2, 2))
+    np.testing.assert_allclose(u.x.array.reshape(-1, 2), lifted, rtol=0, atol=1e-12)
+    k.value = 0.0
+    with pytest.raises(FloatingBodyError):
+        problem.solve()
