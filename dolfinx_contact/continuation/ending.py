@@ -5,7 +5,11 @@ from __future__ import annotations
 
 from enum import Enum
 
-__all__ = ["Ending", "Ends"]
+__all__ = ["OTHER_CAUSE", "Ending", "Ends"]
+
+
+#: Possible cause of an unsolved step, at the end of a reason.
+OTHER_CAUSE = "; the load or other data may have kinks or jumps in gamma there"
 
 
 class Ending(Enum):

@@ -39,7 +39,7 @@ from dolfinx_contact.continuation.branch import (
     SpecialPoint,
 )
 from dolfinx_contact.continuation.corrector import Corrector
-from dolfinx_contact.continuation.ending import Ending
+from dolfinx_contact.continuation.ending import OTHER_CAUSE, Ending
 from dolfinx_contact.continuation.locate import AT_BORDER
 from dolfinx_contact.continuation.observer import BranchStep, Observer, ObserverLike, Stop
 from dolfinx_contact.continuation.parameters import Direction, StepControl, sign_of
@@ -277,8 +277,6 @@ class Follower(Walker):
         low, high = (system.events(x, g, piece).distance for g in (gamma, gamma + shift))
         if self.bordered.anywhere(not np.array_equal(low, high)):
             return
-        if system.kinks_in_gamma:
-            raise ValueError(f"the derivative of H by gamma vanishes here; {system.kinks_in_gamma}")
         raise ValueError("gamma does not appear in H: its derivative by gamma vanishes")
 
     def _leads_out(self, point: BranchPoint) -> bool:
@@ -347,10 +345,8 @@ class Follower(Walker):
             else:
                 beyond = self._beyond_kink(point, gamma_range)
                 if beyond is None:
-                    reason = f"no step of at least {self.control.minimum:g} succeeds"
-                    if self.system.kinks_in_gamma:
-                        reason += f"; {self.system.kinks_in_gamma}"
-                    branch.end(Ending.NOT_SOLVED, reason)
+                    length = f"no step of at least {self.control.minimum:g} succeeds"
+                    branch.end(Ending.NOT_SOLVED, f"{length}{OTHER_CAUSE}")
                     return
                 new = beyond
                 special = []
@@ -383,7 +379,7 @@ class Follower(Walker):
         """
         b = self.bordered
         slope = b.gamma(point.tangent)
-        if not self.system.kinks_in_gamma or slope == 0:
+        if slope == 0:
             return None
         low, high = gamma_range
         # the kink lies within the shortest step that failed

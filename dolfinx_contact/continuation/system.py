@@ -136,8 +136,6 @@ class System:
     has_many_pieces: bool = False
     #: Reason why H is not smooth on a piece; "" if it is.
     kinks: str = ""
-    #: Reason why H is not smooth in gamma; "" if it is.
-    kinks_in_gamma: str = ""
     #: Whether every piece is affine in (x, gamma), so that `condensed` is the whole problem.
     is_piecewise_affine: bool = False
     #: Preconditioner of H_x; None if H_x is to be factorised.

@@ -132,10 +132,6 @@ class ParametricEquations(System):
         )
         if self.not_affine and self.comm.rank == 0:
             logger.info("the data are not affine in gamma: %s", self.not_affine)
-        rough = [rate.kinks(body.residual), self._rigid_rates.kinks]
-        rough += [d.kinks for d in self._driven] + [r.kinks for r in self._rates]
-        kinks = next(filter(None, rough), "")
-        self.kinks_in_gamma = f"the data have kinks or jumps in gamma: {kinks}" if kinks else ""
         self._data = self._given()
         #: Gamma of the driven Functions, in a context in which nothing else changes them.
         self._driven_at: float | None = None

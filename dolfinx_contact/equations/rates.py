@@ -23,7 +23,7 @@ from ufl.algorithms.analysis import extract_constants
 
 from dolfinx_contact._compat import interpolation_points
 from dolfinx_contact._forms import compiled_expression, compiled_form
-from dolfinx_contact._ufl import dependence, has_branches, is_affine
+from dolfinx_contact._ufl import dependence, is_affine
 from dolfinx_contact.equations.evaluation import ContactState
 from dolfinx_contact.equations.rigid_bodies import RigidBodies
 from dolfinx_contact.points.evaluation import Given
@@ -80,13 +80,6 @@ class Rate:
         found = dependence(e, self.gamma)
         return "" if found.is_affine else found.text
 
-    def kinks(self, e: Any) -> str:
-        """Return the parts of a form or expression with kinks or jumps in gamma; "" if none."""
-        present = depends_on(self.gamma, e)
-        if isinstance(e, ufl.Form):
-            present = present and has_branches(e)
-        return dependence(e, self.gamma).text_of_kinks if present else ""
-
     def _derivative(self, e: Any) -> Any:
         """Expanded derivative of a form or expression that contains gamma."""
         variable = ufl.variable(self.gamma)
@@ -106,14 +99,12 @@ class Driven:
         function: Function as given.
         expression: expression in UFL.
         not_affine: part that is not affine in gamma; "" if all is.
-        kinks: parts with kinks or jumps in gamma; "" if there are none.
     """
 
     def __init__(self, function: fem.Function, expression: Any, rate: Rate):
         self.function = function
         self.expression = ufl.as_ufl(expression)
         self.not_affine = rate.not_affine(self.expression)
-        self.kinks = rate.kinks(self.expression)
         points = interpolation_points(function.function_space)
         domain = function.function_space.mesh
         x = ufl.SpatialCoordinate(domain)
@@ -142,7 +133,6 @@ class SurfaceRates:
 
     Attributes:
         applies: whether anything depends on gamma.
-        kinks: parts with kinks or jumps in gamma; "" if there are none.
     """
 
     def __init__(self, s: DiscreteSurface, rate: Rate):
@@ -150,7 +140,6 @@ class SurfaceRates:
         given = s.given if s.displaced is None else s.displaced.given
         data = (given.gap, given.normal, *given.fields.values())
         self.applies = depends_on(rate.gamma, *data)
-        self.kinks = next(filter(None, map(rate.kinks, data)), "")
         if not self.applies:
             return
         gap, normal = rate.of_expression(given.gap), rate.of_expression(given.normal)
@@ -201,7 +190,6 @@ class RigidRates:
     Attributes:
         applies: whether anything depends on gamma.
         not_affine: part that is not affine in gamma; "" if all is.
-        kinks: parts with kinks or jumps in gamma; "" if there are none.
     """
 
     def __init__(self, bodies: RigidBodies, rate: Rate):
@@ -210,7 +198,6 @@ class RigidRates:
         self._rates = [rate.of_expression(e) for e in expressions]
         self.applies = depends_on(rate.gamma, *expressions)
         self.not_affine = next(filter(None, map(rate.not_affine, expressions)), "")
-        self.kinks = next(filter(None, map(rate.kinks, expressions)), "")
 
     def __call__(self) -> tuple[Array, Array]:
         """Return the derivatives of loads and of prescribed motions."""

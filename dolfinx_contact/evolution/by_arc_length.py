@@ -16,7 +16,7 @@ from dataclasses import replace
 import numpy as np
 
 from dolfinx_contact.continuation.branch import BranchPoint, FoundRays, Ray
-from dolfinx_contact.continuation.ending import Ending
+from dolfinx_contact.continuation.ending import OTHER_CAUSE, Ending
 from dolfinx_contact.continuation.walk import require_way
 from dolfinx_contact.equations.evaluation import Evaluation
 from dolfinx_contact.evolution.arc_steps import ArcSteps, Arrival
@@ -244,10 +244,8 @@ class ByArcLength(Rule[PathTask, PathState]):
             if arrival is None:
                 reason = (
                     f"no step of at least {self.task.control.minimum:g} succeeds beyond "
-                    f"gamma = {self._leaves.gamma:.10g}"
+                    f"gamma = {self._leaves.gamma:.10g}{OTHER_CAUSE}"
                 )
-                if system.kinks_in_gamma:
-                    reason += f"; {system.kinks_in_gamma}"
                 self.end(Ending.NOT_SOLVED, reason)
                 return None
             result = system.result_at(arrival.point)
