@@ -25,10 +25,9 @@ from dolfinx import fem
 from dolfinx_contact._compat import is_mesh_of, is_value_of
 from dolfinx_contact._mpi import Arguments, collective, on_root, require
 from dolfinx_contact._ufl import described, refuse_other_mesh
-from dolfinx_contact._validate import ReadOnly, copy_with, instance, listed
+from dolfinx_contact._validate import ReadOnly, copy_with, instance, listed, number
 from dolfinx_contact.continuation import BranchPoint, Piece
 from dolfinx_contact.continuation.affine import AffineSystem
-from dolfinx_contact.continuation.arguments import checked_gamma
 from dolfinx_contact.continuation.solutions import Solution
 from dolfinx_contact.continuation.system import Condensed, Proof, RayProof
 from dolfinx_contact.equations.data import data_within, placed_data
@@ -60,7 +59,7 @@ _MOST_PROVED = 128  # contact points up to which all solutions are proved by def
 
 
 def _check_parameter(a: Arguments) -> None:
-    a.gamma = checked_gamma(a.gamma)
+    a.gamma = number(a.gamma, "gamma")
 
 
 def _check(a: Arguments) -> None:

@@ -23,7 +23,7 @@ from dolfinx_contact.analysis.event_curves import EventCurves
 from dolfinx_contact.analysis.family import ContactFamily
 from dolfinx_contact.continuation import Branch
 from dolfinx_contact.continuation.arguments import checked_range
-from dolfinx_contact.continuation.points import require_solutions
+from dolfinx_contact.continuation.follow import require_solutions
 from dolfinx_contact.equations.parametric import ParametricEquations
 from dolfinx_contact.equations.validation import check_law
 from dolfinx_contact.laws.coulomb import BORDERS, FIRST_BORDER

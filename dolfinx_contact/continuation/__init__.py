@@ -13,7 +13,7 @@ from dolfinx_contact.continuation.branch import (
 )
 from dolfinx_contact.continuation.diagram import explore
 from dolfinx_contact.continuation.ending import Ending, Ends
-from dolfinx_contact.continuation.follow import Follower, Route, follow, follower_for
+from dolfinx_contact.continuation.follow import Follower, Route, follow, follower_for, points_at
 from dolfinx_contact.continuation.observer import (
     BranchStep,
     Observer,
@@ -25,7 +25,6 @@ from dolfinx_contact.continuation.observer import (
 )
 from dolfinx_contact.continuation.parameters import Direction, Kinks, StepControl
 from dolfinx_contact.continuation.pivoting import Pivoting
-from dolfinx_contact.continuation.points import points_at
 from dolfinx_contact.continuation.solutions import Continuum, Solution, Solutions, find_solutions
 from dolfinx_contact.continuation.special_curves import SpecialCurve, follow_special
 from dolfinx_contact.continuation.steps import Locate

@@ -13,7 +13,7 @@ import numpy as np
 
 from dolfinx_contact._mpi import everywhere, same_everywhere
 from dolfinx_contact._progress import check_progress
-from dolfinx_contact._validate import count, instance, number, one_of, vector
+from dolfinx_contact._validate import count, instance, one_of, vector
 from dolfinx_contact.continuation.observer import Stop, as_observer, is_observer
 from dolfinx_contact.continuation.parameters import StepControl
 from dolfinx_contact.continuation.system import System
@@ -25,8 +25,6 @@ __all__ = [
     "check_states",
     "check_steps",
     "check_system",
-    "check_vectors",
-    "checked_gamma",
     "checked_range",
     "leads_out",
     "reason_to_stop",
@@ -63,11 +61,6 @@ def require_smooth(system: System) -> None:
         )
 
 
-def checked_gamma(gamma: Any, what: str = "gamma") -> float:
-    """Return ``gamma`` as a finite number, or raise ``ValueError``."""
-    return number(gamma, what)
-
-
 def checked_range(
     ends: Any, starts: Sequence[float], parameter: str = "gamma"
 ) -> tuple[float, float]:
@@ -91,13 +84,7 @@ def leads_out(gamma: float, rate: float, gamma_range: tuple[float, float]) -> bo
     return high - gamma <= near if rate > 0 else rate < 0 and gamma - low <= near
 
 
-def check_vectors(states: Sequence[Any], what: str) -> None:
-    """Raise ``ValueError`` unless all states are vectors."""
-    for x in states:
-        instance(x, what, PETSc.Vec, "a PETSc vector of all unknowns, as create_vector() makes it")
-
-
-def check_states(system: System, states: Sequence[PETSc.Vec], what: str) -> None:
+def check_states(system: System, states: Sequence[Any], what: str) -> None:
     """Raise ``ValueError`` on every rank if a state does not fit the system. Collective.
 
     Args:
@@ -109,6 +96,8 @@ def check_states(system: System, states: Sequence[PETSc.Vec], what: str) -> None
     one = system.create_vector()
     with everywhere(system.comm, what):
         for x in states:
+            hint = "a PETSc vector of all unknowns, as create_vector() makes it"
+            instance(x, what, PETSc.Vec, hint)
             if (x.getLocalSize(), x.getSize()) != (one.getLocalSize(), one.getSize()):
                 raise ValueError(
                     f"{what} does not fit the unknowns: {x.getLocalSize()} of {x.getSize()} "

@@ -19,14 +19,12 @@ from typing import Any
 from petsc4py import PETSc
 
 from dolfinx_contact._mpi import Arguments, collective
-from dolfinx_contact._validate import count, positive
+from dolfinx_contact._validate import count, number, positive
 from dolfinx_contact.continuation.arguments import (
     check_listeners,
     check_states,
     check_steps,
     check_system,
-    check_vectors,
-    checked_gamma,
     checked_range,
     samples_of,
 )
@@ -67,12 +65,11 @@ _SAME_KERNEL = 0.5  # least cosine of a tangent and the direction of a smooth bi
 def _check(a: Arguments) -> None:
     check_system(a.system)
     try:
-        a.starts = [(x, checked_gamma(gamma, "gamma of a start")) for x, gamma in a.starts]
+        a.starts = [(x, number(gamma, "gamma of a start")) for x, gamma in a.starts]
     except TypeError:
         raise ValueError("the starts must be pairs of a state and its gamma") from None
     if not a.starts:
         raise ValueError("at least one start is needed")
-    check_vectors([x for x, _ in a.starts], "a start")
     a.gamma_range = checked_range(a.gamma_range, [gamma for _, gamma in a.starts])
     check_steps(a.control, a.max_steps)
     check_listeners(observer=a.observer, record=a.record, progress=a.progress, stop=a.stop)

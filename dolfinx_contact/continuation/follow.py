@@ -17,15 +17,13 @@ from petsc4py import PETSc
 
 import numpy as np
 
-from dolfinx_contact._mpi import Arguments, collective
-from dolfinx_contact._validate import one_of, positive
+from dolfinx_contact._mpi import Arguments, collective, require, same_everywhere
+from dolfinx_contact._validate import number, one_of, positive
 from dolfinx_contact.continuation.arguments import (
     check_listeners,
     check_states,
     check_steps,
     check_system,
-    check_vectors,
-    checked_gamma,
     checked_range,
     require_smooth,
     samples_of,
@@ -40,6 +38,7 @@ from dolfinx_contact.continuation.branch import (
 )
 from dolfinx_contact.continuation.corrector import Corrector
 from dolfinx_contact.continuation.ending import OTHER_CAUSE, Ending
+from dolfinx_contact.continuation.layout import Layout
 from dolfinx_contact.continuation.locate import AT_BORDER
 from dolfinx_contact.continuation.observer import BranchStep, Observer, ObserverLike, Stop
 from dolfinx_contact.continuation.parameters import Direction, StepControl, sign_of
@@ -57,12 +56,13 @@ from dolfinx_contact.continuation.system import (
 )
 from dolfinx_contact.continuation.walk import Next, Walker
 
-__all__ = ["Follower", "Route", "follow", "follower_for"]
+__all__ = ["Follower", "Route", "follow", "follower_for", "points_at", "require_solutions"]
 
 Route: TypeAlias = Literal["auto", "pivoting", "steps"]
 
 logger = logging.getLogger(__name__)
 
+_ALLOWED = 1e-6  # relative residual of a solution
 _HAIR = 1e-9  # shift of gamma to detect borders that begin at gamma, relative to its scale
 _HOP = 1e-6  # change of gamma across a kink of the data, relative to the scale of gamma
 _BESIDE = 0.1  # largest distance from the start of a closed branch, relative to the step length
@@ -72,10 +72,9 @@ _FURTHER = 4.0  # largest distance across a kink of the data, relative to its pr
 
 def _check(a: Arguments) -> None:
     check_system(a.system)
-    a.gamma = checked_gamma(a.gamma)
+    a.gamma = number(a.gamma, "gamma")
     a.gamma_range = checked_range(a.gamma_range, [a.gamma])
     sign_of(a.direction)
-    check_vectors([a.x], "x")
     check_steps(a.control, a.max_steps)
     check_listeners(observer=a.observer, record=a.record, progress=a.progress, stop=a.stop)
 
@@ -441,3 +440,87 @@ class Follower(Walker):
         s, y = located
         own = piece or b.piece_at(y)
         return BranchPoint(y, a.tangent, own, gamma, s)
+
+
+# -- points of a branch ----------------------------------------------------------------------------
+
+
+def _check_points(a: Arguments) -> None:
+    check_system(a.system)
+    a.gamma = number(a.gamma, "gamma")
+    a.gamma_range = checked_range(a.gamma_range, [a.gamma])
+    if not isinstance(a.branch, Branch) or not a.branch.points:
+        raise ValueError(f"a Branch with points is needed, got {type(a.branch).__name__}")
+
+
+@collective("points_at", _check_points)
+def points_at(
+    system: System,
+    branch: Branch,
+    gamma: float,
+    *,
+    gamma_range: tuple[float, float],
+    control: StepControl | None = None,
+    route: Route = "auto",
+) -> list[BranchPoint]:
+    """Return the points of a branch at which its parameter is ``gamma``, in order. Collective.
+
+    The data of the system are restored. Points in the small gap between a bifurcation and the first
+    point of a branch that was traced out of it by steps are missed.
+
+    Args:
+        system: system of the branch.
+        branch: complete branch.
+        gamma: parameter, assumed to be monotone between neighbouring points of the branch and
+            smooth folds.
+        gamma_range: range of gamma of the branch.
+        control: parameters of the corrector.
+        route: method by which the branch was traced.
+
+    Raises:
+        ValueError: on every rank, if an argument is invalid or differs between ranks, or a point of
+            the branch does not solve the present system.
+        RuntimeError: on every rank, if a point that must exist is not found.
+    """
+    same_everywhere(system.comm, points_of_the_branch=len(branch.points))
+    require_solutions(system, branch)
+    system.check_parameter([gamma])
+    low, high = gamma_range
+    first = branch.points[0]
+    x, _ = Layout(system).split(first.y)
+    scale = high - low
+    with (
+        system.restored(always=True),
+        follower_for(system, x, first.gamma, control, gamma_scale=scale, route=route) as follower,
+    ):
+        for point in branch.points:  # the first tangent that moves x sets its scale
+            follower.bordered.set_scale(point.tangent, point.y)
+        follower.bordered.require_scale()
+        return follower.at(branch, gamma)
+
+
+def require_solutions(system: System, branch: Branch) -> None:
+    """Raise ``ValueError`` if a branch does not solve the present system. Collective.
+
+    The residual is that of H itself: a recorded piece satisfies its own rows even if the friction
+    coefficient has changed since.
+    """
+    layout = Layout(system)
+    b = system.create_vector()
+
+    def error(point: BranchPoint) -> float:
+        return system.residual(*layout.split(point.y), b, None)
+
+    scales = system.scales
+    worst = 0.0
+    with system.restored(always=True):
+        for _ in range(2):  # repeated, because the scales grow with the load
+            worst = max(map(error, branch.points), default=0.0)
+            if worst <= _ALLOWED:
+                break
+    system.scales = scales
+    require(
+        system.comm,
+        worst <= _ALLOWED,
+        f"not a solution of the problem as it is now: residual {worst:.1e} (allowed {_ALLOWED:g})",
+    )

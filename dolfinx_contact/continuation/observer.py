@@ -180,30 +180,37 @@ class _FunctionObserver(Observer):
         self._function(step)
 
 
-class Observers(Observer):
+class _Forwarding(Observer):
+    """Base class of observers that pass every call on."""
+
+    def _forward(self, method: str, *what: Any) -> None:
+        raise NotImplementedError
+
+    def begin(self, task: Any, state: Any) -> None:
+        self._forward("begin", task, state)
+
+    def step(self, step: Any, state: Any) -> None:
+        self._forward("step", step, state)
+
+    def end(self, ended: Ends) -> None:
+        self._forward("end", ended)
+
+    def explored(self, diagram: Diagram) -> None:
+        self._forward("explored", diagram)
+
+
+class Observers(_Forwarding):
     """Several observers, called in this order."""
 
     def __init__(self, *observers: ObserverLike[Any]):
         self._observers = [as_observer(o) for o in observers]
 
-    def begin(self, task: Any, state: Any) -> None:
-        for o in self._observers:
-            o.begin(task, state)
-
-    def step(self, step: Any, state: Any) -> None:
-        for o in self._observers:
-            o.step(step, state)
-
-    def end(self, ended: Ends) -> None:
-        for o in self._observers:
-            o.end(ended)
-
-    def explored(self, diagram: Diagram) -> None:
-        for o in self._observers:
-            o.explored(diagram)
+    def _forward(self, method: str, *what: Any) -> None:
+        for observer in self._observers:
+            getattr(observer, method)(*what)
 
 
-class CollectiveObserver(Observer):
+class CollectiveObserver(_Forwarding):
     """Call an observer with the accepted state in the problem, and raise its errors on all ranks.
 
     The state is put into the problem before every call, so that an observer that writes to the
@@ -222,25 +229,13 @@ class CollectiveObserver(Observer):
         put: Callable[[], object] = lambda: None,
     ):
         self._comm = comm
-        self._anywhere = bool(comm.allreduce(int(observer is not None)))
+        self._exists = bool(comm.allreduce(int(observer is not None)))
         self._observer = Observer() if observer is None else as_observer(observer)
         self._put = put
 
-    def _notify(self, do: Callable[..., None], *what: Any) -> None:
-        if not self._anywhere:
+    def _forward(self, method: str, *what: Any) -> None:
+        if not self._exists:
             return
         self._put()
         with everywhere(self._comm, "an observer"):
-            do(*what)
-
-    def begin(self, task: Any, state: Any) -> None:
-        self._notify(self._observer.begin, task, state)
-
-    def step(self, step: Any, state: Any) -> None:
-        self._notify(self._observer.step, step, state)
-
-    def end(self, ended: Ends) -> None:
-        self._notify(self._observer.end, ended)
-
-    def explored(self, diagram: Diagram) -> None:
-        self._notify(self._observer.explored, diagram)
+            getattr(self._observer, method)(*what)

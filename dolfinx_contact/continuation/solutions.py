@@ -31,13 +31,11 @@ from petsc4py import PETSc
 import numpy as np
 
 from dolfinx_contact._mpi import Arguments, collective
-from dolfinx_contact._validate import count, listed, nonnegative, positive
+from dolfinx_contact._validate import count, listed, nonnegative, number, positive
 from dolfinx_contact.continuation.affine import largest
 from dolfinx_contact.continuation.arguments import (
     check_states,
     check_system,
-    check_vectors,
-    checked_gamma,
 )
 from dolfinx_contact.continuation.bordered import Bordered
 from dolfinx_contact.continuation.branch import BranchPoint
@@ -135,15 +133,13 @@ class Solutions:
 
 def _check(a: Arguments) -> None:
     check_system(a.system)
-    a.gamma = checked_gamma(a.gamma)
+    a.gamma = number(a.gamma, "gamma")
     if any(isinstance(states, PETSc.Vec) for states in (a.guesses, a.known)):
         raise ValueError("guesses and known must be lists of states")
     for name in ("guesses", "known", "lengths"):
         setattr(a, name, listed(getattr(a, name), name))
     if not a.guesses:
         raise ValueError("at least one guess is needed")
-    check_vectors(a.guesses, "a guess")
-    check_vectors(a.known, "a known solution")
     for length in a.lengths:
         positive(length, "lengths")
     positive(a.tolerance, "tolerance")

@@ -39,10 +39,9 @@ import numpy.typing as npt
 
 from dolfinx_contact._mpi import Arguments, collective, require
 from dolfinx_contact._petsc import Factor
-from dolfinx_contact._validate import positive
+from dolfinx_contact._validate import number, positive
 from dolfinx_contact.continuation.arguments import (
     check_system,
-    checked_gamma,
     checked_range,
     leads_out,
     require_smooth,
@@ -407,7 +406,7 @@ def _is_smooth_fold(special: SpecialPoint) -> bool:
 def _check(a: Arguments) -> None:
     check_system(a.system)
     require_smooth(a.system)
-    a.mu = checked_gamma(a.mu, "mu")
+    a.mu = number(a.mu, "mu")
     a.mu_range = checked_range(a.mu_range, [a.mu], "mu")
     one = a.special.located and len(a.special.changes) == 1
     if not (one or _is_smooth_fold(a.special)):

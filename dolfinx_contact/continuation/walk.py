@@ -8,9 +8,8 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import pairwise
-from typing import TextIO, TypeAlias
+from typing import TypeAlias
 
-from mpi4py import MPI
 from petsc4py import PETSc
 
 from dolfinx_contact._petsc import staged
@@ -18,7 +17,7 @@ from dolfinx_contact._progress import Progress
 from dolfinx_contact.continuation.arguments import leads_out, reason_to_stop
 from dolfinx_contact.continuation.bordered import Bordered
 from dolfinx_contact.continuation.branch import Branch, BranchPoint, FoundRays, Ray, SpecialPoint
-from dolfinx_contact.continuation.ending import Ending, Ends
+from dolfinx_contact.continuation.ending import Ending
 from dolfinx_contact.continuation.observer import (
     BranchStep,
     CollectiveObserver,
@@ -32,7 +31,7 @@ from dolfinx_contact.continuation.observer import (
 from dolfinx_contact.continuation.parameters import Direction, StepControl, sign_of
 from dolfinx_contact.continuation.system import System
 
-__all__ = ["BranchProgress", "Next", "Walker", "leaves_range", "require_way"]
+__all__ = ["Next", "Walker", "leaves_range", "require_way"]
 
 logger = logging.getLogger(__name__)
 
@@ -243,8 +242,8 @@ class Walker(ABC):
         observers = Observers(
             CollectiveObserver(b.comm, record, put),
             CollectiveObserver(b.comm, observer, put),
-            BranchProgress(b.comm, progress),
         )
+        line = Progress(b.comm, progress)
         task = Task(gamma_range, b.gamma_scale, self.control, max_steps, to_node, branch_id)
         observers.begin(task, self._stepping(first))
         observers.step(BranchStep(branch_id, first, start), self._stepping(first))
@@ -272,11 +271,13 @@ class Walker(ABC):
             if branch.ending is not None:
                 state = replace(state, ending=branch.ending, reason=branch.reason)
             observers.step(step, state)
+            _show(line, step, len(branch.special))
             if branch.ending is not None:
                 break
         else:
             branch.end(Ending.BUDGET, f"the budget of {max_steps} steps is exhausted")
         observers.end(branch)
+        line.close(f"branch {branch_id}: {branch.reason}")
         branch.factorisations = b.solver.factorisations - work[0]
         branch.solves = b.solver.solves - work[1]
         put()
@@ -345,39 +346,21 @@ def _at_node(point: BranchPoint, node: SpecialPoint) -> BranchPoint:
     )
 
 
-class BranchProgress(Observer):
-    """Observer that shows the progress of a branch on one line.
-
-    The line has the branch, point, gamma, step length and number of special points. Each fold and
-    bifurcation is printed on a separate line.
+def _show(progress: Progress, step: BranchStep, number: int) -> None:
+    """Show the progress of a branch on one line, and its folds and bifurcations on others.
 
     Args:
-        comm: communicator; rank 0 writes.
-        wanted: whether to show the progress, see ``progress`` of `follow`.
-        stream: output stream; default: the standard error stream.
+        progress: progress line.
+        step: accepted step.
+        number: number of special points so far.
     """
-
-    def __init__(self, comm: MPI.Comm, wanted: bool | None = None, *, stream: TextIO | None = None):
-        self._progress = Progress(comm, wanted, stream=stream)
-        self._special = 0
-        self._branch = 0
-
-    def begin(self, task: Task, state: Stepping) -> None:
-        self._branch = task.branch
-
-    def step(self, step: BranchStep, state: Stepping) -> None:
-        self._special += len(step.special)
-        if not self._progress.due:
-            return
-        for s in step.special:
-            if s.kind != "event":
-                smooth = "smooth" if s.smooth else "nonsmooth"
-                where = f"branch {step.branch}: {smooth} {s.kind} at gamma {s.gamma:.10g}"
-                self._progress.write(where)
-        self._progress.update(
-            f"branch {step.branch}  point {step.index}  gamma {step.point.gamma:+.6f}  "
-            f"step {step.point.step:.1e}  special {self._special}"
-        )
-
-    def end(self, ended: Ends) -> None:
-        self._progress.close(f"branch {self._branch}: {ended.reason}")
+    if not progress.due:
+        return
+    for s in step.special:
+        if s.kind != "event":
+            smooth = "smooth" if s.smooth else "nonsmooth"
+            progress.write(f"branch {step.branch}: {smooth} {s.kind} at gamma {s.gamma:.10g}")
+    progress.update(
+        f"branch {step.branch}  point {step.index}  gamma {step.point.gamma:+.6f}  "
+        f"step {step.point.step:.1e}  special {number}"
+    )

@@ -12,8 +12,8 @@ import numpy as np
 
 from dolfinx_contact._mpi import everywhere, same_everywhere
 from dolfinx_contact.continuation import Branch, BranchPoint, Change, Node, SpecialPoint
+from dolfinx_contact.continuation.follow import require_solutions
 from dolfinx_contact.continuation.layout import Layout
-from dolfinx_contact.continuation.points import require_solutions
 from dolfinx_contact.equations.order import Gathered, by_coordinates
 from dolfinx_contact.laws import status
 from dolfinx_contact.records.functionals import Functional, compiled

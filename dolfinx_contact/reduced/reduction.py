@@ -44,11 +44,11 @@ from dolfinx import fem
 
 from dolfinx_contact._mpi import Arguments, collective, on_root, require, total
 from dolfinx_contact._petsc import staged
+from dolfinx_contact._validate import number
 from dolfinx_contact.algorithms.exchange import save_points
 from dolfinx_contact.algorithms.point_problem import PointProblem
 from dolfinx_contact.continuation import Piece
 from dolfinx_contact.continuation.affine import AffineSystem
-from dolfinx_contact.continuation.arguments import checked_gamma
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.parametric import ParametricEquations
 from dolfinx_contact.laws.cones import no_cones
@@ -66,7 +66,7 @@ _SYMMETRIC = 1e-8  # of the largest entry of the condensed stiffness
 def _check_save(a: Arguments) -> None:
     if not isinstance(a.file, str | os.PathLike):
         raise ValueError(f"the file must be a path, got {a.file!r}")
-    a.gamma = checked_gamma(a.gamma)
+    a.gamma = number(a.gamma, "gamma")
 
 
 class Reduction:
