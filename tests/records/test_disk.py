@@ -318,12 +318,13 @@ def test_ranks_that_outlive_a_killed_mpirun(folder):
     """They hold the record, which says who they are; it is free when they have ended."""
     taken = ("OMPI_", "PRTE_", "PMIX_", "PETSC_OPTIONS")
     clean = {k: v for k, v in os.environ.items() if not k.startswith(taken)}
-    program = ["python3", str(TREE / "tests/support/recorded_run.py"), str(folder)]
-    path = os.pathsep.join([str(TREE / "tests"), os.environ.get("PYTHONPATH", "")])
+    program = ["python3", "-m", "support.recorded_run", str(folder)]
+    modules = os.pathsep.join([str(TREE / "tests"), os.environ.get("PYTHONPATH", "")])
+    # A killed mpirun leaves its folder, in whose way a later one of the same number would be.
+    new = {"DOLFINX_CONTACT_ENV": "direct", "TMPDIR": str(folder), "PYTHONPATH": modules}
     process = subprocess.Popen(
         [TREE / "docker/run", "mpirun", "-n", "2", *program],
-        # A killed mpirun leaves its folder, in whose way a later one of the same number would be.
-        env=clean | {"DOLFINX_CONTACT_ENV": "direct", "TMPDIR": str(folder), "PYTHONPATH": path},
+        env=clean | new,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
     )

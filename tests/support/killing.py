@@ -19,7 +19,8 @@ def launch(ranks, script, *arguments):
     """Start a script of the tests on ranks of its own, without what this process has from its."""
     taken = ("OMPI_", "PRTE_", "PMIX_", "PETSC_OPTIONS")
     clean = {k: v for k, v in os.environ.items() if not k.startswith(taken)}
-    program = ["python3", str(TREE / "tests" / "support" / script), *map(str, arguments)]
+    # As a module: next to a script of this folder, its numbers.py would hide Python's.
+    program = ["python3", "-m", f"support.{Path(script).stem}", *map(str, arguments)]
     command = program if ranks == 1 else ["mpirun", "-n", str(ranks), *program]
     # A killed mpirun leaves its folder, in whose way a later one of the same number would be.
     own = tempfile.mkdtemp(prefix="ranks-")
