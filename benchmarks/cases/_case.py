@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The command line of a demo: options that recur, each with its check.
+"""Command line of a case: common options with their validation.
 
-Words that begin with one dash, such as ``-contact_snes_monitor``, are PETSc's.
+Words with one leading dash, such as ``-contact_snes_monitor``, are passed to PETSc.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ CELLS = {
     "tet": mesh.CellType.tetrahedron,
     "hex": mesh.CellType.hexahedron,
 }
-#: What `NSCD` is by default, as options of a demo: ``ScriptParser(..., **MOTION)``.
+#: Defaults of `NSCD` as options of a case: ``ScriptParser(..., **MOTION)``.
 MOTION: dict[str, Any] = {
     "scheme": "theta",
     "level": "position",
@@ -45,14 +45,14 @@ def number(
     most: float | None = None,
     below: float | None = None,
 ) -> Callable[[str], Any]:
-    """The ``type`` of an option that is a finite number.
+    """Return the ``type`` of an option that is a finite number.
 
     Args:
         kind: ``float`` or ``int``.
-        least: the smallest that is allowed.
-        above: a bound that it must exceed.
-        most: the largest that is allowed.
-        below: a bound that it must stay below.
+        least: smallest admissible value.
+        above: lower bound, which is excluded.
+        most: largest admissible value.
+        below: upper bound, which is excluded.
     """
 
     def convert(text: str) -> Any:
@@ -76,7 +76,7 @@ def number(
     return convert
 
 
-#: Options that scripts share, as `argparse` knows them.
+#: Common options in the form of `argparse`.
 _RECURRING: dict[str, dict[str, Any]] = {
     "dim": dict(type=int, choices=(2, 3), help="dimension of the body"),
     "n": dict(type=number(int, above=0), help="cells along an edge"),
@@ -109,13 +109,13 @@ _RECURRING: dict[str, dict[str, Any]] = {
 
 
 class ScriptParser(argparse.ArgumentParser):
-    """Parser of a script's options, which speaks on rank 0 only.
+    """Parser of the options of a script; only rank 0 prints.
 
     Args:
-        description: of the script.
-        output: folder that ``--output`` has by default.
-        defaults: of options that recur, by name: ``n=8, friction=0.3`` makes ``--n`` and
-            ``--friction``. For others there is `add_argument`, with `number` as the type.
+        description: description of the script.
+        output: default of ``--output``.
+        defaults: defaults of common options by name: ``n=8, friction=0.3`` adds ``--n`` and
+            ``--friction``. `add_argument` with `number` as the type adds others.
 
     Example:
         ::
@@ -132,19 +132,19 @@ class ScriptParser(argparse.ArgumentParser):
         self.add_argument("--output", default=output, help="folder of the results")
 
     def add_argument(self, *names: Any, **option: Any) -> argparse.Action:
-        """As in `argparse`; the help says what the default is, if there is one."""
+        """Add an option as in `argparse`; the help shows the default."""
         if option.get("default") not in (None, argparse.SUPPRESS):
             option["help"] = f"{option.get('help', '')} (default: %(default)s)".strip()
         return super().add_argument(*names, **option)
 
     def parse(self, argv: Sequence[str] | None = None) -> argparse.Namespace:
-        """The options, checked; those that begin with one dash go to PETSc.
+        """Return the validated options; options with one dash are passed to PETSc.
 
         Args:
-            argv: words, by default those of the command line.
+            argv: words; by default the command line.
 
         Raises:
-            SystemExit: if they do not fit, with a message on rank 0.
+            SystemExit: if an option is invalid, with a message on rank 0.
         """
         args = parse_arguments(self, argv)
         if getattr(args, "lame", None) is not None:
@@ -163,5 +163,5 @@ class ScriptParser(argparse.ArgumentParser):
 
 
 def motion_of(args: argparse.Namespace) -> dict[str, Any]:
-    """The options of `MOTION` as they were given, for `NSCD`."""
+    """Return the options of `MOTION` for `NSCD`."""
     return {name: getattr(args, name) for name in MOTION}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Hertz contact: closed forms, and what is compared with them in a table of contact points.
+r"""Hertz contact: closed forms, and their comparison with a table of contact points.
 
 An elastic body whose face has the radius of curvature $R$, pressed on a rigid plane, is close to a
 half-space if the contact is small against $R$ and the body (Johnson, Contact Mechanics, 1985,
@@ -32,13 +32,13 @@ _INSIDE = 0.9  # of the contact: nodes at the edge cover both sides
 
 @dataclass(frozen=True)
 class Hertz:
-    """The closed forms for one pair of bodies.
+    """Closed forms for one pair of bodies.
 
     Attributes:
         dim: 2 for line contact, 3 for point contact.
-        curvature_radius: R.
-        stiffness: E*.
-        parts: how many bodies like that of a table make up the whole, by symmetry.
+        curvature_radius: radius R of the relative curvature.
+        stiffness: modulus E* of the pair.
+        parts: number of copies of the meshed part in the whole body, by symmetry.
     """
 
     dim: int
@@ -53,27 +53,27 @@ class Hertz:
             raise ValueError("the radius of curvature and the stiffness must be positive")
 
     def radius(self, load: float) -> float:
-        """Half of the width, or radius, of the contact."""
+        """Return the half width or radius of the contact."""
         if self.dim == 2:
             return float(np.sqrt(4 * load * self.curvature_radius / (np.pi * self.stiffness)))
         return float(np.cbrt(3 * load * self.curvature_radius / (4 * self.stiffness)))
 
     def peak(self, load: float) -> float:
-        """The pressure on the axis."""
+        """Return the pressure on the axis."""
         a = self.radius(load)
         return float(2 * load / (np.pi * a) if self.dim == 2 else 3 * load / (2 * np.pi * a**2))
 
     def load(self, radius: float) -> float:
-        """The load that gives this radius of the contact."""
+        """Return the load for a radius of the contact."""
         if self.dim == 2:
             return np.pi * self.stiffness * radius**2 / (4 * self.curvature_radius)
         return 4 * self.stiffness * radius**3 / (3 * self.curvature_radius)
 
     def approach(self, load: float, depth: float, poisson: float) -> float:
-        """How far a point of the axis at this depth comes nearer to the contact.
+        """Return the approach of a point of the axis at a depth towards the contact.
 
-        That of a half-space (Johnson, sections 3.2 and 5.6); in 2D it grows without limit with the
-        depth, in 3D it tends to a^2 / R.
+        The body is a half-space (Johnson, sections 3.2 and 5.6). In 2D it is unbounded in the
+        depth; in 3D it tends to a^2 / R.
         """
         a = self.radius(load)
         if self.dim == 2:
@@ -83,12 +83,12 @@ class Hertz:
         return float(a**2 / self.curvature_radius - beyond)
 
     def pressure(self, load: float, x: npt.ArrayLike) -> npt.NDArray[np.float64]:
-        """The pressure at distances ``x`` from the axis."""
+        """Return the pressure at distances ``x`` from the axis."""
         part = np.maximum(1 - (np.asarray(x, dtype=float) / self.radius(load)) ** 2, 0)
         return np.asarray(self.peak(load) * np.sqrt(part))
 
     def compare(self, table: ContactTable) -> dict[str, float]:
-        """What a table of contact points says of the contact, beside the closed forms.
+        """Compare a table of contact points with the closed forms.
 
         p^2 is linear in x^2, so that a linear least-squares fit over the points inside 0.9 a, each
         with its area, gives radius and peak pressure without a look at the edge.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Pictures that some demos share: maps of what holds where."""
+"""Maps of words over two axes."""
 
 import numpy as np
 
@@ -12,13 +12,13 @@ def draw_maps(file, x, y, maps, names, *, lines=(), labels=("", "")):
     """Draw maps over the same axes with one legend; on this rank alone.
 
     Args:
-        file: the picture, of any kind that matplotlib writes.
-        x: abscissae of the cells (n,).
-        y: their ordinates (m,).
-        maps: by title what holds in each cell, words (n, m).
-        names: of the words, for the legend; their order gives the colours.
-        lines: curves ((x, y), word) on which something of its own holds, in every map.
-        labels: of the axes, TeX between dollars.
+        file: file of the picture, in any format of matplotlib.
+        x: abscissae of the cells, shape (n,).
+        y: ordinates of the cells, shape (m,).
+        maps: words of the cells (n, m) by title.
+        names: legend of the words; their order gives the colours.
+        lines: curves ((x, y), word) that are drawn in every map.
+        labels: labels of the axes, TeX between dollars.
 
     Raises:
         KeyError: if a word has no name.

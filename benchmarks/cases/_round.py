@@ -16,7 +16,7 @@ from dolfinx_contact import io, plot
 
 
 def parser(name, ratio):
-    """The options of such a demo; ``ratio`` is what ``--ratio`` is by default."""
+    """Return the parser of such a case; ``ratio`` is the default of ``--ratio``."""
     words = ScriptParser("Two round bodies", output=f"output/{name}", friction=0.0)
     add = words.add_argument
     size = number(above=0, most=2)
@@ -28,12 +28,12 @@ def parser(name, ratio):
 
 
 def quarter(size, sign, radius):
-    """The number of sides that may touch, and the corners (x, y) of a quarter of a disc.
+    """Return the number of sides that may touch, and the corners (x, y) of a quarter of a disc.
 
     Args:
-        size: of the sides at the contact, (0, 0).
+        size: length of the sides at the contact, (0, 0).
         sign: 1 for a disc above the contact, -1 for one below.
-        radius: of the disc.
+        radius: radius of the disc.
     """
     end = 0.5 * np.pi * radius
     s = [0.0]
@@ -80,12 +80,12 @@ def draw(bodies):
 
 
 def study(args, problem, hertz):
-    """Solve the problem of each mesh, compare with Hertz and write what was found.
+    """Solve the problem on each mesh, compare with Hertz and write the results.
 
     Args:
-        args: the options of `parser`.
-        problem: a function of the size of cells, the options and the communicator.
-        hertz: the closed forms, `Hertz`.
+        args: options of `parser`.
+        problem: function of the cell size, the options and the communicator.
+        hertz: closed forms.
     """
     comm = MPI.COMM_WORLD
     folder = io.output_folder(comm, args.output)

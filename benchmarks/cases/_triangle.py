@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The triangle of some demos, which has one solution or several.
+"""Triangle with one or several solutions.
 
 A = (0, 0), B = (l, 0), C = (0, l), clamped on BC, may touch a rigid floor along AB; a traction acts
 on AC. Of one element it is Hild's (Int. J. Appl. Math. Comput. Sci. 12 (2002) 41-50), of many that
@@ -24,7 +24,7 @@ from dolfinx_contact.continuation import explore
 from dolfinx_contact.laws.status import letters
 from dolfinx_contact.materials import LinearElastic
 
-#: Where an algorithm ends, by the words of `end_of`.
+#: Descriptions of the results of `end_of`.
 ENDS = {
     **{"o": "A opens", "k": "A sticks", "-": "A slips to the left", "+": "A slips to the right"},
     **{"c": "a cycle", "d": "diverges", "n": "does not converge"},
@@ -107,7 +107,7 @@ def reduced(n, friction, load, lame):
 
 
 def end_of(contact, outcome):
-    """The status of A where an algorithm has ended, or what else happened: a word of `ENDS`."""
+    """Return the final status of A in an algorithm, or its failure: a key of `ENDS`."""
     if outcome.converged:
         return str(letters(2)[contact.statuses(outcome.a, outcome.r)[0]])
     kinds = {"cycle": "c", "diverges": "d", "not finite": "d"}

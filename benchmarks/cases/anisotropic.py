@@ -61,12 +61,6 @@ def threshold(C):
     return np.inf
 
 
-# A block that may slip uniformly.
-#
-# The block hangs from its held top. Its loads are such that the state u = (-0.1 (1 - y), 0) with a
-# pressure of 1 all over the contact face, which slips to the left, is a solution on every mesh.
-
-
 def body(n, friction, fibres, degrees, comm=MPI.COMM_WORLD):
     domain = mesh.create_unit_square(comm, n, n)
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
@@ -96,12 +90,6 @@ def body(n, friction, fibres, degrees, comm=MPI.COMM_WORLD):
     floor = HalfSpace((0, 0), (0, 1))
     surface = ContactSurface(u, bottom, obstacle=floor, law=Coulomb(friction))
     return ContactProblem(residual, u, [surface], bcs=[held])
-
-
-# What the meshes say.
-#
-# Of the symmetric part of A_nn + F A_nt of all contact points the negative eigenvalues are counted:
-# the directions in which pressure does not hold the face. And all solutions are looked for.
 
 
 def negative(n, friction, *material, comm=MPI.COMM_WORLD):

@@ -34,11 +34,6 @@ def arguments(argv=None):
     return parser.parse(argv)
 
 
-# The belt.
-#
-# A strip of quadrilaterals, one across, bent to where it hangs: s goes along its inner face.
-
-
 def belt(args, comm):
     h = args.thickness
     size = ALPHA * RADIUS / args.n

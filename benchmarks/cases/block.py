@@ -29,12 +29,6 @@ def arguments(argv=None):
     return parser.parse(argv)
 
 
-# The foundation.
-#
-# All three touch the undeformed block: the plane everywhere, the tilted plane along its left edge,
-# the sphere in the middle.
-
-
 def foundation(args):
     up = np.eye(args.dim)[-1]
     if args.obstacle == "plane":
@@ -43,11 +37,6 @@ def foundation(args):
         return HalfSpace(np.zeros(args.dim), up + args.tilt * np.eye(args.dim)[0])
     middle = 0.5 * (1.0 - up)
     return Sphere(middle - args.radius * up, args.radius)
-
-
-# The problem.
-#
-# The body is any UFL energy or residual; here isotropic linear elasticity (plane strain in 2D).
 
 
 def problem(args, comm):
@@ -73,12 +62,6 @@ def problem(args, comm):
         u, bottom, obstacle=foundation(args), law=Coulomb(args.friction), method=args.method
     )
     return ContactProblem(material.energy(u) * ufl.dx, u, [surface], bcs=[held])
-
-
-# Solve and write.
-#
-# `solve` starts from zero and returns what it found: the contact points with their status, the
-# resultants, the history of Newton's method and the worst violation of the contact law.
 
 
 def main(argv=None):

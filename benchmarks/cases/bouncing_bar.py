@@ -64,7 +64,7 @@ def bar(n, comm, *, weight=WEIGHT, height=HEIGHT, obstacle=None):
 
 
 def impulse(t):
-    """What the floor has given the bar, exactly, up to 16/3."""
+    """Return the exact impulse of the floor up to a time, at most 16/3."""
     a = np.clip(t, 1, 5 / 3) - 1
     b = np.clip(t, 11 / 3, 13 / 3) - 11 / 3
     return 300 * a + 150 * a**2 + 500 * b - 150 * b**2

@@ -40,11 +40,6 @@ def arguments(argv=None):
     return parser.parse(argv)
 
 
-# The body and its load.
-#
-# gamma is a Constant that the Dirichlet data of the top contain.
-
-
 def foot(args, comm):
     n = args.n
     domain = mesh.create_unit_cube(comm, n, n, n, mesh.CellType.hexahedron)
@@ -96,12 +91,6 @@ def draw(folder, comm, system, material, branch, journal):
     if comm.rank == 0:
         labels = {"sum_rn": "normal force", "sum_rt": "tangential force"}
         plot.draw_diagram(folder / "branch.png", journal, labels)
-
-
-# Follow it.
-#
-# `kinks="batched"` lets a step pass many events; it is the default for so many contact points. The
-# predicate `locate`, called on the rank that owns a point, locates the first contact.
 
 
 def main(argv=None):

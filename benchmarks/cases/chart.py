@@ -81,12 +81,6 @@ def problem(args):
     return triangle, (0.0, 1.2 * largest)
 
 
-# Branches at some coefficients, and the curves that pass through their folds.
-#
-# The second parameter is the Constant in the friction law. A fold that no branch has met is not
-# followed, so that branches at both ends of the range, and at `--at`, are better than one.
-
-
 def curves_of(system, friction, span, gammas, coefficients):
     first = gammas[0]
     branches = []

@@ -81,9 +81,6 @@ def gammas_outwards(branch):
     return gammas[::-1]
 
 
-# From gamma = 1 to the degenerate point, and out along every ray.
-
-
 def main(argv=None):
     given = dict(nx=20, ny=40, friction=1.0)
     parser = ScriptParser("A hyperelastic block", output="output/ciarlet_geymonat", **given)

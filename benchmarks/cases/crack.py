@@ -58,9 +58,6 @@ def arguments(argv=None):
     return args
 
 
-# The block, with facets that become a crack, from the front of which cells grow.
-
-
 def draw(h, args):
     occ = gmsh.model.occ
     field = gmsh.model.mesh.field

@@ -32,11 +32,6 @@ def arguments(argv=None):
     return parser.parse(argv)
 
 
-# The bodies.
-#
-# Neither the load nor the friction of the law matters; it is 1, the unit of the criterion below.
-
-
 def parallelogram(args, n, height):
     corners = [[0.0, 0.0], [args.width, height]]
     upwards = max(round(n * height / args.width), 1)
@@ -61,14 +56,6 @@ def body(args, n):
     if args.shape == "hild":
         return linear_triangle(n, 1.0, lame=args.lame).problem
     return parallelogram(args, n, args.height)
-
-
-# Refinement, and what is certain.
-#
-# Renard's criterion says up to which friction a solution is the only one, from the directions in
-# which its points slip. For one direction it converges too. For directions that alternate from node
-# to node it goes to zero like h^(1/2), and such is the bound C h^(1/2) that theory has for *all*
-# solutions: it is about slips that nobody has seen, and the first continuum is far above it.
 
 
 def level(args, n):
@@ -97,12 +84,6 @@ def curves_of(levels, name):
     h = [row["h"] for row in levels]
     values = [abs(row[name] or np.nan) for row in levels]
     return h, values
-
-
-# A prism that leans, over the direction of sliding.
-#
-# In 3D a slip has a direction. The prism leans to one side; the smallest friction is that of the
-# slip that drives it into the floor; slip the other way has none.
 
 
 def prism(args):

@@ -33,13 +33,6 @@ def arguments(argv=None):
     return args
 
 
-# The mesh.
-#
-# Rank 0 draws the section of the block, an arc and three straight lines, meshes it with cells that
-# are small at the lowest point and larger at the top, and extrudes it. The physical groups
-# `rocker`, `contact` (the round face) and `top` travel with the mesh.
-
-
 def draw_rocker(size):
     occ = gmsh.model.occ
     rise = RADIUS - np.sqrt(RADIUS**2 - HALF_LENGTH**2)
@@ -69,12 +62,6 @@ def draw_rocker(size):
     for option in ("MeshSizeFromPoints", "MeshSizeFromCurvature", "MeshSizeExtendFromBoundary"):
         gmsh.option.setNumber(f"Mesh.{option}", 0)
     gmsh.model.mesh.generate(3)
-
-
-# Solve and write.
-#
-# The floor is the plane through the lowest point of the contact face. The folder is made before
-# anything expensive happens, and rank 0 reports the progress.
 
 
 def main(argv=None):

@@ -43,11 +43,6 @@ def arguments(argv=None):
     return args
 
 
-# The meshes.
-#
-# n cells around, so many across that they are about square.
-
-
 def ring(args, comm, *, whole):
     """The ring, or its upper half."""
     layers = max(round(args.n * (OUTER - INNER) / (2 * np.pi * INNER)), 2)
@@ -74,9 +69,6 @@ def on_circle(domain, radius):
         return np.isclose(np.hypot(x[0], x[1]), radius)
 
     return mesh.locate_entities_boundary(domain, 1, here)
-
-
-# The whole ring, and a half of it.
 
 
 class Ring:

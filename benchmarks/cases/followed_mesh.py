@@ -62,11 +62,6 @@ def arguments(argv=None):
     return args
 
 
-# The problem with its parameter.
-#
-# gamma is a Constant of the energy (body force) or drives the Dirichlet data (displaced support).
-
-
 def system(args, comm):
     groups = dict(dim=2, groups=("dirichlet", "contact"))
     if args.mesh:
@@ -105,12 +100,6 @@ def system(args, comm):
     surface = ContactSurface(u, body, tag="contact", obstacle=floor, law=law)
     problem = ContactProblem(energy, u, [surface], bcs=bcs)
     return ParametricContact(problem, gamma, driven=driven)
-
-
-# Follow it.
-#
-# The undeformed body that only grazes the floor has every contact point at a kink: when its support
-# is driven, the branch is entered a little beyond.
 
 
 def followed(args, folder, body, x, first, way):

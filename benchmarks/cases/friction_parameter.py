@@ -27,12 +27,6 @@ def arguments(argv=None):
     return args
 
 
-# Where the branch begins.
-#
-# `find_solutions` lists all solutions under the load; that in which A sticks is taken. It does not
-# depend on F as long as F is large enough. The parameter is the Constant in the friction law.
-
-
 def main(argv=None):
     args = arguments(argv)
     comm = MPI.COMM_WORLD

@@ -115,7 +115,7 @@ def problem(args, comm, n, a, delta):
 
 
 def solve(args, comm, say=lambda text: None):
-    """The problem and the result of the finest mesh, and what was measured on each."""
+    """Return problem and result of the finest mesh, and the numbers of each mesh."""
     a = args.hertz.radius(args.load)
     delta = args.hertz.approach(args.load, args.size * a, args.poisson)
     power = 1.0 if args.dim == 2 else 2 / 3  # approach ~ load^power

@@ -18,12 +18,6 @@ from dolfinx_contact.records import leftmost
 #: Outputs; A is the leftmost contact point.
 FUNCTIONALS = {name: leftmost(name) for name in ("ut", "un", "rt", "rn")}
 
-# All solutions at a load.
-#
-# Only A can change its status, so that there are four pieces. `find_solutions` examines all of them
-# and finds the ends of continua too. The element is so small that every rank solves it alone; its
-# traction is preload + gamma load.
-
 
 def critical_friction(lame):
     """The coefficient beyond which there are loads with three solutions."""
@@ -54,13 +48,6 @@ def solutions(system, gamma=1.0):
     states.sort(key=lambda state: "ok+-".index(state["status"]))
     return states
 
-
-# The diagram of Proposition 2.
-#
-# One picture per regime of friction (below, at and above the critical coefficient), as figures 2 to
-# 4 of the paper. On every piece the state is linear in the load, so that its inequalities tell at
-# which loads of a grid it holds a solution. The borders between the regions are lines through the
-# origin, and two of them carry sets of their own: there `solutions` are searched.
 
 WORDS = {"o": "separation", "k": "stick", "+": "slip right", "-": "slip left", "~": "a continuum"}
 SETS = ("o", "k", "+", "-", "ok-", "ok", "k-", "-~")
@@ -115,7 +102,7 @@ def diagram(lame, friction, length, size):
 
 
 def draw_diagrams(args, folder, comm):
-    """Pictures of the three regimes, and what they show."""
+    """Draw the three regimes and return their statuses."""
     critical = critical_friction(args.lame)
     regimes = {"below": 0.5 * critical, "at": critical, "above": 1.5 * critical}
     shown = {}

@@ -73,9 +73,6 @@ def arguments(argv=None):
     return parser.parse(argv)
 
 
-# Four elastic laws, of F in plane strain.
-
-
 def iso(first, J, lmbda, mu):
     bulk = lmbda + 2 * mu / 3
     return mu / 2 * (J ** (-2 / 3) * first - 3) + bulk / 2 * ((J**2 - 1) / 2 - ufl.ln(J))
@@ -105,9 +102,6 @@ def stored(args, u, young):
     F = ufl.Identity(2) + ufl.grad(u)
     first = ufl.inner(F, F) + 1
     return LAWS[args.law](first, ufl.det(F), lmbda, mu)
-
-
-# The bodies.
 
 
 def growing(length, size, largest, rate):
@@ -181,9 +175,6 @@ def problem(args, comm):
         sliding="large",
     )
     return ContactProblem(energy, u, [pair], bcs=bcs), motion
-
-
-# The history.
 
 
 def times(args):

@@ -58,12 +58,6 @@ def draw(folder, comm, system, diagram, ends, found, titles, length, proofs):
     plot.draw_diagram(folder / "diagram.png", journal, seen, names=names, strips=0, proved=proofs)
 
 
-# Explore, from the solution at gamma = -1.
-#
-# Every branch that leaves gamma = 0 is a ray and ends at gamma = -1 or 1. That these ends are all
-# solutions there is proved by branch and bound, with bounds for all round-off.
-
-
 def main(argv=None):
     body = dict(n=64, friction=1.7, load=(26.0, 7.5), lame=(100.0, 82.0), length=1.0)
     parser = ScriptParser("A triangle", output="output/linear_triangle", route="auto", **body)

@@ -22,7 +22,7 @@ RADIUS = 4.0  # of the pair
 SIZE = 12.0  # of the blocks
 DEPTH = 0.215  # of the press
 FINE = 0.68  # the cells on it are counted; about half of the contact
-FACE = 0.9  # half of what may touch
+FACE = 0.9  # half length of the contact surface
 
 
 def arguments(argv=None):

@@ -19,11 +19,6 @@ from dolfinx_contact import ContactProblem, ContactSurface, HalfSpace, io, plot
 from dolfinx_contact.laws import OPEN, PLUS, STICK, Border, FrictionLaw, Law, StatusPiece
 from dolfinx_contact.materials import LinearElastic
 
-# Static and kinetic friction.
-#
-# The coefficient falls from the static to the kinetic value as a point slips. Fields of a law may
-# be numbers, Constants or Functions.
-
 
 @dataclass(frozen=True)
 class SlipWeakening(FrictionLaw):
@@ -34,13 +29,6 @@ class SlipWeakening(FrictionLaw):
     def bound(self, a, p):
         drop = self.static - self.kinetic
         return (self.kinetic + drop * ufl.exp(-a.slid / self.distance)) * p
-
-
-# Orthotropic friction.
-#
-# Wood, say: the shear lies in an ellipse, wider across the grain than along it, and a slipping
-# point dissipates the most, t = -p A (A u_t)/|A u_t| with A = diag(along, across). In q = A^{-1} t
-# the ellipse is a disc, onto which q is projected. Distances to borders are positive inside.
 
 
 @dataclass(frozen=True)
@@ -86,9 +74,6 @@ def arguments(argv=None):
     parser.add_argument("--across", type=positive, default=0.4, help="the same")
     parser.add_argument("--angle", type=number(), default=0.5, help="of the grain, in radians")
     return parser.parse(argv)
-
-
-# A block dragged over a floor, which pushes it aside where the law is orthotropic.
 
 
 def problem(law, args, comm=MPI.COMM_WORLD):

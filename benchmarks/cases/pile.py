@@ -113,7 +113,7 @@ def pile_in_soil(args, comm):
 
 
 def closed_form(args, u):
-    """Force, displacement of the head, what lies between it and a slip, and the friction left."""
+    """Return force, displacement of the head, compliance and remaining friction."""
     L = args.depth
     EA = np.pi * A**2 * PILE[0]
     G = SOIL[0] / 2 / (1 + SOIL[1])

@@ -50,9 +50,6 @@ def lame(overlap):
     return overlap / (hub_gives + ring_gives)
 
 
-# The bodies, of quarters that are made of quadrilaterals.
-
-
 def draw_body(name, radii, n, centre):
     """The hub or the ring between two radii, with n cells on a quarter."""
     geo = gmsh.model.geo

@@ -46,11 +46,6 @@ def arguments(argv=None):
     return args
 
 
-# Two bodies of tetrahedra.
-#
-# A prism is cut into three tetrahedra, so that neighbours fit; a hexahedron into six.
-
-
 def extruded(n, layers, depth):
     """Nodes (k, 3) and tetrahedra of the triangle of n cells an edge."""
     place = {}
@@ -115,12 +110,6 @@ def body(args, comm):
     floor = HalfSpace((0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
     surface = ContactSurface(u, sole, obstacle=floor, law=Coulomb(args.friction))
     return ParametricContact(ContactProblem(energy, u, [surface], bcs=[bc]), gamma)
-
-
-# What is found.
-#
-# Of every solution the statuses of the points (open, stick, slip; clamped points are `d`) and the
-# forces of the floor on the body.
 
 
 def described(system, point):

@@ -47,11 +47,6 @@ def arguments(argv=None):
     return parser.parse(argv)
 
 
-# Tools.
-#
-# The tool stands on the slab, whose face is at z = 0.
-
-
 def box_distance(x):
     """The distance of a box of the height 1 that stands on the plane z = 0."""
     over = [abs(x[0]) - HALF, abs(x[1]) - HALF, abs(x[2] - 0.5) - 0.5]
@@ -85,9 +80,6 @@ def tool_from_file(comm, folder, kind, cuts):
         write_stl(file, points / MM, cells)
     comm.barrier()
     return RigidSurface.read(file, scale=MM, comm=comm)
-
-
-# The slab.
 
 
 def pressed(args, comm, shape):

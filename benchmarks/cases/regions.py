@@ -78,7 +78,7 @@ def curves_of(system, other, size):
 
 
 def record_of(friction, curves, regions):
-    """What the summary tells of one friction coefficient."""
+    """Return the entry of the summary for one friction coefficient."""
     lines = []
     for curve in curves.curves:
         statuses = curve.segments[0].statuses

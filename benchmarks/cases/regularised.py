@@ -27,12 +27,6 @@ def arguments(argv=None):
     return parser.parse(argv)
 
 
-# The smooth problem, with eps as the parameter.
-#
-# Newton's method begins at the true solution in which A sticks; the true ones are the ends of the
-# branches of the linear triangle.
-
-
 def creeping(args, true, stuck):
     true.result_at(stuck)
     given = []
@@ -57,9 +51,6 @@ def creeping(args, true, stuck):
     return system, x
 
 
-# As others do it: from rest at a large eps, which falls step by step.
-
-
 def from_above(system, widths):
     for field in system.problem.fields:
         field.x.array[:] = 0.0
@@ -77,9 +68,6 @@ def from_above(system, widths):
         }
         rows.append(row)
     return rows
-
-
-# Follow it.
 
 
 def main(argv=None):

@@ -243,7 +243,7 @@ def carter_shear(x, q, friction, load):
 
 
 def compared(args, creepage, rows):
-    """What a run has, beside Carter."""
+    """Return the results of a run and those of Carter."""
     ways, P, Q = rows.T
     q = Q / (args.friction * P)
     a = HERTZ.radius(P[-1])

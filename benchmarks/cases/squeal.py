@@ -36,11 +36,6 @@ def arguments(argv=None):
     return parser.parse(argv)
 
 
-# The pad.
-#
-# Of `ny` cells over the height; in 3D as many across the motion as fit.
-
-
 def pad(args, comm=MPI.COMM_WORLD):
     last = args.dim - 1
     cell = CELLS[args.cell]
@@ -74,12 +69,6 @@ def pad(args, comm=MPI.COMM_WORLD):
     return problem, energy, ds
 
 
-# Damping by a regularised law.
-#
-# At the speed V of sliding the law F p tanh(v/e) has the slope F p (1 - tanh^2(V/e))/e, a damper
-# per area of the floor. A form of damping is given as UFL, and may be any other.
-
-
 def regularised(problem, energy, ds, args, slope):
     u = problem.u
     v = ufl.TrialFunction(problem.V)
@@ -90,12 +79,6 @@ def regularised(problem, energy, ds, args, slope):
     eta = fem.Constant(problem.V.mesh, float(args.damping))
     damper = c * v[0] * w[0] * ds
     return eta * stiffness + damper
-
-
-# One period of a vibration.
-#
-# The body moves as the real part of (real + i imaginary) exp(i t); the growth is left out, so that
-# the animation can be repeated.
 
 
 def period(problem, modes, size, frames):

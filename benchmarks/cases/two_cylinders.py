@@ -29,13 +29,6 @@ HERTZ = Hertz(2, RADIUS, 1 / COMPLIANCE, parts=2)
 SPHERES = Hertz(3, RADIUS / 2, SPHERES_YOUNG / (2 * (1 - POISSON**2)))
 
 
-# The bodies.
-#
-# The quarter of a disc, and half of the block, whose nodes are below those of a disc with cells of
-# its size: so they are below those of the other where the sizes are the same. All nodes that may
-# touch are opposite to the other face along the vertical, which is the normal of the contact.
-
-
 def block(size):
     face, corners = quarter(size, -1, RADIUS)
     top = [(x, 0.0) for x, _ in corners[: face + 1]]
@@ -67,11 +60,6 @@ def problem(size, args, comm):
     faces = dict(slave="upper face", master="lower face", normal=(0, -1))
     pair = ContactPair(u, body, law=law, **faces)
     return ContactProblem(energy, u, [pair], bcs=bcs)
-
-
-# Two spheres, for comparison.
-#
-# Bodies of revolution of one material, whose equators approach each other by 4 mm.
 
 
 def spheres(size, args, comm):

@@ -28,12 +28,6 @@ def arguments(argv=None):
     return parser.parse(argv)
 
 
-# The coefficient, and others beside it.
-#
-# That of sliding states: a slip of all points that changes nothing. Renard's: up to which a
-# solution that slips to the right everywhere is certainly the only one.
-
-
 def level(n, lame):
     problem = linear_triangle(n, 1.0, lame=lame).problem
     found = wedging_friction(problem)
@@ -55,18 +49,6 @@ def draw_state(file, found):
     plot.draw_curves(file, curves, labels=("x", f"F = {found.friction:.6g}"))
 
 
-# The wedged state as a branch.
-#
-# With memory the friction law is about the increments of slip. The traction grows from nothing and
-# falls to nothing, grows again, falls, and pulls the other way until the body is off the floor. By
-# arc length nothing is jumped over. With more friction than wedges, the branch crosses zero load
-# with forces, and turns back in a nonsmooth fold under a load that pulls: there the body springs
-# off the floor, though the branch leads back to no load and no force with all closed points
-# slipping. With less, the same piece is gone through from loads that still press: the forces fall
-# to nothing with them, the faster the nearer the coefficient is, and do not jump. On this last
-# piece, load and forces are in proportion, and the load changes its sign at the coefficient.
-
-
 def ways_of(n, lame, friction):
     """Of every way its points: load, normal force and shear (k, 3). Collective."""
     system = linear_triangle(n, friction, LOAD, lame)
@@ -85,7 +67,7 @@ def ways_of(n, lame, friction):
 
 
 def described(friction, ways):
-    """What is left without load, what frees it, and load over force on the last piece."""
+    """Return the force without load, the load that frees the body, and their final ratio."""
     loaded = ways[0][-1, 1]
     last = ways[-1][ways[-1][:, 1] > NONE * loaded]
     return {
