@@ -1,7 +1,5 @@
 """What is said of arguments that cannot be meant, of names, and of what contact does not see."""
 
-import logging
-
 from mpi4py import MPI
 
 import numpy as np
@@ -14,18 +12,10 @@ from dolfinx import fem, mesh
 from dolfinx_contact import (
     ContactPair,
     ContactProblem,
-    ContactSurface,
     Coulomb,
-    Cylinder,
-    HalfSpace,
-    NonlocalCoulomb,
     ParametricContact,
-    Regularised,
-    RigidBody,
-    Sphere,
     materials,
     meshing,
-    solve_nested,
 )
 from dolfinx_contact.algorithms import (
     GaussSeidel,
@@ -35,15 +25,7 @@ from dolfinx_contact.algorithms import (
     TrescaFixedPoint,
     Uzawa,
 )
-from dolfinx_contact.analysis import (
-    SteadySliding,
-    critical_friction,
-    renard_criterion,
-    stability_at_rest,
-)
-from dolfinx_contact.continuation import explore, find_solutions, follow
-from dolfinx_contact.evolution import NSCD, QuasiStatic
-from dolfinx_contact.proofs import prove_solutions
+from dolfinx_contact.continuation import follow
 
 COMM = MPI.COMM_WORLD
 
@@ -69,35 +51,6 @@ def cells_of(domain, value=1):
 
 def middle(domain, most=2.0):
     return mesh.locate_entities(domain, 1, lambda x: np.isclose(x[1], 0.5) & (x[0] < most + 1e-9))
-
-
-@pytest.mark.ranks(2)
-def test_tags_of_something_else():
-    a = box(COMM, 2, "tri")
-    b = box(COMM, 3, "tri")
-    here, there = (marked(m, 1, facets(m, 1, 0.0), 5) for m in (a, b))
-    for given, message in (
-        (dict(facet_tags=[here, here]), "facet_tags of mesh 2 are those of another mesh"),
-        (dict(cell_tags=[cells_of(b), cells_of(b)]), "cell_tags of mesh 1 are .* another mesh"),
-        (dict(facet_tags=[cells_of(a), cells_of(b)]), "must be those of facets, and .* cells"),
-        (dict(cell_tags=[here, there]), "must be those of cells, and are those of facets"),
-        (dict(facet_tags=["x", "y"]), "must be MeshTags, got 'x'"),
-        (dict(facet_tags=here), "_tags must be a list"),
-    ):
-        with pytest.raises(ValueError, match=message):
-            meshing.join([a, b], **given)
-    crack = marked(a, 1, middle(a), 5)
-    for body, groups, given, message in (
-        (b, [5], dict(facet_tags=crack), "facet_tags of a crack are those of another mesh"),
-        (a, [5], dict(facet_tags=crack, cell_tags=cells_of(b)), "cell_tags of a crack .* another"),
-        (a, [5], dict(facet_tags=cells_of(a)), "those of facets, and are those of cells"),
-        (a, [5], dict(facet_tags="x"), "must be MeshTags, got 'x'"),
-        (a, None, dict(facet_tags=crack), "groups must be a list"),
-        (None, [5], dict(facet_tags=crack), "a mesh to crack is needed"),
-    ):
-        with pytest.raises(ValueError, match=message):
-            meshing.crack(body, groups, **given)
-    assert meshing.crack(a, [5], facet_tags=crack, cell_tags=cells_of(a)).mesh is not a
 
 
 def test_loads_beside_tags_of_the_bulk():
@@ -196,44 +149,6 @@ def test_points_with_nothing_opposite():
 # -- obstacles between nodes ---------------------------------------------------------------------
 
 
-def said(caplog, problem):
-    caplog.clear()
-    with caplog.at_level(logging.WARNING, logger="dolfinx_contact"):
-        result = problem.solve()
-    told = any("between_points of" in r.getMessage() for r in caplog.records)
-    return result, COMM.bcast(told)
-
-
-SMALL = {
-    "disc": ("tri", Sphere((0.5, -0.03), 0.05)),
-    "ball": ("hex", Sphere((0.5, 0.5, -0.03), 0.05)),
-    "ball, tet": ("tet", Sphere((0.45, 0.55, -0.03), 0.05)),
-    "rod": ("hex", Cylinder((0.0, 0.5, -0.03), (1.0, 0.0, 0.0), 0.05)),
-    "rigid": (
-        "tri",
-        RigidBody(Sphere((0.5, -0.07), 0.05), about=(0, 0), motion={"y": 0.04}, held=["x", "rz"]),
-    ),
-}
-
-
-@pytest.mark.parametrize("case", SMALL)
-def test_a_ball_smaller_than_a_facet(case, caplog):
-    """It is deep in the body, and nothing touches."""
-    cell, obstacle = SMALL[case]
-    dim = 2 if cell == "tri" else 3
-    top = (*[0.0] * (dim - 1), -0.01)
-    result, told = said(caplog, block(n=3, cell=cell, obstacle=obstacle, top=top))
-    assert result.counts["open"] == sum(result.counts.values())
-    assert told
-
-
-@pytest.mark.parametrize("obstacle", [Sphere((0.5, -2.0), 2.0), HalfSpace((0, 0), (0, 1))])
-def test_balls_that_the_mesh_sees(obstacle, caplog):
-    result, told = said(caplog, block(n=4, obstacle=obstacle, top=(0.0, -0.01)))
-    assert result.counts["open"] < sum(result.counts.values())
-    assert not told
-
-
 # -- names and words -----------------------------------------------------------------------------
 
 
@@ -267,50 +182,3 @@ def test_words_as_options_of_algorithms(algorithm, option):
     for word in WORDS:
         with pytest.raises(ValueError, match=f"{option} must not be"):
             algorithm(**{option: word})
-
-
-@pytest.mark.ranks(2)
-def test_words_as_arguments():
-    problem = block(n=2)
-    u = problem.u
-    V = problem.V
-    gamma = fem.Constant(V.mesh, 0.0)
-    system = ParametricContact(problem, gamma)
-    x = problem.create_vector()
-    below = facets(V.mesh, 1, 0.0)
-    floor = HalfSpace((0, 0), (0, 1))
-    for call in (
-        lambda w: ContactSurface(u, below, obstacle=floor, law=Coulomb(0.3), multiplier_degree=w),
-        lambda w: Regularised(Coulomb(0.3), 0.1, shape=w),
-        lambda w: NonlocalCoulomb(0.3, 0.1, kernel=w),
-        lambda w: RigidBody(floor, about=(0, 0), load={"y": 1.0}, free=[w], held=["x"]),
-        lambda w: problem.solve(monitor=w or 1),
-        problem.support_forces,
-        problem.table,
-        lambda w: materials.LinearElastic.from_young(w, 0.3),
-        lambda w: ParametricContact(problem, gamma, driven=w or None),
-        lambda w: system.piece_of(w or None),
-        lambda w: find_solutions(system, w or None, 0.0),
-        lambda w: find_solutions(system, [x], 0.0, known=w or None),
-        lambda w: find_solutions(system, [x], 0.0, lengths=w or "w"),
-        lambda w: find_solutions(system, [x], 0.0, tolerance=w),
-        lambda w: find_solutions(system, [x], 0.0, proof_seconds=w),
-        lambda w: explore(system, [(x, 0.0)], gamma_range=(0.0, 1.0), max_seconds=w),
-        lambda w: QuasiStatic(problem, lambda t: None).run(w),
-        lambda w: QuasiStatic(problem, lambda t: None).run([0.0, 1.0], record=w or 1),
-        lambda w: NSCD(problem, 1.0, dt=0.1).settle(1.0, rest=w),
-        critical_friction,
-        renard_criterion,
-        lambda w: renard_criterion(problem, directions=w or 1),
-        lambda w: stability_at_rest(w, density=1.0),
-        lambda w: stability_at_rest(problem, density=w),
-        lambda w: stability_at_rest(problem, density=1.0, max_count=w),
-        lambda w: SteadySliding(w, density=1.0),
-        lambda w: SteadySliding(problem, density=w),
-        lambda w: SteadySliding(problem, density=1.0, hold_across=w),
-        prove_solutions,
-        lambda w: solve_nested(w or None),
-    ):
-        for word in WORDS:
-            with pytest.raises(ValueError, match=r"\w+ \w+"):
-                call(word)

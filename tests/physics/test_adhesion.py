@@ -5,12 +5,11 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from support.blocks import block, box, randomise, remainders
-from support.bonds import U0, C, W, along, bonded, drawn_node, gap_of_node, put
+from support.bonds import U0, C, W, along, bonded, put
 
 import ufl
 
 from dolfinx_contact import RCCM
-from dolfinx_contact.continuation import follow
 from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.laws.status import DAMAGING
 from dolfinx_contact.points.memory import Memory
@@ -257,46 +256,6 @@ def test_the_jacobian_of_bonds_passes_taylors_test(cell, method, viscosity):
     assert (codes >= DAMAGING).any()
     assert sizes[0] > 1e-9
     np.testing.assert_allclose(np.log2(sizes[:-1] / sizes[1:]), 2.0, atol=0.35)
-
-
-@pytest.mark.parametrize("k", [1.0, pytest.param(0.3, marks=pytest.mark.long)])
-@pytest.mark.verifies(
-    "RCCM adhesion",
-    "branches",
-    reference="closed form: folds at 1 + 1/k and 4/3 (3/k)^(1/4) of the opening at the peak",
-    aspects=(
-        "2D",
-        "branches",
-    ),
-)
-def test_snap_back(k):
-    """Drawn by a spring of k C: the peak, where damage begins, and a smooth fold (k < 3)."""
-    gaps = []
-    for stiffness in (0.0, 1.0):
-        system = drawn_node(stiffness)
-        system.set_parameter(1e-3)
-        gaps.append(gap_of_node(system))
-    free = gaps[0] / 1e-3
-    spring = gaps[1] / (gaps[0] - gaps[1])
-    stiffness = spring / k
-    u0 = np.sqrt(W / stiffness)
-    system = drawn_node(stiffness)
-    system.set_parameter(0.0)
-    system.problem.solve()
-    x = system.create_vector()
-    system.problem.write(x)
-    branch = follow(system, x, 0.0, gamma_range=(0.0, 8 * u0 / free), max_steps=300)
-    folds = branch.folds
-    wanted = [1 + 1 / k, 4 / 3 * (3 / k) ** 0.25]
-    np.testing.assert_allclose([s.gamma * free / u0 for s in folds], wanted, rtol=1e-6)
-    assert [s.smooth for s in folds] == [False, True]
-    (change,) = folds[0].changes
-    assert (change.before, change.after) == (0, DAMAGING)
-    end = branch.points[-1]
-    system.set_parameter(end.gamma)
-    assert end.gamma * free == pytest.approx(8 * u0)
-    u = gap_of_node(system) / u0
-    assert u + k**-1 * u**-3 == pytest.approx(8.0, rel=1e-8)
 
 
 @pytest.mark.ranks(2)

@@ -450,35 +450,6 @@ def test_the_axis_is_held(caplog):
 
 
 @pytest.mark.ranks(2)
-@pytest.mark.parametrize(("method", "degree"), [("nodal", 1), ("integral", 2)])
-@pytest.mark.verifies(
-    "bodies of revolution",
-    "spheres",
-    "hyperelastic bodies",
-    reference="itself: points lie on the sphere, forces balance",
-    aspects=(
-        "2D",
-        "large sliding",
-    ),
-)
-def test_large_sliding(method, degree):
-    """A rubber disc that follows a rigid sphere: points lie on it, forces balance."""
-    domain = box(COMM, 8, "quad")
-    domain.geometry.x[:, 1] -= 1
-    V = fem.functionspace(domain, ("Lagrange", degree, (2,)))
-    u = fem.Function(V)
-    given = dict(obstacle=Sphere((0.0, 0.95), 1.0), law=Frictionless(), method=method)
-    top = ContactSurface(u, facets(domain, 1, 0.0), axisymmetric=True, **given)
-    dx = ufl.dx(metadata={"quadrature_degree": 4})
-    energy = Axisymmetric(NeoHookean(120.0, 80.0)).energy(u) * dx
-    result = ContactProblem(energy, u, [top], bcs=[held(V, 1, domain, 1, -1.0, 0.0)]).solve()
-    assert min(result.counts["open"], result.counts["slip"]) > 0
-    assert result.misfit < 1e-12
-    assert result.imbalance < 1e-10
-    assert result.support[1] == pytest.approx(4.0, abs=0.1)
-
-
-@pytest.mark.ranks(2)
 @pytest.mark.verifies(
     "bodies of revolution",
     "friction as parameter",

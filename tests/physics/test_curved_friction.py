@@ -9,14 +9,10 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 from scipy.spatial.transform import Rotation
-from support.blocks import box, facets, same_tables
 from support.curved_obstacles import (
-    DX,
     OBSTACLES,
-    RUBBER,
     OnBody,
     block,
-    ellipse,
     errors_of_differences,
     pressed_and_led,
     remembering,
@@ -27,13 +23,9 @@ from support.sliding_bodies import smooth
 from dolfinx import fem
 
 from dolfinx_contact import (
-    ContactProblem,
-    ContactSurface,
     Coulomb,
     Cylinder,
-    HalfSpace,
     LevelSet,
-    ParametricContact,
     RigidBody,
     Sphere,
     plot,
@@ -214,68 +206,6 @@ def test_the_jacobian_on_curved_obstacles_agrees_with_differences(
     assert errors[1] < 0.02 * errors[0] + 1e-9
 
 
-@pytest.mark.each_value
-@pytest.mark.parametrize("dim", [2, 3])
-@pytest.mark.parametrize("method", ["nodal", "integral"])
-@pytest.mark.parametrize("remembers", [False, True])
-@pytest.mark.verifies(
-    "rigid bodies",
-    "moving obstacles",
-    "Coulomb",
-    reference="differences: central differences",
-    aspects=("2D", "3D", "large sliding", "branches"),
-)
-def test_derivative_by_the_motion(dim, method, remembers):
-    """dH/dgamma where a body turns and moves, and of an obstacle that is moved by Constants."""
-    domain = box(COMM, 3 if dim == 2 else 2, "tri" if dim == 2 else "hex")
-    V = fem.functionspace(domain, ("Lagrange", 1, (dim,)))
-    u = fem.Function(V)
-    gamma = fem.Constant(domain, 0.3)
-    shape = OBSTACLES["ellipse" if dim == 2 else "bumps"]
-    turning = {name: value * gamma**2 for name, value in TURNED[dim].items()}
-    rest = {"x": 0.1 * gamma, "y": 0.02 * gamma}
-    rest |= {"z": 0.0 * gamma} if dim == 3 else {}
-    body = RigidBody(shape, about=[0.4, *[0.5] * (dim - 2), -1.0], motion=turning | rest)
-    moved = ellipse(domain, (0.4 + 0.3 * gamma, gamma**2 - 1.05), gamma)
-    for obstacle in (body, moved) if dim == 2 else (body,):
-        bottom = facets(domain, dim - 1, 0.0)
-        surface = ContactSurface(
-            u, bottom, obstacle=obstacle, law=Coulomb(0.3), method=method, sliding="large"
-        )
-        held = fem.locate_dofs_topological(V, dim - 1, facets(domain, dim - 1, 1.0))
-        bcs = [fem.dirichletbc(np.zeros(dim), held, V)]
-        problem = ContactProblem(RUBBER.energy(u) * DX, u, [surface], bcs=bcs)
-        if remembers:
-            problem = remembering(problem)
-        system = ParametricContact(problem, gamma)
-        x = shaken(problem, 0.05, 1.0)
-        eq = problem.equations
-        contact = slice(eq.owned_sizes[0], sum(eq.owned_sizes[:2]))
-
-        def residual(gamma_now, f, piece, x=x, system=system, eq=eq):
-            """With the body where it is to be, so that nothing is left to go."""
-            gamma.value = gamma_now
-            x.array[sum(eq.owned_sizes[:-1]) :] = eq.rigid.here(eq.prescribed_motions())
-            system.residual(x, gamma_now, f, piece)
-
-        b, c, d = (problem.create_vector() for _ in range(3))
-        x.array[sum(eq.owned_sizes[:-1]) :] = eq.rigid.here(eq.prescribed_motions())
-        piece = system.piece_at(x, 0.3)
-        system.parameter_derivative(x, 0.3, c, piece)
-        errors = []
-        for h in (2e-3, 1e-3):
-            residual(0.3 + h, b, piece)
-            residual(0.3 - h, d, piece)
-            b.axpy(-1.0, d)
-            b.scale(1 / (2 * h))
-            b.axpy(-1.0, c)
-            rows = [np.sum(f.array_r[contact] ** 2) for f in (b, c)]
-            errors.append(np.sqrt(np.divide(*COMM.allreduce(np.array(rows)))))
-        gamma.value = 0.3
-        assert errors[1] < 1e-3
-        assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.1)
-
-
 # -- what turns, what slides -----------------------------------------------------------------------
 
 
@@ -420,50 +350,6 @@ def test_led_around(dim, cell, shape):
 
 
 # -- against what is known otherwise ---------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("dim", "cell", "method"),
-    [
-        (2, "tri", "integral"),
-        pytest.param(3, "hex", "nodal", marks=pytest.mark.long),
-        pytest.param(2, "tri", "nodal", marks=pytest.mark.long),
-        pytest.param(3, "hex", "integral", marks=pytest.mark.long),
-    ],
-)
-@pytest.mark.verifies(
-    "planes",
-    "level sets",
-    "rigid bodies",
-    "Coulomb",
-    "quasi-static",
-    reference="itself: the half-space in small sliding",
-    aspects=("2D", "3D", "large sliding"),
-)
-def test_on_a_plane(dim, cell, method):
-    """A plane that goes the way of curved obstacles gives the history of a half-space."""
-    normal = np.eye(dim)[-1]
-    point = np.zeros(dim)
-    about = np.array([0.3, *[0.0] * (dim - 1)])
-    held = ["x", "y", "rz"] if dim == 2 else ["x", "y", "z", "rx", "ry", "rz"]
-
-    def plane(x):
-        return 2.0 * x[dim - 1]
-
-    obstacles = [HalfSpace(point, normal), LevelSet(plane)]
-    obstacles.append(RigidBody(LevelSet(plane), about=about, held=held))
-    found = []
-    for obstacle in obstacles:
-        problem = OnBody(dim, obstacle, Coulomb(0.3), cell=cell, method=method, n=3)
-        assert (problem.problem.surfaces[0].displaced is None) == (obstacle is obstacles[0])
-        history = problem.run(pressed_and_led, [0.0, 1.0, 1.5, 2.5, 3.0])
-        found.append(history.steps)
-    assert "k" in found[0][1].result.tables["contact"].letters
-    for steps in found[1:]:
-        for a, b in zip(steps, found[0], strict=True):
-            same_tables(a.result.tables["contact"], b.result.tables["contact"], 1e-9)
-            energies = [e.energies.dissipated for e in (a, b)]
-            assert energies[0] == pytest.approx(energies[1], rel=1e-8, abs=1e-12)
 
 
 @pytest.mark.long

@@ -246,35 +246,6 @@ def test_maxwell_layer(dim):
     assert 0.9 < np.log2(off[1] / off[2]) < 1.1
 
 
-@pytest.mark.verifies(
-    "Maxwell layer",
-    "energies of histories",
-    reference="closed form: a spring behind a dashpot",
-    aspects=("2D",),
-)
-def test_maxwell_layer_under_a_block():
-    """Lifted and held: pull falls to that of the other spring; what is spent is the rest."""
-    residues = []
-    spent = []
-    for n in (20, 40):
-        problem, top = bonded("quad", law=MaxwellLayer(50.0, 10.0, 5.0), young=1e4, snes_rtol=1e-10)
-        load = along(top, (0.0, 0.1), (0.0, 0.1), (0.0, 0.1))
-        history = QuasiStatic(problem, load).run(np.linspace(0.0, 3.0, n + 1))
-        lifted = history.steps[-1].result.tables["contact"]
-        residues.append(abs(history.energies.residue))
-        spent.append(history.energies.damage)
-    np.testing.assert_allclose(lifted.internal["flow_1"], lifted.un, rtol=1e-3)
-    np.testing.assert_allclose(-lifted.pressure, 5.0 * lifted.un, rtol=0.01)
-    assert set(lifted.bond) == {"i"}
-    # Of a spring k that is drawn at the speed V behind a dashpot, for 1, and then left: k e^2/tau.
-    V = lifted.un.mean()
-    tau = 10.0 / 50.0
-    drawn = 1 - 2 * tau * -np.expm1(-1 / tau) + tau / 2 * -np.expm1(-2 / tau)
-    exact = 50.0 * V**2 * tau * (drawn + tau / 2 * np.expm1(-1 / tau) ** 2)
-    assert 2 * spent[1] - spent[0] == pytest.approx(exact, rel=0.02)
-    assert residues[1] < 0.6 * residues[0]
-
-
 @pytest.mark.skipif(COMM.size > 1, reason="one point")
 @pytest.mark.verifies(
     "bilinear cohesion", reference="closed form: traction, secant and cost", aspects=("2D",)
@@ -351,61 +322,6 @@ def test_cohesion_with_friction():
     np.testing.assert_allclose(np.abs(t.along(t.rt)), 0.5 * t.rn, rtol=1e-9)
     assert set(last.status) == {"+"}
     assert last.energies.damage == pytest.approx(2.0 * 0.012 / 2, rel=1e-9)
-
-
-@dataclass(frozen=True)
-class Strip(Interface):
-    """Rigid, then a strength that falls from one opening to another; along it nothing holds."""
-
-    strength: Any
-    first: Any
-    last: Any
-    damage: Any = 0.0
-    internal = (Internal("damage", "grows", end=1.0),)
-
-    def energy(self, state):
-        return (1 - state["damage"]) * self.strength * state.opening
-
-    def dissipation(self, rates, state):
-        reached = self.first + (self.last - self.first) * state["damage"]
-        return self.strength * reached * rates["damage"]
-
-
-@pytest.mark.parametrize("cell", [pytest.param("quad", marks=pytest.mark.long), "tet"])
-@pytest.mark.verifies(
-    "interfaces of one's own",
-    reference="closed form: opened, closed, opened, broken",
-    aspects=(
-        "2D",
-        "3D",
-    ),
-)
-def test_opening_alone(cell, caplog):
-    """What knows neither slip nor time remembers its damage: opened, closed, opened, broken."""
-    s = 10.0
-    a = 0.1
-    b = 0.5
-    young = 100.0
-    problem, top = bonded(cell, law=Strip(s, a, b), young=young, snes_rtol=1e-10)
-    aside = [0.0] * (cell == "tet")
-    corners = [(0.0, *aside, z) for z in (0.35, -0.05, 0.8)]
-    load = along(top, *corners)
-    lifts = np.array([0.0, 0.35, -0.05, 0.8])
-    times = np.linspace(0.0, 3.0, 31)
-    history = QuasiStatic(problem, load).run(times)
-    far = 0.0
-    for step in history.steps:
-        lift = np.interp(step.time, np.arange(4), lifts)
-        t = step.result.tables["contact"]
-        far = max(far, (young * lift - s * b / (b - a)) / (young - s / (b - a)) - a)
-        damage = np.clip(far / (b - a), 0.0, 1.0)
-        gap = max(lift - (1 - damage) * s / young, 0.0)
-        np.testing.assert_allclose(t.internal["damage"], damage, rtol=0, atol=1e-10)
-        np.testing.assert_allclose(t.un, gap, rtol=0, atol=1e-10)
-        assert step.result.kkt_violation < 1e-4
-    assert set(t.bond) == {"b"}
-    assert history.energies.damage == pytest.approx(s * (a + b) / 2, rel=1e-9)
-    assert "no solution" not in caplog.text  # it began bonded, though no solve had said so
 
 
 @pytest.mark.long

@@ -319,49 +319,6 @@ def test_led_around_a_cylinder(cell, n):
     agrees(result.tables["contact"])
 
 
-@pytest.mark.parametrize("method", ["nodal", "integral"])
-@pytest.mark.parametrize("law", [Frictionless(), NormalCompliance(50.0, 1.5)])
-@pytest.mark.verifies(
-    "moving obstacles",
-    "level sets",
-    reference="differences: central differences",
-    aspects=(
-        "2D",
-        "large sliding",
-        "branches",
-    ),
-)
-def test_derivative_by_the_motion_of_an_obstacle(method, law):
-    """dH/dgamma of an ellipse that moves and turns, by central differences, the statuses held."""
-    domain = box(COMM, 3, "tri")
-    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-    u = fem.Function(V)
-    gamma = fem.Constant(domain, 0.3)
-    obstacle = ellipse(domain, (0.4 + 0.3 * gamma, gamma**2 - 1.05), gamma)
-    surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=obstacle, law=law, method=method)
-    held = fem.locate_dofs_topological(V, 1, facets(domain, 1, 1.0))
-    bcs = [fem.dirichletbc(np.zeros(2), held, V)]
-    problem = ContactProblem(RUBBER.energy(u) * DX, u, [surface], bcs=bcs)
-    system = ParametricContact(problem, gamma)
-    assert not system.is_linear
-    x = shaken(problem, 0.05, 1.0)
-    b, c, d = (problem.create_vector() for _ in range(3))
-    piece = system.piece_at(x, 0.3)
-    assert len(set("".join(COMM.allgather(str(piece.codes))))) > 3
-    system.parameter_derivative(x, 0.3, c, piece)
-    assert c.norm() > 0
-    errors = []
-    for h in (2e-3, 1e-3):
-        system.residual(x, 0.3 + h, b, piece)
-        system.residual(x, 0.3 - h, d, piece)
-        b.axpy(-1.0, d)
-        b.scale(1 / (2 * h))
-        b.axpy(-1.0, c)
-        errors.append(b.norm() / c.norm())
-    assert errors[1] < 1e-3
-    assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.05)
-
-
 @pytest.mark.verifies(
     "moving obstacles",
     "level sets",

@@ -6,7 +6,7 @@ import cases.two_cylinders
 import numpy as np
 import pytest
 from support.mortars import BASE, CASES, SIDES, SOLID_CASES, TILT, hats, sheared, solids, stacked
-from support.pairs import MATERIAL, displacement, held, largest
+from support.pairs import MATERIAL, displacement, largest
 
 import ufl
 from dolfinx import fem, la
@@ -121,40 +121,6 @@ def test_a_linear_displacement_over_different_meshes_is_exact(case, slave, maste
     np.testing.assert_allclose(np.abs(table.along(table.shear)), shear, rtol=1e-11)
     assert largest(u.x.array - exact.x.array) < 1e-11 * largest(exact.x.array)
     assert result.imbalance < 1e-12
-
-
-@pytest.mark.each_value
-@pytest.mark.parametrize("ratio", [1.5, 2, 3])
-@pytest.mark.parametrize(("slave", "master"), SIDES)
-@pytest.mark.verifies(
-    "mortar",
-    reference="itself: matching meshes",
-    aspects=(
-        "2D",
-        "pairs",
-    ),
-)
-def test_a_pressed_mortar_pair_converges_to_one_body(slave, master, ratio):
-    """A pressed pair with much friction: the energy of matching meshes, which are one body.
-
-    Among them meshes whose nodes on one side are some of those on the other.
-    """
-    errors = []
-    for n in (4, 8, 16):
-        energies = []
-        for below in (n, int(ratio * n)):
-            both = stacked(below, n, (0.0, 1.0), (0.0, 1.0))
-            u = displacement(both.mesh)
-            pair = ContactPair(u, both, slave=slave, master=master, law=Coulomb(50.0))
-            ends = [held(u, both.facet_tags, 1, (0, 0)), held(u, both.facet_tags, 4, (0.02, -0.05))]
-            problem = ContactProblem(MATERIAL.energy(u) * ufl.dx, u, [pair], bcs=ends)
-            assert problem.surfaces[0].obstacle.opposite.matching == (below == n)
-            result = problem.solve()
-            assert result.counts["slip"] == 0
-            energies.append(result.energies["bulk"])
-        errors.append(abs(energies[1] / energies[0] - 1))
-    assert errors[0] < 0.01
-    assert errors[2] < 0.5 * errors[1] < 0.25 * errors[0]
 
 
 # -- in space --------------------------------------------------------------------------------------
@@ -317,53 +283,3 @@ def test_steel_on_aluminium(folder):
             ["--output", str(folder), "--levels", "0.5", "--ratio", "1.25"]
         )
         assert other["peak"] == pytest.approx(summary["levels"][1]["peak"], rel=0.01)
-
-
-@pytest.mark.parametrize("cells", [(12, 4), (16, 3), (8, 4), (7, 5)])
-@pytest.mark.verifies(
-    "mortar",
-    reference="closed form: uniform pressure",
-    aspects=(
-        "2D",
-        "pairs",
-    ),
-)
-def test_rollers_on_both_bodies(cells):
-    """A plane of symmetry through the interface: uniform pressure, and no shear on it."""
-    both = stacked(cells[1], cells[0], (0.0, 1.0), (0.0, 1.0))
-    u = displacement(both.mesh)
-    V = u.function_space
-    ends = [
-        fem.dirichletbc(
-            0.0, fem.locate_dofs_topological(V.sub(i), 1, both.facet_tags.find(tag)), V.sub(i)
-        )
-        for i, tag in ((0, 5), (1, 1))
-    ]
-    ds = ufl.Measure("ds", both.mesh, subdomain_data=both.facet_tags)
-    pair = ContactPair(u, both, slave=3, master=2, law=Coulomb(0.3))
-    energy = MATERIAL.energy(u) * ufl.dx + 3 * u[1] * ds(4)
-    options = {"snes_rtol": 1e-12}
-    result = ContactProblem(energy, u, [pair], bcs=ends, petsc_options=options).solve()
-    table = result.tables["contact"]
-    np.testing.assert_allclose(table.pressure, 3.0, rtol=1e-9)
-    np.testing.assert_allclose(table.shear, 0.0, atol=1e-9)
-    assert result.reason == "full steps"
-
-
-@pytest.mark.ranks(2, 3)
-def test_a_slave_that_is_held():
-    """More constraints than nodes that can meet them are refused; exchanged they are met."""
-    both = stacked(4, 8, (0.0, 1.0), (0.0, 1.0))
-    u = displacement(both.mesh)
-    still = [held(u, both.facet_tags, t, (0, 0)) for t in (3, 4)]
-    ends = [*still, held(u, both.facet_tags, 1, (0, 0.01))]
-    bulk = MATERIAL.energy(u) * ufl.dx
-    pair = ContactPair(u, both, slave=3, master=2, law=Coulomb(0.3))
-    with pytest.raises(ValueError, match="hold 9 nodes of the slave, more than the 5"):
-        ContactProblem(bulk, u, [pair], bcs=ends)
-    pair = ContactPair(u, both, slave=2, master=3, law=Coulomb(0.3))
-    result = ContactProblem(bulk, u, [pair], bcs=ends).solve()
-    assert result.counts["open"] == 0
-    # Between the stiffness of a strip and that of a body that is held aside.
-    force = -result.resultants["contact"][1]
-    assert 0.01 * 1000 < force < 0.01 * 1000 * 0.7 / (1.3 * 0.4)

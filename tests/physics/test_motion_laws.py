@@ -18,7 +18,6 @@ from dolfinx_contact import (
     HalfSpace,
     NormalCompliance,
     Regularised,
-    RigidBody,
 )
 from dolfinx_contact.evolution import NSCD, QuasiStatic
 from dolfinx_contact.materials import Axisymmetric, LinearElastic
@@ -238,43 +237,3 @@ def test_what_a_compliant_floor_holds(moves):
     springs = C / 2 * np.sum(table.area * table.un**2)
     inner = COMM.allreduce(fem.assemble_scalar(fem.form(bulk)))
     assert history.energies.stored == pytest.approx(inner + springs, rel=1e-9)
-
-
-@pytest.mark.ranks(2)
-@pytest.mark.verifies(
-    "NSCD motion",
-    "rigid bodies",
-    reference="closed form: what sticks to a floor moves as it does",
-    aspects=("2D",),
-)
-@pytest.mark.parametrize("how", ["dragged", "lifted"])
-def test_a_floor_carries_what_it_touches(how):
-    """With theta beyond 1/2, where what contact is about is no displacement of the step's end."""
-    speed = 0.2
-    domain = box(COMM, 2, "quad")
-    u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (2,))))
-    way = fem.Constant(domain, 0.0)
-    if how == "dragged":
-        motion = {"x": way}
-        shape = HalfSpace((0.0, 0.0), (0.0, 1.0))
-        obstacle = RigidBody(shape, about=(0.0, 0.0), motion=motion, held=["y", "rz"])
-    else:
-        obstacle = HalfSpace(ufl.as_vector((0.0, way)), (0.0, 1.0))
-    given = dict(obstacle=obstacle, law=Coulomb(2.0))
-    below = ContactSurface(u, facets(domain, 1, 0.0), **given)
-    energy = LinearElastic.from_young(1e3, 0.3).energy(u) * ufl.dx + 50.0 * u[1] * ufl.dx
-    problem = ContactProblem(energy, u, [below])
-
-    def load(t):
-        way.value = speed * t
-
-    level = {"dragged": "position", "lifted": "velocity"}[how]
-    v = velocity(problem, 0.0, 0.0)
-    method = dict(theta=0.6, level=level, mass="lumped", velocity=v, load=load)
-    step = NSCD(problem, 1.0, dt=0.001, **method).run([0.0, 0.002], progress=False).steps[-1]
-    assert step.result.tables["contact"].letters.tolist() == ["k"] * 3
-    wanted = [speed, 0.0] if how == "dragged" else [0.0, speed]
-    nodes = fem.locate_dofs_topological(problem.V, 1, facets(domain, 1, 0.0))
-    off = np.abs(v.x.array.reshape(-1, 2)[nodes] - wanted)
-    along = 0 if how == "dragged" else 1
-    assert COMM.allreduce(off[:, along].max(initial=0.0), op=MPI.MAX) < 1e-9

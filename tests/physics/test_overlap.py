@@ -4,7 +4,6 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from cases._surfaces import brick
 from support.blocks import CELLS
 from support.curved_obstacles import block
 from support.pairs import displacement
@@ -15,11 +14,8 @@ from dolfinx import fem, mesh
 from dolfinx_contact import (
     ContactPair,
     ContactProblem,
-    Coulomb,
     Frictionless,
     HalfSpace,
-    RigidBody,
-    RigidSurface,
     SelfContact,
 )
 from dolfinx_contact.grids import create_grid
@@ -129,70 +125,6 @@ def test_an_overlap_beyond_its_limit_is_refused(dim, sliding):
     ):
         with pytest.raises(ValueError, match=words):
             discretise(surface(u, both, sliding, **options))
-
-
-def tool(dim, closed):
-    """A box whose top is by some more than a facet within the unit block, or that top alone."""
-    points, cells = brick([-1.0] * dim, [*[2.0] * (dim - 1), 0.1])
-    if not closed:
-        top = np.isclose(points[cells][..., -1], 0.1).all(axis=1)
-        used, cells = np.unique(cells[top], return_inverse=True)
-        points, cells = points[used], cells.reshape(-1, dim)
-    return RigidSurface(points, cells)
-
-
-def on_tool(dim, height, *, law=None, bumps=0.0, moves=False, **given):
-    """A unit block above the top of a tool of facets, which has bumps, pressed and sheared."""
-    x = np.linspace(-1.0, 2.0, 13)
-    z = height + bumps * np.cos(7.0 * x)
-    segments = np.stack([np.arange(1, 13), np.arange(12)], axis=1)
-    points = np.stack([x, z], axis=1)
-    if dim == 3:
-        points = np.concatenate([np.stack([x, np.full(13, y), z], axis=1) for y in (-1.0, 2.0)])
-        a, b = segments[:, 1], segments[:, 0]
-        squares = [[a, b, b + 13], [a, b + 13, a + 13]]
-        segments = np.concatenate([np.stack(corners, axis=1) for corners in squares])
-    obstacle = RigidSurface(points, segments)
-    if moves:
-        names = ("x", "y", "rz") if dim == 2 else ("x", "y", "z", "rx", "ry", "rz")
-        obstacle = RigidBody(obstacle, about=[0.0] * dim, held=names)
-    cell = "quad" if dim == 2 else "hex"
-    return block(obstacle, cell=cell, n=3, law=law or Coulomb(0.3), **given)
-
-
-METHODS = [("nodal", "small"), ("nodal", "large"), ("integral", "large")]
-
-
-@pytest.mark.ranks(2)
-@pytest.mark.each_value
-@pytest.mark.parametrize("dim", [2, 3])
-@pytest.mark.parametrize(("method", "sliding"), METHODS)
-@pytest.mark.verifies(
-    "surfaces of facets",
-    "Coulomb",
-    reference="closed form: no stress; itself: a body that starts on the tool",
-    aspects=("2D", "3D", "large sliding"),
-)
-def test_an_overlap_with_a_tool_is_removed(dim, method, sliding):
-    """A body starts in a tool with bumps without stress; in a flat one it is as on it later too."""
-    given = dict(method=method, sliding=sliding)
-    aside = [0.0] * dim
-    inside = on_tool(dim, 0.08, bumps=0.03, remove_overlap=0.2, moves=True, top=aside, **given)
-    result = inside.solve()
-    np.testing.assert_allclose(result.tables["contact"].un, 0.0, atol=1e-12)
-    np.testing.assert_allclose(result.tables["contact"].force, 0.0, atol=1e-9)
-    np.testing.assert_allclose(inside.u.x.array, 0.0, atol=1e-12)
-    pressed = [0.05, *[0.0] * (dim - 2), -0.1]
-    removed = on_tool(dim, 0.08, remove_overlap=0.1, top=pressed, **given).solve()
-    wanted = on_tool(dim, 0.0, top=pressed, **given).solve()
-    found, other = (r.tables["contact"] for r in (removed, wanted))
-    for name in ("un", "ut", "pressure", "shear"):
-        there = getattr(other, name)
-        size = np.abs(there).max() + (name == "un")
-        np.testing.assert_allclose(getattr(found, name), there, atol=1e-8 * size, err_msg=name)
-    assert found.pressure.max() > 50.0
-    assert removed.misfit < 1e-9
-    assert removed.indicators.surfaces["contact"].between_points < 1e-9
 
 
 @pytest.mark.ranks(2)

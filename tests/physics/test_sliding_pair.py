@@ -606,42 +606,6 @@ def disc_on_a_block(cell, slave, n=4, law=None):
     return both, u, ContactPair(u, both, slave=slave, master=5 - slave, **given)
 
 
-@pytest.mark.parametrize("rubs", [True, False])
-@pytest.mark.verifies(
-    "sliding pairs",
-    "Coulomb",
-    reference="closed form: an angle",
-    aspects=("3D", "pairs", "large sliding"),
-)
-def test_a_step_that_spins_too_far_gives_a_warning(rubs):
-    """By 60 degrees: friction works along a chord that is 4.5 % shorter than the arc."""
-    law = None if rubs else Frictionless()
-    both, u, pair = disc_on_a_block("hex", 2, 3, law)
-    V = u.function_space
-    turned = fem.Function(V)
-    held = [fem.locate_dofs_topological(V, 2, both.facet_tags.find(tag)) for tag in (4, 5)]
-    bcs = [fem.dirichletbc(turned, held[0]), fem.dirichletbc(np.zeros(3), held[1], V)]
-    energy = NeoHookean(*lame(100.0, 0.0)).energy(u) * ufl.dx(metadata={"quadrature_degree": 3})
-    problem = ContactProblem(energy, u, [pair], bcs=bcs)
-
-    def load(t):
-        turn = Rotation.from_rotvec([0.0, 0.0, np.radians(60.0 * max(t - 1.0, 0.0))]).as_matrix()
-        down = np.array([[0.0], [0.0], [0.01 * min(t, 1.0)]])
-        turned.interpolate(lambda x: turn @ x - x - down)
-
-    history = QuasiStatic(problem, load).run([0.0, 1.0, 2.0])
-    step = history.steps[-1]
-    angle = 60.0 * (step.time - history.steps[-2].time)
-    assert angle > 40.0
-    if not rubs:
-        assert step.result.indicators.surfaces["contact"].spin == 0.0
-        assert "spin of 'contact'" not in step.result.warnings
-        return
-    spin = step.result.indicators.surfaces["contact"].spin
-    assert spin == pytest.approx(angle, rel=5e-3)
-    assert "spin of 'contact'" in step.result.warnings
-
-
 def torque_of_a_punch(n, angle, pressure):
     """Torque of friction by the normal force on a disc of the radius 1 that spins in one step.
 
@@ -701,76 +665,6 @@ def test_torque_of_a_flat_punch(pressure, angle):
 
 RUBBER = NeoHookean(*lame(1000.0, 0.3))
 ARM, RADIUS, THICK = 1.5, 0.3, 0.1  # of a plate that is folded
-LENGTH = 2 * ARM + np.pi * RADIUS
-APART = 2 * RADIUS - THICK  # the arms
-TURN = Rotation.from_rotvec([0.3, -0.8, 0.5]).as_matrix()
-
-
-class Plate:
-    """A thin plate, both of whose faces may touch themselves, and each other."""
-
-    def __init__(self, comm=COMM, cell=mesh.CellType.tetrahedron):
-        corners = [(0.0, 0.0, 0.0), (LENGTH, 0.5, THICK)]
-        domain = mesh.create_box(comm, corners, [24, 3, 1], cell)
-        faces = mesh.locate_entities_boundary(
-            domain, 2, lambda x: (x[2] < 1e-9) | (x[2] > THICK - 1e-9)
-        )
-        # Of the facets of the sides none has all its nodes on one of the faces.
-        middles = mesh.compute_midpoints(domain, 2, faces)
-        faces = faces[np.abs(np.abs(middles[:, 2] - THICK / 2) - THICK / 2) < 1e-9]
-        self.u = displacement(domain)
-        self.V = self.u.function_space
-        given = {"law": Frictionless(), "direction": (1, 0, 0), "search_distance": 0.6}
-        self.contact = SelfContact(self.u, faces, **given)
-        self.pair = discretise(self.contact)
-        n = self.V.dofmap.index_map.size_local
-        self.X = self.V.tabulate_dof_coordinates()[:n]
-
-    def folded(self, down=0.0):
-        """Displacements of the owned nodes: a U, turned, whose upper arm comes down."""
-        s, y, z = self.X.T
-        h = z - THICK / 2
-        angle = np.clip((s - ARM) / RADIUS, 0.0, np.pi)
-        below = np.minimum(s, ARM)
-        above = np.maximum(s - ARM - np.pi * RADIUS, 0.0)
-        x = below + (RADIUS - h) * np.sin(angle) - above
-        z = RADIUS - (RADIUS - h) * np.cos(angle)
-        z = z - down * np.clip(above / 0.6, 0.0, 1.0)
-        return np.stack([x, y, z], axis=1) @ TURN.T - self.X
-
-    def facing(self, u):
-        return self.pair.points.at(u, None).facing.nodal
-
-
-@pytest.mark.ranks(2, 3)
-@pytest.mark.parametrize("cell", [mesh.CellType.tetrahedron, mesh.CellType.hexahedron])
-@pytest.mark.verifies(
-    "self contact",
-    reference="closed form: the gap between the arms of a folded plate",
-    aspects=("3D", "large sliding"),
-)
-def test_a_folded_plate(cell):
-    """Arms face each other once, neighbours and the other face of a thin plate do not."""
-    plate = Plate(cell=cell)
-    n = plate.pair.points.number
-    X = plate.X[plate.pair.points.vertex_trace_dofs[:n]]
-    for scale in (0.0, 1e-2):  # through the thickness nothing faces, though it is near
-        bent = scale * smooth(plate.X, 4, 1.0)
-        assert not plate.facing(bent).weight.any()
-    nodal = plate.facing(plate.folded())
-    inner = X[:, 2] > THICK / 2
-    upper = X[:, 0] > LENGTH - ARM
-    assert not nodal.weight[:n][~inner].any()
-    assert not nodal.weight[:n][X[:, 0] < ARM].any()
-    inside = inner & upper & (X[:, 0] > LENGTH - ARM + 0.3) & (X[:, 0] < LENGTH - 0.3)
-    assert COMM.allreduce(int(inside.sum())) >= 20
-    np.testing.assert_allclose(nodal.gap[:n][inside], APART, rtol=1e-9)
-    areas = plate.pair.points.areas
-    np.testing.assert_allclose(nodal.weight[:n][inside], areas[inside], rtol=1e-9)
-    # The same on one rank.
-    total = COMM.allreduce(nodal.weight[:n].sum())
-    alone = Plate(MPI.COMM_SELF, cell)
-    assert total == pytest.approx(alone.facing(alone.folded()).weight.sum(), rel=1e-9)
 
 
 # -- a hairpin -------------------------------------------------------------------------------------

@@ -13,10 +13,7 @@ from dolfinx import fem, mesh
 from dolfinx_contact import (
     ContactPair,
     ContactProblem,
-    ContactSurface,
     Coulomb,
-    RigidBody,
-    Sphere,
     meshing,
 )
 from dolfinx_contact.evolution import QuasiStatic
@@ -198,32 +195,3 @@ def test_large_rotations_of_both(log):
         assert ("turn of 'contact'" in result.warnings) == (angle > 0)
     assert result.indicators.surfaces["contact"].turn > 40
     assert sum(line.startswith("turn") for line in log) == 3 * (COMM.rank == 0)
-
-
-def test_a_rigid_sphere_that_turns_in_a_history(log):
-    """The misfit of a curved rigid body is logged once in a run."""
-    domain = mesh.create_unit_square(COMM, 3, 3)
-    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-    u = fem.Function(V)
-    way = fem.Constant(domain, 0.0)
-    top = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[1], 1.0))
-    below = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[1], 0.0))
-    disc = RigidBody(
-        Sphere((0.5, -1.0), 1.0),
-        about=(0.5, -1.0),
-        motion={"x": way, "y": 0.02, "rz": 0.0},
-        name="disc",
-    )
-    contact = ContactSurface(u, below, obstacle=disc, law=Coulomb(0.1))
-    energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx
-    held = fem.dirichletbc(np.zeros(2), fem.locate_dofs_topological(V, 1, top), V)
-    problem = ContactProblem(energy, u, [contact], bcs=[held])
-    problem.solve()
-
-    def load(t):
-        way.value = 0.3 * t
-
-    history = QuasiStatic(problem, load).run([0.0, 0.01, 0.5, 1.0])
-    misfits = [step.result.misfit for step in history.steps]
-    assert misfits[0] < 1e-3 < misfits[-1]
-    assert said(log) == 1

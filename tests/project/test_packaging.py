@@ -7,7 +7,6 @@ import shutil
 import subprocess
 import sys
 import tomllib
-import warnings
 from importlib import import_module
 from itertools import chain
 from pathlib import Path
@@ -19,7 +18,7 @@ from support.blocks import block
 
 import dolfinx_contact
 from dolfinx_contact import _install, meshing
-from dolfinx_contact._install import refuse_serial_copies, require_dolfinx, warn_of_namesake
+from dolfinx_contact._install import refuse_serial_copies, require_dolfinx
 from dolfinx_contact.plot import draw_diagram, picture_of_states
 from dolfinx_contact.records import Journal
 
@@ -190,56 +189,6 @@ def test_states_without_matplotlib(monkeypatch):
         picture_of_states("x.png", system, [None])
 
 
-#: Some of what asimov-contact installs, and the part of its head that matters here.
-NAMESAKE = {
-    "__init__.py": "from dolfinx_contact.newton_solver import NewtonSolver\n"
-    "from .output import plot_gap\n",
-    "newton_solver.py": "class NewtonSolver: ...\n",
-    "output.py": "def plot_gap(): ...\n",
-    "cpp.cpython-313-x86_64-linux-gnu.so": "",
-    "meshing/__init__.py": "",
-}
-
-
-def install(folder, files=NAMESAKE):
-    for name, text in files.items():
-        (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        (folder / name).write_text(text)
-
-
-def imported_by_a_script(folder, *path):
-    """What a script that imports the package, with these folders before all, says on stderr."""
-    script = folder / "script.py"
-    script.write_text("import dolfinx_contact\nprint(dolfinx_contact.__file__)\n")
-    return subprocess.run(
-        [sys.executable, "-P", str(script)],
-        env=os.environ | {"PYTHONPATH": os.pathsep.join(str(p) for p in path)},
-        cwd=folder,
-        capture_output=True,
-        text=True,
-    )
-
-
-@serial
-@pytest.mark.parametrize("last", ["ours", "theirs"])
-def test_two_packages_of_one_name_in_one_folder(tmp_path, last):
-    """Whichever was installed last and has its head there."""
-    mixed = tmp_path / "site" / "dolfinx_contact"
-    install(mixed)
-    shutil.copytree(TREE / "dolfinx_contact", mixed, dirs_exist_ok=True)
-    if last == "theirs":
-        install(mixed)
-    done = imported_by_a_script(tmp_path, tmp_path / "site")
-    assert done.returncode == 1
-    said = done.stderr.splitlines()[-1]
-    assert said.startswith(
-        "ImportError: two packages that are both imported as dolfinx_contact are"
-    )
-    assert f"mixed in {mixed}: this one (signorini-coulomb) and asimov-contact" in said
-    assert "cpp.cpython-313-x86_64-linux-gnu.so and newton_solver.py are there" in said
-    assert "pip uninstall signorini-coulomb dolfinx_contact" in said
-
-
 def test_dolfinx_that_is_missing_is_named(monkeypatch):
     """At import, before anything that needs it."""
     every = ("mpi4py", "petsc4py", "dolfinx")
@@ -258,29 +207,6 @@ def test_dolfinx_that_is_missing_is_named(monkeypatch):
     assert lines.index('require_dolfinx("petsc4py", "dolfinx")') < min(
         i for i, line in enumerate(lines) if "_petsc import" in line
     )
-
-
-def test_namesake_is_told_apart(folder):
-    """Rank 0 warns, and only of what is another's."""
-    if COMM.rank == 0:
-        install(folder / "theirs" / "dolfinx_contact")
-        files = (TREE / "dolfinx_contact").glob("*.py")
-        install(folder / "ours" / "dolfinx_contact", {f.name: f.read_text() for f in files})
-        (folder / "linked").symlink_to(folder / "theirs")
-    COMM.barrier()
-
-    def warned(here, *path):
-        with warnings.catch_warnings(record=True) as caught:
-            warnings.simplefilter("always")
-            warn_of_namesake(
-                str(folder / here / "dolfinx_contact"), [str(folder / p) for p in path]
-            )
-        return COMM.allgather(len(caught))
-
-    assert warned("ours", "nowhere", "ours") == [0] * COMM.size
-    assert warned("nowhere", "ours") == [0] * COMM.size
-    assert warned("theirs", "theirs", "linked") == [0] * COMM.size
-    assert warned("ours", "ours", "theirs", "linked") == [1] + [0] * (COMM.size - 1)
 
 
 @serial

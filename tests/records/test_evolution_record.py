@@ -1,22 +1,18 @@
 """The record of evolutions: the journal, and runs that are interrupted or killed and resumed."""
 
-from contextlib import suppress
-
 from mpi4py import MPI
 
 import numpy as np
 import pytest
 from support.blocks import block, box, facets, same_tables
-from support.histories import dragged, put
+from support.histories import dragged
 from support.killing import Stop, killed_and_resumed, require_same, stopping
 from support.recorded_evolution import CASES, LONGEST, TIMES, cracked, pair, record
 
 from dolfinx import mesh
 
 from dolfinx_contact import (
-    HalfSpace,
     ParametricContact,
-    RigidBody,
 )
 from dolfinx_contact.continuation import Ending
 from dolfinx_contact.evolution import QuasiStatic
@@ -190,42 +186,6 @@ def test_a_submesh_is_refused(folder):
         EvolutionRecord(folder, QuasiStatic(problem, lambda t: None))
     COMM.barrier()
     assert not (folder / FILE_NAME).exists()
-
-
-@pytest.mark.verifies(
-    "records of histories",
-    "rigid bodies",
-    reference="itself: the run that nothing ended",
-    aspects=(
-        "3D",
-        "records",
-    ),
-)
-def test_a_rigid_body_and_three_dimensions(folder):
-    """A floor that is pressed against a block by a force, free to move and tilt; small steps."""
-
-    def evolution():
-        def floor(domain):
-            return RigidBody(
-                HalfSpace((0, 0, 0), (0, 0, 1)),
-                about=(0.4, 0.5, 0),
-                load={"z": 8.0},
-                free=["rx", "ry"],
-                held=["x", "y", "rz"],
-            )
-
-        problem, top = dragged("hex", 2, obstacle=floor)
-        return QuasiStatic(problem, lambda t: put(top, (0.004 * t, 0.002 * t**2, 0.0)))
-
-    for name, stop in (("whole", 99), ("parts", 2)):
-        path = evolution()
-        with EvolutionRecord(folder / name, path) as kept, suppress(Stop):
-            path.run([0.0, 1.0, 2.0], longest=0.5, record=kept, observer=stopping(stop))
-    path = evolution()
-    with EvolutionRecord(folder / "parts", path, resume=True) as kept:
-        assert kept.go_on().complete
-    assert "s" in read_journal(folder / "whole").states[-1].status
-    require_same(folder / "parts", folder / "whole")
 
 
 # -- kills -----------------------------------------------------------------------------------------

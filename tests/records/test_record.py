@@ -5,7 +5,6 @@ import random
 import shutil
 import time
 import zlib
-from importlib.util import find_spec
 
 from mpi4py import MPI
 
@@ -18,18 +17,15 @@ from support.recorded_run import moved_block, record, record_in, resume
 from dolfinx_contact.continuation import (
     BranchStep,
     Ending,
-    Follower,
     Observer,
     StepControl,
     Task,
     follow,
 )
-from dolfinx_contact.plot import draw_diagram
 from dolfinx_contact.records import (
     BranchRecord,
     journal_of,
     read_journal,
-    write_series,
 )
 from dolfinx_contact.records.journal import FILE_NAME
 
@@ -451,61 +447,6 @@ def test_a_journal_without_a_complete_line_starts_afresh(folder):
         resume(folder, system, functionals)
     record(system, functionals, folder, max_steps=1)
     assert len(read_journal(folder).branches[0].points) == 2
-
-
-@pytest.mark.chatty
-def test_several_branches_in_one_record(folder):
-    """Two branches of one follower; each is resumed by its number. Then the pictures."""
-    system, functionals = moved_block(COMM)
-    x = recorded_run.start(system)
-    with (
-        BranchRecord(folder, system, functionals, every=5) as r,
-        Follower(system, recorded_run.CONTROL, gamma_scale=1.0) as follower,
-    ):
-        for branch, steps, direction in ((0, 12, "increasing"), (3, 4, "decreasing")):
-            start = follower.start(x, 0.0, direction=direction)
-            follower.run(
-                start, gamma_range=(-0.2, 0.2), max_steps=steps, record=r, branch_id=branch
-            )
-    journal = read_journal(folder)
-    assert sorted(journal.branches) == [0, 3]
-    assert len(journal.to_pandas()) == 13 + 5
-    assert len(journal.to_pandas(3)) == 5
-    for branch in (3, 0):
-        done = resume(folder, system, functionals, branch=branch, max_steps=100)
-        assert done.reason == "gamma reached the end of its range"
-    journal = read_journal(folder)
-    assert journal.to_pandas(3)["gamma"].iloc[-1] == pytest.approx(-0.2, abs=1e-12)
-    assert journal.to_pandas(0)["gamma"].iloc[-1] == pytest.approx(0.2, abs=1e-12)
-    np.testing.assert_allclose(journal.places["contact"], [(x, 0) for x in np.arange(5) / 4])
-    if COMM.rank == 0:
-        figure = draw_diagram(folder / "two.png", journal, {"force": "$F$"}, title="Two")
-        assert (folder / "two.png").stat().st_size > 20_000
-        assert figure.axes[-1].get_ylabel() == "x"  # of the contact points in the strips
-        np.testing.assert_allclose(figure.axes[-1].get_ylim(), [0.0, 1.0])
-        # by default branches are named by the statuses at their ends
-        names = [text.get_text() for text in figure.axes[0].get_legend().get_texts()]
-        for b, name in zip((0, 3), names, strict=False):
-            assert name.startswith(f"branch {b}: "), names
-        with pytest.raises(ValueError, match="is not a recorded number"):
-            draw_diagram(folder / "none.png", journal, "status")
-    with BranchRecord(folder, system, functionals, resume=True) as r:
-        files = write_series(folder, r, 3)
-        kept = r.journal.branches[3].kept
-        with pytest.raises(ValueError, match="no fields of branch 4"):
-            write_series(folder, r, 4)
-    names = [f.stem for f in files]
-    assert names == ["branch_0003_body", "branch_0003_contact"]
-    if COMM.rank == 0 and files[0].suffix == ".bp" and find_spec("adios2"):
-        import adios2
-
-        with adios2.FileReader(str(files[1])) as f:
-            steps = f.num_steps()
-            assert steps == len(kept)
-            if COMM.size == 1:  # on more ranks there is a block of values for each
-                gammas = [np.unique(f.read("gamma", step_selection=[i, 1])) for i in range(steps)]
-                expected = journal.to_pandas(3)["gamma"].iloc[kept]
-                np.testing.assert_array_equal(np.ravel(gammas), expected)
 
 
 # -- kills -----------------------------------------------------------------------------------------

@@ -138,19 +138,6 @@ def block(
     return Block(domain, V, u, face(0.0), top, moved, [held])
 
 
-def column(stiffness: Any, cells: tuple[int, ...] = (2, 1)) -> tuple[Block, Any]:
-    """Return a block of parallel springs between top and bottom, and its energy.
-
-    A rigid motion U of the top and u of the bottom gives the force S (U - u) per area.
-
-    Args:
-        stiffness: S per area, shape (dim, dim), tangents before the normal.
-        cells: numbers of cells along the axes.
-    """
-    body = block(cells)
-    return body, _springs(body, stiffness, 1.0)
-
-
 def one_point(stiffness: Any, dim: int = 2) -> tuple[Block, Any]:
     """Return a body of simplices with one free node, and its energy.
 

@@ -3,7 +3,6 @@
 from mpi4py import MPI
 
 import numpy as np
-from cases._triangle import linear_triangle
 
 import ufl
 from dolfinx import fem, mesh
@@ -75,19 +74,6 @@ def along(top, *corners):
     """A load from corner to corner, one in each unit of time."""
     x = np.array([np.zeros_like(corners[0]), *corners], dtype=float)
     return lambda t: put(top, [np.interp(t, np.arange(len(x)), v) for v in x.T])
-
-
-def drawn_node(stiffness, **given):
-    """One node that a load gamma pulls off the floor, bonded by a stiffness."""
-    law = RCCM(stiffness, 0.0, W, **given)
-    return linear_triangle(
-        1, None, (0.0, -1.0), (1.0, 1.0), 1.0, law=lambda _: law, comm=MPI.COMM_SELF
-    )
-
-
-def gap_of_node(system):
-    (table,) = system.problem.solve().tables.values()
-    return float(table.un[table.letters != "d"][0])
 
 
 class Point:

@@ -159,11 +159,6 @@ def disc(
     return ContactProblem(energy, u, [surface], bcs=bcs, petsc_options=options)
 
 
-def refused_of_revolution(reason, make):
-    with pytest.raises(ValueError, match=reason):
-        make()
-
-
 def blocks(cell, below, above, degree, method, *, law, gap=0.0):
     """Two unit blocks, one on the other; tags 1 below, 2 and 3 face to face, 4 above."""
     bodies = []
@@ -233,7 +228,3 @@ def branched(comm, n=6, *, slave="5_opposite", method="nodal"):
     energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx
     problem = ContactProblem(energy, u, [pair], bcs=bcs)
     return ParametricContact(problem, gamma, driven=[(top, way)])
-
-
-def force(problem):
-    return float(problem.table(problem.surfaces[0]).rt.sum())

@@ -3,22 +3,11 @@
 import json
 import re
 
-from mpi4py import MPI
-
 import numpy as np
 import pytest
 from cases._triangle import linear_triangle
-from support.blocks import box, facets
-
-import ufl
-from dolfinx import fem
 
 from dolfinx_contact import (
-    ContactProblem,
-    ContactSurface,
-    Coulomb,
-    HalfSpace,
-    ParametricContact,
     plot,
     records,
 )
@@ -26,7 +15,6 @@ from dolfinx_contact.analysis import prove_counts
 from dolfinx_contact.analysis.branch_counts import default_gammas
 from dolfinx_contact.continuation import Diagram, explore
 from dolfinx_contact.explorer import explorer
-from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.proofs import Certificate, check
 
 TOTAL = dict(sum_rn=records.total("rn"))
@@ -120,51 +108,6 @@ def test_where_branches_meet():
     assert count.proved
     assert count.unfound == ()
     assert count.branches[0] >= 0
-
-
-@pytest.mark.verifies(
-    "all solutions",
-    "branches",
-    reference="itself: a branch in space and what is proved at its gammas",
-    aspects=("3D", "proofs", "branches"),
-)
-@pytest.mark.parametrize(
-    ("n", "aside", "events", "letters"),
-    [(1, (0.006, 0.0, 0.0), None, None), (2, (0.02, 0.002, 0.009), 3, "sssssssss")],
-)
-def test_counts_along_a_branch_in_space_are_proved(n, aside, events, letters):
-    """Cubes with 4 and 9 nodes on the floor, pressed and moved aside; proofs are checked."""
-    domain = box(MPI.COMM_WORLD, n, "hex")
-    V = fem.functionspace(domain, ("Lagrange", 1, (3,)))
-    u = fem.Function(V)
-    moved = fem.Function(V)
-    gamma = fem.Constant(domain, 0.0)
-    dofs = fem.locate_dofs_topological(V, 2, facets(domain, 2, 1.0))
-    floor = HalfSpace((0, 0, 0), (0, 0, 1))
-    surface = ContactSurface(u, facets(domain, 2, 0.0), obstacle=floor, law=Coulomb(0.3))
-    energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx
-    problem = ContactProblem(energy, u, [surface], bcs=[fem.dirichletbc(moved, dofs)])
-    start = (0.0, 0.002 if n == 1 else 0.0, -0.01)
-    path = ufl.as_vector([s + gamma * a for s, a in zip(start, aside, strict=True)])
-    system = ParametricContact(problem, gamma, driven=[(moved, path)])
-    system.set_parameter(0.0)
-    problem.solve()
-    x = system.create_vector()
-    problem.write(x)
-    diagram = explore(system, [(x, 0.0)], gamma_range=(0.0, 1.0))
-    counts = prove_counts(system, diagram, most=3)
-    assert diagram.complete
-    if events is not None:
-        assert sum(len(b.special) for b in diagram.branches) == events
-    assert [c.number for c in counts] == [1] * len(counts)
-    assert counts.proved
-    assert counts.missed == 0
-    assert all(c.unfound == () for c in counts)
-    if letters is not None:
-        assert counts.counts[-1].statuses == (letters,)
-        assert len(counts) == 5
-    if MPI.COMM_WORLD.rank == 0:
-        assert all(check(c.certificate).verdict == "complete" for c in counts)
 
 
 @pytest.mark.ranks(2)

@@ -25,7 +25,6 @@ from dolfinx_contact import (
 )
 from dolfinx_contact.analysis import critical_friction
 from dolfinx_contact.grids import create_grid
-from dolfinx_contact.laws import MINUS, PLUS
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.meshing import join
 
@@ -275,27 +274,6 @@ def two_blocks(options):
 # -- how far they are known, and what slips of both signs bring ------------------------------------
 
 
-def test_how_far_they_are_known():
-    """lambda = 0: the first real one, with slips of both signs, is behind 26 complex ones."""
-    expected = {16: 4.62417046, 32: 4.47983436, 64: 4.43722393}
-    for n, friction in expected.items():
-        found = critical_friction(linear_triangle(n, 0.3, lame=(0.0, 1.0)).problem)
-        assert (found.friction, found.one_signed, found.known_up_to) == (None, [], np.inf)
-        assert found.mixed[0] == pytest.approx(friction, abs=1e-8)
-        assert all(abs(F.imag) > 1e-3 for F in found.unreal)
-        assert found.others == sorted(found.others, key=lambda F: round(abs(F), 9))
-        assert len(found.others) == n
-    some = critical_friction(linear_triangle(n, 0.3, lame=(0.0, 1.0)).problem, dense=False)
-    assert (some.friction, some.mixed, some.complete) == (None, [], False)
-    every = np.abs(found.others)
-    # There is none between those that are listed and what is said to be known.
-    assert np.abs(some.others).max() < some.known_up_to < found.mixed[0]
-    assert np.count_nonzero(every < some.known_up_to) == len(some.others)
-    problem = linear_triangle(n, 0.3, lame=(0.0, 1.0)).problem
-    more = critical_friction(problem, dense=False, count=40)
-    assert more.known_up_to > more.mixed[0] == pytest.approx(friction, abs=1e-7)
-
-
 # -- large bodies ----------------------------------------------------------------------------------
 
 
@@ -385,74 +363,3 @@ def test_by_multigrid(body):
         assert (found.solver, found.complete) == ("amg", dense)
         assert 0 < found.solves < found.iterations
         assert found.residual < 1e-7
-
-
-@pytest.mark.parametrize("which", [0, 1])
-@pytest.mark.verifies(
-    "critical friction",
-    reference="closed form: a continuum of solutions along the slip",
-    aspects=("2D",),
-    alone=True,
-)
-def test_slips_of_both_signs_bring_continua(which):
-    """Where all points have slipped under load, such a slip may be added with either sign."""
-    domain = leaning(5, offset=1.0, comm=MPI.COMM_SELF).V.mesh
-    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-    u = fem.Function(V)
-    slid = fem.Function(V)
-    bottom, top = (
-        mesh.locate_entities_boundary(domain, 1, lambda x, y=y: np.isclose(x[1], y))
-        for y in (0.0, 2.0)
-    )
-    clamped = fem.dirichletbc(np.zeros(2), fem.locate_dofs_topological(V, 1, top), V)
-    tags = mesh.meshtags(domain, 1, np.sort(bottom), np.ones(len(bottom), dtype=np.int32))
-    ds = ufl.Measure("ds", domain=domain, subdomain_data=tags)
-    friction = fem.Constant(domain, 1.0)
-    pushed = fem.Constant(domain, np.zeros(2))
-    material = LinearElastic.from_young(1.0, 0.3)
-    # The load is the one under which `slid`, and the forces `pushed` of contact, are a solution.
-    load = ufl.derivative(material.energy(slid) * ufl.dx, slid, u) - ufl.dot(pushed, u) * ds(1)
-    floor = ContactSurface(u, bottom, obstacle=HalfSpace((0, 0), (0, 1)), law=Coulomb(friction))
-    problem = ContactProblem(material.energy(u) * ufl.dx - load, u, [floor], bcs=[clamped])
-    F = critical_friction(problem).mixed[which]
-    friction.value = abs(F)
-    pushed.value[:] = (0.1 * F, 0.1)
-    slid.interpolate(lambda x: np.stack([-0.05 * np.sign(F) * (2.0 - x[1]), 0 * x[0]]))
-
-    # v, the motion with it, and the forces that it takes.
-    K = problem.equations.bulk.stiffness(u.x.array).getValuesCSR()
-    K = scipy.sparse.csr_matrix((K[2], K[1], K[0])).toarray()
-    x = V.tabulate_dof_coordinates()
-    places = problem.discrete(floor).points.Q.tabulate_dof_coordinates()
-    nodes = [int(np.abs(x - place).sum(axis=1).argmin()) for place in places]
-    t = 2 * np.array(nodes)
-    n = 2 * np.array(nodes) + 1
-    free = np.flatnonzero(np.repeat(x[:, 1] < 2.0 - 1e-9, 2))
-    inside = np.setdiff1d(free, np.concatenate([t, n]))
-    within = -np.linalg.solve(K[np.ix_(inside, inside)], K[np.ix_(inside, t)])
-    S = [K[np.ix_(rows, t)] + K[np.ix_(rows, inside)] @ within for rows in (t, n)]
-    values, vectors = scipy.linalg.eig(*S)
-    v = vectors[:, np.abs(values - F).argmin()].real
-    assert v.min() < 0 < v.max()
-    motion = np.zeros(len(K))
-    motion[t] = v
-    motion[inside] = within @ v
-    lengths = np.where(np.isin(places[:, 0], [0.0, 1.0]), 0.1, 0.2)
-    forces = np.stack([rows @ v / lengths for rows in S], axis=1).reshape(-1)
-
-    def is_solution(part, coefficient):
-        friction.value = coefficient
-        u.x.array[:] = slid.x.array + part * motion
-        problem.discrete(floor).multiplier.x.array[:] = (
-            np.tile(pushed.value, len(places)) + part * forces
-        )
-        restore_statuses(problem, MINUS if F > 0 else PLUS)
-        start = u.x.array.copy()
-        result = problem.solve()
-        stays = np.allclose(u.x.array, start, rtol=0, atol=1e-12)
-        return result.iterations == 0 and stays and result.kkt_violation < 1e-12
-
-    pressure = 0.1 / np.abs(S[1] @ v / lengths).max()
-    most = 0.9 * min(0.1 / np.abs(v).max(), pressure)
-    assert all(is_solution(part, abs(F)) for part in (0.0, most, -most, 0.3 * most))
-    assert not is_solution(most, 1.01 * abs(F))

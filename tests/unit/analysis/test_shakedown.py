@@ -279,44 +279,6 @@ def test_rest_below_the_bound_alone(number):
     assert (True, "alternating slip") in kinds
 
 
-@serial
-@pytest.mark.verifies(
-    "shakedown",
-    reference="theorem: parts that are not joined come to rest each for itself",
-    aspects=("2D",),
-    alone=True,
-)
-def test_parts_of_a_body():
-    """Single coupled points below their critical friction: the bound is the least of theirs."""
-    rng = np.random.default_rng(6)
-    compared = 0
-    for case in range(12):
-        m = int(rng.integers(2, 4))
-        single = [
-            10 ** rng.uniform(-3, 3) * random_stiffness(1, rng, 20.0)[:2, :2] for _ in range(m)
-        ]
-        k_t, k = np.abs([S[0] for S in single]).T
-        F = np.minimum(rng.uniform(0.2, 0.98, m) * k_t / k, 3.0)
-        steady = np.tile([0.0, -1.0], m) + 0.2 * rng.normal(size=2 * m)
-        loads = steady + 0.5 * rng.normal(size=(2, 2 * m))
-        S = block_diag(*single)
-        found = shakedown_of(points(S, F), loads, steady, cycles=100, starts=2)
-        assert found.theorem_holds, case
-        assert not found.broken, case
-        pairs = [slice(2 * i, 2 * i + 2) for i in range(m)]
-        parts = [
-            shakedown_of(points(S[q, q], [f]), loads[:, q], steady[q], cycles=1, starts=0)
-            for q, f in zip(pairs, F, strict=True)
-        ]
-        if all(len(part.ranges) == 1 and part.ranges[0][0] == 0 for part in parts):
-            least = min(part.factor for part in parts)
-            np.testing.assert_allclose(found.factor, least, rtol=1e-7)
-            compared += np.isfinite(least)
-        over = np.where(np.arange(m) == case % m, 1.05 * k_t / k, F)
-        assert not shakedown_of(points(S, over), loads, steady, cycles=1, starts=0).theorem_holds
-    assert compared > 3
-
-
 def pressed(friction, shear=0.002):
     """A block that is pressed down by its top, which moves to and fro; and its loads."""
     problem = block(n=2, cell="quad", law=Coulomb(friction), top=(0.0, -0.01))

@@ -56,19 +56,6 @@ def test_a_circle_has_its_fold_and_other_half():
     assert branch.ending is Ending.REACHED
 
 
-def test_an_end_of_the_range_that_cannot_be_solved_for():
-    """No point beyond the range, and no word that its end was reached."""
-
-    def cubic(x, g):
-        return x**3 + x - g if abs(g - 1) > 1e-9 else np.nan * x
-
-    system = smooth(1, cubic, lambda x, g: [[3 * x[0] ** 2 + 1]], lambda x, g: [-1.0])
-    branch = follow(system, start(system, [0.0]), 0.0, gamma_range=(0.0, 1.0))
-    assert branch.reason == "the point at the end of the range of gamma was not solved for"
-    assert branch.ending is Ending.NOT_SOLVED
-    assert max(p.gamma for p in branch.points) < 1
-
-
 @pytest.mark.ranks(2)
 @pytest.mark.each_value
 @pytest.mark.parametrize("route", ["auto", "steps"])
@@ -174,39 +161,6 @@ def test_corner_that_is_a_fold():
     assert abs(branch.special[0].gamma) < 1e-12
     x, _ = values(system, branch.points[-1])
     assert x[0] == pytest.approx(-2.0, abs=1e-10)
-
-
-def test_three_pieces_meet():
-    """H = |x| - |g| ... four rays meet at the origin: x = g and x = -g, each twice."""
-
-    def H(x, g, s):
-        return np.array([(x[0] if s[0] else -x[0]) - (g if s[1] else -g)])
-
-    system = Textbook(
-        1,
-        H,
-        lambda x, g, s: [[1.0 if s[0] else -1.0]],
-        lambda x, g, s: [-1.0 if s[1] else 1.0],
-        lambda x, g, s: [
-            [(x[0] if s[0] else -x[0], 1 - s[0])],
-            [(g if s[1] else -g, 1 - s[1])],
-        ],
-        lambda x, g: [int(x[0] > 0), int(g > 0)],
-        (0, 1),
-    )
-    branch = follow(system, start(system, [1.0]), -1.0, gamma_range=(-1.0, 1.0))
-    (special,) = branch.special
-    assert special.kind == "bifurcation"
-    assert special.complete
-    assert len(special.others) == 2
-    assert abs(special.gamma) < 1e-12
-    # Every way out once: with the branch's own, the slopes of all three other rays.
-    rays = [branch.points[special.index].tangent, *(r.tangent for r in special.others)]
-    ends = set()
-    for t in rays:
-        whole = np.concatenate(system.comm.allgather(t.array_r.copy()))
-        ends.add(tuple(int(v) for v in np.sign(whole)))
-    assert ends == {(1, 1), (-1, 1), (-1, -1)}
 
 
 @pytest.mark.ranks(2)

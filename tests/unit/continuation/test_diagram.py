@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from support.textbook import Textbook, one_node, smooth, start
 
-from dolfinx_contact.continuation import Ending, Observer, explore, follow
+from dolfinx_contact.continuation import Ending, explore, follow
 
 
 def gammas(branch):
@@ -40,36 +40,6 @@ def test_a_diagram_with_a_branch_that_was_cut_off():
     assert part.ending is Ending.BUDGET
     assert part.reason.startswith("branch 0 was cut off (and 1 more): the budget of 3 steps")
     assert not part.summary()["converged"]
-
-
-@pytest.mark.ranks(2)
-@pytest.mark.parametrize("end", [0.01, 1.0])
-def test_observers_see_the_branches_of_the_diagram(end):
-    """How they end, and the last point: that of the node where a branch comes to one."""
-    system = smooth(
-        1, lambda x, g: x * (g - x**2), lambda x, g: [[g - 3 * x[0] ** 2]], lambda x, g: [x[0]]
-    )
-    last = {}
-    ended = {}
-
-    class Looks(Observer):
-        def step(self, step, state):
-            last[step.branch] = step.point, state
-
-        def end(self, how):
-            ended[len(ended)] = how.ending, how.reason
-
-    diagram = explore(
-        system, [(start(system, [0.0]), -1.0)], gamma_range=(-1.0, end), observer=Looks()
-    )
-    assert len(diagram.nodes) == 1
-    assert diagram.edges[0].end == 0
-    for number, branch in enumerate(diagram.branches):
-        point, stepping = last[number]
-        assert ended[number] == (branch.ending, branch.reason)
-        assert (stepping.ending, stepping.reason) == ended[number]
-        assert point is branch.points[-1]
-    assert diagram.branches[0].points[-1].y.equal(diagram.nodes[0].point.y)
 
 
 @pytest.mark.verifies(

@@ -11,7 +11,6 @@ from support.textbook import SymmetricGuess, Textbook
 
 from dolfinx_contact.continuation import Follower, StepControl
 from dolfinx_contact.continuation.bordered import Bordered
-from dolfinx_contact.continuation.factorised import Factorised
 from dolfinx_contact.continuation.krylov import Krylov
 
 COMM = MPI.COMM_WORLD
@@ -196,39 +195,3 @@ def test_a_branch_in_space_by_krylov_is_that_of_mumps():
     assert len(mine.special) > 5
     assert mine.factorisations == 0
     assert 1 <= builds < len(mine.points)
-
-
-@pytest.mark.parametrize("n", [3, 5])
-def test_the_sign_of_the_determinant_by_krylov_is_that_of_mumps(n):
-    """A foot with much friction, held in random pieces: the sign of MUMPS, but for a constant."""
-    quotients = set()
-    seen = set()
-    made = []
-    args = cases.branch_3d.arguments(["--n", str(n), "--friction", "12"])
-    for solver in ("amg", "direct"):
-        PETSc.Options()["contact_linear_solver"] = solver
-        system, _ = cases.branch_3d.foot(args, COMM)
-        made.append((system, Bordered(system, gamma_scale=1.0)))
-        assert type(made[-1][1].solver) is (Krylov if solver == "amg" else Factorised)
-    system = made[0][0]
-    states = []
-    for other, bordered in made:  # two meshes may be distributed differently
-        x = other.probe(5)
-        x.scale(1e-2 / x.norm())
-        y = bordered.vector()
-        row = bordered.last_unit()
-        bordered.join(x, 0.5, y)
-        states.append((y, row))
-    generator = np.random.default_rng(1)
-    whole = len(system.letters(system.piece_at(made[0][1].split(states[0][0])[0], 0.5)))
-    for _ in range(12):
-        word = "".join(generator.choice(list("oss"), size=whole))
-        signs = []
-        for (s, b), (y, row) in zip(made, states, strict=True):
-            b.solver.assemble(y, row, s.piece_of(word))
-            signs.append(b.solver.determinant_sign())
-        quotients.add(signs[0] * signs[1])
-        seen.add(signs[1])
-    assert len(quotients) == 1
-    assert 0 not in quotients
-    assert seen == {-1.0, 1.0}

@@ -4,12 +4,11 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from cases._triangle import linear_triangle
 from support import recorded_evolution, recorded_path
 from support.histories import driven_block
 from support.recorded_run import CONTROL, moved_block, resume, start
 
-from dolfinx_contact.continuation import Observer, explore, follow
+from dolfinx_contact.continuation import Observer, follow
 from dolfinx_contact.records import (
     BranchRecord,
     PathRecord,
@@ -126,22 +125,6 @@ def test_every_point_stands_in_the_problem(kind):
     plain = follow(system, x, 0.5, gamma_range=(0.4, 0.8), route="steps")
     gammas = [[p.gamma for p in b.points] for b in (plain, branch)]
     np.testing.assert_allclose(*gammas, atol=1e-9)
-
-
-@pytest.mark.parametrize("route", [pytest.param("steps", marks=pytest.mark.long), "pivoting"])
-def test_points_of_all_branches(route):
-    """An exploration leaves the problem as it was."""
-    system = linear_triangle(8, 2.0)
-    system.set_parameter(-1.0)
-    x = start_of(system)
-    looks = Looks(system)
-    before = seen(system)
-    diagram = explore(system, [(x, -1.0)], gamma_range=(-1.0, 1.0), route=route, observer=looks)
-    same(seen(system), before)
-    assert len(diagram.edges) > 2
-    assert len(looks.calls) == 2 * len(diagram.edges)
-    assert len({found[1] for found in looks.seen}) > 3
-    check(system, looks)
 
 
 def start_of(system):

@@ -14,13 +14,9 @@ from dolfinx_contact import (
     ContactSurface,
     Frictionless,
     HalfSpace,
-    ParametricContact,
 )
-from dolfinx_contact.analysis import stability_at_rest
-from dolfinx_contact.continuation import follow
 from dolfinx_contact.evolution import NSCD
 from dolfinx_contact.materials import Axisymmetric, LinearElastic
-from dolfinx_contact.records import journal_of
 
 COMM = MPI.COMM_WORLD
 VOLUME = np.pi * (2.0**2 - 1.0**2)  # of a ring of height 1, which is also the area of its ends
@@ -83,17 +79,6 @@ def test_loads_in_the_volume_and_on_the_boundary(bulk):
     np.testing.assert_allclose(result.resultants["contact"][1], 5.0 * VOLUME, rtol=1e-9)
 
 
-def test_integrals_between_cells():
-    """An energy on the facets at half height weighs there like one on a boundary."""
-    b = Ring()
-    b.mesh.topology.create_connectivity(1, 2)
-    middle = np.sort(mesh.locate_entities(b.mesh, 1, lambda x: np.isclose(x[1], 1 / 3)))
-    tags = mesh.meshtags(b.mesh, 1, middle, np.ones_like(middle))
-    dS = ufl.Measure("dS", b.mesh, subdomain_data=tags)(1)
-    result = b.problem(b.energy() + 4.0 * ufl.avg(b.u[1]) * dS).solve()
-    np.testing.assert_allclose(result.resultants["contact"][1], 4.0 * VOLUME, rtol=1e-9)
-
-
 def test_mass_and_damping():
     """Drag c v per volume slows a ring by the share c dt / (rho + c dt / 2) in a step."""
     b = Ring(floor=-1.0)
@@ -104,33 +89,6 @@ def test_mass_and_damping():
     )
     kinetic = motion.run([0.0, 0.2]).energies.kinetic
     np.testing.assert_allclose(kinetic, VOLUME * (1 - 0.3 / (2 + 0.15)) ** 4, rtol=1e-9)
-
-
-def test_stability_at_rest():
-    """Under an energy -k/2 u_z^2 per volume a free ring moves away at the rate (k / rho)^(1/2)."""
-    b = Ring(floor=-1.0)
-    problem = b.problem(b.energy() - 0.5 * 8.0 * b.u[1] ** 2 * ufl.dx)
-    found = stability_at_rest(problem, density=2.0)
-    assert found.label == "unstable"
-    np.testing.assert_allclose(found.growth, 2.0, rtol=1e-6)
-
-
-def test_functionals_of_records():
-    """Their forms are integrals over the body; the energy of the problem is one of them."""
-    b = Ring()
-    gamma = fem.Constant(b.mesh, 0.0)
-    problem = b.problem(b.energy() + (1.0 + gamma) * b.u[1] * b.tagged(1.0))
-    system = ParametricContact(problem, gamma)
-    problem.solve()
-    x = system.create_vector()
-    problem.write(x)
-    branch = follow(system, x, 0.0, gamma_range=(0.0, 1.0))
-    one = fem.Constant(b.mesh, 1.0) * ufl.dx
-    found = journal_of(system, [branch], {"volume": one, "energy": problem.energy}).columns()
-    np.testing.assert_allclose(found["volume"], VOLUME, rtol=1e-12)
-    # The work of the load is twice the stored energy, and counts with a minus.
-    energy = -0.5 * (1.0 + found["gamma"]) ** 2 / YOUNG * VOLUME
-    np.testing.assert_allclose(found["energy"], energy, rtol=1e-8)
 
 
 def test_surfaces_and_materials_that_disagree():

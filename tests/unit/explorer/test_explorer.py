@@ -14,7 +14,7 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from support import recorded_evolution, recorded_path
+from support import recorded_evolution
 from support.blocks import box, facets
 from support.record_bodies import globe, polygon
 from support.recorded_run import moved_block, record
@@ -39,7 +39,6 @@ from dolfinx_contact.records import (
     BranchRecord,
     EvolutionRecord,
     Journal,
-    PathRecord,
     read_journal,
     total,
 )
@@ -291,34 +290,6 @@ def test_a_history(kind, folder):
         assert page.meta["along"] == "time"
         assert page.meta["axes"][0] == "time"
         assert page.meta["axes"][1].rpartition("_")[2] in "xy"  # a contact force
-    COMM.barrier()
-
-
-@pytest.mark.verifies(
-    "explorer",
-    reference="itself: the journal, number by number",
-    aspects=(
-        "2D",
-        "records",
-    ),
-)
-def test_a_path(folder):
-    path = recorded_path.made("bonds")
-    with PathRecord(folder / "path", path, **KEPT) as kept:
-        control = StepControl(initial=0.1, maximum=0.2)
-        history = path.run(gamma_range=(0.0, 0.7), control=control, record=kept, max_steps=8)
-    explorer(folder / "page.html", folder / "path")
-    if COMM.rank == 0:
-        page = read(folder / "page.html")
-        journal = read_journal(folder / "path")
-        check_states(page, journal, journal.entries())
-        np.testing.assert_array_equal(page.column("gamma"), journal.gammas)
-        np.testing.assert_array_equal(page.column("arc")[1:], [s.time for s in history.steps])
-        kinds = [row["event"] for row in journal.rows() if row["event"]]
-        assert [m["kind"] for m in page.meta["series"][0]["marks"]] == kinds
-        assert page.meta["axes"][0] == "gamma"
-        face = page.meta["surfaces"][0]
-        assert "internal.beta" in page.table(face, 1)
     COMM.barrier()
 
 

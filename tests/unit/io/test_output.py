@@ -179,40 +179,6 @@ def test_nodal_fields_are_the_table(cell, method):
     )
 
 
-@pytest.mark.ranks(2)
-@pytest.mark.parametrize(("cell", "multiplier"), [("quad", 1), ("tri", 2), ("tet", 1)])
-def test_integral_fields(cell, multiplier):
-    """P2 on a tilted plane: vertices follow the Gauss points around them, forces are the same."""
-    dim = 3 if cell == "tet" else 2
-    n, up = (3, np.array([0.1, 0.0, 1.0])) if dim == 3 else (8, np.array([0.1, 1.0]))
-    top = (0.03, *[0.0] * (dim - 2), -0.05)
-    floor = HalfSpace(np.zeros(dim), up)
-    given = dict(degree=2, multiplier_degree=multiplier, method="integral")
-    problem = block(n=n, cell=cell, obstacle=floor, top=top, **given)
-    result = problem.solve()
-    assert result.counts["open"] > 0
-    assert result.counts["slip"] > 0
-    (s,) = problem.surfaces
-    table = result.tables["contact"]
-    fields = problem.contact_fields(s)
-    x = s.points.vertices.tabulate_dof_coordinates()[:, :dim]
-    agreed = 0
-    for code, p in zip(fields["status"].x.array, x, strict=True):
-        near = codes(table)[np.linalg.norm(table.x - p, axis=1) < np.sqrt(dim - 1) * 1.001 / n]
-        if len(set(near)) == 1:
-            agreed += 1
-            assert code == near[0]
-    assert COMM.allreduce(agreed) > 0
-    gap = (x @ up - problem.u.x.array.reshape(-1, dim)[s.points.vertex_trace_dofs] @ -up) / np.sqrt(
-        1.01
-    )
-    np.testing.assert_allclose(fields["gap"].x.array, gap, atol=1e-12)
-    if multiplier == 1:
-        form = fem.form(fields["pressure"] * ufl.dx)
-        total = COMM.allreduce(fem.assemble_scalar(form))
-        np.testing.assert_allclose(total, table.rn.sum(), rtol=1e-10)
-
-
 @pytest.mark.ranks(2, 3)
 @pytest.mark.parametrize("cell", ["tri", "quad", "tet", "hex"])
 def test_pressure_as_a_function(cell):

@@ -4,26 +4,22 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from support.blocks import box, facets
-from support.pairs import MATERIAL, blocks, displacement, tagged
+from support.blocks import facets
+from support.pairs import MATERIAL, blocks
 from support.pairs import pressed_blocks as pressed
 from support.vtk_files import read_grid
 
 import ufl
-from dolfinx import fem, mesh
+from dolfinx import fem
 
 from dolfinx_contact import (
-    ContactPair,
     ContactProblem,
     ContactSurface,
-    Coulomb,
     Frictionless,
     HalfSpace,
 )
 from dolfinx_contact.io import write_fields
 from dolfinx_contact.io.master import MasterFace
-from dolfinx_contact.meshing import join
-from dolfinx_contact.results.fields import vertex_state
 
 COMM = MPI.COMM_WORLD
 
@@ -55,58 +51,6 @@ def total(problem, face, name):
     f = face.fields(problem)[name]
     values = f.x.array.reshape(-1, f.function_space.dofmap.index_map_bs)
     return COMM.allreduce((values * face.areas[:, None])[:n].sum(axis=0))
-
-
-@pytest.mark.ranks(2)
-@pytest.mark.each_value
-@pytest.mark.parametrize("cell", ["quad", "tet"])
-@pytest.mark.parametrize("given", [{}, {"method": "integral"}, {"sliding": "large"}], ids=str)
-@pytest.mark.verifies(
-    "mortar",
-    "sliding pairs",
-    reference="theorem: pressures make up the normal forces",
-    aspects=("2D", "3D", "pairs", "large sliding"),
-)
-def test_pressure_of_a_slave_that_is_partly_covered(cell, given):
-    """Its integral is the sum of the normal forces, as where all of it is; supports likewise. The
-    bound of friction that pictures show is that of the pressures which they show.
-    """
-    bodies = [box(COMM, n, cell) for n in (3, 4)]
-    up = bodies[0].topology.dim - 1
-    bodies[1].geometry.x[:, up] += 1.0
-    bodies[1].geometry.x[:, 0] += 0.45
-    marks = [{"t1": (up, 0.0), "t2": (up, 1.0)}, {"t3": (up, 1.0), "t4": (up, 2.0)}]
-    tags = [tagged(body, **planes) for body, planes in zip(bodies, marks, strict=True)]
-    both = join(bodies, facet_tags=tags)
-    u = displacement(both.mesh)
-    pair = ContactPair(u, both, slave=2, master=3, law=Coulomb(0.01), **given)
-    V = u.function_space
-    bcs = []
-    for tag, down in ((1, 0.0), (4, -0.01)):
-        dofs = fem.locate_dofs_topological(V, up, both.facet_tags.find(tag))
-        bcs.append(fem.dirichletbc(down * np.eye(up + 1)[-1], dofs, V))
-    alone = mesh.locate_entities_boundary(
-        both.mesh, up, lambda x: np.isclose(x[up], 1.0) & (x[0] < 0.4)
-    )
-    bcs.append(fem.dirichletbc(np.zeros(up + 1), fem.locate_dofs_topological(V, up, alone), V))
-    problem = ContactProblem(MATERIAL.energy(u) * ufl.dx, u, [pair], bcs=bcs)
-    table = problem.solve().tables["contact"]
-    fields = problem.contact_fields(pair)
-    parts = fields["pressure"], fields["support"][up]
-    sums = np.array([fem.assemble_scalar(fem.form(f * ufl.dx)) for f in parts])
-    whole, held = COMM.allreduce(sums)
-    assert whole == pytest.approx((table.pressure * table.area).sum(), rel=1e-9)
-    assert whole == pytest.approx(np.linalg.norm(table.force.sum(axis=0)), rel=1e-3)
-    reactions = problem.support_forces(pair)[
-        : problem.discrete(pair).points.vertices.dofmap.index_map.size_local
-    ]
-    assert held == pytest.approx(COMM.allreduce(reactions[:, up].sum()), rel=1e-9)
-    assert abs(held) > 0.05 * whole
-    shown = vertex_state(problem.equations, 0, problem.evaluate())
-    largest = COMM.allreduce(shown["pressure"].max(initial=0.0), op=MPI.MAX)
-    if pair.method != "integral":
-        closed = np.maximum(shown["pressure"], 0.0)
-        np.testing.assert_allclose(shown["bound"], 0.01 * closed, atol=1e-9 * largest)
 
 
 @pytest.mark.parametrize("case", CASES)

@@ -23,14 +23,13 @@ from support.pairs import MATERIAL, displacement, held
 import basix
 import basix.ufl
 import ufl
-from dolfinx import fem, la
+from dolfinx import fem
 
 from dolfinx_contact import ContactPair, ContactProblem, Coulomb, Frictionless
 from dolfinx_contact.problem import discretise
 
 COMM = MPI.COMM_WORLD
 DEGREES = [(1, 1), (2, 1), (2, 2)]  # of displacement and multiplier
-SHORT = [*CASES[2:], (5, 3, (-0.46, 1.51), (0.0, 1.0))]
 
 
 def integrals(points, a, b, degree):
@@ -135,73 +134,6 @@ def test_a_linear_displacement_at_common_gauss_points_in_space_is_exact(
     base = np.array([[0.3, -0.1, 0.02], [0.07, 0.1, -0.03], [0.01, 0.04, -0.5]])
     both = solids(*SOLID_CASES[case], cells)
     solved_patch(both, TILT, base, SIDES[sides], degrees, (4, 5, 6, 7, 8))
-
-
-@pytest.mark.ranks(2, 3)
-@pytest.mark.parametrize(
-    ("case", "sides", "degrees"),
-    [
-        *((SHORT[0], sides, degrees) for sides in SIDES for degrees in DEGREES),
-        (SHORT[1], SIDES[1], (2, 2)),
-        (SHORT[2], SIDES[1], (2, 1)),
-    ],
-)
-def test_patch_of_a_short_block(case, sides, degrees):
-    """Its ends lie inside facets; the rest of the long face has the traction as a load."""
-    both = stacked(*case, cell="tri")
-    # A rule at the nodes of a facet: of loads and displacements of that degree it is exact.
-    rule = {"quadrature_rule": "GLL", "quadrature_degree": 2 * degrees[0] - 1}
-    at_nodes = ufl.Measure("ds", both.mesh, subdomain_data=both.facet_tags, metadata=rule)(2)
-
-    def load(u, traction):
-        V = u.function_space
-        unit = fem.Constant(both.mesh, (1.0, 1.0))
-        areas = fem.assemble_vector(fem.form(ufl.dot(unit, ufl.TestFunction(V)) * at_nodes))
-        areas.scatter_reverse(la.InsertMode.add)
-        areas.scatter_forward()
-        points = np.linspace(*case[2], case[0] + 1)
-        parts = [
-            integrals(points, *reach, degrees[0])
-            for reach in ((case[2][0], case[3][0]), (case[3][1], case[2][1]))
-        ]
-        f = fem.Function(V)
-        x = V.tabulate_dof_coordinates()
-        for i in fem.locate_dofs_topological(V, 1, both.facet_tags.find(2)):
-            force = sum(p[round(x[i, 0], 9)] for p in parts)
-            f.x.array[2 * i : 2 * i + 2] = force * traction / areas.array[2 * i]
-        f.x.scatter_forward()
-        return ufl.dot(f, u) * at_nodes
-
-    # Of three functions on a fifth of a facet little can be told apart.
-    clear = 1e-8 if degrees == (2, 2) and sides[0] == 2 else 1e-11
-    solved_patch(both, np.eye(2), BASE, sides, degrees, (4, 5, 6), load=load, clear=clear)
-
-
-@pytest.mark.parametrize("degrees", DEGREES[:2])
-@pytest.mark.verifies(
-    "points in common",
-    reference="itself: matching meshes",
-    aspects=(
-        "2D",
-        "pairs",
-    ),
-)
-def test_a_pressed_integral_pair_converges_to_one_body(degrees):
-    """A pressed pair with much friction: the energy of matching meshes, which are one body."""
-    errors = []
-    for n in (4, 8):
-        energies = []
-        for below in (n, 3 * n // 2):
-            both = stacked(below, n, (0.0, 1.0), (0.0, 1.0))
-            u = displacement(both.mesh, degrees[0])
-            pair = pair_of(u, both, degrees, law=Coulomb(50.0))
-            ends = [held(u, both.facet_tags, 1, (0, 0)), held(u, both.facet_tags, 4, (0.02, -0.05))]
-            problem = ContactProblem(MATERIAL.energy(u) * ufl.dx, u, [pair], bcs=ends)
-            assert problem.surfaces[0].obstacle.opposite.matching == (below == n)
-            result = problem.solve()
-            energies.append(result.energies["bulk"])
-        errors.append(abs(energies[1] / energies[0] - 1))
-    assert errors[1] < 0.5 * errors[0] < 0.005
 
 
 REACH = (0.0, 1.0)

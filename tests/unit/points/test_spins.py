@@ -301,23 +301,3 @@ def test_a_drum_that_turns_does_not_spin():
     assert last.time - before.time > 0.7
     assert last.energies.dissipated > 1e-4
     assert spin(last) < 2.0
-
-
-@pytest.mark.ranks(2)
-@pytest.mark.skipif(COMM.size == 1, reason="one rank and all ranks are the same")
-@pytest.mark.parametrize("given", [{}, {"method": "integral"}], ids=["nodal", "integral"])
-@pytest.mark.verifies(
-    "planes",
-    "Coulomb",
-    reference="itself: on one rank",
-    aspects=("3D", "large sliding"),
-)
-def test_on_any_number_of_ranks(given):
-    found = []
-    for comm in (COMM, MPI.COMM_SELF):
-        disc = Disc(FLOOR, "tet", comm=comm, **given)
-        found.append(disc.run(spinning(disc, 45.0))[-1])
-    mine, alone = found
-    assert spin(alone) > 40.0
-    assert spin(mine) == pytest.approx(spin(alone), rel=1e-8)
-    assert mine.result.warnings == alone.result.warnings

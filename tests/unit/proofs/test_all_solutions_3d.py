@@ -20,7 +20,6 @@ from dolfinx_contact import (
     Tresca,
 )
 from dolfinx_contact.continuation import find_solutions
-from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.proofs import check
 
@@ -201,29 +200,6 @@ def test_a_proof_that_has_no_time():
     assert len({system.letters(s.piece) for s in found.found}) == len(found.found) == 7
     b = system.create_vector()
     assert max(system.residual(s.x, 1.0, b, s.piece) for s in found.found) < 1e-10
-
-
-@pytest.mark.ranks(2)
-def test_a_step_of_a_history():
-    """With the memory of a load before the only solution is what the step solves, and another."""
-    system = cube(Coulomb(0.3))
-    problem = system.problem
-    without = find_solutions(system, [system.create_vector()], -0.5)
-    evolution = QuasiStatic(problem, lambda t: system.set_parameter(2.0 * t))
-    evolution.run([0.0, 1.0])
-    step = system.with_memory(evolution.memory)
-    found = find_solutions(step, [system.create_vector()], 0.5)
-    assert found.complete, found
-    (one,) = found.found
-    system.set_parameter(0.5)
-    step.problem.solve()
-    x = system.create_vector()
-    problem.write(x)
-    assert (one.x - x).norm() <= 1e-8 * x.norm()
-    # Without memory the state would be in proportion to the load.
-    (other,) = find_solutions(system, [system.create_vector()], 0.5).found
-    assert (other.x - x).norm() > 1e-3 * x.norm()
-    assert without.complete
 
 
 # -- one solution ----------------------------------------------------------------------------------

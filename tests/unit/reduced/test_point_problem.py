@@ -302,47 +302,6 @@ def test_files_that_are_none(tmp_path):
         load_points(file)
 
 
-@pytest.mark.parametrize(
-    ("changed", "message"),
-    [
-        ({"S": np.eye(3)}, r"S must have the shape \(4, 4\), not \(3, 3\)"),
-        ({"S": np.eye(4) * 1j}, "S must be an array of numbers"),
-        ({"p": np.ones(5)}, r"p must have the shape \(6,\), not \(5,\)"),
-        ({"p": ["a"] * 4}, "p must be an array of numbers"),
-        ({"friction": np.zeros(0)}, "needs a point"),
-        ({"friction": np.array([0.3, np.nan])}, "friction is not finite"),
-        ({"friction": np.array([0.3, -0.1])}, "friction must not be negative"),
-        ({"friction": np.full((2, 1), 0.3)}, r"friction must have the shape \(2,\)"),
-        ({"bound": np.array([1.0])}, r"bound must have the shape \(2,\)"),
-        ({"bound": np.array([1.0, -1.0])}, "bound must not be negative"),
-        ({"augmentation": np.ones(3)}, r"augmentation must have the shape \(2,\)"),
-        ({"augmentation": np.array([1.0, 0.0])}, "augmentation must be positive"),
-        ({"augmentation": np.array([1.0, np.nan])}, "augmentation is not finite"),
-        ({"gap": np.ones(3)}, r"gap must have the shape \(2,\)"),
-        ({"frames": np.ones((2, 2))}, r"frames must have the shape \(2, 2, 2\)"),
-        ({"frames": np.ones((2, 2, 2))}, "frames must be orthogonal matrices"),
-        ({"positions": np.ones((3, 2))}, r"positions must have the shape \(2, any\)"),
-        ({"p_error": np.ones(2)}, r"p_error must have the shape \(4,\)"),
-        ({"S_error": -np.eye(4)}, "S_error must not be negative"),
-        ({"rate": np.ones(2)}, r"rate must have the shape \(4,\)"),
-        ({"rate_error": -np.ones(4)}, "rate_error must not be negative"),
-        ({"force": -1.0}, "force must be a number that is not negative"),
-        ({"length": np.array([1.0, 2.0])}, "length must be a number"),
-    ],
-)
-@pytest.mark.skipif(COMM.size > 1, reason="one process is enough")
-def test_numbers_that_are_no_problem(tmp_path, changed, message):
-    """Each is refused by name, also in a file."""
-    given = {"S": np.eye(4), "p": np.ones(4), "friction": np.full(2, 0.3)} | changed
-    with pytest.raises(ValueError, match=message):
-        PointProblem(**given)
-    if all(np.asarray(v).dtype.kind == "f" for v in given.values()):
-        file = tmp_path / "points.npz"
-        np.savez(file, format="dolfinx_contact points 1", **given)
-        with pytest.raises(ValueError, match=f"points.npz: .*{message}"):
-            load_points(file)
-
-
 @pytest.mark.ranks(2)
 def test_what_one_rank_gives(tmp_path):
     """A number that is none on one rank is refused on all."""

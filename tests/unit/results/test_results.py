@@ -163,46 +163,6 @@ def test_support_in_the_contact_table(folder):
     assert sum(float(r["rn"]) for r in rest) > 1.0
 
 
-@pytest.mark.ranks(2, 3)
-@pytest.mark.parametrize("degree", [1, 2])
-def test_support_as_a_field(degree):
-    """Force per area at the vertices, of all nodes of the surface: also of those between them."""
-    domain = box(COMM, 2, "tet")
-    V = fem.functionspace(domain, ("Lagrange", degree, (3,)))
-    u = fem.Function(V)
-    held = fem.locate_dofs_topological(V, 2, facets(domain, 0, 0.0))
-    load = fem.Constant(domain, (0.0, 0.0, -20.0))
-    surface = ContactSurface(u, facets(domain, 2, 0.0), obstacle=floor(3), law=Coulomb(0.3))
-    problem = ContactProblem(
-        STEEL.energy(u) * ufl.dx - ufl.dot(load, u) * ufl.dx,
-        u,
-        [surface],
-        bcs=[fem.dirichletbc(np.array([0.001, 0.0, 0.0]), held, V)],
-    )
-    problem.solve()
-    fields = problem.contact_fields(surface)
-    support = fields["support"].x.array.reshape(-1, 3)
-    n = problem.discrete(surface).points.vertices.dofmap.index_map.size_local
-    found = COMM.allreduce(
-        (support * problem.discrete(surface).points.vertex_areas[:, None])[:n].sum(axis=0)
-    )
-    below = fem.locate_dofs_geometrical(V, lambda x: np.isclose(x[0], 0) & np.isclose(x[2], 0))
-    owned = below[below < V.dofmap.index_map.size_local]
-    rows = problem.evaluate().reactions.reshape(-1, 3)[owned]
-    expected = COMM.allreduce(rows.sum(axis=0))
-    np.testing.assert_allclose(found, expected, rtol=1e-10)
-    assert np.linalg.norm(expected) > 1.0
-    x = problem.discrete(surface).points.vertices.tabulate_dof_coordinates()
-    assert not support[x[:, 0] > 1e-9].any()
-    held = x[:n, 0] < 1e-9
-    assert COMM.allreduce(int((np.abs(support[:n][held, 2]) > 1e-3).sum())) == 3
-    if degree == 1:
-        clamped = fields["status"].x.array == 3
-        np.testing.assert_array_equal(clamped, x[:, 0] < 1e-9)
-        assert not fields["traction"].x.array.reshape(-1, 3)[clamped].any()
-        assert not fields["pressure"].x.array[clamped].any()
-
-
 @pytest.mark.parametrize(("aside", "letter"), [(0.01, "+"), (0.0, "k"), (-0.001, "-")])
 def test_a_prescribed_slip_is_no_violation(aside, letter):
     """Where the support moves a closed node along the floor friction has nothing to hold."""

@@ -12,14 +12,12 @@ from dolfinx import fem, mesh
 from dolfinx_contact import (
     ContactProblem,
     ContactSurface,
-    ConvergenceError,
     Coulomb,
     Frictionless,
     HalfSpace,
     ParametricContact,
-    RigidBody,
 )
-from dolfinx_contact.continuation import find_solutions, follow
+from dolfinx_contact.continuation import follow
 from dolfinx_contact.evolution import NSCD, ArcLength
 from dolfinx_contact.materials import LinearElastic
 
@@ -68,16 +66,6 @@ def pull(p):
     return -5 * p.u[0] * p.side
 
 
-def test_a_residual_that_jumps_is_not_solved():
-    p = Plate()
-    v = ufl.TestFunction(p.u.function_space)
-    stiff = ufl.derivative(LinearElastic.from_young(1.0, 0.3).energy(p.u) * ufl.dx, p.u, v)
-    residual = stiff + (ufl.sign(p.u[0]) - 0.1) * v[0] * ufl.dx
-    problem = ContactProblem(residual, p.u, p.problem.contacts, bcs=p.problem.bcs)
-    with pytest.raises(ConvergenceError, match=r"kinks in u.*Tresca"):
-        problem.solve(progress=False)
-
-
 @pytest.mark.parametrize(
     ("sense", "degree", "cell"),
     [(1.0, 1, "triangle"), (1.0, 2, "quadrilateral"), (-1.0, 1, "triangle")],
@@ -113,96 +101,6 @@ def test_a_bulk_with_kinks(sense, degree, cell):
             use()
 
 
-def test_what_is_affine_stays_so():
-    """Kinks of data alone, whole powers, quotients by data: the stiffness is kept, and a proof."""
-
-    def term(p):
-        x = ufl.SpatialCoordinate(p.domain)
-        c = p.other
-        soft = ufl.conditional(x[0] > 0.5, 1.0, 2.0) * abs(c - 1) / ufl.max_value(x[1], 0.1)
-        return (soft * p.u[0] ** 2.0 + p.gamma**1.0 * soft * p.u[0]) * ufl.dx
-
-    p = Plate(term)
-    system = p.parametric()
-    assert system.is_piecewise_affine
-    p.problem.solve()
-    assert p.problem.uniqueness().verdict == "proved"
-    assert follow(system, _start(system), 0.0, gamma_range=(0.0, 1.0), route="pivoting").points
-
-
-SHAPES = {
-    "up and down": lambda g: 1 - abs(g - 1),
-    "up to": lambda g: ufl.min_value(g, 0.5),
-    "a step": lambda g: ufl.conditional(g > 1, 1.0, 0.5) * g,
-}
-
-
-def _loaded(shape):
-    return Plate(lambda p: -3 * shape(p.gamma) * p.u[0] * p.side).parametric()
-
-
-def _driven(shape):
-    p = Plate(pull)
-    return p.parametric(lambda p: ufl.as_vector([0.02 * shape(p.gamma), -0.02]))
-
-
-def _moved(shape):
-    def floor(p):
-        motion = {"y": 0.01 * shape(p.gamma)}
-        plane = HalfSpace((0.0, 0.0), (0.0, 1.0))
-        return RigidBody(plane, about=(0.0, 0.0), motion=motion, held=["x", "rz"])
-
-    return Plate(pull, floor=floor).parametric()
-
-
-def _start(system, gamma=0.0):
-    system.set_parameter(gamma)
-    system.problem.solve()
-    x = system.create_vector()
-    system.problem.write(x)
-    return x
-
-
-@pytest.mark.parametrize(
-    ("name", "of"),
-    [
-        pytest.param("up to", _driven, marks=pytest.mark.long),
-        pytest.param("up to", _moved, marks=pytest.mark.long),
-        pytest.param("a step", _loaded, marks=pytest.mark.long),
-        ("up and down", _loaded),
-    ],
-)
-@pytest.mark.verifies(
-    "branches",
-    reference="itself: solves at points of the branch",
-    aspects=(
-        "2D",
-        "branches",
-    ),
-)
-def test_data_with_kinks_in_gamma(name, of):
-    """Solutions are those of the load at gamma; branches go over kinks, and end at jumps."""
-    system = of(SHAPES[name])
-    assert not system.is_piecewise_affine
-    x = _start(system)
-    there = _start(system, 2.0)
-    found = find_solutions(system, [x], 2.0, lengths=[1 / 2])
-    assert found.complete  # at one gamma the load is a number
-    assert min((s.x - there).norm() for s in found.found) < 1e-8 * there.norm()
-    branch = follow(system, x, 0.0, gamma_range=(0.0, 2.0))
-    y = system.create_vector()
-    b = system.create_vector()
-    for point in branch.points:
-        y.array[:] = point.y.array_r[: y.getLocalSize()]
-        assert system.residual(y, point.gamma, b, point.piece) < 1e-8
-    if name == "a step":
-        assert branch.points[-1].gamma == pytest.approx(1.0, abs=1e-5)
-        assert "kinks or jumps in gamma" in branch.reason
-    else:
-        assert branch.points[-1].gamma == pytest.approx(2.0)
-        assert (y - there).norm() < 1e-6 * there.norm()
-
-
 def _motion(damping, **options):
     """A body that floats, with the velocity and the speed of a wind."""
     domain = mesh.create_unit_square(COMM, 2, 2)
@@ -233,18 +131,3 @@ def test_damping_in_a_wind():
     motion.run([1.0, 2.0])
     expected = -0.4 + (at_one + 0.4) * np.exp(-3.0)
     assert COMM.allreduce(fem.assemble_scalar(mean)) == pytest.approx(expected, rel=5e-3)
-
-
-@pytest.mark.parametrize(
-    ("damping", "words"),
-    [
-        (lambda v, w, t, u: ufl.sign(v[0]) * t[0] * ufl.dx, r"sign\(v\[0\]\)"),
-        (lambda v, w, t, u: abs(v[0]) * t[0] * ufl.dx, r"\|v\[0\]\|"),
-        (lambda v, w, t, u: ufl.conditional(v[0] > 1, v[0], 2 * v[0]) * t[0] * ufl.dx, "> "),
-        (lambda v, w, t, u: v[0] * v[1] * t[0] * ufl.dx, "degree 2"),
-        (lambda v, w, t, u: abs(u[0]) * v[0] * t[0] * ufl.dx, "displacement"),
-    ],
-)
-def test_damping_that_is_not_affine(damping, words):
-    with pytest.raises(ValueError, match=words):
-        _motion(damping)
