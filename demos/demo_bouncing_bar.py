@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-# # A bar that falls on a floor and bounces
+# # A bar that bounces on a floor, and two bars that collide
 #
 # This demo illustrates how to:
 #
 # - give a body mass and set it in motion (`NSCD`);
-# - compare contact force and energy with an exact solution over two impacts.
+# - compare contact force and energy with an exact solution over two impacts;
+# - let two bodies with different velocities collide (`ContactPair`).
 #
 # An elastic bar falls from the height 5 under its weight. When it hits the floor, a wave runs up,
 # is reflected at the free end and lifts the bar off. The bar then vibrates in flight. The second
@@ -22,9 +23,18 @@ import numpy as np
 import ufl
 from dolfinx import fem, mesh
 
-from dolfinx_contact import ContactProblem, ContactSurface, Frictionless, HalfSpace, io, plot
+from dolfinx_contact import (
+    ContactPair,
+    ContactProblem,
+    ContactSurface,
+    Frictionless,
+    HalfSpace,
+    io,
+    plot,
+)
 from dolfinx_contact.evolution import NSCD
 from dolfinx_contact.materials import LinearElastic
+from dolfinx_contact.meshing import join
 
 comm = MPI.COMM_WORLD
 elements = 50
@@ -94,3 +104,47 @@ if comm.rank == 0:
     curves = {"computed, mean over a step": (times[1:], force)}
     dotted = {"exact": (times[1:], exact)}
     plot.draw_curves(folder / "force.png", curves, dotted=dotted, labels=("time", "contact force"))
+
+# ## Two bars that collide
+#
+# A bar with the velocity $V$ hits an equal bar at rest. Waves run from the contact to the free ends
+# and back; in the meantime the contact pressure is $\rho c V/2$. After $2 L/c$ the bars separate:
+# the first is at rest, the second has the velocity $V$, and no vibration is left. This holds
+# without Poisson's effect.
+
+speed, gap = 20.0, 2.0
+
+
+def bar(left):
+    ends = [[left, -0.5], [left + length, 0.5]]
+    return mesh.create_rectangle(comm, ends, [elements, 2], mesh.CellType.quadrilateral)
+
+
+bars = join([bar(-length), bar(gap)]).mesh
+
+
+def face(place):
+    return mesh.locate_entities_boundary(bars, 1, lambda x: np.isclose(x[0], place))
+
+
+W = fem.functionspace(bars, ("Lagrange", 1, (2,)))
+v = fem.Function(W, name="displacement")
+initial_velocity = fem.Function(W)
+initial_velocity.interpolate(lambda x: np.array([speed * (x[0] < gap / 2), 0 * x[0]]))
+pair = ContactPair(v, face(0.0), master_facets=face(gap), law=Frictionless())
+elastic = LinearElastic.from_young(young, 0.0)
+collision = ContactProblem(elastic.energy(v) * ufl.dx, v, [pair])
+motion = NSCD(collision, density, dt=dt, velocity=initial_velocity)
+before = gap / speed  # time until the impact
+collided = motion.run([0.0, before, before + 2.5 * length / wave_speed])
+
+# The impulse of the contact force changes the momenta of both bars.
+
+times = np.array([0.0, *(step.time for step in collided.steps)])
+push = -np.array([step.result.resultants["contact"][0] for step in collided.steps])
+second_speed = float(push @ np.diff(times) / (density * length))
+inner = (times[1:] > before + 0.1) & (times[1:] < before + 0.5)
+contact_pressure = float(push[inner].mean())
+exact_pressure = density * wave_speed * speed / 2
+say(f"velocity of the second bar {second_speed:.3f}, exact {speed:g}")
+say(f"contact pressure {contact_pressure:.2f}, exact {exact_pressure:.2f}")
