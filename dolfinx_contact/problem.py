@@ -140,14 +140,18 @@ def _rigid_body(contact: Contact) -> str:
     return str(obstacle.described()) if isinstance(obstacle, RigidBody) else ""
 
 
-def discretise(contact: Contact) -> DiscreteSurface:
+def discretise(contact: Contact, *, linear: bool = True) -> DiscreteSurface:
     """Create the contact points, multiplier and operators of a description. Collective.
+
+    Args:
+        contact: description of the contact.
+        linear: whether the body is linear.
 
     Raises:
         ValueError: on every rank, if the description does not fit the mesh.
     """
     if isinstance(contact, ContactSurface):
-        return DiscreteSurface(contact)
+        return DiscreteSurface(contact, linear=linear)
     if isinstance(contact, ContactPair) and contact.sliding != "large":
         return DiscretePair(contact)
     from dolfinx_contact.points.sliding.points import SlidingPair
@@ -328,7 +332,9 @@ class ContactProblem(ReadOnly):
         #: Descriptions with which the problem was made.
         self.contacts: tuple[Contact, ...] = tuple(surfaces)
         #: Discretisations of the contact surfaces, in the order of their descriptions.
-        self.surfaces: tuple[DiscreteSurface, ...] = tuple(discretise(s) for s in surfaces)
+        self.surfaces: tuple[DiscreteSurface, ...] = tuple(
+            discretise(s, linear=body.linear) for s in surfaces
+        )
         #: Dirichlet conditions, those of the axis included.
         self.bcs: tuple[fem.DirichletBC, ...] = (*bcs, *on_axis)
         self.equations = ContactEquations(body, self.V, self.surfaces, self.bcs, r=r, options=given)

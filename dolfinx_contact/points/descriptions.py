@@ -120,14 +120,15 @@ def _check_elements(a: Arguments, degree: int) -> None:
     """
     one_of(a.sliding, f"{a.name}: sliding", ("small", "large", None))
     flag(a.axisymmetric, f"{a.name}: axisymmetric")
-    a.method = a.method or ("nodal" if degree == 1 else "integral")
-    one_of(a.method, f"{a.name}: method", sorted(_STABLE))
     multiplier = count(a.multiplier_degree, f"{a.name}: multiplier_degree")
-    if (degree, multiplier) not in _STABLE[a.method]:
-        stable = ", ".join(f"P{d}/P{m}" for d, m in sorted(_STABLE[a.method]))
+    if a.method is None and (degree, multiplier) != (2, 1):  # else see `DiscreteSurface`
+        a.method = "nodal" if degree == 1 else "integral"
+    method = one_of(a.method or "mixed", f"{a.name}: method", sorted(_STABLE))
+    if (degree, multiplier) not in _STABLE[method]:
+        stable = ", ".join(f"P{d}/P{m}" for d, m in sorted(_STABLE[method]))
         raise ValueError(
             f"{a.name}: displacement P{degree} with multiplier P{multiplier} is not a stable pair "
-            f"of the {a.method} method; stable: {stable}"
+            f"of the {method} method; stable: {stable}"
         )
     if a.quadrature_degree is None:
         a.quadrature_degree = 2 * degree + a.axisymmetric
@@ -324,7 +325,9 @@ class ContactSurface:
         law: law of contact and friction.
         tag: tag of the facets; for a mesh from gmsh also the name of a physical group.
         method: ``"nodal"``, ``"integral"`` or ``"mixed"`` (see `points.contact_points`); default:
-            nodal for degree 1, integral for degree 2.
+            nodal for degree 1 and mixed for degree 2, but integral for degree 2 where gap and
+            normal of a curved obstacle follow the displacement (``sliding``), and for multipliers
+            of degree 2.
         multiplier_degree: degree of the multiplier, 1 or 2; 1 is stable for both displacement
             degrees.
         quadrature_degree: quadrature degree of the integral and the mixed method; default: twice

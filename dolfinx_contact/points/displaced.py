@@ -65,12 +65,33 @@ from dolfinx_contact.points.kinematics import rotation
 from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.points.rigid_body import RigidBody
 
-__all__ = ["DisplacedPoints", "TrueGaps", "displaced_points"]
+__all__ = ["DisplacedPoints", "TrueGaps", "displaced_points", "follows"]
 
 Array = npt.NDArray[np.float64]
 _FACING = 0.5  # smallest cosine between the normals of a face and of an obstacle it looks to
 _SAME = 1e-9  # relative excess of a removed overlap that counts as round-off
 _ROUND_OFF = 1e-14  # of the largest coordinate, gap that is round-off
+
+
+def follows(obstacle: Obstacle, sliding: SlidingKind | None, *, linear: bool) -> bool:
+    """Return whether gap and normal of an obstacle follow the displacement of a surface.
+
+    Those of a plane never do, since its gap is exact in the reference configuration. By default
+    they do not for linear bodies, for rigid bodies that turn, whose motions are then small, and for
+    obstacles known in the reference configuration only.
+
+    Args:
+        obstacle: obstacle of the surface.
+        sliding: kind of sliding requested by the user; None for the default.
+        linear: whether the body is linear.
+    """
+    if obstacle.flat or obstacle.opposite is not None:
+        return False
+    if sliding is not None:
+        return sliding == "large"
+    body = obstacle if isinstance(obstacle, RigidBody) else None
+    turns = body is not None and body.turns
+    return not (linear or turns) and known_displaced(obstacle if body is None else body.shape)
 
 
 def displaced_points(
@@ -83,10 +104,7 @@ def displaced_points(
     linear: bool,
     name: str,
 ) -> DisplacedPoints | None:
-    """Return gap, normal and slip at displaced points; None in small sliding. Collective.
-
-    By default sliding is small for linear bodies, for rigid bodies that turn, whose motions are
-    then small, and for obstacles known in the reference configuration only.
+    """Return gap, normal and slip at displaced points; None if none `follows`. Collective.
 
     Args:
         points: contact points.
@@ -100,14 +118,12 @@ def displaced_points(
     Raises:
         ValueError: if large sliding is requested and not possible.
     """
-    if sliding == "small":
+    if not follows(obstacle, sliding, linear=linear):
         return None
     body = obstacle if isinstance(obstacle, RigidBody) else None
     known = known_displaced(obstacle if body is None else body.shape)
     free = body is not None and body.turns_freely
     turns = body is not None and body.turns
-    if sliding is None and (linear or turns or not known):
-        return None
     friction = STICK in law.codes
     bonded = law.compiled.bonded
     whole = bool(set(law.compiled.names) & set(before(law.dim)))

@@ -23,7 +23,7 @@ from dolfinx_contact.laws.status import closed
 from dolfinx_contact.obstacles import Obstacle
 from dolfinx_contact.points.contact_points import ContactPoints, Evaluator
 from dolfinx_contact.points.descriptions import Contact, ContactMethod, Overlap, displacement_degree
-from dolfinx_contact.points.displaced import DisplacedPoints, TrueGaps, displaced_points
+from dolfinx_contact.points.displaced import DisplacedPoints, TrueGaps, displaced_points, follows
 from dolfinx_contact.points.evaluation import Given
 from dolfinx_contact.points.integral_points import CommonFacetPoints, FacetPoints
 from dolfinx_contact.points.kinematics import Kinematics
@@ -54,6 +54,7 @@ class DiscreteSurface:
         facets: local facets of the slave; default: those of a `ContactSurface`.
         obstacle: opposing face of a pair; default: obstacle of a `ContactSurface`.
         points_class: class of the contact points; default: that of the method.
+        linear: whether the body is linear, on which the default method depends.
 
     Attributes:
         description: description of the surface.
@@ -87,6 +88,8 @@ class DiscreteSurface:
         facets: npt.NDArray[np.int32] | None = None,
         obstacle: Obstacle | None = None,
         points_class: type[ContactPoints] | None = None,
+        *,
+        linear: bool = True,
     ):
         self.description: Contact = contact
         self.u = u = contact.u
@@ -119,7 +122,11 @@ class DiscreteSurface:
         self.submesh = create_facet_submesh(domain, facets)
         keep(self.submesh.mesh)
         self._scatter()
-        points_class = points_class or _points_class(contact.method, self.obstacle.opposite)
+        if points_class is None:
+            sliding = getattr(contact, "sliding", None)
+            moves = follows(self.obstacle, sliding, linear=linear)
+            method = contact.method or ("integral" if moves else "mixed")
+            points_class = _points_class(method, self.obstacle.opposite)
         self.points = points_class(
             u.function_space,
             self.submesh,
@@ -313,8 +320,6 @@ class DiscreteSurface:
         if self._slid:
             return
         self._slid = True
-        if self.obstacle.flat or self.between_bodies:
-            return
         sliding = getattr(self.description, "sliding", None)
         given = self.points, self.domain, self.obstacle, self.law_at_points, sliding
         self.displaced = displaced_points(*given, linear=linear, name=self.name)
@@ -484,7 +489,7 @@ class DiscreteSurface:
         return self.points.vertex_gaps - np.sum(jump * normal, axis=1), normal
 
 
-def _points_class(method: ContactMethod | None, opposite: Opposite | None) -> type[ContactPoints]:
+def _points_class(method: ContactMethod, opposite: Opposite | None) -> type[ContactPoints]:
     """Return the class of the contact points of a method."""
     if method == "integral":
         return FacetPoints if opposite is None or opposite.matching else CommonFacetPoints

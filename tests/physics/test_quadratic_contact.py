@@ -20,8 +20,8 @@ from support.pairs import displacement, held
 
 import ufl
 
-from dolfinx_contact import ContactPair, ContactProblem, Coulomb, Sphere
-from dolfinx_contact.materials import LinearElastic
+from dolfinx_contact import ContactPair, ContactProblem, Coulomb, Frictionless, Sphere
+from dolfinx_contact.materials import LinearElastic, NeoHookean
 
 COMM = MPI.COMM_WORLD
 TIGHT = {"snes_rtol": 1e-13}
@@ -37,13 +37,12 @@ BALL = {2: Sphere((0.5, -5.0), 5.0), 3: Sphere((0.4, 0.5, -5.0), 5.0)}
     "mixed contact", "Coulomb", reference="theorem: the contact law", aspects=("2D", "3D")
 )
 def test_law_at_the_vertices(cell, n, curved):
-    """Complementarity and friction to round-off; the solution is independent of r."""
+    """Complementarity and friction to round-off by default; the solution is independent of r."""
     dim = 2 if cell in ("tri", "quad") else 3
     given = dict(
         n=n,
         cell=cell,
         degree=2,
-        method="mixed",
         options=TIGHT,
         obstacle=BALL[dim] if curved else None,
     )
@@ -68,7 +67,8 @@ def test_pairs_of_different_meshes(dim):
     """Bodies that are pressed and drawn over each other, on any number of ranks."""
     tables = []
     for comm in [COMM, MPI.COMM_SELF] if COMM.size > 1 else [COMM]:
-        problem = pressed(comm, dim, (2, 1), law=Coulomb(0.2), method="mixed")
+        problem = pressed(comm, dim, (2, 1), law=Coulomb(0.2), method=None)
+        assert problem.surfaces[0].method == "mixed"
         problem.petsc_options["snes_rtol"] = 1e-13
         result = problem.solve()
         assert result.kkt_violation < 1e-11
@@ -112,7 +112,7 @@ def test_held_ends_of_different_meshes():
         for below in (n, 3 * n // 2):
             both = stacked(below, n, (0.0, 1.0), (0.0, 1.0))
             u = displacement(both.mesh, 2)
-            pair = ContactPair(u, both, slave=3, master=2, law=Coulomb(50.0), method="mixed")
+            pair = ContactPair(u, both, slave=3, master=2, law=Coulomb(50.0))
             tags = both.facet_tags
             ends = [held(u, tags, t, (0.0, 0.0)) for t in (1, 5, 6)]
             ends.append(held(u, tags, 4, (0.0, -0.05)))
@@ -124,3 +124,19 @@ def test_held_ends_of_different_meshes():
             energies.append(result.energies["bulk"])
         errors.append(abs(energies[1] / energies[0] - 1))
     assert errors[1] < 0.5 * errors[0] < 0.005
+
+
+def test_default_methods():
+    """Gauss points only where gap and normal of a curved obstacle follow the displacement."""
+    rubber = NeoHookean(400.0, 600.0)
+    for material, obstacle, sliding, method in (
+        (None, BALL[2], None, "mixed"),
+        (None, BALL[2], "large", "integral"),
+        (rubber, None, None, "mixed"),
+        (rubber, BALL[2], None, "integral"),
+        (rubber, BALL[2], "small", "mixed"),
+    ):
+        problem = block(
+            degree=2, material=material, obstacle=obstacle, sliding=sliding, law=Frictionless()
+        )
+        assert problem.surfaces[0].method == method

@@ -207,14 +207,14 @@ def pressures(table):
     return 3.0 * SIZE * np.maximum(x[:, 0] - OPENS, 0.0) ** 2 * depth
 
 
-def statics(n, cell, law, degree=1, method=None, way=1.0):
+def statics(n, cell, law, degree=1, method=None, way=1.0, slope=0.2):
     """A block on an obstacle."""
     domain = box(COMM, n, cell)
     dim = domain.geometry.dim
     V = fem.functionspace(domain, ("Lagrange", degree, (dim,)))
     u = fem.Function(V)
     v = ufl.TestFunction(V)
-    e = exact(ufl.SpatialCoordinate(domain), law, way=way)
+    e = exact(ufl.SpatialCoordinate(domain), law, way=way, slope=slope)
     stress = hooke(ufl.grad(e.u))
     dx = ufl.dx(metadata={"quadrature_degree": 6})
     ds = ufl.ds(metadata={"quadrature_degree": 6})
@@ -229,10 +229,10 @@ def statics(n, cell, law, degree=1, method=None, way=1.0):
     return errors(u, e, result.tables["contact"])
 
 
-def revolution(n, cell, law):
+def revolution(n, cell, law, degree=1):
     """A disc on an obstacle, open about its axis, that slips outwards."""
     domain = box(COMM, n, cell)
-    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    V = fem.functionspace(domain, ("Lagrange", degree, (2,)))
     u = fem.Function(V)
     x = ufl.SpatialCoordinate(domain)
     r = x[0]
@@ -260,13 +260,13 @@ def revolution(n, cell, law):
     return errors(u, e, result.tables["contact"], r)
 
 
-def pair(n, cell, law, other=1.0):
+def pair(n, cell, law, other=1.0, degree=1):
     """Two blocks, n cells along the face of the upper one, ``other`` times as many of the lower."""
     from support.mortars import stacked
 
     both = stacked(int(other * n), n, (0.0, 1.0), (0.0, 1.0), cell)
     domain = both.mesh
-    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    V = fem.functionspace(domain, ("Lagrange", degree, (2,)))
     u = fem.Function(V)
     v = ufl.TestFunction(V)
     x = ufl.SpatialCoordinate(domain)
@@ -696,7 +696,7 @@ CASES = {
     "Coulomb P2": Manufactured(
         "integral contact",
         f"{BLOCK}{COULOMB}, degree 2; slip to the left",
-        partial(statics, cell="tri", law="Coulomb", degree=2, way=-1.0),
+        partial(statics, cell="tri", law="Coulomb", degree=2, method="integral", way=-1.0),
         (8, 16),
         QUADRATIC,
         long=False,
@@ -776,22 +776,58 @@ CASES = {
     "Coulomb P2 quad": Manufactured(
         "integral contact",
         f"{BLOCK}{COULOMB}, degree 2",
-        partial(statics, cell="quad", law="Coulomb", degree=2),
+        partial(statics, cell="quad", law="Coulomb", degree=2, method="integral"),
         (16, 32),
         QUADRATIC,
     ),
     "Coulomb P2 tet": Manufactured(
         "integral contact",
         f"{BLOCK}{COULOMB}, degree 2, in space",
-        partial(statics, cell="tet", law="Coulomb", degree=2),
+        partial(statics, cell="tet", law="Coulomb", degree=2, method="integral"),
         (4, 8),
         QUADRATIC,
     ),
     "Coulomb P2 hex": Manufactured(
         "integral contact",
         f"{BLOCK}{COULOMB}, degree 2, in space",
-        partial(statics, cell="hex", law="Coulomb", degree=2),
+        partial(statics, cell="hex", law="Coulomb", degree=2, method="integral"),
         (4, 8),
+        QUADRATIC,
+    ),
+    "mixed P2": Manufactured(
+        "mixed contact",
+        f"{BLOCK}open, stick, slip, friction 0.3, degree 2",
+        partial(statics, cell="tri", law="Coulomb", degree=2, slope=0.0),
+        (8, 16),
+        QUADRATIC,
+        long=False,
+    ),
+    "mixed P2 hex": Manufactured(
+        "mixed contact",
+        f"{BLOCK}open, stick, slip, friction 0.3, degree 2, in space",
+        partial(statics, cell="hex", law="Coulomb", degree=2, slope=0.0),
+        (4, 8),
+        QUADRATIC,
+    ),
+    "mixed P2 tet": Manufactured(
+        "mixed contact",
+        f"{BLOCK}open, stick, slip, friction 0.3, degree 2, in space",
+        partial(statics, cell="tet", law="Coulomb", degree=2, slope=0.0),
+        (4, 8),
+        QUADRATIC,
+    ),
+    "mixed P2 pair": Manufactured(
+        "mixed contact",
+        "two blocks, 2 facets on 3, open and closed, degree 2",
+        partial(pair, cell="tri", law="frictionless", other=1.5, degree=2),
+        (8, 16),
+        QUADRATIC,
+    ),
+    "mixed P2 revolution": Manufactured(
+        "mixed contact",
+        "disc on an obstacle, open and closed, degree 2",
+        partial(revolution, cell="tri", law="frictionless", degree=2),
+        (8, 16),
         QUADRATIC,
     ),
     "sliding quad": Manufactured(
