@@ -35,7 +35,7 @@ from __future__ import annotations
 import bisect
 import logging
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias, get_args
 
@@ -233,7 +233,7 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
 
     def steps(self) -> Iterator[EvolutionStep]:
         try:
-            for end in self._goals():
+            for end in self.task.times:
                 while self._accepted.time < end:
                     yield from self._towards(end)
         except _Ended as ended:
@@ -242,10 +242,6 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
             self.failure = ended.__cause__
         if self.ending is None:
             self.end(Ending.REACHED, _REACHED)
-
-    def _goals(self) -> Iterable[float]:
-        """Times that are hit exactly."""
-        return self.task.times
 
     def _towards(self, end: float) -> Iterator[EvolutionStep]:
         """Try a step towards a time; yield the accepted steps, or shorten the next one."""

@@ -288,20 +288,29 @@ class AnyJournal:
 
 
 @dataclass
-class JournalBranch(Ends):
+class _Recorded(Ends):
+    """Something recorded that ends.
+
+    Attributes:
+        ending: its ending; None if it has not ended.
+        reason: reason, as a sentence.
+    """
+
+    ending: Ending | None = None
+    reason: str = ""
+
+
+@dataclass
+class JournalBranch(_Recorded):
     """A recorded branch.
 
     Attributes:
         task: task of the branch by name (`continuation.Task`); empty in memory only.
         points: its points in order.
-        ending: ending of the branch; None if it has not ended.
-        reason: reason, as a sentence.
     """
 
     task: dict[str, Any] = field(default_factory=dict)
     points: list[Entry] = field(default_factory=list)
-    ending: Ending | None = None
-    reason: str = ""
 
     @property
     def kept(self) -> list[int]:
@@ -310,17 +319,13 @@ class JournalBranch(Ends):
 
 
 @dataclass
-class Explored(Ends):
+class Explored(_Recorded):
     """The end of a recorded exploration.
 
     Attributes:
-        ending: ending of the exploration; None if it has not ended.
-        reason: reason, as a sentence.
         complete: whether every ray was followed, and all rays of every node are known.
     """
 
-    ending: Ending | None = None
-    reason: str = ""
     complete: bool = False
 
 
@@ -443,7 +448,7 @@ class Journal(AnyJournal):
         if kind != "explored":
             self.explored = Explored()
         if kind == "branch":
-            self.branches[entry["branch"]] = JournalBranch(entry["task"])
+            self.branches[entry["branch"]] = JournalBranch(task=entry["task"])
         elif kind == "point":
             branch = self.branches[entry.pop("branch")]
             if "status" not in entry:  # as at the previous point
@@ -472,20 +477,16 @@ _SPECIAL = ("kind", "smooth", "gamma", "parity", "others", "complete", "bracket"
 
 
 @dataclass
-class EvolutionRun(Ends):
+class EvolutionRun(_Recorded):
     """A recorded run.
 
     Attributes:
         task: task of the run, such as its times or range of gamma.
         after: index of the state where it begins.
-        ending: ending of the run; None if it has not ended.
-        reason: reason, as a sentence.
     """
 
     task: dict[str, Any] = field(default_factory=dict)
     after: int = 0
-    ending: Ending | None = None
-    reason: str = ""
 
     @property
     def complete(self) -> bool:
