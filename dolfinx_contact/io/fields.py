@@ -67,8 +67,8 @@ def write_fields(
     ``paraview --script=FOLDER/paraview.py``.
 
     Args:
-        folder: output folder, created if necessary. Files of an earlier state are replaced when all
-            new files are complete.
+        folder: output folder, created if necessary. Files of an earlier state with the same names,
+            in either format, are replaced when all new files are complete.
         problem: contact problem.
         state: state to write; by default the Functions as they are.
         stress: 3 x 3 UFL stress, also in 2D: ``material.full_stress(u)``. For several materials in

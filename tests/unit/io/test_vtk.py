@@ -225,3 +225,15 @@ def test_files_of_the_user_in_a_folder_of_fields_are_not_replaced(folder):
     with pytest.raises(OSError, match=r"body\.bp"):
         write_fields(folder, problem)
     assert (folder / "body.bp" / "data.csv").read_text() == "mine"
+
+
+def test_files_of_the_other_format_are_replaced(folder):
+    """Together with the parts that they name."""
+    problem = block(n=2, cell="tri")
+    for format, suffix in (("vtx", ".bp"), ("vtk", ".pvd"), ("vtx", ".bp")):
+        files = write_fields(folder, problem, format=format)
+        assert {file.suffix for file in files} == {suffix}
+        COMM.barrier()
+        suffixes = {p.suffix for p in folder.iterdir()} - {".py"}
+        assert suffixes == ({".bp"} if format == "vtx" else {".pvd", ".pvtu", ".vtu"})
+        COMM.barrier()
