@@ -40,7 +40,6 @@ ALGORITHMS = {
     "penalty": "penalty",
     "gauss-seidel": GaussSeidel(max_iterations=1500),
     "sor": "sor",
-    "gauss-seidel, two levels": GaussSeidel(two_level=True, max_iterations=1000),
     "cg": "projected-gradient",
     "lemke": Lemke(),
     "interior-point": "interior-point",
@@ -49,7 +48,6 @@ LARGE = [
     "tresca, Aitken",
     "uzawa, augmented",
     "gauss-seidel",
-    "gauss-seidel, two levels",
     "interior-point",
 ]
 

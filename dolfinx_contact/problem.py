@@ -782,7 +782,7 @@ class ContactProblem(ReadOnly):
             algorithm: ``"newton"`` (default), with its fallbacks; or the name of a classical
                 algorithm: ``"tresca"``, ``"uzawa"``, ``"penalty"``, ``"sor"``,
                 ``"gauss-seidel"``, ``"projected-gradient"``, ``"lemke"``, ``"interior-point"``; or
-                one with options, such as ``algorithms.GaussSeidel(two_level=True)``. Classical
+                one with options, such as ``algorithms.GaussSeidel(relaxation=1.3)``. Classical
                 algorithms have no fallback.
             monitor: read-only function called with every iterate, on every rank; default: none.
             increments: initial number of load increments in the strategy of increments.

@@ -123,7 +123,7 @@ def coulomb_by_lemke(
         ValueError: as for `PointProblem`, and for a problem in 3D.
         RayTermination: if round-off spoils the result, which occurs for badly conditioned S (1e8).
     """
-    given = PointProblem(S, p, friction, np.zeros(0) if bound is None else bound)
+    given = PointProblem(S, p, friction, bound)  # type: ignore[arg-type]
     if given.dim != 2:
         raise ValueError("friction in space is no complementarity problem but for a polygon")
     contact, stiffness, length = given.scaled()

@@ -18,7 +18,7 @@ refer to it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -55,7 +55,7 @@ class PointProblem:
             largest entry of p.
         length: scale of lengths in the measures if no displacement is larger; by default the
             largest displacement without contact.
-        positions: coordinates of the points, shape (m, any), for the two-level scheme.
+        positions: coordinates of the points, shape (m, any).
         gap: initial gap, which is contained in p, lengths, shape (m,); None if the problem was not
             condensed from a body.
         frames: orthogonal matrices T, shape (m, dim, dim), whose columns are the tangents and minus
@@ -75,8 +75,8 @@ class PointProblem:
     S: Array
     p: Array
     friction: Array
-    bound: Array = field(default_factory=lambda: np.zeros(0))
-    augmentation: Array = field(default_factory=lambda: np.zeros(0))
+    bound: Array = None  # type: ignore[assignment]
+    augmentation: Array = None  # type: ignore[assignment]
     force: float = 0.0
     length: float = 0.0
     positions: Array | None = None
@@ -92,12 +92,34 @@ class PointProblem:
         m = np.size(self.friction)
         if m == 0:
             raise ValueError("a point problem needs a point, but friction is empty")
-        if not np.size(self.bound):
-            put(self, "bound", np.zeros(m))
-        for name, shape in self._shapes(m).items():
-            if self._is_given(name):
+        dim = 2 if np.size(self.p) == 2 * m else 3
+        vector, matrix = (dim * m,), (dim * m, dim * m)
+        shapes: dict[str, tuple[int | None, ...]] = {
+            **dict.fromkeys(("friction", "bound", "augmentation", "gap"), (m,)),
+            **dict.fromkeys(("p", "p_error", "rate", "rate_error"), vector),
+            **dict.fromkeys(("S", "S_error"), matrix),
+            "positions": (m, None),
+            "frames": (m, dim, dim),
+        }
+        for name, shape in shapes.items():
+            if getattr(self, name) is not None:
                 put(self, name, _numbers(name, getattr(self, name), shape))
-        self._check_values()
+        if self.bound is None:
+            put(self, "bound", np.zeros(m))
+        for name in ("friction", "bound", "S_error", "p_error", "rate_error"):
+            value = getattr(self, name)
+            if value is not None and (value < 0).any():
+                raise ValueError(f"{name} must not be negative")
+        if self.augmentation is not None and not (self.augmentation > 0).all():
+            raise ValueError("augmentation must be positive")
+        for name in ("force", "length"):
+            value = getattr(self, name)
+            if not is_number(value) or not 0 <= value < np.inf:
+                raise ValueError(f"{name} must be a number that is not negative, got {value!r}")
+        if self.frames is not None:
+            away = self.frames @ self.frames.transpose(0, 2, 1) - np.eye(dim)
+            if np.abs(away).max() > _ORTHOGONAL:
+                raise ValueError("frames must be orthogonal matrices")
         if self.S_error is not None:
             away = np.abs(self.S - self.S.T) + _HALVED * np.abs(self.S) * (self.S != self.S.T)
             put(self, "S_error", np.maximum(self.S_error, self.S_error.T) + away)
@@ -108,49 +130,11 @@ class PointProblem:
             np.linalg.cholesky(self.S - round_off * np.eye(len(self.S)))
         except np.linalg.LinAlgError:
             raise ValueError("the reduced stiffness is not positive definite") from None
-        if not self._is_given("augmentation"):
+        if self.augmentation is None:
             put(self, "augmentation", np.diag(self.S).reshape(m, -1).mean(axis=1))
         put(self, "force", self.force or float(np.abs(self.p).max()) or 1.0)
         free = float(np.abs(self.free).max()) or self.force / float(np.diag(self.S).mean())
         put(self, "length", self.length or free)
-
-    def _shapes(self, m: int) -> dict[str, tuple[int | None, ...]]:
-        """Return the required shapes of all arrays by name; None means any length."""
-        dim = 2 if np.size(self.p) == 2 * m else 3
-        size = dim * m
-        return {
-            "friction": (m,),
-            "p": (size,),
-            "S": (size, size),
-            "bound": (m,),
-            "augmentation": (m,),
-            "positions": (m, None),
-            "gap": (m,),
-            "frames": (m, dim, dim),
-            "S_error": (size, size),
-            "p_error": (size,),
-            "rate": (size,),
-            "rate_error": (size,),
-        }
-
-    def _check_values(self) -> None:
-        for name in ("friction", "bound", "S_error", "p_error", "rate_error"):
-            if self._is_given(name) and (getattr(self, name) < 0).any():
-                raise ValueError(f"{name} must not be negative")
-        if self._is_given("augmentation") and not (self.augmentation > 0).all():
-            raise ValueError("augmentation must be positive")
-        for name in ("force", "length"):
-            value = getattr(self, name)
-            if not is_number(value) or not 0 <= value < np.inf:
-                raise ValueError(f"{name} must be a number that is not negative, got {value!r}")
-        if self.frames is not None:
-            away = self.frames @ self.frames.transpose(0, 2, 1) - np.eye(self.dim)
-            if np.abs(away).max() > _ORTHOGONAL:
-                raise ValueError("frames must be orthogonal matrices")
-
-    def _is_given(self, name: str) -> bool:
-        value = getattr(self, name)
-        return value is not None and not (name == "augmentation" and np.size(value) == 0)
 
     @property
     def number(self) -> int:
@@ -259,19 +243,14 @@ class PointProblem:
         stiffness = float(np.diag(self.S).mean())
         length = float(np.abs(self.free).max()) or 1.0
         force = stiffness * length
-        changed = replace(
-            self,
-            S=np.asarray(self.S / stiffness, np.float64),
-            p=np.asarray(self.p / force, np.float64),
-            bound=np.asarray(self.bound / force, np.float64),
-            augmentation=np.asarray(self.augmentation / stiffness, np.float64),
-            force=self.force / force,
-            length=self.length / length,
-            gap=None,
-            S_error=None,
-            p_error=None,
-            rate=None,
-            rate_error=None,
+        changed = PointProblem(
+            np.asarray(self.S / stiffness, np.float64),
+            np.asarray(self.p / force, np.float64),
+            self.friction,
+            np.asarray(self.bound / force, np.float64),
+            np.asarray(self.augmentation / stiffness, np.float64),
+            self.force / force,
+            self.length / length,
         )
         return changed, stiffness, length
 

@@ -16,7 +16,7 @@ from itertools import combinations, pairwise
 
 import numpy as np
 import numpy.typing as npt
-from scipy.sparse import coo_array, csgraph
+from scipy.sparse import csgraph
 
 from dolfinx_contact.analysis.charts import Chart, ChartCell, ChartCurve
 from dolfinx_contact.analysis.event_curves import EventCurves, strips
@@ -130,46 +130,38 @@ def _regions(areas: Sequence[Area], chart: Chart | Regions, ranges: Ranges) -> l
     middles = np.array([cell.middle for cell in chart.cells])
     sets = [tuple(cell.solutions) for cell in chart.cells]
     scale = [high - low for low, high in ranges]
-    inside = [_inside(area, middles, ranges) for area in areas]
+    inside = np.array([_inside(area, middles, ranges) for area in areas])
     places = [_place(area) for area in areas]
+
+    def sets_in(k: int, cells: npt.NDArray[np.bool_]) -> list[tuple[str, ...]]:
+        """Sets of statuses in cells, the most frequent first; without cells, in the nearest one."""
+        if not cells.any():
+            away = np.linalg.norm((middles - places[k]) / scale, axis=1)
+            return [sets[int(np.argmin(away))]]
+        return [one for one, _ in Counter(sets[i] for i in np.flatnonzero(cells)).most_common()]
+
     counts = []
-    for k, place in enumerate(places):
-        numbers = Counter(len(sets[i]) for i in np.flatnonzero(inside[k]))
-        if not numbers:
-            # An area without an examined place has the solutions of the nearest one.
-            nearest = int(np.argmin(np.linalg.norm((middles - place) / scale, axis=1)))
-            numbers = Counter([len(sets[nearest])])
-        counts.append(numbers.most_common(1)[0][0])
-    pairs = [
-        (a, b)
-        for a, b in combinations(range(len(areas)), 2)
-        if counts[a] == counts[b] and _touch(areas[a], areas[b], ranges)
-    ]
-    shape = (len(areas), len(areas))
-    i, j = np.array(pairs, dtype=int).reshape(-1, 2).T
-    _, label = csgraph.connected_components(coo_array((np.ones(len(pairs)), (i, j)), shape), False)
+    for k, cells in enumerate(inside):
+        numbers = Counter(len(sets[i]) for i in np.flatnonzero(cells))
+        counts.append(numbers.most_common(1)[0][0] if numbers else len(sets_in(k, cells)[0]))
+    n = len(areas)
+    joined = np.zeros((n, n), dtype=bool)
+    for a, b in combinations(range(n), 2):
+        joined[a, b] = counts[a] == counts[b] and _touch(areas[a], areas[b], ranges)
+    number, label = csgraph.connected_components(joined, directed=False)
     regions: list[ChartRegion] = []
-    for number in range(label.max() + 1):
-        members = [k for k in range(len(areas)) if label[k] == number]
-        examined = np.flatnonzero(np.any([inside[k] for k in members], axis=0))
-        widest = max(
-            members, key=lambda k: float(np.trapezoid(areas[k][2] - areas[k][1], areas[k][0]))
-        )
-        if not len(examined):
-            away = np.linalg.norm((middles - places[widest]) / scale, axis=1)
-            solutions = [sets[int(np.argmin(away))]]
-        else:
-            solutions = [one for one, _ in Counter(sets[i] for i in examined).most_common()]
-        proved = (
-            len(examined) > 0
-            and all(chart.cells[i].proved for i in examined)
-            and len({len(one) for one in solutions}) == 1
-        )
+    for members in (np.flatnonzero(label == k) for k in range(number)):
+        examined = inside[members].any(axis=0)
+        sizes = [float(np.trapezoid(areas[k][2] - areas[k][1], areas[k][0])) for k in members]
+        widest = int(members[np.argmax(sizes)])
+        solutions = sets_in(widest, examined)
+        looked = int(examined.sum())
+        proved = looked > 0 and len({len(one) for one in solutions}) == 1
+        proved = proved and all(chart.cells[i].proved for i in np.flatnonzero(examined))
         outlines = [
             np.column_stack([[*mus, *mus[::-1]], [*below, *above[::-1]]])
             for mus, below, above in (areas[k] for k in members)
         ]
-        looked = len(examined)
         regions.append(ChartRegion(0, outlines, solutions, proved, looked, places[widest]))
     regions.sort(key=lambda region: region.place)
     return [replace(region, number=number) for number, region in enumerate(regions, 1)]

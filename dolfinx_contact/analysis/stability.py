@@ -52,7 +52,7 @@ from dolfinx_contact.analysis.rows import (
     require_nodes,
     static_equations,
 )
-from dolfinx_contact.analysis.vibrations import Body, body_of, damped, null_space, on_root_dense
+from dolfinx_contact.analysis.vibrations import Body, DenseBody, body_of, damped
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation
 from dolfinx_contact.equations.measures import require_solution
@@ -222,44 +222,40 @@ class _Points:
         self.rounds = bool(eq.comm.allreduce(int(rounds)))
 
 
-class _Gathered:
+class _Gathered(DenseBody):
     """Matrices and points on rank 0. Collective.
 
     Attributes:
-        K, M, C: of free displacements.
+        C: damping.
         N: rows n.j of all points, 0 where Dirichlet data hold them (m, unknowns).
-        T: rows of free tangents (k, unknowns), of the points `owner`, along `tangents` in terms of
-            the directions: components d.t (k,).
+        T: rows of free tangents (k, unknowns).
+        owner: points of these tangents (k,).
+        along: components d.t of the directions along these tangents (k,).
+        choices, friction: of all points, see `_Points`.
+        held: points whose normal motion is held by Dirichlet data (m,).
     """
 
     def __init__(self, eq: ContactEquations, body: Body, points: _Points):
         comm = eq.comm
         n = point_normals(eq)
         owner, tangents = free_tangents(eq)
-        rows = (
+        rows = [
             component_rows(eq, np.arange(len(n)), n),
             component_rows(eq, owner, tangents),
-        )
-        N, T = (on_root_dense(A) for A in rows)
-        K, M = (on_root_dense(A) for A in (body.K, body.M))
-        C = on_root_dense(body.C) if body.C is not None else None
+        ]
+        super().__init__(eq, body, rows)
         for A in rows:
             A.destroy()
         along = np.sum(points.directions[owner] * tangents, axis=1)
         first = comm.exscan(len(n)) or 0
-        free = ~eq.fixed[: eq.owned_sizes[0]]
-        parts = comm.gather((owner + first, along, points.choices, points.friction, free))
+        parts = comm.gather((owner + first, along, points.choices, points.friction))
         if parts is None:
             return
-        self.owner, self.along, self.choices, self.friction, free = (
+        self.owner, self.along, self.choices, self.friction = (
             np.concatenate(p) for p in zip(*parts, strict=True)
         )
-        inside = np.ix_(free, free)
-        self.K = K[inside]
-        self.M = M[inside]
-        self.C = body.eta * self.K if C is None else C[inside]
-        self.N = N[:, free]
-        self.T = T[:, free]
+        self.C: Array = body.eta * self.K if self.C is None else self.C
+        self.N, self.T = self.rows
         self.held = np.abs(self.N).max(axis=1, initial=0.0) == 0
 
 
@@ -470,9 +466,10 @@ def _piece(g: _Gathered, doing: npt.NDArray[np.int64]) -> tuple[Array, Array, Ar
     D = np.zeros_like(g.N)
     np.add.at(D, g.owner, g.along[:, None] * g.T)
     G = g.N + (np.where(slips, sign * g.friction, 0.0))[:, None] * D
-    Z = null_space(np.concatenate([g.N[pressed], g.T[tangents]]))
-    Y = null_space(np.concatenate([G[pressed], g.T[tangents]])) if slips.any() else Z
-    K, M, C = (Y.T @ A @ Z for A in (g.K, g.M, g.C))
+    held = np.concatenate([g.N[pressed], g.T[tangents]])
+    forces = np.concatenate([G[pressed], g.T[tangents]]) if slips.any() else None
+    K, M, C, Z = g.projected(held, forces)
+    assert C is not None
     return K, M, C, Z
 
 

@@ -24,9 +24,9 @@ from dolfinx_contact.analysis.family import ContactFamily
 from dolfinx_contact.continuation import Branch
 from dolfinx_contact.continuation.arguments import checked_range
 from dolfinx_contact.continuation.follow import require_solutions
-from dolfinx_contact.equations.parametric import ParametricEquations
 from dolfinx_contact.equations.validation import check_law
 from dolfinx_contact.laws.coulomb import BORDERS, FIRST_BORDER
+from dolfinx_contact.parametric import ParametricContact
 from dolfinx_contact.reduced.gathered import GatheredPoints
 from dolfinx_contact.reduced.reduction import Reduction
 from dolfinx_contact.reduced.scope import can_condense
@@ -51,7 +51,7 @@ def _check_family(a: Arguments) -> None:
 
 @collective("two parameters", _check_family)
 def contact_family(
-    system: ParametricEquations, other: fem.Constant, *, mu_range: tuple[float, float]
+    system: ParametricContact, other: fem.Constant, *, mu_range: tuple[float, float]
 ) -> ContactFamily:
     """The problem on its contact points, with gamma and a second parameter. Collective.
 
@@ -66,7 +66,7 @@ def contact_family(
     """
     low, high = mu_range
     system.equations.require_same_mesh()
-    curved = system._not_affine_in(other)
+    curved = system.not_affine_in(other)
     require(system.comm, not curved, f"{_MUST} ({curved})")
     (a, reach), (b, _) = (_condensed(system, other, mu) for mu in mu_range)
     loads, frictions = (a.p, b.p), (a.friction, b.friction)
@@ -93,7 +93,7 @@ def _errors(problem: PointProblem) -> tuple[Array, Array, Array]:
 
 
 def _condensed(
-    system: ParametricEquations, other: fem.Constant, mu: float
+    system: ParametricContact, other: fem.Constant, mu: float
 ) -> tuple[PointProblem, Array]:
     """Return the contact points at one mu and gamma = 0, and the reach. Collective."""
     before = other.value.copy()
@@ -101,7 +101,7 @@ def _condensed(
     other.value = mu
     try:
         with system.restored(always=True):
-            system._set(0.0)
+            system.set_parameter(0.0)
             eq = system.equations
             for s, memory in zip(eq.surfaces, eq.memory, strict=True):
                 s.update_geometry()
@@ -130,7 +130,7 @@ def _check_curves(a: Arguments) -> None:
 
 @collective("event curves", _check_curves)
 def event_curves(
-    system: ParametricEquations,
+    system: ParametricContact,
     other: fem.Constant,
     branches: Sequence[tuple[float, Branch]],
     *,
@@ -172,7 +172,7 @@ def event_curves(
 
 
 def _require_under(
-    system: ParametricEquations, other: fem.Constant, mu: float, branch: Branch
+    system: ParametricContact, other: fem.Constant, mu: float, branch: Branch
 ) -> None:
     """Raise ``ValueError`` if a branch does not solve the problem under mu. Collective."""
     system.equations.require_same_mesh()

@@ -2,22 +2,23 @@
 r"""Small vibrations of a body whose contact points slip, stick or are open.
 
 Motions u e^{lambda t} about a state with closed points that stay closed (N u = 0, with the rows of
-`slip.py`), points that stick (H u = 0) and forces r = -r_n (n + F d) on the body at points that
-slip along d:
+`slip.py`), sticking points (H u = 0) and forces r = -r_n (n + F d) on the body at points that slip
+along d:
 
     (K + lambda C + lambda^2 M) u + (N + F D)^T r_n + H^T q = 0,    N u = 0,    H u = 0.
 
-The forces are not along the motions that are held, so that this is not symmetric: friction may
-feed energy into a motion. With C = eta K it is the eigenproblem K u + ... = mu M u of the undamped
-body, and lambda^2 + eta mu lambda + mu = 0 for each mu. Any other C makes it quadratic.
+The forces are not along the motions that are held, so that the problem is not symmetric: friction
+may feed energy into a motion. With C = eta K it is the eigenproblem K u + ... = mu M u of the
+undamped body, and lambda^2 + eta mu lambda + mu = 0 for each mu. Any other C makes it quadratic.
 
 Small problems are projected onto bases of the motions that N and H allow and of the loads that
-(N + F D)^T and H^T do not feel, and all eigenvalues computed; of large ones SLEPc finds those next
-to zero.
+(N + F D)^T and H^T do not feel, and all eigenvalues are computed. In large problems SLEPc finds the
+eigenvalues next to zero.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -45,12 +46,12 @@ from dolfinx_contact.reduced.held_body import HeldField, saddle, with_dirichlet_
 
 __all__ = [
     "Body",
+    "DenseBody",
     "Spectrum",
     "Vibrations",
     "body_of",
     "is_number",
     "null_space",
-    "on_root_dense",
     "require_positive",
 ]
 
@@ -71,12 +72,12 @@ _DEFAULTS = {
 
 @dataclass(frozen=True)
 class Body:
-    """What resists the motion of a body.
+    """Stiffness, mass and damping of a body, without rows of Dirichlet data.
 
     Attributes:
-        K: stiffness, as M and C without rows of Dirichlet data.
+        K: stiffness.
         M: mass.
-        eta: damping C over the stiffness, a time.
+        eta: damping over the stiffness, a time.
         C: damping of another kind, or None.
     """
 
@@ -93,23 +94,21 @@ class Body:
 
 
 def body_of(eq: ContactEquations, u: Array, density: Any, damping: float | ufl.Form) -> Body:
-    """Stiffness, mass and damping at a displacement. Collective.
+    """Assemble stiffness, mass and damping at a displacement. Collective.
+
+    In a body of revolution, density and damping are per volume or area, without the weight 2 pi r.
 
     Args:
-        eq: the contact problem.
+        eq: contact problem.
         u: displacement, all local values.
-        density: of mass, a number, Constant, Function or UFL expression.
+        density: mass density, a number, Constant, Function or UFL expression.
         damping: eta of C = eta K, or a UFL form C(trial, test).
 
-    In a body of revolution density and damping are per volume or area, without the weight 2 pi r.
-
     Raises:
-        ValueError: on every rank, for arguments that do not fit.
+        ValueError: on every rank, if density or damping is not valid.
     """
-    V = eq.V
     domain = eq.V.mesh
-    v = ufl.TrialFunction(V)
-    w = ufl.TestFunction(V)
+    v, w = ufl.TrialFunction(eq.V), ufl.TestFunction(eq.V)
     with everywhere(eq.comm, "mass and damping"):
         if isinstance(density, int | float | np.number):
             require_positive("density", density)
@@ -143,7 +142,7 @@ def is_number(value: Any) -> bool:
 
 
 def require_positive(what: str, value: Any) -> None:
-    """Raise ``ValueError`` if a value is no positive number. Not collective."""
+    """Raise ``ValueError`` unless a value is a positive number. Not collective."""
     if not is_number(value) or value <= 0:
         raise ValueError(f"the {what} must be positive, got {value!r}")
 
@@ -153,9 +152,9 @@ class Spectrum:
     """Eigenvalues with Im >= 0, by falling growth (real part).
 
     Attributes:
-        values: lambda (k,).
-        vectors: displacements, owned (n, k); none if they were not required.
-        known_up_to: size up to which all eigenvalues are there; inf if they are complete.
+        values: eigenvalues lambda (k,).
+        vectors: displacements, owned (n, k); empty if they were not requested.
+        known_up_to: size up to which no eigenvalue is missing; infinite if all were computed.
     """
 
     values: Complex
@@ -164,7 +163,7 @@ class Spectrum:
 
     @classmethod
     def of(cls, values: Complex, vectors: Complex, known_up_to: float) -> Spectrum:
-        """Those with Im >= 0, sorted."""
+        """Select the eigenvalues with Im >= 0 and sort them."""
         values = np.where(np.abs(values.imag) <= 1e-14 * np.abs(values), values.real + 0j, values)
         upper = np.flatnonzero(values.imag >= 0)
         size = np.abs(values).max(initial=0.0) or 1.0
@@ -177,11 +176,11 @@ class Vibrations:
     """The eigenproblem of a body and a pattern of slip. Collective.
 
     Args:
-        eq: the contact problem.
-        slip: which points slip along what.
-        body: what resists; it stays the caller's.
-        dense: whether all eigenvalues are computed, by default by their number.
-        count: of eigenvalues that are computed otherwise.
+        eq: contact problem.
+        slip: slipping points and their directions.
+        body: stiffness, mass and damping; owned by the caller.
+        dense: whether all eigenvalues are computed; by default with up to 700 unknowns.
+        count: number of eigenvalues that are computed otherwise.
     """
 
     def __init__(
@@ -197,24 +196,54 @@ class Vibrations:
         self.size = int(eq.comm.allreduce(int(free.sum()))) - constraints
         self.complete = self.size <= _DENSE if dense is None else bool(dense)
         if self.complete:
-            self._dense = _Dense(eq, slip, body)
+            self._dense = DenseBody(eq, body, [slip.N, slip.D, slip.H])
 
     def spectrum(self, friction: Array, *, vectors: bool = False) -> Spectrum:
-        """The eigenvalues lambda.
+        """Compute the eigenvalues lambda.
 
         Args:
-            friction: F at the points that slip on this rank.
-            vectors: whether displacements are wanted.
+            friction: coefficients F at the slipping points of this rank.
+            vectors: whether displacements are computed.
 
         Raises:
             RuntimeError: if SLEPc does not converge.
         """
         if self.complete:
-            values, motions = self._dense.solve(friction, vectors=vectors)
+            values, motions = self._by_matrices(friction, vectors=vectors)
             known = np.inf
         else:
             values, motions, known = self._by_slepc(friction)
         return Spectrum.of(values, motions, known)
+
+    def _by_matrices(self, friction: Array, *, vectors: bool) -> tuple[Complex, Complex]:
+        """All lambda, and displacements (n, k) of this rank."""
+        parts = self.comm.gather(friction)
+        body, eta = self._dense, self._body.eta
+
+        def solved() -> tuple[Complex, Complex]:
+            N, D, H = body.rows
+            F = np.concatenate(parts)[:, None]
+            K, M, C, Z = body.projected(np.concatenate([N, H]), np.concatenate([N + F * D, H]))
+            inertia = np.linalg.inv(M)
+            A = inertia @ K
+            if C is not None:
+                A = np.block([[np.zeros_like(A), np.eye(len(A))], [-A, -inertia @ C]])
+            if not vectors:
+                values: Complex = np.linalg.eigvals(A).astype(complex)
+                none = np.zeros((0, 0), dtype=complex)
+                return (values if C is not None else damped(values, eta)), none
+            values, x = (v.astype(complex) for v in np.linalg.eig(A))
+            x = x[: Z.shape[1]]
+            if C is None:
+                values = damped(values, eta)
+                x = np.concatenate([x, x], axis=1)
+            motions = np.zeros((len(body.free), len(values)), dtype=complex)
+            motions[body.free] = Z @ x
+            return values, motions
+
+        values, motions = on_root(self.comm, solved)
+        n, first = self._slip.D.getLocalSize()[1], self._slip.D.getOwnershipRangeColumn()[0]
+        return values, motions[first : first + n] if vectors else motions
 
     def _by_slepc(self, friction: Array) -> tuple[Complex, Complex, float]:
         SLEPc = slepc()
@@ -285,77 +314,67 @@ class Vibrations:
         return float(self.comm.allreduce(float(mine), op=max))
 
 
-class _Dense:
-    """All of the body on rank 0, as dense matrices."""
+class DenseBody:
+    """Dense matrices of a body on rank 0. Collective.
 
-    def __init__(self, eq: ContactEquations, slip: Slip, body: Body):
-        self.comm = eq.comm
-        self._eta = body.eta
+    Args:
+        eq: contact problem.
+        body: stiffness, mass and damping.
+        rows: rows at the displacement.
+
+    Attributes:
+        free: mask of the free displacements, on rank 0 as the following attributes.
+        K, M: stiffness and mass of free displacements.
+        C: damping of another kind than eta K, or None.
+        rows: rows at free displacements.
+    """
+
+    def __init__(self, eq: ContactEquations, body: Body, rows: Sequence[PETSc.Mat]):
         fixed = eq.comm.gather(eq.fixed[: eq.owned_sizes[0]])
-        C = None if body.C is None else on_root_dense(body.C)
-        K, M, N, D, H = (on_root_dense(A) for A in (body.K, body.M, slip.N, slip.D, slip.H))
-        self._local = slip.D.getLocalSize()[1], slip.D.getOwnershipRangeColumn()[0]
+        C = None if body.C is None else _on_root_dense(body.C)
+        K, M, *dense = (_on_root_dense(A) for A in (body.K, body.M, *rows))
         if fixed is None:
             return
-        self._free = np.flatnonzero(~np.concatenate(fixed))
-        inside = np.ix_(self._free, self._free)
-        self._K = K[inside]
-        self._M = M[inside]
-        self._C = None if C is None else C[inside]
-        self._N, self._D, self._H = (A[:, self._free] for A in (N, D, H))
-        self._total = len(K)
-        self._motions = null_space(np.concatenate([self._N, self._H]))
+        self.free = ~np.concatenate(fixed)
+        inside = np.ix_(self.free, self.free)
+        self.K, self.M = K[inside], M[inside]
+        self.C = None if C is None else C[inside]
+        self.rows = [A[:, self.free] for A in dense]
 
-    def solve(self, friction: Array, *, vectors: bool) -> tuple[Complex, Complex]:
-        """All lambda, and displacements (n, k) of this rank. Collective."""
-        parts = self.comm.gather(friction)
+    def projected(
+        self, held: Array, forces: Array | None = None
+    ) -> tuple[Array, Array, Array | None, Array]:
+        """Return K, M and C projected onto the motions that rows allow, and these motions.
 
-        def solved() -> tuple[Complex, Complex]:
-            F = np.concatenate(parts)[:, None]
-            Z = self._motions
-            Y = null_space(np.concatenate([self._N + F * self._D, self._H]))
-            inertia = np.linalg.inv(Y.T @ self._M @ Z)
-            K = Y.T @ self._K @ Z
-            A = inertia @ K
-            if self._C is not None:
-                damping = inertia @ (Y.T @ self._C @ Z)
-                A = np.block([[np.zeros_like(A), np.eye(len(A))], [-A, -damping]])
-            if not vectors:
-                values: Complex = np.linalg.eigvals(A).astype(complex)
-                none = np.zeros((0, 0), dtype=complex)
-                return (values if self._C is not None else damped(values, self._eta)), none
-            values, x = (v.astype(complex) for v in np.linalg.eig(A))
-            x = x[: Z.shape[1]]
-            if self._C is None:
-                values = damped(values, self._eta)
-                x = np.concatenate([x, x], axis=1)
-            motions = np.zeros((self._total, len(values)), dtype=complex)
-            motions[self._free] = Z @ x
-            return values, motions
-
-        values, motions = on_root(self.comm, solved)
-        n, first = self._local
-        return values, motions[first : first + n] if vectors else motions
+        Args:
+            held: rows of the motions that are held (k, n).
+            forces: rows along which forces act (k, n); by default the held ones.
+        """
+        Z = null_space(held)
+        Y = Z if forces is None else null_space(forces)
+        K, M = (Y.T @ A @ Z for A in (self.K, self.M))
+        C = None if self.C is None else Y.T @ self.C @ Z
+        return K, M, C, Z
 
 
 def damped(mu: Complex, eta: float) -> Complex:
-    """The roots of lambda^2 + eta mu lambda + mu = 0, first of all mu, then the others of all."""
+    """Roots of lambda^2 + eta mu lambda + mu = 0: one for each mu, then the other ones."""
     mu = np.asarray(mu, dtype=complex)
     b = eta * mu
     root = np.sqrt(b * b - 4 * mu)
-    # Without cancellation; a single nothing has nothing as both roots.
+    # Without cancellation; for mu = 0 both roots are 0.
     q = -0.5 * (b + np.where((np.conj(b) * root).real >= 0, root, -root))
     return np.concatenate([q, np.divide(mu, q, out=np.zeros_like(q), where=q != 0)])
 
 
 def null_space(rows: Array) -> Array:
-    """An orthonormal basis (n, n - m) of what independent rows (m, n) map to zero."""
+    """Orthonormal basis (n, n - m) of the null space of independent rows (m, n)."""
     basis: Array = qr(rows.T)[0]
     return basis[:, len(rows) :]
 
 
-def on_root_dense(A: PETSc.Mat) -> Array:
-    """A matrix on rank 0; nothing of meaning elsewhere. Collective."""
+def _on_root_dense(A: PETSc.Mat) -> Array:
+    """Gather a matrix on rank 0; the result is empty on other ranks. Collective."""
     indptr, columns, values = A.getValuesCSR()
     part = csr_matrix((values, columns, indptr), shape=(len(indptr) - 1, A.getSize()[1]))
     parts = A.comm.tompi4py().gather(part)

@@ -43,7 +43,7 @@ from dolfinx_contact.equations.validation import check_moduli, check_surface
 from dolfinx_contact.laws.status import OPEN
 from dolfinx_contact.points.surface import DiscreteSurface
 
-__all__ = ["ParametricEquations"]
+__all__ = ["JacobianSolver", "ParametricEquations"]
 
 logger = logging.getLogger(__name__)
 
@@ -164,7 +164,7 @@ class ParametricEquations(System):
         """Values of these Functions in UFL."""
         return [d.expression for d in self._driven]
 
-    def _not_affine_in(self, other: fem.Constant) -> str:
+    def not_affine_in(self, other: fem.Constant) -> str:
         """Return the reason why the data are not affine in another parameter; "" if they are.
 
         Loads, gaps and fields of the laws must be affine in it; the stiffness, the normals and the

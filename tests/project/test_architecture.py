@@ -115,6 +115,36 @@ def test_what_a_static_solve_does_not_need_is_not_loaded():
     assert not [name for name in loaded if name.startswith(tuple(late))]
 
 
+#: Extensions use public names of the core, and private modules of the root, which are tools.
+EXTENSIONS = ("algorithms", "analysis", "explorer", "proofs")
+
+
+def public_names(name):
+    """The names that a module lists in ``__all__``."""
+    for node in ast.parse(MODULES[name].read_text()).body:
+        if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "__all__":
+            return set(ast.literal_eval(node.value))
+    return set()
+
+
+@pytest.mark.parametrize(
+    "name", sorted(n for n in MODULES if n.split(".")[1:2] and n.split(".")[1] in EXTENSIONS)
+)
+def test_extensions_use_public_names(name):
+    classes = {"self", "cls"}
+    for node in ast.walk(ast.parse(MODULES[name].read_text())):
+        if isinstance(node, ast.ClassDef):
+            classes.add(node.name)
+        elif isinstance(node, ast.ImportFrom) and node.module in MODULES:
+            if layer(node.module) == -1:
+                continue
+            for alias in node.names:
+                is_module = f"{node.module}.{alias.name}" in MODULES
+                assert is_module or alias.name in public_names(node.module), alias.name
+        elif isinstance(node, ast.Attribute) and re.match("_[a-z]", node.attr):
+            assert ast.unparse(node.value).split(".")[0] in classes, ast.unparse(node)
+
+
 def test_no_import_cycle():
     left = {name: imports(name) for name in MODULES}
     while True:

@@ -23,7 +23,6 @@ EVERY = [
     Uzawa(augmented=True),
     GaussSeidel(),
     GaussSeidel(relaxation=1.3),
-    GaussSeidel(two_level=True),
     ProjectedGradient(),
     InteriorPoint(),
 ]
@@ -189,35 +188,6 @@ def test_lemke_solves_everything(number):
 
 
 # -- parts ---------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    "friction",
-    [pytest.param(0.0, marks=pytest.mark.long), 0.4, pytest.param(1.0, marks=pytest.mark.long)],
-)
-def test_two_levels_take_fewer_sweeps(friction):
-    """On S of order 1 (a half-plane, discrete) with fronts between statuses."""
-    runs = {n: GaussSeidel(two_level=True).run(half_plane(n, friction)) for n in (32, 64, 128, 256)}
-    assert all(run.converged for run in runs.values())
-    counts = [run.iterations for run in runs.values()]
-    assert max(counts) < 1.5 * min(counts)
-    alone = GaussSeidel().run(half_plane(128, friction))
-    assert alone.converged
-    assert alone.iterations >= 10 * runs[128].iterations
-    np.testing.assert_allclose(alone.r, runs[128].r, atol=1e-7 * np.abs(alone.r).max())
-
-
-def half_plane(n, friction):
-    """|d/dx| on a line by its symbol, pressed on its middle and dragged."""
-    x = (np.arange(n) + 0.5) / n
-    modes = np.sqrt(2 / n) * np.sin(np.pi * np.outer(np.arange(1, n + 1), x))
-    modes[-1] /= np.sqrt(2)
-    K = modes.T @ (np.arange(1, n + 1)[:, None] * modes)
-    S = np.kron(K, np.array([[1.0, 0.0], [0.0, 1.2]]))
-    p = np.zeros((n, 2))
-    p[:, 0] = -0.6 * np.sin(np.pi * x)
-    p[:, 1] = np.where(np.abs(x - 0.5) < 0.4, -2.0, 2.0) + np.cos(3 * np.pi * x)
-    return PointProblem(S, p.reshape(-1), np.full(n, friction), positions=x[:, None])
 
 
 def test_options_are_checked():

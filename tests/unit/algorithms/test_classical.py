@@ -37,7 +37,6 @@ ON_POINTS = [
     "interior-point",
     TrescaFixedPoint(on="points"),
     Uzawa(on="points", augmented=True),
-    GaussSeidel(two_level=True),
 ]
 ON_BODY = ["tresca", TrescaFixedPoint(aitken=True), Uzawa(augmented=True)]
 
