@@ -1,33 +1,33 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""The smallest friction with which a body stays wedged without any load.
 
-With the stiffness S of the contact points a body that was loaded and unloaded may keep forces: it
-is *wedged* in a state (u, r) other than 0 with
+A body that was loaded and unloaded may keep contact forces. With the stiffness S of the contact
+points it is *wedged* in a state (u, r) other than 0 with
 
     S u = r,    un >= 0, rn >= 0, un rn = 0,    |rt| <= F rn,
 
-whatever the direction of rt, which what happened before decides (Kim, Jang and Barber, 2019). The
-infimum of F over such states depends on the body and its contact surface alone. Everything is
-homogeneous: sum rn = 1. With the flexibility G = S^-1 and the extreme forces of the cones (2D: (F,
-1) and (-F, 1)) as rays, a state is given by weights alpha >= 0 of sum 1 with un = G_n r >= 0, and
-at every point either alpha = 0 (open) or un = 0 (closed).
+for any direction of rt, which depends on the history (Kim, Jang and Barber, 2019). The infimum of F
+over such states depends on the body and its contact surface only. The problem is homogeneous, so
+that sum rn = 1. With the flexibility G = S^-1 and the extreme forces of the cones (2D: (F, 1) and
+(-F, 1)) as rays, a state is given by weights alpha >= 0 of sum 1 with un = G_n r >= 0, and at every
+point either alpha = 0 (open) or un = 0 (closed).
 
 For one F this is a search in pairs of statuses. A region of them is empty if
 
     un_i / U_i + sum of alpha_i <= 1        (U_i: the largest un)
 
-leaves nothing: a linear program, which differs from region to region in bounds alone (`tableau`).
+has no solution: a linear program, which differs from region to region in bounds only (`tableau`).
 By duality, for any y and lambda,
 
-    sum_i y_i un_i + sum_ik (lambda - (M^T y)_ik) alpha_ik = lambda,    un = M alpha,
+    sum_i y_i un_i + sum_ik (lambda - (M^T y)_ik) alpha_ik = lambda,    un = M alpha.
 
-and where the least left side over the statuses is above lambda, by more than all round-off, there
-is no state, with this F and so with any smaller one. A state that is found lowers F, to the least
-of its statuses, where the largest |rt| - F rn can be no less than 0, and the search continues just
+If the least left side over the statuses exceeds lambda by more than all round-off, there is no
+state with this F, and so with any smaller one. A state that is found lowers F to the least F of its
+statuses, at which the largest |rt| - F rn cannot be less than 0, and the search continues just
 below it.
 
-In 3D the disc is between polygons of K sides: with circumscribed ones the F found is a lower bound,
-and |rt| / rn of the state an upper one, no more than 1 / cos(pi / K) of it.
+In 3D the disc lies between polygons of K sides. With circumscribed ones the F found is a lower
+bound, and |rt| / rn of the state an upper bound, larger by a factor of at most 1 / cos(pi / K).
 """
 
 from __future__ import annotations
@@ -35,6 +35,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -53,13 +54,13 @@ Array = npt.NDArray[np.float64]
 Statuses = npt.NDArray[np.int64]
 Flags = npt.NDArray[np.bool_]
 
-_BELOW = 1e-7  # relative distance below a known F at which there is to be no state
-_LARGEST = 1e3  # F beyond which none is looked for
-_EITHER = 1e-9  # un / U or alpha that is none
+_BELOW = 1e-7  # relative distance below a known F at which no state is to exist
+_LARGEST = 1e3  # largest F of the search
+_EITHER = 1e-9  # un / U or alpha that counts as zero
 _UNDECIDED, _OPEN, _CLOSED = range(3)
-_SURE = 1e-10  # of a row that proves a region empty
+_SURE = 1e-10  # amount by which a row must fail to prove a region empty
 _TINY = 1e-12
-_HOLDS = 1e-8  # of the sizes that add up to it, an un that is none
+_HOLDS = 1e-8  # un that counts as zero, relative to the sizes of its terms
 _EXACT = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
 
 
@@ -68,15 +69,15 @@ class Wedging:
     """The smallest friction with which a body stays wedged.
 
     Attributes:
-        friction: that of `state`; infinite if there is none up to 1000.
-        lower: below this there is no such state, proved if `complete`; 0 if not. In 2D it is
-            ``friction`` but for 1e-7 of it.
+        friction: friction of `state`; infinite if there is no state up to 1000.
+        lower: friction below which no such state exists, proved if `complete`; 0 otherwise. In 2D
+            it equals ``friction`` up to 1e-7.
         complete: whether the search came to its end.
-        statuses: `o` and `c`, open and closed, of the points in the order of their coordinates.
+        statuses: letters `o` (open) and `c` (closed) of the points, ordered by coordinates.
         state: (ut, un, rt, rn) of the points with sum rn = 1 (m, 2 dim), in the frames of
             `ContactProblem.reduced`.
-        regions: sets of statuses that were examined.
-        seconds: that the search took.
+        regions: number of examined sets of statuses.
+        seconds: computing time.
     """
 
     friction: float
@@ -88,12 +89,11 @@ class Wedging:
     seconds: float
 
     def __str__(self) -> str:
-        """The coefficient, how it is known, and the statuses."""
+        """The coefficient, the status of the proof, and the statuses."""
         if not np.isfinite(self.friction):
-            known = "proved" if self.complete else "not decided"
             if not self.complete:
-                return f"no wedged state was found up to a friction of {_LARGEST:g}, {known}"
-            return f"no wedged state up to a friction of {_LARGEST:g}, {known}"
+                return f"no wedged state was found up to a friction of {_LARGEST:g}, not decided"
+            return f"no wedged state up to a friction of {_LARGEST:g}, proved"
         words = f"wedged from a friction of {self.friction:.9g} on, {self.statuses}"
         if not self.complete:
             return f"{words}; smaller ones are not excluded"
@@ -111,25 +111,25 @@ def _check(a: Arguments) -> None:
 
 @collective("wedging_friction", _check)
 def wedging_friction(problem: ContactProblem, *, seconds: float = 60.0, sides: int = 16) -> Wedging:
-    """The smallest friction with which a body stays wedged after it is unloaded. Collective.
+    """Find the smallest friction with which a body stays wedged after unloading. Collective.
 
     Loads, gaps and the coefficient of the law do not matter.
 
     Args:
-        problem: of a linear body that Dirichlet data hold, with contact at its nodes.
-        seconds: after which the search ends.
-        sides: of the polygons about the friction disc in 3D.
+        problem: contact problem of a linear body held by Dirichlet data, with contact at its nodes.
+        seconds: time of the search.
+        sides: number of sides of the polygons about the friction disc in 3D.
 
     Raises:
-        ValueError: on every rank, for a problem that has no contact points of its own
-            (`ContactProblem.reduced`), or seconds or sides that are none.
+        ValueError: on every rank, if the problem cannot be reduced to its contact points
+            (`ContactProblem.reduced`), or ``seconds`` or ``sides`` is not valid.
     """
     points = problem.reduced()
     return on_root(problem.comm, lambda: wedging_of(points, seconds=seconds, sides=sides))
 
 
 def wedging_of(points: PointProblem, *, seconds: float = 60.0, sides: int = 16) -> Wedging:
-    """The same of contact points alone, of which the stiffness matters. Not collective."""
+    """The same for contact points, of which only the stiffness matters. Not collective."""
     begun = time.monotonic()
     search = _Search(points, begun + seconds, sides)
     search.run()
@@ -138,58 +138,75 @@ def wedging_of(points: PointProblem, *, seconds: float = 60.0, sides: int = 16) 
         shape = points.number, points.dim
         r = (search.best / search.scales).reshape(shape)
         u = (search.scales * (search.G @ search.best)).reshape(shape)
-        total = r[:, -1].sum()
-        u, r = u / total, r / total
-        state = np.asarray(np.hstack([u, r]), dtype=np.float64)
-    statuses = "".join("c" if c else "o" for c in search.closed)
-    lower = search.tried if search.complete else 0.0
-    took = time.monotonic() - begun
-    return Wedging(search.friction, lower, search.complete, statuses, state, search.regions, took)
+        state = np.asarray(np.hstack([u, r]) / r[:, -1].sum(), dtype=np.float64)
+    return Wedging(
+        friction=search.friction,
+        lower=search.tried if search.complete else 0.0,
+        complete=search.complete,
+        statuses="".join("c" if c else "o" for c in search.closed),
+        state=state,
+        regions=search.regions,
+        seconds=time.monotonic() - begun,
+    )
 
 
 def _scales(S: Array, dim: int) -> Array:
-    """Powers of two, one a point, that make the stiffness of the points alike (dim m,).
+    """Powers of two, one per point, that give all points a similar stiffness (dim m,).
 
-    With D of them D S D has the same states but for D: cones and gaps of a point have no unit.
+    With the diagonal matrix D of them, D S D has the same states up to D: cones and gaps of a point
+    have no unit.
     """
     own = np.sqrt(np.diag(S).reshape(-1, dim).max(axis=1))
     return np.repeat(2.0 ** np.round(-np.log2(own)), dim)
 
 
-class _Rays:
-    """Columns M of the flexibility by extreme forces of the cones, and their errors.
+def _circle(sides: int, turn: float = 0.0) -> Array:
+    angles = 2 * np.pi * np.arange(sides) / sides + turn
+    return np.stack([np.cos(angles), np.sin(angles)], axis=1)
 
-    Args:
-        G: flexibility, over its unit (dim m, dim m).
-        off: by how much entries may be off (dim m, dim m).
-        corners: of the polygon about the unit disc (K, dim - 1).
-        friction: F.
+
+class _Rays(NamedTuple):
+    """The flexibility by extreme forces of the cones.
 
     Attributes:
         M: un over its largest values by weights of the rays (m, m K).
-        off: bounds of the errors of a row, whatever the weights (m,).
-        opens: points that may be open at all (m,).
+        off: error bounds of the rows for any weights (m,).
+        opens: points that can be open (m,).
     """
 
-    def __init__(self, G: Array, off: Array, corners: Array, friction: float):
+    M: Array
+    off: Array
+    opens: Flags
+
+    @classmethod
+    def of(cls, G: Array, off: Array, corners: Array, friction: float) -> _Rays:
+        """Columns of the flexibility.
+
+        Args:
+            G: flexibility over its unit (dim m, dim m).
+            off: error bounds of its entries (dim m, dim m).
+            corners: corners of the polygon about the unit disc (K, dim - 1).
+            friction: coefficient F.
+        """
         dim = corners.shape[1] + 1
         m = len(G) // dim
         ray = np.hstack([friction * corners, np.ones((len(corners), 1))])
-        rows = G[dim - 1 :: dim].reshape(m, m, dim)
-        M = np.einsum("ijc,kc->ijk", rows, ray).reshape(m, -1)
-        size = np.einsum("ijc,kc->ijk", np.abs(rows), np.abs(ray)).reshape(m, -1)
-        away = np.einsum("ijc,kc->ijk", off[dim - 1 :: dim].reshape(m, m, dim), np.abs(ray))
-        largest = M.max(axis=1)
-        worst = away.max(axis=(1, 2)) + gamma(16) * size.max(axis=1)
-        self.opens = largest + worst > 0
-        whole = np.abs(M).max(axis=1)
+
+        def along(rows: Array, ray: Array) -> Array:
+            return np.einsum("ijc,kc->ijk", rows[dim - 1 :: dim].reshape(m, m, dim), ray).reshape(
+                m, -1
+            )
+
+        M = along(G, ray)
+        size, away = (along(np.abs(v), np.abs(ray)).max(axis=1) for v in (G, off))
+        worst = away + gamma(16) * size
+        largest, whole = M.max(axis=1), np.abs(M).max(axis=1)
         unit = np.asarray(np.where(largest > _TINY * whole, largest, whole), dtype=np.float64)
-        self.M: Array = M / unit[:, None]
-        self.off = worst / unit * (1 + 1e-9) + gamma(4)
+        return cls(M / unit[:, None], worst / unit * (1 + 1e-9) + gamma(4), largest + worst > 0)
 
 
 class _Program(Tableau):
-    """The linear program of a region; numbers: alpha, un, the slack of the hull, of the sum."""
+    """The linear program of a region; variables: alpha, un, the slacks of the hull, of the sum."""
 
     def __init__(self, rays: _Rays):
         m, n = rays.M.shape
@@ -201,18 +218,18 @@ class _Program(Tableau):
         super().__init__(rows, start, n + np.arange(2 * m + 1), n, up, sure=_SURE)
         self._opens = rays.opens
         every = np.arange(m)
-        # Points of the variables, m of those that have none.
+        # Points of the variables; m for slacks.
         self._point = np.concatenate([np.repeat(every, self.sides), every, np.full(m + 1, m)])
 
     def hold(self, statuses: Statuses, changed: Flags) -> None:
-        """Give points that have changed their statuses (m,)."""
+        """Set the statuses (m,) of points that have changed."""
         self._up[: self.n] = np.repeat(statuses != _OPEN, self.sides)
         self._up[self.n : self.n + self.m] = (statuses != _CLOSED) & self._opens
         mine = np.flatnonzero(np.append(changed, False)[self._point[self._nonbasic]])
         self._set(mine, np.where(self._costs[mine] < 0, self._up[self._nonbasic[mine]], 0.0))
 
     def empty(self) -> tuple[Array, float] | None:
-        """Multipliers y (m,) and lambda that tell why there is nothing; None if there may be."""
+        """Multipliers y (m,) and lambda of an infeasible program; None if it may be feasible."""
         v = self._repair()
         if v is None:
             return None
@@ -221,39 +238,40 @@ class _Program(Tableau):
 
     @property
     def point(self) -> tuple[Array, Array]:
-        """Weights (m, K), and un (m,)."""
+        """Sums of the weights (m,), and un (m,)."""
         x = self._all_values
-        return x[: self.n].reshape(self.m, -1), x[self.n : self.n + self.m]
+        return x[: self.n].reshape(self.m, -1).sum(axis=1), x[self.n : self.n + self.m]
 
 
 class _Search:
-    """Branch and bound on open and closed points, at an F that falls."""
+    """Branch and bound on open and closed points, at a decreasing F.
+
+    Attributes:
+        scales: factors of the displacements of the points; forces are divided by them (dim m,).
+        G: flexibility of the scaled points (dim m, dim m).
+        friction: smallest friction found.
+        tried: friction at which regions are proved empty.
+        best: forces of the best state (dim m,), or None.
+        closed: closed points of this state (m,).
+        complete: whether the search came to its end.
+        regions: number of examined regions.
+    """
 
     def __init__(self, points: PointProblem, end: float, sides: int):
         m, dim = points.number, points.dim
-        nothing = np.zeros(dim * m)
-        #: By which displacements of the points are multiplied, and their forces divided (dim m,).
         self.scales = _scales(points.S, dim)
         both = self.scales[:, None] * self.scales
         unit = float(np.abs(points.A / both).max())
-        reduced = ReducedProblem(
-            points.S * both * unit,
-            nothing,
-            np.ones(m),
-            None,
-            None if points.S_error is None else points.S_error * both * unit,
-        )
-        G, off = flexibility(reduced)
-        self.G = G * unit
-        self._G, self._off = G, off
+        error = None if points.S_error is None else points.S_error * both * unit
+        nothing = np.zeros(dim * m)
+        reduced = ReducedProblem(points.S * both * unit, nothing, np.ones(m), None, error)
+        self._G, self._off = flexibility(reduced)
+        self.G = self._G * unit
         self.m, self.dim = m, dim
         self._end = end
-        angles = 2 * np.pi * np.arange(sides) / sides
-        circle = np.stack([np.cos(angles), np.sin(angles)], axis=1)
-        self._facets = np.array([[1.0], [-1.0]]) if dim == 2 else circle
-        half = angles + np.pi / sides
-        outer = np.stack([np.cos(half), np.sin(half)], axis=1) / np.cos(np.pi / sides)
-        self._corners = self._facets if dim == 2 else outer
+        plane = np.array([[1.0], [-1.0]])
+        self._facets = plane if dim == 2 else _circle(sides)
+        self._corners = plane if dim == 2 else _circle(sides, np.pi / sides) / np.cos(np.pi / sides)
         self.friction = np.inf
         self._reached = _LARGEST
         self.tried = _LARGEST
@@ -261,15 +279,16 @@ class _Search:
         self.closed = np.zeros(m, dtype=bool)
         self.complete = True
         self.regions = 0
+        #: Regions that round-off left undecided, and the friction at which they were examined.
         self._doubtful: list[tuple[Statuses, float]] = []
 
     def run(self) -> None:
-        """Until nothing is left, or time is over."""
+        """Search until nothing is left, or time is over."""
         self._descend()
         self._begin()
         waiting: list[Statuses] = [np.zeros(self.m, dtype=np.int64)]
         while waiting or self._again():
-            # What was in doubt may be sure with less friction.
+            # Doubtful regions may be decided at a smaller friction.
             statuses = waiting.pop() if waiting else self._doubtful.pop()[0]
             if time.monotonic() > self._end:
                 self.complete = False
@@ -278,9 +297,8 @@ class _Search:
             waiting += self._treat(statuses)
 
     def _descend(self) -> None:
-        """A small F to begin with: from all points closed, one changed at a time."""
-        closed = np.ones(self.m, dtype=bool)
-        self._lower(closed)
+        """Find a small initial F: from all points closed, change one point at a time."""
+        self._lower(np.ones(self.m, dtype=bool))
         improved = self.best is not None
         while improved and time.monotonic() < self._end:
             improved = False
@@ -291,7 +309,7 @@ class _Search:
                     improved = True
 
     def _again(self) -> bool:
-        """Whether a region is in doubt that was examined with more friction."""
+        """Whether a doubtful region was examined at a larger friction."""
         if not self._doubtful:
             return False
         if self._doubtful[-1][1] > self.tried:
@@ -300,13 +318,14 @@ class _Search:
         return False
 
     def _begin(self) -> None:
-        """A program just below the F that is known."""
+        """Make the program just below the known F."""
         self.tried = self._reached * (1 - _BELOW)
-        self._rays = _Rays(self._G, self._off, self._corners, self.tried)
+        self._rays = _Rays.of(self._G, self._off, self._corners, self.tried)
         self._program = _Program(self._rays)
         self._now: Statuses = np.zeros(self.m, dtype=np.int64)
 
     def _treat(self, statuses: Statuses) -> list[Statuses]:
+        """Close a region, or return its parts; the last is treated first."""
         self._program.hold(statuses, statuses != self._now)
         self._now = statuses.copy()
         y = self._program.empty()
@@ -314,83 +333,71 @@ class _Search:
         if y is not None and self._is_empty(statuses, *y):
             return []
         if y is not None or self._program.lost:
-            # Round-off is in the way: parts of it may be sure.
+            # Round-off prevents a decision: parts may be decided.
             if len(undecided) == 0:
                 self._doubtful.insert(0, (statuses, self.tried))
                 return []
             size = np.abs(y[0][undecided]) if y is not None else np.ones(len(undecided))
-            return self._parts(statuses, int(undecided[np.argmax(size)]), _OPEN)
-        weights, un = self._program.point
-        pressed = weights.sum(axis=1)
-        either = np.where(statuses == _UNDECIDED, np.minimum(un, pressed), -1.0)
-        i = int(np.argmax(either))
-        if either[i] <= _EITHER:
-            if not self._lower(pressed > un):
-                self._doubtful.insert(0, (statuses, self.tried))
-                return []
-            self._begin()
-            return [statuses]
-        return self._parts(statuses, i, _CLOSED if pressed[i] > un[i] else _OPEN)
-
-    @staticmethod
-    def _parts(statuses: Statuses, i: int, first: int) -> list[Statuses]:
-        """Both statuses of a point, that to be treated first at the end."""
-        parts = []
-        for status in (_OPEN + _CLOSED - first, first):
-            part = statuses.copy()
-            part[i] = status
-            parts.append(part)
+            i, first = int(undecided[np.argmax(size)]), _OPEN
+        else:
+            pressed, un = self._program.point
+            either = np.where(statuses == _UNDECIDED, np.minimum(un, pressed), -1.0)
+            i = int(np.argmax(either))
+            if either[i] <= _EITHER:
+                if not self._lower(pressed > un):
+                    self._doubtful.insert(0, (statuses, self.tried))
+                    return []
+                self._begin()
+                return [statuses]
+            first = _CLOSED if pressed[i] > un[i] else _OPEN
+        parts = [statuses.copy(), statuses.copy()]
+        parts[0][i], parts[1][i] = _OPEN + _CLOSED - first, first
         return parts
 
     def _is_empty(self, statuses: Statuses, y: Array, lam: float) -> bool:
-        """Whether multipliers prove that there is no state, whatever the round-off."""
-        M = self._rays.M
-        for sign in (1.0, -1.0):
-            z = sign * y
-            k = sign * lam
-            of_open = np.minimum(z, 0.0) * self._rays.opens
+        """Whether multipliers prove that there is no state, with all round-off."""
+        M, off, opens = self._rays
+        for z, k in ((y, lam), (-y, -lam)):
+            of_open = np.minimum(z, 0.0) * opens
             left = (k - M.T @ z).reshape(self.m, -1)
             of_closed = np.minimum(left.min(axis=1), 0.0)
-            least = np.where(statuses == _OPEN, of_open, of_closed)
-            least = np.where(statuses == _UNDECIDED, np.minimum(of_open, of_closed), least)
+            choices = [np.minimum(of_open, of_closed), of_open, of_closed]
+            least = np.choose(statuses, choices).sum()
             size = np.abs(z) @ (1 + np.abs(M).max(axis=1)) + (1 + self.m) * abs(k)
-            off = np.abs(z) @ self._rays.off + gamma(4 * self.m + 16) * size
-            if least.sum() - k > off * (1 + 1e-9):
+            error = np.abs(z) @ off + gamma(4 * self.m + 16) * size
+            if least - k > error * (1 + 1e-9):
                 return True
         return False
 
     def _lower(self, closed: Flags) -> bool:
-        """Take the least F of some statuses; whether it is below the one that is known."""
-        found = self._least_of(closed)
-        if found is None or not found[0] < self._reached:
+        """Take the least F of some closed points; return whether it is below the known one."""
+        least = self._least_of(closed)
+        if least is None or not least[0] < self._reached:
             return False
+        F, r = least
         rows = self._G[self.dim - 1 :: self.dim]
-        un = rows @ found[1]
-        size = np.abs(rows) @ np.abs(found[1])
+        un = rows @ r
+        size = np.abs(rows) @ np.abs(r)
         if (np.where(closed, np.abs(un), -un) > _HOLDS * size).any():
-            return False  # what the linear programs found is no state
-        self._reached, r = found
-        self.best = r
+            return False  # the answer of the linear programs is not a state
+        self._reached, self.best = F, r
         self.closed = closed | (un <= _EITHER * size)
-        pressed = r.reshape(self.m, -1)[:, -1] > _TINY
-        shear = np.linalg.norm(r.reshape(self.m, -1)[pressed, :-1], axis=1)
-        self.friction = float((shear / r.reshape(self.m, -1)[pressed, -1]).max())
+        forces = r.reshape(self.m, -1)
+        forces = forces[forces[:, -1] > _TINY]
+        self.friction = float((np.linalg.norm(forces[:, :-1], axis=1) / forces[:, -1]).max())
         return True
 
     def _least_of(self, closed: Flags) -> tuple[float, Array] | None:
         """The least F of a state with some closed points, and its forces (dim m,)."""
         places = np.flatnonzero(closed)
-        d, k = self.dim, len(places)
+        d, k, sides = self.dim, len(places), len(self._facets)
         columns = (d * places[:, None] + np.arange(d)).reshape(-1)
         rows = self._G[d - 1 :: d][:, columns]
-        facets = np.kron(np.eye(k), np.hstack([self._facets, np.zeros((len(self._facets), 1))]))
-        push = np.hstack([np.zeros((len(self._facets), d - 1)), np.ones((len(self._facets), 1))])
-        press = np.kron(np.eye(k), push)
+        facets = np.kron(np.eye(k), np.hstack([self._facets, np.zeros((sides, 1))]))
+        press = np.kron(np.eye(k), np.eye(d)[[-1] * sides])
         upper = np.concatenate([facets, -rows[~closed]])
-        equal = np.vstack([rows[closed], press[:: len(self._facets)].sum(axis=0)])
-        value = np.append(np.zeros(k), 1.0)
         share = np.append(np.ones(len(facets)), np.zeros(int((~closed).sum())))
-        bounds = [(0.0, None) if c == d - 1 else (None, None) for _ in places for c in range(d)]
+        equal = np.vstack([rows[closed], press[::sides].sum(axis=0)])
         forces: dict[float, Array] = {}
 
         def excess(F: float) -> float:
@@ -402,8 +409,8 @@ class _Search:
                 A_ub=np.hstack([A, -share[:, None]]),
                 b_ub=np.zeros(len(A)),
                 A_eq=np.hstack([equal, np.zeros((len(equal), 1))]),
-                b_eq=value,
-                bounds=[*bounds, (None, None)],
+                b_eq=np.append(np.zeros(k), 1.0),
+                bounds=[*([(None, None)] * (d - 1) + [(0.0, None)]) * k, (None, None)],
                 options=_EXACT,
             )
             if found.status != 0:
@@ -411,9 +418,8 @@ class _Search:
             forces[F] = found.x[:-1]
             return float(found.fun)
 
-        # An F that is no smaller is none.
         if not excess(self._reached * (1 - _BELOW)) <= _TINY:
-            return None
+            return None  # not smaller than the known one
         F = 0.0 if excess(0.0) <= 0 else self._root(excess)
         excess(F)
         whole = np.zeros(d * self.m)
@@ -421,9 +427,9 @@ class _Search:
         return F, whole
 
     def _root(self, excess: Callable[[float], float]) -> float:
-        """Where a falling function is zero, between 0 and the F that is known, from above."""
+        """Zero of a decreasing function between 0 and the known F, from above."""
         top = self._reached
         if excess(top) >= 0:
             return top
-        found = float(brentq(excess, 0.0, top, xtol=1e-14, rtol=1e-14))
-        return found if excess(found) < np.inf else top
+        root = float(brentq(excess, 0.0, top, xtol=1e-14, rtol=1e-14))
+        return root if excess(root) < np.inf else top
