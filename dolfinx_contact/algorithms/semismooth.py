@@ -20,7 +20,7 @@ import numpy.typing as npt
 from dolfinx_contact.algorithms.iteration import Algorithm, Iteration
 from dolfinx_contact.algorithms.point_problem import PointProblem
 
-__all__ = ["SemismoothNewton", "solve_semismooth", "solve_yielding"]
+__all__ = ["SemismoothNewton", "newton_step", "solve_semismooth", "solve_yielding"]
 
 Array = npt.NDArray[np.float64]
 _REMEMBERED = 5  # residual norms of the nonmonotone line search
