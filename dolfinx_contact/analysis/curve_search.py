@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Following curves of folds and of events in two parameters to where they meet.
+"""Following curves of folds and events in two parameters through their meeting points.
 
 On a border (`family`) gamma is a function of mu on some intervals. An interval ends where
 another point comes to a border of its own, or the same one to its apex: there other borders meet
@@ -53,7 +53,7 @@ def follow_events(
     *,
     folds_only: bool = True,
 ) -> EventCurves:
-    """Follow the curves that pass through some borders, and those that they meet.
+    """Follow curves through given borders, and all curves that they meet.
 
     Args:
         family: the problem with two parameters.
@@ -147,7 +147,7 @@ class _Search:
                 self._waiting.append(n)
 
     def run(self) -> None:
-        """Follow what is waiting, and what that meets."""
+        """Follow all waiting segments and the segments that they meet."""
         while self._waiting:
             number = self._waiting.pop()
             s = self.segments[number]
@@ -165,7 +165,7 @@ class _Search:
     # -- meetings --------------------------------------------------------------------------------
 
     def _joint(self, s: Segment, mu: float) -> _Joint | None:
-        """What is at the end of a segment; None at the ends of the ranges."""
+        """Return the joint at the end of a segment; None at the ends of the ranges."""
         if mu in self.mus:
             return None
         w = s.frame.state(mu)

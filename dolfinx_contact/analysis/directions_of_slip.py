@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Critical friction in space over the direction of sliding.
 
-For each direction d in the plane of contact, with all points slipping along it, the coefficients
-of `critical_friction`: S_dd v = F S_nd v. F > 0 belongs to slip against d and F < 0 to slip along
-d, so that half a circle of directions shows all of them. Friction is the same in all directions and
+For each direction d in the plane of contact, all points slip along d, and the critical coefficients
+are the eigenvalues of S_dd v = F S_nd v (`critical_friction`). F > 0 belongs to slip against d and
+F < 0 to slip along d, so that half a circle of directions is sufficient. Friction is isotropic and
 acts against the slip; slip across d is held.
 """
 
@@ -42,20 +42,21 @@ from dolfinx_contact.reduced.held_body import columns_of
 __all__ = ["FrictionByDirection", "critical_friction_by_direction"]
 
 Array = npt.NDArray[np.float64]
-_TILTED = 1e-3  # least size of the mean of all normals
+_TILTED = 1e-3  # smallest length of the mean normal
 
 
 @dataclass(frozen=True, eq=False)
 class FrictionByDirection:
-    """The critical friction of a body that slides, by the direction of its slip.
+    """Critical friction of a sliding body over the direction of slip.
 
     Attributes:
-        angles: of the directions, from the first of `basis` to the second (k,).
+        angles: angles of the directions, from the first vector of `basis` to the second (k,).
         directions: unit vectors along which the body slips (k, 3).
-        friction: the smallest coefficient of each with a real slip of one sign (k,); infinite where
-            none was found, which shows nothing beyond `known_up_to`.
-        known_up_to: coefficients below which none is missing (k,); infinite if all were computed.
-        basis: two directions of the plane of contact (2, 3).
+        friction: smallest coefficient with a real slip of one sign, per direction (k,); infinite if
+            none was found, which means nothing beyond `known_up_to`.
+        known_up_to: coefficient below which none is missing, per direction (k,); infinite if all
+            were computed.
+        basis: two directions that span the plane of contact (2, 3).
     """
 
     angles: Array
@@ -66,16 +67,16 @@ class FrictionByDirection:
 
     @property
     def smallest(self) -> float:
-        """Of all directions; infinite if none has any."""
+        """Smallest coefficient of all directions; infinite if none was found."""
         return float(self.friction.min())
 
     @property
     def direction(self) -> Array:
-        """In which it is reached (3,)."""
+        """Direction with the smallest coefficient (3,)."""
         return np.asarray(self.directions[int(self.friction.argmin())])
 
     def __str__(self) -> str:
-        """The smallest, its direction, and how far all are known."""
+        """Return the smallest coefficient, its direction, and the range that was searched."""
         known = float(self.known_up_to.min())
         words = "all were computed" if known == np.inf else f"known up to {known:.6g}"
         if not np.isfinite(self.smallest):
@@ -102,22 +103,22 @@ def critical_friction_by_direction(
     dense: bool | None = None,
     solver: BodySolverKind = "auto",
 ) -> FrictionByDirection:
-    """Critical coefficients of friction over the direction of sliding, in 3D. Collective.
+    """Compute the critical friction over the direction of sliding in 3D. Collective.
 
-    The plane of contact is that across the mean of all normals. Where all coefficients are computed
-    one factorisation of the body, or one hierarchy of multigrid, serves all directions; otherwise
-    every second direction takes one, since what is held there is another.
+    The plane of contact is perpendicular to the mean normal. If all coefficients are computed, one
+    factorisation of the body (or one multigrid hierarchy) serves all directions; otherwise each
+    pair of opposite directions needs its own, because the held components depend on the direction.
 
     Args:
-        problem: as of `critical_friction`.
-        number: of directions, even, of equal angles.
-        count: of eigenvalues, see `critical_friction`.
-        dense: whether all are computed, see `critical_friction`.
-        solver: of the body, see `critical_friction`.
+        problem: contact problem, as for `critical_friction`.
+        number: number of equally spaced directions, even.
+        count: number of eigenvalues, see `critical_friction`.
+        dense: whether all eigenvalues are computed, see `critical_friction`.
+        solver: solver of the body, see `critical_friction`.
 
     Raises:
-        ValueError: on every rank, for a body in the plane, normals that cancel, a number that does
-            not fit, and as `critical_friction`.
+        ValueError: on every rank, for a 2D body, normals that cancel, an odd number of directions,
+            and as `critical_friction`.
         RuntimeError: if SLEPc does not converge.
     """
     eq = static_equations(problem)
@@ -153,20 +154,20 @@ def critical_friction_by_direction(
 
 
 class _AllTangents:
-    """What forces along all tangents do to the contact points, from one solver of the body.
+    """Response of the contact points to forces along all tangents. Collective.
 
-    With all normals held let C be the slips that unit forces along the tangents bring, and P the
-    pressures. Where slip along d is free and all other slip is held the stiffness is
-    S_dd = d^T C^-1 d, and the pressure S_nd = P C^-1 d. Collective, as all methods are.
+    With all normals held, unit forces along the tangents cause the slips C and the pressures P. If
+    slip along d is free and all other slip is held, the stiffness is S_dd = d^T C^-1 d, and the
+    pressure is S_nd = P C^-1 d.
 
     Args:
-        problem: the contact problem.
-        solver: of the body.
+        problem: contact problem.
+        solver: solver of the body.
 
     Attributes:
-        number: of points in contact.
-        held: whether the normals of these hold the body.
-        solver: of the body, ``direct`` or ``amg``.
+        number: number of points in contact.
+        held: whether these points hold the body in the normal direction.
+        solver: solver of the body, ``direct`` or ``amg``.
     """
 
     def __init__(self, problem: Problem, solver: BodySolverKind):
@@ -186,7 +187,7 @@ class _AllTangents:
         self._answers: tuple[Array, Array] | None = None
 
     def coefficients(self, direction: Array) -> Array:
-        """All F with real slips of one sign for slip along a direction."""
+        """Return all F with a real slip of one sign along a direction."""
         eq = self._eq
         pattern = SlipPattern.of(eq, direction, None, by_law=True)
         slip = Slip(eq, pattern, hold_across=True)
@@ -215,7 +216,7 @@ class _AllTangents:
         return on_root(eq.comm, real_ones)
 
     def _answered(self) -> tuple[Array, Array]:
-        """C and P, the rows of this rank."""
+        """Return the rows of C and P on this rank."""
         if self._answers is None:
             body = held_body(self._eq, self._u, [self._N], self.solver)
             try:
@@ -230,7 +231,7 @@ class _AllTangents:
 
 
 def plane_across(normal: Array) -> Array:
-    """Two unit vectors across a unit normal, the first near x (or y), seen from the body (2, 3)."""
+    """Return unit vectors (2, 3) perpendicular to a unit normal, the first near x (or y)."""
     axis = np.eye(3)[0] if abs(normal[0]) < 0.9 else np.eye(3)[1]
     first = axis - (axis @ normal) * normal
     first /= np.linalg.norm(first)

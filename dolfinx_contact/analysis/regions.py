@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Regions of two parameters in which the solutions have the same statuses, from curves.
+"""Regions of two parameters with the same number and statuses of solutions.
 
-Curves of folds and of events (`event_curves`, with ``folds_only=False``) cut the plane of two
-parameters into cells. Between the values of the second parameter at which curves end, meet or cross
-they lie one above the other, so that a cell is what lies between two of them. As long as no curve
-is missing solutions neither come nor go within a cell and keep their statuses: those in its middle,
-with a proof that there are no others (`solutions`), are those of the whole cell.
+Curves of folds and of events (`event_curves`, with ``folds_only=False``) divide the plane of two
+parameters into cells. Between the values of the second parameter at which curves end, meet or
+cross, the curves lie one above the other, and a cell lies between two of them. If no curve is
+missing, the number of solutions and their statuses are constant in a cell. They are determined in
+its middle, with a proof of completeness (`solutions`).
 
-That no curve is missing is not proved. Where one is, solutions change between two cells, or between
-neighbours in the second parameter, without a curve that shows it, unless it hides within a cell.
+Completeness of the curves is not proved. A missing curve shows as a change of the solutions between
+neighbouring cells without a curve between them, unless it lies inside a single cell.
 """
 
 from __future__ import annotations
@@ -35,15 +35,15 @@ _SAME = 1e-9  # of the range of gamma: curves so close are one; of that of mu: c
 
 @dataclass(frozen=True, eq=False)
 class Region:
-    """What lies between two curves, or ends of the range of gamma.
+    """Cell between two curves or ends of the range of gamma.
 
     Attributes:
-        mu: its ends.
-        gamma: the range.
-        below: the curves that bound it below, more than one if they coincide.
-        above: the same above.
-        solutions: statuses of those found in the middle, letters of the points, sorted.
-        proved: whether it is proved that there are no others.
+        mu: least and largest mu.
+        gamma: range of gamma of the plane.
+        below: curves that bound the cell from below, more than one if they coincide.
+        above: curves that bound it from above.
+        solutions: statuses of the solutions in the middle, as letters of the points, sorted.
+        proved: whether this list of solutions is proved to be complete.
     """
 
     mu: tuple[float, float]
@@ -55,12 +55,12 @@ class Region:
 
     @property
     def count(self) -> int:
-        """Number of solutions; if it is not proved, at least so many."""
+        """Number of solutions; a lower bound if not proved."""
         return len(self.solutions)
 
     @property
     def middle(self) -> tuple[float, float]:
-        """(mu, gamma) for which the solutions are known."""
+        """Point (mu, gamma) at which the solutions were computed."""
         mu = (self.mu[0] + self.mu[1]) / 2
         return mu, sum(self.ends(mu)) / 2
 
@@ -85,7 +85,7 @@ class Regions:
     """Cells between curves.
 
     Attributes:
-        cells: that fill the ranges, by mu and gamma.
+        cells: cells that cover the ranges, sorted by mu and gamma.
     """
 
     cells: tuple[Region, ...]
@@ -103,7 +103,7 @@ class Regions:
         )
 
     def at(self, mu: float, gamma: float) -> Region:
-        """The cell that holds (mu, gamma).
+        """Return the cell that contains (mu, gamma).
 
         Raises:
             ValueError: outside of all cells.

@@ -67,18 +67,17 @@ _DEFAULTS = {"eps_type": "krylovschur", "eps_tol": 1e-10, "eps_max_it": 500}
 
 @dataclass(frozen=True)
 class Renard:
-    """What the criterion shows of a solution.
+    """Result of the criterion for a solution.
 
     Attributes:
-        factor: by which the friction of the law may grow as long as the solution, with the
-            directions of its slip and shear, is certainly the only one; inf without friction, or
-            where nothing slips or presses.
-        friction: the coefficient F_R that this is; None if it is not the same everywhere.
-        definite: whether the stiffness is symmetric and positive definite, without which nothing is
-            certain.
-        doubt: where the sliding of the solution is not small, and by how much: then it is not that
-            of the bodies where they are now, and nothing is certain; else "".
-        unique: whether the solution is certainly the only one at the friction that it has.
+        factor: factor by which the friction may grow while a solution with these directions of slip
+            and shear is unique; infinite without friction, or if no point slips or presses.
+        friction: corresponding coefficient F_R; None if friction varies.
+        definite: whether the stiffness is symmetric and positive definite, a condition of the
+            criterion.
+        doubt: place and amount of sliding that is not small, for which the criterion does not hold;
+            otherwise "".
+        unique: whether the solution is unique at its own friction.
     """
 
     factor: float
@@ -88,7 +87,7 @@ class Renard:
 
     @property
     def unique(self) -> bool:
-        """Certainly the only one; False leaves it open."""
+        """Whether the solution is unique; False leaves it open."""
         return self.definite and self.factor > 1.0 + 1e-9 and not self.doubt
 
 
@@ -108,19 +107,19 @@ def renard_criterion(
     dense: bool | None = None,
     weights: bool = False,
 ) -> Renard:
-    """Up to which friction the solution in the Functions is certainly the only one. Collective.
+    """Compute the friction up to which the solution in the Functions is unique. Collective.
 
     Args:
-        problem: a contact problem that has been solved, nodal or mixed, of a linear bulk, with
-            Coulomb's law, or one whose solution is always unique (Tresca, no friction).
-        directions: xi (n, dim) at positions (n, dim) for a solution that is not computed: tangents
-            of length up to 1.
-        dense: how the eigenproblem is solved; by default by its size.
-        weights: whether weights are looked for with which the factor is larger; dense.
+        problem: solved contact problem, nodal or mixed, with a linear bulk and Coulomb's law, or a
+            law whose solution is always unique (Tresca, no friction).
+        directions: function of positions (n, dim) that returns xi (n, dim), tangents of length up
+            to 1, for a solution that is not known.
+        dense: whether the eigenproblem is dense; by default depending on its size.
+        weights: whether weights that increase the factor are searched for; requires ``dense``.
 
     Raises:
-        ValueError: on every rank, for another law or bulk, directions that are none, or weights of
-            a problem that is not to be dense.
+        ValueError: on every rank, for another law or bulk, invalid directions, or weights without
+            a dense eigenproblem.
         RuntimeError: if SLEPc does not converge.
     """
     eq = static_equations(problem)
@@ -149,16 +148,18 @@ def criterion_at(
     enough: float = np.inf,
     seconds: float = np.inf,
 ) -> Renard:
-    """The criterion at a state of a problem in its scope; see `renard_criterion`. Collective.
+    """Evaluate the criterion at a state of an admissible problem; see `renard_criterion`.
+
+    Collective.
 
     Args:
-        eq: the contact problem.
-        state: of it.
-        directions: xi; by default those of the state.
-        dense: how the eigenproblem is solved; by default by its size.
-        effort: of the search for weights (`WeightedForm.largest`), if the eigenproblem is dense.
-        enough: factor from which on none are looked for.
-        seconds: for that search.
+        eq: contact problem.
+        state: state of the problem.
+        directions: function for xi; by default the directions of the state.
+        dense: whether the eigenproblem is dense; by default depending on its size.
+        effort: effort of the search for weights (`WeightedForm.largest`) if it is dense.
+        enough: factor beyond which no weights are searched for.
+        seconds: time limit of this search.
     """
     slope = np.concatenate([_slope(eq, i, state) for i in range(len(eq.surfaces))])
     xi = _of_solution(eq, state, slope) if directions is None else _given(eq, directions)
@@ -225,15 +226,15 @@ def _given(eq: ContactEquations, directions: Field) -> Array:
 
 
 class _Form:
-    """The matrices A (flexibility) and X of the module, at components of jumps left free.
+    """Matrices A (flexibility) and X of the module, for free components of jumps.
 
     Args:
-        eq: the contact problem.
+        eq: contact problem.
         friction: F xi at the points of this rank (n, dim).
 
     Attributes:
-        number: of components.
-        definite: whether the stiffness of the body is.
+        number: number of components.
+        definite: whether the stiffness of the body is positive definite.
     """
 
     def __init__(self, eq: ContactEquations, friction: Array):

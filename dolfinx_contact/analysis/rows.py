@@ -39,7 +39,7 @@ Array = npt.NDArray[np.float64]
 
 
 class Problem(Protocol):
-    """What rows of a contact problem provide."""
+    """Contact problem with equations and an evaluation."""
 
     @property
     def equations(self) -> ContactEquations:
@@ -93,8 +93,8 @@ def component_rows(eq: ContactEquations, places: npt.NDArray[np.intp], along: Ar
 
     Args:
         eq: the contact problem.
-        places: of points of this rank among all its points (k,).
-        along: vectors there (k, dim).
+        places: indices of points of this rank (k,).
+        along: vectors at these points (k, dim).
     """
     B = stacked([s.constant_operator("what is known of jumps by rows").B for s in eq.surfaces])
     comm = eq.comm

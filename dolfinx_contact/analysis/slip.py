@@ -78,9 +78,9 @@ class SlipPattern:
 
         Args:
             eq: the contact problem.
-            direction: of the slip.
-            state: the solution that ``direction="solution"`` means.
-            by_law: whether points are loose whose law says so; by default none is.
+            direction: direction of the slip.
+            state: solution for ``direction="solution"``.
+            by_law: whether the laws decide which points are loose; by default none is.
 
         Raises:
             ValueError: on every rank, if the direction is none, or normal to a surface somewhere.
@@ -155,8 +155,8 @@ class Slip:
         hold_across: whether slip across the directions is held, in 3D.
 
     Attributes:
-        number: of points that slip, on all ranks.
-        places: of those of this rank among its contact points.
+        number: number of slipping points on all ranks.
+        places: indices of the slipping points of this rank among its contact points.
         N, D, H: rows at the displacement, without columns of Dirichlet data.
 
     Raises:
@@ -226,7 +226,7 @@ def _require_nodes_of_one(eq: ContactEquations, touching: Flags, loose: Flags) -
     Args:
         eq: the contact problem.
         touching: points of this rank in contact (n,).
-        loose: those of them without friction (n,).
+        loose: points in contact without friction (n,).
     """
     on_obstacle = [i for i, s in enumerate(eq.surfaces) if not s.between_bodies]
     if len(on_obstacle) < 2:

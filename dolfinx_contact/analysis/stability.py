@@ -1,28 +1,28 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Stability of equilibria at rest: directions in which a body begins to move by itself.
+r"""Directional stability of equilibria at rest.
 
-At rest a point may stay as it is, or, if it is at a border, leave: a point whose shear is at the
-bound may stick or slip against its shear, a point that just touches may do anything. An
-equilibrium is directionally unstable if there are lambda > 0 and v with
+At rest, a point whose status is at a border may change it: a point whose shear is at the bound may
+stick or slip against its shear, and a point that just touches may do anything. An equilibrium is
+directionally unstable if there are lambda > 0 and v with
 
     (K + lambda C + lambda^2 M) v = B^T r
 
-with v and r in the cones of these points: then v e^{lambda t} is a motion from arbitrarily near
-(A. P. da Costa, J. A. C. Martins, I. N. Figueiredo and J. J. Judice, The directional instability
-problem in systems with frictional contacts, Comput. Methods Appl. Mech. Engrg. 193, 2004).
+with v and r in the cones of these points. Then v e^{lambda t} is a motion that leaves from
+arbitrarily near the equilibrium (A. P. da Costa, J. A. C. Martins, I. N. Figueiredo and
+J. J. Judice, The directional instability problem in systems with frictional contacts, Comput.
+Methods Appl. Mech. Engrg. 193, 2004).
 
-Where no point is at a border the motions are a linear space: points that stick are held, others
-slide without friction or are open. With a symmetric stiffness, and a damping that feeds in no
-energy, the negative eigenvalues of K on that space are counted by a factorisation, and
-K + lambda C + lambda^2 M has as many as there are motions that grow faster than lambda. Loads that
-follow the body (a pressure on a part of its surface) make K nonsymmetric: then all eigenvalues
-decide, real or not (flutter), and they depend on the mass and the damping, a little of which may
-take the stability away.
+If no point is at a border, the motions form a linear space: sticking points are held, others slide
+without friction or are open. For a symmetric stiffness and a dissipative damping, a factorisation
+counts the negative eigenvalues of K on this space, and K + lambda C + lambda^2 M has one negative
+eigenvalue for each motion that grows faster than lambda. Follower loads (pressure on a part of the
+surface) make K nonsymmetric. Then all eigenvalues are needed, real or complex (flutter); they
+depend on mass and damping, and even small damping may destabilise.
 
-Else every choice of what the points at a border do is an eigenproblem, whose real vectors must lie
-in the cones. They are enumerated if they are few. What was not examined, a motion that meets no
-resistance, and oscillations that grow in a piece where K or C themselves feed in energy, are not
-decided.
+Otherwise, every choice of statuses of the points at a border (a piece) is an eigenproblem, whose
+real vectors must lie in the cones. The pieces are enumerated if they are few. The answer is "not
+decided" if pieces were left out, a motion meets no resistance, or an oscillation grows in a piece
+and K or C supplies energy.
 """
 
 from __future__ import annotations
@@ -80,23 +80,21 @@ _HIGHEST = 30.0  # times the frequency of single unknowns: above those of the bo
 _SURE = 1e-6  # relative error of an eigenvalue up to which a part of its size is none
 _DOUBLE = 1e-8  # relative distance of eigenvalues that count as equal
 
-#: What a point does in a motion that begins: it is or goes apart, is free along the surface, holds,
-#: or slips along or against its d.
+#: Behaviour of a point: separated, frictionless contact, sticking, slip along or against d.
 APART, FREE, HOLDS, ALONG, AGAINST = range(5)
 
 
 @dataclass(frozen=True)
 class Stability:
-    """What is known of an equilibrium.
+    """Stability of an equilibrium in the linearised motion.
 
     Attributes:
-        label: whether there is a direction in which it leaves by itself, in the linearised motion
-            with the mass and damping that were given.
-        growth: lambda of the fastest such motion, its real part; 0 if none was found.
+        label: "unstable" if a motion grows with the given mass and damping.
+        growth: real part of lambda of the fastest growing motion; 0 if none was found.
         border: number of points at a border.
-        pieces: eigenproblems of points at a border that were solved.
-        reason: in words.
-        frequency: imaginary part of that lambda: 0 where the motion does not turn back.
+        pieces: number of eigenproblems that were solved for the points at a border.
+        reason: explanation of the label.
+        frequency: imaginary part of this lambda; 0 for growth without oscillation.
     """
 
     label: Label
@@ -117,26 +115,24 @@ def _check(a: Arguments) -> None:
 def stability_at_rest(
     problem: Problem, *, density: Any, damping: float | ufl.Form = 0.0, max_count: int = 1024
 ) -> Stability:
-    """Whether the equilibrium in the Functions is one that stays. Collective.
+    """Determine the stability of the equilibrium in the Functions. Collective.
 
-    The stiffness counts too: a column that is pressed beyond its buckling load is unstable with all
-    its contact points stuck. The reason of "not decided" names the bound that was reached: a motion
-    without resistance, points at a border, with loads that follow the body, size; or that the
-    sliding is not small (`Result.warnings`), so that the state is not that of the bodies where they
-    are now.
+    The stiffness of the body is included: a column beyond its buckling load is unstable even if all
+    its contact points stick. For the label "not decided", the reason names the limit: a motion
+    without resistance, the number of points at a border, the number of unknowns with follower
+    loads, or sliding that is not small (`Result.warnings`).
 
     Args:
-        problem: a contact problem that has been solved, nodal or mixed, with Coulomb's friction or
-            none; points whose status is slip are at the bound of friction.
-        density: of mass, a number, Constant, Function or UFL expression, positive. Which motions
-            grow depends on it where K is not symmetric, with loads that follow the body.
-        damping: eta of the damping C = eta K, a time, or a UFL form C(trial, test).
-        max_count: of eigenproblems that are solved; with more the answer is "unstable" or "not
-            decided".
+        problem: solved contact problem, nodal or mixed, with Coulomb friction or without friction;
+            slipping points are at the friction bound.
+        density: positive mass density, a number, Constant, Function or UFL expression. It affects
+            the label only if K is not symmetric (follower loads).
+        damping: time eta of the damping C = eta K, or a UFL form C(trial, test).
+        max_count: largest number of eigenproblems; if more are needed, the label is "unstable" or
+            "not decided".
 
     Raises:
-        ValueError: on every rank, for arguments that do not fit, and other laws: what gives way, or
-            has a bound of its own, is no border of this kind.
+        ValueError: on every rank, for invalid arguments and for other laws.
     """
     eq = static_equations(problem)
     require_nodes(eq)
@@ -174,12 +170,12 @@ def stability_at_rest(
 
 
 class _Points:
-    """Contact points of this rank: what each may do, and its direction of slip. Collective.
+    """Possible behaviour and slip directions of the contact points of this rank. Collective.
 
     Attributes:
-        choices: codes (n, 4), filled with -1.
-        directions: d, against the shear where it is at its bound (n, dim).
-        friction: coefficients (n,).
+        choices: possible behaviours of each point (n, 4), filled with -1.
+        directions: slip directions d, against the shear at its bound (n, dim).
+        friction: friction coefficients (n,).
         border: number of points at a border on all ranks.
         rounds: whether points with friction just touch in 3D.
     """
@@ -223,15 +219,15 @@ class _Points:
 
 
 class _Gathered(DenseBody):
-    """Matrices and points on rank 0. Collective.
+    """Dense matrices and contact points on rank 0. Collective.
 
     Attributes:
         C: damping.
-        N: rows n.j of all points, 0 where Dirichlet data hold them (m, unknowns).
+        N: rows of normal jumps of all points, 0 if Dirichlet data hold them (m, unknowns).
         T: rows of free tangents (k, unknowns).
         owner: points of these tangents (k,).
-        along: components d.t of the directions along these tangents (k,).
-        choices, friction: of all points, see `_Points`.
+        along: components d.t of the slip directions along these tangents (k,).
+        choices, friction: values of `_Points` for all points.
         held: points whose normal motion is held by Dirichlet data (m,).
     """
 
@@ -275,14 +271,14 @@ def _is_symmetric(eq: ContactEquations, A: PETSc.Mat) -> bool:
 
 
 def _scale(eq: ContactEquations, A: PETSc.Mat, M: PETSc.Mat) -> float:
-    """The largest quotient of diagonal entries of free displacements. Collective."""
+    """Return the largest ratio of diagonal entries at free displacements. Collective."""
     free = ~eq.fixed[: eq.owned_sizes[0]]
     a, m = (np.abs(X.getDiagonal().array_r[free]) for X in (A, M))
     return float(eq.comm.allreduce(float(np.max(a / m, initial=0.0)), op=max))
 
 
 def _is_dissipative(eq: ContactEquations, body: Body) -> bool:
-    """Whether a damping is symmetric and takes energy out, or none. Collective."""
+    """Whether a damping is symmetric and positive semidefinite. Collective."""
     if not _is_symmetric(eq, body.C):
         return False
     scale = _scale(eq, body.C, body.M)
@@ -295,7 +291,7 @@ def _signs(
     rows: list[PETSc.Mat],
     parts: tuple[float, float, float],
 ) -> tuple[int, int]:
-    """Negative and zero eigenvalues of a sum of K, C and M on the motions that rows leave.
+    """Count negative and zero eigenvalues of a sum of K, C and M with some rows held.
 
     Collective.
     """
@@ -314,7 +310,7 @@ def _signs(
 
 
 def _by_inertia(eq: ContactEquations, body: Body, points: _Points) -> Stability:
-    """Without points at a border, with symmetric matrices. Collective."""
+    """Decide without points at a border, for symmetric matrices. Collective."""
     doing = points.choices[:, 0]
     n = point_normals(eq)
     movable = np.linalg.norm(n * free_components(eq), axis=1) > 0.5
@@ -327,7 +323,7 @@ def _by_inertia(eq: ContactEquations, body: Body, points: _Points) -> Stability:
     ]
 
     def grow(growth: float) -> bool:
-        """Whether motions grow faster."""
+        """Whether a motion grows faster than ``growth``."""
         parts = (1.0 + growth * body.eta, growth, growth**2)
         return _signs(eq, body, rows, parts)[0] > 0
 
@@ -360,7 +356,7 @@ def _many(number: int) -> str:
 
 
 def _by_eigenvalues(eq: ContactEquations, body: Body, points: _Points, unknowns: int) -> Stability:
-    """Without points at a border, where K or C feed in energy: all eigenvalues. Collective."""
+    """Decide by all eigenvalues, without points at a border. Collective."""
     # Without a damping of another kind the eigenproblem is half as large.
     if unknowns > _LARGEST * (2 if body.C is None else 1):
         which = "stiffness" if body.C is None else "stiffness or the damping"
@@ -412,11 +408,11 @@ def _of_spectrum(g: _Gathered, proportional: bool, eta: float) -> Stability:
 
 @dataclass
 class _Found:
-    """What the pieces have shown.
+    """Result of the examined pieces.
 
     Attributes:
         growth: lambda of the fastest motion in the cones.
-        doubt: why there may be another; "" if there is no doubt.
+        doubt: reason why another motion may grow; "" without doubt.
     """
 
     growth: float = 0.0
@@ -424,12 +420,12 @@ class _Found:
 
 
 def _decided(g: _Gathered, max_count: int, *, quiet: bool) -> Stability:
-    """Examine the pieces, those in which all points at a border slip first.
+    """Examine the pieces, beginning with slip at all points at a border.
 
     Args:
-        g: the body and its points.
-        max_count: number of pieces that are examined.
-        quiet: whether neither K nor C feeds in energy.
+        g: body and points.
+        max_count: largest number of pieces.
+        quiet: whether neither K nor C supplies energy.
     """
     border = np.flatnonzero(g.choices[:, 1] >= 0)
     options = [g.choices[p][g.choices[p] >= 0][::-1] for p in border]
@@ -455,7 +451,7 @@ def _decided(g: _Gathered, max_count: int, *, quiet: bool) -> Stability:
 
 
 def _piece(g: _Gathered, doing: npt.NDArray[np.int64]) -> tuple[Array, Array, Array, Array]:
-    """K, M and C of a piece, and the motions Z that it allows."""
+    """Return K, M and C of a piece, and its admissible motions Z."""
     slips = (doing == ALONG) | (doing == AGAINST)
     stuck = doing == HOLDS
     sign = np.where(doing == AGAINST, -1.0, 1.0)
@@ -474,7 +470,7 @@ def _piece(g: _Gathered, doing: npt.NDArray[np.int64]) -> tuple[Array, Array, Ar
 
 
 def _look(g: _Gathered, doing: npt.NDArray[np.int64], seen: _Found, *, quiet: bool) -> None:
-    """Look for lambda > 0 of a piece whose vectors lie in its cones."""
+    """Search for lambda > 0 of a piece with vectors in its cones."""
     K, M, C, Z = _piece(g, doing)
     n = len(K)
     if n == 0:
@@ -506,7 +502,7 @@ def _look(g: _Gathered, doing: npt.NDArray[np.int64], seen: _Found, *, quiet: bo
 
 
 def _in_cones(g: _Gathered, doing: npt.NDArray[np.int64], v: Array, growth: float) -> bool:
-    """Whether a motion and its forces are such as the points at a border may have."""
+    """Whether a motion and its forces lie in the cones of the points at a border."""
     components = np.concatenate([g.N[~g.held], g.T])
     load = g.K @ v + growth * (g.C @ v) + growth**2 * (g.M @ v)
     forces = np.linalg.lstsq(components.T, load, rcond=None)[0]

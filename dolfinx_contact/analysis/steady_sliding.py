@@ -1,19 +1,19 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Steady sliding, and the vibrations that grow out of it: squeal.
+r"""Stability of steady sliding: growing vibrations (squeal).
 
-A body slides steadily over an obstacle that moves. Perturbations u e^{lambda t} keep closed points
-closed and the shear at F times the pressure against the slip, so that at these points
+A body slides steadily over a moving obstacle. Under perturbations u e^{lambda t}, closed points
+remain closed and the shear remains F times the pressure against the slip, so that at these points
 
     (K + lambda C + lambda^2 M)_t - s F (...)_n = 0,    v_n = 0,
 
-s = 1 where the obstacle drags along t (`vibrations.py`). Coulomb's friction does not depend on the
-velocity; what makes a vibration grow is that the pressure changes in phase with the slip, usually
-where two frequencies meet (mode coupling): A. Akay, Acoustics of friction, J. Acoust. Soc. Am. 111,
-2002. Across the slip, in 3D, a point moves without resistance as long as the
-speed of sliding is large against that of the vibration.
+with s = 1 where the obstacle drags along t (`vibrations.py`). Coulomb friction does not depend on
+the velocity. A vibration grows if the pressure changes in phase with the slip, usually where two
+frequencies meet (mode coupling: A. Akay, Acoustics of friction, J. Acoust. Soc. Am. 111, 2002). In
+3D, a point moves across the slip without resistance, provided that the sliding is fast compared
+with the vibration.
 
-Without damping the frequencies that meet first are the highest of the mesh, and the onset falls as
-it is refined: only a damped body has an onset of its own.
+Without damping, the highest frequencies of the mesh meet first, and the onset decreases under
+refinement. Only a damped body has an onset that does not depend on the mesh.
 """
 
 from __future__ import annotations
@@ -44,18 +44,18 @@ from dolfinx_contact.equations.measures import require_solution
 
 __all__ = ["Onset", "SlidingModes", "SteadySliding"]
 
-_STEADY = {True: 1e-11, False: 1e-7}  # growth over |lambda| that is round-off, with damping or not
+_STEADY = {True: 1e-11, False: 1e-7}  # round-off of growth over |lambda|, with damping or not
 
 
 @dataclass(frozen=True)
 class SlidingModes:
-    """Vibrations of a body that slides.
+    """Vibrations of a sliding body.
 
     Attributes:
-        eigenvalues: lambda with Im >= 0, by falling growth, the real part (k,).
-        known_up_to: size |lambda| (of the undamped body) up to which all are there; inf if they are
-            complete.
-        real, imaginary: the displacement of the first at two times a quarter of a period apart.
+        eigenvalues: lambda with Im >= 0, sorted by decreasing real part (growth) (k,).
+        known_up_to: size |lambda| (of the undamped body) up to which no eigenvalue is missing;
+            infinite if all were computed.
+        real, imaginary: displacements of the first vibration, a quarter of a period apart.
     """
 
     eigenvalues: npt.NDArray[np.complex128]
@@ -65,22 +65,22 @@ class SlidingModes:
 
     @property
     def growth(self) -> float:
-        """Of the one that grows fastest, per time."""
+        """Growth rate of the fastest growing vibration."""
         return float(self.eigenvalues[0].real)
 
     @property
     def frequency(self) -> float:
-        """Of the one that grows fastest, radians per time."""
+        """Angular frequency of the fastest growing vibration."""
         return float(self.eigenvalues[0].imag)
 
 
 @dataclass(frozen=True)
 class Onset:
-    """The smallest friction at which a vibration begins to grow.
+    """Smallest friction at which a vibration begins to grow.
 
     Attributes:
-        friction: F.
-        frequency: of the vibration, radians per time; 0 for one that only grows.
+        friction: coefficient F.
+        frequency: angular frequency of the vibration; 0 for growth without oscillation.
     """
 
     friction: float
@@ -105,23 +105,22 @@ def _check_modes(a: Arguments) -> None:
 
 
 class SteadySliding(ReadOnly):
-    """A body that slides steadily over an obstacle, and its vibrations. Collective.
+    """Vibrations of a body that slides steadily over an obstacle. Collective.
 
     Args:
-        problem: the contact problem, nodal or mixed. A bulk that is not linear is taken at the
-            displacement in the Functions.
-        direction: of the slip of the body relative to the obstacle: a vector, whose tangential part
-            is taken, with all contact points in contact and slipping; by default t = (-n_y, n_x) in
-            2D. Or ``"solution"``: points slip, stick or are open as in the solution in the
-            Functions.
-        density: of mass, a number, Constant, Function or UFL expression.
-        damping: eta of the damping C = eta K, a time, or a UFL form C(trial, test) of any damping.
-        hold_across: whether slip across the direction is held, in 3D.
+        problem: contact problem, nodal or mixed. A nonlinear bulk is linearised at the displacement
+            in the Functions.
+        direction: vector of the slip of the body relative to the obstacle; all contact points are
+            closed and slip along its tangential part. By default t = (-n_y, n_x) in 2D. With
+            ``"solution"``, points slip, stick or are open as in the solution in the Functions.
+        density: mass density, a number, Constant, Function or UFL expression.
+        damping: time eta of the damping C = eta K, or a UFL form C(trial, test).
+        hold_across: whether slip across the direction is held in 3D.
         dense: whether all eigenvalues are computed; by default with up to 700 unknowns.
-        count: of eigenvalues, those next to zero, that SLEPc computes otherwise.
+        count: number of eigenvalues nearest to zero that SLEPc computes otherwise.
 
     Raises:
-        ValueError: on every rank, for arguments that do not fit.
+        ValueError: on every rank, for invalid arguments.
     """
 
     @collective("steady sliding", _check)
@@ -153,13 +152,13 @@ class SteadySliding(ReadOnly):
     @collective("vibrations", _check_modes)
     @staged("ContactSliding")
     def modes(self, friction: float | None = None) -> SlidingModes:
-        """The vibrations. Collective.
+        """Compute the vibrations. Collective.
 
         Args:
-            friction: F at all points that slip; by default that of the law.
+            friction: coefficient F at all slipping points; by default the coefficient of the law.
 
         Raises:
-            ValueError: on every rank, if it is negative, or the law has no coefficient.
+            ValueError: on every rank, if F is negative, or the law has no coefficient.
             RuntimeError: if SLEPc does not converge.
         """
         found = self._spectrum(friction, vectors=True)
@@ -175,18 +174,18 @@ class SteadySliding(ReadOnly):
     @collective("the onset of growth", _check_onset)
     @staged("ContactSliding")
     def onset(self, max_friction: float = 5.0, *, step: float = 0.05) -> Onset | None:
-        """The smallest friction at which a vibration grows. Collective.
+        """Find the smallest friction at which a vibration grows. Collective.
 
         Args:
-            max_friction: up to which it is looked for.
-            step: of friction. Between two steps growth is looked for where it is largest; what
-                grows within a smaller interval alone may be missed.
+            max_friction: largest friction of the search.
+            step: step of friction. Between two steps, a maximum of the growth is searched for;
+                growth on a smaller interval may be missed.
 
         Returns:
-            None if nothing grows up to ``max_friction``.
+            The onset, or None if nothing grows up to ``max_friction``.
 
         Raises:
-            ValueError: on every rank, for bounds that are not positive.
+            ValueError: on every rank, for arguments that are not positive.
             RuntimeError: if SLEPc does not converge.
         """
         frictions = [0.0]
@@ -204,7 +203,7 @@ class SteadySliding(ReadOnly):
         return None
 
     def _look_between(self, frictions: list[float], growths: list[float]) -> None:
-        """Let the lists end at a maximum of growth among their last three, if that is > 0."""
+        """Replace the last entries by a positive maximum of the growth among the last three."""
         if len(growths) < 3 or not growths[-3] < growths[-2] > growths[-1]:
             return
         best = minimize_scalar(
@@ -215,13 +214,13 @@ class SteadySliding(ReadOnly):
             growths[-2:] = [-float(best.fun)]
 
     def _growth(self, friction: float) -> float:
-        """The largest growth over the size of its lambda, less what is round-off."""
+        """Return the largest growth relative to |lambda|, minus the round-off."""
         values = self._spectrum(friction).values
         ratio = values.real / np.maximum(np.abs(values), np.abs(values).max() * 1e-15)
         return float(ratio.max()) - _STEADY[self._damped]
 
     def _at(self, friction: float) -> Onset:
-        """What grows just beyond a friction."""
+        """Return the onset at a friction, with the frequency of growth just beyond it."""
         values = self._spectrum(friction * (1.0 + 1e-11)).values
         size = np.maximum(np.abs(values), np.abs(values).max() * 1e-15)
         return Onset(friction, float(values[np.argmax(values.real / size)].imag))

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""The convex hull of a region of cells, as a linear program.
+r"""Convex hull of a region of cells as a linear program.
 
-Every cell is in a polytope of states (a, r): boxes of open points; of stick, a cone over an octagon
-about the disc; of a slip, the corners of (s, rn) in the directions of both ends of the arc and of
-the point where their tangents meet. So a solution is a convex combination of corners at every
-point, and S a - r = p. A shear under a bound given in advance has an octagon of its own.
-Multipliers that tell why there is no such combination are candidates for `check_proof.SpaceDual`,
-which takes the curved sets themselves.
+Every cell is contained in a polytope of states (a, r): a box for open points; a cone over an
+octagon around the disc for stick; and for slip, the corners of (s, rn) in the directions of both
+ends of the arc and of the intersection of their tangents. At a solution, the state of every point
+is a convex combination of corners, and S a - r = p. A shear with a prescribed bound has its own
+octagon. Multipliers of an infeasible program are candidates for `check_proof.SpaceDual`, which
+uses the curved sets instead.
 """
 
 from __future__ import annotations
@@ -41,12 +41,12 @@ _OCTAGON = _CORNERS * (2 / (_CORNERS**2).sum(axis=1))[:, None]
 
 
 class Hull:
-    """The program of a region; it keeps its basis from question to question.
+    """Linear program of a region; successive programs start from the last basis.
 
     Args:
-        problem: scaled.
-        cells: of the region.
-        most: bounds (MOST, m).
+        problem: scaled problem.
+        cells: cells of the region.
+        most: bounds of the quantities (MOST, m).
 
     Attributes:
         corners: states (a, r) of the columns (k, 6).
@@ -88,10 +88,10 @@ class Hull:
         return self._simplex.count
 
     def empty(self, cell: int | None = None) -> Array | None:
-        """Multipliers y (3 m,) that tell why there is no solution; None if there may be.
+        """Return multipliers y (3 m,) that exclude a solution; None if one is possible.
 
         Args:
-            cell: the one to which its point is held.
+            cell: only cell allowed at its point.
         """
         allowed = self.alive.copy()
         if cell is not None:
@@ -101,12 +101,12 @@ class Hull:
         return None if y is None else self._scaled(-y)
 
     def most(self, quantity: int, point: int, kinds: tuple[int, ...]) -> Array | None:
-        """Multipliers y (3 m,) that bound a quantity from above; None if there are none.
+        """Return multipliers y (3 m,) that bound a quantity from above; None if not found.
 
         Args:
-            quantity: of those that have bounds (`check_proof.MOST`).
-            point: whose.
-            kinds: of cells of which it is bounded.
+            quantity: index of the quantity (`check_proof.MOST`).
+            point: point of the quantity.
+            kinds: kinds of cells for which it is bounded.
         """
         here = self.cells.node == point
         allowed = self.alive & (~here | np.isin(self.cells.kind, kinds))

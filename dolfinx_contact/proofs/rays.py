@@ -1,25 +1,26 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""All rays that lead out of a point at which contact points are at their apex, with a proof.
+r"""All rays that leave a state with contact points at their apex, with a proof of completeness.
 
-At the apex ut, un and the forces vanish: there the tangent cone of a point is its law itself.
-Where every other point is open (dr = 0), stuck (da = 0) or pressed without friction (drt = dun = 0)
-inside its borders, what it contributes to S da - dr = dgamma q can be eliminated, since dr.da = 0:
+At the apex, ut, un and the forces vanish, and the tangent cone of a point is the law itself. If all
+other points are strictly open (dr = 0), stuck (da = 0) or pressed without friction (drt = dun = 0),
+they satisfy dr.da = 0 and can be eliminated from S da - dr = dgamma q:
 
     S' = S_kk - S_ke S_ee^{-1} S_ek,    q' = q_k - S_ke S_ee^{-1} q_e
 
-for the components k of points at the apex and e of those that move freely. S' is positive definite
-as S is, so that the rays with dgamma = 1 and -1, normalised by that, are the solutions of the
-reduced problems with the loads q' and -q', of which `solutions.py` proves that they are all. With
-dgamma = 0 there are none: da.S' da = da.dr <= 0 at the apex.
+for the components k of points at the apex and the free components e. S' is positive definite like
+S. The rays, normalised by dgamma = 1 or -1, are the solutions of the reduced problems with the
+loads q' and -q', and `solutions.py` proves completeness. There are no rays with dgamma = 0, since
+da.S' da = da.dr <= 0 at the apex.
 
-Of points that slip, or are at a border between two statuses, dr.da has any sign; nothing is proved.
+For slipping points, and points at a border between two statuses, dr.da has any sign, and nothing is
+proved.
 
-With Z near S_ee^{-1} S_ek and its residual R = S_ek - S_ee Z
+With an approximation Z of S_ee^{-1} S_ek and its residual R = S_ek - S_ee Z,
 
     S_ke S_ee^{-1} S_ek = S_ke Z + Z^T R + R^T S_ee^{-1} R,
 
-so that S_kk - S_ke Z is off by at most |Z^T R| + |R_i| |R_j| / lambda for the least eigenvalue
-lambda of S_ee, and q_k - Z^T q_e by |R_i| |q_e| / lambda.
+so that the error of S_kk - S_ke Z is at most |Z^T R| + |R_i| |R_j| / lambda for the least
+eigenvalue lambda of S_ee, and the error of q_k - Z^T q_e is at most |R_i| |q_e| / lambda.
 """
 
 from __future__ import annotations
@@ -43,12 +44,12 @@ Codes = npt.NDArray[np.int8]
 
 @dataclass(frozen=True, eq=False)
 class ProvedRays:
-    """What is proved of the rays of a point.
+    """Rays that leave a state, and the state of the proof.
 
     Attributes:
-        verdict: ``"complete"``, ``"degenerate"`` or ``"open"``, as of `ProvedSolutions`.
-        rays: statuses (m,) and dgamma, 1 or -1, of rays that are certain.
-        method: human-readable.
+        verdict: ``"complete"``, ``"degenerate"`` or ``"open"``, as in `ProvedSolutions`.
+        rays: statuses (m,) and dgamma (1 or -1) of the proved rays.
+        method: description of the proof.
     """
 
     verdict: str
@@ -58,12 +59,12 @@ class ProvedRays:
 
 @dataclass(frozen=True, eq=False)
 class Apex:
-    """The problem of the points at their apex, everything else eliminated.
+    """Problem of the points at their apex, with all others eliminated.
 
     Attributes:
-        problem: with the load q'.
-        points: of the problem, among all (k,).
-        codes: statuses of the others (m,).
+        problem: reduced problem with the load q'.
+        points: indices of its points among all points (k,).
+        codes: statuses of the other points (m,).
     """
 
     problem: ReducedProblem
@@ -72,7 +73,7 @@ class Apex:
 
 
 def apex_problem(whole: ReducedProblem, system: AffineSystem, cone: AffineSystem) -> Apex | str:
-    """The reduced problem of the rays, or why there is none.
+    """Return the reduced problem of the rays, or the reason why there is none.
 
     Args:
         whole: S, and q as the load, of all points.
@@ -133,12 +134,12 @@ def _reduced(S: Ball, q: Ball, friction: Array) -> ReducedProblem:
 def prove_rays(
     apex: Apex, known: Sequence[tuple[Codes, float]], *, proof_seconds: float
 ) -> ProvedRays:
-    """Prove that there are no other rays than some, or find them.
+    """Find all rays and prove completeness.
 
     Args:
-        apex: the reduced problem.
-        known: statuses (m,) and dgamma of rays that are known; they shorten the search.
-        proof_seconds: for each sense of gamma, after which it is left open.
+        apex: reduced problem.
+        known: statuses (m,) and dgamma of known rays; they shorten the search.
+        proof_seconds: time limit for each sign of dgamma.
     """
     given = apex.problem
     rays = list[tuple[Codes, float]]()

@@ -1,17 +1,17 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""A linear program whose columns belong to groups, by the primal simplex method.
+r"""Primal simplex method for linear programs with columns in groups.
 
     minimise c.x    with    A x = b,  x >= 0,
 
-where every group of columns has the sum 1. What must not be used costs 1 a unit, instead of being
-held at 0: so one program goes to the next from a point that is feasible, and one that has no point
-ends with a positive cost and with multipliers y that tell why. With v = y.A,
+where the columns of every group have the sum 1. Columns that must not be used cost 1 per unit
+instead of being held at 0. So each program starts from a feasible point, and an infeasible one ends
+with a positive cost and with multipliers y that prove infeasibility. With v = y.A,
 
     y.b - sum over groups of max v  >  0
 
-over the columns that may be used is enough, and most often there long before the least cost is
-(`Simplex.solve`). The inverse of the basis is kept; b is perturbed a little, so that no step is
-degenerate. Nothing is proved here.
+over the usable columns is sufficient, and usually holds long before the optimum is reached
+(`Simplex.solve`). The inverse of the basis is stored, and b is slightly perturbed to avoid
+degenerate steps. Nothing is proved here.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 
 _PIVOT = 1e-9
-_CHEAP = 1e-9  # reduced costs that are none
-_FEASIBLE = 1e-7  # a cost that is none
-_FRESH = 64  # pivots after which the basis is inverted anew
-_SCATTER = 1e-8  # of b
-_STALLED = 40  # pivots without a gain, after which a bound is good enough
+_CHEAP = 1e-9  # reduced cost that counts as zero
+_FEASIBLE = 1e-7  # cost that counts as zero
+_FRESH = 64  # pivots between inversions of the basis
+_SCATTER = 1e-8  # relative perturbation of b
+_STALLED = 40  # pivots without improvement after which a bound is accepted
 
 
 class Simplex:
-    """The program, and the basis that goes from one question to the next.
+    """Linear program; successive calls start from the last basis.
 
     Args:
         A: columns (n, k).
@@ -57,10 +57,10 @@ class Simplex:
         self.count = 0
 
     def solve(self, usable: Flags) -> Array | None:
-        """Multipliers y (n,) that tell why there is no point; None if there is one.
+        """Return multipliers y (n,) that prove infeasibility; None if a point exists.
 
         Args:
-            usable: columns that may be used (k,).
+            usable: mask of the usable columns (k,).
         """
         self.count += 1
         cost = np.ones(self._A.shape[1])
@@ -77,11 +77,11 @@ class Simplex:
         return None
 
     def least(self, cost: Array, usable: Flags) -> Array | None:
-        """Multipliers (n,) of the least cost, or nearly so; None if there is no point.
+        """Return multipliers (n,) of nearly the least cost; None if there is no point.
 
         Args:
-            cost: of the columns (k,).
-            usable: which of them may be used (k,).
+            cost: cost of the columns (k,).
+            usable: mask of the usable columns (k,).
         """
         if self.solve(usable) is not None:
             return None
@@ -103,13 +103,13 @@ class Simplex:
 
     @property
     def point(self) -> Array:
-        """Of the last program: x (k,)."""
+        """Point x (k,) of the last program."""
         x = np.zeros(self._A.shape[1])
         x[self._basis] = self._x
         return np.maximum(x[: self._columns], 0.0)
 
     def _bound(self, y: Array, v: Array, usable: Flags) -> float:
-        """A lower bound of the cost, by weak duality."""
+        """Return a lower bound of the cost by weak duality."""
         best = np.maximum.reduceat(np.where(usable, v, -np.inf), self._groups)
         return float(y @ self._b - best.sum())
 

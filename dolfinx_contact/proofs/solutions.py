@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""All solutions of a reduced problem, with a proof that there are no others."""
+"""All solutions of a reduced problem with a proof of completeness."""
 
 from __future__ import annotations
 
@@ -38,12 +38,12 @@ Codes = npt.NDArray[np.int8]
 
 @dataclass(frozen=True, eq=False)
 class ProvedSolution:
-    """A solution and by how much it may be off.
+    """Solution with error bounds.
 
     Attributes:
         codes: statuses (m,).
         state: (ut, un, rt, rn) of the points (m, 2 dim).
-        away: bounds of the errors of these (m, 2 dim).
+        away: error bounds of the state (m, 2 dim).
     """
 
     codes: Codes
@@ -53,20 +53,20 @@ class ProvedSolution:
 
 @dataclass(frozen=True, eq=False)
 class ProvedSolutions:
-    """What is known of the solutions of a reduced problem.
+    """Solutions of a reduced problem, and the state of the proof.
 
     Attributes:
-        verdict: ``"complete"``: ``solutions`` are all there are. ``"degenerate"``: every other one
-            is at the states ``border`` within their errors, or in the pieces ``singular``, where
-            continua may be. ``"open"``: it is not known which others have the statuses
-            ``open_regions``. In space continua are in these.
-        solutions: that are certain; those that Newton's method found in open regions, when time was
-            over, are no part of the certificate.
-        border: states of pieces at their borders, which may be solutions, or not.
-        singular: statuses of pieces that hold one solution, none or a continuum.
-        open_regions: sets of statuses, as bit masks (m,); in space cells, with the reason.
-        certificate: the proof, to be kept (`Certificate.save`) and checked again (`check`).
-        seconds: that the search took.
+        verdict: ``"complete"``: there are no solutions besides ``solutions``. ``"degenerate"``: all
+            others are at the states ``border`` within their errors, or in the pieces ``singular``,
+            which may contain continua. ``"open"``: further solutions may exist with the statuses
+            ``open_regions``, in 3D also continua.
+        solutions: proved solutions. The certificate does not contain solutions that Newton's method
+            found in open regions after the time limit.
+        border: states at borders of pieces, which may or may not be solutions.
+        singular: statuses of pieces that contain one solution, none or a continuum.
+        open_regions: sets of statuses as bit masks (m,); in 3D cells with the reason.
+        certificate: proof, which can be saved (`Certificate.save`) and checked again (`check`).
+        seconds: duration of the search.
     """
 
     verdict: Verdict
@@ -78,13 +78,13 @@ class ProvedSolutions:
     seconds: float = 0.0
 
     def __str__(self) -> str:
-        """How many solutions there are, what is not decided, and how it is known."""
+        """Return the number of solutions, the undecided cases and the method."""
         counts = map(len, (self.solutions, self.border, self.singular, self.open_regions))
         return f"{in_words(*counts)} ({self.method}, {self.seconds:.2g} s)"
 
     @property
     def method(self) -> str:
-        """How it was proved, human-readable."""
+        """Method of the proof, human-readable."""
         steps = len(self.certificate.steps)
         if self.verdict == "complete":
             return f"a proof of {steps} {'step' if steps == 1 else 'steps'}"
@@ -102,19 +102,18 @@ def prove_solutions(
     proof_seconds: float = 60.0,
     progress: bool | None = None,
 ) -> ProvedSolutions:
-    """Find all solutions of a reduced problem, and prove that there are no others.
+    """Find all solutions of a reduced problem and prove completeness.
 
     Args:
         reduced: S, p and friction with their errors.
-        known: statuses (m,) of solutions that are known, in space states (m, 6); they shorten the
-            search.
-        proof_seconds: after which what is not proved is left open, and Newton's method is started
-            there, which takes up to some seconds more.
-        progress: whether it is shown on the standard error stream where the search is; by default
-            once it takes more than some seconds.
+        known: statuses (m,) of known solutions, or states (m, 6) in 3D; they shorten the search.
+        proof_seconds: time limit. Regions that remain are left open and searched by Newton's
+            method, which takes up to some further seconds.
+        progress: whether progress is shown on the standard error stream; by default if the search
+            takes more than some seconds.
 
     Raises:
-        ValueError: if statuses or states do not fit the points.
+        ValueError: if the shapes of statuses or states do not match the number of points.
     """
     instance(reduced, "the reduced problem", ReducedProblem)
     if not isinstance(known, Iterable) or isinstance(known, str):

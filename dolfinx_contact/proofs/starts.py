@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Solutions of a reduced problem in space, by Newton's method from many starts at once.
+r"""Solutions of a reduced problem in 3D by Newton's method from many starts at once.
 
-r = P(r - rho a) with a = S^-1 (r + p) and the projection P of the laws (`laws.coulomb`, Alart and
-Curnier, CMAME 92, 1991); semismooth, with steps that are halved. Nothing is proved here.
+A damped semismooth Newton method solves r = P(r - rho a) with a = S^-1 (r + p) and the projection P
+of the laws (`laws.coulomb`; Alart and Curnier, CMAME 92, 1991). Nothing is proved here.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class _Batch:
         self.bound = problem.g
 
     def pulled(self, r: Array, rho: Array) -> Array:
-        """The r - rho a, by start and point (k, m, 3)."""
+        """Return r - rho a for each start and point (k, m, 3)."""
         a = (r + self.problem.p) @ self.inverse.T
         return (r - rho[:, None] * a).reshape(len(r), -1, 3)
 
@@ -51,12 +51,12 @@ class _Batch:
         return z.reshape(-1, 3), np.tile(self.friction, k), np.tile(self.bound, k)
 
     def residual(self, r: Array, rho: Array) -> Array:
-        """Of the equations (k, 3 m)."""
+        """Return the residual of the equations (k, 3 m)."""
         z = self.pulled(r, rho)
         return r - coulomb.allowed(*self._flat(z)).reshape(r.shape)
 
     def steps(self, r: Array, rho: Array, left: Array) -> Array:
-        """Newton's (k, 3 m)."""
+        """Return Newton steps (k, 3 m)."""
         k, n = r.shape
         D = coulomb.derivative(*self._flat(self.pulled(r, rho))).reshape(k, n // 3, 3, 3)
         T = np.eye(n) - rho[:, None, None] * self.inverse
@@ -69,7 +69,7 @@ class _Batch:
 
 
 def _newton(batch: _Batch, r: Array) -> tuple[Array, npt.NDArray[np.bool_]]:
-    """Forces after the iterations, and which solve the equations."""
+    """Return forces after the iterations, and a mask of the solutions."""
     r = r.copy()
     small = _RESIDUAL * (1 + float(np.abs(batch.problem.p).max()))
     live = np.arange(len(r))
@@ -154,13 +154,13 @@ def many_solutions(
     random: np.random.Generator,
     regions: Sequence[Cells] = (),
 ) -> list[tuple[Array, Array]]:
-    """Distinct solutions, displacements and forces (m, 3).
+    """Return distinct solutions, as displacements and forces (m, 3).
 
     Args:
-        problem: scaled.
-        number: of starts.
-        random: that draws them.
-        regions: in which to start, in turn; by default everywhere.
+        problem: scaled problem.
+        number: number of starts.
+        random: generator of the starts.
+        regions: regions in which to start, in turn; by default everywhere.
     """
     batch = _Batch(problem, 10 ** random.uniform(-1, 1, number))
     if regions:
@@ -181,7 +181,7 @@ def many_solutions(
 
 
 def _violation(problem: ReducedProblem, a: Array, r: Array) -> float:
-    """Of the laws, at a state."""
+    """Return the violation of the laws by a state."""
     size = np.hypot(a[:, 0], a[:, 1])
     limit = problem.friction * r[:, 2] + problem.g
     along = np.where(size > 1e-9, 1.0, 0.0) / np.maximum(size, 1e-300)
