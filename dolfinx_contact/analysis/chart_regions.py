@@ -151,7 +151,7 @@ def _regions(areas: Sequence[Area], chart: Chart | Regions, ranges: Ranges) -> l
     number, label = csgraph.connected_components(joined, directed=False)
     regions: list[ChartRegion] = []
     for members in (np.flatnonzero(label == k) for k in range(number)):
-        examined = inside[members].any(axis=0)
+        examined = np.asarray(inside[members].any(axis=0))
         sizes = [float(np.trapezoid(areas[k][2] - areas[k][1], areas[k][0])) for k in members]
         widest = int(members[np.argmax(sizes)])
         solutions = sets_in(widest, examined)
