@@ -383,8 +383,9 @@ class _Search:
         self._reached, self.best = F, r
         self.closed = closed | (un <= _EITHER * size)
         forces = r.reshape(self.m, -1)
-        forces = forces[forces[:, -1] > _TINY]
-        self.friction = float((np.linalg.norm(forces[:, :-1], axis=1) / forces[:, -1]).max())
+        pressed = forces[:, -1] > _TINY
+        ratios = np.linalg.norm(forces[pressed, :-1], axis=1) / forces[pressed, -1]
+        self.friction = float(ratios.max())
         return True
 
     def _least_of(self, closed: Flags) -> tuple[float, Array] | None:
