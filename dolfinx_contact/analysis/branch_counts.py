@@ -286,7 +286,7 @@ def _placed(found: Solutions, known: list[_Crossing]) -> tuple[tuple[int, ...], 
 def _certificate(
     system: System, x: PETSc.Vec, found: Solutions, seconds: float
 ) -> Certificate | None:
-    """Return the proof that there are no others; for enumerated solutions it is searched."""
+    """Return the proof of completeness; for enumerated solutions, search for it."""
     if not found.complete:
         return None
     proof = found.proof

@@ -110,8 +110,8 @@ class EventCurve(CurveOverMu):
     """Segments that continue one another, mu rising.
 
     Attributes:
-        kind: of all of them.
-        segments: in order.
+        kind: kind of all segments.
+        segments: segments in order.
     """
 
     kind: str
@@ -157,8 +157,8 @@ class EventCurves:
     """Curves in (mu, gamma) and where they meet.
 
     Attributes:
-        curves: those of folds first, then by mu and gamma.
-        meetings: where segments end that were followed, by mu and gamma.
+        curves: curves of folds, then of events, sorted by mu and gamma.
+        meetings: ends of the followed segments, sorted by mu and gamma.
     """
 
     curves: tuple[EventCurve, ...]

@@ -60,12 +60,12 @@ class ContactFamily:
         v: its derivative by mu (2 m,).
         friction: coefficients at mu = 0 (m,).
         friction_rate: their derivatives by mu (m,).
-        S_error: by which entries of S may be off (2 m, 2 m); None: not at all.
-        p_error: the same of the load (2 m,).
-        q_error: how that grows with the size of gamma (2 m,).
+        S_error: error bounds of S (2 m, 2 m); None for no error.
+        p_error: error bounds of the load (2 m,).
+        q_error: increase of these bounds with |gamma| (2 m,).
         reach: slips up to which sliding is small (m,), infinite on flat obstacles
             (`reduced.gathered.GatheredPoints`); None: everywhere infinite.
-        comm: ranks that have it alike, and share the work on it.
+        comm: ranks that hold the same family and share the work.
     """
 
     S: Array
@@ -81,14 +81,14 @@ class ContactFamily:
     comm: MPI.Comm = field(default_factory=lambda: MPI.COMM_SELF)
 
     def __getstate__(self) -> dict[str, Any]:
-        """Without the communicator: what is sent to another rank is that rank's alone."""
+        """Return the state without the communicator; a copy on another rank is local."""
         return {name: value for name, value in vars(self).items() if name != "comm"}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         vars(self).update(state, comm=MPI.COMM_SELF)
 
     def are_small(self, slips: Iterable[Array]) -> bool:
-        """Whether the slips (m,) of solutions are small, so that a proof is one of the bodies."""
+        """Whether the slips (m,) of solutions are within `reach`."""
         reach = self.reach
         return reach is None or all(bool(np.all(np.abs(slip) <= reach)) for slip in slips)
 
@@ -108,7 +108,7 @@ class ContactFamily:
         return float(np.abs(np.diag(self.S)).mean())
 
     def problem(self, mu: float, gamma: float) -> ReducedProblem:
-        """The problem at (mu, gamma), with what it may be off.
+        """Return the problem at (mu, gamma) with error bounds.
 
         Raises:
             ValueError: if S is not positive definite beyond its error.
@@ -128,7 +128,7 @@ class ContactFamily:
         return np.array(constant).T + F * np.array(slope).T
 
     def inequalities(self, i: int, code: int) -> list[tuple[Array, Array, int]]:
-        """Of a status or border at a point: C_0, C_1 in C_0 + mu C_1, and the status beyond."""
+        """Return C_0, C_1 of each inequality C_0 + mu C_1 at a point, and the status beyond."""
         if self.frictionless[i]:
             return WITHOUT_FRICTION[code]
         F = self.friction[i]
@@ -159,7 +159,7 @@ class ContactFamily:
         return w
 
     def held(self, i: int, w: Array, mu: float, tolerance: float) -> list[int]:
-        """Statuses and borders that hold a point with the numbers w (4,)."""
+        """Return the statuses and borders that a point with w (4,) satisfies."""
         units = np.array([self.size, self.size, 1.0, 1.0])
         found = []
         for code in range(FIRST_BORDER + len(BORDERS)):

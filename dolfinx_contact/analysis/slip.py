@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Which contact points slip in which direction, and the rows of B for it.
 
-With unit normals n from the body into the obstacle, unit directions d of slip and the forces
-r = -r_n n + r_t on the body, linear analyses of sliding contact see the jumps j = B u in three
+With unit normals n from the body into the obstacle, unit slip directions d and the forces
+r = -r_n n + r_t on the body, linear analyses of sliding contact split the jumps j = B u into three
 parts,
 
     N u = n.j,    D u = d.j    at the points that slip,    H u = 0    at those that are held:
 
-along n and all tangents where a point sticks, across d in 3D where such slip is held too, and along
-n alone where a change of pressure leaves the shear as it is.
-What Dirichlet data fix is left out: a point whose slip they prescribe is held, one whose normal
-motion they prescribe is not in contact.
+where H holds n and all tangents of sticking points, the direction across d in 3D if this slip is
+held, and only n if a change of pressure does not affect the shear. Components with Dirichlet data
+are excluded: a point with prescribed slip is held, and a point with prescribed normal motion is not
+in contact.
 """
 
 from __future__ import annotations
@@ -55,10 +55,9 @@ class SlipPattern:
     """Contact points of this rank, all surfaces one after the other.
 
     Attributes:
-        closed: which are in contact (n,).
-        directions: unit tangents along which points slip, 0 where they stick (n, dim).
-        loose: which have no friction, or slip under a bound given in advance, and count as such
-            (n,).
+        closed: points in contact (n,).
+        directions: unit slip directions, 0 at sticking points (n, dim).
+        loose: points without friction, or with slip under a prescribed bound (n,).
     """
 
     closed: Flags
@@ -220,8 +219,8 @@ class Slip:
 def _require_nodes_of_one(eq: ContactEquations, touching: Flags, loose: Flags) -> None:
     """Raise ``ValueError`` where rigid obstacles hold a motion of a node twice. Collective.
 
-    Of a node on several all are loose, and their normals independent: a point that is not loose
-    holds or moves its node in all directions.
+    If a node belongs to several obstacles, all its points must be loose, with independent normals:
+    a point that is not loose determines the motion of its node in all directions.
 
     Args:
         eq: the contact problem.

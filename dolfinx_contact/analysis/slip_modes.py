@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Coefficients of critical friction and their slips, from eigenvalues of T f = f/F.
 
-Which of them have slips of one sign, also of coefficients that are there several times, and what of
-a slip is no more than is known of its vector.
+The module finds slips of one sign, also for multiple eigenvalues, and removes components of slips
+below the accuracy of their eigenvectors.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ _NOTHING = 1e-11  # eigenvalues of T, over the largest, that are none
 
 @dataclass(frozen=True)
 class SlipModes:
-    """Coefficients F by size (k,), slips and shears of all points, rank by rank (m, k).
+    """Coefficients F sorted by size (k,), slips and shears of all points, rank by rank (m, k).
 
-    All F below the size `known_up_to` are among them. Residuals (k,) are relative. Slips are
-    measured by the softness of their points, or the round-off of soft bodies would hide the slips
-    of stiff ones; those that are less than what is known of a vector are 0.
+    No F below the size `known_up_to` is missing. Residuals (k,) are relative. Slips are compared
+    relative to the softness of their points, since the round-off of soft bodies would otherwise
+    hide the slips of stiff ones. Slips below the accuracy of their eigenvector are set to 0.
     """
 
     friction: Complex
@@ -50,7 +50,7 @@ class SlipModes:
         off: Array,
         softness: Array,
     ) -> SlipModes:
-        """From eigenvalues of T; ``off`` is |T f - f/F| of each, ``softness`` that of points."""
+        """Build from eigenvalues of T, their residuals |T f - f/F|, and the softness of points."""
         there = np.abs(values) > _NOTHING * max(np.abs(values).max(initial=0.0), _NOTHING)
         F = 1.0 / values[there]
         largest = np.abs(values).max(initial=0.0)
@@ -92,7 +92,7 @@ class SlipModes:
 
 
 def _blur(F: Complex, residuals: Array, same: float, known_up_to: float) -> Array:
-    """By which the vectors of coefficients may be off, of their size (k,).
+    """Relative error bounds of the eigenvectors (k,).
 
     That is the residual over the distance to the next eigenvalue of T (G. W. Stewart and J. Sun,
     Matrix Perturbation Theory, 1990, ch. V), listed or not.
@@ -107,17 +107,17 @@ def _blur(F: Complex, residuals: Array, same: float, known_up_to: float) -> Arra
 
 
 def _with_one_sign(F: Complex, slips: Complex, shears: Complex, same: float, none: Array) -> None:
-    """Let a slip of one sign be among the vectors of each real coefficient that has one.
+    """Replace eigenvectors of each real coefficient by a slip of one sign, if there is one.
 
-    Of a coefficient that is there several times all combinations of its vectors are slips, and none
-    of those that an eigensolver takes need have one sign. The first of them is replaced.
+    For a multiple eigenvalue, all combinations of its vectors are slips, and the vectors from an
+    eigensolver need not have one sign. The first of them is replaced.
 
     Args:
         F: coefficients (k,).
-        slips: by the softness of points, and shears, one a column (m, k); changed.
-        shears: see there.
-        same: relative difference of coefficients that are one.
-        none: share of the largest slip that is none (k,).
+        slips: slips relative to the softness of points, in columns (m, k); changed.
+        shears: shears in columns (m, k); changed.
+        same: relative difference of coefficients that count as equal.
+        none: slip, relative to the largest one, that counts as zero (k,).
     """
     real = np.flatnonzero(F.imag == 0)
     real = real[np.argsort(F.real[real], kind="stable")]

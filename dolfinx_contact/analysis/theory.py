@@ -1,18 +1,19 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Which theorems apply to a contact problem: those whose hypotheses can be computed.
+"""Theorems that apply to a contact problem, if their hypotheses can be computed.
 
 With a stiffness K that is symmetric and positive definite where Dirichlet data do not hold the
 body, gaps that are linear in the displacement (small sliding), and the law node by node:
 
-- Without friction, and under a bound of the shear that is given (Tresca), solutions are those that
-  minimise a strictly convex energy: there is one (Lions and Stampacchia, Comm. Pure Appl. Math. 20,
-  1967; Duvaut and Lions, Les inequations en mecanique et en physique, 1972, chapter 3).
-- Under Coulomb's law there is one at least, whatever the coefficient: the bound that Tresca's
-  problem is given goes to the pressure of its solution continuously, and has a fixed point by
-  Brouwer's theorem (Haslinger, Math. Methods Appl. Sci. 5, 1983). Below a coefficient that depends
-  on the mesh it is the only one, which is no computable bound; that needs a certificate.
+- Without friction, and for a prescribed friction bound (Tresca), there is exactly one solution, the
+  minimiser of a strictly convex energy (Lions and Stampacchia, Comm. Pure Appl. Math. 20, 1967;
+  Duvaut and Lions, Les inequations en mecanique et en physique, 1972, chapter 3).
+- With Coulomb friction, there is at least one solution for any coefficient: the pressure of
+  Tresca's solution depends continuously on its friction bound, which yields a fixed point by
+  Brouwer's theorem (Haslinger, Math. Methods Appl. Sci. 5, 1983). The solution is unique
+  below a coefficient that depends on the mesh and is not computable; uniqueness therefore needs a
+  certificate.
 
-The signs of the pivots of K decide, but for round-off.
+Definiteness is decided by the signs of the pivots of K, up to round-off.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ _NONE = "no computable theorem applies: "
 
 
 def theory_of(eq: ContactEquations) -> Theory:
-    """What theorems prove of a contact problem with its present data. Collective."""
+    """Return the theorems that apply to a problem with its present data. Collective."""
     rubs = _coefficients(eq)
     for applies, what in (
         (eq.bulk.linear, "the body is not linear"),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Renard's criterion with weights: how far friction may grow until a solution may have company.
+r"""Renard's criterion with weights: a bound of the friction for uniqueness of a solution.
 
 The differences a of jumps and e = S a of forces between a solution and any other satisfy, point by
 point,
@@ -10,13 +10,13 @@ point,
 
     sum_i [ beta_i a_n e_n + alpha_i a_t.(e_t + F e_n xi) ]_i  >  0    for all a other than 0.
 
-Weights of 1 are Renard's. With one point, the stiffness [[k_t, k], [k, k_n]], k > 0, and |xi| = 1
-they give F < 2 sqrt(k_t k_n - k^2)/k_n; weights of their own give F < k_t/k for xi = -1, beyond
-which there are loads with several solutions, and every F for xi = 1. One set of weights holds for
-an interval of F: those of smaller and larger F are found one after the other, and overlap.
+Renard's criterion has unit weights. For one point with the stiffness [[k_t, k], [k, k_n]], k > 0,
+and |xi| = 1, unit weights give F < 2 sqrt(k_t k_n - k^2)/k_n. Optimal weights give F < k_t/k for
+xi = -1, beyond which some loads have several solutions, and every F for xi = 1. One set of weights
+is valid on an interval of F; the range of F is covered by overlapping intervals.
 
 The least eigenvalue of the sum, scaled to a unit diagonal, is maximised over the logarithms of the
-weights; of several small eigenvalues a soft minimum, as in `proofs.weights`.
+weights, with a soft minimum of several small eigenvalues as in `proofs.weights`.
 """
 
 from __future__ import annotations
@@ -65,11 +65,11 @@ class WeightedForm:
     groups: npt.NDArray[np.int64]
 
     def interval(self, weights: Array, factor: float) -> tuple[float, float]:
-        """About a factor of the friction, where the sum is positive definite; empty if nowhere.
+        """Return the interval around a friction factor in which the sum is positive definite.
 
         Args:
-            weights: of the groups.
-            factor: at which the sum is positive definite.
+            weights: weights of the groups.
+            factor: friction factor; if the sum is not definite there, the interval is empty.
         """
         w = weights[self.groups][:, None]
         at, slope = (w * M + (w * M).T for M in (self.S + factor * self.G, self.G))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""All solutions of a reduced contact problem, with a proof that there are no others.
+"""All solutions of a reduced contact problem with a proof of completeness.
 
 The checker (`check_proof.py`) is the only part that must be trusted; it needs numpy alone. The
 remaining modules search for proofs: those with ``plane`` in their names in 2D, those with ``space``

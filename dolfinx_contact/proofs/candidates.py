@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Solutions of a region's problem, in which the inequalities of decided points are dropped.
+"""Solutions in a region, without the inequalities of decided points.
 
-A semismooth Newton method on statuses: solve a piece, give every point the status that its numbers
-require among those that are allowed, and when that comes back to statuses it had, change one point
-at a time. Nothing is proved here.
+A semismooth Newton method on statuses: solve a piece, assign to every point the allowed status that
+its displacements and forces require, and if statuses repeat, change one point at a time. Nothing is
+proved here.
 
-Pieces, and which parts of a point are free in them, are those of the checker (`check_proof`), whose
-search this serves. The law is not that of `laws.coulomb`: of a point whose contact is decided the
-normal force may have any sign, and of one whose friction is decided some statuses are left out.
+The pieces and their free components are those of the checker (`check_proof`). The law differs from
+`laws.coulomb`: if the contact of a point is decided, its normal force may have any sign, and if its
+friction is decided, some statuses are excluded.
 """
 
 from __future__ import annotations
@@ -45,14 +45,14 @@ def candidates(
     random: np.random.Generator,
     tries: int,
 ) -> Iterator[Codes]:
-    """Statuses of solutions; the same may come again.
+    """Yield statuses of solutions, possibly repeatedly.
 
     Args:
-        problem: scaled.
+        problem: scaled problem.
         allowed: sets of statuses, masks (m,).
-        starts: statuses to begin with.
-        random: for further ones.
-        tries: number of these.
+        starts: first statuses to start from.
+        random: generator of further starts.
+        tries: number of further starts.
     """
     m = problem.points
     may_be = has_status(allowed)
@@ -72,8 +72,8 @@ def within(regions: Sequence[Masks], number: int, random: np.random.Generator) -
 
     Args:
         regions: sets of statuses, masks (m,), at least one.
-        number: of starts.
-        random: that draws them.
+        number: number of starts.
+        random: generator of the starts.
     """
     order = random.permutation(len(regions))
     for k in range(number):

@@ -1,22 +1,22 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Checker of proofs: the only code that a reader of a proof has to trust.
+"""Checker of proofs, the only code that has to be trusted.
 
     python3 check_proof.py PROOF
     python3 -m dolfinx_contact check PROOF
 
-say what a stored proof (`Certificate.save`) proves, of which data; the second way is the same code
-and needs all that the package needs, the first needs Python and numpy alone. The exit status is 0
-only where the proof holds; 1 where the file is no proof, was changed, does not prove what it says
-or leaves something open; 2 where there is no file, or no numpy.
+Both commands print the statements that a stored proof (`Certificate.save`) proves, and its data.
+They run the same code; the first one needs only Python and numpy. The exit status is 0 if the proof
+holds; 1 if the file is not a proof, was changed, is wrong or leaves regions open; 2 without the
+file or without numpy.
 
-The search (`branching.py`) proposes steps, by optimisers and linear programs that may be wrong;
-this file follows them, with bounds for all round-off, and takes nothing from them but numbers. A
-step that does not prove what it says makes the whole proof worthless. To be read by itself it
-repeats on purpose what other modules of the package know as well: statuses, Coulomb's law, its
-pieces. It imports none of them; they may import it.
+The search (`search.py`) proposes steps by optimisers and linear programs that may be wrong. This
+file follows the steps with bounds for all round-off and uses only their numbers. A step that does
+not prove its statement makes the whole proof invalid. So that this file can be read on its own, it
+repeats statuses, Coulomb's law and its pieces, which other modules define as well. It imports no
+other module of the package; other modules may import it.
 
-What is proved is about the numbers S, p, F and g that stand in the file, and all within their
-errors. That these come from a body, a mesh and a load is not part of the proof.
+A proof concerns the numbers S, p, F and g in the file, for all values within their errors. It does
+not cover the assembly of these numbers from a body, a mesh and a load.
 """
 
 from __future__ import annotations

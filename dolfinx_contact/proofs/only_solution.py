@@ -46,7 +46,7 @@ class OnlySolution:
     """Whether a solution is the only one.
 
     Attributes:
-        verdict: as in `results.uniqueness.Uniqueness`.
+        verdict: verdict as in `results.uniqueness.Uniqueness`.
         reason: human-readable.
         other: statuses (m,) and state (m, 2 dim) of another solution.
         certificate: the proof, if there is one.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Solutions of pieces in space, nearly, and statuses of the points of a region.
+"""Approximate solutions of pieces in 3D, and statuses of the points of a region.
 
 The unknowns of a status are those of `check_proof`, which proves what is found here.
 """
@@ -138,13 +138,13 @@ def _given_code(
 def relaxed(
     problem: ReducedProblem, kinds: Kinds, codes: Codes, z: Array | None
 ) -> tuple[Codes, Array | None]:
-    """A solution of a region's problem, in which inequalities of decided points do not count.
+    """Return a solution in a region without the inequalities of decided points.
 
     Undecided points get the statuses that their numbers require, until these stay.
 
     Args:
         problem: scaled.
-        kinds: of the cells of the points.
+        kinds: kinds of the cells of the points.
         codes: statuses to begin with (m,).
         z: unknowns of their piece (m, 3).
     """

@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Linear programs that tell which statuses may be possible.
+r"""Linear programs for the possible statuses.
 
-S a = r + p with the slots (`check_proof.py`) between 0 and their bounds X; of slots that no allowed
-status uses together x / X + y / Y <= 1 holds, and for all five of a point with Coulomb friction,
-which exclude each other in a cycle, sum x / X <= 2: that is the convex hull of its statuses. Such
-rows are added when they are violated.
+The programs contain S a = r + p with the slots (`check_proof.py`) between 0 and their bounds X. Two
+slots that no allowed status uses together satisfy x / X + y / Y <= 1, and the five slots of a point
+with Coulomb friction, which exclude each other in a cycle, satisfy sum x / X <= 2. These rows give
+the convex hull of the statuses and are added if they are violated.
 
-Slots of forces are affine in those of displacements, so that no equation has to be solved to begin
-with. The dual simplex method (`tableau`) goes from one program to the next, in which a few bounds
-differ. Where it ends without a point it has a row that proves so, whose multipliers y are returned;
-`check_proof.Dual` decides what they prove.
+The slots of forces are affine in the slots of displacements, so that the first tableau needs no
+solution of equations. The dual simplex method (`tableau`) proceeds from one program to the next. If
+a program is infeasible, the multipliers y of the proving row are returned, and `check_proof.Dual`
+decides what they prove.
 """
 
 from __future__ import annotations
@@ -107,7 +107,7 @@ class Relaxation(Tableau):
         self._set(mine, np.where(self._costs[mine] < 0, self._up[self._nonbasic[mine]], 0.0))
 
     def infeasible(self) -> Array | None:
-        """Multipliers that tell why there is no point, or None if there is one, or no answer."""
+        """Return multipliers that prove infeasibility; None if feasible or without an answer."""
         for _ in range(60):
             identity = self._repair()
             if identity is not None:

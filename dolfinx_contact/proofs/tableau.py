@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The dual simplex method for variables between bounds, on a tableau that lasts.
+"""Dual simplex method for bounded variables with a persistent tableau.
 
-Basic variables are affine in the others, x_B = T x_N + start, and 0 <= x <= up. One program goes to
-the next, in which a few bounds differ. There is no objective but one drawn at random, so that the
-method does not cycle. Where it ends without a point it has a row that proves so.
+Basic variables are affine in the others, x_B = T x_N + start, and 0 <= x <= up. Successive programs
+differ in a few bounds. The objective is random, so that the method does not cycle. If a program is
+infeasible, a row of the tableau proves it.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class Tableau:
         basic: numbers of the basic variables (k,).
         free: number n of the others, which are 0 to n - 1.
         up: upper bounds of all variables.
-        sure: by how much a row must fail to prove something.
+        sure: violation above which a row proves infeasibility.
     """
 
     def __init__(
