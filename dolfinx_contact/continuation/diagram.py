@@ -264,7 +264,7 @@ class _Explorer:
         if special.incoming is None or special.onwards is None:
             self._all_rays_known = False
             return None
-        back = Ray(special.incoming.piece, _reversed(special.incoming.tangent))
+        back = Ray(special.incoming.piece, -special.incoming.tangent)
         existing = self._node_at(special.y)
         if existing is None:
             return self._new_node(special, [back, special.onwards, *special.others], number)
@@ -280,7 +280,7 @@ class _Explorer:
         if outgoing is None:
             return None
         inside = [p for p in outgoing.rays if not self._leaves(p)]
-        back = _reversed(point.tangent)
+        back = -point.tangent
         if len(outgoing.rays) <= 2:
             self._all_rays_known = self._all_rays_known and outgoing.complete
             self._waiting += [p for p in inside if not self._is_ray(p.tangent, back)]
@@ -378,7 +378,7 @@ class _Explorer:
                 if not beyond and self._is_at(last.y, first.y):
                     continue  # too short to determine that ray
                 if self._is_at(last.y, point.y):
-                    if self._is_ray(_reversed(last.tangent), point.tangent):
+                    if self._is_ray(-last.tangent, point.tangent):
                         return True
                     continue
             # Compare the stored points, too: at a kink gamma may turn just before a value.
@@ -400,12 +400,6 @@ class _Explorer:
         length = self.bordered.length
         away = t / length(t) - other / length(other)
         return length(away) <= _SAME_RAY
-
-
-def _reversed(t: PETSc.Vec) -> PETSc.Vec:
-    back = t.copy()
-    back.scale(-1.0)
-    return back
 
 
 def _is_cut_off(branch: Branch) -> bool:

@@ -263,15 +263,12 @@ class Follower(Walker):
         c = system.create_vector()
         # the derivative may vanish at one gamma, or on the branch, although gamma appears
         probe = system.probe(3)
-        probe.scale((1e-3 * x.norm() or 1e-8) / probe.norm())
-        probe.axpy(1.0, x)
+        probe = self.bordered.moved(x, (1e-3 * x.norm() or 1e-8) / probe.norm(), probe)
         shift = 1e-3 * self.bordered.gamma_scale
-        appears = False
         for state, g in ((x, gamma), (x, gamma + shift), (x, gamma - shift), (probe, gamma)):
             system.parameter_derivative(state, g, c, piece)
-            appears = appears or c.norm() > 0
-        if appears:
-            return
+            if c.norm() > 0:
+                return
         # gamma may appear in the borders of the piece only
         low, high = (system.events(x, g, piece).distance for g in (gamma, gamma + shift))
         if self.bordered.anywhere(not np.array_equal(low, high)):
@@ -319,15 +316,14 @@ class Follower(Walker):
 
     def _aside(self, special: SpecialPoint, ray: Ray) -> BranchPoint:
         """Return the point at a small distance along a ray."""
-        y = special.y.copy()
-        y.axpy(_ASIDE, ray.tangent)
+        y = self.bordered.moved(special.y, _ASIDE, ray.tangent)
         if not self.corrector.pseudo_arclength(y, special.y, ray.tangent, _ASIDE, ray.piece):
             raise ValueError("no solution was found along the ray")
         tangent = self.corrector.tangent(y, ray.tangent, ray.piece)
         if tangent is None:
             raise ValueError("the branch is singular next to the bifurcation")
-        gamma = self.bordered.gamma(y)
-        return self._steps.rescaled(BranchPoint(y, tangent, ray.piece, gamma, _ASIDE))
+        point = BranchPoint(y, tangent, ray.piece, self.bordered.gamma(y), _ASIDE)
+        return self._steps.rescaled(point)
 
     # -- along a branch --------------------------------------------------------------------------
 

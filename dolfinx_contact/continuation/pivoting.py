@@ -196,35 +196,25 @@ class Pivoting(Walker):
         before = self._piece(ray.codes) if ray.rate != 0 else None
         search = self._rays_onwards(w, gamma, ray, before)
         rays = sorted(search.rays, key=lambda r: (r.rate != ray.rate, -_cosine(r, ray)))
-        if not rays:
-            point = self._point(w, gamma, ray, length)
-            end = SpecialPoint(
-                "end", False, gamma, point.y, 0, complete=search.complete, method=search.method
-            )
-            return point, end, None
-        onwards, *others = rays
-        point = self._point(w, gamma, onwards, length)
-        after = self._piece(onwards.codes)
-        parity = 0
-        if before is not None and after is not None:
-            parity = self._parity(before, ray, after, onwards.rate)
-        changes = tuple(
-            Change(*self.condensed.point(int(i)), int(ray.codes[i]), int(onwards.codes[i]))
-            for i in np.flatnonzero(onwards.codes != ray.codes)
-        )
+        onwards = rays[0] if rays else None
+        point = self._point(w, gamma, onwards or ray, length)
         vertex = SpecialPoint(
-            kind_of_kink(bool(others), onwards.rate * ray.rate < 0),
-            False,
-            gamma,
-            point.y,
-            0,
-            changes,
-            parity,
-            tuple(self._ray(w, gamma, r) for r in others),
-            search.complete,
-            self._ray(w, gamma, ray) if others else None,
-            Ray(point.piece, point.tangent) if others else None,
-            search.method,
+            "end", False, gamma, point.y, complete=search.complete, method=search.method
+        )
+        if onwards is None:
+            return point, vertex, None
+        others = tuple(self._ray(w, gamma, r) for r in rays[1:])
+        vertex = replace(
+            vertex,
+            kind=kind_of_kink(bool(others), onwards.rate * ray.rate < 0),
+            changes=tuple(
+                Change(*self.condensed.point(int(i)), int(ray.codes[i]), int(onwards.codes[i]))
+                for i in np.flatnonzero(onwards.codes != ray.codes)
+            ),
+            parity=self._parity(before, ray, self._piece(onwards.codes), onwards.rate),
+            others=others,
+            incoming=self._ray(w, gamma, ray) if others else None,
+            onwards=Ray(point.piece, point.tangent) if others else None,
         )
         return point, vertex, onwards
 
@@ -254,11 +244,16 @@ class Pivoting(Walker):
         return replace(found, rays=tuple(r for r in found.rays if not same_direction(r, back)))
 
     @staticmethod
-    def _parity(before: AffinePiece, ray: AffineRay, after: AffinePiece, rate: float) -> int:
+    def _parity(
+        before: AffinePiece | None, ray: AffineRay, after: AffinePiece | None, rate: float
+    ) -> int:
         """Return the sign of the ratio of the bordered determinants after and before a vertex.
 
-        On each side the bordered determinant has the sign of det A times the rate of gamma.
+        On each side the bordered determinant has the sign of det A times the rate of gamma. The
+        result is 0 if a piece is singular.
         """
+        if before is None or after is None:
+            return 0
         return int(before.sign * ray.rate * after.sign * rate)
 
     def _piece(self, codes: Codes) -> AffinePiece | None:
@@ -283,34 +278,27 @@ class Pivoting(Walker):
 
     def _point(self, w: Array, gamma: float, ray: AffineRay, length: float) -> BranchPoint:
         """Return the point of a branch with the numbers ``w``, left along a ray."""
+        b = self.bordered
         self.largest_distance = max(self.largest_distance, largest(w))
         y = self._joined(w, gamma)
-        unit = self._unit_tangent(w, gamma, ray, y)
-        return BranchPoint(y, unit, self.condensed.piece(ray.codes), gamma, length)
+        t = self._joined(w + ray.direction, gamma + ray.rate) - y
+        b.join(b.split(t)[0], ray.rate, t)  # without round-off of gamma
+        b.set_scale(t, y)
+        if ray.rate == 0:
+            b.require_scale()
+        t.scale(1.0 / b.length(t))
+        return BranchPoint(y, t, self.condensed.piece(ray.codes), gamma, length)
 
     def _ray(self, w: Array, gamma: float, ray: AffineRay) -> Ray:
         """Return a ray out of (w, gamma) with its unit tangent."""
-        y = self._joined(w, gamma)
-        unit = self._unit_tangent(w, gamma, ray, y)
-        return Ray(self.condensed.piece(ray.codes), unit)
+        point = self._point(w, gamma, ray, 0.0)
+        return Ray(point.piece, point.tangent)
 
     def _joined(self, w: Array, gamma: float) -> PETSc.Vec:
         """Return the vector y with the numbers ``w``."""
         x = self.system.create_vector()
         self.condensed.expand(w, gamma, x)
         return self.bordered.joined(x, gamma)
-
-    def _unit_tangent(self, w: Array, gamma: float, ray: AffineRay, y: PETSc.Vec) -> PETSc.Vec:
-        """Return the unit tangent of a ray out of (w, gamma), where the vector is ``y``."""
-        b = self.bordered
-        t = self._joined(w + ray.direction, gamma + ray.rate)
-        t.axpy(-1.0, y)
-        b.join(b.split(t)[0], ray.rate, t)  # without round-off of gamma
-        b.set_scale(t, y)
-        if b.x_scale == 0.0 and ray.rate == 0:
-            b.require_scale()
-        t.scale(1.0 / b.length(t))
-        return t
 
     def state(self, point: BranchPoint) -> tuple[Array, AffineRay]:
         """Return the numbers of a point of a branch, and the ray along which it continues."""
@@ -326,8 +314,7 @@ class Pivoting(Walker):
         else:
             sense = 0.0
             rate = 1.0
-        ahead = point.y.copy()
-        ahead.axpy(1.0 / abs(rate), point.tangent)
+        ahead = b.moved(point.y, 1.0 / abs(rate), point.tangent)
         direction = self.condensed.contract(b.split(ahead)[0]) - w
         return w, AffineRay(codes, direction, sense)
 

@@ -84,7 +84,7 @@ class Rays(FoundRays[AffineRay]):
 
 
 def neighbours(
-    piece: AffinePiece, w: Array, kinked: int, held: npt.NDArray[np.bool_], tolerance: float
+    piece: AffinePiece, w: Array, kinked: int, possible: npt.NDArray[np.bool_], tolerance: float
 ) -> list[tuple[AffinePiece, float]]:
     """Return the pieces beyond a vertex at which one point changes its status.
 
@@ -92,14 +92,14 @@ def neighbours(
         piece: piece that reaches the vertex.
         w: state at the vertex, shape (m, k).
         kinked: the only point at a border.
-        held: statuses whose cones contain the point, shape (statuses,).
+        possible: statuses whose cones contain the point, shape (statuses,).
         tolerance: distance that counts as zero.
 
     Returns:
         Pieces with the sense of gamma in which each leads out of the vertex.
     """
-    found = []
-    for code in np.flatnonzero(held):
+    pieces = []
+    for code in np.flatnonzero(possible):
         if code == piece.codes[kinked]:
             continue
         new = piece.neighbour(kinked, int(code))
@@ -109,8 +109,8 @@ def neighbours(
         C = new.system.inequalities[kinked, code]
         rate = (C @ w_1[kinked])[np.abs(C @ w[kinked]) <= tolerance]
         least = -TOLERANCE * largest(w_1)
-        found += [(new, sense) for sense in (1.0, -1.0) if (sense * rate >= least).all()]
-    return found
+        pieces += [(new, sense) for sense in (1.0, -1.0) if (sense * rate >= least).all()]
+    return pieces
 
 
 def outgoing(

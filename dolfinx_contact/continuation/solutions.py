@@ -122,13 +122,10 @@ class Solutions:
             found: selected solutions; default: all.
         """
         layout = Layout(system)
-        points = []
-        for s in self.found if found is None else found:
-            no_tangent = layout.vector()
-            no_tangent.set(0.0)
-            y = layout.joined(s.x, self.gamma)
-            points.append(BranchPoint(y, no_tangent, s.piece, self.gamma))
-        return points
+        return [
+            BranchPoint(layout.joined(s.x, self.gamma), layout.last_unit(0.0), s.piece, self.gamma)
+            for s in (self.found if found is None else found)
+        ]
 
 
 def _check(a: Arguments) -> None:
@@ -315,7 +312,7 @@ class _Deflated:
         b = self.bordered
         self._y, self._dy, self._rhs = (b.vector() for _ in range(3))
         self._row = b.last_unit()
-        self._h, self._away, self._w = (system.create_vector() for _ in range(3))
+        self._h, self._w = (system.create_vector() for _ in range(2))
 
     def __enter__(self) -> _Deflated:
         return self
@@ -371,9 +368,7 @@ class _Deflated:
         """Yield two states next to each solution, on the line through the guess."""
         for x in solutions:
             for part in (-0.1, 0.1):
-                y = x.copy()
-                y.axpy(part, x - guess)
-                yield y
+                yield self.bordered.moved(x, part, x - guess)
 
     def _pieces(self, guess: PETSc.Vec) -> list[Piece | None]:
         """Return pieces for the first step: None for H itself, and the uniform pieces."""
@@ -415,8 +410,7 @@ class _Deflated:
             self._rhs.scale(-1.0)
             if not b.solver.solve(self._rhs, self._dy):
                 break
-            dx, _ = b.split(self._dy)
-            dx = dx.copy()
+            dx = b.split(self._dy)[0].copy()
             repelled = piece is None and not near
             x.axpy(self._factor(x, dx, known, squares) if repelled else 1.0, dx)
             # the residual is relative to the largest so far, hence the test of the step
@@ -442,16 +436,12 @@ class _Deflated:
         self, x: PETSc.Vec, other: PETSc.Vec, dx: PETSc.Vec | None = None
     ) -> tuple[float, float]:
         """Return |x - x_k|^2 and (x - x_k) . dx in the metric of the system."""
-        self._away.waxpy(-1.0, other, x)
-        self.system.metric(self._away, self._w)
-        along = 0.0 if dx is None else float(self._w.dot(dx))
-        return float(self._w.dot(self._away)), along
+        away = x - other
+        self.system.metric(away, self._w)
+        return float(self._w.dot(away)), 0.0 if dx is None else float(self._w.dot(dx))
 
     def _is_known(self, x: PETSc.Vec, known: Sequence[PETSc.Vec]) -> bool:
         """Return True if a state is one of ``known``."""
-        size = x.norm()
-        for other in known:
-            self._away.waxpy(-1.0, other, x)
-            if self._away.norm() <= 1e-6 * max(size, other.norm(), 1e-300):
-                return True
-        return False
+        return any(
+            (x - other).norm() <= 1e-6 * max(x.norm(), other.norm(), 1e-300) for other in known
+        )

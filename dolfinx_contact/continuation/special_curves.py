@@ -84,8 +84,34 @@ class SpecialCurve:
 # -- conditions ------------------------------------------------------------------------------------
 
 
-class _StatusChange:
-    """Condition of the border between two statuses of a point. Methods are collective.
+class _Condition:
+    """A condition phi(x, gamma) = 0 next to H = 0. Methods are collective.
+
+    Subclasses define ``value``: phi and its relative size; ``gradient``: derivative of phi by x;
+    ``derivative``: derivative of phi by a parameter, given the derivative of H.
+
+    Args:
+        system: system H.
+    """
+
+    def __init__(self, system: System):
+        self._system = system
+
+    def own(self, piece: Piece) -> Piece:
+        """Return the piece on which a point of the curve lies."""
+        return piece
+
+    def events(self, x: PETSc.Vec, gamma: float, piece: Piece) -> Events:
+        """Return the events of the curve."""
+        return self._system.events(x, gamma, piece)
+
+    def statuses(self, point: int) -> Sequence[int]:
+        """Return all statuses that a local point can have on the curve."""
+        return self._system.statuses(point)
+
+
+class _StatusChange(_Condition):
+    """Condition of the border between two statuses of a point, which keeps the first status.
 
     Args:
         system: system H.
@@ -99,8 +125,11 @@ class _StatusChange:
     """
 
     def __init__(self, system: System, change: Change, x: PETSc.Vec, gamma: float, piece: Piece):
-        self._system = system
+        super().__init__(system)
         self._change = change
+        #: Local number of the point on its rank, shape (1,); on other ranks shape (0,).
+        here = system.comm.rank == change.rank
+        self._point = np.array([change.point] if here else [], dtype=np.int32)
         self._before, self._after = (system.create_vector() for _ in range(2))
         self._difference(x, gamma, piece)
         self._w = self._after.copy()
@@ -109,34 +138,30 @@ class _StatusChange:
             raise ValueError("the pieces on either side of the border do not differ at the state")
         self._w.scale(1.0 / size)
 
-    def piece(self, piece: Piece, code: int) -> Piece:
-        """Return the piece in which the point has a status."""
-        return piece.with_codes(self.point, [code] * len(self.point))
+    def own(self, piece: Piece) -> Piece:
+        return self._with(piece, self._change.before)
 
-    @property
-    def point(self) -> npt.NDArray[np.int32]:
-        """The local number of the point on its rank, shape (1,); on other ranks shape (0,)."""
-        here = self._system.comm.rank == self._change.rank
-        return np.array([self._change.point] if here else [], dtype=np.int32)
+    def _beyond(self, piece: Piece) -> Piece:
+        return self._with(piece, self._change.after)
+
+    def _with(self, piece: Piece, code: int) -> Piece:
+        return piece.with_codes(self._point, [code] * len(self._point))
 
     def _difference(self, x: PETSc.Vec, gamma: float, piece: Piece) -> float:
         """Compute H_1 - H_0, and return the relative size of H_1."""
         self._system.residual(x, gamma, self._before, piece)
-        beyond = self.piece(piece, self._change.after)
-        size = self._system.residual(x, gamma, self._after, beyond)
+        size = self._system.residual(x, gamma, self._after, self._beyond(piece))
         self._after.axpy(-1.0, self._before)
         return size
 
     def value(self, x: PETSc.Vec, gamma: float, piece: Piece) -> tuple[float, float]:
-        """Return phi and its relative size."""
         size = self._difference(x, gamma, piece)
         return float(self._w.dot(self._after)), size
 
     def gradient(self, x: PETSc.Vec, gamma: float, piece: Piece) -> PETSc.Vec:
-        """Return the derivative of phi by x."""
         system = self._system
         row, row_before = (system.create_vector() for _ in range(2))
-        system.jacobian(x, gamma, self.piece(piece, self._change.after))
+        system.jacobian(x, gamma, self._beyond(piece))
         system.matrix.multTranspose(self._w, row)
         system.jacobian(x, gamma, piece)
         system.matrix.multTranspose(self._w, row_before)
@@ -144,8 +169,7 @@ class _StatusChange:
         return row
 
     def derivative(self, x: PETSc.Vec, gamma: float, piece: Piece, by: Derivative) -> float:
-        """Return the derivative of phi by a parameter, given the derivative of H."""
-        by(x, self.piece(piece, self._change.after), self._after)
+        by(x, self._beyond(piece), self._after)
         by(x, piece, self._before)
         return float(self._w.dot(self._after) - self._w.dot(self._before))
 
@@ -155,9 +179,9 @@ class _StatusChange:
         All events of the point end the curve.
         """
         change = self._change
-        before = self._system.events(x, gamma, self.piece(piece, change.before))
-        after = self._system.events(x, gamma, self.piece(piece, change.after))
-        if not len(self.point):
+        before = self._system.events(x, gamma, self.own(piece))
+        after = self._system.events(x, gamma, self._beyond(piece))
+        if not len(self._point):
             return before
         at = before.point == change.point
         distance = np.concatenate(
@@ -175,9 +199,12 @@ class _StatusChange:
             np.concatenate([before.target[~at], np.full(n, _LOST, dtype=np.int8)]),
         )
 
+    def statuses(self, point: int) -> Sequence[int]:
+        return (self._change.before,) if point in self._point else super().statuses(point)
 
-class _SmoothFold:
-    """Condition of a fold of one piece; the methods are those of `_StatusChange`.
+
+class _SmoothFold(_Condition):
+    """Condition of a fold of one piece.
 
     Args:
         system: system H.
@@ -190,7 +217,7 @@ class _SmoothFold:
     """
 
     def __init__(self, system: System, x: PETSc.Vec, gamma: float, piece: Piece):
-        self._system = system
+        super().__init__(system)
         self._layout = Layout(system)
         self._bordered = BorderedMatrix(self._layout)
         self._factor = Factor(system.comm, "fold_")
@@ -270,7 +297,6 @@ class _Extended(System):
         start: X at the special point.
         condition: condition phi.
         gamma_scale: size of gamma that counts as 1.
-        border: change of status that is the condition; None for a smooth fold.
     """
 
     def __init__(
@@ -281,7 +307,6 @@ class _Extended(System):
         condition: _StatusChange | _SmoothFold,
         *,
         gamma_scale: float,
-        border: Change | None,
     ):
         self.comm = system.comm
         self.system = system
@@ -294,7 +319,6 @@ class _Extended(System):
         x, _ = self.layout.split(start)
         system.metric(x, self._d)
         self._x_size = float(self._d.dot(x)) or 1.0
-        self._border = border
 
     @property
     def matrix(self) -> PETSc.Mat:  # type: ignore[override]
@@ -313,18 +337,12 @@ class _Extended(System):
         return self.layout.vector()
 
     def _set(self, X: PETSc.Vec, mu: float, piece: Piece | None) -> tuple[PETSc.Vec, float, Piece]:
-        """Set mu, and return a copy of x, gamma, and the piece of H.
-
-        By default the state determines the piece. The point of a status change keeps the status
-        before the change.
-        """
+        """Set mu, and return a copy of x, gamma, and the piece, by default that of the state."""
         x, gamma = self.layout.split(X)
         x.copy(self._x)
         self.other.set_parameter(mu)
         piece = self.system.piece_at(self._x, gamma) if piece is None else piece
-        if isinstance(self.condition, _StatusChange) and self._border is not None:
-            piece = self.condition.piece(piece, self._border.before)
-        return self._x, gamma, piece
+        return self._x, gamma, self.condition.own(piece)
 
     def residual(self, X: PETSc.Vec, mu: float, b: PETSc.Vec, piece: Piece | None) -> float:
         x, gamma, own = self._set(X, mu, piece)
@@ -371,16 +389,11 @@ class _Extended(System):
         return self._set(X, mu, None)[2]
 
     def events(self, X: PETSc.Vec, mu: float, piece: Piece) -> Events:
-        x, gamma, own = self._set(X, mu, piece)
-        if isinstance(self.condition, _StatusChange):
-            return self.condition.events(x, gamma, piece)
-        return self.system.events(x, gamma, own)
+        x, gamma, _ = self._set(X, mu, piece)
+        return self.condition.events(x, gamma, piece)
 
     def statuses(self, point: int) -> Sequence[int]:
-        border = self._border
-        if border is not None and (border.rank, border.point) == (self.comm.rank, point):
-            return (border.before,)
-        return self.system.statuses(point)
+        return self.condition.statuses(point)
 
     def put(self, X: PETSc.Vec, mu: float, piece: Piece) -> None:
         self.system.put(*self._set(X, mu, piece))
@@ -459,13 +472,13 @@ def follow_special(
     other.set_parameter(mu)
     # the condition, on the piece of the point before
     before = branch.points[special.index - 1]
-    border = None if _is_smooth_fold(special) else special.changes[0]
     condition: _StatusChange | _SmoothFold
-    if border is None:
+    if _is_smooth_fold(special):
         condition = _SmoothFold(system, *_copied(layout, X), before.piece)
     else:
-        condition = _StatusChange(system, border, *_copied(layout, before.y), before.piece)
-    extended = _Extended(system, other, X, condition, gamma_scale=gamma_scale, border=border)
+        away = _copied(layout, before.y)
+        condition = _StatusChange(system, special.changes[0], *away, before.piece)
+    extended = _Extended(system, other, X, condition, gamma_scale=gamma_scale)
     branches: dict[Direction, Branch] = {}
     try:
         with system.restored(always=True):
