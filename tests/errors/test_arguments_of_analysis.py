@@ -8,9 +8,9 @@ import cases.proofs_3d
 import numpy as np
 import pytest
 from cases._triangle import linear_triangle
-from cases.own_law import SlipWeakening
 from support.enumeration import random_family
 from support.leaning_bodies import block, leaning, on_box, pad, swirl
+from support.own_laws import SlipWeakening
 
 import ufl
 from dolfinx import mesh

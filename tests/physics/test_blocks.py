@@ -9,8 +9,8 @@ from mpi4py import MPI
 import cases.block
 import numpy as np
 import pytest
-from cases.own_law import Orthotropic, SlipWeakening
 from support.blocks import CELLS, KINDS, block, box, facets, same_tables
+from support.own_laws import Orthotropic, SlipWeakening
 
 import ufl
 from dolfinx import fem, mesh

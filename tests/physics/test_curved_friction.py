@@ -4,7 +4,6 @@ from itertools import pairwise
 
 from mpi4py import MPI
 
-import cases.belt
 import numpy as np
 import pytest
 from scipy.integrate import quad
@@ -18,6 +17,7 @@ from support.curved_obstacles import (
     remembering,
     shaken,
 )
+from support.demo_numbers import run
 from support.sliding_bodies import smooth
 
 from dolfinx import fem
@@ -442,17 +442,16 @@ def test_the_belt_has_the_tension_of_the_capstan_equation(folder, monkeypatch):
     monkeypatch.setattr(plot, "picture_of_body", lambda *_, **__: None)
     off = []
     for n in (64, 128):
-        words = [f"--n={n}", f"--steps={n // 2}", f"--output={folder / str(n)}"]
-        found = cases.belt.main(words)
-        assert found["kkt_violation"] < 1e-9
-        assert found["slid"] > 0.6 * found["way"] > 3 * found["cell"]
-        off.append(found["ratio"] / found["ratio_of_thickness"] - 1)
+        names = run("belt", folder, n=n, steps=n // 2)
+        assert names["history"].steps[-1].result.kkt_violation < 1e-9
+        assert names["slid"] > 0.6 * names["pull"] > 3 * names["size"]
+        ratio, thin = names["ratios"][-1], names["thin"]
+        off.append(ratio / names["thick"] - 1)
     # A belt without thickness, to half a percent.
-    assert found["ratio"] == pytest.approx(found["ratio_closed_form"], rel=5e-3)
-    assert found["ratio_closed_form"] == pytest.approx(np.exp(0.3 * np.pi), rel=1e-15)
+    assert ratio == pytest.approx(thin, rel=5e-3)
+    assert thin == pytest.approx(np.exp(0.3 * np.pi), rel=1e-15)
     assert abs(off[1]) < 1e-3
     assert abs(off[1]) < 0.4 * abs(off[0])
-    words = ["--n=128", "--steps=64", "--thickness=0.02", f"--output={folder / 'thick'}"]
-    found = cases.belt.main(words)
-    assert found["ratio"] == pytest.approx(found["ratio_of_thickness"], rel=2e-3)
-    assert found["ratio"] < 0.995 * found["ratio_closed_form"]
+    names = run("belt", folder, n=128, steps=64, thickness=0.02)
+    assert names["ratios"][-1] == pytest.approx(names["thick"], rel=2e-3)
+    assert names["ratios"][-1] < 0.995 * thin

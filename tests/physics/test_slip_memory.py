@@ -4,9 +4,9 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from cases.own_law import SlipWeakening
 from support.blocks import box, facets
 from support.histories import put
+from support.own_laws import SlipWeakening
 from support.pairs import displacement, held, stacked
 
 import ufl

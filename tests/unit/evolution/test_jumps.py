@@ -7,9 +7,9 @@ from mpi4py import MPI
 import cases.flattened_ring
 import numpy as np
 import pytest
-from cases.own_law import SlipWeakening
 from support.blocks import facets
 from support.mortars import stacked
+from support.own_laws import SlipWeakening
 from support.sliding_bodies import TIMES, Bodies, sliding_history
 
 import ufl

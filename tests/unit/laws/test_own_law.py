@@ -8,10 +8,10 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from cases._triangle import linear_triangle
-from cases.own_law import Orthotropic, SlipWeakening
-from cases.own_law import main as demo
 from scipy.optimize import minimize_scalar
 from support.blocks import block, same_tables
+from support.demo_numbers import run
+from support.own_laws import Orthotropic, SlipWeakening
 
 import ufl
 from dolfinx import mesh
@@ -138,13 +138,15 @@ def test_static_and_kinetic_friction_of_one_element(distance):
 
 @pytest.mark.long
 def test_the_demo_of_an_own_law_runs(folder):
-    summary = demo(["--n=4", f"--output={folder}"])
-    assert summary["kkt_violation_orthotropic"] < 1e-9
-    assert summary["kkt_violation_weakening"] < 1e-9
-    assert summary["sum_rt_y_orthotropic"] > 0  # the grain leads it aside
-    assert abs(summary["sum_rt_y_weakening"]) < 1e-9 * summary["sum_rn_weakening"]
+    names = run("own_law", folder, n=4)
+    results = names["results"]
     for name in ("orthotropic", "weakening"):
-        assert (folder / f"{name}.png").stat().st_size > 5_000
+        assert results[name].kkt_violation < 1e-9
+        picture = folder / "output" / "own_law" / f"{name}.png"
+        assert picture.stat().st_size > 5_000
+    sideways = {name: result.resultants["contact"][1] for name, result in results.items()}
+    assert sideways["orthotropic"] > 0  # the grain leads it aside
+    assert abs(sideways["weakening"]) < 1e-9 * results["weakening"].resultants["contact"][2]
 
 
 @dataclass(frozen=True)

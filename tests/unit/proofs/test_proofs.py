@@ -8,11 +8,11 @@ from mpi4py import MPI
 
 import cases.ciarlet_geymonat
 import cases.followed_mesh
-import cases.own_law
 import numpy as np
 import pytest
 from cases._triangle import linear_triangle
 from support.blocks import block, facets
+from support.own_laws import SlipWeakening
 from support.textbook import coulomb_system
 
 import ufl
@@ -341,7 +341,7 @@ def test_data_that_have_changed():
     [
         (partial(block, material=NeoHookean(*lame(1000.0, 0.3))), "linear bodies"),
         (
-            partial(block, law=cases.own_law.SlipWeakening(0.6, 0.3, 0.01)),
+            partial(block, law=SlipWeakening(0.6, 0.3, 0.01)),
             "laws of Coulomb and Tresca",
         ),
         (partial(block, method="integral"), "contact at nodes"),
