@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """``python3 -m dolfinx_contact``: explore a record, check a stored proof, list what is installed.
 
-``check`` is the same code as ``python3 dolfinx_contact/proofs/check_proof.py PROOF``, which needs
-numpy alone; this way imports the package, and so needs DOLFINx. Where the package is
-installed by pip, ``dolfinx_contact`` is the same command.
+``check`` runs the code of ``python3 dolfinx_contact/proofs/check_proof.py PROOF``, which needs only
+numpy, while this command imports the package and DOLFINx. After an installation by pip,
+``dolfinx_contact`` is the same command.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from dolfinx_contact.proofs.check_proof import main as check
 
 __all__ = ["main"]
 
-#: What parts of the package need, by module, with what they are for.
+#: Optional modules with their purpose.
 _OPTIONAL = {
     "matplotlib": "pictures",
     "pyvista": "pictures of bodies",

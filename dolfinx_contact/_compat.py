@@ -19,6 +19,7 @@ from mpi4py import MPI
 import numpy as np
 import numpy.typing as npt
 
+import ufl
 from dolfinx import default_scalar_type, fem, graph, io, mesh
 from ufl.domain import extract_domains
 
@@ -129,37 +130,35 @@ def instantiated(
     spaces: Sequence[fem.FunctionSpace],
     functions: Sequence[fem.Function],
     constants: Sequence[fem.Constant],
-    parts: Sequence[tuple[str, Any, Any]],
-    domain: Any,
+    original: ufl.Form,
     entity_maps: Any,
 ) -> fem.Form | None:
-    """A form of what FFCx has compiled before for another mesh, as ``fem.form`` makes it.
+    """Return a compiled form on the mesh of another form, as ``fem.form`` creates it.
 
     Args:
-        ufcx: of FFCx.
-        module: that has it.
-        spaces: of the arguments.
-        functions: in the order of ``ufcx``.
-        constants: likewise.
-        parts: kind, subdomain number and subdomain data of each integral.
-        domain: mesh of the integrals, DOLFINx's in C++.
-        entity_maps: of `merge_entity_maps`, or None.
+        ufcx: compiled form of FFCx.
+        module: compiled module.
+        spaces: function spaces of the arguments.
+        functions: Functions in the order of ``ufcx``.
+        constants: Constants in the order of ``ufcx``.
+        original: UFL form with the integrals of the compiled one.
+        entity_maps: entity maps (`merge_entity_maps`), or None.
 
     Returns:
-        None where DOLFINx has another constructor, since 0.10.
+        The form; None since DOLFINx 0.10, which has another constructor.
     """
     if _HAS_ENTITY_MAP:
         return None
-    data = {kind: tags for kind, _, tags in parts}
+    ((domain, data),) = original.subdomain_data().items()
     numbers: dict[str, list[int]] = {kind: [] for kind in data}
-    for kind, number, tags in parts:
-        if tags is not None:
+    for integral in original.integrals():
+        number = integral.subdomain_id()
+        if integral.subdomain_data() is not None:
             each = number if isinstance(number, tuple) else (number,)
-            numbers[kind] += [n for n in each if n != "everywhere"]
+            numbers[integral.integral_type()] += [n for n in each if n != "everywhere"]
+    kinds = {kind: getattr(fem.IntegralType, kind) for kind in data}
     subdomains = {
-        getattr(fem.IntegralType, kind): fem.forms.get_integration_domains(
-            getattr(fem.IntegralType, kind), tags, sorted(numbers[kind])
-        )
+        kinds[kind]: fem.forms.get_integration_domains(kinds[kind], tags[0], sorted(numbers[kind]))
         for kind, tags in data.items()
     }
     maps = {m._cpp_object: entities for m, entities in (entity_maps or {}).items()}
@@ -170,7 +169,7 @@ def instantiated(
         [c._cpp_object for c in constants],
         subdomains,
         maps,
-        domain,
+        domain.ufl_cargo(),
     )
     return fem.Form(made, ufcx, module=module)
 

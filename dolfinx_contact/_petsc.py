@@ -51,10 +51,10 @@ __all__ = [
     "staged",
 ]
 
-#: PETSc's codes for what it does not support, does not know, or was built without, and for numbers
-#: out of their range or that do not go together.
+#: PETSc's error codes for unsupported, unknown or missing features, and for invalid or inconsistent
+#: numbers.
 _NO_SUCH_THING = (56, 62, 63, 83, 86, 92)
-#: Names that are read by this package; a name that is nearly one of them is refused.
+#: Options of this package; a similar name is an error.
 _OWN = ("linear_solver", "snes_rtol", "surface_condensed")
 _NEARLY = 0.88
 #: Kinds of SNES that solve contact problems (tried); with multigrid only the first.
@@ -97,7 +97,7 @@ def parse_arguments(
 def options_in_database(prefix: str, options: Mapping[str, Any]) -> Iterator[None]:
     """Keep ``options`` in PETSc's database under ``prefix`` while the context lasts.
 
-    What is in the database already (the command line, PETSC_OPTIONS) wins.
+    Options that are already in the database (command line, PETSC_OPTIONS) take precedence.
     """
     database = PETSc.Options()
     mine = {prefix + k: v for k, v in options.items() if not database.hasName(prefix + k)}
@@ -125,7 +125,7 @@ def check_options(prefix: str, options: Mapping[str, Any]) -> None:
         ValueError: for a prefix with a dash, names with a dash or the prefix, misspelt names of
             this package, a tolerance that is not positive, and options that cannot be used here.
     """
-    if not isinstance(prefix, str) or prefix.startswith("-") or any(c.isspace() for c in prefix):
+    if not isinstance(prefix, str) or prefix.startswith("-") or prefix != "".join(prefix.split()):
         raise ValueError(f"the prefix of PETSc options must be a word without dash, got {prefix!r}")
     if not isinstance(options, Mapping):
         raise ValueError(f"petsc_options must be a dictionary, got {type(options).__name__}")
@@ -191,13 +191,13 @@ class ProblemOptions:
 
 @contextmanager
 def as_raised() -> Iterator[None]:
-    """Let exceptions that Python code raises inside PETSc come out as themselves.
+    """Reraise the original exception of Python code that PETSc calls.
 
-    PETSc hands them on as an error of its own, "error code -1". The objects at work are not to be
-    used again: their vectors may be locked.
+    PETSc reports it as "error code -1". Its objects must not be used again: their vectors may be
+    locked.
 
     Raises:
-        ValueError: for a kind of solver, or a use of one, that this PETSc does not know.
+        ValueError: if PETSc does not support a solver or its use.
     """
     try:
         yield
@@ -222,7 +222,7 @@ def half_of(A: PETSc.Mat) -> PETSc.Mat:
 
 
 def forget_product(A: PETSc.Mat) -> None:
-    """Free what ``A``, a product of matrices, keeps to be made again: its factors. Collective."""
+    """Free the factors that ``A``, a product of matrices, keeps for recomputation. Collective."""
     library = ctypes.CDLL(PETSc.__file__)  # petsc4py has no name for it
     error = library.MatProductClear(ctypes.c_void_p(A.handle))
     if error:
@@ -321,7 +321,7 @@ def matrix_of(comm: MPI.Comm, shape: tuple[int, int], *entries: Entries) -> PETS
     """
     A = PETSc.Mat().createAIJ(((shape[0], None), (shape[1], None)), comm=comm)
     if comm.size == 1:  # on several ranks, entries of other ranks are unknown
-        numbers = sum(e.numbers(shape[0]) for e in entries)
+        numbers = sum([e.numbers(shape[0]) for e in entries])
         A.setPreallocationNNZ(np.minimum(numbers, shape[1]).astype(PETSc.IntType))
         A.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, False)
     A.setUp()
@@ -348,7 +348,7 @@ _SYMMETRIC = 1e-12  # relative difference to the transpose that counts as round-
 
 
 class Factor:
-    """Factorisations of several matrices, one after the other. Collective, as its methods are.
+    """Successive factorisations of matrices. Collective, like its methods.
 
     Args:
         comm: communicator.

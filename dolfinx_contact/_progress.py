@@ -13,7 +13,7 @@ from typing import Any, TextIO
 
 from mpi4py import MPI
 
-__all__ = ["Line", "Progress", "check_progress"]
+__all__ = ["Progress", "check_progress"]
 
 _PATIENCE = 3.0  # seconds before progress is shown automatically
 _SECONDS = 10.0  # seconds between lines without a terminal
@@ -25,65 +25,23 @@ def check_progress(progress: Any) -> None:
         raise ValueError(f"progress must be True, False or None, got {progress!r}")
 
 
-class Line:
-    """Output line of progress.
-
-    Args:
-        comm: communicator; only rank 0 writes.
-        stream: output stream; default: standard error.
-        seconds: seconds between lines without a terminal.
-    """
-
-    def __init__(self, comm: MPI.Comm, *, stream: TextIO | None = None, seconds: float = _SECONDS):
-        self._stream = (stream or sys.stderr) if comm.rank == 0 else None
-        self._seconds = seconds
-        self._next = 0.0
-        self._live = self._stream is not None and self._stream.isatty()
-        self._open = False
-
-    def update(self, text: str) -> None:
-        """Replace the line on a terminal; otherwise write a line if the last one is old enough."""
-        if self._live:
-            # A wrapped line could not be erased.
-            self._put(text[: shutil.get_terminal_size().columns - 1], stay=True)
-        elif time.monotonic() >= self._next:
-            self._put(text)
-            self._next = time.monotonic() + self._seconds
-
-    def write(self, text: str) -> None:
-        """Write a permanent line."""
-        self._put(text)
-
-    def clear(self) -> None:
-        """Erase the line on a terminal, so that others can write there."""
-        if self._open and self._stream is not None:
-            self._stream.write("\r\x1b[K")
-            self._stream.flush()
-            self._open = False
-
-    def _put(self, text: str, *, stay: bool = False) -> None:
-        if self._stream is None:
-            return
-        erase = "\r\x1b[K" if self._open else ""
-        self._stream.write(erase + text + ("" if stay else "\n"))
-        self._stream.flush()
-        self._open = stay
-
-
 class Progress:
     """Progress line of a long computation.
 
     Args:
         comm: communicator; only rank 0 writes.
         wanted: whether progress is shown; default: once the computation has taken some seconds.
-        stream: see `Line`.
+        stream: output stream; default: standard error.
     """
 
     def __init__(self, comm: MPI.Comm, wanted: bool | None = None, *, stream: TextIO | None = None):
-        self._line = Line(comm, stream=stream)
+        self._stream = (stream or sys.stderr) if comm.rank == 0 else None
+        self._live = self._stream is not None and self._stream.isatty()
         self._start = time.monotonic()
         self._silent = wanted is False or comm.rank > 0
         self._after = 0.0 if wanted else _PATIENCE
+        self._next = 0.0
+        self._open = False
         self._shown = False
 
     @property
@@ -94,25 +52,41 @@ class Progress:
     @property
     def due(self) -> bool:
         """Whether progress is to be shown now."""
-        return not self._silent and self.seconds >= self._after
+        return not self._silent and time.monotonic() - self._start >= self._after
 
     def update(self, text: str) -> None:
-        """See `Line.update`."""
+        """Replace the line on a terminal; otherwise write a line if the last one is old enough."""
         self._shown = True
-        self._line.update(text)
+        if self._live:
+            # A wrapped line could not be erased.
+            self._put(text[: shutil.get_terminal_size().columns - 1], stay=True)
+        elif time.monotonic() >= self._next:
+            self._put(text)
+            self._next = time.monotonic() + _SECONDS
 
     def write(self, text: str) -> None:
-        """See `Line.write`."""
+        """Write a permanent line."""
         self._shown = True
-        self._line.write(text)
+        self._put(text)
 
     def clear(self) -> None:
-        """See `Line.clear`."""
-        self._line.clear()
+        """Erase the line on a terminal, so that others can write there."""
+        if self._open and self._stream is not None:
+            self._stream.write("\r\x1b[K")
+            self._stream.flush()
+            self._open = False
 
     def close(self, text: str = "") -> None:
         """Erase the line and write a permanent last one if progress was shown."""
         self.clear()
         if self._shown and text:
-            self._line.write(text)
+            self._put(text)
         self._shown = False
+
+    def _put(self, text: str, *, stay: bool = False) -> None:
+        if self._stream is None:
+            return
+        erase = "\r\x1b[K" if self._open else ""
+        self._stream.write(erase + text + ("" if stay else "\n"))
+        self._stream.flush()
+        self._open = stay

@@ -1,30 +1,19 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""UFL of the user: its dependence on a terminal, its Functions, Constants and meshes, its content.
+r"""UFL of the user: dependence on a terminal, its Functions, Constants and meshes, its content.
 
-*Dependence* of UFL on a Function, a Constant or a variable v is classified symbolically. After
-lowering algebra and expanding derivatives, an expression E is traversed from its terminals
-upwards. Every node is independent of v (absent), a polynomial in v of some degree, kinked
-(continuous, like |v|), jumping (like the sign of v), or other:
+The *dependence* of UFL on a Function, a Constant or a variable v is decided symbolically, after
+derivatives have been expanded. UFL has a kink or a jump in v if abs, max_value or min_value contain
+v, or the condition of a conditional does. It is affine in v if it has neither and its derivative
+does not contain v. A vanishing second derivative alone is not a valid test, because it vanishes on
+both sides of a kink; neither are samples.
 
-    sums                      worst of their terms
-    products                  degrees add up; a kinked or jumping factor dominates
-    quotients                 as the numerator if the denominator does not contain v
-    powers                    the degree is multiplied by an integer exponent >= 1
-    abs, max_value, min_value kinked if an argument contains v
-    sign, conditional         jumping if the condition contains v
-    components, sums over indices, gradients, restrictions: as their operand
-
-*Affine* means of degree 1 at most. A vanishing second derivative is not a valid test, because it
-vanishes on both sides of a kink; neither are samples.
-
-The classification is symbolic: max_value(v, 0)**2 has the derivative 2 max_value(v, 0) c with a
-condition c, which is classified as jumping although its values are continuous.
+max_value(v, 0)**2 has the derivative 2 max_value(v, 0) c with a condition c, which counts as a kink
+although its values are continuous.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from enum import IntEnum
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -33,93 +22,76 @@ import ufl
 from dolfinx import fem, mesh
 from ufl import classes
 from ufl.algorithms import expand_derivatives, expand_indices
+from ufl.algorithms.map_integrands import map_integrand_dags
 from ufl.algorithms.remove_complex_nodes import remove_complex_nodes
-from ufl.corealg.traversal import unique_post_traversal, unique_pre_traversal
+from ufl.corealg.multifunction import MultiFunction
+from ufl.corealg.traversal import unique_pre_traversal
 
 from dolfinx_contact._compat import dirichlet_value, domains_of, is_mesh_of
 from dolfinx_contact._validate import is_number
 
 __all__ = [
-    "Dependence",
-    "Kind",
     "data_of",
-    "dependence",
+    "depends_on",
+    "derivative",
     "described",
     "has_branches",
     "is_affine",
+    "kinks_of",
+    "not_affine",
     "refuse_displacement",
     "refuse_other_condition",
     "refuse_other_mesh",
 ]
 
-
-class Kind(IntEnum):
-    """Kinds of dependence, ordered from best to worst."""
-
-    ABSENT = 0
-    POLYNOMIAL = 1
-    KINKED = 2
-    JUMPING = 3
-    OTHER = 4
+_BRANCHING = classes.Conditional | classes.Abs | classes.MaxValue | classes.MinValue
+_SHOWN = 2  # largest number of kinks in a message
+_LONGEST = 120  # largest number of characters of a node in a message
+#: Results of `is_affine` by signature, kind of terminal and its place.
+_known: dict[tuple[str, bool, int], bool] = {}
 
 
-@dataclass(frozen=True)
-class Dependence:
-    """Dependence of an expression on given terminals.
-
-    Attributes:
-        kind: kind of the dependence.
-        degree: degree of a polynomial; 0 if absent.
-        node: first node of that kind, unless it is a polynomial.
-        kinks: all nodes that are kinked or jumping themselves.
-    """
-
-    kind: Kind
-    degree: int = 0
-    node: Any = None
-    kinks: tuple[Any, ...] = ()
-
-    @property
-    def is_affine(self) -> bool:
-        """Whether the expression is a polynomial of degree 1 at most."""
-        return self.kind <= Kind.POLYNOMIAL and self.degree <= 1
-
-    @property
-    def text(self) -> str:
-        """Text of the decisive node, for messages."""
-        if self.kind == Kind.POLYNOMIAL:
-            return "" if self.degree <= 1 else f"degree {self.degree}"
-        return "" if self.node is None else _text(self.node)
-
-    @property
-    def text_of_kinks(self) -> str:
-        """Text of the outermost kinks, for messages; "" if there are none."""
-        shown: list[Any] = []
-        for node in reversed(self.kinks):
-            if not any(node in set(unique_pre_traversal(other)) for other in shown):
-                shown.append(node)
-        return " and ".join(dict.fromkeys(_text(node) for node in shown[:_SHOWN]))
-
-
-def dependence(e: Any, *terminals: Any) -> Dependence:
-    """Return the joint dependence of an expression or a form on terminals.
+def depends_on(e: Any, *terminals: Any) -> bool:
+    """Return whether a form or expression, with expanded derivatives, contains a terminal.
 
     Args:
         e: UFL expression of any shape, or form.
-        terminals: Functions, Constants, their components, or ``ufl.variable`` objects.
+        terminals: Functions, Constants, or ``ufl.variable`` objects.
     """
-    labels = {t.ufl_operands[1] for t in terminals if isinstance(t, classes.Variable)}
-    wanted = {t for t in terminals if not isinstance(t, classes.Variable)}
-    found = Dependence(Kind.ABSENT)
-    for integrand in _integrands(expand_derivatives(_as_ufl(e))):
-        part = _walked(integrand, wanted, labels)
-        if part.kinks and not labels:
-            # Classify by components, because only some may be used.
-            part = Dependence(Kind.ABSENT)
-            for component in _components(remove_complex_nodes(integrand)):
-                part = _joined(part, _walked(expand_indices(component), wanted, labels))
-        found = _joined(found, part)
-    return found
+    return any(_contains(integrand, terminals) for integrand in _integrands(e))
+
+
+def kinks_of(e: Any, *terminals: Any) -> str:
+    """Return the text of the outermost kinks or jumps in terminals, for messages; "" if none.
+
+    Args:
+        e: UFL expression of any shape, or form.
+        terminals: Functions, Constants, or ``ufl.variable`` objects.
+    """
+    outermost: list[Any] = []
+    for integrand in _integrands(e):
+        if not any(True for _ in _kinks(integrand, terminals)):
+            continue
+        # Only some components may be used.
+        for index in np.ndindex(integrand.ufl_shape):
+            component = remove_complex_nodes(integrand[index] if index else integrand)
+            for node in _kinks(expand_indices(component), terminals):
+                if not any(node in set(unique_pre_traversal(other)) for other in outermost):
+                    outermost.append(node)
+    return " and ".join(dict.fromkeys(_text(node) for node in outermost[:_SHOWN]))
+
+
+def not_affine(e: Any, *terminals: Any) -> str:
+    """Return the part of a form or expression that is not affine in terminals; "" if all is.
+
+    Args:
+        e: UFL expression of any shape, or form.
+        terminals: Functions, Constants, or ``ufl.variable`` objects; jointly.
+    """
+    kinks = kinks_of(e, *terminals)
+    if kinks or not any(depends_on(derivative(e, t), *terminals) for t in terminals):
+        return kinks
+    return "a nonlinear term"
 
 
 def is_affine(form: ufl.Form, terminal: Any) -> bool:
@@ -136,7 +108,7 @@ def is_affine(form: ufl.Form, terminal: Any) -> bool:
         return True
     key = form.signature(), constants, places[0]
     if key not in _known:
-        _known[key] = dependence(form, terminal).is_affine
+        _known[key] = not not_affine(form, terminal)
     return _known[key]
 
 
@@ -149,139 +121,65 @@ def has_branches(form: ufl.Form) -> bool:
     )
 
 
-_BRANCHING = classes.Conditional | classes.Abs | classes.MaxValue | classes.MinValue
-#: Results of `is_affine` by signature, kind of terminal and its place.
-_known: dict[tuple[str, bool, int], bool] = {}
+def derivative(e: Any, terminal: Any) -> Any:
+    """Return the expanded derivative of a form or expression by a terminal.
+
+    Args:
+        e: UFL expression of any shape, or form.
+        terminal: Constant, ``ufl.variable`` object or component of a Function; for forms also a
+            Function.
+    """
+    if isinstance(terminal, fem.Function):
+        return expand_derivatives(ufl.derivative(e, terminal))
+    if isinstance(terminal, classes.Variable):
+        return expand_derivatives(ufl.diff(e, terminal))
+    replaced = _Replaced(terminal)
+    of_variable = map_integrand_dags(replaced, e)
+    return expand_derivatives(ufl.diff(of_variable, replaced.variable))
 
 
-def _as_ufl(e: Any) -> Any:
-    return e if isinstance(e, ufl.Form) else ufl.as_ufl(e)
+class _Replaced(MultiFunction):  # type: ignore[misc]
+    """Map that replaces a Constant or the component of a Function by a variable."""
+
+    def __init__(self, terminal: Any):
+        super().__init__()
+        self._terminal = terminal
+        self.variable = ufl.variable(terminal)
+
+    def expr(self, o: Any, *operands: Any) -> Any:
+        """Return the variable for the terminal, otherwise the node with mapped operands."""
+        return self.variable if o == self._terminal else self.reuse_if_untouched(o, *operands)
 
 
 def _integrands(e: Any) -> list[Any]:
-    return [i.integrand() for i in e.integrals()] if isinstance(e, ufl.Form) else [e]
+    """Return the integrands of a form, or the expression, with expanded derivatives."""
+    if isinstance(e, ufl.Form):
+        return [i.integrand() for i in expand_derivatives(e).integrals()]
+    return [expand_derivatives(ufl.as_ufl(e))]
 
 
-def _components(e: Any) -> list[Any]:
-    """Return the scalar components of an expression."""
-    return [e[index] if index else e for index in np.ndindex(e.ufl_shape)]
+def _contains(e: Any, terminals: tuple[Any, ...]) -> bool:
+    labels = {t.ufl_operands[1] if isinstance(t, classes.Variable) else t for t in terminals}
+    return any(node in labels for node in unique_pre_traversal(e))
+
+
+def _kinks(e: Any, terminals: tuple[Any, ...]) -> Iterator[Any]:
+    """Yield the nodes with a kink or jump in terminals, outer nodes first."""
+    for node in unique_pre_traversal(e):
+        if isinstance(node, _BRANCHING):
+            conditional = isinstance(node, classes.Conditional)
+            if _contains(node.ufl_operands[0] if conditional else node, terminals):
+                yield node
 
 
 def _text(node: Any) -> str:
     """Return a node as users write it, shortened."""
     words = str(node)
     if isinstance(node, classes.Conditional) and isinstance(node.ufl_operands[0], classes.EQ):
-        of = node.ufl_operands[0].ufl_operands[0]
-        if node == ufl.sign(of):
-            words = f"sign({of})"
+        operand = node.ufl_operands[0].ufl_operands[0]
+        if node == ufl.sign(operand):
+            words = f"sign({operand})"
     return words if len(words) <= _LONGEST else f"{words[:_LONGEST]}..."
-
-
-_SHOWN = 2  # largest number of kinks in a message
-_LONGEST = 120  # largest number of characters of a node in a message
-
-
-# -- traversal -------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class _Part:
-    """Classification of a node: kind, degree, and decisive node."""
-
-    kind: Kind
-    degree: int = 0
-    node: Any = None
-
-
-_ABSENT = _Part(Kind.ABSENT)
-_THROUGH = (
-    classes.Sum,
-    classes.Indexed,
-    classes.ListTensor,
-    classes.ComponentTensor,
-    classes.IndexSum,
-    classes.Variable,
-    classes.Restricted,
-    classes.CellAvg,
-    classes.FacetAvg,
-    classes.Grad,
-    classes.ReferenceGrad,
-    classes.ReferenceValue,
-    classes.Conj,
-    classes.Real,
-    classes.Imag,
-)
-
-
-def _joined(a: Dependence, b: Dependence) -> Dependence:
-    """Return the dependence of a sum."""
-    worst = max(a, b, key=lambda d: (d.kind, d.degree))
-    return Dependence(worst.kind, worst.degree, worst.node, (*a.kinks, *b.kinks))
-
-
-def _order(part: _Part) -> tuple[int, int]:
-    return part.kind, part.degree
-
-
-def _walked(e: Any, terminals: set[Any], labels: set[Any]) -> Dependence:
-    """Return the dependence of an expression with derivatives of terminals only."""
-    known: dict[Any, _Part] = {}
-    kinks: list[Any] = []
-    for node in unique_post_traversal(e):
-        if (
-            isinstance(node, classes.Variable) and node.ufl_operands[1] in labels
-        ) or node in terminals:
-            known[node] = _Part(Kind.POLYNOMIAL, 1)
-        elif not node.ufl_operands:
-            known[node] = _ABSENT
-        else:
-            known[node] = part = _combined(node, [known[o] for o in node.ufl_operands])
-            if part.node is node and part.kind in (Kind.KINKED, Kind.JUMPING):
-                kinks.append(node)
-    part = known[e]
-    return Dependence(part.kind, part.degree, part.node, tuple(kinks))
-
-
-def _combined(node: Any, parts: list[_Part]) -> _Part:
-    """Classify a node from its operands."""
-    if all(p.kind == Kind.ABSENT for p in parts):
-        return _ABSENT
-    if isinstance(node, _THROUGH):
-        return max(parts, key=_order)
-    if isinstance(node, classes.Product | classes.Inner | classes.Dot | classes.Outer):
-        worst = max(parts, key=_order)
-        if worst.kind > Kind.POLYNOMIAL:
-            return worst
-        return _Part(Kind.POLYNOMIAL, sum(p.degree for p in parts))
-    if isinstance(node, classes.Division):
-        numerator, denominator = parts
-        return numerator if denominator.kind == Kind.ABSENT else _Part(Kind.OTHER, node=node)
-    if isinstance(node, classes.Power):
-        return _power(node, parts[0])
-    if isinstance(node, classes.Conditional):
-        condition, *arms = parts
-        if condition.kind == Kind.ABSENT:
-            return max(arms, key=_order)
-        return _Part(Kind.JUMPING, node=node)
-    if isinstance(node, classes.Condition):
-        return max(parts, key=_order)  # decided by its conditional
-    if isinstance(node, classes.Abs | classes.MaxValue | classes.MinValue):
-        worst = max(parts, key=_order)
-        return worst if worst.kind > Kind.KINKED else _Part(Kind.KINKED, node=node)
-    return _Part(Kind.OTHER, node=node)
-
-
-def _power(node: Any, base: _Part) -> _Part:
-    """Classify a power whose base or exponent contains v."""
-    exponent = node.ufl_operands[1]
-    if not isinstance(exponent, classes.RealValue):
-        return _Part(Kind.OTHER, node=node)
-    number = float(exponent)
-    if number != round(number) or number < 1:
-        return _Part(Kind.OTHER, node=node)
-    if base.kind > Kind.POLYNOMIAL:
-        return base
-    return _Part(Kind.POLYNOMIAL, base.degree * round(number))
 
 
 # -- data and content ------------------------------------------------------------------------------

@@ -75,10 +75,10 @@ __all__ = [
 
 
 class _Known:
-    """What is known of UFL that was made here, as long as somebody holds that very object.
+    """Data by UFL object, kept as long as the object lives.
 
-    UFL compares expressions by what they say; here another that says the same is another. What is
-    known must not hold the expression itself, which would live for ever.
+    UFL compares expressions by content; here equal expressions are different objects. The data must
+    not refer to the expression, which would live for ever.
     """
 
     def __init__(self) -> None:
@@ -89,29 +89,30 @@ class _Known:
         self._of[key] = weakref.ref(expression, lambda _: self._of.pop(key, None)), what
 
     def get(self, expression: Any) -> Any:
-        """What is known, or None."""
+        """Return the data, or None."""
         return self._of.get(id(expression), (None, None))[1]
 
 
-#: Shear moduli, with Young's modulus and Poisson's ratio that they were made of.
+#: Young's modulus and Poisson's ratio by shear modulus.
 _moduli = _Known()
-#: Energies and stresses, with their materials.
+#: Materials by energy and stress.
 _materials = _Known()
 
 
 def lame(young: Any, poisson: Any) -> tuple[Any, Any]:
-    """Lame coefficients (lambda, mu) of Young's modulus and Poisson's ratio (3D, plane strain).
+    """Return Lame coefficients (lambda, mu) for Young's modulus and Poisson's ratio.
 
-    Of Constants, Functions and other UFL scalars they are UFL, which follows the values of these.
+    They hold in 3D and plane strain. For Constants, Functions and other UFL scalars they are UFL,
+    and follow later values.
 
     Args:
-        young: in units of stress.
-        poisson: a number.
+        young: Young's modulus, a stress.
+        poisson: Poisson's ratio.
 
     Raises:
         ValueError: if one is neither a number nor a UFL scalar, ``young`` is not positive, or
-            ``poisson`` not in (-1, 1/2). Constants, and UFL of nothing else, are checked as they
-            are now; of what varies in space the values are not.
+            ``poisson`` not in (-1, 1/2). Constants, and UFL of Constants only, are checked with
+            their present values; data that vary in space are not checked.
     """
     _check_young(young, poisson)
     mu = young / (2 * (1 + poisson))
@@ -121,9 +122,10 @@ def lame(young: Any, poisson: Any) -> tuple[Any, Any]:
 
 
 def materials_in(form: ufl.Form) -> list[Material]:
-    """Materials of this module whose energy or stress occurs in a form, without their parts.
+    """Return materials of this module whose energy or stress occurs in a form.
 
-    Expressions that UFL has reconstructed, for example by ``ufl.replace``, belong to none.
+    The parts of a material are not listed. Expressions that UFL has reconstructed, for example by
+    ``ufl.replace``, are not recognised.
     """
     found: dict[int, Material] = {}
     left = [integral.integrand() for integral in form.integrals()]
@@ -142,22 +144,22 @@ def materials_in(form: ufl.Form) -> list[Material]:
 
 
 def _is_scalar(value: Any) -> bool:
-    """Whether this is a number or a UFL scalar."""
+    """Return whether a value is a number or a UFL scalar."""
     of_ufl = isinstance(value, ufl.core.expr.Expr) and value.ufl_shape == ()
     return of_ufl or is_number(value)
 
 
 def _value(scalar: Any) -> float | None:
-    """A number, a Constant or UFL of Constants alone, as it is now; None of any other UFL.
+    """Return the present value of a number or UFL of Constants; None for any other UFL.
 
-    It is NaN where that is no real number, as the root of -1 and 1/0.
+    The value is NaN if it is not a real number, such as the root of -1 or 1/0.
     """
     if is_number(scalar):
         return float(scalar)
     constants = {}
     for part in traverse_unique_terminals(scalar):
         if isinstance(part, fem.Constant):
-            # Of an array without axes UFL takes functions as of a complex number.
+            # UFL treats an array without axes as a complex number in functions.
             constants[part] = part.value if part.ufl_shape else part.value.item()
         elif not isinstance(part, ufl.classes.ConstantValue | ufl.classes.MultiIndex):
             return None
@@ -169,7 +171,7 @@ def _value(scalar: Any) -> float | None:
 
 
 def _check(rule: str, holds: Callable[..., bool], *values: Any) -> None:
-    """Raise ``ValueError`` if values are not scalars, or violate a rule with what they are now.
+    """Raise ``ValueError`` if values are not scalars, or their present values violate a rule.
 
     Args:
         rule: the rule in words.
@@ -193,7 +195,7 @@ def _check_young(young: Any, poisson: Any) -> None:
 
 
 def _require_displacement(u: Any) -> None:
-    """Raise ``ValueError`` if ``u`` is anything but a vector Function."""
+    """Raise ``ValueError`` if ``u`` is not a vector Function."""
     if not isinstance(u, fem.Function):
         raise ValueError(
             "a material needs the displacement, a Function (from its energy UFL makes residual and "
@@ -204,7 +206,7 @@ def _require_displacement(u: Any) -> None:
 
 
 def _constants(u: fem.Function, *values: Any) -> list[Any]:
-    """Numbers as Constants of the mesh of ``u``; the rest as it is."""
+    """Return values with numbers as Constants of the mesh of ``u``."""
     _require_displacement(u)
     domain = u.function_space.mesh
     return [fem.Constant(domain, float(v)) if is_number(v) else v for v in values]
@@ -217,15 +219,15 @@ def _gradient(u: fem.Function) -> Any:
 
 
 def _in_space(A: Any, across: Any) -> Any:
-    """The 2 x 2 tensor ``A`` with ``across`` as its 33 component."""
+    """Return the 2 x 2 tensor ``A`` with ``across`` as its 33 component."""
     return ufl.as_tensor([[A[0, 0], A[0, 1], 0], [A[1, 0], A[1, 1], 0], [0, 0, across]])
 
 
 class Material:
     """A bulk material; ``u`` is always the displacement, a vector Function (length).
 
-    Its data are read-only: moduli that are to change must be Constants, whose present values every
-    solve uses.
+    Its data are read-only. Moduli that change must be Constants: every solve uses their present
+    values.
     """
 
     _of_revolution: ClassVar[bool] = False
@@ -235,24 +237,25 @@ class Material:
         raise NotImplementedError
 
     def mean_dilatation_energy(self, u: fem.Function, dx: ufl.Measure = ufl.dx) -> ufl.Form:
-        """The energy for nearly incompressible bodies of quadrilaterals or hexahedra, integrated.
+        """Return the integrated energy for nearly incompressible quadrilaterals or hexahedra.
 
-        What grows with lambda is taken of the change of volume of the cell as a whole, exactly also
-        where cells are distorted, the rest by the rule of ``dx``: B-bar (Nagtegaal, Parks and Rice,
-        Comput. Methods Appl. Mech. Engrg. 4, 1974, 153-177; Hughes, Int. J. Numer. Methods Engrg.
-        15, 1980, 1413-1418), in large strain the ratio of the volumes of the cell (Simo, Taylor and
-        Pister, Comput. Methods Appl. Mech. Engrg. 51, 1985, 177-208). Moduli that vary within a
-        cell are evaluated at its middle there. Its stress is `mean_dilatation_stress`.
+        The part that grows with lambda depends on the change of volume of the whole cell, which is
+        exact for distorted cells too; the other part is integrated by ``dx``. This is B-bar
+        (Nagtegaal, Parks and Rice, Comput. Methods Appl. Mech. Engrg. 4, 1974, 153-177; Hughes,
+        Int. J. Numer. Methods Engrg. 15, 1980, 1413-1418), in large strain with the ratio of the
+        volumes of the cell (Simo, Taylor and Pister, Comput. Methods Appl. Mech. Engrg. 51, 1985,
+        177-208). In the first part, moduli are evaluated at the centre of the cell. The stress is
+        `mean_dilatation_stress`.
 
         Args:
             u: displacement (length), of degree 1.
-            dx: over the cells, or over a tag of them.
+            dx: measure over all cells or over a tag.
 
         Raises:
             ValueError: if the cells are simplices (use u of degree 2 there), if edges are curved,
                 if u is not Lagrange of degree 1, if ``dx`` is not a measure of cells, or if the
-                energy that grows with lambda is not one of the change of volume (plane stress,
-                which does not lock, `StVenantKirchhoff`, and materials of one's own).
+                energy that grows with lambda does not depend on the change of volume only (plane
+                stress, which does not lock, `StVenantKirchhoff`, and user-defined materials).
         """
         _require_measure(dx)
         cell = self._cell_volumes(u)
@@ -261,12 +264,12 @@ class Material:
         return shape * dx + volume * dx(metadata=at_middle(len(u)))
 
     def mean_dilatation_stress(self, u: fem.Function) -> Any:
-        """Cauchy stress, 3 x 3, that belongs to `mean_dilatation_energy`.
+        """Return the Cauchy stress, 3 x 3, of `mean_dilatation_energy`.
 
-        It is that at the middle of each cell, where files, pictures and films take it, one value a
-        cell. At other points it is none, so that an integral over it needs the rule of one point,
-        ``dx(metadata={"quadrature_degree": 1})``. (`full_stress` has the pressure of every point
-        for itself, which oscillates without bound as lambda grows.)
+        It is valid at the centre of each cell, where files, pictures and films evaluate it. An
+        integral over it therefore needs the one-point rule,
+        ``dx(metadata={"quadrature_degree": 1})``. (`full_stress` has the pointwise pressure, which
+        oscillates without bound as lambda grows.)
 
         Raises:
             ValueError: as `mean_dilatation_energy`.
@@ -275,7 +278,7 @@ class Material:
         return self._own(self._mean_stress(u, self._gradient_in_space(u), cell))
 
     def _cell_volumes(self, u: fem.Function) -> Any:
-        # Few need it, and importing the package loads what a static solve needs.
+        # Imported here, as a static solve does not need it.
         from dolfinx_contact._cell_volumes import volumes_of
 
         _require_bilinear(u)
@@ -283,7 +286,7 @@ class Material:
         return volumes_of(u, revolution=self._of_revolution)
 
     def _require_parts(self) -> None:
-        """Raise ``ValueError`` unless the parts are those of the energy, also in a subclass."""
+        """Raise ``ValueError`` unless the parts belong to the energy, also in a subclass."""
         classes = type(self).__mro__
 
         def first(*names: str) -> int:
@@ -292,8 +295,8 @@ class Material:
         of_parts = first("_volume_energy", "_volume")
         if of_parts > first("energy", "_stored", "stress") or classes[of_parts] is Material:
             raise ValueError(
-                f"of a {type(self).__name__} is not known which part of its energy is that of a "
-                "change of volume: take LinearElastic, NeoHookean or CiarletGeymonat"
+                f"the part of the energy of a {type(self).__name__} that belongs to the change of "
+                "volume is unknown: take LinearElastic, NeoHookean or CiarletGeymonat"
             )
 
     def _mean_stress(self, u: fem.Function, H: Any, cell: Any) -> Any:
@@ -319,10 +322,10 @@ class Material:
         return self._cauchy(u, _gradient(u))
 
     def check_moduli(self) -> None:
-        """Raise ``ValueError`` if moduli have values that no stable material has. Not collective.
+        """Raise ``ValueError`` for moduli of no stable material. Not collective.
 
-        Those that are Constants, or UFL of nothing else, are checked with their present values:
-        when the material is made, and at the start of every solve with an energy or a stress of it.
+        Numbers, Constants and UFL of Constants only are checked with their present values: at
+        construction, and at the start of every solve with an energy or stress of the material.
         """
         lmbda, mu = getattr(self, "lmbda", 0.0), getattr(self, "mu", 1.0)
         made_of = _moduli.get(mu)
@@ -335,13 +338,13 @@ class Material:
         self.check_moduli()
 
     def full_stress(self, u: fem.Function) -> Any:
-        """Cauchy stress, 3 x 3 in 2D too: with the stress across the plane, for invariants.
+        """Return the Cauchy stress, 3 x 3 in 2D too (with the out-of-plane stress), for invariants.
 
-        It is that of this material everywhere, in parts of other materials too: `output` takes one
-        expression of each cell tag, ``stress={1: steel.full_stress(u), 2: wood.full_stress(u)}``.
-        Of a body of `mean_dilatation_energy` it has the shear alone, and not the pressure.
+        The expression holds for this material only: for several materials `output` takes one
+        expression per cell tag, ``stress={1: steel.full_stress(u), 2: wood.full_stress(u)}``. For a
+        body with `mean_dilatation_energy`, only its shear is meaningful, not its pressure.
 
-        The head of this module shows how to get it from an energy of your own.
+        The module docstring shows the same for a user-defined energy.
         """
         _require_displacement(u)
         return self.stress(u) if len(u) == 3 else self._cauchy(u, _in_space(_gradient(u), 1.0))
@@ -352,7 +355,7 @@ class Material:
         return self._own(P * F.T / ufl.det(F))
 
     def _own(self, expression: Any) -> Any:
-        """An energy or stress, by which a problem finds the material."""
+        """Register and return an energy or stress, by which a problem finds the material."""
         _materials.keep(expression, self)
         return expression
 
@@ -360,11 +363,11 @@ class Material:
         raise NotImplementedError
 
     def _shape_energy(self, u: fem.Function, H: Any) -> Any:
-        """The part of the stored energy that stays bounded with lambda, of a gradient."""
+        """Return the part of the stored energy that stays bounded for growing lambda."""
         raise NotImplementedError
 
     def _volume_energy(self, u: fem.Function, dilatation: Any, ratio: Any) -> Any:
-        """The part that grows with lambda, of a change of volume."""
+        """Return the part of the stored energy that grows with lambda."""
         raise NotImplementedError
 
     def _energy_of(self, u: fem.Function, H: Any) -> Any:
@@ -392,13 +395,13 @@ class LinearElastic(Material):
 
     @classmethod
     def from_young(cls, young: Any, poisson: Any, *, plane_stress: bool = False) -> LinearElastic:
-        """The material of Young's modulus and Poisson's ratio.
+        """Return the material with Young's modulus and Poisson's ratio.
 
         Args:
-            young: in units of stress; as ``poisson`` a number, or a Constant, whose value may be
-                changed between two solves, a Function, or another UFL scalar.
-            poisson: a number, in (-1, 1/2).
-            plane_stress: as the attribute.
+            young: Young's modulus, a stress: a number, a Constant, whose value may change between
+                two solves, a Function, or another UFL scalar.
+            poisson: Poisson's ratio in (-1, 1/2); the same kinds.
+            plane_stress: in 2D, plane stress instead of plane strain.
 
         Raises:
             ValueError: as `lame`.
@@ -472,7 +475,7 @@ class StVenantKirchhoff(Elastic):
 
 
 class Separable(Elastic):
-    """An energy of F that is one of its shape, and one of the change of volume det F."""
+    """An energy that is the sum of an energy of the shape and one of the volume ratio det F."""
 
     def _stored(self, u: fem.Function, F: Any) -> Any:
         return self._shape(u, F) + self._volume(u, ufl.det(F))
@@ -545,17 +548,17 @@ class CiarletGeymonat(Separable):
 
 @dataclass(frozen=True)
 class Axisymmetric(Material):
-    """A material in a body of revolution, of which half of a section is meshed: r = x, z = y.
+    """A material of a body of revolution; the mesh is half of a section, with r = x, z = y.
 
-    The displacement is (u_r, u_z), and the stretch around the axis 1 + u_r / r; tensors have the
-    components r, z, and around. Energies are per volume: the contact problem multiplies all
+    The displacement is (u_r, u_z), and the circumferential stretch is 1 + u_r / r; tensors have the
+    components r, z and circumferential. Energies are per volume: the contact problem multiplies all
     integrals by 2 pi r.
 
     Attributes:
-        material: the material in space.
+        material: the material in 3D.
 
     Raises:
-        ValueError: if that is no Material, axisymmetric itself, or in plane stress.
+        ValueError: if it is not a Material, is axisymmetric, or is in plane stress.
     """
 
     material: Material
@@ -603,7 +606,7 @@ class Axisymmetric(Material):
 
 
 def _require_measure(dx: Any) -> None:
-    """Raise ``ValueError`` if this is no measure of cells."""
+    """Raise ``ValueError`` if ``dx`` is not a measure of cells."""
     if not isinstance(dx, ufl.Measure) or dx.integral_type() != "cell":
         raise ValueError(
             f"the measure must be one of cells, as ufl.dx or dx(1), got {dx}; of several tags take "
@@ -612,7 +615,7 @@ def _require_measure(dx: Any) -> None:
 
 
 def _require_bilinear(u: Any) -> None:
-    """Raise ``ValueError`` unless this is of degree 1 on cells whose volumes are known."""
+    """Raise ``ValueError`` unless ``u`` has degree 1 on straight quadrilaterals or hexahedra."""
     _require_displacement(u)
     domain = u.function_space.mesh
     element = u.function_space.ufl_element()

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Nested iteration: solve on a coarse mesh, and start on a finer one from what was found.
+"""Nested iteration: solve on a coarse mesh, and start from its solution on a finer one.
 
-The displacement and the multipliers are interpolated, the status follows from them. What Newton's
-method does in its first steps, finding out where the body touches and which way it slips, is then
-done where it is cheap.
+The displacement and the multipliers are interpolated; the statuses follow from them. The regions
+of contact and slip are found on the coarse mesh, where Newton steps are cheap.
 """
 
 from __future__ import annotations

@@ -7,10 +7,10 @@ import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from copy import copy
+from dataclasses import dataclass
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
@@ -39,14 +39,7 @@ from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation, Statuses
 from dolfinx_contact.equations.measures import require_solution
 from dolfinx_contact.equations.state import State
-from dolfinx_contact.equations.validation import (
-    check,
-    check_sides,
-    fit,
-    listed,
-    lists,
-    validate,
-)
+from dolfinx_contact.equations.validation import check, check_sides, validate
 from dolfinx_contact.points.descriptions import (
     Contact,
     ContactPair,
@@ -64,10 +57,8 @@ from dolfinx_contact.results.tables import ContactTable, contact_table
 from dolfinx_contact.results.uniqueness import Theory, Uniqueness, check_seconds
 from dolfinx_contact.solvers.choice import LinearSolverChoice
 from dolfinx_contact.solvers.history import Attempt, SolveProgress, Step
-from dolfinx_contact.solvers.ladder import solve
 from dolfinx_contact.solvers.linear import LinearSolver
-from dolfinx_contact.solvers.newton import Newton
-from dolfinx_contact.solvers.strategies import Trial
+from dolfinx_contact.solvers.strategies import Trial, solve
 
 if TYPE_CHECKING:
     from dolfinx_contact.algorithms import Algorithm, PointProblem
@@ -100,7 +91,13 @@ def _check_step(a: Arguments) -> None:
 
 
 def _check_solve(a: Arguments) -> None:
-    a.expected = listed(a.expected)
+    try:
+        a.expected = [list(statuses) for statuses in a.expected]
+    except TypeError:
+        raise ValueError(
+            "expected must be a list of statuses, each a list of arrays, surface by surface; got "
+            f"{a.expected!r}"
+        ) from None
     if not is_count(a.increments):
         raise ValueError(f"the number of increments must be 1 or more, got {a.increments!r}")
     if not (isinstance(a.algorithm, str) and a.algorithm == "newton"):
@@ -113,8 +110,7 @@ def _check_solve(a: Arguments) -> None:
 def _check(a: Arguments) -> None:
     require_real()
     instance(a.u, "the displacement", fem.Function)
-    a.surfaces, a.bcs = lists(a.surfaces, a.bcs)
-    check(a.bulk, a.u, a.surfaces, a.bcs)
+    a.surfaces, a.bcs = check(a.bulk, a.u, a.surfaces, a.bcs)
     if a.r is not None:
         positive(a.r, "the augmentation parameter r", "positive")
     a.petsc_options = {} if a.petsc_options is None else a.petsc_options
@@ -159,6 +155,7 @@ def discretise(contact: Contact, *, linear: bool = True) -> DiscreteSurface:
     return SlidingPair(contact)
 
 
+@dataclass
 class _LastWrite:
     """Unknowns and statuses that a problem wrote last, and the memory of the law there.
 
@@ -166,41 +163,15 @@ class _LastWrite:
     The statuses of the last write are therefore valid as long as the unknowns are identical bit by
     bit.
 
-    Args:
-        comm: communicator of the problem.
+    Attributes:
+        unknowns: owned values of all unknowns, in the user's units, shape (n,).
+        statuses: statuses of the contact points.
+        previous: memory of the law under which the unknowns were written.
     """
 
-    def __init__(self, comm: MPI.Comm):
-        self._comm = comm
-        self._unknowns: npt.NDArray[np.float64] | None = None
-        self._statuses: Statuses = ()
-        self._previous: Sequence[Memory | None] = ()
-
-    def note(
-        self,
-        unknowns: npt.NDArray[np.float64],
-        statuses: Statuses,
-        previous: Sequence[Memory | None],
-    ) -> None:
-        """Store owned unknowns (n,), statuses and the memory of their law. Not collective."""
-        self._unknowns = unknowns.copy()
-        self._previous = previous
-        self._statuses = [np.array(codes, dtype=np.int8) for codes in statuses]
-
-    def statuses_at(self, unknowns: npt.NDArray[np.float64]) -> Statuses | None:
-        """Return the statuses of these unknowns, None if others were written. Collective."""
-        return self._statuses if self._is_at(unknowns) else None
-
-    def previous_at(self, unknowns: npt.NDArray[np.float64]) -> Sequence[Memory | None] | None:
-        """Return the memory of the law under which these unknowns were written. Collective.
-
-        None if other unknowns were written.
-        """
-        return self._previous if self._is_at(unknowns) else None
-
-    def _is_at(self, unknowns: npt.NDArray[np.float64]) -> bool:
-        same = self._unknowns is not None and np.array_equal(self._unknowns, unknowns)
-        return bool(self._comm.allreduce(int(same), op=MPI.MIN))
+    unknowns: npt.NDArray[np.float64] | None = None
+    statuses: Statuses = ()
+    previous: Sequence[Memory | None] = ()
 
 
 class ContactProblem(ReadOnly):
@@ -232,7 +203,9 @@ class ContactProblem(ReadOnly):
             contact nodes, and updated by a solve that finds the stiffness changed. It affects the
             iterates but not the solution, except in the integral method, whose weak conditions
             contain it (a difference that vanishes with the mesh size).
-        petsc_options_prefix: options prefix of the SNES.
+        petsc_options_prefix: options prefix of the SNES, which every strategy creates for itself.
+            The relative tolerance applies to the measures of the residual (`equations.measures`),
+            not to its norm. `Result.attempts` contains the outcome.
         petsc_options: options of the SNES, named without the prefix; options on the command line
             take precedence.
 
@@ -284,7 +257,6 @@ class ContactProblem(ReadOnly):
         "rigid_bodies",
         "snapshot",
         "solve",
-        "solver",
         "step_from",
         "support_forces",
         "table",
@@ -340,7 +312,7 @@ class ContactProblem(ReadOnly):
         self.equations = ContactEquations(body, self.V, self.surfaces, self.bcs, r=r, options=given)
         self._linear = LinearSolverChoice(self.equations)
         #: Shared by the problems of steps, which write the same Functions.
-        self._written = _LastWrite(self.comm)
+        self._written = _LastWrite()
         #: Checksum of mesh and surfaces, by which states of other problems are refused.
         self.signature = mesh_mark(self.V.mesh)
         for s in self.surfaces:
@@ -360,8 +332,6 @@ class ContactProblem(ReadOnly):
         equations = ContactEquations(
             body, self.V, self.surfaces, self.bcs, r=eq.forced_r, options=eq.options
         )
-        # The sides of the obstacles have been tested.
-        equations.moved, equations.wrong_sides = eq.moved, eq.wrong_sides
         return copy_with(self, equations=equations, _linear=LinearSolverChoice(equations))
 
     @collective("a step", _check_step)
@@ -439,7 +409,7 @@ class ContactProblem(ReadOnly):
     def put(self, x: PETSc.Vec, statuses: Statuses) -> None:
         """Copy unknowns into the Functions and rigid bodies; store their statuses. Collective."""
         self.read(x)
-        self.note_statuses(statuses)
+        self._note(statuses, self.equations.memory)
 
     def _owned_values(self) -> npt.NDArray[np.float64]:
         """Owned values of all unknowns, in the user's units (n,). Not collective."""
@@ -447,9 +417,27 @@ class ContactProblem(ReadOnly):
         parts = [f.x.array[:n] for f, n in zip(self.fields, sizes, strict=False)]
         return np.concatenate([*parts, self.equations.rigid.given])
 
-    def note_statuses(self, statuses: Statuses) -> None:
-        """Store the statuses that belong to the present unknowns. Not collective."""
-        self._written.note(self._owned_values(), statuses, self.equations.memory)
+    def _note(self, statuses: Statuses, previous: Sequence[Memory | None]) -> None:
+        """Store the statuses of the present unknowns and the memory of their law."""
+        self._written.unknowns = self._owned_values()
+        self._written.statuses = [np.array(codes, dtype=np.int8) for codes in statuses]
+        self._written.previous = previous
+
+    def _last_write(self) -> _LastWrite | None:
+        """Return the last write; None if the unknowns have changed since. Collective."""
+        before = self._written.unknowns
+        same = before is not None and np.array_equal(before, self._owned_values())
+        return None if anywhere(self.comm, not same)[0] else self._written
+
+    @contextmanager
+    def _unknowns(self) -> Iterator[PETSc.Vec]:
+        """Unknowns in the Functions as a vector, which is freed after the context. Collective."""
+        x = self.create_vector()
+        self.write(x)
+        try:
+            yield x
+        finally:
+            x.destroy()
 
     @property
     def statuses(self) -> Statuses:
@@ -457,16 +445,14 @@ class ContactProblem(ReadOnly):
         written = self.written_statuses
         if written is not None:
             return written
-        x = self.create_vector()
-        self.write(x)
-        statuses = self.equations.contact(x).statuses
-        x.destroy()
-        return statuses
+        with self._unknowns() as x:
+            return self.equations.contact(x).statuses
 
     @property
     def written_statuses(self) -> Statuses | None:
         """Statuses of the last write; None if the unknowns have changed since. Collective."""
-        return self._written.statuses_at(self._owned_values())
+        written = self._last_write()
+        return None if written is None else written.statuses
 
     def snapshot(self) -> State:
         """Return the state in the Functions and the rigid bodies as a frozen value. Collective.
@@ -475,11 +461,8 @@ class ContactProblem(ReadOnly):
         otherwise displacement and multipliers determine them.
         """
         self.equations.require_same_mesh()
-        x = self.create_vector()
-        self.write(x)
-        state = self.state_at(x, self.written_statuses)
-        x.destroy()
-        return state
+        with self._unknowns() as x:
+            return self.state_at(x, self.written_statuses)
 
     def state_at(self, x: PETSc.Vec, statuses: Statuses | None = None) -> State:
         """Return the state at given unknowns. Collective.
@@ -524,7 +507,7 @@ class ContactProblem(ReadOnly):
             f.x.array[:] = values
         for body, motion in zip(self.rigid_bodies, state.motions, strict=True):
             body.values = motion.copy()
-        self._written.note(self._owned_values(), state.statuses, state.previous)
+        self._note(state.statuses, state.previous)
 
     def _require_state(self, state: State | None) -> None:
         """Raise ``ValueError`` unless a state belongs to this problem, whose mesh has not moved."""
@@ -578,13 +561,15 @@ class ContactProblem(ReadOnly):
             state: state to evaluate; default: present values of the Functions.
             statuses: statuses with which the laws are evaluated; by default those of the state.
         """
-        x = self.create_vector()
-        b = self.create_vector()
-        with self._shown(state) as problem:
-            problem.write(x)
+        with self._shown(state) as problem, problem._unknowns() as x:
             statuses = problem.written_statuses if statuses is None else statuses
-            evaluation = problem.equations.residual(x, b, statuses)
-        x.destroy(), b.destroy()
+            return problem._evaluated(x, statuses)
+
+    def _evaluated(self, x: PETSc.Vec, statuses: Statuses | None = None) -> Evaluation:
+        """Evaluate H at given unknowns. Collective."""
+        b = self.create_vector()
+        evaluation = self.equations.residual(x, b, statuses)
+        b.destroy()
         return evaluation
 
     @contextmanager
@@ -626,35 +611,10 @@ class ContactProblem(ReadOnly):
         In an observer of an evolution, and after the run, this is the law of the last step, as long
         as the Functions are unchanged. Otherwise it is the law of this problem.
         """
-        previous = self._written.previous_at(self._owned_values())
-        if previous is None or any(memory is not None for memory in self.equations.memory):
+        written = self._last_write()
+        if written is None or any(memory is not None for memory in self.equations.memory):
             return self
-        return self.with_memory(previous)
-
-    @property
-    def solver(self) -> PETSc.SNES:
-        """SNES with the settings and the outcome of Newton's method, for inspection.
-
-        Options prefix, type and tolerances, also of its KSP, come from `petsc_options` and the
-        command line. Reason, iterations and norm belong to the last Newton run; a solve may need
-        several (`Result.attempts` has all of them). The object stays the same, and access is
-        collective only before the first solve.
-
-        Settings made here do not affect a solve; use `petsc_options`. Every strategy runs a SNES of
-        its own, which is freed with its factorisation. The relative tolerance applies to the
-        measures of the residual (`equations.measures`), not to its norm.
-
-        Example:
-            ::
-
-                problem.solve()
-                assert problem.solver.getConvergedReason() > 0
-                print(problem.solver.getIterationNumber(), problem.solver.getTolerances())
-        """
-        if not self.equations.snes:
-            with Newton(self.equations, self._linear(), "none", None):
-                pass
-        return self.equations.snes
+        return self.with_memory(written.previous)
 
     @property
     def linear_solver(self) -> LinearSolver:
@@ -799,65 +759,67 @@ class ContactProblem(ReadOnly):
                 that is not finite, a negative friction field, a clamped node inside the obstacle).
             ConvergenceError: if no strategy converges; the Functions keep their values.
         """
-        return self._solved(algorithm, monitor, increments, progress, Trial(tuple(expected)))[0]
+        trial = Trial(tuple(expected))
+        return self.solve_step(
+            trial, algorithm=algorithm, monitor=monitor, increments=increments, progress=progress
+        )[0]
 
     def solve_step(
-        self, trial: Trial | None = None, *, progress: bool | None, shown: Shown | None = None
+        self,
+        trial: Trial | None = None,
+        *,
+        algorithm: str | Algorithm = "newton",
+        monitor: Callable[[Step], None] | None = None,
+        increments: int = _INCREMENTS,
+        progress: bool | None,
+        shown: Shown | None = None,
     ) -> tuple[Result, Evaluation]:
-        """Solve with the defaults of `solve`; return also the final evaluation. Collective.
+        """Solve as in `solve`; return also the final evaluation. Collective.
 
         Args:
             trial: strategies of the solver; default: all.
+            algorithm: see `solve`.
+            monitor: see `solve`.
+            increments: see `solve`.
             progress: see `solve`.
             shown: function of the solution that returns the equations and the evaluation for tables
                 and indicators; default: those of the solution.
         """
-        return self._solved("newton", None, _INCREMENTS, progress, trial or Trial(), shown)
-
-    def _solved(
-        self,
-        algorithm: str | Algorithm,
-        monitor: Callable[[Step], None] | None,
-        increments: int,
-        progress: bool | None,
-        trial: Trial,
-        shown_at: Shown | None = None,
-    ) -> tuple[Result, Evaluation]:
-        """Solve as in `solve_step`; return also the final evaluation. Collective."""
+        trial = trial or Trial()
         same_everywhere(self.comm, expected_statuses=len(trial.expected))
         if anywhere(self.comm, monitor is not None)[0]:
             monitor = self._on_all_ranks(monitor)
-        fits = all(fit(self.surfaces, statuses) for statuses in trial.expected)
+        fits = all([self._have(statuses) for statuses in trial.expected])
         require(self.comm, fits, "the expected statuses are not those of these contact points")
-        shown = SolveProgress(self.comm, progress)
-        x0 = self.create_vector()
-        self.write(x0)
-        try:
-            if isinstance(algorithm, str):
-                x, attempts = solve(
-                    self.equations,
-                    self._linear,
-                    x0,
-                    monitor=monitor,
-                    increments=increments,
-                    progress=shown,
-                    trial=trial,
-                )
-            else:
-                validate(self.equations, x0)
-                x, attempts = _classical().solve_by(
-                    algorithm, self.equations, self._linear, x0, monitor=monitor, progress=shown
-                )
-            with self.restored():
-                result, state = self._collected(x, attempts, attempts[-1].state, shown_at)
-            x.destroy()
-            shown.end(result.iterations)
-            if self._warned is None:
-                self.log_warnings(result)
-            return result, state
-        finally:
-            shown.end()
-            x0.destroy()
+        line = SolveProgress(self.comm, progress)
+        notified: dict[str, Any] = {"monitor": monitor, "progress": line}
+        eq, linear = self.equations, self._linear
+        with self._unknowns() as x0:
+            try:
+                if isinstance(algorithm, str):
+                    x, attempts = solve(
+                        eq, linear, x0, increments=increments, trial=trial, **notified
+                    )
+                else:
+                    validate(eq, x0)
+                    x, attempts = _classical().solve_by(algorithm, eq, linear, x0, **notified)
+                with self.restored():
+                    state = attempts[-1].state or self._evaluated(x)
+                    result = self._collected(x, attempts, state, shown)
+                x.destroy()
+                line.end(result.iterations)
+            finally:
+                line.end()
+        if self._warned is None:
+            self.log_warnings(result)
+        return result, state
+
+    def _have(self, statuses: Statuses) -> bool:
+        """Return whether statuses are statuses of these contact points. Not collective."""
+        return len(statuses) == len(self.surfaces) and all(
+            np.shape(codes) == (s.points.number,) and np.isin(codes, s.law_at_points.codes).all()
+            for s, codes in zip(self.surfaces, statuses, strict=True)
+        )
 
     def _on_all_ranks(self, monitor: Callable[[Step], None] | None) -> Callable[[Step], None]:
         """Wrap a monitor so that an error on one rank is an error on all. Collective."""
@@ -900,23 +862,16 @@ class ContactProblem(ReadOnly):
         from dolfinx_contact.analysis.body_proofs import uniqueness
 
         # A question by default concerns the law of this problem, not that of the last step.
-        with self._shown(state) as problem:
+        with self._shown(state) as problem, problem._unknowns() as x:
             eq = problem.equations
-            x = problem.create_vector()
-            problem.write(x)
-            try:
-                validate(eq, x)
-                evaluation = problem.evaluate()
-                moves = state is not None and state.velocity is not None
-                require_solution(problem, _IN_MOTION if moves else "")
-                answer = uniqueness(
-                    eq, problem._linear, x, evaluation, proof_seconds, problem.state_at
-                )
-                proved = answer.verdict == "proved"
-                violation = small_sliding_violated(eq, evaluation) if proved else ""
-                return Uniqueness("not proved", violation) if violation else answer
-            finally:
-                x.destroy()
+            validate(eq, x)
+            evaluation = problem.evaluate()
+            moves = state is not None and state.velocity is not None
+            require_solution(problem, _IN_MOTION if moves else "")
+            answer = uniqueness(eq, problem._linear, x, evaluation, proof_seconds, problem.state_at)
+            proved = answer.verdict == "proved"
+            violation = small_sliding_violated(eq, evaluation) if proved else ""
+            return Uniqueness("not proved", violation) if violation else answer
 
     def theory(self) -> Theory:
         """Return the theorems on existence and uniqueness that apply to the data. Collective.
@@ -926,13 +881,9 @@ class ContactProblem(ReadOnly):
         """
         from dolfinx_contact.analysis.theory import theory_of
 
-        x = self.create_vector()
-        self.write(x)
-        try:
+        with self._unknowns() as x:
             validate(self.equations, x)
             return theory_of(self.equations)
-        finally:
-            x.destroy()
 
     def reduced(self) -> PointProblem:
         """Return the problem condensed onto its contact points, on every rank. Collective.
@@ -943,40 +894,29 @@ class ContactProblem(ReadOnly):
             ValueError: on every rank, if the problem cannot be condensed: the body is not linear or
                 not held by Dirichlet data, contact is not nodal, or a law is not supported.
         """
-        x = self.create_vector()
-        self.write(x)
-        try:
+        with self._unknowns() as x:
             validate(self.equations, x)
             contact: PointProblem = _classical().reduced_contact(self.equations, x)
             return contact
-        finally:
-            x.destroy()
 
     def collect(
         self, x: PETSc.Vec, attempts: Sequence[Attempt], statuses: Statuses | None = None
     ) -> Result:
         """Copy a solution into the Functions and return its result. Collective."""
-        b = self.create_vector()
-        state = self.equations.residual(x, b, statuses)
-        b.destroy()
-        return self._collected(x, attempts, state)[0]
+        return self._collected(x, attempts, self._evaluated(x, statuses))
 
     def _collected(
         self,
         x: PETSc.Vec,
         attempts: Sequence[Attempt],
-        state: Evaluation | None,
+        state: Evaluation,
         shown: Shown | None = None,
-    ) -> tuple[Result, Evaluation]:
-        """Copy a solution into the Functions; return its result and its evaluation. Collective."""
-        if state is None:
-            b = self.create_vector()
-            state = self.equations.residual(x, b)
-            b.destroy()
+    ) -> Result:
+        """Copy a solution into the Functions and return its result. Collective."""
         for attempt in attempts:
             attempt.state = None
         self.put(x, state.statuses)
-        return collect(self.equations, state, attempts, shown), state
+        return collect(self.equations, state, attempts, shown)
 
     @contextmanager
     def warning_once(self) -> Iterator[None]:
@@ -1001,5 +941,4 @@ class ContactProblem(ReadOnly):
         `destroy` matters only for many problems on several ranks, each with its own mesh.
         """
         self._linear.destroy()
-        self.equations.snes.destroy()
         self.equations.bulk.destroy()

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import json
 import os
-import time
 import zlib
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
@@ -23,7 +22,7 @@ import numpy.typing as npt
 
 from dolfinx_contact._files import part_of
 from dolfinx_contact._mpi import Arguments, collective, everywhere
-from dolfinx_contact._progress import Line
+from dolfinx_contact._progress import Progress
 from dolfinx_contact._validate import count, positive
 from dolfinx_contact.analysis.event_curves import CurveOverMu, EventCurve, EventCurves
 from dolfinx_contact.analysis.family import ContactFamily
@@ -36,7 +35,6 @@ __all__ = ["Chart", "ChartCell", "ChartCurve", "count_solutions", "letters", "so
 Array = npt.NDArray[np.float64]
 Codes = tuple[bytes, ...]
 
-_PATIENCE = 3.0  # seconds before progress is shown
 _KIND = "a chart of solutions"
 _FORMAT = 2
 _STEPS = 32  # of a curve, between two points at which its statuses change
@@ -222,11 +220,10 @@ def solutions_at(
     """
     comm = family.comm
     mine = {}
-    line = Line(comm)
-    begun = time.monotonic()
+    line = Progress(comm)
     with everywhere(comm, what):
         for number in range(comm.rank, len(places), comm.size):
-            if time.monotonic() - begun > _PATIENCE:
+            if line.due:
                 line.update(f"solutions in {what}: {number + 1} of {len(places)}")
             starts = [np.frombuffer(codes, dtype=np.int8) for codes in known[number]]
             problem = family.problem(*places[number])

@@ -115,7 +115,7 @@ class MovingBody:
         damping: damping matrix C, or None.
         step: present time step.
         linear, kinks, is_energy, functions, constants, displacement, jacobian_constants,
-            assemblies, seconds: see `Bulk`; like `residual`, without inertia.
+            assemblies: see `Bulk`; like `residual`, without inertia.
     """
 
     has_mass = True
@@ -134,7 +134,6 @@ class MovingBody:
         self.jacobian_constants = body.jacobian_constants
         self.kinks = body.kinks
         self.materials = body.materials
-        self.seconds = (0.0, 0.0)
         self.assemblies = 0
         self._owned = mass.getLocalSize()[0]
         self.step = step
@@ -287,7 +286,6 @@ class MovingBody:
         self._forget_half()
         self._of = of
         self.assemblies = self.assemblies + 1
-        self.seconds = self.body.seconds
         return self._K
 
     @property

@@ -19,7 +19,6 @@ import numpy.typing as npt
 
 from dolfinx import fem
 
-from dolfinx_contact._geometry import node_positions
 from dolfinx_contact._mpi import SharedValues, largest, require, total
 from dolfinx_contact.laws.status import STICK
 from dolfinx_contact.points.crossings import crossings
@@ -36,7 +35,6 @@ Mask = npt.NDArray[np.bool_]
 
 _TOLERANCE = 1e-6  # direction cosine that counts as zero
 _SAME = 1e-9  # gap, relative to the size of the body, that counts as zero
-_CONTRADICTION = 1e-10  # difference of Dirichlet values, relative to the largest, beyond round-off
 
 
 class Constraints:
@@ -67,7 +65,6 @@ class Constraints:
     ):
         self._V = V
         self._bcs = list(bcs)
-        self._warned = False
         self._read: fem.Function | None = None  # receives the values
         # A value may itself be NaN, so a component is fixed if either filling is overwritten.
         self.fixed = np.isfinite(self.values()) | np.isnan(self.values(fill=0.0))
@@ -85,8 +82,6 @@ class Constraints:
         self._owned = [s.points.Q.dofmap.index_map.size_local for s in surfaces]
         self._normals = [s.points.vertex_normals.copy() for s in surfaces]
         for s, held, vertices in zip(surfaces, self.held, crossing, strict=True):
-            objection = self._objection_to_slave(s)
-            require(s.comm, not objection, objection)
             removed = _removed(s, held)
             if s.degrees[1] == 1:  # other degrees have no crossings
                 removed[vertices] = True
@@ -137,7 +132,7 @@ class Constraints:
         """Raise ``ValueError`` for Dirichlet values that contact does not allow. Collective.
 
         These are values that are not finite, clamped nodes inside an obstacle, and nodes off their
-        plane of symmetry. Contradicting conditions cause a warning.
+        plane of symmetry.
 
         Args:
             surfaces: contact surfaces.
@@ -147,7 +142,6 @@ class Constraints:
         values = self.values()
         finite = bool(np.isfinite(values[self.fixed]).all())
         require(self._V.mesh.comm, finite, f"a Dirichlet value is not finite{where}")
-        self._warn_of_contradictions()
         prescribed = np.where(self.fixed, values, 0.0)
         for i, s in enumerate(surfaces):
             s.require_in_place(prescribed, size, where)
@@ -192,50 +186,7 @@ class Constraints:
             return f"Dirichlet data push a contact node {-at_held:.3g} into the obstacle"
         return ""
 
-    def _warn_of_contradictions(self) -> None:
-        """Warn, once, of components with two values. Collective."""
-        V = self._V
-        comm = V.mesh.comm
-        if self._warned or len(self._bcs) < 2:
-            return
-        values: Array = np.full((len(self._bcs), self.fixed.size), np.nan)
-        for row, bc in zip(values, self._bcs, strict=True):
-            bc.set(row)
-        low, high = np.fmin.reduce(values), np.fmax.reduce(values)
-        size = comm.allreduce(np.nanmax(np.abs(values), initial=0.0), op=max)
-        bs = V.dofmap.index_map_bs
-        wrong = np.flatnonzero(high - low > _CONTRADICTION * size)
-        x = np.round(node_positions(V)[wrong // bs, : V.mesh.geometry.dim], 12) + 0.0
-        rows = [([*x[k]], int(i % bs), low[i], high[i]) for k, i in enumerate(wrong)]
-        everywhere = sorted(row for part in comm.allgather(rows) for row in part)
-        self._warned = bool(everywhere)
-        if everywhere and comm.rank == 0:
-            place, i, least, most = everywhere[0]
-            logger.warning(
-                "two Dirichlet conditions contradict each other: component %s at (%s) is %g and "
-                "%g; the later one in the list holds",
-                "xyz"[i],
-                ", ".join(f"{c:.6g}" for c in place),
-                least,
-                most,
-            )
-
     # -- surfaces --------------------------------------------------------------------------------
-
-    def _objection_to_slave(self, s: DiscreteSurface) -> str:
-        """Return the objection to a mortar slave with more held nodes than the master has nodes."""
-        if not s.between_bodies or s.obstacle.opposite.matching:
-            return ""
-        n = self._V.dofmap.index_map.size_local
-        on_slave, on_master = s.obstacle.opposite.sides
-        held = on_slave[:n] & self.fixed[:n].all(axis=1)
-        counts = total(s.comm, np.array([int(held.sum()), int(on_master[:n].sum())]))
-        if counts[0] <= counts[1]:
-            return ""
-        return (
-            f"{s.name}: Dirichlet data hold {counts[0]:.0f} nodes of the slave, more than the "
-            f"{counts[1]:.0f} that the master has to meet them; exchange slave and master"
-        )
 
     def _held(self, s: DiscreteSurface) -> Mask:
         """Return the mask of the fixed components of the jump. Collective."""

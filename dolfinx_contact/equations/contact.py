@@ -76,7 +76,6 @@ class ContactEquations:
         body_size: diagonal of the bounding box of the body, a length.
         rigid: rigid bodies that surfaces touch.
         scaling: typical stiffness, augmentation parameters and loose motions.
-        snes: SNES shown to users (`ContactProblem.solver`); empty before the first solve.
         axisymmetric: whether the body is a body of revolution.
         memory: memory of the points of each surface at the beginning of the step; None under the
             static law. See `with_memory`.
@@ -98,9 +97,10 @@ class ContactEquations:
         self.dim = V.mesh.geometry.dim
         self.surfaces = list(surfaces)
         self.memory: tuple[Memory | None, ...] = (None,) * len(self.surfaces)
+        #: Surfaces with a warning about an obstacle that moves along itself.
+        self.dragging: set[str] = set()
         self.bcs = list(bcs)
         self.options = options
-        self.snes = PETSc.SNES()
         check_overlap(self.surfaces)
         self.axisymmetric = self.surfaces[0].axisymmetric
         for s in self.surfaces:
@@ -126,10 +126,6 @@ class ContactEquations:
         self.scaling = Scaling(bulk, V, self.surfaces, self.constraints.fixed, self.rigid, r)
         per_area = [self.stiffness_scale / s.points.mean_vertex_area for s in self.surfaces]
         self.units = [1.0, *per_area, 1.0]
-        #: Numbers of the surfaces moved since `validation.check_sides`, and names of those
-        #: reported there.
-        self.moved = set(range(len(self.surfaces)))
-        self.wrong_sides: set[str] = set()
         if not bulk.linear:
             bulk.destroy()
 
@@ -208,16 +204,20 @@ class ContactEquations:
         pairs = zip(state.surfaces, codes, strict=True)
         return Evaluation(state.u, state.q, [replace(s, statuses=held) for s, held in pairs])
 
-    def refresh(self) -> None:
-        """Update surfaces with changed data, and the ghosts of Functions. Collective."""
+    def refresh(self) -> bool:
+        """Update surfaces with changed data, and the ghosts of Functions. Collective.
+
+        Returns:
+            Whether a surface has changed.
+        """
         parts = [self.bulk, *self.surfaces]
-        changed = anywhere(self.comm, *(part.has_changed for part in parts))
-        if changed[0]:
+        outdated, *moved = anywhere(self.comm, *[part.has_changed for part in parts])
+        if outdated:
             self.bulk.update_ghosts()
-        for i, s in enumerate(self.surfaces):
-            if changed[i + 1]:
+        for s, changed in zip(self.surfaces, moved, strict=True):
+            if changed:
                 s.update_geometry()
-                self.moved.add(i)
+        return any(moved)
 
     def _contact(
         self, x: PETSc.Vec, u: Array, q: Array, statuses: Statuses | None
@@ -339,9 +339,11 @@ class ContactEquations:
             du: increment of ``u``.
             dq: increment of ``q``.
         """
-        at, step = (v[: self.owned_sizes[0]].reshape(-1, self.dim) for v in (u, du))
+        n = self.owned_sizes[0]
+        step = du[:n].reshape(-1, self.dim)
         if s.rigid_body is None:
             return step
+        at = u[:n].reshape(-1, self.dim)
         return self.rigid.relative_rate(s, at, q, step, dq)
 
     def _change(
@@ -385,7 +387,7 @@ class ContactEquations:
 
     def _any(self, *values: npt.ArrayLike) -> bool:
         """Whether any value is nonzero on any rank. Collective."""
-        return any(anywhere(self.comm, *(bool(np.any(v)) for v in values)))
+        return any(anywhere(self.comm, *[bool(np.any(v)) for v in values]))
 
     def _with_removed(self, i: int, rows: Array, x: PETSc.Vec | None) -> Array:
         """Insert the rows of removed multipliers into the contact rows of surface ``i``."""
@@ -456,16 +458,6 @@ class ContactEquations:
         """
         return 0.5 * self.constraints.approach(s, u.reshape(-1, self.dim))
 
-    def loose_motions(self, statuses: Statuses, state: Evaluation | None = None) -> str:
-        """Rigid motions held neither by Dirichlet data nor by these statuses; "" if none.
-
-        Args:
-            statuses: statuses of the contact points.
-            state: evaluation whose shear indicates where slipping points hold, too (`loose`);
-                default: none.
-        """
-        return self.scaling.loose.not_held(statuses, state)
-
     @contextmanager
     def ramped(self, x: PETSc.Vec) -> Iterator[None]:
         """Prescribe the part `prescribed.part` of the way from ``x`` to the data. Collective."""
@@ -533,7 +525,7 @@ class ContactEquations:
         their round-off is 1e-15 of the moduli even without load.
         """
         strain = 0.0 if self.bulk.linear else 1e-5 * self.body_size
-        return self.stiffness_scale * max(1e-4 * displacement, strain)
+        return self.scaling.stiffness * max(1e-4 * displacement, strain)
 
 
 def _fits(memory: Memory, s: DiscreteSurface) -> bool:

@@ -158,7 +158,7 @@ class ContactTerms:
     @property
     def changed(self) -> bool:
         """Whether the pattern has changed since `set_up`, so matrices must be created again."""
-        return any(terms.changed for _, terms in self._sliding)
+        return any([terms.changed for _, terms in self._sliding])
 
     def set_up(self) -> list[Entries]:
         """Return the places of the entries. Collective."""
@@ -173,7 +173,7 @@ class ContactTerms:
     def add(self, state: Evaluation, A: PETSc.Mat) -> None:
         """Add S at an evaluation to ``A``. Collective."""
         parts = [block.values(state.surfaces[i]) for i, block in self._blocks]
-        held = self._equations.stiffness_scale * self._held
+        held = self._equations.scaling.stiffness * self._held
         self._entries.add(np.concatenate([held, *parts]), A)
         for i, terms in self._sliding:
             terms.add(state.surfaces[i], A)

@@ -12,6 +12,7 @@ All maxima are NaN if one of their values is NaN.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -88,19 +89,22 @@ class Scales:
         eq = self._equations
         assert state.reactions is not None
         stiffness = eq.scaling.stiffness
-        # equilibrium and Dirichlet data
         body, *contact, rigid = state.rows
         held, held_rigid = eq.fixed[: len(body)], eq.rigid.fixed[: len(rigid)]
-        force = _largest(body[~held], rigid[~held_rigid])
-        dirichlet = _largest(body[held], rigid[held_rigid]) / stiffness
-        # contact conditions
         pairs = zip(eq.surfaces, state.surfaces, contact, eq.scaling.at_vertices, strict=True)
-        found = np.array([_of_surface(*pair) for pair in pairs]).max(axis=0)
-        constraint, cone, nodal, moved = found
+        constraint, cone, nodal, moved = np.max([_of_surface(*pair) for pair in pairs], axis=0)
+        # equilibrium and Dirichlet data
+        force, dirichlet, reaction, length = _largest(
+            (body[~held], rigid[~held_rigid]),
+            (body[held], rigid[held_rigid]),
+            (state.reactions[held],),
+            (state.u, state.q),
+        )
+        dirichlet /= stiffness
         # scales; a moving body has a length scale even while it passes its undeformed position
         first = force if self.force == 0.0 else 0.0
-        forces = np.max([first, _largest(state.reactions[held]), nodal])
-        lengths = np.max([_largest(state.u, state.q), eq.bulk.reach, dirichlet, moved])
+        forces = np.max([first, reaction, nodal])
+        lengths = np.max([length, eq.bulk.reach, dirichlet, moved])
         values = np.array([forces, lengths, force, np.max([dirichlet, constraint]), cone])
         values = largest(eq.comm, values)
         self.force = max(self.force, float(values[0]))
@@ -152,7 +156,8 @@ def held_back(s: DiscreteSurface, found: ContactState, stiffness: Array) -> floa
     # Gauss points belong to several vertices; the largest stiffness gives the strictest test.
     nodal = s.points.E is None
     resists = stiffness[: len(traction)] if nodal else float(stiffness.max())
-    return _largest(np.divide(traction, resists, out=np.zeros_like(traction), where=resists > 0))
+    moved = np.divide(traction, resists, out=np.zeros_like(traction), where=resists > 0)
+    return float(moved.max(initial=0.0))
 
 
 def _of_surface(
@@ -169,13 +174,15 @@ def _of_surface(
         largest displacement that it would cause or that removes a penetration in the mesh.
     """
     points = s.points
-    depth = float(np.max(-points.vertex_gaps, initial=0.0))
-    moved = float(np.max([held_back(s, found, stiffness), depth]))
+    moved = float(
+        np.max([held_back(s, found, stiffness), np.max(-points.vertex_gaps, initial=0.0)])
+    )
     if points.E is not None:
         area = points.vertex_areas
-        unit = s.comm.allreduce(_largest(points.r * area), op=max)
-        size = _largest(rows)
-        return size / unit, size, _largest(found.traction) * _largest(area), moved
+        unit, size, traction, width = _largest(
+            (points.r * area,), (rows,), (found.traction,), (area,)
+        )
+        return size / s.comm.allreduce(unit, op=max), size, traction * width, moved
     area = points.areas
     n = found.data.n
     rows = rows.reshape(-1, s.dim)
@@ -186,12 +193,15 @@ def _of_surface(
     stuck = senses(found.statuses) == STICK
     # The shear residual of a slipping point divided by r is a length, too: the error of the slip
     # direction. Friction may hold an open point.
-    lengths = np.array([np.where(touching, along, 0.0), np.where(touching | stuck, across, 0.0)])
-    sizes = np.array([np.where(touching, 0.0, along), np.where(stuck, 0.0, across)])
-    force = _largest(found.traction * area[:, None])
-    return _largest(lengths / (points.data.r * area)), _largest(sizes), force, moved
+    unit = points.data.r * area
+    length, size, force = _largest(
+        (np.where(touching, along, 0.0) / unit, np.where(touching | stuck, across, 0.0) / unit),
+        (np.where(touching, 0.0, along), np.where(stuck, 0.0, across)),
+        (found.traction * area[:, None],),
+    )
+    return length, size, force, moved
 
 
-def _largest(*values: npt.NDArray[Any]) -> float:
-    """Return the largest magnitude in arrays, 0 if they are empty."""
-    return float(np.max([np.abs(v).max(initial=0.0) for v in values]))
+def _largest(*groups: Sequence[npt.NDArray[Any]]) -> list[float]:
+    """Return the largest magnitude in the arrays of each group, 0 if they are empty."""
+    return [float(np.max([np.abs(v).max(initial=0.0) for v in group])) for group in groups]

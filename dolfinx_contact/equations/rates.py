@@ -23,7 +23,7 @@ from ufl.algorithms.analysis import extract_constants
 
 from dolfinx_contact._compat import interpolation_points
 from dolfinx_contact._forms import compiled_expression, compiled_form
-from dolfinx_contact._ufl import dependence, is_affine
+from dolfinx_contact._ufl import derivative, is_affine, not_affine
 from dolfinx_contact.equations.evaluation import ContactState
 from dolfinx_contact.equations.rigid_bodies import RigidBodies
 from dolfinx_contact.points.evaluation import Given
@@ -59,32 +59,25 @@ class Rate:
         The derivative is expanded.
         """
         e = ufl.as_ufl(e)
-        return self._derivative(e) if depends_on(self.gamma, e) else 0.0 * e
+        return derivative(e, self.gamma) if depends_on(self.gamma, e) else 0.0 * e
 
     def of_form(self, form: ufl.Form) -> fem.Form | None:
         """Return the derivative of a form, compiled; None if it vanishes."""
         if not depends_on(self.gamma, form):
             return None
-        rate = self._derivative(form)
+        rate = derivative(form, self.gamma)
         return None if rate.empty() else compiled_form(rate)
 
     def constants_of(self, e: Any) -> list[fem.Constant]:
         """Return the Constants in the derivative of a form or an expression."""
         present = depends_on(self.gamma, e)
-        return list(extract_constants(self._derivative(_as_ufl(e)))) if present else []
+        return list(extract_constants(derivative(_as_ufl(e), self.gamma))) if present else []
 
     def not_affine(self, e: Any) -> str:
         """Return the part of a form or expression that is not affine in gamma; "" if all is."""
         if isinstance(e, ufl.Form) and is_affine(e, self.gamma):
             return ""
-        found = dependence(e, self.gamma)
-        return "" if found.is_affine else found.text
-
-    def _derivative(self, e: Any) -> Any:
-        """Expanded derivative of a form or expression that contains gamma."""
-        variable = ufl.variable(self.gamma)
-        rate = ufl.diff(ufl.replace(e, {self.gamma: variable}), variable)
-        return ufl.algorithms.expand_derivatives(rate)
+        return not_affine(_as_ufl(e), self.gamma)
 
 
 class Driven:

@@ -102,7 +102,7 @@ class _Pieces:
     means: Array
 
     def of_pairs(self, master: Indices) -> _Pieces:
-        """Sums over the pieces of a pair of facets, which are one after the other.
+        """Return sums over the pieces of a pair of facets, which are consecutive.
 
         Args:
             master: facets of the master (p,).
@@ -277,7 +277,7 @@ class SlidingTerms:
         identity = np.eye(self._dim)
         coupling = self._unit * np.einsum("pca,ij->pciaj", at.coupling, identity)
         on_master, of_law = at.on_master, at.of_law
-        if (at.mirrors < 0).any():  # rows and columns of what images are of
+        if (at.mirrors < 0).any():  # rows and columns of the mirrored dofs
             theirs = at.mirrors[:, None].repeat(at.nodes.shape[1], axis=1)
             mine = np.ones((len(theirs), k, self._dim))
             bodies = np.concatenate([mine, theirs], axis=1)

@@ -71,14 +71,14 @@ def touching(eq: ContactEquations, load: float, state: Evaluation) -> Statuses:
     gaps = [eq.gaps(s, state) for s in eq.surfaces]
     reaches = [max(reach, _TOUCHES * eq.body_size) for reach in _reaches(eq, load, state)]
     found = eq.as_possible(_within(eq, gaps, reaches))
-    if not eq.loose_motions(found):
+    if not eq.scaling.loose.not_held(found):
         return found
     of_rigid, of_touched = eq.rigid.nearest(gaps), _touched(eq, gaps, state)
     nearest = [max(*near) for near in zip(of_rigid, of_touched, strict=True)]
     for band in _BANDS if max(nearest) > -np.inf else ():
         limits = zip(reaches, nearest, strict=True)
         found = _within(eq, gaps, [max(r, g + band * eq.body_size) for r, g in limits])
-        if not eq.loose_motions(found):
+        if not eq.scaling.loose.not_held(found):
             break
     return found
 

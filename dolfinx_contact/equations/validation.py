@@ -12,7 +12,7 @@ collective call per test raises the objection of the lowest rank on every rank.
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 from petsc4py import PETSc
@@ -31,7 +31,7 @@ from dolfinx_contact._validate import listed as as_list
 from dolfinx_contact.body.cells import cells_around, smallest_jacobian
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.data import Datum, data_of_surface, placed_data
-from dolfinx_contact.equations.evaluation import Evaluated, Evaluation, Statuses
+from dolfinx_contact.equations.evaluation import Evaluated, Evaluation
 from dolfinx_contact.laws.law import obeys
 from dolfinx_contact.laws.status import STICK, closed
 from dolfinx_contact.materials import Axisymmetric, materials_in
@@ -50,11 +50,8 @@ __all__ = [
     "check_times",
     "check_turn",
     "diverged",
-    "fit",
     "held_across",
     "inverted",
-    "listed",
-    "lists",
     "require_obstacles",
     "validate",
     "validate_data",
@@ -69,7 +66,6 @@ _ROUND_OFF = 1e-14  # relative excess of a bound that counts as round-off
 _AGAINST = -0.5  # cosine of contact normal and outward normal below which they disagree
 _BESIDE = 1e-3  # facet sizes from a contact point to the place where the body is searched
 _TIED = 8  # contact points nearest to an obstacle that are examined, per rank
-_FAR_OBSTACLE = 10.0  # body sizes from which an obstacle is far away
 _FAR = 1e5  # displacement, in body sizes, that is not an equilibrium
 _ACROSS = 1e-6  # component of a unit normal along a held direction
 #: Largest admissible slope of a gap along the normal at a touching point: -1 where a level set has
@@ -89,8 +85,16 @@ _TURNED = (
 # -- arguments of a problem ------------------------------------------------------------------------
 
 
-def lists(surfaces: Any, bcs: Any) -> tuple[list[Contact], list[fem.DirichletBC]]:
-    """Return descriptions of contact and Dirichlet conditions as lists, or raise ``ValueError``."""
+def check(
+    bulk: Any, u: fem.Function, surfaces: Any, bcs: Any
+) -> tuple[list[Contact], list[fem.DirichletBC]]:
+    """Return surfaces and Dirichlet conditions as lists if the arguments of a problem fit together.
+
+    Not collective.
+
+    Raises:
+        ValueError: if they do not.
+    """
     if isinstance(surfaces, Contact) or isinstance(bcs, fem.DirichletBC):
         raise ValueError("surfaces and bcs must be lists")
     surfaces, bcs = as_list(surfaces, "surfaces"), as_list(bcs, "bcs")
@@ -98,66 +102,41 @@ def lists(surfaces: Any, bcs: Any) -> tuple[list[Contact], list[fem.DirichletBC]
         raise ValueError("surfaces must be a list of ContactSurface, ContactPair or SelfContact")
     if not all(isinstance(bc, fem.DirichletBC) for bc in bcs):
         raise ValueError("bcs must be a list of Dirichlet conditions")
-    return surfaces, bcs
-
-
-def check(bulk: Any, u: fem.Function, surfaces: list[Contact], bcs: list[fem.DirichletBC]) -> None:
-    """Raise ``ValueError`` if the arguments of a problem do not fit together. Not collective."""
     if not isinstance(bulk, ufl.Form):
         density = isinstance(bulk, ufl.core.expr.Expr)
         hint = ": multiply the energy density by ufl.dx" if density else ""
         raise ValueError(f"the bulk must be a UFL form, got {type(bulk).__name__}{hint}")
-    for objection in _objections_to_arguments(bulk, u, surfaces):
-        raise ValueError(objection)
-    refuse_other_mesh(bulk, u.function_space.mesh, "the bulk")
-    for bc in bcs:
-        refuse_other_condition(bc, u.function_space.mesh)
-
-
-def _objections_to_arguments(
-    bulk: ufl.Form, u: fem.Function, surfaces: list[Contact]
-) -> Iterator[str]:
-    """Yield the reasons why surfaces do not fit the bulk, the displacement or each other."""
     names = [s.name for s in surfaces]
     plane = [s.name for s in surfaces if not s.axisymmetric]
     turned = [isinstance(m, Axisymmetric) for m in materials_in(bulk)]
-    if not surfaces:
-        yield "a contact problem needs at least one contact surface"
-    if any(s.u is not u for s in surfaces):
-        yield "every contact surface must be made with the displacement u"
-    if len(set(names)) < len(names):
-        yield f"contact surfaces need different names, got {names}"
-    if 0 < len(plane) < len(surfaces):
-        yield f"all contact surfaces are axisymmetric or none is, unlike {plane}"
-    if any(turned) and plane:
-        yield (
+    for wrong, objection in (
+        (not surfaces, "a contact problem needs at least one contact surface"),
+        (
+            any(s.u is not u for s in surfaces),
+            "every contact surface must be made with the displacement u",
+        ),
+        (len(set(names)) < len(names), f"contact surfaces need different names, got {names}"),
+        (
+            0 < len(plane) < len(surfaces),
+            f"all contact surfaces are axisymmetric or none is, unlike {plane}",
+        ),
+        (
+            any(turned) and plane,
             "the contact surfaces are plane, but the bulk is that of a body of revolution, whose "
-            "surfaces need axisymmetric=True"
-        )
-    if not all(turned) and not plane:
-        yield (
+            "surfaces need axisymmetric=True",
+        ),
+        (
+            not all(turned) and not plane,
             "the contact surfaces are axisymmetric, but the bulk is that of a plane body: use "
-            "materials.Axisymmetric"
-        )
-
-
-def listed(expected: Any) -> list[Statuses]:
-    """Return expected statuses as lists, or raise ``ValueError``. Not collective."""
-    try:
-        return [list(statuses) for statuses in expected]
-    except TypeError:
-        raise ValueError(
-            "expected must be a list of statuses, each a list of arrays, surface by surface; got "
-            f"{expected!r}"
-        ) from None
-
-
-def fit(surfaces: Sequence[DiscreteSurface], statuses: Statuses) -> bool:
-    """Return whether statuses are statuses of these contact points. Not collective."""
-    return len(statuses) == len(surfaces) and all(
-        np.shape(codes) == (s.points.number,) and np.isin(codes, s.law_at_points.codes).all()
-        for s, codes in zip(surfaces, statuses, strict=True)
-    )
+            "materials.Axisymmetric",
+        ),
+    ):
+        if wrong:
+            raise ValueError(objection)
+    refuse_other_mesh(bulk, u.function_space.mesh, "the bulk")
+    for bc in bcs:
+        refuse_other_condition(bc, u.function_space.mesh)
+    return surfaces, bcs
 
 
 # -- data before a solve ---------------------------------------------------------------------------
@@ -177,8 +156,10 @@ def validate(eq: ContactEquations, x0: PETSc.Vec) -> Evaluated | None:
     same_everywhere(eq.comm, "data of the problem", Constants=_numbers(eq))
     eq.require_same_mesh()
     check_moduli(eq)
-    eq.refresh()
-    check_sides(eq)
+    if eq.refresh():
+        _warn_of_dragging(eq)
+        if not any(eq.memory):  # in an evolution, `results.indicators` measures this
+            check_sides(eq)
     for s, memory in zip(eq.surfaces, eq.memory, strict=True):
         s.check_gaps()
         check_law(s, memory)
@@ -187,7 +168,7 @@ def validate(eq: ContactEquations, x0: PETSc.Vec) -> Evaluated | None:
     # the start, and H there
     names = ["displacement", *(f"traction of {s.name!r}" for s in eq.surfaces)]
     names.append("motion of the rigid bodies")
-    bad = anywhere(eq.comm, *(not np.isfinite(part).all() for part in eq.blocks(x0)))
+    bad = anywhere(eq.comm, *[not np.isfinite(part).all() for part in eq.blocks(x0)])
     for name, wrong in zip(names, bad, strict=True):
         if wrong:
             raise ValueError(f"the {name} at the start is not finite")
@@ -366,85 +347,54 @@ def _objection_to_geometry(s: DiscreteSurface) -> str:
 
 
 def check_sides(eq: ContactEquations) -> None:
-    """Warn about obstacles that moved since the last call and are on the wrong side. Collective.
+    """Warn about obstacles on the wrong side of the undeformed body. Collective.
 
-    The reference configuration is compared, so this is for small sliding and the static law. In an
-    evolution, `results.indicators` finds a face that has passed through an obstacle.
+    At the contact point nearest to such an obstacle, the contact normal points against the outward
+    normal of the face and into the body. The solution is then wrong without any other sign.
     """
-    for i, (s, memory) in enumerate(zip(eq.surfaces, eq.memory, strict=True)):
-        if i in eq.moved and (memory is None or s.displaced is None) and not s.between_bodies:
-            _warn_of_obstacle(eq, s)
-        if i in eq.moved and STICK in s.law_at_points.codes:
-            _warn_of_dragging(eq, s)
-    eq.moved.clear()
-
-
-def _warn_of_obstacle(eq: ContactEquations, s: DiscreteSurface) -> None:
-    """Warn about an obstacle on the wrong side, and about Tresca friction far from it. Collective.
-
-    An obstacle is on the wrong side if at the contact point nearest to it the contact normal points
-    against the outward normal of the face and into the body. The solution is then wrong without any
-    other sign. A surface is reported once, until its obstacle is on the right side.
-    """
-    gaps = np.abs(s.points.gaps)
-    nearest = s.comm.allreduce(float(np.min(gaps, initial=np.inf)), op=min)
-    if not np.isfinite(nearest):
-        return
-    # contact points nearest to the obstacle whose normal points against the outward normal
-    n = s.points.data.n
-    outward = outward_at_points(s, np.zeros_like(s.node_positions))
-    against = np.sum(n * outward, axis=1) < _AGAINST
-    tied = np.flatnonzero(against & (gaps <= nearest + 1e-9 * eq.body_size))
-    # The order of coordinates makes the reported place the same on any number of ranks.
-    tied = tied[np.lexsort(rounded(s.positions[tied]).T[::-1])][:_TIED]
-    # body cells next to these points, in the direction of the contact normal
-    into = s.positions[tied] + _BESIDE * s.points.mean_width * n[tied]
-    x = np.concatenate(s.comm.allgather(np.stack([s.positions[tied], into])), axis=1)
-    inside = cells_around(s.domain, x[1]) > 0
-    if not inside.any():
-        eq.wrong_sides.discard(s.name)
-    elif s.name not in eq.wrong_sides:
-        eq.wrong_sides.add(s.name)
-        place = min(tuple(p) for p in rounded(x[0])[inside])
-        _warn(
-            s,
-            f"the obstacle is on the wrong side: at ({', '.join(f'{c:.6g}' for c in place)}), "
-            "where the body comes nearest to it, the contact normal points into the body; reverse "
-            "the normal of a plane, or move a sphere out of the body",
-        )
-    if nearest > _FAR_OBSTACLE * eq.body_size and _acts_everywhere(s):
-        at_rest = np.zeros_like(n)
-        slope = s.law_at_points(at_rest, at_rest, s.point_data()).unit_bound
-        if s.comm.allreduce(float(np.nanmax(slope, initial=0.0)), op=max) > 0:
-            _warn(
-                s,
-                "the friction bound of Tresca acts on the whole surface, and the obstacle is "
-                f"{nearest:.3g} away, more than ten times the size of the body",
+    for s in eq.surfaces:
+        if s.between_bodies:
+            continue
+        gaps = np.abs(s.points.gaps)
+        nearest = s.comm.allreduce(float(np.min(gaps, initial=np.inf)), op=min)
+        if not np.isfinite(nearest):
+            continue
+        # contact points nearest to the obstacle whose normal points against the outward normal
+        n = s.points.data.n
+        outward = outward_at_points(s, np.zeros_like(s.node_positions))
+        against = np.sum(n * outward, axis=1) < _AGAINST
+        tied = np.flatnonzero(against & (gaps <= nearest + 1e-9 * eq.body_size))
+        # The order of coordinates makes the reported place the same on any number of ranks.
+        tied = tied[np.lexsort(rounded(s.positions[tied]).T[::-1])][:_TIED]
+        # body cells next to these points, in the direction of the contact normal
+        into = s.positions[tied] + _BESIDE * s.points.mean_width * n[tied]
+        x = np.concatenate(s.comm.allgather(np.stack([s.positions[tied], into])), axis=1)
+        inside = cells_around(s.domain, x[1]) > 0
+        if inside.any() and s.comm.rank == 0:
+            place = min(tuple(p) for p in rounded(x[0])[inside])
+            logger.warning(
+                "%s: the obstacle is on the wrong side: at (%s), where the body comes nearest to "
+                "it, the contact normal points into the body; reverse the normal of a plane, or "
+                "move a sphere out of the body",
+                s.name,
+                ", ".join(f"{c:.6g}" for c in place),
             )
 
 
-def _warn_of_dragging(eq: ContactEquations, s: DiscreteSurface) -> None:
-    """Warn, once, about an obstacle that its Constants move along its surface. Collective."""
-    place = s.comm.allreduce(int(not s.moved_along))
-    name = f"{s.name}, moved along"
-    if place == 0 and name not in eq.wrong_sides:
-        eq.wrong_sides.add(name)
-        _warn(
-            s,
-            "the obstacle was moved along its surface by its Constants, which drags nothing: "
-            "friction opposes slip over the obstacle as it is now; use a RigidBody with the "
-            "motion of the obstacle",
-        )
-
-
-def _acts_everywhere(s: DiscreteSurface) -> bool:
-    """Return whether the friction bound of a law does not depend on the pressure."""
-    return not s.law.needs_pressure and s.law.averaging is None
-
-
-def _warn(s: DiscreteSurface, message: str) -> None:
-    if s.comm.rank == 0:
-        logger.warning("%s: %s", s.name, message)
+def _warn_of_dragging(eq: ContactEquations) -> None:
+    """Warn once about an obstacle that its Constants move along its surface. Collective."""
+    along = [s.moved_along and STICK in s.law_at_points.codes for s in eq.surfaces]
+    still = anywhere(eq.comm, *[not flag for flag in along])
+    for s, other in zip(eq.surfaces, still, strict=True):
+        if not other and s.name not in eq.dragging:
+            eq.dragging.add(s.name)
+            if s.comm.rank == 0:
+                logger.warning(
+                    "%s: the obstacle was moved along its surface by its Constants, which drags "
+                    "nothing: friction opposes slip over the obstacle as it is now; use a "
+                    "RigidBody with the motion of the obstacle",
+                    s.name,
+                )
 
 
 # -- states ----------------------------------------------------------------------------------------

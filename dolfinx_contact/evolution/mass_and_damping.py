@@ -25,7 +25,7 @@ from dolfinx import fem
 
 from dolfinx_contact._forms import compiled_form
 from dolfinx_contact._mpi import everywhere
-from dolfinx_contact._ufl import dependence
+from dolfinx_contact._ufl import not_affine
 from dolfinx_contact._validate import is_number
 from dolfinx_contact.body.bulk import circumference, weighted
 from dolfinx_contact.body.inertia import Mass, mass_matrix, rigid_errors
@@ -219,11 +219,11 @@ def _affine_parts(
         return form, None
     if velocity not in coefficients:
         raise ValueError("damping must contain the Function passed as velocity")
-    found = dependence(form, velocity)
-    if not found.is_affine:
+    nonlinear = not_affine(form, velocity)
+    if nonlinear:
         raise ValueError(
             "damping must be affine in the velocity; not affine: "
-            f"{found.text_of_kinks or found.text}. Dry friction is a law of a contact surface"
+            f"{nonlinear}. Dry friction is a law of a contact surface"
         )
     expand = ufl.algorithms.expand_derivatives
     at_rest = expand(ufl.replace(form, {velocity: ufl.zero(velocity.ufl_shape)}))

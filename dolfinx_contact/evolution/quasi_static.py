@@ -8,7 +8,7 @@ The state x_n+1 at t_n+1 solves the contact problem in which friction opposes th
 
 At the start of a step every slipping point is at the border of stick. Therefore a solve begins with
 the statuses of the previous step. If this fails, the strategies of the static problem are tried
-(`solvers.ladder`); the last of them follow the load from t_n to t_n+1 with the memory m_n.
+(`solvers.strategies`); the last of them follow the load from t_n to t_n+1 with the memory m_n.
 
 In rate-independent friction, time only orders the loads. Regularised friction depends on the
 velocity, the slip divided by t_n+1 - t_n.

@@ -11,7 +11,7 @@ and hits the given times exactly. Further steps are inserted only on request:
                 down to the shortest length; the length doubles after every accepted step. Bodies
                 that slide over each other are tried with h/2 first: Newton's method solves a step
                 of about one facet of the master in a few iterations, and where it fails, shorter
-                steps cost less than the further strategies of the `ladder`.
+                steps cost less than the further `strategies`.
     jumps       a step is searched for a jump (`jumps`) if its rates exceed twice those of the step
                 before: rates of `StateChanges.parts`, and of the largest change at a point
                 of each surface. Points that begin to slip may move with half the rate of the body.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""What holds at one contact point: a law, written once in UFL.
+r"""Contact laws: relations at one contact point, written once in UFL.
 
 All laws work in 2D and 3D, against obstacles and between bodies, with every discretisation, with
 direct solvers and multigrid, and along branches; some work with more:
@@ -17,20 +17,21 @@ direct solvers and multigrid, and along branches; some work with more:
 | `BilinearCohesive(t, a, b)`   | t, a, b > 0               | no       | no     | no     | no     |
 | `MaxwellLayer(k, eta, K)`     | k, eta > 0, K >= 0        | no       | no     | no     | no     |
 
-- *pivoting*: the body is condensed onto its contact points, branches go from vertex to vertex, and
-  all pieces that meet are taken at once; for linear bodies with contact at the nodes, and of
-  compliant surfaces with frictionless contact or Coulomb's law inside.
-- *proofs*: of uniqueness, and that all solutions were found (`analysis`); for the same bodies.
+- *pivoting*: a linear body with nodal contact is condensed onto its contact points, and branches
+  are followed from vertex to vertex. A compliant surface needs frictionless contact or Coulomb's
+  law inside.
+- *proofs*: of uniqueness, and of completeness of a set of solutions (`analysis`); for the same
+  bodies.
 - *points*: `ContactProblem.reduced` and the classical algorithms that work on it.
 - *bounds*: Tresca's fixed point, which needs unilateral contact and a bound of the shear. Uzawa's
   method and penalisation take any law, and fail with the reason where they do not converge.
 
-What is not called a number may be a Constant, a Function or UFL of these, and the parameter of
-a branch, which then goes by steps. A law of one's own has pivoting if what it answers is linear and
-all its borders meet at zero, in 2D; and *bounds* if it is a `FrictionLaw` with a `bound` alone. A
-bond of one's own, which may remember, is an `Interface`: an energy and a potential of dissipation.
-In histories `Regularised` needs a ``speed``, and `NormalCompliance` may not have tangential
-springs, which forget.
+A parameter that the table does not call a number may be a Constant, a Function or a UFL expression
+of these. It may also be the parameter of a branch, which is then followed in steps. A user-defined
+law has pivoting in 2D if its answers are linear and all its borders meet at zero, and *bounds* if
+it is a `FrictionLaw` that defines only `bound`. A user-defined bond, with or without memory, is an
+`Interface`: an energy and a potential of dissipation. In histories `Regularised` needs a ``speed``,
+and `NormalCompliance` supports no tangential springs.
 """
 
 from importlib import import_module

@@ -1,45 +1,38 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Adhesion that damage weakens, with friction and unilateral contact: the RCCM law.
+r"""Adhesion with damage, friction and unilateral contact: the RCCM law.
 
-Raous, Cangemi and Cocou (CMAME 177, 1999, section 3): a bond of the intensity beta, 1 where it is
-intact and 0 where it is broken, holds the opening [u_n] >= 0 and the tangential jump [u_t], both
-total, by springs; friction grows where they break:
+Raous, Cangemi and Cocou (CMAME 177, 1999, section 3): a bond of intensity beta, 1 if intact and 0
+if broken, resists the opening [u_n] >= 0 and the tangential jump [u_t], both total, by springs;
+friction increases where bonds break:
 
     t_adh = -beta^2 (-C_N [u_n] n + C_T [u_t]),       |t_t - t_adh,t| <= mu (1 - beta) p,
-    b |beta'|^p = (w - (C_N [u_n]^2 + C_T |[u_t]|^2) beta)^-,
+    b beta' = -(w - (C_N [u_n]^2 + C_T |[u_t]|^2) beta)^-,
 
-with Signorini's conditions on the pressure p, in which adhesion has no part. What breaks does not
-heal. Steps in time, of first and second order, are those of `damage`; for b = 0 they are exact, as
-long as the jumps grow. A bond holds or *changes*: these are statuses, beside open, stick and slip
-(`status.DAMAGING`).
+with Signorini's conditions on the pressure p, which does not include adhesion. Broken bonds do not
+heal. Time steps have first or second order (`damage`); for b = 0 they are exact as long as the
+jumps grow. Whether a bond changes is part of the status (`status.DAMAGING`).
 
 *Recoverable* bonds grow at closed points: b beta' = w - E beta with E = C_N [u_n]^2 + C_T |[u_t]|^2
 and 0 <= beta <= 1, at points that were closed at the start of a step (so that no step has a jump
-where a point closes). A bond that is broken takes the jump as its tangential reference until it has
-grown again: it is a new one.
+where a point closes). A broken bond takes the jump as its tangential reference until it has grown
+again: it is a new bond.
 
-*A surface that gives way* (`contact`): p is that of `NormalCompliance`. As the energy of the model
-is written, springs act on [u_n] of either sign, so that they resist penetration too.
+*A compliant surface* (`contact`): p is that of `NormalCompliance`. As the energy of the model is
+written, springs act on [u_n] of either sign, so that they resist penetration too. The friction
+bound is mu (1 - beta) times the contact pressure.
 
-The friction bound has two forms in print: mu (1 - beta) |R_n^-|, of the whole normal traction, and
-mu (1 - beta) |R_n - C_N [u_n] beta^2|, of the contact pressure alone (`threshold`). Under
-Signorini's conditions they are one, for adhesion pulls open points alone; with compliance the first
-has beta^2 C_N [u_n] more.
-
-It is no `Interface`, though its first order could be written as one: here the intensity is a
-formula, smooth beyond the borders of its statuses, where equations that are solved point by point
-end at them, so that a state with statuses that are held has other answers. Formulas also compile
-and evaluate several times faster; and growing bonds, the step before and the pressure of a surface
-that gives way have no place in an energy and a dissipation of one step.
+The law is not an `Interface`, although its first order could be written as one. Here the intensity
+is a formula that is smooth beyond the borders of its statuses, which the solution with fixed
+statuses needs; equations solved point by point end at the borders. Formulas also compile and
+evaluate several times faster. Recovery, the previous step and the pressure of a compliant surface
+do not fit into an energy and a dissipation of one step.
 """
 
 from __future__ import annotations
 
 from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Literal, Self, TypeAlias, get_args
-
-import numpy as np
+from typing import Any, ClassVar, Self
 
 import ufl
 
@@ -60,40 +53,35 @@ from dolfinx_contact.laws.status import DAMAGING, OPEN, PLUS
 
 __all__ = ["RCCM"]
 
-_STEP = "rate", "length", "rest"  # what the second order remembers of the step before
+_STEP = "rate", "length", "rest"  # data of the previous step, for second order
 _CLOSED = Internal("closed", hidden=True)
 _ORIGIN = Internal("origin", vector=True, hidden=True)
-_STIFFNESS = "stiffness"  # of a surface that gives way
-
-Threshold: TypeAlias = Literal["pressure", "reaction"]
+_STIFFNESS = "stiffness"  # field of a compliant surface
 
 
 @dataclass(frozen=True)
 class RCCM(Law):
     """Adhesion, friction and unilateral contact (Raous, Cangemi and Cocou).
 
-    Every field is a number, a Constant, a Function or a UFL expression. In a static problem, which
-    knows no time, the viscosity does not matter, and ``beta`` is the intensity before the load.
+    Every field is a number, a Constant, a Function or a UFL expression. A static problem ignores
+    the viscosity, and ``beta`` is the intensity before the load.
 
     Attributes:
-        normal: C_N >= 0 of springs that act on the opening, traction per length.
-        tangential: C_T >= 0 of those that act on the tangential jump, traction per length.
-        work: w > 0, of decohesion, energy per area.
-        friction: coefficient mu >= 0, of a broken bond; an intact one has none.
-        viscosity: b >= 0 of damage, energy per area times time to the power p.
+        normal: stiffness C_N >= 0 of the springs against opening, traction per length.
+        tangential: stiffness C_T >= 0 of the springs against the tangential jump, traction per
+            length.
+        work: work of decohesion w > 0, energy per area.
+        friction: friction coefficient mu >= 0 of a broken bond; an intact bond has no friction.
+        viscosity: viscosity b >= 0 of damage, energy per area times time.
         beta: intensity at the start, from 0 to 1.
-        broken: intensity below which a bond is broken.
-        exponent: p of the viscosity, a number from 1/10 to 10.
-        order: of the steps in time, 1 or 2. With p > 1, where the damage of a bond begins as a root
-            of the time, the second is 1 + 1/p in truth.
-        recovers: whether bonds grow at closed points (p = 1).
-        contact: compliance of the surface, without friction of its own; None: Signorini's
+        broken: intensity below which a bond counts as broken.
+        order: order of the time steps, 1 or 2.
+        recovers: whether bonds grow at closed points.
+        contact: compliance of the surface, a law without friction; None: Signorini's
             conditions.
-        threshold: what friction is a part of: ``"pressure"`` of contact, or the whole
-            ``"reaction"``.
 
     Raises:
-        ValueError: if one of the last five is none of these.
+        ValueError: if one of the last three is not admissible.
     """
 
     normal: Scalar
@@ -103,11 +91,9 @@ class RCCM(Law):
     viscosity: Scalar = 0.0
     beta: Scalar = 1.0
     broken: Scalar = 1e-6
-    exponent: float = 1.0
     order: int = 1
     recovers: bool = False
     contact: NormalCompliance | None = None
-    threshold: Threshold = "pressure"
     needs_time = ("viscosity",)
     signs: ClassVar[Mapping[str, Sign]] = {
         "normal": "nonnegative",
@@ -121,17 +107,10 @@ class RCCM(Law):
     }
 
     def __post_init__(self) -> None:
-        p = self.exponent
-        number = isinstance(p, int | float | np.number) and not isinstance(p, bool)
-        if not (number and 0.1 <= p <= 10):
-            raise ValueError(f"the exponent of RCCM must be a number from 1/10 to 10, got {p!r}")
         if isinstance(self.order, bool) or self.order not in (1, 2):
             raise ValueError(f"the order of RCCM in time must be 1 or 2, got {self.order!r}")
-        if not isinstance(self.recovers, bool) or (self.recovers and p != 1):
-            raise ValueError(
-                f"recovers of RCCM must be True or False, and bonds recover with the exponent 1 "
-                f"alone; got {self.recovers!r} and {p!r}"
-            )
+        if not isinstance(self.recovers, bool):
+            raise ValueError(f"recovers of RCCM must be True or False, got {self.recovers!r}")
         soft = self.contact
         alone = isinstance(soft, NormalCompliance) and (
             isinstance(soft.friction, Frictionless) and soft.tangential is None
@@ -141,11 +120,6 @@ class RCCM(Law):
                 "contact of RCCM must be None or a NormalCompliance without friction and "
                 f"tangential stiffness, got {soft!r}"
             )
-        if self.threshold not in get_args(Threshold):
-            raise ValueError(
-                f"the threshold of RCCM must be one of {get_args(Threshold)}, "
-                f"got {self.threshold!r}"
-            )
 
     @property
     def compliant(self) -> bool:  # type: ignore[override]
@@ -154,8 +128,7 @@ class RCCM(Law):
     @property
     def kind(self) -> Hashable | None:
         soft = None if self.contact is None else self.contact.kind
-        numbers = float(self.exponent), int(self.order), self.recovers, self.threshold
-        return super().kind, *numbers, soft
+        return super().kind, int(self.order), self.recovers, soft
 
     @property
     def given(self) -> dict[str, Scalar]:
@@ -177,8 +150,7 @@ class RCCM(Law):
         return (Internal("beta", "falls"), *steps, *bonds)
 
     def bound(self, a: ContactPoint, p: Any) -> Any:
-        beta = self._now(a)
-        return self._friction(beta, ufl.conditional(ufl.gt(a.u_n, 0.0), a.u_n, 0.0)).bound(a, p)
+        return self._friction(self._now(a)).bound(a, p)
 
     def with_pressure(self, a: ContactPoint) -> ContactPoint:
         return self._soft(a, self._now(a), self._opening(a))
@@ -193,7 +165,7 @@ class RCCM(Law):
         time = ufl.conditional(moves, a.step, 1.0)
         viscous = ufl.And(moves, ufl.And(ufl.gt(self.viscosity, 0.0), ufl.gt(lost, 0.0)))
         pace = ufl.conditional(viscous, lost, 1.0) / time
-        resisted = ufl.conditional(viscous, self.viscosity * pace**self.exponent * lost, 0.0)
+        resisted = ufl.conditional(viscous, self.viscosity * pace * lost, 0.0)
         after = {"beta": beta}
         if self.order == 2:
             held = ufl.lt(beta * energy, self.work)
@@ -204,7 +176,7 @@ class RCCM(Law):
             }
         spent = self.work * lost + resisted
         if self.recovers:
-            # Viscosity takes what growing gives back but for the springs, however fast it is.
+            # Viscosity dissipates the energy of recovery except that of the springs.
             springs = 0.5 * energy * (self.beta + beta) * lost
             spent = ufl.conditional(ufl.lt(lost, 0.0), springs, spent)
             touch = self._soft(a, beta, opening).touch
@@ -246,91 +218,72 @@ class RCCM(Law):
         return dict(sorted(found.items()))
 
     def _contact(self, a: ContactPoint, beta: Any) -> Mapping[int, StatusPiece]:
-        """Contact and friction, which see the shear that no bond carries.
+        """Return contact and friction, which act on the shear that bonds do not carry.
 
-        Springs that the increment stretches are as good as more augmentation, and left out.
+        Springs stretched by the increment act like more augmentation and are omitted.
         """
         along = _along(a.before - self._origin(a), a.n)
         if self.recovers:
             along = ufl.conditional(self._is_new, 0.0, 1.0) * along
         shear = a.s + beta**2 * self.tangential * along
-        return self._friction(beta, a.u_n).pieces(replace(a, shear=shear))
+        return self._friction(beta).pieces(replace(a, shear=shear))
 
-    def _friction(self, beta: Any, u_n: Any) -> Coulomb:
-        """Friction of a bond of an intensity, where springs are pressed together by u_n."""
-        friction = self.friction * (1.0 - beta)
-        if self.threshold == "pressure":
-            return Coulomb(friction)
-        return _OfReaction(friction, beta**2 * self.normal * u_n)
+    def _friction(self, beta: Any) -> Coulomb:
+        """Return the friction law of a bond of an intensity."""
+        return Coulomb(self.friction * (1.0 - beta))
 
     def _held(self, code: int, distance: Any, cap: Any) -> list[Border]:
-        """Where a change ends: an intact bond has no friction, and then every point may slip."""
+        """Return the borders at which a change ends; without friction every point may slip."""
         if code in (OPEN, PLUS):
             return [Border(distance, code)]
         grips = ufl.And(ufl.gt(self.friction, 0.0), ufl.lt(cap, 1.0))
         return [Border(distance, code, grips), Border(distance, PLUS, ufl.Not(grips))]
 
     def _energy(self, opening: Any, moved: Any) -> Any:
-        """Twice that of springs of an intact bond, per area."""
+        """Return twice the energy per area of the springs of an intact bond."""
         return self.normal * opening**2 + self.tangential * ufl.dot(moved, moved)
 
     def _traction(self, beta: Any, opening: Any, moved: Any, n: Any) -> Any:
         return beta**2 * (self.normal * opening * n - self.tangential * moved)
 
     def _soft(self, a: ContactPoint, beta: Any, opening: Any) -> ContactPoint:
-        """The point with the pressure of its surface, in which springs have no part."""
+        """Return the point with the pressure of its surface, without the springs."""
         if self.contact is None:
             return a
         pull = beta**2 * self.normal * opening
         return self.contact.with_pressure(replace(a, traction=a.traction - pull * a.n))
 
     def _step(self, a: ContactPoint) -> DamageStep:
-        """How the intensity continues from memory."""
-        b = self.viscosity
-        p = float(self.exponent)
+        """Return the time step of the intensity from the memory."""
         before = {name: a.kept[f".{name}"] for name in _STEP} if self.order == 2 else None
         grows = None
         if self.recovers:
             grows = ufl.And(ufl.gt(a.kept[".closed"], 0.5), ufl.gt(a.step, 0.0))
-        return DamageStep(self.beta, self.work, b, p, a.step, before, grows)
+        return DamageStep(self.beta, self.work, self.viscosity, a.step, before, grows)
 
     def _now(self, a: ContactPoint) -> Any:
-        """The intensity at a state."""
+        """Return the intensity at a state."""
         return self._step(a).now(self._energy(self._opening(a), self._moved(a)))
 
     @property
     def _is_new(self) -> Any:
-        """Whether a bond that recovers was broken, so that it begins where it is."""
+        """Whether a recovering bond was broken, so that it begins at the present jump."""
         return ufl.lt(self.beta, self.broken)
 
     def _origin(self, a: ContactPoint) -> Any:
-        """The jump at which springs are at rest along the surface."""
+        """Return the jump at which springs are relaxed along the surface."""
         if not self.recovers:
             return 0.0 * a.n
         return ufl.as_vector([a.kept[name] for name in _ORIGIN.components(a.dim)])
 
     def _opening(self, a: ContactPoint) -> Any:
-        """By which springs are drawn; of a surface that gives way they may be pressed."""
+        """Return the extension of the normal springs, negative under compression."""
         return -a.u_n if self.compliant else ufl.conditional(ufl.lt(a.u_n, 0.0), -a.u_n, 0.0)
 
     def _moved(self, a: ContactPoint) -> Any:
-        """The tangential jump of the springs."""
+        """Return the tangential jump of the springs."""
         moved = a.u_t + _along(a.before - self._origin(a), a.n)
         return ufl.conditional(self._is_new, 0.0, 1.0) * moved if self.recovers else moved
-
-
-@dataclass(frozen=True)
-class _OfReaction(Coulomb):
-    """Friction by the whole normal traction.
-
-    Attributes:
-        pressed: what springs add to the pressure.
-    """
-
-    pressed: Scalar
-
-    def bound(self, a: ContactPoint, p: Any) -> Any:
-        return self.friction * (p + self.pressed)
 
 
 def _along(v: Any, n: Any) -> Any:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What a law answers at contact points, for every status, and what is given there."""
+"""Answers of a law at contact points, for every status, and the data of the points."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _ABSENT = -np.finfo(np.float64).max  # distance to the borders of a status that 
 
 
 class Columns(Protocol):
-    """Which columns of the values of a compiled law are what; see `compiled.CompiledLaw`."""
+    """Columns of the values of a compiled law; see `compiled.CompiledLaw`."""
 
     dim: int
     codes: tuple[int, ...]
@@ -33,17 +33,17 @@ class Columns(Protocol):
 
 @dataclass(frozen=True)
 class PointData:
-    """What a law is given at n points beside jump and traction.
+    """Data of a law at n points in addition to jump and traction.
 
     Attributes:
-        n: normals (n, dim).
-        gap: initial gaps (n,).
-        r: augmentation parameters (n,).
-        fields: of the law, by name (n,).
-        turn: derivatives of the normals by the displacement of the points (n, dim, dim); None where
-            they stay.
-        moved: derivatives of the jump by the displacement (n, dim, dim), where normals turn; None
-            where the jump moves as the points do.
+        n: normals, shape (n, dim).
+        gap: initial gaps, shape (n,).
+        r: augmentation parameters, shape (n,).
+        fields: fields of the law by name, shape (n,) each.
+        turn: derivatives of the normals by the displacement of the points, shape (n, dim, dim);
+            None if the normals are fixed.
+        moved: derivatives of the jump by the displacement, shape (n, dim, dim), if normals turn;
+            None if the jump follows the points.
     """
 
     n: Array
@@ -59,8 +59,8 @@ class Borders:
     """Borders of the statuses of points, (n, borders).
 
     Attributes:
-        distance: tractions, positive inside; infinite where there is no such border.
-        target: statuses beyond.
+        distance: distances to the borders, tractions, positive inside; infinite without a border.
+        target: statuses beyond the borders.
     """
 
     distance: Array
@@ -68,31 +68,32 @@ class Borders:
 
 
 class Spreading(Protocol):
-    """How what points spread comes to those around them, of a law that is not local.
+    """Averaging of a quantity over the neighbouring points, for a nonlocal law.
 
     Attributes:
-        by_jump, by_traction: derivatives of what each point spreads (n, dim).
+        by_jump, by_traction: derivatives of the averaged quantity, shape (n, dim).
     """
 
     by_jump: Array
     by_traction: Array
 
     def __call__(self, values: Array) -> Array:
-        """N times values (n,) at the points of this rank. Collective."""
+        """Return N times values (n,) at the points of this rank. Collective."""
 
 
 class Answers:
     """The answers of a law to jumps and tractions at n points, for every status.
 
     Args:
-        law: compiled.
-        values: of its compiled expressions.
-        spreading: of a law that is not local.
-        turning: derivatives of the traction by the displacement of the points (n, dim, dim), which
-            jumps and normals follow, by statuses; None where the jump is all that moves.
+        law: compiled law.
+        values: values of its compiled expressions.
+        spreading: averaging of a nonlocal law; default: None, for a local law.
+        turning: function of the statuses that returns the derivatives of the traction by the
+            displacement of the points, shape (n, dim, dim), which jumps and normals follow;
+            default: None, if normals are fixed.
 
     Attributes:
-        spreading: as given; None if the law sees its point alone.
+        spreading: averaging; None for a local law.
     """
 
     def __init__(
@@ -106,7 +107,6 @@ class Answers:
         self._values = values
         self.spreading = spreading
         self._turning = turning
-        self._known: dict[int, tuple[Array, npt.NDArray[np.bool_], list[int]]] = {}
 
     def _of(self, codes: Codes, what: str, shape: tuple[int, ...]) -> Array:
         columns = np.array(self._law.places[what])[self._law.rows[codes]]
@@ -119,7 +119,7 @@ class Answers:
 
     @property
     def missed(self) -> Array:
-        """By how much no status of the law holds the points, a traction (n,); 0 where one does."""
+        """Distance to the nearest admissible status, a traction (n,); 0 if a status holds."""
         return np.maximum(-self._nearest[1], 0.0)
 
     @cached_property
@@ -130,7 +130,7 @@ class Answers:
             distance, exists, _ = self._borders(code)
             nearest = distance.min(axis=1, initial=np.inf)
             least[:, i] = np.where(exists, nearest, _ABSENT)
-        least[np.isnan(least)] = -np.inf  # below what is absent
+        least[np.isnan(least)] = -np.inf  # below absent statuses
         # The first whose borders all are beyond; where there is none the one that is nearest.
         beyond = least >= 0
         first = np.where(beyond.any(axis=1), beyond.argmax(axis=1), least.argmax(axis=1))
@@ -138,12 +138,7 @@ class Answers:
         return np.array(self._law.codes, dtype=np.int8)[first], worst
 
     def _borders(self, code: int) -> tuple[Array, npt.NDArray[np.bool_], list[int]]:
-        """Distances to the borders of a status, whether points can have it, and what is beyond."""
-        if code not in self._known:
-            self._known[code] = self._found_borders(code)
-        return self._known[code]
-
-    def _found_borders(self, code: int) -> tuple[Array, npt.NDArray[np.bool_], list[int]]:
+        """Return distances to the borders of a status, existence of the status, and targets."""
         law = self._law
         row = law.rows[code]
         columns = law.borders[row]
@@ -156,8 +151,8 @@ class Answers:
         return distance, exists, [target for _, _, target in columns]
 
     def borders(self, codes: Codes) -> Borders:
-        """Distances of the points to the borders of the statuses ``codes``."""
-        width = max(len(columns) for columns in self._law.borders)
+        """Return the distances of the points to the borders of the statuses ``codes``."""
+        width = max([len(columns) for columns in self._law.borders])
         distance = np.full((len(codes), width), np.inf)
         target = np.zeros((len(codes), width), dtype=np.int8)
         for code in self._law.codes:
@@ -169,13 +164,13 @@ class Answers:
         return Borders(distance, target)
 
     def may_be(self, code: int) -> npt.NDArray[np.bool_]:
-        """Which points can have a status (n,)."""
+        """Return the mask of the points that can have a status, shape (n,)."""
         if code not in self._law.codes:
             return np.zeros(len(self._values), dtype=bool)
         return self._borders(code)[1]
 
     def holds(self, codes: Codes) -> npt.NDArray[np.bool_]:
-        """Which points have statuses whose borders are all beyond (n,)."""
+        """Return the mask of the points inside the borders of their statuses, shape (n,)."""
         can = np.zeros(len(self._values), dtype=bool)
         for code in np.unique(codes):
             mine = codes == code
@@ -183,42 +178,42 @@ class Answers:
         return can & (np.min(self.borders(codes).distance, axis=1, initial=np.inf) >= 0)
 
     def every_distance(self, code: int) -> Array:
-        """Distances to all borders of a status (n, borders), also where there are none."""
+        """Return distances to all borders of a status (n, borders), conditions disregarded."""
         return self._values[:, [c for c, _, _ in self._law.borders[self._law.rows[code]]]]
 
     def exists(self) -> npt.NDArray[np.bool_]:
-        """Which statuses the points can have (n, statuses), in the order of `CompiledLaw.codes`."""
+        """Return the mask of possible statuses (n, statuses), in the order of their codes."""
         return np.stack([self._borders(code)[1] for code in self._law.codes], axis=1)
 
     def traction(self, codes: Codes) -> Array:
-        """The traction tau that the law answers (n, dim)."""
+        """Return the traction tau required by the law, shape (n, dim)."""
         return self._of(codes, "answer", (self._law.dim,))
 
     def by_jump(self, codes: Codes) -> Array:
-        """Derivatives D_j of tau by the jump (n, dim, dim).
+        """Return the derivatives D_j of tau by the jump, shape (n, dim, dim).
 
-        Where normals turn, by the displacement that jump and normal follow.
+        If normals turn, they are derivatives by the displacement that jump and normal follow.
         """
         if self._turning is not None:
             return self._turning(codes)
         return self._of(codes, "by_jump", (self._law.dim, self._law.dim))
 
     def by_traction(self, codes: Codes) -> Array:
-        """Derivatives D_t of tau by the traction (n, dim, dim)."""
+        """Return the derivatives D_t of tau by the traction, shape (n, dim, dim)."""
         return self._of(codes, "by_traction", (self._law.dim, self._law.dim))
 
     def by_around(self, codes: Codes) -> Array:
-        """Derivatives D_s of tau by what the points around spread (n, dim)."""
+        """Return the derivatives D_s of tau by the averaged quantity, shape (n, dim)."""
         return self._of(codes, "by_around", (self._law.dim,))
 
     @property
     def pressure(self) -> tuple[Array, Array, Array]:
-        """Of a law that is not local (n,), with its derivatives by jump and traction (n, dim)."""
+        """Pressure of a nonlocal law (n,), with derivatives by jump and traction (n, dim)."""
         q, by_jump, by_traction = (self._values[:, k] for k in self._law.places["pressure"])
         return q[:, 0], by_jump, by_traction
 
     def bond(self, name: str) -> Array:
-        """The parts of `law.Bond`: "traction" (n, dim); (n,) "stored", "broken", "after.NAME"..."""
+        """Return a part of `law.Bond`: "traction" (n, dim), "stored" (n,), "after.NAME" (n,) ..."""
         found = np.asarray(self._values[:, self._law.places[f"bond.{name}"][0]])
         return found if name == "traction" else found[:, 0]
 
@@ -238,17 +233,17 @@ class Answers:
 
 
 class HeldAnswers(Answers):
-    """The answers of a law whose bonds are held as they are: none of its points is damaging.
+    """Answers of a law with held bonds: no point is damaging.
 
     Args:
-        answers: of the law.
+        answers: answers of the law.
     """
 
     def __init__(self, answers: Answers):
         super().__init__(answers._law, answers._values, answers.spreading, answers._turning)
 
-    def _found_borders(self, code: int) -> tuple[Array, npt.NDArray[np.bool_], list[int]]:
-        distance, exists, targets = super()._found_borders(code)
+    def _borders(self, code: int) -> tuple[Array, npt.NDArray[np.bool_], list[int]]:
+        distance, exists, targets = super()._borders(code)
         if code >= DAMAGING:
             return distance, np.zeros_like(exists), targets
         changes = np.array(targets, dtype=np.int64) >= DAMAGING

@@ -17,23 +17,23 @@ __all__ = ["BilinearCohesive", "MaxwellLayer"]
 
 @dataclass(frozen=True)
 class BilinearCohesive(Interface):
-    r"""A bond that holds with a traction that rises and then falls linearly, to nothing.
+    r"""A bond whose traction rises linearly and then falls linearly to zero.
 
-    With the size d = ([u_n]^2 + |[u_t]|^2)^(1/2) of the jump, of an opening or along the surface,
+    With the size d = ([u_n]^2 + |[u_t]|^2)^(1/2) of the jump, normal or tangential,
 
         Psi = (1 - D) k d^2/2,    Phi = k K(D)^2/2 D' + mu D p |[u_t]'|,    0 <= D <= 1,  D' >= 0,
 
-    where k = strength/elastic and K(D) is the size at which the traction begins to fall: so it is
-    strength (a + b - d)/b beyond d = a, with a = elastic and b = softening. What is under way goes
-    back along the secant. A broken bond has cost strength (a + b)/2 per area. Friction comes with
-    the damage.
+    where k = strength/elastic and K(D) is the size at which the traction begins to fall. Beyond
+    d = a it is strength (a + b - d)/b, with a = elastic and b = softening. Unloading follows the
+    secant. Breaking a bond costs the energy strength (a + b)/2 per area. Friction grows with the
+    damage.
 
     Every field is a number, a Constant, a Function or a UFL expression.
 
     Attributes:
         strength: largest traction, > 0.
-        elastic: size a > 0 of the jump there.
-        softening: what the jump grows by, b > 0, until nothing holds.
+        elastic: size a > 0 of the jump at the largest traction.
+        softening: further growth b > 0 of the jump until the bond is broken.
         friction: coefficient mu >= 0 of the broken bond.
         damage: D at the start, from 0 to 1.
     """
@@ -67,7 +67,7 @@ class BilinearCohesive(Interface):
         return k * self._reached(start) * self._reached(end) * lost / 2.0
 
     def _reached(self, state: InterfaceState) -> Any:
-        """K, the size of the jump at which the traction begins to fall."""
+        """Return K, the size of the jump at which the traction begins to fall."""
         a = self.elastic
         b = self.softening
         return a * (a + b) / (a + b - state["damage"] * b)
@@ -75,20 +75,20 @@ class BilinearCohesive(Interface):
 
 @dataclass(frozen=True)
 class MaxwellLayer(Interface):
-    r"""A thin viscous and elastic layer: a spring and a dashpot in series, beside another spring.
+    r"""A thin viscoelastic layer: a spring and a dashpot in series, parallel to another spring.
 
     With the viscous part y of the jump [u], a vector,
 
         Psi = k |[u] - y|^2/2 + c |[u]|^2/2,    Phi = b |y'|^2/2 + mu p |[u_t]'|,
 
-    so that the traction of a jump that is held relaxes to c [u] in the time b/k.
+    so that the traction at a constant jump relaxes to c [u] within the time b/k.
 
     Every field is a number, a Constant, a Function or a UFL expression.
 
     Attributes:
-        stiffness: k > 0 of the spring before the dashpot, traction per length.
-        viscosity: b > 0, traction times time per length. In a static problem it does not matter.
-        lasting: c >= 0 of the spring beside it, traction per length.
+        stiffness: stiffness k > 0 of the spring in series with the dashpot, traction per length.
+        viscosity: b > 0, traction times time per length; ignored in static problems.
+        lasting: stiffness c >= 0 of the parallel spring, traction per length.
         friction: coefficient mu >= 0.
     """
 

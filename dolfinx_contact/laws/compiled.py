@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""A law at the contact points of this rank: values and derivatives from its UFL, compiled.
+"""Laws at contact points: values and derivatives, compiled from UFL.
 
-The points are the cells of a small mesh of their own, with one value of everything per cell: what
-is compiled depends on nothing but the kind of law and the dimension, whatever discretisation the
-points are of.
+The points are the cells of a small mesh of their own, with one value of each datum per cell. A
+compiled law therefore depends on the kind of law and the dimension only, not on the discretisation.
 """
 
 from __future__ import annotations
@@ -22,7 +21,7 @@ import ufl
 from ufl.corealg.traversal import unique_pre_traversal
 
 from dolfinx_contact._mpi import everywhere
-from dolfinx_contact._ufl import Kind, dependence
+from dolfinx_contact._ufl import depends_on, not_affine
 from dolfinx_contact.laws.answers import Answers, Array, Codes, PointData
 from dolfinx_contact.laws.law import Law, StatusPiece, checked_pieces
 from dolfinx_contact.laws.roots import Roots
@@ -33,18 +32,18 @@ __all__ = ["CompiledLaw", "LawAtPoints"]
 
 
 class _Written:
-    """What a law answers at a point.
+    """UFL of a law at a point.
 
     Args:
-        law: any.
-        symbols: for what is given at the point.
+        law: law of any kind.
+        symbols: symbols for the data of the point.
 
     Attributes:
-        equations: for numbers that are functions of the rest.
-        pieces: status by status.
+        equations: equations of the law, by name.
+        pieces: smooth pieces of the law by status.
         bounds: radii of the friction disc, at the pressure of the law and at unit pressure.
-        bond: parts of `Law.bond` by name; empty if it has none.
-        pressure: of a law that is not local, which others see; else None.
+        bond: parts of `Law.bond` by name; empty without a bond.
+        pressure: pressure that a nonlocal law averages; None for a local law.
     """
 
     def __init__(self, law: Law, symbols: Symbols):
@@ -70,7 +69,7 @@ class _Written:
 
     @property
     def scalars(self) -> list[Any]:
-        """The law's values, component by component."""
+        """Values of the law, component by component."""
         flat = Flat()
         for piece in self.pieces.values():
             flat.add(piece.answer)
@@ -84,31 +83,32 @@ class _Written:
 
 
 class CompiledLaw:
-    """A law of a kind, compiled: it depends on nothing but the kind and the dimension.
+    """Compiled law, shared by all laws of one kind.
 
     Args:
-        law: of that kind, whose fields are replaced by symbols.
-        dim: 2 or 3.
-        comm: of the ranks that compile together.
+        law: law of the kind, whose fields are replaced by symbols.
+        dim: dimension, 2 or 3.
+        comm: communicator of the ranks that compile together.
 
     Attributes:
-        names: of the fields of the law, of what memory gives beside them that it uses
-            (`symbols.from_memory`), and `AROUND` if it is not local.
-        codes: numbers of its statuses.
-        rows: by number, the place among `codes`.
-        places: columns of values, status by status.
-        borders: columns of distance and condition, and target, of every border of every status.
-        exists: column of the condition of every status.
-        kept: what memory has beside fields of the law, and it uses.
-        bonded: whether it has a `Law.bond`.
-        knows_slip: whether anything depends on the distance slipped.
+        names: names of the fields: those of the law, used fields of the memory
+            (`symbols.from_memory`), and `AROUND` for a nonlocal law.
+        codes: status codes of the law.
+        rows: place of each status code among `codes`.
+        places: columns of the values, by quantity and status.
+        borders: columns of distance and condition, and target, by status and border.
+        exists: column of the condition of each status; None for none.
+        remembers: whether the law uses fields of the memory (`symbols.from_memory`).
+        kept: used fields of the memory that are not fields of the law.
+        bonded: whether the law has a `Law.bond`.
+        knows_slip: whether the law depends on the distance slipped.
     """
 
     def __init__(self, law: Law, dim: int, comm: MPI.Comm):
         local = law.averaging is None
         self.dim = dim
         self._comm = comm
-        # What the user wrote comes first: compiling is collective.
+        # Code of the user runs first: compiling is collective.
         with everywhere(comm, f"the law {type(law).__name__}"):
             kept = [name for name in law.memory(dim) if name not in law.given]
             given = dim, law.given, kept, law.unknowns(dim)
@@ -117,6 +117,7 @@ class CompiledLaw:
             symbols = Symbols(*given, memory, local=local)
             written = _Written(law, symbols)
         self.names = symbols.names
+        self.remembers = bool(memory)
         self._w = symbols.w
         self._fields = symbols.fields
         self._jump = symbols.jump
@@ -160,9 +161,9 @@ class CompiledLaw:
         self._expressions = written.scalars
 
     def needs_time(self, step: float) -> bool:
-        """Whether the law is undefined without a time: at a step of no length, or a negative one.
+        """Return whether the law depends on the duration of a step, which is 0 or negative.
 
-        It is defined if the step occurs nowhere once it is known to be so; see `known_step`.
+        Conditions on the duration are decided first (`known_step`).
         """
         if self._step is None:
             return False
@@ -174,32 +175,30 @@ class CompiledLaw:
 
     @property
     def signature(self) -> str:
-        """What distinguishes the law from others, but for the values of its fields."""
+        """Signature of the law, independent of the values of its fields."""
         return str((sum(c * c for c in self.values.components) * ufl.dx).signature())
 
     @cached_property
     def is_piecewise_linear(self) -> bool:
         """Whether answers and borders are affine in jump, traction and gap, status by status.
 
-        By their UFL: two states show nothing of a law that is nearly linear at both, nor does a
-        derivative of one that jumps. Which statuses there are must not depend on them.
+        This is decided by their UFL: neither values at two states nor derivatives prove it. The
+        existence of statuses must not depend on these quantities either.
         """
         if self._roots is not None:
             return False
         moving = self._jump, self._traction, self._w[3 * self.dim]
         for piece in self._pieces.values():
             values = [piece.answer, *(b.distance for b in piece.borders)]
-            if not all(dependence(e, *moving).is_affine for e in values):
+            if any(not_affine(ufl.as_ufl(e), *moving) for e in values):
                 return False
-            if piece.exists is None:
-                continue
-            if dependence(_number(piece.exists), *moving).kind != Kind.ABSENT:
+            if piece.exists is not None and depends_on(_number(piece.exists), *moving):
                 return False
         return True
 
     @cached_property
     def slopes(self) -> tuple[Values, list[list[int]]]:
-        """Derivatives of distances by jump and traction, compiled at first use."""
+        """Derivatives of the distances by jump and traction, compiled at first use."""
         flat = Flat()
         places = []
         for piece in self._pieces.values():
@@ -225,14 +224,14 @@ class CompiledLaw:
 
     @cached_property
     def pressure_sensitivities(self) -> Values:
-        """Derivatives of the pressure that others see: by the normal, by the fields of the law."""
+        """Derivatives of the averaged pressure by the normal and by the fields of the law."""
         flat = Flat()
         for by in (self._n, *self._fields[:-1]):
             flat.add(ufl.diff(self._pressure, by))
         return Values(flat.components, self._w, self._comm)
 
     def evaluate(self, values: Values, columns: Array) -> Array:
-        """Values at points (n, width) where these are given (n, columns). Not collective."""
+        """Return values at points (n, width) for their data (n, columns). Not collective."""
         return values(columns if self._roots is None else self._roots(columns))
 
 
@@ -240,11 +239,11 @@ _known: dict[tuple[Hashable, ...], CompiledLaw] = {}
 
 
 def _compiled(law: Law, dim: int, comm: MPI.Comm) -> CompiledLaw:
-    """The compiled law; laws of one kind share it, for they differ in their fields alone."""
+    """Return the compiled law, which all laws of one kind share. Collective."""
     kind = law.kind
     if kind is None:
         return CompiledLaw(law, dim, comm)
-    # What is compiled later is compiled by the same ranks, when the mesh may have been freed.
+    # Derivatives are compiled later by the same ranks, when the mesh may have been freed.
     key = kind, dim, tuple(comm.allgather(MPI.COMM_WORLD.rank))
     # All ranks together or none: compiling is collective.
     if not comm.allreduce(int(key in _known), op=MPI.MIN):
@@ -253,16 +252,16 @@ def _compiled(law: Law, dim: int, comm: MPI.Comm) -> CompiledLaw:
 
 
 class LawAtPoints:
-    """A law on the contact points of this rank. Collective, as no method is.
+    """Law at the contact points of this rank. Construction is collective, methods are not.
 
     Args:
-        law: its fields may be anything: their values are given with the points.
-        dim: 2 or 3.
-        number: of points.
-        comm: of the ranks that compile together.
+        law: law; the values of its fields are passed with the points.
+        dim: dimension, 2 or 3.
+        number: number of points.
+        comm: communicator of the ranks that compile together.
 
     Attributes:
-        codes: numbers of its statuses; of several that a point may have it has the first.
+        codes: status codes, in order of precedence where several are admissible.
     """
 
     def __init__(self, law: Law, dim: int, number: int, comm: MPI.Comm):
@@ -275,7 +274,7 @@ class LawAtPoints:
     def __call__(
         self, jump: Array, traction: Array, data: PointData, codes: Codes | None = None
     ) -> Answers:
-        """Evaluate at jumps and tractions (n, dim), and statuses if they are held."""
+        """Evaluate the law at jumps and tractions (n, dim); ``codes`` are held statuses."""
         turn = data.turn
         moved = data.moved
         values = self.compiled.values
@@ -294,13 +293,13 @@ class LawAtPoints:
         return self.compiled.evaluate(values, np.concatenate([jump, traction, *given], axis=1))
 
     def slopes(self, code: int, jump: Array, traction: Array, data: PointData) -> Array:
-        """Derivatives of the distances to the borders of a status (n, borders, 2 dim).
+        """Return derivatives of the distances to the borders of a status (n, borders, 2 dim).
 
         Args:
-            code: the status.
-            jump: (n, dim); derivatives by it come first.
-            traction: (n, dim).
-            data: of the points.
+            code: status code.
+            jump: jumps, shape (n, dim); derivatives by the jump come first.
+            traction: tractions, shape (n, dim).
+            data: data of the points.
         """
         slopes, places = self.compiled.slopes
         values = self._evaluate(slopes, jump, traction, data)
@@ -316,15 +315,15 @@ class LawAtPoints:
         codes: Codes,
         moved: Array | None = None,
     ) -> Array:
-        """Rate of the answer at held tractions while what is given changes (n, dim).
+        """Return the rate of the answer (n, dim) at fixed tractions while the data change.
 
         Args:
-            jump: (n, dim).
-            traction: (n, dim).
-            data: normals, gaps, r and fields.
-            rates: of normals, gaps and fields; those of r are not used.
-            codes: statuses.
-            moved: rates of the jumps (n, dim); None where they are held.
+            jump: jumps, shape (n, dim).
+            traction: tractions, shape (n, dim).
+            data: data of the points.
+            rates: rates of normals, gaps and fields; that of r is not used.
+            codes: status codes, shape (n,).
+            moved: rates of the jumps, shape (n, dim); default: None, fixed jumps.
         """
         normal = rates.n[:, :, None]
         # A gap is a jump along the normal, backwards.
@@ -332,7 +331,7 @@ class LawAtPoints:
         by = (by if moved is None else by + moved)[:, :, None]
         rate, by_field = self._by_given(jump, traction, data, codes, normal, by)
         for name, slope in by_field.items():
-            if name in rates.fields:  # what memory has does not change
+            if name in rates.fields:  # fields in the memory are constant
                 rate[:, :, 0] += slope * rates.fields[name][:, None]
         return rate[:, :, 0]
 
@@ -345,18 +344,18 @@ class LawAtPoints:
         normal: Array,
         moved: Array,
     ) -> tuple[Array, dict[str, Array]]:
-        """Derivatives of the answers by what normals and jumps depend on, and by the fields.
+        """Return derivatives of the answers by k parameters of normals and jumps, and by fields.
 
         Args:
-            jump: (n, dim).
-            traction: (n, dim).
-            data: of the points.
-            codes: statuses.
-            normal: derivatives of the normals by k numbers (n, dim, k).
-            moved: of the jumps (n, dim, k).
+            jump: jumps, shape (n, dim).
+            traction: tractions, shape (n, dim).
+            data: data of the points.
+            codes: status codes, shape (n,).
+            normal: derivatives of the normals by the parameters, shape (n, dim, k).
+            moved: derivatives of the jumps by the parameters, shape (n, dim, k).
 
         Returns:
-            Derivatives by the k numbers (n, dim, k), and by each field (n, dim).
+            Derivatives by the parameters (n, dim, k), and by each field (n, dim).
         """
         compiled, by_normal, by_field = self.compiled.sensitivities
         values = self._evaluate(compiled, jump, traction, data)
@@ -374,7 +373,7 @@ class LawAtPoints:
 
 
 def _columns(flat: Flat, piece: StatusPiece) -> list[tuple[int, int | None, int]]:
-    """Columns of distance and condition of every border of a status, and its target."""
+    """Return columns of distance and condition, and target, of every border of a status."""
     found = []
     for border in piece.borders:
         where = None if border.where is None else flat.add(_number(border.where))[0]

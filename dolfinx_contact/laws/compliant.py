@@ -1,22 +1,21 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Laws around a law of friction: surfaces that give way, and friction without a threshold.
+r"""Laws that contain a friction law: compliant surfaces, and friction without a threshold.
 
 - *Normal compliance*: the pressure is that of a spring, p = C (u_n)_+^m (Oden and Martins, CMAME
   52, 1985, section 2); m = 1 is the penalisation of Signorini's conditions.
 - *Regularised friction*: the shear grows with the slip from zero, t_t = -b phi(|u_t|/eps)
-  u_t/|u_t| with the radius b of the friction disc, so that every displacement has one answer. In a
-  history it is the slip velocity that friction resists: in a step of the length dt with the
-  increment du_t the law is that of du_t/dt, with a velocity for eps (implicit Euler). Under a shear
-  below the bound, q = |t_t|/b < 1, a point then creeps for ever with the velocity eps phi^-1(q),
-  which Coulomb's law holds.
+  u_t/|u_t| with the radius b of the friction disc, so that every displacement has one traction. In
+  a history friction resists the slip velocity: in a step dt with the increment du_t, u_t is
+  replaced by du_t/dt and eps is a velocity (implicit Euler). Under a shear below the bound,
+  q = |t_t|/b < 1, a point creeps with the velocity eps phi^-1(q), where Coulomb's law sticks.
 
-Neither is Signorini's and Coulomb's problem: they are here to be compared with it.
+Both differ from Signorini's and Coulomb's problem: they serve for comparisons.
 
-Springs are written with the augmented traction q = p + r u_n of the point, p = C/(C + r) q_+: the
-answers of p = C (u_n)_+, by the same statuses, and as C grows Newton's method becomes that of the
-true law. Other pressures and shears are functions of the displacement alone: with a width far below
-the displacements Newton's method does not find them from zero; lower the width step by step, or
-follow it (`ParametricContact`).
+Springs use the augmented traction q = p + r u_n, p = C/(C + r) q_+. This equals p = C (u_n)_+ with
+the same statuses, and for growing C Newton's method becomes that of Signorini's conditions. Other
+pressures and shears are functions of the displacement only: with a width far below the
+displacements Newton's method fails from zero. Then decrease the width step by step, or follow it
+(`ParametricContact`).
 """
 
 from __future__ import annotations
@@ -36,25 +35,25 @@ from dolfinx_contact.laws.status import MINUS, PLUS, STICK
 
 __all__ = ["NormalCompliance", "Regularised"]
 
-_INSIDE = "friction."  # what fields of the law inside have before their names
+_INSIDE = "friction."  # prefix of the names of fields of the law inside
 _TINY = 1e-100
 _SATURATED = 20.0  # slip/eps beyond which tanh is 1 to round-off, and its derivative overflows
 _SERIES = 1e-6  # (slip/eps)^2 below which a series replaces a quotient
 
 
 class _AroundFriction(FrictionLaw):
-    """A law with another one inside, `friction`, whose fields are its own as well."""
+    """A law that contains another one, `friction`, and has its fields too."""
 
     friction: FrictionLaw
     bound_kind = None
-    #: Fields that are no law, no number of the kind, and not left out.
+    #: Scalar fields of this class that may vary.
     own: ClassVar[tuple[str, ...]]
-    #: Those by which the shear answers to the slip of one step alone.
+    #: Fields with which the shear depends only on the slip of the present step.
     in_steps: ClassVar[tuple[str, ...]]
 
     @property
     def _number(self) -> Hashable:
-        """What is the same of all laws of the kind."""
+        """Data that all laws of the kind share."""
         raise NotImplementedError
 
     @property
@@ -123,9 +122,9 @@ class _AroundFriction(FrictionLaw):
 
 @dataclass(frozen=True)
 class NormalCompliance(_AroundFriction):
-    """The pressure of a surface that gives way: C (u_n)_+^m, with friction.
+    """Compliant surface with the pressure C (u_n)_+^m, with friction.
 
-    Points that touch penetrate: ``un`` is negative. The indicator ``penetration`` of the surface
+    Closed points penetrate: ``un`` is negative. The indicator ``penetration`` of the surface
     (`Result.indicators`) is the largest depth, with a warning above a tenth of a facet.
 
     Attributes:
@@ -133,7 +132,7 @@ class NormalCompliance(_AroundFriction):
             Function or a UFL expression.
         exponent: m >= 1, a number.
         friction: law of friction at that pressure; none by default.
-        tangential: stiffness C_t of the surface along itself, traction per length: the shear is
+        tangential: tangential stiffness C_t of the surface, traction per length: the shear is
             -C_t u_t until the point slips (with m = 1 the penalised Coulomb law). None: the point
             sticks.
 
@@ -166,14 +165,14 @@ class NormalCompliance(_AroundFriction):
 
     def lacks(self, *, history: bool) -> str:
         if history and self.tangential is not None:
-            return "a memory of how its tangential springs are stretched: leave them out"
+            return "a memory of the stretch of its tangential springs: omit tangential"
         return super().lacks(history=history)
 
     def pieces(self, a: ContactPoint) -> Mapping[int, StatusPiece]:
         return super().pieces(self.with_pressure(a))
 
     def with_pressure(self, a: ContactPoint) -> ContactPoint:
-        """The point with the pressure and the shear of springs."""
+        """Return the point with the pressure and the shear of springs."""
         C = self.stiffness
         C_t = self.tangential
         m = float(self.exponent)
@@ -181,7 +180,7 @@ class NormalCompliance(_AroundFriction):
         if m == 1:
             return replace(a, pressure=C / (C + a.r) * a.p, shear=shear)
         size = ufl.conditional(ufl.ge(a.u_n, 0.0), a.u_n, -a.u_n)
-        # Of u |u|^(m - 1) the slope at zero is to be zero.
+        # The slope of u |u|^(m - 1) must be zero at zero.
         power = ufl.conditional(ufl.gt(size, _TINY), size, _TINY) ** (m - 1.0)
         return replace(a, pressure=C * a.u_n * power, shear=shear, touches=a.r * a.u_n)
 
@@ -190,9 +189,8 @@ class NormalCompliance(_AroundFriction):
 class Regularised(_AroundFriction):
     """Friction whose shear grows from zero with x, the slip or its velocity over eps: b phi(x).
 
-    Below x = 1 a point is counted as stuck; in truth it creeps. A static problem knows no velocity
-    and a history no other slip, so that each requires an eps of its own; a law that has both is
-    good for a history that begins with a static solve.
+    A point with x < 1 counts as stuck although it creeps. A static problem needs ``width``, a
+    history ``speed``, and a history that begins with a static solve needs both.
 
     Attributes:
         friction: the law that is regularised; its radius b of the friction disc.
@@ -238,15 +236,15 @@ class Regularised(_AroundFriction):
         if history and self.speed is None:
             return "a speed: the width is a slip of the static law; Regularised(..., speed=...)"
         if not history and self.width is None:
-            return "a width: no time is known of which its speed were; Regularised(..., width=...)"
+            return "a width, as it has no velocities: Regularised(..., width=...)"
         return ""
 
     def _eps(self, a: ContactPoint) -> Any:
-        """The slip at x = 1."""
+        """Return the slip at x = 1."""
         if self.speed is None:
             return self.width
         timed = ufl.gt(a.step, 0.0)
-        if self.width is None:  # any time is as good where none has passed
+        if self.width is None:  # without a step the value is arbitrary
             return self.speed * ufl.conditional(timed, a.step, 1.0)
         return ufl.conditional(timed, self.speed * a.step, self.width)
 
@@ -289,7 +287,7 @@ class Regularised(_AroundFriction):
 
 
 def _root(y: Any) -> Any:
-    """The root of y, but for y near zero, where it has no slope."""
+    """Return the root of y, cut off near zero, where its slope is infinite."""
     return ufl.sqrt(ufl.conditional(ufl.gt(y, _SERIES), y, _SERIES))
 
 

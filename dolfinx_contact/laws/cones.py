@@ -48,16 +48,16 @@ def cones(
     """Cones {B z : C B z >= 0} of the statuses of n points.
 
     Args:
-        law: polyhedral, at the points.
-        data: of the points, without gaps, which are in w.
-        frames: T of j = T (ut, un) and t = T (rt, rn) scale (n, 2, 2).
-        scale: traction by length in w (n,).
+        law: polyhedral law at the points.
+        data: data of the points without gaps, which are in w.
+        frames: matrices T (n, 2, 2) with j = T (ut, un) and t = T (rt, rn) scale.
+        scale: traction per length in w (n,).
 
     Returns:
-        Bases B (n, 4, 4, 2), inequalities C (n, 4, 3, 4), rows of zeros filling up, and which
-        statuses there are (n, 4). Bases are oriented as the rows of the law: for all statuses
-        det (M B) has the sign, up to a common one, of the determinant of the equations M w = p with
-        the rows t - tau(j, t) = 0.
+        Bases B (n, 4, 4, 2), inequalities C (n, 4, 3, 4) padded by zero rows, and existing statuses
+        (n, 4). Bases are oriented as the rows of the law: for all statuses the sign of det (M B)
+        is, up to a common sign, that of the determinant of the equations M w = p with the rows t -
+        tau(j, t) = 0.
     """
     n = law.number
     B = np.zeros((n, _STATUSES, 4, 2))
@@ -66,7 +66,7 @@ def cones(
     nothing = np.zeros((n, 2))
     answers = law(nothing, nothing, data)
     there = answers.exists()
-    lengths = np.zeros((n, 4, 4))  # of w to (j, t)
+    lengths = np.zeros((n, 4, 4))  # maps w to (j, t)
     lengths[:, :2, :2] = frames
     lengths[:, 2:, 2:] = frames * scale[:, None, None]
     for i, code in enumerate(law.codes):
@@ -79,7 +79,7 @@ def cones(
         plane, free = _plane(rows, exists[:, code])
         slopes = law.slopes(code, nothing, nothing, data) @ lengths
         C[:, code] = _bounds(slopes @ plane, free, answers.borders(codes).distance < np.inf)
-        # Oriented as the rows are.
+        # Orient the basis as the rows.
         whole = np.concatenate([plane, np.transpose(rows, (0, 2, 1))], axis=2)
         plane[np.linalg.det(whole) < 0, :, 1] *= -1.0
         B[:, code] = plane
@@ -87,13 +87,13 @@ def cones(
 
 
 def no_cones(n: int) -> tuple[Array, Array, npt.NDArray[np.bool_]]:
-    """What `cones` returns, of n points without any status."""
+    """Return the arrays of `cones` for n points without any status."""
     shape = n, _STATUSES
     return np.zeros((*shape, 4, 2)), np.zeros((*shape, 3, 4)), np.zeros(shape, dtype=bool)
 
 
 def _plane(rows: Array, used: npt.NDArray[np.bool_]) -> tuple[Array, list[int]]:
-    """Bases (n, 4, 2) of the planes ``rows`` w = 0, and the coordinates that they are made of."""
+    """Return bases (n, 4, 2) of the planes ``rows`` w = 0, and the two free coordinates."""
     best = -1.0
     chosen = (0, 1)
     size = np.abs(rows).max(axis=(1, 2))
@@ -115,7 +115,7 @@ def _plane(rows: Array, used: npt.NDArray[np.bool_]) -> tuple[Array, list[int]]:
 
 
 def _bounds(slopes: Array, free: list[int], there: npt.NDArray[np.bool_]) -> Array:
-    """Inequalities (n, 3, 4) of the planes' coordinates, without those that others imply."""
+    """Return inequalities (n, 3, 4) of the free coordinates, without redundant ones."""
     n, borders, _ = slopes.shape
     size = np.abs(slopes).max(axis=2, initial=0.0)
     counts = there[:, :borders] & (size > 0)
@@ -128,7 +128,7 @@ def _bounds(slopes: Array, free: list[int], there: npt.NDArray[np.bool_]) -> Arr
 
 
 def _needed(rows: Array) -> Array:
-    """Those of the inequalities ``rows`` z >= 0 that no two others imply."""
+    """Return the inequalities ``rows`` z >= 0 that no two others imply."""
     kept = list(range(len(rows)))
     for i in range(len(rows)):
         others = [k for k in kept if k != i]

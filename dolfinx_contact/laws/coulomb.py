@@ -1,19 +1,18 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""The laws of Coulomb and Tresca at points of a reduced problem, on numpy arrays alone.
+r"""The laws of Coulomb and Tresca at points of a reduced problem, on numpy arrays.
 
 With a point's displacement a = (ut, un), tangents first, and its force r = (rt, rn) on the body,
 
     0 <= un  against  rn >= 0,    |rt| <= F rn + g,    rt = -(F rn + g) ut/|ut|.
 
-F is Coulomb's coefficient, g a bound that is given in advance (Tresca). With an augmentation k,
-force by length, this is r = P(r - k a), with the projection P on rn >= 0 and then on the disc of
-radius F rn + g (Alart and Curnier, CMAME 92, 1991). `friction` has the same laws in UFL, for any
-coefficient and status by status; the checker of proofs (`proofs.check_proof`) has its own, to be
-read by itself.
+F is Coulomb's coefficient, g a prescribed bound (Tresca). With an augmentation k, force per length,
+this is r = P(r - k a), with the projection P on rn >= 0 and then on the disc of radius F rn + g
+(Alart and Curnier, CMAME 92, 1991). `friction` has the same laws in UFL, for any coefficient and
+status by status; the checker of proofs (`proofs.check_proof`) is self-contained and repeats it.
 
-In the plane and without g the statuses are cones of w = (ut, un, rt, rn), affine in F: a point is
-at w = (B_0 + F B_1) z with (C_0 + F C_1) w >= 0. On a *border* it is between two of them, and loses
-one unknown: open and slipping, with nothing but ut, or stuck and slipping, with nothing but rn.
+In 2D and without g the statuses are cones of w = (ut, un, rt, rn), affine in F: a point is at
+w = (B_0 + F B_1) z with (C_0 + F C_1) w >= 0. On a *border* between two statuses it has one unknown
+less: between open and slip only ut is nonzero; between stick and slip rn determines rt.
 """
 
 from __future__ import annotations
@@ -44,24 +43,24 @@ _TINY = 1e-300
 
 
 def radius(rn: Array, friction: Array, bound: Array) -> Array:
-    """Radii F rn + g of the friction discs at normal forces (m,); g where rn is negative."""
+    """Return radii F rn + g of the friction discs at normal forces (m,); g if rn is negative."""
     return np.asarray(friction * np.maximum(rn, 0.0) + bound)
 
 
 def project(s: Array, radius: Array) -> Array:
-    """Vectors (m, d) projected on discs (in 1D: intervals) of these radii (m,)."""
+    """Return the projections of vectors (m, d) onto discs (in 1D: intervals) of radii (m,)."""
     size = np.linalg.norm(s, axis=1)
     return np.asarray(s * np.minimum(1.0, radius / np.maximum(size, _TINY))[:, None])
 
 
 def allowed(r: Array, friction: Array, bound: Array) -> Array:
-    """Forces (m, dim) projected: rn >= 0, and rt on the disc of that rn."""
+    """Return the projections of forces (m, dim): rn >= 0, and rt in the disc of that rn."""
     rn = np.maximum(r[:, -1], 0.0)
     return np.column_stack([project(r[:, :-1], radius(rn, friction, bound)), rn])
 
 
 def derivative(s: Array, friction: Array, bound: Array) -> Array:
-    """That of `allowed` at s (m, dim), one of a kink where it has several, (m, dim, dim)."""
+    """Return a generalised derivative (m, dim, dim) of `allowed` at s (m, dim)."""
     m, d = s.shape
     D = np.zeros((m, d, d))
     pushes = s[:, -1] > 0
@@ -79,12 +78,12 @@ def derivative(s: Array, friction: Array, bound: Array) -> Array:
 
 
 def closed(s: Array) -> npt.NDArray[np.bool_]:
-    """Which points are closed (m,), by s = r - k a (m, dim)."""
+    """Return which points are closed (m,), by s = r - k a (m, dim)."""
     return np.asarray(s[:, -1] >= 0)
 
 
 def stuck(s: Array, friction: Array, bound: Array) -> npt.NDArray[np.bool_]:
-    """Which points friction holds (m,), by s = r - k a (m, dim)."""
+    """Return which points friction holds (m,), by s = r - k a (m, dim)."""
     pressure = s[:, -1]
     grips = (bound > 0) | ((friction > 0) & (pressure >= 0))
     size = np.linalg.norm(s[:, :-1], axis=1)
@@ -92,7 +91,7 @@ def stuck(s: Array, friction: Array, bound: Array) -> npt.NDArray[np.bool_]:
 
 
 def statuses(s: Array, friction: Array, bound: Array) -> npt.NDArray[np.int8]:
-    """Numbers of the statuses (`laws.status`) of points (m,), by s = r - k a (m, dim)."""
+    """Return statuses (`laws.status`) of points (m,), by s = r - k a (m, dim)."""
     back = (s[:, 0] > 0) & (s.shape[1] == 2)
     codes = np.where(stuck(s, friction, bound), STICK, np.where(back, MINUS, PLUS))
     rubbing = np.where(bound > 0, codes + WHERE_OPEN, OPEN)
@@ -100,7 +99,7 @@ def statuses(s: Array, friction: Array, bound: Array) -> npt.NDArray[np.int8]:
 
 
 def violation(ut: Array, un: Array, rt: Array, rn: Array, friction: Array, bound: Array) -> float:
-    """The largest violation in the plane, of numbers (m,) in units in which the load is 1."""
+    """Return the largest violation in 2D; arrays (m,) in units in which the load is 1."""
     size = max(1.0, float(np.abs(rn).max()), float(np.abs(rt).max()))
     most = friction * rn + bound
     parts = [
@@ -115,13 +114,13 @@ def violation(ut: Array, un: Array, rt: Array, rn: Array, friction: Array, bound
 
 # -- cones in the plane ----------------------------------------------------------------------------
 
-#: Between which two statuses a border is, by its code less `FIRST_BORDER`.
+#: The two statuses at each border, by code minus `FIRST_BORDER`.
 BORDERS = ((OPEN, PLUS), (OPEN, MINUS), (STICK, PLUS), (STICK, MINUS))
 FIRST_BORDER = 4
 
 _UT, _UN, _RT, _RN = np.eye(4)
 _NO = np.zeros(4)
-#: Of every status and border the columns of B_0 and B_1.
+#: Columns of B_0 and B_1 for each status and border.
 BASES: list[tuple[list[Array], list[Array]]] = [
     ([_UT, _UN], [_NO, _NO]),
     ([_RT, _RN], [_NO, _NO]),
@@ -132,7 +131,7 @@ BASES: list[tuple[list[Array], list[Array]]] = [
     ([_RN], [-_RT]),
     ([_RN], [_RT]),
 ]
-#: Of every status and border the rows of C_0 and C_1, each with the code beyond.
+#: Rows of C_0 and C_1 for each status and border, with the code beyond.
 INSIDE: list[list[tuple[Array, Array, int]]] = [
     [(_UN, _NO, PLUS)],
     [(_RT, _RN, PLUS), (-_RT, _RN, MINUS)],
@@ -143,7 +142,7 @@ INSIDE: list[list[tuple[Array, Array, int]]] = [
     [(_RN, _NO, OPEN)],
     [(_RN, _NO, OPEN)],
 ]
-#: Of `INSIDE` the inequalities of a point without friction, whose slip has no sense.
+#: Inequalities of `INSIDE` for a point without friction, whose slip has no sign.
 WITHOUT_FRICTION: list[list[tuple[Array, Array, int]]] = [
     [(C_0, _NO, code) for C_0, _, code in rows if C_0 is _UN or C_0 is _RN] for rows in INSIDE
 ]

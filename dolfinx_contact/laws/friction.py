@@ -30,7 +30,7 @@ __all__ = ["Coulomb", "FrictionLaw", "Frictionless", "Tresca"]
 
 _ROUND_OFF = 1e-9  # of the augmented pressure over r, a length
 
-#: Of the friction disc at the augmented pressure, by the distance slipped.
+#: Function from the slip distance to the radius of the friction disc at the augmented pressure.
 Radius: TypeAlias = Callable[[Any], Any]
 
 
@@ -40,40 +40,40 @@ class FrictionLaw(Law):
     bound_kind: BoundKind | None = "other"
 
     def bound(self, a: ContactPoint, p: Any) -> Any:
-        """UFL radius of the friction disc where the pressure is ``p``. Units of traction.
+        """Return the UFL radius of the friction disc at the pressure ``p``, a traction.
 
         Args:
-            a: the point, of which the radius may use ``a.slid``, the distance it has slipped.
-            p: pressure, positive in contact; where friction acts on open points too
-                (``needs_pressure = False``) it may be negative there, and must not matter then.
+            a: contact point; the radius may depend on ``a.slid``, the slip distance.
+            p: pressure, positive in contact. If friction acts on open points too
+                (``needs_pressure = False``), it may be negative there and must not matter then.
         """
         raise NotImplementedError(f"{type(self).__name__} has no method bound(a, p)")
 
     def grips(self, a: ContactPoint) -> Any | None:
-        """UFL condition under which friction acts at all at the point; None, the default: always.
+        """Return a UFL condition under which friction acts at the point; None, the default: always.
 
-        It depends on fields of the law alone, for example of a coefficient that is not zero.
+        It depends only on fields of the law, for example on a coefficient that is not zero.
         """
         return None
 
     def holds(self, a: ContactPoint) -> Any | None:
-        """UFL condition under which the point can stick, by default that of `grips`.
+        """Return a UFL condition under which the point can stick, by default that of `grips`.
 
-        It may depend on what the points around spread: where nothing presses nothing is held.
+        It may depend on the average over neighbouring points: without pressure no point sticks.
         """
         return self.grips(a)
 
     def shears(self, a: ContactPoint) -> Mapping[int, StatusPiece]:
-        """Of closed points what friction answers, status by status, and where the status ends."""
+        """Return the shear of closed points for each status, with the borders of the status."""
         in_ = _in_plane if a.dim == 2 else _in_space
         return in_(a, partial(self.disc, a), self.grips(a), self.holds(a))
 
     def disc(self, a: ContactPoint, slid: Any) -> Any:
-        """UFL radius of the friction disc where the point slips by a distance in the step."""
+        """Return the UFL radius of the friction disc for a slip distance in the step."""
         return self.bound(replace(a, slid=a.slid_before + slid), a.p)
 
     def entered(self, a: ContactPoint) -> Mapping[int, Any]:
-        """Statuses that an open point takes that closes, and UFL conditions; None for always."""
+        """Return statuses of an open point after closing, with UFL conditions; None for always."""
         if a.dim == 3:
             return {PLUS: None}
         # It slips against its displacement.
@@ -107,10 +107,10 @@ class FrictionLaw(Law):
 
 
 class _Slip:
-    """A slip by a distance that is never backwards, but for round-off.
+    """A slip by a distance that is nonnegative up to round-off.
 
-    So stick and slip share one border for every jump and traction, and friction never pushes along.
-    Beyond zero by little the radius is smooth, where slips begin.
+    Stick and slip then share one border for every jump and traction, and friction always opposes
+    slip. The radius is smooth slightly below zero, where slip begins.
     """
 
     def __init__(self, a: ContactPoint, radius: Radius, slid: Any):
@@ -126,7 +126,7 @@ class _Slip:
 
 
 def _in_plane(a: ContactPoint, radius: Radius, grips: Any, holds: Any) -> dict[int, StatusPiece]:
-    """Friction at a point in 2D; a slip with u_t > 0 has s.t < 0."""
+    """Return friction in 2D; slip with u_t > 0 has s.t < 0."""
     s = ufl.dot(a.s, a.t)
     u = ufl.dot(a.u_t, a.t)
     right = _Slip(a, radius, u)
@@ -141,7 +141,7 @@ def _in_plane(a: ContactPoint, radius: Radius, grips: Any, holds: Any) -> dict[i
 
 
 def _in_space(a: ContactPoint, radius: Radius, grips: Any, holds: Any) -> dict[int, StatusPiece]:
-    """Friction at a point in 3D."""
+    """Return friction in 3D."""
     size = ufl.sqrt(ufl.dot(a.s, a.s))
     along = ufl.conditional(ufl.gt(size, 0.0), -ufl.dot(a.u_t, a.s) / size, 0.0)
     slip = _Slip(a, radius, along)
@@ -185,10 +185,10 @@ class Coulomb(FrictionLaw):
 
 @dataclass(frozen=True)
 class Tresca(FrictionLaw):
-    """Tresca friction: a friction bound given in advance, ``|lambda_t| <= g`` on the whole surface.
+    """Tresca friction: a prescribed friction bound, ``|lambda_t| <= g`` on the whole surface.
 
-    As in the mathematical literature the bound holds where the surface is open too; multiply it by
-    a field that vanishes there to change that.
+    As in the mathematical literature, friction acts on open parts of the surface too. Multiply the
+    bound by a field that vanishes there to change this.
 
     Attributes:
         threshold: g >= 0 in units of traction, as for `Coulomb.friction`.

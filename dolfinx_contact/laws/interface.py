@@ -10,25 +10,25 @@ convex in the rates and least, 0, at rest, the laws of state and evolution are
     R_n = dPsi/d[u_n] - p,   0 <= p, [u_n] >= 0, p [u_n] = 0,       R_t = dPsi/d[u_t] + R_t^ir,
     R_t^ir in dPhi/d[u_t]',        -dPsi/da in dPhi/da',
 
-for the forces R that hold the body back. chi is what of the normal state dissipation may depend on:
-the pressure p, the reaction, the opening. Phi is that of isotropic friction, a function of the
-speed of slip |[u_t]'| >= 0: what it grows with at speed 0 is the bound of friction.
+for the forces R on the body. chi are the normal data on which the dissipation may depend: pressure
+p, reaction, opening. Phi describes isotropic friction, a function of the slip speed |[u_t]'| >= 0;
+its slope at speed 0 is the friction bound.
 
 A step in time is implicit Euler's,
 
     dPsi/da(a) + dPhi/da'((a - a_n)/dt) = 0,
 
-which is solved point by point (`roots`). A variable that may only fall or grow rests where its
-force is within the threshold dPhi/da'(0), changes, or has come to its end; these are statuses
-(`status.DAMAGING`, `status.BROKEN`) beside open, stick and slip. In a static problem nothing has a
-rate, which leaves of dissipation what does not depend on the time.
+which is solved point by point (`roots`). A monotone variable rests while its force is within the
+threshold dPhi/da'(0), changes, or has reached its end. This is part of the status
+(`status.DAMAGING`, `status.BROKEN`). In a static problem all rates are 0, and only the part of the
+dissipation that does not depend on the time remains.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import ufl
 
@@ -39,16 +39,10 @@ from dolfinx_contact.laws.law import (
     Border,
     ContactPoint,
     Equations,
-    Internal,
     Law,
     StatusPiece,
 )
 from dolfinx_contact.laws.status import BROKEN, DAMAGING, OPEN, PLUS, WHERE_OPEN
-
-if TYPE_CHECKING:
-    from typing import Self
-
-    from dolfinx import mesh
 
 __all__ = ["Interface", "InterfaceState", "Rates"]
 
@@ -58,12 +52,12 @@ _WORDS = {OPEN: "rests", DAMAGING: "changes", BROKEN: "ends"}
 class Interface(Law):
     """A law of contact by an energy and a potential of dissipation: define these.
 
-    A frozen dataclass whose fields are what it is given. Those that `internal` names have the value
-    of a scalar at the start, and then at the last accepted state; all else is as in `Law`. With
-    ``needs_pressure = False`` friction acts at open points too. Results depend on the time if the
-    dissipation is no linear function of the rates: then ``needs_time`` names the fields without
-    which it is. In a static problem all rates are 0: friction is that of the speed 0, and what is
-    viscous does not resist.
+    A frozen dataclass whose fields are its data. Fields that `internal` names have their initial
+    value at the start, and later the value at the last accepted state; otherwise it is as in `Law`.
+    With ``needs_pressure = False`` friction acts at open points too. Results depend on the time if
+    the dissipation is not linear in the rates: then ``needs_time`` names the fields that must be 0
+    for linearity. In a static problem all rates are 0: friction is that at speed 0, and there is no
+    viscous resistance.
 
     Example:
         A bond whose strength falls with the opening, linearly, and which does not heal::
@@ -87,35 +81,31 @@ class Interface(Law):
     """
 
     def energy(self, state: InterfaceState) -> Any:
-        """Psi, UFL energy per area."""
+        """Return Psi, UFL energy per area."""
         return 0.0
 
     def dissipation(self, rates: Rates, state: InterfaceState) -> Any:
-        """Phi, UFL power per area, of the rates; of the state no derivatives are taken."""
+        """Return Phi, UFL power per area; it is differentiated with respect to the rates only."""
         return 0.0
 
     def cost(self, start: InterfaceState, end: InterfaceState) -> Any:
-        """What the variables dissipate from one state to another, UFL energy per area.
+        """Return the dissipation of the variables between two states, UFL energy per area.
 
-        None where no closed form is given: then Gauss' rule of four points between the two values
-        of the variables integrates dPhi/da', which is not enough where that grows many times over
-        in a step.
+        None: dPhi/da' is integrated between the two values of the variables by Gauss' rule of four
+        points. This is inaccurate if dPhi/da' grows many times over in a step.
         """
         return None
 
     def broken(self, state: InterfaceState) -> Any:
-        """UFL condition under which the interface counts as broken, by default at its end."""
+        """Return a UFL condition for a broken interface; by default the variable is at its end."""
         x = self.weakening
         if x is None or x.end is None:
             return None
         return ufl.le(x.sense * (x.end - state[x.name]), 0.0)
 
-    def bind(self, domain: mesh.Mesh) -> Self:
-        self._check()
-        return super().bind(domain)
-
     def unknowns(self, dim: int) -> Mapping[str, int]:
-        self._check()
+        if sum(x.change != "any" for x in self.internal) > 1:
+            raise ValueError(f"{self.name}: only one variable may be monotone")
         smooth = sum(dim if x.vector else 1 for x in self.internal if x is not self.weakening)
         sizes = {f: smooth + (f == DAMAGING) for f in self._families}
         return {_name(o, f): n for o in (True, False) for f, n in sizes.items() if n}
@@ -182,34 +172,8 @@ class Interface(Law):
             return [OPEN]
         return [OPEN, DAMAGING] if x.end is None else [OPEN, DAMAGING, BROKEN]
 
-    def _check(self) -> None:
-        """Raise ``ValueError`` if the variables are none."""
-        kind = self.name
-        for what, one in (("internal", Internal), ("needs_time", str)):
-            given = getattr(self, what)
-            if not isinstance(given, tuple) or not all(isinstance(x, one) for x in given):
-                raise ValueError(
-                    f"{what} of {kind} must be a tuple of {one.__name__}, got {given!r}; one alone "
-                    "needs a comma after it"
-                )
-        for name in self.needs_time:
-            if name not in self.given:
-                raise ValueError(f"needs_time of {kind} names {name}, which is no field of it")
-        names = [x.name for x in self.internal]
-        if len(set(names)) < len(names):
-            raise ValueError(f"internal of {kind} must be Internals of different names")
-        for x in self.internal:
-            if x.hidden:
-                raise ValueError(f"{x.name} of {kind} may not be hidden: tables show all variables")
-            if not x.vector and x.name not in self.given:
-                raise ValueError(f"{kind} needs a field {x.name}, which has its value at the start")
-            if x.vector and x.name in self.given:
-                raise ValueError(f"{x.name} of {kind} is a vector, and so no field")
-        if sum(x.change != "any" for x in self.internal) > 1:
-            raise ValueError(f"{kind}: one variable at most may be one that only falls or grows")
-
     def _check_time(self, a: ContactPoint) -> None:
-        """Raise ``ValueError`` if the speed matters, whatever is 0."""
+        """Raise ``ValueError`` if the speed matters even if the fields of needs_time are 0."""
         still = self.having(dict.fromkeys(self.needs_time, 0.0))
         if still._side(a, False, self._families[-1], level=0).knows_speed:
             raise ValueError(
@@ -221,14 +185,14 @@ class Interface(Law):
     # -- at a point ------------------------------------------------------------------------------
 
     def _side(self, a: ContactPoint, is_open: bool, family: int, level: int = 1) -> InterfacePoint:
-        """The interface at an open or closed point whose monotone variable is that of a family."""
+        """Return the interface at an open or closed point, with the variable of a family."""
         start = self._starts(a)
         unknown = []
         values = dict[str, Any]()
         x = self.weakening
         for v in (*([] if x is None else [x]), *(v for v in self.internal if v is not x)):
             if v is x and family != DAMAGING:
-                # No constant: what is made of it could be one that is divided by, and 0.
+                # Not a constant: UFL would evaluate quotients by expressions of it at once.
                 last = ufl.conditional(ufl.gt(a.r, 0.0), float(v.end or 0.0), start[v.name])
                 values[v.name] = start[v.name] if family == OPEN else last
             else:
@@ -243,7 +207,7 @@ class Interface(Law):
         return InterfacePoint(self, a, opening, values, start, unknown, is_open, level)
 
     def _starts(self, a: ContactPoint) -> dict[str, Any]:
-        """Values of the variables at the last accepted state."""
+        """Return values of the variables at the last accepted state."""
         return {
             x.name: ufl.as_vector([a.kept[name] for name in x.components(a.dim)])
             if x.vector
@@ -252,7 +216,7 @@ class Interface(Law):
         }
 
     def _now(self, a: ContactPoint) -> InterfacePoint:
-        """The interface as it is."""
+        """Return the interface at the present state."""
         is_open = ufl.lt(a.u_n, 0.0)
         values = dict[str, Any]()
         both = [self._values(a, side) for side in (True, False)]
@@ -262,7 +226,7 @@ class Interface(Law):
         return InterfacePoint(self, a, opening, values, self._starts(a), [], None, 2)
 
     def _values(self, a: ContactPoint, is_open: bool) -> dict[str, Any]:
-        """Values of the variables at a point that is open or closed."""
+        """Return values of the variables at an open or closed point."""
         sides = {f: self._side(a, is_open, f) for f in self._families}
         x = self.weakening
         if x is None:
@@ -279,14 +243,14 @@ class Interface(Law):
 
     @property
     def _can_change(self) -> Any:
-        """Condition under which the monotone variable is not at its end; None if that is known."""
+        """Condition that the monotone variable is not at its end; None if it has no end."""
         x = self.weakening
         if x is None or x.end is None:
             return None
         return ufl.gt(x.sense * (x.end - getattr(self, x.name)), 0.0)
 
     def _slack(self, side: InterfacePoint) -> Any:
-        """By what the force on the monotone variable is less than what keeps it from changing."""
+        """Return the threshold minus the force on the monotone variable."""
         x = self.weakening
         assert x is not None
         return x.sense * side.driven(x.name)
@@ -294,7 +258,7 @@ class Interface(Law):
     def _outgoing(
         self, sides: Mapping[int, InterfacePoint], family: int, code: int
     ) -> list[Border]:
-        """Borders to other families."""
+        """Return borders to other families."""
         x = self.weakening
         found = list[Border]()
         if x is None:
@@ -316,7 +280,7 @@ class Interface(Law):
 
 
 def _chosen(condition: Any, yes: Any, no: Any) -> Any:
-    """`ufl.conditional`, also of vectors."""
+    """Return `ufl.conditional` of scalars or vectors."""
     if not yes.ufl_shape:
         return ufl.conditional(condition, yes, no)
     pairs = zip(_scalars(yes), _scalars(no), strict=True)
@@ -328,7 +292,7 @@ def _scalars(e: Any) -> list[Any]:
 
 
 def _both(one: Any, other: Any) -> Any:
-    """Both conditions, of which None is always true."""
+    """Return the conjunction of conditions; None is always true."""
     if one is None or other is None:
         return other if one is None else one
     return ufl.And(one, other)
@@ -337,9 +301,9 @@ def _both(one: Any, other: Any) -> Any:
 def _borders(
     side: InterfacePoint, distance: Any, code: int, family: int, where: Any
 ) -> Iterator[Border]:
-    """Borders of a status to that with the same contact and friction in the family of a side.
+    """Yield borders to the status with the same contact and friction in the family of a side.
 
-    Where friction does not act there every point slips.
+    A point without friction there slips.
     """
     grips = None if code in (OPEN, PLUS, PLUS + WHERE_OPEN) else side.grips
     yield Border(distance, code + family, _both(where, grips))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""An interface at a point, by its energy and its dissipation and their derivatives, in UFL."""
+"""An interface at a point: its energy, its dissipation and their derivatives in UFL."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from ufl.classes import Variable, Zero
 from ufl.corealg.map_dag import map_expr_dag
 from ufl.corealg.multifunction import MultiFunction
 
-from dolfinx_contact._ufl import Kind, dependence
+from dolfinx_contact._ufl import depends_on
 from dolfinx_contact.laws.friction import FrictionLaw
 from dolfinx_contact.laws.interface_state import InterfaceState, Rates
 from dolfinx_contact.laws.law import ContactPoint, Internal, StatusPiece
@@ -26,7 +26,7 @@ __all__ = ["InterfacePoint"]
 
 _FIRST = 5000  # number of a variable to differentiate by
 _PER_LEVEL = 100
-_POINTS = 4  # of a quadrature
+_POINTS = 4  # points of the quadrature
 _SHORTEST = 1e-60
 _NO_PACE = 1e-290
 
@@ -38,27 +38,28 @@ class Potentials(Protocol):
     needs_pressure: bool
 
     def energy(self, state: InterfaceState) -> Any:
-        """Psi."""
+        """Return Psi."""
 
     def dissipation(self, rates: Rates, state: InterfaceState) -> Any:
-        """Phi."""
+        """Return Phi."""
 
     def cost(self, start: InterfaceState, end: InterfaceState) -> Any:
-        """The integral of dPhi/da' . da, or None."""
+        """Return the integral of dPhi/da' . da, or None."""
 
 
 class InterfacePoint:
-    """An interface at a point, with values of its variables, open or closed.
+    """An interface at a point with values of its variables.
 
     Args:
-        law: with its fields at the point.
-        a: the point.
+        law: law with its fields at the point.
+        a: contact point.
         opening: [u_n].
-        values: of the variables.
-        start: of the same, at the last accepted state.
+        values: values of the variables.
+        start: values of the variables at the last accepted state.
         unknown: variables that are solved for.
-        is_open: whether it is; None if it may be either.
-        level: one more than those that the values are made of, whose variables have other numbers.
+        is_open: whether the point is open; None if it is unknown.
+        level: number that distinguishes the variables of differentiation of nested points; it is
+            one more than that of the points in ``values``.
     """
 
     def __init__(
@@ -87,13 +88,13 @@ class InterfacePoint:
         #: Without pressure and reaction.
         self.state = InterfaceState(self._opening, self._moved, n, self.values)
         self.energy = ufl.as_ufl(law.energy(self.state))
-        # What has no time has no rates, and what takes no time does not change. (Roots of rates
-        # have derivatives as long as they are not 0.)
+        # Without time (negative step) all rates are nearly 0, as roots of rates have no derivative
+        # at 0; in a step of length 0 nothing changes.
         time = ufl.conditional(ufl.gt(a.step, _SHORTEST), a.step, _SHORTEST)
         self._pace = ufl.conditional(ufl.ge(a.step, 0.0), 1.0 / time, _NO_PACE)
 
     def _variables(self, expressions: Sequence[Any], first: int = 0) -> list[Any]:
-        """Variables to differentiate by, that stand for expressions."""
+        """Return variables of differentiation for expressions."""
         first += _FIRST + _PER_LEVEL * self._level
         return [variable(e, first + i) for i, e in enumerate(expressions)]
 
@@ -113,11 +114,11 @@ class InterfacePoint:
 
     @property
     def traction(self) -> Any:
-        """Of the energy, on the body."""
+        """Traction of the energy on the body."""
         return self._pull * self._a.n - self._along
 
     def scale(self, name: str) -> Any:
-        """Of the force on a variable, by which it becomes a traction."""
+        """Return the factor by which the force on a variable becomes a traction."""
         law = self._law
         a = self._a
         zero = self._a.n * 0.0
@@ -149,9 +150,9 @@ class InterfacePoint:
     def _potential(
         self, pressure: Any, speed: Any, share: float = 1.0
     ) -> tuple[Any, dict[str, Any]]:
-        """Phi, and the rates that it may be differentiated by; that of slip has no name.
+        """Return Phi and the rates to differentiate it by; the name of the slip speed is "".
 
-        ``share`` is that of the step after which the variables are evaluated.
+        The variables are evaluated after a ``share`` of the step.
         """
         reaction = pressure if isinstance(self._pull, Zero) else _positive(pressure - self._pull)
         reaction = ufl.as_ufl(0.0) if isinstance(ufl.as_ufl(pressure), Zero) else reaction
@@ -171,20 +172,20 @@ class InterfacePoint:
 
     @cached_property
     def _slopes(self) -> dict[str, Any]:
-        """dPhi/da' by the names of the variables."""
+        """dPhi/da' by name of the variable."""
         phi, rates = self._potential(self.pressure, self._own_speed)
         return {name: _slope(phi, rate) for name, rate in rates.items() if name}
 
     def _part(self, name: str, share: float) -> Any:
-        """The value of a variable after a share of the step."""
+        """Return the value of a variable after a share of the step."""
         return (1.0 - share) * self.start[name] + share * self.values[name]
 
     @property
     def spent(self) -> Any:
-        """What the variables have dissipated in the step, energy per area.
+        """Dissipation of the variables in the step, energy per area.
 
-        The integral of dPhi/da'(a) . da over the way from one value to the other, by Gauss' rule
-        unless the law knows it.
+        The integral of dPhi/da'(a) . da between the two values, by Gauss' rule unless the law
+        defines `cost`.
         """
         known = self._law.cost(replace(self.state, internal=self.start), self.state)
         if known is not None:
@@ -196,7 +197,7 @@ class InterfacePoint:
             for name in self._moves:
                 moved = self.values[name] - self.start[name]
                 lost = ufl.inner(_slope(phi, rates[name]), moved)
-                # What has come to its end may be resisted without bound there.
+                # At its end, the resistance of a variable may be infinite.
                 some = ufl.ne(ufl.inner(moved, moved), 0.0)
                 found += 0.5 * float(weight) * ufl.conditional(some, lost, 0.0)
         return found
@@ -210,35 +211,35 @@ class InterfacePoint:
         return not (self._is_open and self._law.needs_pressure)
 
     def resisted(self, name: str) -> Any:
-        """dPhi/da', of a variable."""
+        """Return dPhi/da' of a variable."""
         return self._slopes[name]
 
     def driven(self, name: str) -> Any:
-        """dPsi/da + dPhi/da', of a variable; 0 where it changes."""
+        """Return dPsi/da + dPhi/da' of a variable; 0 where it changes."""
         return _slope(self.energy, self.values[name]) + self.resisted(name)
 
     def determines(self, name: str) -> bool:
-        """Whether that depends on any of the unknown variables, so that it can be solved for."""
+        """Return whether `driven` depends on an unknown variable, so that it can be solved."""
         force = self.driven(name)
         return not all(isinstance(_slope(force, self.values[x.name]), Zero) for x in self.unknown)
 
     def resistance(self, pressure: Any, speed: Any) -> Any:
-        """dPhi/d|[u_t]'|, the radius of the friction disc."""
+        """Return dPhi/d|[u_t]'|, the radius of the friction disc."""
         phi, rates = self._potential(ufl.as_ufl(pressure), ufl.as_ufl(speed))
         return _slope(phi, rates[""])
 
     @property
     def _viscous(self) -> bool:
-        """Whether that depends on the speed."""
+        """Whether the radius of the friction disc depends on the speed."""
         phi, rates = self._potential(ufl.as_ufl(1.0), self.speed)
-        return _holds(_slope(phi, rates[""]), rates[""])
+        return depends_on(_slope(phi, rates[""]), rates[""])
 
     @property
     def knows_speed(self) -> bool:
-        """Whether Phi is no linear function of the rates."""
+        """Whether Phi is not linear in the rates."""
         phi, rates = self._potential(self.pressure, self.speed)
         pairs = ((v, w) for v in rates.values() for w in rates.values())
-        return any(_holds(_slope(phi, v), w) for v, w in pairs)
+        return any(depends_on(_slope(phi, v), w) for v, w in pairs)
 
     # -- contact and friction --------------------------------------------------------------------
 
@@ -272,7 +273,7 @@ class InterfacePoint:
 
     @property
     def grips(self) -> Any:
-        """Condition under which friction acts; None for always."""
+        """Condition under which friction acts; None: always."""
         return self._friction.grips(self._a)
 
 
@@ -281,12 +282,12 @@ class _Friction(FrictionLaw):
     """Friction by a potential.
 
     Attributes:
-        resistance: radius of the friction disc, by pressure and speed.
-        speed: of slip.
-        pace: over its distance.
+        resistance: function from pressure and speed to the radius of the friction disc.
+        speed: slip speed.
+        pace: slip speed over slip distance.
         viscous: whether the radius depends on the speed.
-        presses: whether it acts at closed points alone.
-        free: whether it acts at an open point, where there is no pressure.
+        presses: whether friction acts at closed points only.
+        free: whether this is an open point with friction.
     """
 
     resistance: Callable[[Any, Any], Any]
@@ -316,7 +317,7 @@ class _Friction(FrictionLaw):
 
 
 class _Signed(MultiFunction):  # type: ignore[misc]
-    """Sizes of numbers whose signs are known, without the kink at 0."""
+    """Replace absolute values of expressions of known sign, which have a kink at 0."""
 
     def __init__(self, signs: Mapping[Any, int]):
         super().__init__()
@@ -328,11 +329,6 @@ class _Signed(MultiFunction):  # type: ignore[misc]
     def abs(self, o: Any, operand: Any) -> Any:
         sign = self._signs.get(operand)
         return self.reuse_if_untouched(o, operand) if sign is None else sign * operand
-
-
-def _holds(e: Any, by: Variable) -> bool:
-    """Whether an expression depends on a variable, as jumps do whose derivative vanishes."""
-    return dependence(e, by).kind != Kind.ABSENT
 
 
 def _slope(e: Any, by: Variable) -> Any:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What energies and dissipations of interfaces are functions of."""
+"""Arguments of energies and dissipations of interfaces."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ __all__ = ["InterfaceState", "Rates"]
 
 @dataclass(frozen=True)
 class InterfaceState:
-    """What an interface is in, UFL.
+    """State of an interface, UFL.
 
     Attributes:
         opening: [u_n] >= 0.
-        moved: [u_t], a vector along the surface, since the start of the history.
+        moved: [u_t] since the start of the history, a tangential vector.
         n: unit normal, from the body into the obstacle.
         internal: variables by name; ``state[name]`` is the same.
-        pressure: p of contact, 0 where it is open. For the dissipation alone.
-        reaction: pressure of contact and adhesion together, 0 where they pull. For the dissipation
-            alone.
+        pressure: contact pressure p, 0 at open points. For the dissipation only.
+        reaction: sum of the pressures of contact and adhesion, 0 if negative. For the dissipation
+            only.
     """
 
     opening: Any
@@ -33,7 +33,7 @@ class InterfaceState:
 
     @property
     def jump(self) -> Any:
-        """[u], of the body to the obstacle, a vector."""
+        """[u], displacement of the body relative to the obstacle, a vector."""
         return self.moved - self.opening * self.n
 
     def __getitem__(self, name: str) -> Any:
@@ -42,7 +42,7 @@ class InterfaceState:
 
 @dataclass(frozen=True)
 class Rates:
-    """How fast it changes, UFL.
+    """Rates of the state of an interface, UFL.
 
     Attributes:
         slip: speed |[u_t]'| >= 0.

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Contact laws: UFL in the jump and the traction at one point, status by status.
 
-A law answers to the jump j and the traction t at a point (and to its own fields there) with the
-traction tau that it allows; a state obeys the law where t = tau(j, t). Everything else follows from
-the same expressions (`compiled`): statuses, derivatives, events, the measures of a violation, the
-rates by a parameter, and the cones of a polyhedral law.
+A law maps the jump j and the traction t at a point (and its own fields there) to the traction tau
+that it requires; a state satisfies the law if t = tau(j, t). Statuses, derivatives, events,
+measures of violation, rates by a parameter, and the cones of a polyhedral law follow from the same
+expressions (`compiled`).
 
 With n the unit normal from the body into the obstacle, the initial gap g and the augmentation
 parameter r,
@@ -57,11 +57,11 @@ Monotone: TypeAlias = Literal["any", "falls", "grows"]
 
 
 class Kernel(NamedTuple):
-    """Over which points a point of a law that is not local spreads its pressure (`spreading`).
+    """Kernel that averages the pressures of neighbouring points (`spreading`).
 
     Attributes:
         shape: name of the kernel.
-        radius: a length.
+        radius: radius of the kernel, a length.
         normalised: whether a constant pressure stays constant.
     """
 
@@ -72,33 +72,32 @@ class Kernel(NamedTuple):
 
 @dataclass(frozen=True)
 class ContactPoint:
-    """UFL quantities at a contact point, of which a law is made.
+    """UFL quantities at a contact point, from which a law is composed.
 
     Attributes:
-        jump: displacement of the body less the obstacle's, a vector.
+        jump: displacement of the body minus that of the obstacle, a vector.
         traction: traction on the body, a vector.
         n: unit normal, from the body into the obstacle.
         gap: initial gap.
-        r: augmentation parameter, stiffness per area.
-        dim: 2 or 3.
-        slid: distance by which it has slipped, in a history all the way; in a slip it is counted in
-            the sense of the slip, and so smooth where the slip begins.
+        r: augmentation parameter, a stiffness per area.
+        dim: dimension, 2 or 3.
+        slid: distance slipped, accumulated in a history; in a slip it is measured in the direction
+            of the slip, so that it is smooth where the slip begins.
         pressure: pressure of a compliant surface; None where contact is unilateral.
         shear: shear of a compliant surface before it slips, a vector; None for a surface that is
             rigid until it slips.
-        touches: distance to the border of open points, a traction; None where that is p.
-        around: mean of the pressures of the points around (`Law.averaging`); None of a local law.
-        before: jump of the last accepted state of an evolution, a vector, of which ``jump`` has the
-            normal part alone; zero under the static law.
-        step: time since that state. The static law has none, and a negative number here: define
-            what holds then by comparing it with 0, as in the speed ``ufl.conditional(ufl.gt(a.step,
-            0.0), (a.slid - a.slid_before) / a.step, 0.0)``. A law that depends on the step where
-            none is known is refused without a history.
+        touches: distance to the border of open points, a traction; None if it is p.
+        around: averaged pressure of the neighbours (`Law.averaging`); None for a local law.
+        before: jump of the last accepted state of an evolution, a vector, of which ``jump``
+            contains the normal part only; zero under the static law.
+        step: time since that state; negative under the static law. A law that uses it must define
+            the static case by a comparison with 0, as in the speed ``ufl.conditional(ufl.gt(a.step,
+            0.0), (a.slid - a.slid_before) / a.step, 0.0)``; otherwise it needs a history.
         slid_before: part of ``slid`` up to that state; 0 under the static law, whose ``slid`` is
             the whole slip.
-        kept: internal variables of that state that are no fields of the law, by name
+        kept: internal variables of that state that are not fields of the law, by name
             (`Internal.components`).
-        solved: numbers that equations of the law give (`Law.equations`), by the names of these.
+        solved: solutions of the equations of the law (`Law.equations`), by their names.
     """
 
     jump: Any
@@ -155,20 +154,18 @@ class ContactPoint:
 
 @dataclass(frozen=True)
 class Internal:
-    """An internal variable of a law, which memory has from the last accepted state.
+    """Internal variable of a law, stored in the memory at each accepted state.
 
     Attributes:
         name: name of the variable; for a scalar, the field of the law that has its value at the
             start.
-        change: ``"any"``; or ``"falls"``, ``"grows"``, of one scalar at most, by which the law
-            weakens.
-        end: number beyond which it does not fall or grow; None for no end.
-        vector: whether it is one, of as many components as the jump; 0 at the start.
-        hidden: whether it is of no interest to others: it is 0 at the start, as no field has its
-            value, and in no table.
+        change: ``"any"``; or ``"falls"`` or ``"grows"`` for the one scalar by which a bond weakens.
+        end: last value of a monotone variable; None for no end.
+        vector: whether the variable is a vector with the components of the jump, 0 at the start.
+        hidden: whether the variable is omitted in tables; it is then 0 at the start.
 
     Raises:
-        ValueError: if something of this does not fit the rest.
+        ValueError: if the attributes do not fit together.
     """
 
     name: str
@@ -178,50 +175,39 @@ class Internal:
     hidden: bool = False
 
     def __post_init__(self) -> None:
-        if not isinstance(self.name, str) or not self.name.isidentifier():
-            raise ValueError(f"an internal variable needs a name, got {self.name!r}")
-        if self.change not in get_args(Monotone):
-            known = ", ".join(map(repr, get_args(Monotone)))
-            raise ValueError(f"{self.name} may change by one of {known}, not {self.change!r}")
-        one_way = self.change != "any"
-        if one_way and self.vector:
+        one_of(self.change, f"the change of {self.name}", get_args(Monotone))
+        if self.change != "any" and self.vector:
             raise ValueError(f"{self.name} is a vector: it neither falls nor grows")
-        end: Any = self.end
-        number = isinstance(end, int | float | np.number) and not isinstance(end, bool)
-        good = one_way and number and bool(np.isfinite(end))
-        if end is not None and not good:
-            raise ValueError(
-                f"the end of {self.name} must be a number, of a variable that falls or grows; "
-                f"got {end!r}"
-            )
+        if self.change == "any" and self.end is not None:
+            raise ValueError(f"only a variable that falls or grows has an end, unlike {self.name}")
 
     @property
     def sense(self) -> int:
-        """1 if it only grows, -1 if it only falls, else 0."""
+        """1 if the variable only grows, -1 if it only falls, otherwise 0."""
         return {"any": 0, "falls": -1, "grows": 1}[self.change]
 
     @property
     def is_field(self) -> bool:
-        """Whether a field of the law has its value."""
+        """Whether a field of the law contains the value at the start."""
         return not (self.vector or self.hidden)
 
     def components(self, dim: int) -> list[str]:
-        """Names of its components in memory; those of no field of the law begin with a dot."""
+        """Return the names of the components in memory; a dot marks those without a field."""
         if self.vector:
             return [f".{self.name}_{i}" for i in range(dim)]
         return [self.name if self.is_field else f".{self.name}"]
 
 
 class Bond(NamedTuple):
-    """Adhesion and memory of a law at a state, beside its traction.
+    """Adhesion and memory of a law at a state.
 
     Attributes:
-        after: UFL by the names in `Law.memory`: their values once the state is accepted.
-        traction: UFL, the part of the answer that is adhesion, a vector.
+        after: UFL values of the internal variables after the state is accepted, by name in memory.
+        traction: UFL adhesive part of the answer, a vector.
         stored: UFL energy per area.
-        spent: UFL energy per area that damage has dissipated since the last accepted state;
-            negative by what springs of bonds that grow are given.
-        broken: UFL, 1 where the bond counts as broken, else 0.
+        spent: UFL energy per area dissipated by damage since the last accepted state; negative if
+            growing bonds gain energy.
+        broken: UFL number, 1 if the bond counts as broken, otherwise 0.
     """
 
     after: Mapping[str, Any]
@@ -232,15 +218,15 @@ class Bond(NamedTuple):
 
 
 class Equations(NamedTuple):
-    """Equations at a point for numbers of which a law is made, that no formula gives.
+    """Nonlinear equations at a point whose solutions enter a law.
 
     Their matrix of derivatives should be positive definite.
 
     Attributes:
-        residual: UFL in `ContactPoint.solved`, one for each number.
-        start: UFL, values where the search begins.
-        sense: 1 if the first number may only be larger than its start, -1 if smaller; 0 if any.
-        end: UFL, which the first number does not pass either; None for no end.
+        residual: UFL residuals in `ContactPoint.solved`, one for each unknown.
+        start: UFL start values of the unknowns.
+        sense: 1 if the first unknown may only grow from its start, -1 if it may only fall, else 0.
+        end: UFL limit of the first unknown; None for no limit.
     """
 
     residual: Sequence[Any]
@@ -253,9 +239,9 @@ class Border(NamedTuple):
     """Where a status ends.
 
     Attributes:
-        distance: UFL, positive inside, a traction.
-        target: status that the point takes beyond it.
-        where: UFL condition under which there is this border; None for always.
+        distance: UFL distance, positive inside, a traction.
+        target: status beyond the border.
+        where: UFL condition under which the border exists; None for always.
     """
 
     distance: Any
@@ -265,7 +251,7 @@ class Border(NamedTuple):
 
 @dataclass(frozen=True)
 class StatusPiece:
-    """The law at points of one status, a smooth function beyond its own borders.
+    """Piece of a law for one status, smooth also beyond its borders.
 
     Attributes:
         answer: UFL traction on the body.
@@ -279,28 +265,27 @@ class StatusPiece:
 
 
 class Law:
-    """A law of contact: a frozen dataclass whose fields are what it is given, with `pieces`.
+    """Contact law: a frozen dataclass whose fields are the parameters, with `pieces`.
 
-    Fields may be numbers, Constants, Functions or UFL expressions of the body's mesh, and may
-    change between solves by their values (``surface.law.friction.value = 0.2``). In `pieces` they
-    are symbols for their values at the point; nothing else may vary from point to point or from
-    solve to solve, for laws of one class are compiled once. Pressure and shear of a point are
-    *augmented*: answers are fixed points, and those of a state that obeys the law do not depend
-    on r.
+    Fields are numbers, Constants, Functions or UFL expressions on the mesh of the body; their
+    values may change between solves (``surface.law.friction.value = 0.2``). In `pieces` they are
+    symbols for their values at the point. Nothing else may vary from point to point or from solve
+    to solve, because laws of one class are compiled once. Pressure and shear of a point are
+    *augmented*: answers are fixed points, which do not depend on r at states that satisfy the law.
     """
 
-    #: Whether all that the law knows of a body that touches nothing is that it is free.
+    #: Whether open points are free of traction.
     needs_pressure: bool = True
-    #: What fields must be, by name; any number will do for those that are not named.
+    #: Admissible values of fields, by name; default: any number.
     signs: ClassVar[Mapping[str, Sign]] = {}
-    #: Of unilateral contact with isotropic friction, how `bound` depends on the pressure (one that
-    #: is zero is proportional to it); None for any other law.
+    #: Dependence of `bound` on the pressure for unilateral contact with isotropic friction (a zero
+    #: bound is proportional); None for any other law.
     bound_kind: BoundKind | None = None
-    #: Whether what is touched gives way, so that points penetrate.
+    #: Whether the surface is compliant, so that points penetrate.
     compliant: bool = False
     #: Whether points that slip resist more slip, so that friction alone holds a body.
     creeps: bool = False
-    #: Variables of which an evolution has a memory; `bond` has their values after a step.
+    #: Internal variables, stored in the memory of an evolution; `bond` has their new values.
     internal: tuple[Internal, ...] = ()
     #: Fields by which an evolution depends on the lengths of its steps, unless they vanish.
     needs_time: tuple[str, ...] = ()
@@ -308,18 +293,18 @@ class Law:
     def pieces(self, a: ContactPoint) -> Mapping[int, StatusPiece]:
         """Return the smooth pieces of the law by status (`laws.status`).
 
-        Numbers are OPEN, STICK, PLUS (a slip; in 2D one with u_t > 0) and, in 2D, MINUS. Where
-        borders of several statuses meet a point has the first of them. Statuses should leave no
-        jump and traction out: a point there takes the nearest, and counts as a violation.
+        Statuses are OPEN, STICK, PLUS (slip; in 2D with u_t > 0) and, in 2D, MINUS. On a border
+        between several statuses, a point has the first of them. Every jump and traction should have
+        a status: otherwise a point takes the nearest status and counts as a violation.
         """
         raise NotImplementedError(f"{type(self).__name__} has no method pieces(a)")
 
     def bound(self, a: ContactPoint, p: Any) -> Any | None:
-        """UFL radius of the disc that holds the shear at pressure ``p``; None if there is none."""
+        """Return the UFL radius of the friction disc at pressure ``p``; None without a disc."""
         return None
 
     def with_pressure(self, a: ContactPoint) -> ContactPoint:
-        """The point with the pressure that the law answers, by default the augmented one."""
+        """Return the point with the pressure of the law; default: the augmented pressure."""
         return a
 
     def bond(self, a: ContactPoint) -> Bond | None:
@@ -343,16 +328,15 @@ class Law:
     @property
     def kind(self) -> Hashable | None:
         """Key that laws share if they differ only in their `given` fields; None for no sharing."""
-        if "__dataclass_fields__" not in vars(type(self)):
-            return None
-        return type(self), _settings(type(self))
+        cls: Any = type(self)
+        return cls if "__dataclass_fields__" in vars(cls) else None
 
     def unknowns(self, dim: int) -> Mapping[str, int]:
         """Return the number of unknowns of each of the `equations`, by name."""
         return {}
 
     def equations(self, a: ContactPoint) -> Mapping[str, Equations]:
-        """Equations for numbers that the law then finds in ``a.solved``, point by point."""
+        """Return the nonlinear equations whose solutions are in ``a.solved``, by name."""
         return {}
 
     def memory(self, dim: int) -> list[str]:
@@ -371,8 +355,13 @@ class Law:
 
     @property
     def weakening(self) -> Internal | None:
-        """The variable by which a bond weakens: the one that falls or grows."""
+        """Monotone variable of the bond, such as damage."""
         return next((x for x in self.internal if x.change != "any"), None)
+
+    @property
+    def weakens(self) -> bool:
+        """Whether bonds weaken and never grow again, and the law has no other memory."""
+        return self.weakening is not None and all(x.is_field for x in self.internal)
 
     @property
     def given(self) -> dict[str, Scalar]:
@@ -382,15 +371,14 @@ class Law:
         return {f.name: getattr(self, f.name) for f in fields(self)}
 
     def having(self, symbols: Mapping[str, Any]) -> Self:
-        """This law with other fields."""
+        """Return this law with other fields."""
         return replace(self, **symbols) if symbols else self  # type: ignore[type-var]
 
     def bind(self, domain: mesh.Mesh) -> Self:
-        """This law with its numbers as Constants of ``domain``. Not collective.
+        """Return this law with its numbers as Constants of ``domain``. Not collective.
 
         Raises:
-            ValueError: if a number is not finite, or negative where it must not be, or something
-                is of another mesh.
+            ValueError: if a number is not admissible, or a field belongs to another mesh.
         """
         kind = self.name
         hiding = sorted(set(self.given) & set(dir(Law)))
@@ -406,7 +394,7 @@ class Law:
 
 
 def obeys(sign: Sign, values: Any, slack: float = 1e-14) -> Any:
-    """Which numbers are as they must be, but for round-off."""
+    """Return the mask of numbers with an admissible sign, up to round-off."""
     v = np.asarray(values)
     return {
         "any": np.ones(v.shape, dtype=bool),
@@ -414,25 +402,6 @@ def obeys(sign: Sign, values: Any, slack: float = 1e-14) -> Any:
         "positive": v > 0,
         "fraction": (v >= -slack) & (v <= 1 + slack),
     }[sign]
-
-
-def _settings(kind: type) -> tuple[tuple[str, Hashable], ...]:
-    """Return the current class attributes and methods, without the fields of instances."""
-    found = {
-        name: _as_key(value)
-        for base in reversed(kind.__mro__)
-        for name, value in vars(base).items()
-        if not name.startswith("__")
-    }
-    return tuple(sorted(found.items(), key=lambda item: item[0]))
-
-
-def _as_key(value: Any) -> Hashable:
-    """A method is itself, an array all its digits, anything else what it prints."""
-    if isinstance(value, np.ndarray) and not value.dtype.hasobject:
-        return value.shape, value.dtype.str, value.tobytes()
-    is_method = callable(value) or isinstance(value, property | classmethod)
-    return value if is_method and isinstance(value, Hashable) else repr(value)
 
 
 def checked_pieces(pieces: Any, dim: int) -> dict[int, StatusPiece]:
@@ -445,29 +414,15 @@ def checked_pieces(pieces: Any, dim: int) -> dict[int, StatusPiece]:
         if code not in codes:
             raise ValueError(f"{where} is none of laws.status: OPEN, STICK, PLUS, MINUS, ...")
         instance(piece, where, StatusPiece)
-        if _shape(piece.answer) != (dim,):
+        if ufl.as_ufl(piece.answer).ufl_shape != (dim,):
             raise ValueError(f"{where}: the answer must be a UFL vector of {dim} components")
         for border in piece.borders:
-            instance(border, f"{where}: a border", Border)
-            if _shape(border.distance) != ():
-                raise ValueError(f"{where}: the distance of a border must be a UFL scalar")
             one_of(border.target, f"{where}: the target of a border", pieces)
-        for condition in (piece.exists, *(b.where for b in piece.borders)):
-            if condition is not None:
-                instance(condition, f"{where}: exists and where", ufl.classes.Condition)
     return {int(code): piece for code, piece in pieces.items()}
 
 
-def _shape(e: Any) -> tuple[int, ...] | None:
-    """The shape of a UFL expression or number; None if it is neither."""
-    try:
-        return tuple(ufl.as_ufl(e).ufl_shape)
-    except ValueError:
-        return None
-
-
 def _as_coefficient(domain: mesh.Mesh, value: Scalar, what: str, sign: Sign) -> Scalar:
-    """``value`` as UFL: numbers become Constants, which may be changed later."""
+    """Return a value as UFL; numbers become Constants."""
     if isinstance(value, int | float | np.floating | np.integer) and not isinstance(value, bool):
         if not (np.isfinite(value) and bool(obeys(sign, value, 0.0))):
             kind = {"any": "finite", "fraction": "between 0 and 1"}.get(sign, f"finite and {sign}")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Numbers that equations of a law give point by point: Newton's method at all points at once."""
+"""Solution of the equations of a law at each point: Newton's method at all points at once."""
 
 from __future__ import annotations
 
@@ -23,20 +23,20 @@ Marks = npt.NDArray[np.bool_]
 
 _MOST_STEPS = 100
 _MOST_CUTS = 30
-_ENOUGH = 1e-10  # of the numbers, a last step: what is left is its square
+_ENOUGH = 1e-10  # relative size of the last step; the error is about its square
 _MOST_GROWN = 60
 _MOST_HALVED = 120
-_TO_THE_END = 0.9  # of the way, a step is cut to
+_TO_THE_END = 0.9  # part of the way to the end to which a step is cut
 
 
 class Roots:
-    """The numbers that the equations of a law give, with the inverse of their derivatives.
+    """Solutions of the equations of a law, with the inverse of their derivatives.
 
     Args:
-        equations: by name.
-        solved: symbols for what they give.
-        w: of what is given at a point, of which that is the last.
-        comm: of the ranks that compile together.
+        equations: equations by name.
+        solved: symbols for their solutions.
+        w: data of a point; the solutions are the last components.
+        comm: communicator of the ranks that compile together.
     """
 
     def __init__(
@@ -50,7 +50,7 @@ class Roots:
         self._each = [_Root(e, solved[name], w, comm) for name, e in equations.items()]
 
     def __call__(self, columns: Array) -> Array:
-        """The columns that are given (n, k), and those of what is solved for. Not collective."""
+        """Return the given columns (n, k) with those of the solutions appended. Not collective."""
         full = np.zeros((len(columns), self._width))
         full[:, : columns.shape[1]] = columns
         for root in self._each:
@@ -59,10 +59,10 @@ class Roots:
 
 
 class _Root:
-    """Equations F(z) = 0; all or one of them has a first number that only grows or falls.
+    """Equations F(z) = 0; the first unknown may be monotone.
 
-    Where that is driven back at its start, or on at its end, it stays there, and the others are
-    solved for.
+    A monotone unknown that would leave the interval between start and end stays at the bound, and
+    the other unknowns are solved for.
     """
 
     def __init__(self, equations: Equations, solved: Solved, w: fem.Function, comm: MPI.Comm):
@@ -85,7 +85,7 @@ class _Root:
         self._known = Values(known.components, w, comm)
 
     def __call__(self, full: Array) -> None:
-        """Find the numbers at points, and write them into the columns."""
+        """Solve at points, and write the solutions into the columns."""
         n = self._n
         first = self._first
         known = self._known(full)
@@ -105,12 +105,12 @@ class _Root:
             z[moves] = self._between(full[moves], z[moves], start[moves], end[moves])
         inverse = _inverse(self._at(full, z)[1])
         full[:, first : first + n] = z
-        # Beyond start and end the numbers are what they are there, to first order if there is one.
+        # Singular derivatives count as 0: the solution is constant there to first order.
         inverse = np.where(np.isfinite(inverse), inverse, 0.0)
         full[:, first + n : first + n + n * n] = inverse.reshape(len(full), n * n)
 
     def _at(self, full: Array, z: Array) -> tuple[Array, Array]:
-        """F (m, n) and its derivatives (m, n, n) at numbers."""
+        """Return F (m, n) and its derivatives (m, n, n) at z."""
         n = self._n
         full[:, self._first : self._first + n] = z
         with np.errstate(all="ignore"):
@@ -118,7 +118,7 @@ class _Root:
         return found[:, :n], found[:, n:].reshape(len(full), n, n)
 
     def _held(self, full: Array, start: Array, value: Array) -> Array:
-        """The numbers where the first has a value."""
+        """Return the solution with a prescribed first unknown."""
         z = start.copy()
         z[:, 0] = value
         if self._n == 1:
@@ -126,7 +126,7 @@ class _Root:
         return self._solved(full, z, start, held=True)
 
     def _between(self, full: Array, z: Array, start: Array, end: Array) -> Array:
-        """The numbers where the first is between start and end."""
+        """Return the solution with the first unknown between start and end."""
         J = self._at(full, z)[1][:, 0, 0]
         F = self._at(full, start)[0][:, 0]
         with np.errstate(all="ignore"):
@@ -142,16 +142,16 @@ class _Root:
         lost = ~np.isfinite(found).all(axis=1)
         if lost.any():
             found[lost] = self._bisected(full[lost], start[lost], begin[lost, 0], end[lost])
-        # Nearer to its end than numbers are, where what drives it may have no bound.
+        # Stay below the end by one floating-point number: the driving force may be unbounded there.
         beyond = self._sense * (end - found[:, 0]) <= 0
         found[beyond, 0] = np.nextafter(end[beyond], start[beyond, 0])
         return found
 
     def _bisected(self, full: Array, start: Array, first: Array, end: Array) -> Array:
-        """The same where Newton's method fails; NaN if this does too.
+        """Return the same by bisection, after a failure of Newton's method; NaN if this fails too.
 
-        As where the first number leaves a start at 0 by less than its equation is off by round-off:
-        of such a number no digit is known, and no correction is small beside it.
+        Newton's method fails, for example, if the first unknown changes from 0 by less than the
+        round-off of its equation: no correction is small relative to such a number.
         """
         low = start[:, 0].copy()
         high = end.copy()
@@ -171,7 +171,7 @@ class _Root:
         return self._held(full, start, high)
 
     def _first_force(self, full: Array, start: Array, value: Array) -> Array:
-        """The equation of the first number, where that has a value."""
+        """Return the residual of the first equation for a prescribed first unknown."""
         return self._at(full, self._held(full, start, value))[0][:, 0]
 
     def _solved(
@@ -186,7 +186,7 @@ class _Root:
         """Newton's method with steps cut until the next correction is smaller; NaN if it fails.
 
         The measure is that of Deuflhard (Newton Methods for Nonlinear Problems, 2004, section 3.3),
-        which knows no units.
+        which is independent of units.
         """
         z = z.copy()
         n = self._n
@@ -231,7 +231,7 @@ class _Root:
         return z
 
     def _system_at(self, full: Array, z: Array, held: bool) -> tuple[Array, Array]:
-        """F and its derivatives; the first number stays where it is if it is held."""
+        """Return F and its derivatives; a held first unknown keeps its value."""
         F, J = self._at(full, z)
         if held:
             F[:, 0] = 0.0
@@ -242,7 +242,7 @@ class _Root:
 
 
 def _cut(z: Array, step: Array, start: Array, end: Array) -> Array:
-    """What of steps stays between start and end."""
+    """Return the factors by which steps stay between start and end."""
     with np.errstate(all="ignore"):
         parts = [
             np.where(step * (e - z) > 0, _TO_THE_END * (e - z) / step, np.inf) for e in (start, end)
@@ -256,7 +256,7 @@ def _times(matrices: Array, vectors: Array) -> Array:
 
 
 def _inverse(J: Array) -> Array:
-    """Inverse matrices (m, n, n); NaN where there is none."""
+    """Return inverse matrices (m, n, n); NaN for singular ones."""
     found = np.full_like(J, np.nan)
     with np.errstate(all="ignore"):
         if J.shape[1] == 1:

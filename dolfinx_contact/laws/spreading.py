@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Nonlocal friction: the bound at a point is that of the pressure around it.
+r"""Nonlocal friction: the bound depends on the average pressure around a point.
 
 The shear is bounded by F times the pressure convolved on the surface with a smooth kernel omega of
 a small radius rho (Duvaut, C. R. Acad. Sci. Paris A 290, 1980; Oden and Pires, J. Appl. Mech. 50,
@@ -7,10 +7,10 @@ a small radius rho (Duvaut, C. R. Acad. Sci. Paris A 290, 1980; Oden and Pires, 
 
     |t_t|(x) <= F (N p)(x),   (N p)(x) = int omega(|x - y|/rho) p(y) dy / int omega(|x - y|/rho) dy,
 
-so that a constant pressure stays constant, also near the end of the surface. Without the divisor,
-which is then the integral over the whole plane (in 2D line), it is the convolution of the
-mathematical literature, which loses pressure there. As there, the bound acts where the surface is
-open too: next to what touches friction holds a point that does not.
+so that a constant pressure stays constant, also near the end of the surface. The convolution of the
+mathematical literature has the integral of omega over the whole plane (in 2D line) as its divisor,
+and loses pressure near the end. As in the literature, friction acts on open points too: it can hold
+an open point next to a closed one.
 """
 
 from __future__ import annotations
@@ -43,14 +43,14 @@ def _biweight(x: Array) -> Array:
     return np.maximum(1.0 - np.asarray(x) ** 2, 0.0) ** 2
 
 
-#: Of the distance over the radius, 0 from 1 on: exp(1 - 1/(1 - x^2)) and (1 - x^2)^2.
+#: Functions of x = distance/radius, 0 for x >= 1: exp(1 - 1/(1 - x^2)) and (1 - x^2)^2.
 KERNELS: dict[str, Callable[[Array], Array]] = {"mollifier": _mollifier, "biweight": _biweight}
 
 
 @cache
 def whole(shape: str, dim: int) -> float:
-    """The integral of a kernel of radius 1 over the line (``dim`` 2) or the plane (3)."""
-    from scipy.integrate import quad  # no other law needs it
+    """Return the integral of a kernel of radius 1 over the line (``dim`` 2) or the plane (3)."""
+    from scipy.integrate import quad  # loaded for this law only
 
     omega = KERNELS[shape]
     ring = (lambda x: 2.0) if dim == 2 else (lambda x: 2.0 * np.pi * x)
@@ -59,18 +59,18 @@ def whole(shape: str, dim: int) -> float:
 
 @dataclass(frozen=True)
 class NonlocalCoulomb(FrictionLaw):
-    """Coulomb friction whose bound is F times the pressure averaged over the points around.
+    """Coulomb friction with the bound F times the average pressure of neighbouring points.
 
-    Distances are those between points of the surface, in the reference configuration. A point that
-    Dirichlet data hold has no pressure of contact, and counts with none.
+    Distances are measured between points of the surface in the reference configuration. A point
+    held by Dirichlet data counts with zero pressure.
 
     Attributes:
         friction: coefficient F >= 0, a number, a Constant, a Function or a UFL expression.
         radius: rho > 0 of the kernel, a length, a number.
         kernel: ``"mollifier"``, exp(-1/(1 - x^2)), or ``"biweight"``, (1 - x^2)^2, of the distance
             over the radius.
-        normalised: whether a constant pressure stays constant at the ends of the surface as well;
-            else the plain convolution.
+        normalised: whether a constant pressure stays constant at the ends of the surface;
+            otherwise the plain convolution.
 
     Raises:
         ValueError: for a radius that is no positive number, another kernel, or ``normalised`` that

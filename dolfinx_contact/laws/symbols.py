@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """UFL symbols for the data of a contact point, from which laws are compiled, and their values.
 
-The points are the cells of a small mesh of their own, with one value of each datum per cell.
+The points are the cells of a separate small mesh, with one value of each datum per cell.
 """
 
 from __future__ import annotations
@@ -38,23 +38,23 @@ __all__ = [
 ]
 
 Array = npt.NDArray[np.float64]
-#: Name of the field of a law that is not local: what the points around spread.
+#: Name of the field of a nonlocal law: the average over the neighbouring points.
 AROUND = ".around"
-#: Of the time since the last accepted state; of the distance slipped until then.
+#: Names of the time since the last accepted state, and of the distance slipped until then.
 STEP = ".step"
 SLID = ".slid"
 CHUNK = 256  # points that are evaluated at once
-_FIRST_LABEL = 10**9  # beyond what UFL counts
+_FIRST_LABEL = 10**9  # beyond the labels of UFL
 _FIRST_SOLVED = 1000  # of these
 
 
 class Solved(NamedTuple):
-    """Symbols for what the equations of a law give.
+    """Symbols for the solution of the equations of a law.
 
     Attributes:
-        first: column of the first number.
-        numbers: scalars.
-        inverse: of the matrix of derivatives, row by row.
+        first: column of the first unknown.
+        numbers: unknowns, scalars.
+        inverse: inverse of the matrix of derivatives, row by row.
     """
 
     first: int
@@ -63,25 +63,25 @@ class Solved(NamedTuple):
 
 
 def before(dim: int) -> list[str]:
-    """Names of the components of the jump at the last accepted state."""
+    """Return names of the components of the jump at the last accepted state."""
     return [f".before_{i}" for i in range(dim)]
 
 
 def from_memory(dim: int, kept: Iterable[str] = ()) -> list[str]:
-    """Names of what memory may give a law beside the fields that it remembers.
+    """Return names of the data from memory, without the fields of the law.
 
     Args:
         dim: 2 or 3.
-        kept: what it has for the law beside its fields (`Law.memory`).
+        kept: names of further remembered data (`Law.memory`).
     """
     return [*before(dim), STEP, SLID, *kept]
 
 
 def variable(e: Any, number: int) -> Any:
-    """A variable to differentiate by.
+    """Return a variable to differentiate by.
 
-    Numbers of UFL's own enter the signature of an expression, so that it would be compiled anew in
-    every program.
+    Its label is fixed: labels that UFL counts enter the signature of an expression, which would be
+    compiled anew in every program.
     """
     return ufl.classes.Variable(e, ufl.classes.Label(_FIRST_LABEL + number))
 
@@ -91,19 +91,19 @@ class Symbols:
 
     Args:
         dim: 2 or 3.
-        given: names of the fields of the law itself.
-        kept: of what memory may have for it beside these.
-        unknowns: how many numbers each of its equations gives, by name (`Law.unknowns`).
-        memory: those that memory gives beside them (`from_memory`).
-        local: whether the law sees its point alone; else the last field is `AROUND`.
+        given: names of the fields of the law.
+        kept: names of further remembered data.
+        unknowns: number of unknowns of each system of equations, by name (`Law.unknowns`).
+        memory: names of the data from memory that are used (`from_memory`).
+        local: whether the law depends on its own point only; otherwise the last field is `AROUND`.
 
     Attributes:
-        names: of all fields, in the order of their columns.
-        w: the values of everything, cell by cell.
+        names: names of all fields, in the order of their columns.
+        w: values of all data, cell by cell.
         jump, traction, n: vectors.
         fields: scalars, by `names`.
-        solved: of every equation the numbers that it gives, and after them the inverse of its
-            matrix of derivatives there, row by row: the last columns.
+        solved: for each system of equations its unknowns and the inverse of its matrix of
+            derivatives, row by row: the last columns.
     """
 
     def __init__(
@@ -140,16 +140,16 @@ class Symbols:
 
     @property
     def of_the_law(self) -> dict[str, Any]:
-        """Its own fields by name."""
+        """Fields of the law by name."""
         return {name: self._known[name] for name in self._given}
 
     @property
     def point(self) -> ContactPoint:
-        """The point that a law sees."""
+        """Contact point as the argument of a law."""
         gap = self.w[3 * self._dim]
         r = self.w[3 * self._dim + 1]
         point = ContactPoint(self.jump, self.traction, self.n, gap, r, self._dim)
-        # What a law does not use may be anything.
+        # Symbols that the law does not use have arbitrary values.
         slid, step = (self._known.get(name, 0.0) for name in (SLID, STEP))
         return replace(
             point,
@@ -164,15 +164,15 @@ class Symbols:
 
     @property
     def step(self) -> Any | None:
-        """The symbol for the time since the last accepted state; None if nothing uses it."""
+        """Symbol for the time since the last accepted state; None if it is not used."""
         return self._known.get(STEP)
 
     def exact(self, equations: Mapping[str, Equations]) -> dict[str, tuple[Any, ...]]:
-        """The numbers that equations give, with their derivatives by all that these depend on.
+        """Return the solutions of equations with their derivatives with respect to all data.
 
-        A step of Newton's method with the inverse matrix as it is: at the root F = 0 of x -> x - G
-        F(x, j) this is x, and its derivative by j is -G dF/dj, as the implicit function theorem has
-        it.
+        This is a step of Newton's method with a constant inverse matrix G: at the root F = 0 the
+        expression x - G F(x, j) is x, and its derivative with respect to j is -G dF/dj, as in the
+        implicit function theorem.
         """
         found = {}
         for name, of in self.solved.items():
@@ -184,7 +184,7 @@ class Symbols:
         return found
 
     def used(self, expressions: Iterable[Any]) -> list[str]:
-        """Which of what memory may give occurs in expressions; of a vector all or nothing."""
+        """Return names of the data from memory in expressions; vectors with all components."""
         nodes = set(unique_pre_traversal(ufl.as_vector(list(expressions))))
         found = {name for name, symbol in self._known.items() if symbol in nodes}
         jump = before(self._dim)

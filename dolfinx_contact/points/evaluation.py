@@ -28,7 +28,7 @@ from ufl.classes import Derivative, GeometricQuantity, SpatialCoordinate
 from ufl.corealg.traversal import unique_pre_traversal
 
 from dolfinx_contact._compat import facet_integration_entities, interpolation_points
-from dolfinx_contact._forms import Part, compiled_expression, content_by, derived_form
+from dolfinx_contact._forms import compiled_expression, compiled_form
 from dolfinx_contact._mpi import SharedValues
 from dolfinx_contact._ufl import data_of
 from dolfinx_contact.obstacles import Measured, Obstacle
@@ -117,17 +117,8 @@ class PointEvaluator:
         Q = blocked_space(W, self._width)
         if not np.array_equal(W.dofmap.list, Q.dofmap.list):
             raise RuntimeError("scalar and vector spaces of a surface are numbered differently")
-        test = ufl.TestFunction(Q)
-        what = "at points" if weight is None else "at points, weighted"
-        content = content_by([one, *given.values(), test], [Part.of(ds)])
-        self._form = derived_form(
-            what,
-            content,
-            lambda: ufl.dot(ufl.as_vector(self._columns.components), test) * ds,
-            [Q],
-            comm=W.mesh.comm,
-            entity_maps=maps,
-        )
+        form = ufl.dot(ufl.as_vector(self._columns.components), ufl.TestFunction(Q)) * ds
+        self._form = compiled_form(form, maps)
         self.areas: Array = self._integrals()[:, 0].copy()
 
     def _integrals(self) -> Array:

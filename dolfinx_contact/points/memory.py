@@ -31,7 +31,7 @@ import numpy.typing as npt
 from dolfinx_contact.laws import PointData
 from dolfinx_contact.laws.compiled import CompiledLaw
 from dolfinx_contact.laws.status import closed
-from dolfinx_contact.laws.symbols import SLID, STEP, before, from_memory
+from dolfinx_contact.laws.symbols import SLID, STEP, before
 
 __all__ = ["Memory", "slid_after", "with_memory"]
 
@@ -116,7 +116,7 @@ def with_memory(law: CompiledLaw, memory: Memory | None, data: PointData) -> Poi
         data = replace(data, gap=memory.gap)
     n, dim = data.n.shape
     remembered = {} if memory is None else memory.fields
-    if not set(law.names) & {*from_memory(dim, law.kept), *remembered}:
+    if not (law.remembers or set(law.names) & set(remembered)):
         return data
     known = Memory(np.zeros((n, dim)), step=-1.0) if memory is None else memory
     added: dict[str, Array] = dict(zip(before(dim), list(known.jump.T), strict=True))

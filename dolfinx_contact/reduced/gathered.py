@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The contact points of all ranks, gathered: what is given there, and their laws."""
+"""Contact points of all ranks: their data and laws on every rank."""
 
 from __future__ import annotations
 
@@ -23,26 +23,26 @@ Places = npt.NDArray[np.int64]
 
 
 class GatheredPoints:
-    """All points that are not clamped, in the order of coordinates: the same on every rank.
+    """All points that are not clamped, in the order of coordinates, equal on every rank.
 
     Args:
-        system: the contact problem.
+        system: contact problem.
 
     Attributes:
-        number: of points, m.
-        local: numbers of this rank's among all its points.
-        mine: places of this rank's among all points.
-        positions: (m, dim).
-        frames: T of j = T (ut, un) and forces T (rt, rn) on the body (m, dim, dim).
-        areas: (m,).
-        friction: radii of the friction discs at unit pressure (m,); 0 without friction.
-        bound: shear forces up to which Tresca's law holds points (m,); 0 for other laws.
-        augmentation: stiffness with which Newton's method augments forces, force by length (m,).
-        gap: distances to the obstacle where nothing moves, un there (m,).
-        reach: slips up to which sliding is small (m,): half the mean size of the facets of the
-            surface itself, in space the root of their area, where it has another body
-            opposite or a curved obstacle; infinite on flat ones.
-        guided: whether Dirichlet data prescribe tangential displacements of some.
+        number: number m of points.
+        local: numbers of the points of this rank among all its contact points.
+        mine: places of the points of this rank among all points.
+        positions: positions, shape (m, dim).
+        normals: normals, shape (m, dim).
+        frames: frames T with j = T (ut, un) and forces T (rt, rn) on the body, shape (m, dim, dim).
+        areas: areas, shape (m,).
+        friction: radii of the friction discs at unit pressure, shape (m,); 0 without friction.
+        bound: friction bounds of Tresca's law, forces, shape (m,); 0 for other laws.
+        augmentation: augmentation of Newton's method, force per length, shape (m,).
+        gap: initial distances to the obstacle, the initial un, shape (m,).
+        reach: slips up to which sliding is small, shape (m,): half the mean facet size (in 3D the
+            root of the area) next to another body or a curved obstacle; infinite on flat obstacles.
+        guided: whether Dirichlet data prescribe tangential displacements of some points.
     """
 
     def __init__(self, system: ParametricEquations):
@@ -86,20 +86,20 @@ class GatheredPoints:
         self.guided = bool(self._held.any())
 
     def gathered(self, values: npt.NDArray[T]) -> npt.NDArray[T]:
-        """Values at all points of this rank, from every rank, in order. Collective."""
+        """Return values at all points in order from values of this rank. Collective."""
         return self._gathered(values[self.local])
 
     def owner(self, i: int) -> tuple[int, int]:
-        """The rank that owns point ``i``, and its local number there. Collective."""
+        """Return the rank that owns point ``i``, and its local number there. Collective."""
         rank, number = self._gathered.owner(i)
         mine = int(self.local[number]) if self.comm.rank == rank else None
         return rank, int(self.comm.bcast(mine, root=rank))
 
     def laws(self, stiffness: float) -> PointLaws:
-        """The laws at the points, in 2D. Collective.
+        """Return the laws at the points, in 2D. Collective.
 
         Args:
-            stiffness: force by length in w.
+            stiffness: unit of forces in w, force per length.
         """
         groups = []
         for number, s in enumerate(self._surfaces):
@@ -125,7 +125,7 @@ class GatheredPoints:
 
 
 def _tangents(normals: Array) -> list[Array]:
-    """Unit tangents (m, dim): (-n_y, n_x) in 2D, two of a right angle in 3D."""
+    """Return unit tangents (m, dim): (-n_y, n_x) in 2D, two orthogonal ones in 3D."""
     if normals.shape[1] == 2:
         return [np.stack([-normals[:, 1], normals[:, 0]], axis=1)]
     away = np.eye(3)[np.abs(normals).argmin(axis=1)]
@@ -139,10 +139,10 @@ class PointLaws:
     """Laws of points in terms of w = (ut, un, rt, rn).
 
     Attributes:
-        number: of points, m.
-        frames: T (m, 2, 2).
-        scale: traction by length in w (m,).
-        groups: places of points with one law, the law, and what it is given there.
+        number: number m of points.
+        frames: frames T, shape (m, 2, 2).
+        scale: traction per length in w, shape (m,).
+        groups: places of the points with one law, the law, and its data there.
     """
 
     number: int
@@ -151,7 +151,7 @@ class PointLaws:
     groups: list[tuple[Places, LawAtPoints, PointData]]
 
     def classify(self, w: Array) -> npt.NDArray[np.int8]:
-        """Statuses that a state (m, 4) determines."""
+        """Return the statuses determined by a state, shape (m, 4)."""
         codes: npt.NDArray[np.int8] = np.full(self.number, OPEN, dtype=np.int8)
         for places, law, data in self.groups:
             T = self.frames[places]
@@ -162,7 +162,7 @@ class PointLaws:
         return codes
 
     def cones(self) -> tuple[Array, Array, npt.NDArray[np.bool_]]:
-        """Bases (m, 4, 4, 2), inequalities (m, 4, 3, 4), statuses there are (m, 4); see `cones`."""
+        """Return bases (m, 4, 4, 2), inequalities (m, 4, 3, 4) and statuses; see `cones`."""
         B = np.zeros((self.number, 4, 4, 2))
         C = np.zeros((self.number, 4, 3, 4))
         exists = np.zeros((self.number, 4), dtype=bool)

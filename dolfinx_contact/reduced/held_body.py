@@ -4,9 +4,9 @@ r"""The body with some motions of its contact points held, factorised once.
     [ K   C^T ] [ u ]   [ b ]
     [ A    0  ] [ p ] = [ c ]
 
-with rows A that define which motions are held, and the forces C^T p that hold them (C = A for a
-support; other forces come with friction). Rows of Dirichlet data are put in. All that eliminates
-the body does it here: the condensed problem (`reduction`) and analyses of the body in contact.
+with rows A that define the held motions, and holding forces C^T p (C = A for a support; friction
+adds other forces). Rows of Dirichlet data are inserted. The condensed problem (`reduction`) and
+analyses of the body in contact eliminate the body with it.
 """
 
 from __future__ import annotations
@@ -37,16 +37,16 @@ __all__ = [
 
 Array = npt.NDArray[np.float64]
 ROUND_OFF = 2.0**-53
-_TERMS = 256  # of a row of the matrix, at most, or nearly so
+_TERMS = 256  # largest number of entries in a row of the matrix, approximately
 
 
 def with_dirichlet_rows(A: PETSc.Mat, eq: ContactEquations, diagonal: float) -> PETSc.Mat:
-    """A copy of a matrix of the displacement with rows of Dirichlet data put in. Collective.
+    """Return a copy of a displacement matrix with Dirichlet rows inserted. Collective.
 
     Args:
-        A: to be copied.
-        eq: knows what is fixed.
-        diagonal: entry of such rows; the others, and their columns, are 0.
+        A: matrix.
+        eq: contact problem.
+        diagonal: diagonal entry of Dirichlet rows; their other entries and columns are 0.
     """
     A = A.copy()
     fixed = np.flatnonzero(eq.fixed[: eq.owned_sizes[0]]) + A.getOwnershipRange()[0]
@@ -56,13 +56,13 @@ def with_dirichlet_rows(A: PETSc.Mat, eq: ContactEquations, diagonal: float) -> 
 
 @dataclass(frozen=True, eq=False)
 class HeldField:
-    """What moves: displacements of the body, or motions of rigid bodies.
+    """Field of unknowns: displacements of the body, or motions of rigid bodies.
 
     Attributes:
-        stiffness: K, with Dirichlet rows put in.
-        rows: A, blocks of rows; all fields have as many.
-        forces: C, by default A.
-        without_forces: numbers of rows in which C^T p is 0 whatever C is; None: there are none.
+        stiffness: stiffness K with Dirichlet rows.
+        rows: blocks of A, equally many for all fields.
+        forces: blocks of C; default: A.
+        without_forces: numbers of the rows in which C^T p is set to 0; default: none.
     """
 
     stiffness: PETSc.Mat
@@ -71,7 +71,7 @@ class HeldField:
     without_forces: npt.NDArray[np.int64] | None = None
 
     def transposed(self, unit: float) -> list[PETSc.Mat]:
-        """U C^T, to be destroyed. Collective."""
+        """Return ``unit`` C^T, which the caller destroys. Collective."""
         found = []
         for C in self.rows if self.forces is None else self.forces:
             block = C.transpose(PETSc.Mat())
@@ -83,7 +83,7 @@ class HeldField:
 
 
 def saddle(fields: Sequence[HeldField], unit: float) -> PETSc.Mat:
-    """[K, u C^T; u A, 0] with the unit u of multipliers, AIJ, rank by rank. Collective."""
+    """Return [K, u C^T; u A, 0] with the unit u of multipliers, an AIJ matrix. Collective."""
     scaled = [[A * unit for A in field.rows] for field in fields]
     transposed = [field.transposed(unit) for field in fields]
     rows: list[list[PETSc.Mat | None]] = []
@@ -99,11 +99,11 @@ def saddle(fields: Sequence[HeldField], unit: float) -> PETSc.Mat:
 
 
 def is_positive_definite(eq: ContactEquations, A: PETSc.Mat) -> bool:
-    """Whether a matrix of the displacement is symmetric and positive definite. Collective.
+    """Return whether a displacement matrix is symmetric and positive definite. Collective.
 
     Args:
-        eq: knows what is fixed, where it does not matter.
-        A: the matrix; the signs of its pivots decide, but for round-off.
+        eq: contact problem, whose Dirichlet rows are excluded.
+        A: matrix; the signs of its pivots decide, up to round-off.
     """
     inside = with_dirichlet_rows(A, eq, eq.stiffness_scale)
     definite = False
@@ -116,7 +116,7 @@ def is_positive_definite(eq: ContactEquations, A: PETSc.Mat) -> bool:
 
 
 def columns_of(rows: PETSc.Mat) -> Columns:
-    """The transposed of some rows, owned rows (n, k): loads that act there. Collective."""
+    """Return the transpose of rows as loads, owned entries (n, k). Collective."""
     transposed = rows.transpose(PETSc.Mat())
     indptr, columns, values = transposed.getValuesCSR()
     shape = (len(indptr) - 1, rows.getSize()[0])
@@ -125,19 +125,19 @@ def columns_of(rows: PETSc.Mat) -> Columns:
 
 
 class HeldBody:
-    """See the module. Collective, as all its methods are.
+    """Factorised body with held motions; see the module. All methods are collective.
 
     Args:
         comm: communicator.
-        fields: what moves; the order of the rows is that of the multipliers p.
-        unit: of multipliers, of the size of the stiffness.
-        prefix: of PETSc options.
-        counted: whether the matrix may be indefinite or singular, and its signs are required; by
-            default without rows.
+        fields: fields of unknowns; their rows are in the order of the multipliers p.
+        unit: unit of the multipliers, of the size of the stiffness.
+        prefix: prefix of PETSc options.
+        counted: whether the matrix may be indefinite or singular, and its inertia is required;
+            default: if there are no rows.
 
     Attributes:
-        sizes: numbers of unknowns of this rank: of the fields together, then the blocks of p.
-        matrix: of the whole; multipliers are forces over `unit`.
+        sizes: numbers of unknowns of this rank: all fields together, then the blocks of p.
+        matrix: whole matrix; multipliers are forces divided by `unit`.
 
     Raises:
         RuntimeError: if the body is not held.
@@ -158,7 +158,7 @@ class HeldBody:
         moving = sum(field.stiffness.getLocalSize()[0] for field in fields)
         self.sizes = [moving, *(A.getLocalSize()[0] for A in rows)]
         self.matrix = saddle(fields, unit)
-        # Alone the body's matrix may be indefinite or singular, which its inertia shows.
+        # Without rows the matrix may be indefinite or singular, which its inertia shows.
         counted = not rows if counted is None else counted
         kind: dict[str, bool] = dict(symmetric=marked_symmetric(self.matrix), counted=counted)
         self._factor = Factor(self.comm, prefix, columns=True, **kind)
@@ -169,10 +169,10 @@ class HeldBody:
         self._b, self._x = self.matrix.createVecs()
 
     def solve(self, *loads: Array) -> list[Array]:
-        """Displacement and multipliers, forces, for the owned parts of b and c.
+        """Return displacement and multipliers (forces) for the owned parts of b and c.
 
         Args:
-            loads: b, then parts of c one after the other; what is left out is 0.
+            loads: b, then the parts of c; omitted parts are 0.
         """
         self._b.set(0.0)
         for i, (load, place) in enumerate(zip(loads, self._starts, strict=False)):
@@ -183,7 +183,7 @@ class HeldBody:
         return [parts[0], *(self.unit * p for p in parts[1:])]
 
     def left(self) -> float:
-        """By how much the last `solve` may be off, the size of its residual. Collective."""
+        """Return a bound of the residual of the last `solve`. Collective."""
         off = self.round_off(self._x.norm(), self._b.norm())
         self._b.scale(-1.0)
         residual = self._b.duplicate()
@@ -193,7 +193,7 @@ class HeldBody:
         return float(off)
 
     def round_off(self, x: Any, b: Any) -> Any:
-        """Of a residual b - A x, by the sizes of x and b. Collective."""
+        """Return a bound of the round-off of b - A x for norms of x and b. Collective."""
         A = self.matrix
         size = np.sqrt(A.norm(PETSc.NormType.NORM_1) * A.norm(PETSc.NormType.NORM_INFINITY))
         return _TERMS * ROUND_OFF * (size * x + b)
@@ -205,9 +205,9 @@ class HeldBody:
 
     @property
     def signs(self) -> tuple[int, int]:
-        """Numbers of negative and zero eigenvalues on the motions that are left. Collective.
+        """Numbers of negative and zero eigenvalues on the remaining motions. Collective.
 
-        With m independent rows the whole matrix has m more that are negative (N. I. M. Gould, On
+        With m independent rows the whole matrix has m more negative ones (N. I. M. Gould, On
         practical conditions for the existence and uniqueness of solutions to the general equality
         quadratic programming problem, Math. Programming 32, 1985). The body must be symmetric, and
         `counted`.
@@ -221,14 +221,14 @@ class HeldBody:
         return np.concatenate([[0], np.cumsum(self.sizes)[:-1]]).astype(np.int64)
 
     def answers(self, loads: Columns) -> Iterator[tuple[slice, Columns, PETSc.Mat]]:
-        """Solutions for many right-hand sides, some at a time.
+        """Solve for many right-hand sides in batches.
 
         Args:
-            loads: owned rows of b and of ``unit`` c, one a column (n, k), sparse.
+            loads: sparse columns with the owned entries of b and of ``unit`` c, shape (n, k).
 
         Yields:
-            Which columns, their loads, and X, dense, which is then destroyed; multipliers in X are
-            forces over `unit`.
+            Slice of the columns, their loads, and the dense solution X, which is destroyed
+            afterwards; multipliers in X are forces divided by `unit`.
         """
         for a in range(0, loads.shape[1], BATCH):
             part = loads[:, a : a + BATCH]
@@ -237,15 +237,15 @@ class HeldBody:
             X.destroy()
 
     def respond(self, loads: Columns, seen: PETSc.Mat) -> tuple[Array, Array]:
-        """The answers to many loads b at once.
+        """Return the responses to many loads b.
 
         Args:
-            loads: owned rows of one vector b a column (n, k), sparse.
-            seen: rows at the displacement.
+            loads: sparse columns with the owned entries of loads b, shape (n, k).
+            seen: matrix that is applied to the displacements.
 
         Returns:
-            What is seen of the displacements, owned rows (m, k), and the multipliers of the first
-            block, forces (sizes[1], k), of which there are none without blocks.
+            Product of ``seen`` and the displacements, owned rows (m, k), and the multipliers
+            (forces) of the first block, shape (sizes[1], k), empty without blocks.
         """
         n = self.sizes[0]
         k = loads.shape[1]

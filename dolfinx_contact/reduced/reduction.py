@@ -1,31 +1,31 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""The body condensed onto its contact points: it is eliminated once, in 2D and 3D.
+r"""Condensation of the body onto its contact points, in 2D and 3D.
 
 For jumps j at the contact points and the forces r = W t on the body there, equilibrium reads
 
     [ K  -B^T ] [ du ]   [ -b_u - c_u dgamma ]
     [ B    0  ] [ dr ] = [        dj         ]
 
-(with rigid bodies u has their unknowns as well, of no stiffness, and B is [B, -Phi])
-with the residual b_u and the rate c_u of the body's rows. Unit jumps give dr = S dj + ... with a
-dense and small S: the same on every rank. In the frames of the points, with a = (ut, un) and the
-forces r = (rt, rn) on the body at every point,
+with the residual b_u and the rate c_u of the rows of the body. (With rigid bodies, u contains their
+unknowns, without stiffness, and B is [B, -Phi].) Unit jumps give dr = S dj + ... with a small dense
+matrix S, equal on every rank. In the frames of the points, with a = (ut, un) and the forces
+r = (rt, rn) on the body at every point,
 
     S a - r = p + gamma q.
 
-That is the `PointProblem` of algorithms and certificates, and with the statuses of the points as
-cones of w = (a, r) the `AffineSystem` of pivoting. Where the body is linear and gamma enters the
-data linearly this is the whole problem; else it is its linearisation, which decides how branches
+This is the `PointProblem` of algorithms and certificates and, with the statuses of the points as
+cones of w = (a, r), the `AffineSystem` of pivoting. If the body is linear and gamma enters the data
+linearly, it is the whole problem; otherwise it is the linearisation, which decides how branches
 leave a point.
 
-What the factorisation leaves of the right-hand sides bounds the errors of S, p and q. The transpose
-of the matrix is D A D for the signs D of displacements and forces, so that its solution for a unit
-force is that for a unit jump but for signs, dS_ij = X_i.R_j for the solutions X and the residuals
-R, and |dS_ij| <= |X_i| |R_j|, up to products of two residuals; the round-off of R is in |R|. The
-matrices are taken as they are assembled.
+The residuals of the factorisation bound the errors of S, p and q. The transpose of the matrix is
+D A D with the signs D of displacements and forces, so its solution for a unit force equals, up to
+signs, that for a unit jump: dS_ij = X_i.R_j for solutions X and residuals R, and
+|dS_ij| <= |X_i| |R_j|, up to products of two residuals; |R| includes the round-off of R. Assembled
+matrices are taken as exact.
 
-It holds where a multiplier node is a point. The cones are those of laws in 2D whose statuses are
-polyhedral (`laws.cones`).
+Every multiplier node must be a contact point. The cones belong to laws in 2D with polyhedral
+statuses (`laws.cones`).
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ __all__ = ["Reduction"]
 
 Array = npt.NDArray[np.float64]
 _DEFINITE = 1e-10  # least eigenvalue of the condensed stiffness, whose mean diagonal entry is 1
-_SYMMETRIC = 1e-8  # of the largest entry of the condensed stiffness
+_SYMMETRIC = 1e-8  # asymmetry, relative to the largest entry, that counts as round-off
 
 
 def _check_save(a: Arguments) -> None:
@@ -70,26 +70,26 @@ def _check_save(a: Arguments) -> None:
 
 
 class Reduction:
-    """A contact problem with a parameter, condensed onto its points at a state. Collective.
+    """Contact problem with a parameter, condensed onto its points at a state. Collective.
 
     Args:
-        parametric: the problem, of which `scope` must hold.
+        parametric: contact problem within the `scope`.
         x: state at which H is linearised.
-        gamma: parameter there.
-        exact: whether the pieces are affine, so that the linearisation is the problem.
-        conic: whether the pieces are cones (`can_condense`); else `system` has only its matrix and
-            its loads.
+        gamma: parameter at the state.
+        exact: whether the pieces are affine, so that the linearisation is exact.
+        conic: whether the pieces are cones (`can_condense`); otherwise `system` contains its matrix
+            and loads only.
 
     Attributes:
-        points: the contact points, m, in the order of their coordinates.
-        system: with the statuses of the points as cones, in 2D alone.
-        S: stiffness (dim m, dim m), over ``force_unit``, point by point, tangents before the
-            normal; symmetric where the body is, up to round-off.
-        load: p (dim m,), over ``force_unit``.
-        rate: q (dim m,), over ``force_unit``.
-        exact: as given.
-        force_unit: what forces in w, `S` and loads are divided by, so that the diagonal of S is 1
-            on the average and all numbers of w are lengths.
+        points: the m contact points in the order of their coordinates.
+        system: affine system with the statuses of the points as cones, in 2D only.
+        S: stiffness divided by ``force_unit``, shape (dim m, dim m), point by point, tangents
+            before the normal; symmetric up to round-off if the body is symmetric.
+        load: p divided by ``force_unit``, shape (dim m,).
+        rate: q divided by ``force_unit``, shape (dim m,).
+        exact: whether the pieces are affine.
+        force_unit: unit of forces in w, `S` and loads, by which the mean diagonal entry of S is 1
+            and all entries of w are lengths.
     """
 
     system: AffineSystem
@@ -152,14 +152,14 @@ class Reduction:
 
     @classmethod
     def of(cls, equations: ContactEquations) -> Self:
-        """The reduction of a problem of a linear body, with its data as they are. Collective.
+        """Return the reduction of a linear body with its present data. Collective.
 
         Args:
-            equations: of the problem (`ContactProblem.equations`), which is left as it is.
+            equations: equations of the problem (`ContactProblem.equations`), not changed.
 
         Raises:
-            ValueError: on every rank, for a problem that has none (`scope.check_reducible`), or a
-                stiffness that is not symmetric.
+            ValueError: on every rank, if the problem cannot be reduced (`scope.check_reducible`) or
+                its stiffness is not symmetric.
         """
         check_reducible(equations)
         system = ParametricEquations(equations, fem.Constant(equations.V.mesh, 0.0), _no_solver)
@@ -185,14 +185,16 @@ class Reduction:
     def __exit__(self, *_: object) -> None:
         self.destroy()
 
-    # -- what is found ---------------------------------------------------------------------------
+    # -- results ---------------------------------------------------------------------------------
 
     def problem(self, gamma: float = 0.0, *, unit: float = 1.0) -> PointProblem:
-        """The points at ``gamma``, under the laws of Coulomb and Tresca. Not collective.
+        """Return the point problem at ``gamma``, with the laws of Coulomb and Tresca.
+
+        Not collective.
 
         Args:
             gamma: parameter.
-            unit: of forces; by default that of the input.
+            unit: unit of forces; default: that of the input.
 
         Raises:
             ValueError: if S is not positive definite, or a number is not finite.
@@ -225,20 +227,20 @@ class Reduction:
             gamma: parameter.
 
         Raises:
-            ValueError: on every rank, for what is no path, another suffix, a gamma that is no
-                number, where S is not positive definite, or where FCLib has no such problem.
+            ValueError: on every rank, if the path, its suffix or gamma is not admissible, S is not
+                positive definite, or FCLib does not support the problem.
             ModuleNotFoundError: on every rank, for HDF5 without h5py.
-            OSError: on every rank, where the file cannot be written.
+            OSError: on every rank, if the file cannot be written.
         """
         on_root(self.comm, lambda: save_points(file, self.problem(gamma)))
 
     @property
     def guided(self) -> bool:
-        """Whether tangential displacements of points are prescribed: such have no friction here."""
+        """Whether tangential displacements of points, without friction, are prescribed."""
         return self.points.guided
 
     def require_finite(self) -> None:
-        """Raise ``ValueError`` if a number is not finite: nothing can be proved with such data."""
+        """Raise ``ValueError`` if a number is not finite."""
         if not all(np.isfinite(a).all() for a in (self.S, self.load, self.rate)):
             raise ValueError(
                 "the stiffness or the loads of the condensed problem are not finite: look for NaN "
@@ -247,21 +249,21 @@ class Reduction:
 
     @cached_property
     def always_solvable(self) -> bool:
-        """Whether there is a solution at every gamma: S is positive definite, and H affine.
+        """Whether a solution exists for every gamma: S is positive definite, and H is affine.
 
-        Then the problem with a friction bound given in advance has one solution, which depends
-        continuously on the bound, and Brouwer's theorem gives a bound that is F times its pressure
-        (Haslinger, Math. Methods Appl. Sci. 5, 1983).
+        The problem with a given friction bound then has one solution, which depends continuously on
+        the bound, and Brouwer's theorem provides a bound that is F times its pressure (Haslinger,
+        Math. Methods Appl. Sci. 5, 1983).
         """
         return self.exact and bool(np.linalg.eigvalsh(self.S + self.S.T)[0] > _DEFINITE)
 
     def _displacements(self, x: PETSc.Vec) -> Array:
-        """Entries of the body and of rigid bodies on this rank."""
+        """Return the entries of the body and of rigid bodies on this rank."""
         rigid = x.getLocalSize() - self._equations.rigid.owned
         return np.concatenate([x.array_r[: self._nodal], x.array_r[rigid:]])
 
     def _errors_at(self, gamma: float) -> tuple[Array, Array]:
-        """By how much S and p + gamma q may be off (dim m, dim m), (dim m,); see the module."""
+        """Return error bounds of S (dim m, dim m) and p + gamma q (dim m,); see the module."""
         S = np.abs(self.S)
         of_S, rest, rate = self._errors
         w = np.abs(self._w[:, : self._dim]).reshape(-1)
@@ -272,12 +274,12 @@ class Reduction:
 
     @property
     def _rate_errors(self) -> Array:
-        """By how much q may be off (dim m,)."""
+        """Error bounds of q, shape (dim m,)."""
         return self._errors[2] + 64 * ROUND_OFF * np.abs(self.rate)
 
     @cached_property
     def _errors(self) -> tuple[Array, Array, Array]:
-        """Of S, and what the factorisation leaves of the load at the state, and of its rate."""
+        """Error bounds of S, of the load at the state, and of its rate."""
         k = self.force_unit
         d = self._dim
         # Frames mix the components of a point, and are orthonormal to round-off.
@@ -291,15 +293,15 @@ class Reduction:
     # -- points ----------------------------------------------------------------------------------
 
     def point(self, i: int) -> tuple[int, int]:
-        """The rank that owns point ``i``, and its local number there. Collective."""
+        """Return the rank that owns point ``i``, and its local number there. Collective."""
         return self.points.owner(i)
 
     def codes(self, piece: Piece) -> npt.NDArray[np.int8]:
-        """Statuses of all points. Collective."""
+        """Return the statuses of all points. Collective."""
         return self.points.gathered(piece.codes)
 
     def piece(self, codes: npt.NDArray[np.int8]) -> Piece:
-        """The piece in which the points have these statuses."""
+        """Return the piece in which the points have these statuses."""
         new = np.zeros(len(self._parametric.clamped), dtype=np.int8)
         new[self.points.local] = codes[self.points.mine]
         return Piece(new)
@@ -307,7 +309,7 @@ class Reduction:
     # -- the body --------------------------------------------------------------------------------
 
     def _held_at_points(self, u: Array) -> HeldBody:
-        """[K, -B^T; -B, 0], with the Dirichlet rows of H: symmetric, as a rule."""
+        """Return the body with [K, -B^T; -B, 0] and the Dirichlet rows of H, usually symmetric."""
         eq = self._equations
         first = 0
         K = with_dirichlet_rows(eq.bulk.stiffness(u), eq, self._scale)
@@ -329,7 +331,7 @@ class Reduction:
                 whole.destroy()
             here.destroy()
             first += s.points.number
-        # Whatever holds a displacement, its rows have units of force.
+        # All rows of displacements have the unit of a force.
         whole = self.points.guided
         fields = [HeldField(K, blocks, without_forces=None if whole else fixed)]
         if eq.rigid.size:
@@ -343,9 +345,10 @@ class Reduction:
         return body
 
     def _reactions_to_jumps(self) -> tuple[Array, Array, Array]:
-        """Forces at the points by jumps there, (dim m, dim m). Collective.
+        """Return forces at the points for unit jumps, shape (dim m, dim m). Collective.
 
-        With the sizes of the solutions and of their residuals (dim m,).
+        Returns:
+            Forces, and norms of the solutions and of their residuals, shape (dim m,) each.
         """
         d = self._dim
         columns = d * self._m
@@ -372,9 +375,10 @@ class Reduction:
         return S, sizes, residuals + self._body.round_off(sizes, self._scale)
 
     def _solve(self, load: Array, jumps: Array) -> tuple[Array, Array, float]:
-        """Displacements (owned) and forces at all points for a load and jumps (m, dim). Collective.
+        """Solve for a load and jumps, shape (m, dim). Collective.
 
-        With the size of the residual.
+        Returns:
+            Owned displacements, forces at all points, and a bound of the residual.
         """
         if self._freed:
             raise ValueError("this reduction was freed, by destroy() or by a later reduction")
@@ -388,7 +392,7 @@ class Reduction:
     # -- states ----------------------------------------------------------------------------------
 
     def contract(self, x: PETSc.Vec) -> Array:
-        """The state w = (a, r over ``force_unit``) of all points, (m, 2 dim). Collective."""
+        """Return the state w = (a, r / ``force_unit``) of all points, (m, 2 dim). Collective."""
         state = self._equations.contact(x)
         jump = np.concatenate(
             [
@@ -407,7 +411,7 @@ class Reduction:
         return np.concatenate([np.einsum("iap,ia->ip", T, v) for v in parts], axis=1)
 
     def expand(self, w: Array, gamma: float, x: PETSc.Vec) -> None:
-        """Put the unknowns of the state ``w`` at ``gamma`` into ``x``. Collective."""
+        """Write the unknowns of the state ``w`` at ``gamma`` into ``x``. Collective."""
         dw = w - self._w
         T = self.points.frames
         d = self._dim
@@ -431,10 +435,10 @@ class Reduction:
             row = row + d * n
 
     def relax(self, x: PETSc.Vec) -> None:
-        """Bring a linear body to rest under the forces in ``x``, which stay. Collective.
+        """Bring a linear body into equilibrium with the contact forces in ``x``. Collective.
 
-        By `expand` the points are where they should be, and the round-off of S a - p is left as
-        forces on them, large where the points are stiff; here it goes into displacements.
+        `expand` places the points exactly, and the round-off of S a - p remains as forces on them,
+        which are large at stiff points; here it becomes displacements.
         """
         b = x.duplicate()
         self._equations.residual(x, b)

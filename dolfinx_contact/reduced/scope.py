@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Which problems are reduced to their contact points."""
+"""Scope of the reduction of problems to their contact points."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _MOST_POINTS = 1024
 
 
 def check_reducible(eq: ContactEquations) -> None:
-    """Raise ``ValueError`` if a problem is no `PointProblem` of a body at rest. Collective."""
+    """Raise ``ValueError`` unless a problem can be reduced to a `PointProblem`. Collective."""
     laws = [s.law for s in eq.surfaces]
     known = all(law.bound_kind in ("proportional", "given") for law in laws)
     alone = all(s.points.E is None for s in eq.surfaces)
@@ -45,13 +45,13 @@ def check_reducible(eq: ContactEquations) -> None:
 def can_condense(
     system: ParametricEquations, *, partly: bool = False, bounded: bool = False
 ) -> bool:
-    """Whether a problem has affine pieces at its contact points. Collective.
+    """Return whether a problem has affine pieces at its contact points. Collective.
 
     Args:
-        system: the problem.
-        partly: whether tangential displacements of contact points may be prescribed: the statuses
-            of such points are not those of the problem.
-        bounded: whether Tresca's law will do, whose pieces are not cones.
+        system: contact problem with a parameter.
+        partly: whether tangential displacements of contact points may be prescribed; such points
+            have other statuses than in the problem.
+        bounded: whether Tresca's law, whose pieces are not cones, is admissible.
     """
     eq = system.equations
     points = eq.comm.allreduce(int((~system.clamped).sum()))
@@ -71,7 +71,7 @@ def can_condense(
         fixed = held[trace]
         some = fixed.any(axis=1) & ~fixed.all(axis=1)
         if partly:
-            # Of a normal that is not along an axis a part would be prescribed.
+            # A part of a normal that is not along an axis would be prescribed.
             normal = np.where(fixed, s.points.vertex_normals, 0.0)
             some &= ~clamped & (np.abs(normal).max(axis=1, initial=0.0) > 1e-6)
         mixed = mixed or bool(some.any())
@@ -81,10 +81,10 @@ def can_condense(
 
 
 def obstacle_in_space(system: ParametricEquations) -> str:
-    """Why a problem in 3D is not one of its contact points alone, "" if it is. Collective.
+    """Return the reason why a 3D problem cannot be reduced to its points; "" if it can. Collective.
 
     Args:
-        system: the problem; its laws are left to who asks.
+        system: contact problem with a parameter; its laws are not considered.
     """
     eq = system.equations
     points = eq.comm.allreduce(int((~system.clamped).sum()))
@@ -109,10 +109,10 @@ def obstacle_in_space(system: ParametricEquations) -> str:
 
 
 def _partly_held(system: ParametricEquations) -> tuple[bool, bool]:
-    """Of contact nodes of this rank that are held in part.
+    """Return properties of the partly held contact nodes of this rank.
 
-    Whether the normal is among what is held, and whether there is friction along a tangent that is
-    free. Where both tangents are held there is none: shears are what holds them.
+    Returns:
+        Whether a normal displacement is held, and whether friction acts along a free tangent.
     """
     eq = system.equations
     oblique = False

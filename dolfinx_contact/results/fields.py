@@ -101,7 +101,7 @@ def vertex_state(eq: ContactEquations, number: int, evaluation: Evaluation) -> d
     slips = closed(found.statuses) & ((friction == PLUS) | (friction == MINUS))
     shares = {"open": ~closed(found.statuses), "slip": slips}
     if s.dim == 2:
-        # Without friction the status has no sense of its own, and the motion shows it.
+        # Without friction the status has no sign of slip: use the motion.
         moved = state["increment"]
         n = state["n"]
         along = moved[:, 1] * n[:, 0] - moved[:, 0] * n[:, 1]

@@ -2,6 +2,6 @@
 """Solvers of the contact problem."""
 
 from dolfinx_contact.solvers.history import ConvergenceError
-from dolfinx_contact.solvers.ladder import solve
+from dolfinx_contact.solvers.strategies import solve
 
 __all__ = ["ConvergenceError", "solve"]

@@ -24,35 +24,28 @@ import numpy.typing as npt
 
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.substitute import HeldBonds
-from dolfinx_contact.laws import Law
 from dolfinx_contact.solvers.history import Attempt
 from dolfinx_contact.solvers.linear import LinearSolver
 from dolfinx_contact.solvers.newton import Newton
 from dolfinx_contact.solvers.pivoting import pivot
 
-__all__ = ["have_bonds", "release_bonds"]
+__all__ = ["release_bonds"]
 
 Array = npt.NDArray[np.float64]
 
-#: Changes of the strengths from which Newton's method is tried, one after the other.
+#: Successive changes of the strengths below which Newton's method is tried.
 _NEAR = 1e-2, 1e-3, 1e-4, 1e-6, 1e-8
 _HELD_RESIDUAL = 1e-9  # relative residual that suffices while bonds are held
 _ROUNDS = 2000  # largest number of rounds
-
-
-def have_bonds(eq: ContactEquations) -> bool:
-    """Return whether bonds of a surface weaken and none of them can grow again."""
-    return any(_strength(s.law) is not None for s in eq.surfaces)
 
 
 def release_bonds(
     eq: ContactEquations, linear: Callable[[], LinearSolver], x: PETSc.Vec, attempt: Attempt
 ) -> bool:
     """Solve from ``x``, which is overwritten, with strengths that only decrease. Collective."""
-    names = [_strength(s.law) for s in eq.surfaces]
     strengths = [
-        None if name is None else c.data.fields[name].copy()
-        for name, c in zip(names, eq.contact(x).surfaces, strict=True)
+        c.data.fields[s.law.weakening.name].copy() if s.law.weakens and s.law.weakening else None
+        for s, c in zip(eq.surfaces, eq.contact(x).surfaces, strict=True)
     ]
     near = list(_NEAR)
     for rounds in range(1, _ROUNDS + 1):
@@ -76,13 +69,6 @@ def release_bonds(
             return False
     attempt.reason = f"bonds still weaken after {_ROUNDS} rounds"
     return False
-
-
-def _strength(law: Law) -> str | None:
-    """Return the field by which bonds weaken; None if there is none or the law has more memory."""
-    if law.weakening is None or not all(x.is_field for x in law.internal):
-        return None
-    return law.weakening.name
 
 
 def _solve(

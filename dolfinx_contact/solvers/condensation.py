@@ -5,8 +5,8 @@ On the contact nodes, with c their displacements and l the multipliers, the Jaco
 
     K_cc u + B l = r_c,    C u + L l = r_l.
 
-Nodal contact has a diagonal B, so that l = B^-1 (r_c - K_cc u) costs nothing, and what is left is
-as large as the displacements alone:
+Nodal contact has a diagonal B, so that l = B^-1 (r_c - K_cc u) is cheap. The condensed system has
+the size of the displacements:
 
     (C - L B^-1 K_cc) u = r_l - L B^-1 r_c
 
@@ -71,7 +71,7 @@ class CondensedBlock:
         removed = operator.equations.constraints.removed_multipliers()
         fits = bool(((answered.array_r == 1) | (self._alone & removed)).all())
         self.applies = self.applies and not self._comm.allreduce(int(not fits))
-        # I - B W: without the rows of dofs that answer, and with what they pass on to others.
+        # I - B W: without the rows of dependent dofs, and with their contributions to others.
         identity = PETSc.Mat().createAIJ(((n, None), (n, None)), nnz=(1, 0), comm=self._comm)
         identity.setUp()
         identity.setDiagonal(ones)

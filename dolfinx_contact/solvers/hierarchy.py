@@ -96,8 +96,8 @@ _HYPRE: dict[str, Any] = {
     "pc_hypre_boomeramg_P_max": 4,
     "pc_hypre_boomeramg_agg_nl": 1,
 }
-#: Two steps of Chebyshev's method. What takes iterations is the coupling to the contact nodes: more
-#: of these steps, or a hierarchy, save none (measured).
+#: Two steps of Chebyshev's method. Iterations are due to the coupling to the contact nodes: more
+#: steps, or a hierarchy, save none (measured).
 _POLYNOMIAL: dict[str, Any] = {
     "pc_type": "ksp",
     "pc_use_amat": True,

@@ -99,7 +99,7 @@ class Attempt:
 
     def gives_up(self) -> bool:
         """Return whether the cost has reached the limit, and set `reason`."""
-        if self.cost < self.limit:
+        if self.limit == math.inf or self.cost < self.limit:
             return False
         self.reason = f"gave up after a cost of {self.limit:g} Newton steps"
         return True
@@ -137,7 +137,7 @@ class SolveProgress(Progress):
         comm: communicator; only rank 0 writes.
         wanted: whether progress is shown; default: once the solve has taken some seconds, unless
             the log contains every iteration.
-        stream: see `Line`.
+        stream: see `Progress`.
 
     Attributes:
         strategy: name of the present strategy.

@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Interface of the linear solvers of Newton's method, and the direct solver."""
+"""Linear solvers of Newton's method: their interface, and the direct solver.
+
+`Direct` is any KSP and PC on the assembled Jacobian, by default MUMPS; the other solver is
+`multigrid.Multigrid`. `choice` selects one of them.
+"""
 
 from __future__ import annotations
 
@@ -7,8 +11,6 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from petsc4py import PETSc
-
-import numpy as np
 
 from dolfinx_contact._petsc import DEFAULTS, logged
 from dolfinx_contact.equations.jacobian import Jacobian
@@ -19,20 +21,8 @@ if TYPE_CHECKING:
     from dolfinx_contact.equations.evaluation import Evaluation
     from dolfinx_contact.solvers.history import Step
 
-__all__ = ["Direct", "LinearSolver", "reasons_of", "seconds_of_multigrid"]
+__all__ = ["Direct", "LinearSolver", "reasons_of"]
 
-#: Factor and power of the number of unknowns, by dimension, that predict the seconds of a Newton
-#: step with MUMPS on one core: measured on an idle machine, per step of cold solves, with 3 10^3 to
-#: 10^5 unknowns in 2D and 2 10^3 to 3.3 10^4 in 3D. Assembly of nonlinear bodies is added.
-_DIRECT_SECONDS = {2: (3.5e-7, 1.19), 3: (2.5e-7, 1.47)}
-_NEWTON_STEPS = 9  # number of steps of a cold solve
-
-#: Number of products with the stiffness that take as long as a cold multigrid solve, without the
-#: contact surface: measured 430 to 1000 in 2D, 350 to 600 in 3D, P1 and P2, on one and two ranks.
-_PRODUCTS = {2: 900, 3: 550}
-#: Factor and power of the number of contact points that predict the share of the surface, in
-#: products times unknowns: measured with 2 10^3 and 6 10^3 contact points in 3D.
-_SURFACE = (640.0, 1.37)
 _INACCURATE = 1e-2  # relative residual from which a linear solve counts as failed
 
 
@@ -44,14 +34,12 @@ class LinearSolver:
         matrix: Jacobian, for SNES.
         defaults: PETSc options of the KSP.
         corrects: whether `correct` is implemented.
-        predicted: predicted seconds of a cold solve.
         reduction: reduction of the residual by the last solve; 0 if unknown.
         is_followed_with: whether a branch is followed with this solver.
     """
 
     name: str
     corrects = False
-    predicted = np.inf
     reduction = 0.0
     is_followed_with = False
     matrix: PETSc.Mat
@@ -73,10 +61,6 @@ class LinearSolver:
 
     def update(self, state: Evaluation) -> None:
         """Assemble the Jacobian at an evaluation. Collective."""
-        raise NotImplementedError
-
-    def predicted_seconds(self) -> float:
-        """Predict the seconds of a cold solve from measured runs. Collective."""
         raise NotImplementedError
 
     def prepare(
@@ -134,15 +118,11 @@ class Direct(LinearSolver):
     def __init__(self, equations: ContactEquations):
         self._equations = equations
         self._jacobian = Jacobian(equations)
+        self.matrix = self._jacobian.matrix
         self._residual = 0.0  # relative residual of the last solve
         if (equations.options.value("pc_type") or "lu") not in ("lu", "cholesky"):
             factor = ("pc_factor_mat_solver_type", "mat_mumps_icntl_14")
             self.defaults = {k: v for k, v in Direct.defaults.items() if k not in factor}
-
-    @property
-    def matrix(self) -> PETSc.Mat:  # type: ignore[override]
-        """Jacobian, a new matrix if its pattern has changed."""
-        return self._jacobian.matrix
 
     def attach(self, ksp: PETSc.KSP, remainder: Callable[[PETSc.Vec], float]) -> None:
         ksp.setPostSolve(self._measure)
@@ -158,12 +138,7 @@ class Direct(LinearSolver):
     def update(self, state: Evaluation) -> None:
         with logged("ContactJacobian"):
             self._jacobian.update(state)
-
-    def predicted_seconds(self) -> float:
-        eq = self._equations
-        factor, power = _DIRECT_SECONDS[eq.dim]
-        steps = _NEWTON_STEPS * factor * sum(eq.global_sizes) ** power
-        return float(steps + seconds_of_assembly(eq))
+        self.matrix = self._jacobian.matrix  # a new one if its pattern has changed
 
     def destroy(self) -> None:
         self._jacobian.destroy()
@@ -211,19 +186,3 @@ def reasons_of(ksp: PETSc.KSP) -> str:
 def _name(reasons: Any, value: int) -> str:
     names = [k for k, v in vars(reasons).items() if v == value and not k.startswith("_")]
     return max(names, key=len, default=str(value))
-
-
-def seconds_of_multigrid(eq: ContactEquations) -> float:
-    """Predict the seconds of a cold multigrid solve from the time of a product. Collective."""
-    dim = eq.dim
-    points = sum(s.points.number_everywhere for s in eq.surfaces)
-    factor, power = _SURFACE
-    surface = factor * points**power / sum(eq.global_sizes) if dim == 3 else 0.0
-    product = eq.comm.allreduce(eq.bulk.seconds[1], op=max)
-    return float((_PRODUCTS[dim] + surface) * product + seconds_of_assembly(eq))
-
-
-def seconds_of_assembly(eq: ContactEquations) -> float:
-    """Predict the seconds of assembling a nonlinear stiffness in a cold solve. Collective."""
-    once = eq.comm.allreduce(eq.bulk.seconds[0], op=max)
-    return 0.0 if eq.bulk.linear else float(_NEWTON_STEPS * once)

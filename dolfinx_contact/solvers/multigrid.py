@@ -40,7 +40,7 @@ from dolfinx_contact._petsc import has_package, logged
 from dolfinx_contact.laws.status import closed
 from dolfinx_contact.points.trace import facet_closures
 from dolfinx_contact.solvers.hierarchy import PLAIN, SMOOTHED, Hierarchy
-from dolfinx_contact.solvers.linear import LinearSolver, reasons_of, seconds_of_multigrid
+from dolfinx_contact.solvers.linear import LinearSolver, reasons_of
 from dolfinx_contact.solvers.operator import ContactOperator
 from dolfinx_contact.solvers.springs import springs
 from dolfinx_contact.solvers.surface_filter import SurfaceFilter
@@ -211,9 +211,6 @@ class Multigrid(LinearSolver):
         return max(self.hierarchy.interpolation.per_digit, self._measured)
 
     # -- linear solver of Newton's method --------------------------------------------------------
-
-    def predicted_seconds(self) -> float:
-        return seconds_of_multigrid(self._equations)
 
     def update(self, state: Evaluation) -> None:
         with logged("ContactJacobian"):

@@ -62,6 +62,8 @@ class _Run:
         most: number of steps after which the run ends; None: only at a solution.
         load: applied part of the load.
         offset: residual of which the part 1 - load is subtracted.
+        tolerance: relative tolerance of the residual.
+        most_iterations: largest number of steps, after which the run fails.
         history: statuses and residual of the iterates.
         guess: statuses for the next Jacobian; None: those of the iterate.
         warm: whether the run began from a state in contact.
@@ -73,6 +75,8 @@ class _Run:
     most: int | None = None
     load: float = 1.0
     offset: PETSc.Vec | None = None
+    tolerance: float = 0.0
+    most_iterations: int = 0
     history: list[tuple[Statuses, float]] = field(default_factory=list)
     guess: Statuses | None = None
     warm: bool = False
@@ -110,8 +114,6 @@ class Newton:
         self.linear = linear
         self.monitor = monitor
         self.comm = equations.comm
-        # A monitor may be present on one rank only, for example one that prints.
-        self._monitored = anywhere(self.comm, monitor is not None)[0]
         self._full_steps = line_search == "none"
         self.scales = Scales(equations)
         options = equations.options
@@ -149,32 +151,6 @@ class Newton:
                 f"-{prefix}snes_type {self.snes.getType()} needs an assembled matrix; "
                 f"with the linear solver {self.linear.name} only newtonls goes"
             )
-        self._show()
-
-    def _show(self) -> None:
-        """Copy options and outcome to the SNES that users see (`ContactProblem.solver`).
-
-        That SNES remains when this one, whose KSP holds a factorisation, is freed at the end of a
-        strategy.
-        """
-        shown = self.equations.snes
-        if not shown:
-            shown.create(self.comm)
-            shown.setOptionsPrefix(self.equations.options.prefix)
-        ksp = self.snes.getKSP()
-        shown_ksp = shown.getKSP()
-        shown.setType(self.snes.getType())
-        shown.setTolerances(*self.snes.getTolerances())
-        shown_ksp.setType(ksp.getType())
-        shown_ksp.setTolerances(*ksp.getTolerances())
-        shown_ksp.getPC().setType(ksp.getPC().getType())
-        if self.snes.getConvergedReason() == PETSc.SNES.ConvergedReason.ITERATING:
-            return  # nothing has run
-        shown.setConvergedReason(self.snes.getConvergedReason())
-        shown.setIterationNumber(self.snes.getIterationNumber())
-        shown.setFunctionNorm(self.snes.getFunctionNorm())
-        shown_ksp.setConvergedReason(ksp.getConvergedReason())
-        shown_ksp.setIterationNumber(ksp.getIterationNumber())
 
     def _discard(self) -> None:
         self.snes.destroy(), self.b.destroy()
@@ -228,7 +204,8 @@ class Newton:
         Raises:
             FloatingBodyError: if a rigid motion is free.
         """
-        self._run = run = _Run(attempt, held, most, load, offset)
+        limits = self.tolerance, self.max_iterations
+        self._run = run = _Run(attempt, held, most, load, offset, *limits)
         self._memo = start
         attempt.state = None
         attempt.evaluations += start is not None
@@ -245,13 +222,11 @@ class Newton:
                 attempt.state = None if self._memo is None else self._memo.state
         except LinearSolverError as error:
             attempt.reason = str(error)
-            self.equations.snes.setConvergedReason(_LINEAR)
             self._discard()  # PETSc objects remain locked after an error
             self._create()
             return False
         finally:
             y.destroy()
-        self._show()
         if not attempt.steps and reason == _NOT_A_NUMBER:
             raise ValueError(
                 "the residual overflows at the start: its square is beyond 1e308. Look at the "
@@ -318,10 +293,11 @@ class Newton:
                 state = self.equations.taken_by(x, state, guess)
         before = self.linear.matrix
         self.linear.update(state)
-        if self.linear.matrix is not before:  # the SNES takes its matrix after this call
-            self.snes.setJacobian(self._jacobian, self.linear.matrix)
+        matrix = self.linear.matrix
+        if matrix is not before:  # the SNES takes its matrix after this call
+            self.snes.setJacobian(self._jacobian, matrix)
         step = run.attempt.steps[-1]
-        self.linear.prepare(self.snes.getKSP(), step, self.tolerance, state, warm=run.warm)
+        self.linear.prepare(self.snes.getKSP(), step, run.tolerance, state, warm=run.warm)
 
     def _settle(self, x: PETSc.Vec, step: PETSc.Vec) -> None:
         """Correct the contact unknowns after the full step x - step; see `settle`."""
@@ -377,14 +353,14 @@ class Newton:
             lost = without_normal(self.equations, state)
             run.attempt.reason = lost or "the residual is not finite"
             return _STOPPED
-        if measures.worst <= self.tolerance:
+        if measures.worst <= run.tolerance:
             # A solution that a rigid motion may carry away is not an answer.
             return _STOPPED if self._floats(statuses, state) else _CONVERGED
         if run.most is not None and it >= run.most:
             return _ENOUGH_STEPS
         if run.attempt.gives_up():
             return _STOPPED
-        if it >= self.max_iterations:
+        if it >= run.most_iterations:
             return _TOO_MANY_STEPS
         cycles = self._full_steps and self._in_cycle(statuses, measures.worst)
         if cycles and not self.linear.tighten():
@@ -410,10 +386,8 @@ class Newton:
         run.attempt.steps.append(step)
         if self.comm.rank == 0:
             logger.info("%s, %s", run.attempt.strategy, step)
-        if self._monitored:
-            with everywhere(self.comm, "the monitor"):
-                if self.monitor is not None:
-                    self.monitor(step)
+        if self.monitor is not None:
+            self.monitor(step)
 
     def _measure(self, state: Evaluation, b: PETSc.Vec) -> Measures:
         """Return the measures of the residual ``b`` of a state.
@@ -422,9 +396,10 @@ class Newton:
         converged are a million times smaller, its own scales are used from then on: relative to a
         distant start everything is small.
         """
-        state = replace(state, rows=self.equations.blocks(b))
+        if self._run.offset is not None:
+            state = replace(state, rows=self.equations.blocks(b))
         measures = self.scales.measure(state)
-        if measures.worst <= self.tolerance:
+        if measures.worst <= self._run.tolerance:
             own = Scales(self.equations, settled=True)
             start = self.scales
             judged = own.measure(state)
@@ -445,13 +420,13 @@ class Newton:
         eq, run = self.equations, self._run
         run.warm = not touches_nothing(eq, run.load, state)
         cold = self._full_steps and not run.warm and run.held is None
-        if cold or eq.loose_motions(statuses, state):
+        if cold or eq.scaling.loose.not_held(statuses, state):
             run.guess = statuses = touching(eq, run.load, state)
         return statuses
 
     def _floats(self, statuses: Statuses, state: Evaluation) -> bool:
         """Return whether a rigid motion is free, and store the error."""
-        loose = self.equations.loose_motions(statuses, state)
+        loose = self.equations.scaling.loose.not_held(statuses, state)
         if loose:
             held = ", hold the rigid body" if self.equations.rigid.bodies else ""
             self._run.attempt.reason = (

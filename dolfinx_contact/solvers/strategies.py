@@ -1,13 +1,38 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Strategies for solving a contact problem, in the order in which the `ladder` tries them.
+"""Solve a contact problem: Newton's method with full steps, then fallback strategies.
 
-A strategy changes the unknowns and returns whether they are a solution; its arguments are always
-unknowns, attempt and monitor. Modules that full steps, a line search and load increments do not
-need are loaded when they are used.
+Full steps converge in a few iterations from nearly everywhere, but they can cycle between statuses.
+Newton's method begins at extrapolated unknowns if the caller has them. Then the first step may hold
+expected statuses, such as those of the previous step of an evolution: at the start of a step every
+slipping point is at the border of stick, and its own state does not determine its status. The
+strategies, in this order and each from the caller's state:
+
+1. Full Newton steps.
+2. Full steps with the automatic augmentation parameter, if the caller forced another one; for
+   surfaces with weakening bonds then all bonds held and released in turn (`bonds`).
+3. Pivoting: the pieces of H are solved successively, and if the number of points with a
+   wrong status stops shrinking only one point changes at a time (`pivoting`). For bodies that are
+   not linear it comes last but one, because every piece then takes a Newton solve.
+4. A backtracking line search on the norm of H.
+5. Lemke's method on the reduced problem (`classical`), which terminates in a solution for any
+   friction: in 2D, for linear bodies held by Dirichlet data with contact at nodes.
+6. The load in increments that shrink and grow; before the line search for bodies that are not
+   linear.
+7. The branch of solutions under a growing load, followed through its folds (`following`).
+
+A strategy is a function of unknowns, attempt and monitor that changes the unknowns and returns
+whether they are a solution. Modules that full steps, a line search and load increments do not need
+are loaded when they are used.
+
+A brief trial, for steps that may be shortened, ends with the first strategy. Each strategy but the
+first has a budget in Newton steps. A solution in which a hyperelastic body is turned inside out
+(det F <= 0) is only accepted if load increments find no other.
 """
 
 from __future__ import annotations
 
+import logging
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
@@ -17,22 +42,31 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
+from dolfinx_contact._petsc import staged
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluated, Statuses
-from dolfinx_contact.equations.validation import inverted
+from dolfinx_contact.equations.touching import bring_together
+from dolfinx_contact.equations.validation import diverged, inverted, validate
 from dolfinx_contact.solvers.choice import LinearSolverChoice
-from dolfinx_contact.solvers.history import Attempt, Step
+from dolfinx_contact.solvers.history import (
+    Attempt,
+    ConvergenceError,
+    FloatingBodyError,
+    SolveProgress,
+    Step,
+)
 from dolfinx_contact.solvers.newton import Newton
 
-__all__ = ["BONDS", "EXTRAPOLATED", "INCREMENTS", "STARTS", "Trial", "raise_load", "strategies"]
+__all__ = ["Trial", "raise_load", "solve"]
 
-EXTRAPOLATED = "extrapolation"
-EXPECTED = "expected statuses"
-#: Strategies that only begin elsewhere than at the state of the caller, and may well fail.
-STARTS = (EXTRAPOLATED, EXPECTED)
-BONDS = "bonds released in turn"
-INCREMENTS = "load increments"
+logger = logging.getLogger(__name__)
 
+_EXTRAPOLATED = "extrapolation"
+_EXPECTED = "expected statuses"
+_BONDS = "bonds released in turn"
+_INCREMENTS = "load increments"
+#: Budgets of the strategies, in Newton steps.
+_LIMITS = {_BONDS: 2000.0, "pivoting": 500.0, "line search": 80.0, _INCREMENTS: 400.0}
 _HELD = 1  # Newton steps in which expected statuses are held
 _SMALLEST = 1e-4  # smallest increment of the load, relative to the first one
 
@@ -57,52 +91,116 @@ class Trial:
     brief: bool = False
 
 
-def strategies(
-    eq: ContactEquations,
+@staged("ContactSolve")
+def solve(
+    equations: ContactEquations,
     linear: LinearSolverChoice,
+    x0: PETSc.Vec,
+    *,
+    monitor: Monitor,
     increments: int,
+    progress: SolveProgress,
     trial: Trial,
-    start: Evaluated | None,
-) -> list[tuple[str, Strategy]]:
-    """Return names and strategies in the order in which they are tried.
+) -> tuple[PETSc.Vec, list[Attempt]]:
+    """Solve a contact problem. Collective.
 
     Args:
-        eq: contact problem.
+        equations: contact problem.
         linear: choice of its linear solver.
+        x0: start.
+        monitor: function called with every Newton iterate, on every rank.
         increments: initial number of load increments.
+        progress: progress line.
         trial: starts of the solve, and its extent.
-        start: evaluation at the state of the caller, if available.
+
+    Returns:
+        Solution, and attempts of the strategies, of which the last one succeeded.
+
+    Raises:
+        ValueError: on every rank, if data are not admissible (a load that is not finite, a negative
+            friction field, a clamped node inside the obstacle).
+        ConvergenceError: if no strategy converges.
     """
-    ways = _Strategies(eq, linear, increments)
-    listed: list[tuple[str, Strategy]] = []
-    if trial.extrapolated is not None:
-        listed.append((EXTRAPOLATED, ways.from_unknowns(trial.extrapolated)))
-    listed += [(EXPECTED, ways.from_statuses(statuses)) for statuses in trial.expected]
-    # An earlier strategy may have changed the candidates of sliding faces since ``start``.
-    listed.append(("full steps", ways.newton("none", None if listed else start)))
-    if trial.brief:
-        return listed
-    # In the integral method r is part of the discretisation, and a forced r is kept.
-    weak = any(s.points.E is not None for s in eq.surfaces)
-    fallbacks: list[tuple[str, Strategy]] = []
-    if eq.forced_r is not None and not weak:
-        fallbacks.append(("full steps with the automatic r", ways.newton("none")))
-    if _have_bonds(eq):
-        fallbacks.append((BONDS, ways.releasing_bonds))
-    pivoting, line_search = ("pivoting", ways.pivoting), ("line search", ways.newton("bt"))
-    load: list[tuple[str, Strategy]] = [
-        (INCREMENTS, ways.load_increments),
-        ("load following", ways.load_following),
-    ]
-    if not eq.linear:
-        fallbacks += [load[0], line_search, pivoting, load[1]]
-    else:
-        fallbacks += [pivoting, line_search]
-        fallbacks += [("Lemke's method", ways.lemke)] if eq.dim == 2 else []
-        fallbacks += load
-    if weak:
-        return listed + fallbacks
-    return listed + [(name, ways.with_automatic_r(strategy)) for name, strategy in fallbacks]
+
+    def notify(step: Step) -> None:
+        if monitor is not None:
+            progress.clear()  # the monitor may write to the terminal
+            monitor(step)
+        progress.step(step)
+
+    start = validate(equations, x0)
+    bring_together(equations, x0)
+    attempts: list[Attempt] = []
+    floating: FloatingBodyError | None = None
+    x = x0.duplicate()
+    turned = x0.duplicate()
+    objection = ""
+    inverting = ""
+    for strategy, run in strategies(equations, linear, increments, trial, start):
+        if objection and strategy != _INCREMENTS and inverting != _EXTRAPOLATED:
+            continue
+        attempt = Attempt(strategy, limit=_LIMITS.get(strategy, math.inf))
+        attempts.append(attempt)
+        progress.strategy = strategy
+        x0.copy(x)
+        again = ""
+        try:
+            attempt.converged = run(x, attempt, notify)
+        except FloatingBodyError as error:
+            again = "a rigid motion is free there too" if floating is not None else ""
+            attempt.reason = str(error)
+            floating = error
+        if attempt.converged and (reason := diverged(equations, x)):
+            attempt.converged = False
+            attempt.reason = reason
+        if attempt.converged:
+            objection = inverted(equations, x)
+            if not objection:
+                return x, attempts
+            attempt.converged = False
+            attempt.reason = objection
+            inverting = strategy
+            x.copy(turned)
+        progress.clear()
+        if equations.comm.rank == 0:
+            starts = strategy in (_EXTRAPOLATED, _EXPECTED)  # which may well fail
+            log = logger.info if again or trial.brief or starts else logger.warning
+            log("%s failed: %s", strategy, again or attempt.reason)
+    if objection and not trial.brief:
+        # No other solution was found; the result contains a warning.
+        attempts.append(Attempt(inverting, objection, converged=True))
+        return turned, attempts
+    if floating is not None and attempts[0].reason == str(floating):
+        raise FloatingBodyError(str(floating), attempts)
+    raise ConvergenceError(_diagnosis(equations, attempts), attempts)
+
+
+def _diagnosis(eq: ContactEquations, attempts: list[Attempt]) -> str:
+    """Return the message of a failed solve: possible causes, and the attempts. Collective."""
+    lines = ["the contact problem was not solved:"]
+    if eq.bulk.linear:
+        diagonal = eq.bulk.stiffness(eq.bulk.displacement.x.array).getDiagonal()
+        (_, least), (_, largest) = diagonal.min(), diagonal.max()
+        diagonal.destroy()
+        if least < -1e-12 * max(abs(least), abs(largest)):
+            lines.append(
+                f"the stiffness of the body has negative diagonal entries (the least is "
+                f"{least:.3g}): its energy falls with a strain, look at its sign and its moduli"
+            )
+    if eq.bulk.kinks:
+        lines.append(
+            f"the bulk has kinks in u, by {eq.bulk.kinks}: if its residual jumps there, it has in "
+            "general no root, and friction or a threshold on a face must be a law of a contact "
+            "surface instead, such as Tresca"
+        )
+    for a in attempts:
+        worst = f", residual {a.steps[-1].measures.worst:.2g}" if a.steps else ""
+        lines.append(f"- {a.strategy}: {a.reason} ({a.iterations} iterations{worst})")
+        for name, places in a.restless.items():
+            shown = "; ".join("(" + ", ".join(f"{c:.6g}" for c in x) + ")" for x in places)
+            lines.append(f"  points of {name} that keep changing status, among them {shown}")
+    lines.append("The displacement and the multipliers are as they were before the solve.")
+    return "\n".join(lines)
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,6 +217,9 @@ class _Strategies:
     linear: LinearSolverChoice
     increments: int
 
+    def _solver(self, monitor: Monitor, line_search: str = "none") -> Newton:
+        return Newton(self.eq, self.linear(), line_search, monitor)
+
     def newton(self, line_search: str, start: Evaluated | None = None) -> Strategy:
         """Newton's method with a line search of PETSc, from an evaluation if available."""
 
@@ -132,9 +233,6 @@ class _Strategies:
             return done
 
         return run
-
-    def _solver(self, monitor: Monitor, line_search: str = "none") -> Newton:
-        return Newton(self.eq, self.linear(), line_search, monitor)
 
     def with_automatic_r(self, strategy: Strategy) -> Strategy:
         """A strategy with the automatic augmentation parameter instead of a forced one."""
@@ -193,7 +291,7 @@ class _Strategies:
             return followed and solver.run(x, attempt)
 
     def pivoting(self, x: PETSc.Vec, attempt: Attempt, monitor: Monitor) -> bool:
-        """The pieces of H, one after the other."""
+        """Solve the pieces of H successively."""
         from dolfinx_contact.solvers.pivoting import pivot
 
         with self._solver(monitor) as solver:
@@ -216,13 +314,50 @@ class _Strategies:
         return release_bonds(self.eq, self.linear, x, attempt)
 
 
-def _have_bonds(eq: ContactEquations) -> bool:
-    """Return whether bonds of a surface weaken and none of them can grow again."""
-    if all(s.law.weakening is None for s in eq.surfaces):
-        return False
-    from dolfinx_contact.solvers.bonds import have_bonds
+def strategies(
+    eq: ContactEquations,
+    linear: LinearSolverChoice,
+    increments: int,
+    trial: Trial,
+    start: Evaluated | None,
+) -> list[tuple[str, Strategy]]:
+    """Return names and strategies in the order in which they are tried.
 
-    return have_bonds(eq)
+    Args:
+        eq: contact problem.
+        linear: choice of its linear solver.
+        increments: initial number of load increments.
+        trial: starts of the solve, and its extent.
+        start: evaluation at the state of the caller, if available.
+    """
+    ways = _Strategies(eq, linear, increments)
+    found: list[tuple[str, Strategy]] = []
+    if trial.extrapolated is not None:
+        found.append((_EXTRAPOLATED, ways.from_unknowns(trial.extrapolated)))
+    found += [(_EXPECTED, ways.from_statuses(statuses)) for statuses in trial.expected]
+    # An earlier strategy may have changed the candidates of sliding faces since ``start``.
+    found.append(("full steps", ways.newton("none", None if found else start)))
+    if trial.brief:
+        return found
+    # In the integral method r is part of the discretisation, and a forced r is kept.
+    weak = any([s.points.E is not None for s in eq.surfaces])
+    fallbacks: list[tuple[str, Strategy]] = []
+    if eq.forced_r is not None and not weak:
+        fallbacks.append(("full steps with the automatic r", ways.newton("none")))
+    if any([s.law.weakens for s in eq.surfaces]):
+        fallbacks.append((_BONDS, ways.releasing_bonds))
+    pivoting = "pivoting", ways.pivoting
+    line_search = "line search", ways.newton("bt")
+    increments = _INCREMENTS, ways.load_increments
+    following = "load following", ways.load_following
+    if not eq.linear:
+        fallbacks += [increments, line_search, pivoting, following]
+    else:
+        lemke = [("Lemke's method", ways.lemke)] if eq.dim == 2 else []
+        fallbacks += [pivoting, line_search, *lemke, increments, following]
+    if not weak:
+        fallbacks = [(name, ways.with_automatic_r(run)) for name, run in fallbacks]
+    return found + fallbacks
 
 
 def raise_load(solver: Newton, x: PETSc.Vec, attempt: Attempt, increments: int) -> bool:

@@ -85,7 +85,7 @@ class SurfaceFactor(Factor):
         Raises:
             LinearSolverError: if it is singular.
         """
-        # The second try begins with an analysis of its own.
+        # The second attempt repeats the analysis.
         if not (super().factorise(A) or super().factorise(A)):
             raise LinearSolverError(
                 "the contact block of the Jacobian is singular: contact conditions contradict one "

@@ -429,7 +429,7 @@ def test_materials_that_cannot_be():
 
 
 @pytest.mark.ranks(2)
-def test_the_axis_is_held(caplog):
+def test_the_axis_is_held():
     """u_r = 0 there needs no condition of the user, and wins over one that says otherwise."""
     domain = section(3)
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
@@ -443,7 +443,6 @@ def test_the_axis_is_held(caplog):
     result = ContactProblem(energy, u, [floor], bcs=[moved]).solve()
     axis = np.abs(V.tabulate_dof_coordinates()[:, 0]) < 1e-12
     np.testing.assert_array_equal(u.x.array.reshape(-1, 2)[axis, 0], 0.0)
-    assert COMM.rank > 0 or "two Dirichlet conditions contradict each other" in caplog.text
     table = result.tables["contact"]
     assert table.rt[0, 0] == table.bound[0] == 0.0
     assert table.letters[0] == "k"

@@ -23,7 +23,7 @@ C = 100.0
 W = 1.0
 
 
-def adhesion(exponent=1.0, end=None):
+def adhesion(end=None):
     """RCCM as Raous, Cangemi and Cocou write it: energy (1), dissipation (4)."""
 
     @dataclass(frozen=True)
@@ -44,9 +44,8 @@ def adhesion(exponent=1.0, end=None):
             return beta**2 / 2 * springs + (1 - beta) * self.work
 
         def dissipation(self, rates, state):
-            p = exponent
             slips = self.friction * (1 - state["beta"]) * state.pressure * rates.slip
-            return slips + self.viscosity / (p + 1) * abs(rates["beta"]) ** (p + 1)
+            return slips + self.viscosity / 2 * rates["beta"] ** 2
 
     return Adhesion
 
@@ -83,22 +82,14 @@ class Creeping(Interface):
         return flow + self.work * rates["damage"] + self.viscosity / 2 * rates["damage"] ** 2
 
 
-POWERS = [
-    (2, 1.0, None),
-    (2, 0.5, 0.0),
-    (3, 2.0, None),
-    pytest.param(3, 0.5, 0.0, marks=pytest.mark.long),
-]
-
-
 @pytest.mark.each_value
 @pytest.mark.skipif(COMM.size > 1, reason="one point")
-@pytest.mark.parametrize(("dim", "exponent", "end"), POWERS)
+@pytest.mark.parametrize(("dim", "end"), [(2, None), (2, 0.0), (3, None)])
 @pytest.mark.parametrize("viscosity", [0.0, 0.3])
-def test_adhesion_at_a_point(dim, exponent, end, viscosity):
+def test_adhesion_at_a_point(dim, end, viscosity):
     """Statuses, intensity, answers and derivatives are those of the direct law at any state."""
     given = dict(normal=100.0, tangential=60.0, work=1.0, friction=0.4, viscosity=viscosity)
-    laws = RCCM(exponent=exponent, **given), adhesion(exponent, end)(**given)
+    laws = RCCM(**given), adhesion(end)(**given)
     points = [Point(law, dim, r=1000.0) for law in laws]
     rng = np.random.default_rng(3)
     seen = set()

@@ -1,13 +1,10 @@
 """The first step from a body that touches nothing."""
 
-import gc
 import subprocess
 import sys
-import weakref
 from pathlib import Path
 
 from mpi4py import MPI
-from petsc4py import PETSc
 
 import numpy as np
 import pytest
@@ -19,7 +16,6 @@ from dolfinx import fem
 from dolfinx_contact import (
     ContactProblem,
     ContactSurface,
-    ConvergenceError,
     Coulomb,
     HalfSpace,
     Sphere,
@@ -56,49 +52,6 @@ def test_gaps_of_round_off_are_no_contact(cell, linear_solver):
     assert near.history[1].measures.worst < 2 * exact.history[1].measures.worst
 
 
-@pytest.mark.parametrize("linear_solver", ["direct", "amg"])
-def test_what_the_solver_shows(linear_solver):
-    """It is one object: before a solve how Newton's method is set, after it how it ended."""
-    options = {"linear_solver": linear_solver, "snes_rtol": 1e-9, "snes_max_it": 30}
-    problem = block(cell="tet", n=4, options=options)
-    solver = problem.solver
-    assert solver.getOptionsPrefix() == "contact_"
-    assert solver.getTolerances() == (1e-9, 0.0, 0.0, 30)
-    assert solver.getConvergedReason() == 0
-    assert solver.getIterationNumber() == 0
-    result = problem.solve()
-    assert result.reason == "full steps"
-    assert problem.solver is solver
-    assert solver.getConvergedReason() == PETSc.SNES.ConvergedReason.CONVERGED_FNORM_RELATIVE
-    assert solver.getIterationNumber() == result.iterations > 1
-    assert solver.getFunctionNorm() < 1e-6
-    assert solver.ksp.getConvergedReason() > 0
-    assert solver.ksp.getIterationNumber() == result.history[-1].krylov
-    assert solver.ksp.getType() == ("preonly" if linear_solver == "direct" else "fgmres")
-    assert solver.ksp.pc.getType() == ("lu" if linear_solver == "direct" else "python")
-    solver.setTolerances(rtol=0.5, max_it=1)  # changes no solve
-    solver.setType("newtontr")
-    problem.u.x.array[:] = 0.0
-    problem.surfaces[0].multiplier.x.array[:] = 0.0
-    again = problem.solve()
-    assert again.iterations == result.iterations
-    assert solver.getTolerances() == (1e-9, 0.0, 0.0, 30)
-    assert solver.getType() == "newtonls"
-
-
-def test_the_solver_shows_how_a_solve_failed():
-    problem = block(options={"snes_max_it": 0})
-    with pytest.raises(ConvergenceError):
-        problem.solve()
-    assert problem.solver.getConvergedReason() == PETSc.SNES.ConvergedReason.DIVERGED_MAX_IT
-    assert problem.solver.getIterationNumber() == 0
-    problem.petsc_options["snes_max_it"] = 20
-    result = problem.solve()
-    assert problem.solver.getConvergedReason() > 0
-    assert problem.solver.getTolerances()[3] == 20
-    assert problem.solver.getIterationNumber() == result.iterations
-
-
 def test_another_linear_solver_between_two_solves():
     """It is made anew when its options change, and kept while they do not."""
     problem = block(n=4, options={"linear_solver": "direct"})
@@ -118,7 +71,6 @@ def test_another_linear_solver_between_two_solves():
         forces.append(problem.solve().tables["contact"].force)
         assert problem.linear_solver is not before
         assert problem.linear_solver.name == kind
-    assert problem.solver.ksp.getType() == "gmres"
     kept = problem.linear_solver
     problem.petsc_options["snes_rtol"] = 1e-10
     assert problem.linear_solver is kept
@@ -131,29 +83,11 @@ def test_another_linear_solver_between_two_solves():
 
 
 @pytest.mark.ranks(2)
-def test_the_solver_keeps_no_factorisation():
-    """What is looked at has neither matrices nor vectors, and does not keep the problem."""
-    problem = block(n=4)
-    problem.solve()
-    solver = problem.solver
-    assert not solver.getJacobian()[0]
-    assert not solver.getSolution()
-    equations = weakref.ref(problem.equations)
-    del problem
-    gc.collect()
-    assert equations() is None
-    assert solver.getConvergedReason() > 0
-
-
-@pytest.mark.ranks(2)
 def test_a_problem_goes_on_after_its_objects_were_freed():
     problem = block(n=4)
     problem.solve()
-    solver = problem.solver
     problem.destroy()
-    problem.solve()
-    assert problem.solver is solver
-    assert solver.getConvergedReason() > 0
+    assert problem.solve().converged
 
 
 @pytest.mark.skipif(COMM.size > 1, reason="starts a process of its own")

@@ -15,7 +15,7 @@ from dolfinx import fem, mesh
 from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, Frictionless, HalfSpace
 from dolfinx_contact.laws.status import STICK
 from dolfinx_contact.materials import NeoHookean
-from dolfinx_contact.solvers import ladder
+from dolfinx_contact.solvers import strategies
 
 COMM = MPI.COMM_WORLD
 RUBBER = NeoHookean(600.0, 400.0)
@@ -51,9 +51,9 @@ def solved_by(strategy, problem):
     A strategy runs if those before it fail. Which problems make them fail changes whenever one of
     them improves, so that the others are left out here.
     """
-    whole = ladder.strategies
+    every = strategies.strategies
     with mock.patch.object(
-        ladder, "strategies", lambda *a: [rung for rung in whole(*a) if rung[0] == strategy]
+        strategies, "strategies", lambda *a: [s for s in every(*a) if s[0] == strategy]
     ):
         result = problem.solve()
     assert [attempt.strategy for attempt in result.attempts] == [strategy]
