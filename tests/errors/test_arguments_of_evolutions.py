@@ -164,7 +164,7 @@ BAD = [
     ({"scheme": "newmark"}, "known are 'theta', 'theta-euler', 'modified-theta'"),
     ({"level": "speed"}, "known are 'position', 'velocity'"),
     ({"mass": "none"}, "known are 'consistent', 'lumped', 'redistributed'"),
-    ({"damping": (-1.0, 0.0)}, "must not be negative"),
+    ({"damping": (-1.0, 0.0)}, "numbers that are not negative"),
     ({"damping": 1.0}, "a form or a pair"),
 ]
 
