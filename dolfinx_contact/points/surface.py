@@ -17,6 +17,7 @@ from dolfinx_contact._compat import create_facet_submesh
 from dolfinx_contact._geometry import node_positions
 from dolfinx_contact._mpi import everywhere, keep, require, same_everywhere
 from dolfinx_contact._ufl import described, refuse_displacement, refuse_other_mesh
+from dolfinx_contact._validate import ReadOnly
 from dolfinx_contact.body.rigid import parts
 from dolfinx_contact.laws import Answers, LawAtPoints, PointData
 from dolfinx_contact.laws.status import closed
@@ -44,7 +45,7 @@ Mask = npt.NDArray[np.bool_]
 _UNIT = 1e-6  # admissible error of the length of a normal
 
 
-class DiscreteSurface:
+class DiscreteSurface(ReadOnly):
     """Contact points of a surface and all quantities evaluated at them. Collective.
 
     A `ContactProblem` makes one for each description and owns it.
@@ -79,6 +80,8 @@ class DiscreteSurface:
         ValueError: on every rank, if facets, obstacle or law do not fit the mesh, obstacles differ
             between ranks, or points start too far inside the obstacle.
     """
+
+    _may_be_set = ("displaced", "moved_along")
 
     points: ContactPoints
 
