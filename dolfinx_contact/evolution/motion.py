@@ -297,10 +297,6 @@ class MotionStepper(Stepper):
         active = a.surfaces[i].un + 0.5 * opening <= 0
         return np.where(active, gap, gap + _FAR * eq.body_size)
 
-    def _restore(self, accepted: AcceptedState) -> None:
-        super()._restore(accepted)
-        self._velocity.x.array[:] = _motion(accepted).v
-
     # -- the start of a run ----------------------------------------------------------------------
 
     def _begun(self, given: State | None) -> tuple[ContactProblem, Evaluation, tuple[Memory, ...]]:
@@ -310,11 +306,6 @@ class MotionStepper(Stepper):
         if not (continues and self._method.penetrates):
             self._require_no_penetration(evaluation)
         return law, evaluation, memory
-
-    def _take_start(self, given: State) -> None:
-        super()._take_start(given)
-        if given.velocity is not None:
-            self._velocity.x.array[:] = given.velocity
 
     def _check_start(self) -> None:
         super()._check_start()
@@ -369,6 +360,10 @@ class MotionStepper(Stepper):
 
     def _more(self) -> dict[str, Any]:
         return {"velocity": self._velocity.x.array}
+
+    def _show_more(self, state: State) -> None:
+        if state.velocity is not None:
+            self._velocity.x.array[:] = state.velocity
 
 
 def _motion(accepted: AcceptedState) -> Motion:

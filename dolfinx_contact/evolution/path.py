@@ -194,11 +194,6 @@ class PathStepper(Stepper):
     def _more(self) -> dict[str, Any]:
         return {"gamma": float(self._system.constant.value)}
 
-    def _take_start(self, given: State) -> None:
-        super()._take_start(given)
-        gamma = self._system.constant.value if given.gamma is None else given.gamma
+    def _show_more(self, state: State) -> None:
+        gamma = self._system.constant.value if state.gamma is None else state.gamma
         self._system._set(float(gamma))
-
-    def _restore(self, accepted: AcceptedState) -> None:
-        super()._restore(accepted)
-        self._system._set(accepted.gamma)

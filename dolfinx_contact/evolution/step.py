@@ -214,6 +214,10 @@ class Stepper:
     def _restore(self, accepted: AcceptedState) -> None:
         """Put a state into the Functions. Collective."""
         self.problem.show(accepted.state)
+        self._show_more(accepted.state)
+
+    def _show_more(self, state: State) -> None:
+        """Put the items of `_more` into the Functions. Collective."""
 
     def keeps(self, data: Sequence[Any], start: float, end: float) -> bool:
         """Return whether data have the same values under the loads of two times. Collective.
@@ -298,7 +302,8 @@ class Stepper:
         """Return the law, the evaluation and the memory of a start. Collective."""
         law = self.problem
         if given is not None:
-            self._take_start(given)
+            law.restore(given)
+            self._show_more(given)
             law = law.with_memory(given.previous)
         law.equations.refresh()
         self._check_start()
@@ -311,10 +316,6 @@ class Stepper:
     ) -> tuple[Energies, Forces | Motion]:
         """Return the energies at the start of an evolution, and the forces there. Collective."""
         return Energies(), forces_at(law.equations, evaluation)
-
-    def _take_start(self, given: State) -> None:
-        """Put a state at which an evolution starts into the Functions. Collective."""
-        self.problem.restore(given)
 
     def _check_start(self) -> None:
         """Raise ``ValueError`` if a start or its Dirichlet data are not admissible. Collective."""
