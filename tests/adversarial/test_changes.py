@@ -93,7 +93,7 @@ def test_friction_that_is_changed_counts_in_the_next_solve():
 
 
 def test_a_field_of_friction_counts_by_its_values():
-    """Integral contact of degree 2 in micrometres: Q is the sum of coefficient times force."""
+    """Contact of degree 2 in micrometres: Q is the sum of coefficient times force."""
     body = block((2, 1), (1e-6, 1e-6), degree=2)
     body.move_top(1e-7, -1e-8)
     field = fem.Function(fem.functionspace(body.domain, ("Lagrange", 1)))
