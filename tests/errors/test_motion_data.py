@@ -74,6 +74,9 @@ def test_a_start_off_what_is_prescribed():
     top.x.array[1::2] = -0.01
     with pytest.raises(ValueError, match=r"y at the node \(0, 1\) is 0, prescribed is -0.01"):
         NSCD(problem, 1.0, dt=0.1).run([0.0, 0.2])
+    top.interpolate(lambda x: np.vstack([0.0 * x[0], -0.01 - 0.01 * x[0]]))
+    with pytest.raises(ValueError, match=r"y at the node \(1, 1\) is 0, prescribed is -0.02"):
+        NSCD(problem, 1.0, dt=0.1).run([0.0, 0.2])
     problem.solve()
     assert NSCD(problem, 1.0, dt=0.1).run([0.0, 0.2], progress=False).complete
 

@@ -204,3 +204,12 @@ def test_options_are_checked():
     assert all(
         ALGORITHMS[name].described().startswith(ALGORITHMS[name].name) for name in ALGORITHMS
     )
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_projected_gradients_solve_trescas_problem_in_one_run(dim):
+    """Bounds given in advance at all points: a convex problem."""
+    contact = random_contact(np.random.default_rng(dim), dim, bound=0.5)
+    outcome = ProjectedGradient().run(contact)
+    assert outcome.converged
+    assert violation(contact, outcome.a, outcome.r) < 1e-8

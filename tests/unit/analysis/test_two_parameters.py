@@ -307,3 +307,18 @@ def test_a_chart_in_a_file(folder):
         assert [type(c.proved) for c in again.cells] == [bool] * len(chart.cells)
         assert again.proved == chart.proved
         COMM.barrier()
+
+
+def test_curves_of_folds_that_cross():
+    """Where they do two borders of all that enumeration finds have one gamma."""
+    family = random_family(20)
+    span = (3.0, 4.0)
+    gammas = (-20.0, 20.0)
+    starts = [(np.frombuffer(key, np.int8), 3.9) for key in enumerated(family, 3.9, gammas)]
+    curves = follow_events(family, starts, span, gammas)
+    ((mu, gamma),) = curves.crossings
+    there = enumerated(family, mu, gammas).values()
+    folds = [f for f in there if f.kind(mu) == "fold" and abs(f.gamma(mu) - gamma) < 1e-10]
+    assert len(folds) == 2
+    before, after = (np.subtract(*(f.gamma(mu + h) for f in folds)) for h in (-1e-3, 1e-3))
+    assert before * after < 0

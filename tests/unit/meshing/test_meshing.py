@@ -72,6 +72,8 @@ def test_read(folder, options):
     assert body.mesh.topology.dim == body.mesh.geometry.dim == dim
     np.testing.assert_allclose([measure(body), measure(body, "contact")], 2.0)
     assert set(body.cell_tags.values) <= {1}
+    ends = ([0.0, 1.0], [2.0, 1.0]) if dim == 2 else ([0.0, 0.0, 1.0], [2.0, 1.0, 1.0])
+    np.testing.assert_allclose(body.bounds("top")[:, :dim], ends, atol=1e-12)
     with pytest.raises(ValueError, match=r"'side'; names: \['body', 'contact', 'top'\]"):
         body.tag("side")
 

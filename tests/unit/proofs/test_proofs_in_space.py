@@ -353,3 +353,14 @@ def test_a_proof_of_the_plane_is_none_in_space(proofs):
         check(Certificate(flat, proofs[0].steps, proofs[0].vectors))
     with pytest.raises(InvalidCertificate):
         check(Certificate(three_solutions(), prove_solutions(flat).certificate.steps, []))
+
+
+def test_starts_find_all_solutions_in_open_regions_in_space():
+    """Without time for a proof starts find all nine, each once, and the laws hold."""
+    problem = two_far_nodes(np.random.default_rng(2))
+    found = prove_solutions(problem, proof_seconds=0.0)
+    assert found.verdict == "open"
+    words = sorted("".join("oks"[c] for c in s.codes) for s in found.solutions)
+    assert words == sorted(a + b for a in "oks" for b in "oks")
+    assert all(is_solved(problem, s.state) for s in found.solutions)
+    assert check(found.certificate).verdict == "open"

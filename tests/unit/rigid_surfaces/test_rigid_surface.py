@@ -5,7 +5,8 @@ from mpi4py import MPI
 import cases.punch
 import numpy as np
 import pytest
-from cases._surfaces import ball, brick, cylinder, disc, write_stl
+from cases._surfaces import ball, brick, cylinder, disc, outward, write_stl
+from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 from support import blocks
 from support.blocks import same_tables
@@ -588,3 +589,43 @@ def test_the_rigid_indenter_demo_converges(tool, folder, monkeypatch):
     else:
         assert found["off"][2] < found["off"][0] / 6
         assert found["off"][2] < 0.02
+
+
+def _punch(dim, angles, radius=0.1):
+    """A box of the width 1 with a top at 0, whose edges are cut to facets with these angles."""
+    edge = [(0.4 + radius * np.sin(a), radius * (np.cos(a) - 1.0)) for a in np.radians(angles)]
+    section = [*edge, (edge[-1][0], -1.0)]
+    if dim == 2:
+        points = np.array([(-x, y) for x, y in section[::-1]] + section)
+        n = np.arange(len(points))
+        return points, np.stack([(n + 1) % len(points), n], axis=1)
+    signs = [(a, b) for a in (-1, 1) for b in (-1, 1)]
+    points = np.array([(a * x, b * x, z) for a, b in signs for x, z in section])
+    return points, outward(points, ConvexHull(points).simplices)
+
+
+@pytest.mark.skipif(COMM.size > 1, reason="not collective")
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("angles", [range(0, 91, 15), range(0, 91, 30), (0, 50)])
+@pytest.mark.verifies(
+    "surfaces of facets", reference="closed form: a plane has one normal", aspects=("2D", "3D")
+)
+def test_normals_of_flat_parts(dim, angles):
+    """Narrow facets of edges that are rounded or cut do not tilt a flat part beside them."""
+    punch = RigidSurface(*_punch(dim, angles))
+    x = np.zeros((50, dim))
+    x[:, :-1] = np.random.default_rng(3).uniform(-0.4, 0.4, (50, dim - 1))
+    up = np.eye(dim)[-1]
+    np.testing.assert_allclose(punch.distances(x).normal, np.tile(up, (50, 1)), atol=1e-3)
+
+
+def test_the_size_of_facets_is_that_of_their_mean_area():
+    """Right triangles with sides of 1/4 in space, and segments of 1/4 in the plane."""
+    x = np.linspace(0.0, 1.0, 5)
+    corners = np.array([(a, b, 0.0) for a in x for b in x])
+    k = np.array([5 * i + j for i in range(4) for j in range(4)])
+    cells = np.concatenate([np.stack([k, k + 5, k + 6], 1), np.stack([k, k + 6, k + 1], 1)])
+    assert RigidSurface(corners, cells).facet_size == pytest.approx(0.25 / np.sqrt(2))
+    points = np.stack([x, 0 * x], axis=1)
+    cells = np.stack([np.arange(1, 5), np.arange(4)], axis=1)
+    assert RigidSurface(points, cells).facet_size == pytest.approx(0.25)

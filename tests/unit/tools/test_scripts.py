@@ -13,7 +13,7 @@ from cases._plots import draw_maps
 from support.blocks import block, box, facets
 
 import ufl
-from dolfinx import fem
+from dolfinx import fem, mesh
 
 from dolfinx_contact import (
     ContactProblem,
@@ -26,6 +26,7 @@ from dolfinx_contact import (
     records,
 )
 from dolfinx_contact.continuation import Branch, follow, follower_for, points_at
+from dolfinx_contact.grids import create_grid, graded
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.records import BranchRecord, leftmost, rightmost, total
 
@@ -232,3 +233,24 @@ def test_closed_forms_of_hertz(dim):
         Hertz(dim, 0.0, 1.0)
     with pytest.raises(ValueError, match="2 or 3"):
         Hertz(4, 1.0, 1.0)
+
+
+def test_a_graded_grid_has_cells_that_grow_by_one_factor():
+    x = graded(10.0, 0.1, 5, 7)
+    assert x[0] == 0
+    assert x[-1] == pytest.approx(10.0, rel=1e-12)
+    h = np.diff(x)
+    np.testing.assert_allclose(h[:5], 0.1)
+    np.testing.assert_allclose(h[6:] / h[5:-1], h[5] / h[4])
+    assert graded(1.0, 0.1, 5, 5) == pytest.approx(np.linspace(0, 1, 11))
+    h = np.diff(graded(1.0, 0.2, 4, 3))
+    assert h[4:].sum() == pytest.approx(0.2)
+    np.testing.assert_allclose(h[5:] / h[4:-1], h[4] / 0.2)
+    for wrong in ((10.0, 0.1, 100, 1), (10.0, 0.1, 5, 0), (10.0, 0.0, 5, 5)):
+        with pytest.raises(ValueError, match="do not fill"):
+            graded(*wrong)
+    domain = create_grid(COMM, [x, [1.0, 2.0, 4.0]], mesh.CellType.quadrilateral)
+    area = fem.assemble_scalar(fem.form(fem.Constant(domain, 1.0) * ufl.dx))
+    assert COMM.allreduce(area) == pytest.approx(30.0)
+    with pytest.raises(ValueError, match="must rise"):
+        create_grid(COMM, [x, [1.0, 1.0]], mesh.CellType.quadrilateral)
