@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 # # How do I change the friction coefficient, or Young's modulus, between two solves?
 #
-# Numbers of a law have become Constants when the surface is made: set their `value`, as in this
-# loop over the coefficient mu. That goes without compiling anything again, and each solve begins
-# with the solution before. The same goes for Constants of loads, obstacles and materials: here
-# `LinearElastic.from_young` was given one.
+# The numbers of a law are Constants: set their `value`, as in this loop over the friction
+# coefficient mu. Nothing is compiled again, and each solve starts from the previous solution.
+# Constants in loads, obstacles and materials are changed in the same way; here
+# `LinearElastic.from_young` has one.
 
 from common import Block
 

@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 # # How do I get the mean contact pressure over a region?
 #
-# The contact table has all points of all ranks with their areas: take the average over those of a
-# part of the boundary, weighted by area. Over a physical group of gmsh it is the force over the
-# area of the group, an integral over `body.ds("tread")`; `body.dx("tyre")` is the measure of a
-# group of cells. Here a tyre of area 0.64 pi is pressed on the floor.
+# The contact table contains the points of all ranks with their areas. The mean pressure over a part
+# of the boundary is the average of its points, weighted by area. Over a physical group of gmsh it
+# is the force divided by the area of the group, an integral over `body.ds("tread")`;
+# `body.dx("tyre")` is the measure of a group of cells. Here a tyre of area 0.64 pi is pressed on
+# the floor.
 
 import numpy as np
 from common import Wheel

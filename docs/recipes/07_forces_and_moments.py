@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 # # How do I get contact forces and moments?
 #
-# `resultants` has the total contact force on the body by surface, with its friction. Reaction
-# forces of Dirichlet data are apart, in `support`. Moments, as the torque on an axle, follow from
-# the table, which has positions in the mesh and forces of all points; where displacements are large
-# add them to the arms. Forces must balance: `imbalance` says how well they do.
+# `resultants` contains the total contact force on the body by surface, including friction. The
+# reaction forces of Dirichlet data are separate, in `support`. Moments, such as the torque on an
+# axle, are computed from the table, which lists positions in the mesh and forces of all points; for
+# large displacements, add these to the positions. `imbalance` measures the balance of all forces.
 
 import numpy as np
 from common import Block

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 # # How do I use a symmetry plane?
 #
-# Of a symmetric body mesh only one half, and hold the normal displacement on the plane of symmetry
-# by a condition on one component. Forces are those of the half. A contact node on the plane keeps
-# its contact: its other component is free.
+# Mesh only half of the symmetric body, and hold the normal displacement on the plane of symmetry by
+# a condition on one component. Forces are those of the half. A contact node on the plane remains a
+# contact node, since its other component is free.
 
 import numpy as np
 from common import Block, facets_where

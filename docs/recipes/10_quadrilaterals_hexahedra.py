@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 # # How do I use quadrilaterals and hexahedra?
 #
-# Take a mesh of such cells; all else is the same. With gmsh set transfinite curves and
-# `gmsh.model.mesh.setRecombine`, as in `demo_press_fit.py`. Cells of a mesh are of one kind.
+# Use a mesh of such cells; everything else is unchanged. In gmsh, set transfinite curves and
+# `gmsh.model.mesh.setRecombine`, as in `demo_press_fit.py`. All cells of a mesh are of one kind.
 
 from common import Block
 

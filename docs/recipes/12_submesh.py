@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 # # How do I work on a submesh?
 #
-# For contact on a subdomain take a submesh of its cells, which is a mesh of its own: make space,
-# facets and problem on it, as on any other. Data of the parent mesh are interpolated, or given by
-# position. Records of branches and histories need a mesh that is no submesh; take one that gmsh or
-# `meshing` made there.
+# For contact on a subdomain, create a submesh of its cells and define space, facets and problem on
+# it as on any other mesh. Data of the parent mesh are interpolated or given by position. Records of
+# branches and histories do not support submeshes: use a mesh from gmsh or `meshing` instead.
 
 from mpi4py import MPI
 

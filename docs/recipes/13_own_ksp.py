@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 # # How do I use my own KSP or preconditioner?
 #
-# Give PETSc options, named without the prefix. With `linear_solver` "direct" any KSP and PC work on
-# the assembled Jacobian; "amg" is the multigrid with a filter on the contact surface, for large
-# problems. Another choice between two solves holds from the next one on.
+# Pass PETSc options without the prefix. With `linear_solver` "direct" any KSP and PC work on the
+# assembled Jacobian. "amg" is the multigrid method with a filter on the contact surface, for large
+# problems. Options can be changed between two solves.
 
 import numpy as np
 from common import Block

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 # # How do I set solver options from the command line?
 #
-# Parse the arguments of a script with `parse_arguments`: words of your own are checked by argparse,
-# those with one dash go to PETSc. Options of a contact problem have the prefix `contact_`. They win
-# over `petsc_options`. Without it, the environment variable `PETSC_OPTIONS` does the same.
+# Parse the arguments of a script with `parse_arguments`: argparse checks your own options, and
+# words with one dash are passed to PETSc. Options of a contact problem have the prefix `contact_`
+# and override `petsc_options`. The environment variable `PETSC_OPTIONS` has the same effect without
+# parsing.
 
 import argparse
 

@@ -2,10 +2,9 @@
 # # How do I apply a load that varies in time?
 #
 # A time-dependent load is a function of the time that sets Constants and Functions. `QuasiStatic`
-# takes it and goes from step to step: friction acts against the slip since the step before. Times
-# of yours are hit exactly. `io.EvolutionSeries` writes the fields of the steps, and their table
-# `steps.csv`, as they come. Here the loading is cyclic: the block is pressed, then moved to and
-# fro.
+# calls it at the given times; in each step friction opposes the slip since the previous step.
+# `io.EvolutionSeries` writes the fields of the steps and the table `steps.csv` during the run. Here
+# the loading is cyclic: the block is pressed and then moved to and fro.
 
 import numpy as np
 from common import Block

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 # # How do I prescribe an initial stress or a thermal strain?
 #
-# Add its work to the energy. For a stress s0 that is there before the load the term is s0 : eps(u);
-# for a thermal strain alpha T it is minus (3 lambda + 2 mu) alpha T tr(eps), in 3D and in plane
-# strain. Where moduli and temperature are Constants they may change between two solves. Here a
-# block that is held all around is heated twice: its pressure is E alpha T / (1 - 2 nu).
+# Add its work to the energy. For a stress s0 that exists before the load, the term is s0 : eps(u).
+# For a thermal strain alpha T it is -(3 lambda + 2 mu) alpha T tr(eps), in 3D and in plane strain.
+# If moduli and temperature are Constants, they can change between two solves. Here a block that is
+# held on all sides is heated twice; its pressure is E alpha T / (1 - 2 nu).
 
 import numpy as np
 from common import Block, facets_where

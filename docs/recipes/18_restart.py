@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 # # How do I restart after a kill, on another number of ranks?
 #
-# Give a run a record: every accepted step is on the disk before the next one is computed. After the
-# simulation was killed, a script that makes the same problem, on more or fewer cores, opens the
-# record with `resume=True`, continues the run, and comes to the same steps. Branches have
-# `BranchRecord`, paths `PathRecord`. Here an exception stands for the kill.
+# Give the run a record: each accepted step is written to disk before the next one is computed.
+# After the simulation was killed, a script that creates the same problem, on more or fewer cores,
+# opens the record with `resume=True` and continues the run with the same steps. Branches have
+# `BranchRecord`, paths `PathRecord`. Here an exception represents the kill.
 
 import contextlib
 

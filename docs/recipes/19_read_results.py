@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 # # How do I read results in another script?
 #
-# `read_journal` loads the record of a branch, a history or a path from its folder: on
-# one process, without rerunning the script that made it, also while the run continues. `rows` is
-# the table of steps, `surface` the outer surface of the body. Contact tables are CSV files, by
-# `io.write_contact_table`, with the columns of `ContactTable.to_pandas`.
+# `read_journal` loads the record of a branch, a history or a path from its folder: on one process,
+# without rerunning the script, and also during the run. `rows` is the table of steps, `surface` the
+# outer surface of the body. Contact tables are CSV files, written by `io.write_contact_table`, with
+# the columns of `ContactTable.to_pandas`.
 
 import numpy as np
 import pandas as pd

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 # # How do I turn a contact table into a pandas DataFrame?
 #
-# `to_pandas` of a contact table has the results of a solve, a row a point, the same on every rank;
-# without pandas `columns` has the numpy arrays. Tables of branches are DataFrames already
-# (`Journal.table`), those of histories are lists of rows that pandas takes as they are.
+# `to_pandas` of a contact table gives the results of a solve, one row for each point, the same on
+# every rank; without pandas, `columns` gives numpy arrays. Journals of branches, histories and
+# paths have `to_pandas` too.
 
 from common import Block
 

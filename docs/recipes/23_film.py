@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 # # How do I make a film?
 #
-# `plot.film` draws states one after the other and writes a GIF, or an MP4 with imageio-ffmpeg: the
-# states of a history, those of a record (`record.state(k)`), or the shapes of a vibration. `scale`
-# magnifies the displacement, which the title states; `stress`, `field` and in 3D `view` and `clip`
-# are those of pictures.
+# To save a movie of the deformation, `plot.film` draws states one after the other and writes a GIF,
+# or an MP4 with imageio-ffmpeg: the states of a history, those of a record (`record.state(k)`), or
+# the shapes of a vibration. `scale` magnifies the displacement, which the title states; `stress`,
+# `field` and in 3D `view` and `clip` are those of pictures.
 
 import numpy as np
 from common import Block

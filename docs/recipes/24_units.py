@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 # # Which units does it use?
 #
-# Those of your input, if they fit together: with lengths in mm and forces in N, stresses and
+# The units of your input, if they are consistent: with lengths in mm and forces in N, stresses and
 # Young's modulus are in MPa and densities in t/mm^3 (7.85e-9 for steel). Convergence is judged by
-# physical measures, so that the choice changes nothing. In 2D forces are per thickness. Here the
-# same block in metres and in millimetres.
+# physical measures and does not depend on the units. In 2D forces are per thickness. Here the same
+# block is solved in metres and in millimetres.
 
 import numpy as np
 from common import Block

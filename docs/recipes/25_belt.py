@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 # # How do I model a belt that moves under the body?
 #
-# Take the floor as a `RigidBody` whose motion is prescribed, as that of a conveyor belt: its
-# surface drags what touches it, and friction knows the sliding between both. (Of a plain obstacle
-# that Constants move, friction sees the motion along the normal alone.) Here the belt drags the
-# block until all that touches slips.
+# Use a `RigidBody` with a prescribed motion as the floor, for instance for a conveyor belt: its
+# surface drags the body, and friction acts on the relative sliding. (If a plain obstacle is moved
+# by Constants, its tangential velocity does not enter the friction law.) Here the belt drags the
+# block until all closed points slip.
 
 import numpy as np
 from common import Block

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 # # How do I model rolling?
 #
-# Give the hub of the wheel its motion, forward by the radius times the angle, as Dirichlet data of
-# a body of large deformations, and let a history follow: points of the tyre come into contact at
-# the front, stick to the road, and leave it at the back. On a plane any rotation is exact. Here the
-# wheel rolls on by half a radian.
+# Prescribe the motion of the hub, a displacement of the radius times the angle and a rotation, as
+# Dirichlet data of a body with large deformations, and run a history. Points of the tyre come into
+# contact at the front, stick to the road, and leave it at the back. On a plane, any rotation is
+# exact. Here the wheel rolls by half a radian.
 
 import numpy as np
 from common import Wheel

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 # # How do I model an interference fit?
 #
-# Let the parts overlap (penetrate initially) in a `ContactPair` with `interference=True`: as drawn,
-# or by a negative `gap`. So are press fits and shrink fits. The solution presses the parts apart,
-# and the forces on both faces are opposite: `result.pairs` contains them. Here two
+# If bodies penetrate initially, use a `ContactPair` with `interference=True`. The overlap is drawn
+# or given by a negative `gap`. This models press fits and shrink fits. The solution presses the
+# parts apart; the forces on both faces are opposite, and `result.pairs` contains them. Here two
 # blocks overlap by 0.01 between fixed ends, with nu = 0: the pressure is E times 0.01 over their
 # common height. `demo_press_fit.py` has a ring on a hub.
 

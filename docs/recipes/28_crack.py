@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 # # How do I model a crack with friction?
 #
-# Draw the crack as facets inside the body with a group of their own, part the mesh there by
-# `meshing.crack`, and take both sides as a pair. Where the crack ends inside the body both sides
-# keep their common nodes. `demo_crack.py` compares with closed forms.
+# Draw the crack as facets inside the body with a group of their own, divide the mesh along it by
+# `meshing.crack`, and use both sides as a pair. Where the crack ends inside the body, both sides
+# keep their common nodes. A frictional fault is modelled in the same way. `demo_crack.py` compares
+# with closed forms.
 
 import numpy as np
 from common import MPI, draw_cracked

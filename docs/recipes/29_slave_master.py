@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 # # How do I choose slave and master?
 #
-# The side with the finer mesh should be the slave, the other one the master; which of two that are
-# alike: the slave is the smaller, softer or more curved one, the wheel, not the rail. Statuses and
-# pressures are those of its nodes. Uniform tractions are transmitted to round-off either way; here
-# both ways are compared.
+# The side with the finer mesh should be the slave and the other one the master. If the meshes are
+# similar, the slave is the smaller, softer or more curved side: the wheel, not the rail. Statuses
+# and pressures belong to the nodes of the slave. Uniform tractions are transmitted exactly in both
+# cases; here both are compared.
 
 import numpy as np
 from common import TwoBlocks

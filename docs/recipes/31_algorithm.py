@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 # # How do I choose the algorithm?
 #
-# Newton's method is the default and has fallbacks; leave it unless you compare. In 2D Lemke's
-# method ends in a solution whatever the friction. The others are the classical ones, as Uzawa's
+# Newton's method is the default and has fallbacks; change it for comparisons only. In 2D Lemke's
+# method finds a solution for any friction. The others are classical algorithms, such as Uzawa's
 # method and Tresca's fixed point; an algorithm that does not converge raises an error with the
 # reason. See {doc}`the theory </theory/3_newton>`.
 

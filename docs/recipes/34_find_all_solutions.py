@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 # # How do I find all solutions, if there are several?
 #
-# Under the same load there may be multiple solutions. To know their number, make the problem depend
-# on a parameter and ask `find_solutions` for all at one value. For a linear body in 2D it proves
-# that there are no others, up to 128 contact points, and the proof can be kept and checked by one
-# file with numpy alone.
+# Under the same load there may be multiple solutions. To determine their number, let the problem
+# depend on a parameter and call `find_solutions` at one value. For a linear body in 2D with up to
+# 128 contact points it proves that no solution is missing. The proof can be saved and checked by
+# one file with numpy only.
 
 from common import triangle
 

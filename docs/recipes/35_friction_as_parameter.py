@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 # # How do I follow a branch over the friction coefficient instead of the load?
 #
-# Let a Constant be the coefficient of the law and the parameter of the `ParametricContact`: this is
-# continuation in mu. `follow` goes from point to point, through changes of status and round folds.
-# Here the block is dragged, and points stop to slip one after the other as friction grows.
+# Use a Constant as the friction coefficient of the law and as the parameter of the
+# `ParametricContact`: this is continuation in mu. `follow` traces the branch through changes of
+# status and around folds. Here a block is dragged, and one point after the other stops slipping as
+# friction grows.
 
 from common import Block
 

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 # # How much friction is critical, and up to which coefficient is the solution unique?
 #
-# How large may the coefficient be before uniqueness is lost? `renard_criterion` says up to which
-# one the solution that was found is certainly the only one; `weights=True` comes closer to where a
-# second one appears. `critical_friction` gives the coefficient at which slips may be added to a
-# sliding solution without more load; its direction is that of the friction on the body.
-# See {doc}`the theory </theory/7_proofs>`.
+# How large may the coefficient be before uniqueness is lost? `renard_criterion` gives a coefficient
+# up to which the computed solution is certainly unique; `weights=True` comes closer to the
+# coefficient at which a second one appears. `critical_friction` gives the coefficient at which
+# slips can be added to a sliding solution without additional load; its direction is that of the
+# friction on the body. See {doc}`the theory </theory/7_proofs>`.
 
 from common import Block
 

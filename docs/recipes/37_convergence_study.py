@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 # # How do I make a convergence study?
 #
-# Solve on finer and finer meshes and compare a number. The rate of convergence follows from three
-# of them; what friction and the ends of contact leave of the regularity bounds it. Here it is the
-# elastic energy, which converges about as the square of the error in its norm; the corners, where
-# the block is held, bound its order.
+# Solve on finer and finer meshes and compare a number. Three of them give the rate of convergence,
+# which is limited by the regularity of the solution at the ends of contact and sticking. Here the
+# number is the elastic energy, which converges approximately like the square of the error in its
+# norm; the corners of the clamped side limit its order.
 
 import numpy as np
 from common import Block

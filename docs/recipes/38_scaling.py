@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 # # How much memory and time does a mesh need, and how does it scale?
 #
-# How many dofs a laptop can solve is estimated before a solve: log at the level INFO, for unknowns,
-# solver, expected time and RAM. For strong scaling run one mesh with `mpirun -n 1, 2, 4 ...`,
-# for weak scaling let the mesh grow with the ranks; time the second solve, since the first one
-# compiles. Direct solvers need memory like n^(4/3) in 3D; multigrid is linear: a frictional solve
-# costs one and a half to two and a half of the fastest elastic ones ([figures](../guide/cost.md)).
+# The package estimates before a solve how many dofs a laptop can solve: a log at the level INFO
+# shows unknowns, solver, expected time and RAM. For strong scaling, run one mesh with
+# `mpirun -n 1, 2, 4 ...`; for weak scaling, let the mesh grow with the ranks. Time the second
+# solve, since the first one compiles. Direct solvers need memory like n^(4/3) in 3D; multigrid is
+# linear: a frictional solve costs one and a half to two and a half of the fastest elastic ones
+# ([figures](../guide/cost.md)).
 
 import time
 

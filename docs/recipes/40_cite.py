@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 # # How do I cite the package and the theory?
 #
-# `CITATION.cff` in the repository names the package and the papers whose methods it has;
-# [Citing](/citing.md) has them as BibTeX with what to cite for what. For the methods section of a
-# paper: what theorems say of your problem is in `problem.theory()`. Where none of them says that
-# there is only one solution it may still be the only one: see [recipe 33](33_only_solution.py).
+# `CITATION.cff` in the repository names the package and the papers of its methods;
+# [Citing](/citing.md) has their BibTeX entries by feature. For the methods section of a paper,
+# `problem.theory()` lists the theorems that apply to your problem. If none of them guarantees
+# uniqueness, the solution may still be unique: see [recipe 33](33_only_solution.py).
 
 from common import Block
 
