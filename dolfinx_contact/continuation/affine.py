@@ -112,10 +112,6 @@ class AffineSystem:
         )
 
     @cached_property
-    def _largest(self) -> float:
-        return largest(self.matrix)
-
-    @cached_property
     def _left_inverses(self) -> Array:
         return np.asarray(np.linalg.pinv(self.bases), dtype=float)
 
@@ -200,25 +196,7 @@ class AffinePiece:
         return w_0 + gamma * w_1
 
     def neighbour(self, point: int, code: int) -> AffinePiece | None:
-        """Return the piece in which one point has the status ``code``; None if it is singular.
-
-        The inverse is updated by a low-rank formula for the changed columns. If the result is
-        inaccurate, the piece is inverted again.
-        """
-        s = self.system
-        new = self.codes.copy()
-        new[point] = code
-        d = s.bases.shape[3]
-        columns = point * d + np.arange(d)
-        change = s.bases[point, code] - s.bases[point, self.codes[point]]
-        V = self.inverse @ (s.matrix[:, point] @ change)
-        small = np.eye(d) + V[columns]
-        determinant = float(np.linalg.det(small))
-        if abs(determinant) <= 1e-10 * max(1.0, largest(small)) ** d:
-            return s.piece(new)
-        inverse = self.inverse - V @ np.linalg.solve(small, self.inverse[columns])
-        moved = AffinePiece(s, new, inverse, self.sign * float(np.sign(determinant)))
-        w = np.stack(moved.coefficients).reshape(2, -1)
-        residual = s.matrix.reshape(len(s.load), -1) @ w.T - np.stack([s.load, s.rate], axis=1)
-        size = s._largest * largest(w)
-        return moved if largest(residual) <= 1e-11 * size else s.piece(new)
+        """Return the piece in which one point has the status ``code``; None if it is singular."""
+        codes = self.codes.copy()
+        codes[point] = code
+        return self.system.piece(codes)

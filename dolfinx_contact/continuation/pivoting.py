@@ -2,9 +2,9 @@
 """Parametric pivoting: branches with affine pieces, traced from vertex to vertex by ratio tests.
 
 On a piece the state is affine in gamma. The smallest ratio determines the first point that changes
-its status, and a change of status is a low-rank update of the inverse of a dense matrix of the size
-of the condensed points. There is no predictor, no Newton iteration and no step length. If several
-points change simultaneously, the branch continues along a ray of the tangent cone (`rays.py`).
+its status, and a change of status costs the inverse of a dense matrix of the size of the condensed
+points. There is no predictor, no Newton iteration and no step length. If several points change
+simultaneously, the branch continues along a ray of the tangent cone (`rays.py`).
 """
 
 from __future__ import annotations
@@ -236,6 +236,7 @@ class Pivoting(Walker):
             beyond = neighbours(before, w, i, possible[i], tolerance)
             if len(beyond) == 1 and self._parity(before, ray, *beyond[0]) > 0:
                 piece, sense = beyond[0]
+                self._recent = [piece, *self._recent[:1]]
                 return Rays((AffineRay(piece.codes, sense * piece.coefficients[1], sense),), False)
         back = AffineRay(ray.codes, -ray.direction, -ray.rate)
         found = outgoing(affine.tangent_cone(w, tolerance), [back], prove=self._prove)
