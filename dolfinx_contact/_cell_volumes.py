@@ -31,13 +31,13 @@ __all__ = ["Volumes", "volumes_of"]
 
 @dataclass(frozen=True)
 class Volumes:
-    """Of a cell, at its middle.
+    """Volumes of cells in UFL, to be evaluated at their middles.
 
     Attributes:
-        share: its volume over the determinant of its Jacobian at the middle; of a section, over
-            that and the radius there.
-        dilatation: mean of div u; of a body of revolution with u_r / r.
-        ratio: volume when displaced over that before.
+        share: volume over the determinant of the Jacobian at the middle, and for a section over the
+            radius there too.
+        dilatation: mean of div u, with u_r / r for a body of revolution.
+        ratio: displaced volume over reference volume.
     """
 
     share: Any
@@ -126,7 +126,7 @@ def _area(p: _Shape, q: _Shape) -> Any:
 
 
 def _volume(p: _Shape, q: _Shape, s: _Shape) -> Any:
-    """That of a hexahedron, with a column of each."""
+    """Return the volume of a hexahedron, with a column of each shape."""
     around = [
         [p.a[0], q.b[0, 1], s.b[0, 2]],
         [p.b[0, 1], q.a[1], s.b[1, 2]],

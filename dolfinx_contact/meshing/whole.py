@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Whole meshes, on rank 0, as meshes are when they are read: to be changed and distributed anew.
+"""Whole meshes on rank 0, which are changed and distributed like meshes that are read.
 
-Cells and nodes are in the order of the input, so that what comes out is the same on any number of
+Cells and nodes are in the order of the input, so that the result is the same on any number of
 ranks.
 """
 
@@ -40,12 +40,12 @@ class WholeMesh:
     """A mesh and its tags.
 
     Attributes:
-        cells: nodes of every cell (cells, k), in the order of DOLFINx.
-        x: coordinates (nodes, dim).
-        tagged_cells: numbers of cells with a tag.
-        cell_values: their tags.
-        facets: nodes of facets with a tag (facets, k).
-        facet_values: their tags.
+        cells: nodes of the cells in the order of DOLFINx, shape (cells, k).
+        x: coordinates, shape (nodes, dim).
+        tagged_cells: numbers of the cells with a tag.
+        cell_values: tags of these cells.
+        facets: nodes of the facets with a tag, shape (facets, k).
+        facet_values: tags of these facets.
     """
 
     cells: Nodes
@@ -59,7 +59,7 @@ class WholeMesh:
 def gathered(
     domain: mesh.Mesh, cell_tags: mesh.MeshTags | None, facet_tags: mesh.MeshTags | None
 ) -> WholeMesh | None:
-    """A mesh on rank 0, None elsewhere. Collective.
+    """Return a mesh on rank 0, None on other ranks. Collective.
 
     Raises:
         ValueError: on every rank, if the cells are curved.
@@ -82,42 +82,35 @@ def gathered(
     if len(facets):
         domain.topology.create_connectivity(tdim - 1, tdim)
         corners = nodes[mesh.entities_to_geometry(domain, tdim - 1, facets)]
+    x = domain.geometry.x[:owned, : domain.geometry.dim]
+    of_cells = nodes[geometry_dofmap(domain)[:n]]
     parts = comm.gather(
-        (
-            index,
-            nodes[geometry_dofmap(domain)[:n]],
-            nodes[:owned],
-            domain.geometry.x[:owned, : domain.geometry.dim],
-            index[cells],
-            values,
-            corners,
-            facet_values,
-        )
+        (index, of_cells, nodes[:owned], x, index[cells], values, corners, facet_values)
     )
     if parts is None:
         return None
-    columns = [np.concatenate(column) for column in zip(*parts, strict=True)]
-    order = np.argsort(columns[0])
-    places = np.argsort(columns[2])
-    known = columns[2][places]
+    index, all_cells, numbers, all_x, tagged, values, corners, facet_values = (
+        np.concatenate(column) for column in zip(*parts, strict=True)
+    )
+    order, places = np.argsort(index), np.argsort(numbers)
     return WholeMesh(
-        np.searchsorted(known, columns[1][order]),
-        columns[3][places],
-        np.searchsorted(columns[0][order], columns[4]),
-        columns[5],
-        np.searchsorted(known, columns[6]),
-        columns[7],
+        np.searchsorted(numbers[places], all_cells[order]),
+        all_x[places],
+        np.searchsorted(index[order], tagged),
+        values,
+        np.searchsorted(numbers[places], corners),
+        facet_values,
     )
 
 
 def check_tags(domain: mesh.Mesh, tags: Any, dim: int, what: str) -> None:
-    """Raise ``ValueError`` if these are no MeshTags of entities of this mesh. Not collective.
+    """Raise ``ValueError`` unless tags are MeshTags of entities of a mesh. Not collective.
 
     Args:
-        domain: the mesh.
-        tags: should be of it.
-        dim: of the entities.
-        what: they are, for the message.
+        domain: mesh.
+        tags: tags to validate.
+        dim: dimension of the entities.
+        what: name of the tags in the message.
     """
     if not isinstance(tags, mesh.MeshTags | NamedTags):
         raise ValueError(f"{what} must be MeshTags, got {tags!r}")
@@ -130,7 +123,7 @@ def check_tags(domain: mesh.Mesh, tags: Any, dim: int, what: str) -> None:
 
 
 def _tagged(tags: mesh.MeshTags | None, owned: int) -> tuple[npt.NDArray[np.int32], Tags]:
-    """Owned entities with a tag, and their tags."""
+    """Return the owned entities with a tag, and their tags."""
     if tags is None:
         return np.empty(0, dtype=np.int32), np.empty(0, dtype=np.int32)
     mine = tags.indices < owned
@@ -140,11 +133,11 @@ def _tagged(tags: mesh.MeshTags | None, owned: int) -> tuple[npt.NDArray[np.int3
 def distributed(
     comm: MPI.Comm, whole: WholeMesh | None, element: Any
 ) -> tuple[mesh.Mesh, mesh.MeshTags, mesh.MeshTags]:
-    """The mesh of what rank 0 has, with tags of cells and facets. Collective.
+    """Return the distributed mesh, with tags of cells and facets. Collective.
 
     Args:
         comm: communicator.
-        whole: on rank 0.
+        whole: mesh on rank 0; None on other ranks.
         element: UFL coordinate element.
     """
     shape = comm.bcast(
@@ -194,44 +187,35 @@ def join(
     cell_tags: Sequence[mesh.MeshTags] | None = None,
     facet_tags: Sequence[mesh.MeshTags] | None = None,
 ) -> GmshMesh:
-    """One mesh of several bodies, which share no nodes. Collective.
+    """Return one mesh of several bodies, which do not share nodes. Collective.
 
     Args:
-        meshes: of one kind of cells and one dimension, each on all ranks; or such with physical
-            groups, of which the tags count and the names are lost.
-        cell_tags: of every mesh; by default the cells of the first body get 1, of the second 2, and
-            so on.
-        facet_tags: of every mesh, by default none.
+        meshes: meshes of one kind of cells and one dimension, each on all ranks; of meshes with
+            physical groups the tags are kept and the names are lost.
+        cell_tags: cell tags of every mesh; default: 1 for the cells of the first body, 2 for those
+            of the second, and so on.
+        facet_tags: facet tags of every mesh; default: none.
 
     Returns:
-        Mesh, cell tags and facet tags; no group has a name.
+        Mesh, cell tags and facet tags, without names of groups.
 
     Raises:
-        ValueError: on every rank, if the meshes differ in their kind or dimension, or are curved,
-            or tags are none, of another mesh, or of other entities.
+        ValueError: on every rank, if the meshes differ in their kind or dimension or are curved, or
+            tags are missing or belong to another mesh or to other entities.
     """
     bodies: Sequence[Any] = meshes
-    for body in bodies:
-        keep(body)
     comm = bodies[0].comm
-    none = [None] * len(bodies)
-    parts = [
-        gathered(m, c, f)
-        for m, c, f in zip(bodies, cell_tags or none, facet_tags or none, strict=True)
-    ]
-    whole = None
-    if comm.rank == 0:
-        wholes = [p for p in parts if p is not None]
-        if cell_tags is None:
-            wholes = [
-                replace(
-                    p,
-                    tagged_cells=np.arange(len(p.cells)),
-                    cell_values=np.full(len(p.cells), i + 1, dtype=np.int32),
-                )
-                for i, p in enumerate(wholes)
-            ]
-        whole = _joined(wholes)
+    parts = []
+    for i, body in enumerate(bodies):
+        keep(body)
+        facets = None if facet_tags is None else facet_tags[i]
+        part = gathered(body, None if cell_tags is None else cell_tags[i], facets)
+        if part is not None and cell_tags is None:
+            values = np.full(len(part.cells), i + 1, dtype=np.int32)
+            every = np.arange(len(part.cells))
+            part = replace(part, tagged_cells=every, cell_values=values)
+        parts.append(part)
+    whole = _joined([p for p in parts if p is not None]) if comm.rank == 0 else None
     element = bodies[0].ufl_domain().ufl_coordinate_element()
     domain, cells, facets = distributed(comm, whole, element)
     return GmshMesh(domain, cells, NamedTags(facets, {}), {})

@@ -70,8 +70,8 @@ class ClosestFacets:
     """A search for the closest facet and point of a surface, on this rank alone.
 
     Args:
-        points: of the surface (m, dim).
-        cells: its facets by their points (k, dim).
+        points: points of the surface, shape (m, dim).
+        cells: points of the facets, shape (k, dim).
     """
 
     def __init__(self, points: Array, cells: Ints):
@@ -81,7 +81,7 @@ class ClosestFacets:
         self._tree = scipy.spatial.cKDTree(self._centres)
 
     def __call__(self, x: Array) -> tuple[Ints, Array]:
-        """The facets (n,) that are closest to points (n, dim), and barycentric coordinates."""
+        """Return the facets (n,) closest to points (n, dim), and barycentric coordinates."""
         count = min(_FIRST, self._tree.n)
         away, balls = self._tree.query(x, k=range(1, count + 1))
         facets, parts, distance = self._among(x, balls.reshape(-1), np.full(len(x), count))
@@ -100,7 +100,7 @@ class ClosestFacets:
         return facets, parts
 
     def _among(self, x: Array, balls: Ints, sizes: Ints) -> tuple[Ints, Array, Array]:
-        """The closest facets among those of balls, so many point by point, and distances."""
+        """Return the closest facets among the balls of each point, and distances."""
         owners = self._owners[balls]
         points = np.repeat(np.arange(len(x)), sizes)
         parts = closest_on(x[points], self._corners[owners])
@@ -112,7 +112,7 @@ class ClosestFacets:
 
 
 def _covered(corners: Array) -> tuple[Array, Ints, Array]:
-    """Balls that cover facets: their centres, the facet of each, and their radii."""
+    """Return balls that cover facets: centres, facets, and radii."""
     owners = np.arange(len(corners))
     largest = float(np.ptp(corners.reshape(-1, corners.shape[2]), axis=0).max()) / _PARTS
     target = max(largest, 2.0 * float(np.median(_radii(corners))))
@@ -130,13 +130,13 @@ def _covered(corners: Array) -> tuple[Array, Ints, Array]:
 
 
 def _radii(corners: Array) -> Array:
-    """Of balls around the centres of facets."""
+    """Return radii of balls around the centres of facets."""
     away = np.linalg.norm(corners - corners.mean(axis=1, keepdims=True), axis=2)
     return np.asarray(away.max(axis=1))
 
 
 def _halved(corners: Array) -> Array:
-    """Both halves of each facet, which is cut in the middle of its longest edge."""
+    """Return both halves of each facet, cut in the middle of its longest edge."""
     k = corners.shape[1]
     pairs = [(i, j) for i in range(k) for j in range(i + 1, k)]
     lengths = [np.linalg.norm(corners[:, i] - corners[:, j], axis=1) for i, j in pairs]

@@ -1,27 +1,27 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Normals at the corners of facets, of the smooth surface that these are chords of.
+r"""Normals at the corners of facets, those of the smooth surface whose chords the facets are.
 
-With the gradient g of a quadric, which is linear, (g_a + g_b).(x_b - x_a) = 0 for any two of its
-points (the trapezoidal rule). So unit normals of planes, spheres and circular cylinders, and of all
-that goes over from one into another smoothly along edges of facets, satisfy
+The gradient g of a quadric is linear, so (g_a + g_b).(x_b - x_a) = 0 for any two of its points (the
+trapezoidal rule). Unit normals of planes, spheres and circular cylinders, and of their smooth
+combinations along edges of facets, thus satisfy
 
     (n_a + n_b).(x_b - x_a) = 0    for every edge,
 
-and those of any other smooth surface up to the order h^3. They are found by least squares from a
-first guess, as near to that as the edges allow, since these do not determine them where facets are
-strips: the sums over the facets around a point of the products of the edges e_1, e_2 that meet
-there, sum e_1 x e_2 / (|e_1|^2 |e_2|^2), those of a sphere through the points, exactly (Max,
-J. Graphics Tools 4(2), 1999); of segments sum n_s / |s|, those of a circle. Where a flat part goes
-over into a round one the guess is that of the flat part, and stays. A flat part is one of two
-triangles at least: those of a round one, in planes of their own, would count as flat ones in
-turn, whose normals agree with the edges as well.
+and those of any other smooth surface satisfy it up to the order h^3. They are computed by least
+squares, as close to a first guess as the edges allow, because edges do not determine them where
+facets are strips. The guess is the sum over the facets around a point of the products of the edges
+e_1, e_2 that meet there, sum e_1 x e_2 / (|e_1|^2 |e_2|^2), which is exact for a sphere through the
+points (Max, J. Graphics Tools 4(2), 1999); for segments it is sum n_s / |s|, exact for a circle.
+Between a flat and a round part the guess is the normal of the flat part, which is kept. A flat part
+has at least two triangles: single triangles of a round part would otherwise count as flat, since
+their normals satisfy the condition too.
 
-Noise of points, or facets that no smooth surface has, as around a rim that is a crease in part,
-leave normals that do not fit any facet. None is farther from the guess than facets around a point,
-or around one beside it, are.
+Noisy points, or facets that do not approximate a smooth surface, such as those around a rim that is
+partly a crease, give normals that do not fit any facet. Therefore no normal deviates from the guess
+by more than the facets around the point, or around an adjacent point, do.
 
-At a *tip*, as that of a cone, no plane is tangent. There n_a.(x_b - x_a) has one sign all around,
-but n_b.(x_b - x_a), opposite to it at the pole of a sphere, is far less.
+At a *tip*, such as that of a cone, there is no tangent plane. There n_a.(x_b - x_a) has one sign
+all around, and n_b.(x_b - x_a), which is opposite to it at the pole of a sphere, is much smaller.
 """
 
 from __future__ import annotations
@@ -50,20 +50,20 @@ _SHALLOW = 1e-3  # the slope below which there is no tip
 
 
 def crossed(corners: Array) -> Array:
-    """Normals of facets (k, dim), of the length of a segment or twice the area of a triangle.
+    """Return normals of facets, as long as a segment or twice the area of a triangle.
 
     Args:
-        corners: of facets (k, dim, dim).
+        corners: corners of the facets, shape (k, dim, dim).
     """
     return np.asarray((corners.shape[1] - 1) * area_vectors(corners))
 
 
 def without_tips(corners: Array, fans: Ints) -> Ints:
-    """Numbers of fans by facet and corner (k dim,), in which each corner at a tip is its own.
+    """Return numbers of fans by facet and corner (k dim,), where corners at tips are separate.
 
     Args:
-        corners: of facets (k, dim, dim).
-        fans: of the corners, which no crease parts (k dim,).
+        corners: corners of the facets, shape (k, dim, dim).
+        fans: numbers of the fans without creases, by corner, shape (k dim,).
     """
     k, dim = corners.shape[:2]
     if dim == 2:
@@ -84,17 +84,17 @@ def without_tips(corners: Array, fans: Ints) -> Ints:
 
 
 def corner_normals(corners: Array, fans: Ints, planes: Ints, turns: Array) -> Array:
-    """Unit normals at the corners of facets (k, dim, dim), the same in a fan.
+    """Return unit normals at the corners of facets (k, dim, dim), equal in a fan.
 
-    Where a facet bends far less than the most bent one of its fan, as a flat part beside a rounded
-    edge, the surface leaves along that facet, and its weight in the guess is larger by a power of
-    their ratio. A chamfer bends as it does at its crease.
+    If a facet bends much less than the most bent facet of its fan, like a flat part next to a
+    rounded edge, the surface continues that facet, and its weight in the guess is increased by a
+    power of their ratio. A chamfer bends as it does at its crease.
 
     Args:
-        corners: of facets (k, dim, dim).
-        fans: of the corners, which no crease parts (k dim,).
-        planes: numbers of the planes that facets which meet have in common (k,).
-        turns: how much facets bend at creases (k,), the same in a plane.
+        corners: corners of the facets, shape (k, dim, dim).
+        fans: numbers of the fans without creases, by corner, shape (k dim,).
+        planes: numbers of the planes of adjacent coplanar facets, shape (k,).
+        turns: bends of the facets at creases, equal in a plane, shape (k,).
     """
     dim = corners.shape[1]
     across = crossed(corners)
@@ -122,7 +122,7 @@ def corner_normals(corners: Array, fans: Ints, planes: Ints, turns: Array) -> Ar
 def _near(
     found: Array, guess: Array, across: Array, fans: Ints, edges_of_fans: tuple[Ints, Ints, Array]
 ) -> Array:
-    """Normals (k, dim, dim) no farther from a guess than facets are from it, there or beside."""
+    """Return normals (k, dim, dim) no farther from a guess than the facets there or adjacent."""
     a, b, _ = edges_of_fans
     off = np.linalg.norm(unit(across)[:, None] - guess, axis=2).reshape(-1)
     first, fans = np.unique(fans, return_index=True, return_inverse=True)[1:]
@@ -137,14 +137,14 @@ def _near(
 
 
 def _weights(corners: Array) -> Array:
-    """Of facets at their corners (k, dim)."""
+    """Return weights of facets at their corners, shape (k, dim)."""
     dim = corners.shape[1]
     edges = np.sum((np.roll(corners, -1, axis=1) - corners) ** 2, axis=2)
     return np.asarray(1.0 / (edges * np.roll(edges, 1, axis=1) if dim == 3 else edges))
 
 
 def _averaged(weights: Array, across: Array, fans: Ints) -> Array:
-    """Unit sums over the fans of the normals of facets, by weights at their corners (k, dim)."""
+    """Return normalised sums over fans of facet normals with weights at corners (k, dim)."""
     k, dim = weights.shape
     sums = np.zeros((k * dim, dim))
     np.add.at(sums, fans, (weights[..., None] * across[:, None]).reshape(-1, dim))
@@ -154,13 +154,13 @@ def _averaged(weights: Array, across: Array, fans: Ints) -> Array:
 def _along_edges(
     edges_of_fans: tuple[Ints, Ints, Array], guess: Array, fans: Ints, part: Array
 ) -> Array:
-    """Normals that satisfy the condition of edges by least squares (k, dim, dim).
+    """Return normals (k, dim, dim) that satisfy the condition of edges by least squares.
 
     Args:
-        edges_of_fans: of `_edges`.
-        guess: unit normals at the corners of facets (k, dim, dim), of fans.
-        fans: of the corners (k dim,).
-        part: in which the normals of fans may be off the guess, by corner (k dim,); the least of a
+        edges_of_fans: result of `_edges`.
+        guess: unit normals at the corners of facets, shape (k, dim, dim).
+        fans: numbers of the fans by corner, shape (k dim,).
+        part: factors of the deviation from the guess by corner, shape (k dim,); the smallest of a
             fan counts.
     """
     a, b, edges = edges_of_fans
@@ -188,7 +188,7 @@ def _along_edges(
 
 
 def _edges(corners: Array, fans: Ints) -> tuple[Ints, Ints, Array]:
-    """Of facets, each once: the fans at both ends, and unit vectors (n, dim)."""
+    """Return the edges of facets, each once: fans at both ends, and unit vectors (n, dim)."""
     k, dim = corners.shape[:2]
     numbers = fans.reshape(k, dim)
     ends, ways = [], []
@@ -201,7 +201,7 @@ def _edges(corners: Array, fans: Ints) -> tuple[Ints, Ints, Array]:
 
 
 def _tangents(normals: Array) -> Array:
-    """Orthogonal unit vectors across normals (n, dim, dim - 1)."""
+    """Return orthogonal unit vectors across normals, shape (n, dim, dim - 1)."""
     if normals.shape[1] == 2:
         return np.stack([-normals[:, 1], normals[:, 0]], axis=1)[:, :, None]
     axis = np.eye(3)[np.argmin(np.abs(normals), axis=1)]
@@ -210,7 +210,7 @@ def _tangents(normals: Array) -> Array:
 
 
 def _bends(corners: Array, normals: Array) -> Array:
-    """How much normals turn along facets (k,), the most along an edge, over its length."""
+    """Return the largest turn of the normals along edges of facets over their lengths (k,)."""
     dim = corners.shape[1]
     found = np.zeros(len(corners))
     for i in range(dim if dim == 3 else 1):
@@ -222,7 +222,7 @@ def _bends(corners: Array, normals: Array) -> Array:
 
 
 def _most(values: Array, groups: Ints) -> Array:
-    """The largest values (n,) in their groups, by the numbers of these (n,)."""
+    """Return the largest values (n,) in groups given by their numbers (n,)."""
     most = np.zeros(int(groups.max()) + 1)
     np.maximum.at(most, groups, values)
     return np.asarray(most[groups])

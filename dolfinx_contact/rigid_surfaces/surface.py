@@ -33,55 +33,56 @@ Ints = npt.NDArray[np.int64]
 
 
 class RigidSurface(ReadOnly, Obstacle):
-    """A rigid surface of segments (2D) or triangles (3D), as of a tool from a file.
+    """A rigid surface of segments (2D) or triangles (3D), such as a tool from a file.
 
-    Gaps and normals are those at the closest point of the surface, with their derivatives; it moves
-    as the shape of a `RigidBody`. The gap is the distance with its sign, exact for the facets, also
-    at edges and corners: in the cone of normals there it is the distance from them. Facets of a
-    curved surface are its chords, inside of it by h^2/(8 R).
+    Gaps and normals belong to the closest point of the surface and have exact derivatives. The
+    surface moves as the shape of a `RigidBody`. The gap is the signed distance, exact for the
+    facets, also at edges and corners: in the cone of normals there it is the distance from them.
+    Facets of a curved surface are its chords, inside of it by h^2/(8 R).
 
     *Sides.* Normals point out of the obstacle, to the body. Triangles are counter-clockwise as seen
-    from the body; segments leave the obstacle to their left. What is closed encloses the obstacle,
-    and is refused if its normals are inward. Facets that disagree with their neighbours are
-    refused. With ``mend`` both are turned: each connected part as most of its area has it, and
-    outward where it is closed; points in one place are made one, facets with two corners in one
-    place, as writers of STL leave them, and those that are there again are left out, and those
-    with a point of a rim on their edge are cut there. With ``reverse`` the body is on the other
-    side, as inside a die.
+    from the body; segments have the obstacle on their left. A closed surface encloses the obstacle;
+    inward normals and facets that disagree with their neighbours are errors. ``mend`` turns such
+    facets: each connected part keeps the orientation of most of its area, and closed parts get
+    outward normals. It also unites points at one place, removes facets with two corners at one
+    place, as writers of STL leave them, and repeated facets, and cuts facets at points of rims on
+    their edges. With ``reverse`` the body is on the other side, as inside a die.
 
-    *Edges.* Normals are those of the smooth surface of which facets are chords, found at points and
-    interpolated on facets (`rigid_surfaces.normals`), but not across edges where those of facets
-    differ by more than ``crease`` degrees, nor at a tip, as that of a cone, where no plane is
-    tangent; with 0 they are those of the facets everywhere. Where edges are creases the normal of
-    what is at the edge itself jumps from that of one facet to that of the other. A radius
-    ``rounding``, by which the obstacle is larger than its surface, makes edges that stick out
-    round, and their normals continuous.
+    *Edges.* Normals are those of the smooth surface whose chords the facets are, computed at points
+    and interpolated on facets (`rigid_surfaces.normals`). They are not averaged across edges where
+    the normals of facets differ by more than ``crease`` degrees, nor at a tip, such as that of a
+    cone; with 0 they are those of the facets everywhere. At a crease the normal jumps from that of
+    one facet to that of the other. With a radius ``rounding``, by which the obstacle is larger than
+    its surface, protruding edges are round and their normals continuous.
 
-    *Rims.* An open surface ends at its rim: what goes past it leaves, and has no contact behind it.
-    A face that slides leaves by degrees, within one of its facets, so that forces fall to zero;
-    with a larger ``rounding`` around that.
+    *Rims.* An open surface ends at its rim: points past it leave, and there is no contact behind
+    it. A sliding face leaves gradually, within one of its facets, so that forces decrease to zero;
+    if ``rounding`` is larger, around that.
 
-    The law holds at contact points. A corner or edge of the surface between them enters the facet
-    of the body (indicator ``between_points``), and nodes beside a sharp edge are pushed by its
-    side: an edge that slides ploughs, by several times the friction, however fine the face of the
-    body is (indicator ``across``). By the integral method nodes pass under edges. Each rank has the
-    whole surface (about 1 kB a facet). Parts that intersect, as solids that a CAD program has not
-    united, are not searched for: distances from outside are exact.
+    The law holds at contact points. Between them, a corner or edge of the surface enters the facet
+    of the body (indicator ``between_points``), and nodes next to a sharp edge are pushed by its
+    side: a sliding edge ploughs, with several times the friction, on every mesh (indicator
+    ``across``). In the integral method nodes pass under edges. Each rank has the whole surface
+    (about 1 kB per facet). Parts that intersect, such as solids that a CAD program has not united,
+    are not searched for: distances from outside are exact.
 
     Args:
-        points: (m, dim), a length.
-        cells: facets by their points (k, dim).
-        crease: the angle, in degrees, between normals of facets up to which they are averaged.
-        rounding: a radius, a length.
-        reverse: whether the body is where the normals of the facets do not point.
-        mend: whether facets are turned, or left out, that do not fit.
-        name: for messages.
+        points: points, lengths, shape (m, dim).
+        cells: point numbers of the facets, shape (k, dim).
+        crease: angle in degrees between normals of facets up to which they are averaged.
+        rounding: radius of the edges, a length.
+        reverse: whether the body is on the side opposite to the normals of the facets.
+        mend: whether facets that do not fit are turned, cut or removed.
+        name: name for messages.
 
     Attributes:
-        points, cells: as they are used, read-only.
+        points: points as they are used, read-only.
+        cells: facets as they are used, read-only.
         closed: whether it has no rim.
-        mark: a hash of all that it is; records know it by that.
-        crease, rounding, name: as given.
+        mark: hash of all data, for the comparison of ranks and for records.
+        crease: angle of creases in degrees.
+        rounding: radius of the edges, a length.
+        name: name for messages.
 
     Raises:
         ValueError: if points or cells are not of that shape or not finite, facets are degenerate
@@ -150,15 +151,15 @@ class RigidSurface(ReadOnly, Obstacle):
         comm: MPI.Comm = MPI.COMM_WORLD,
         **options: Any,
     ) -> Self:
-        """A surface from a file, which rank 0 reads for all. Collective.
+        """Read a surface from a file on rank 0. Collective.
 
         Args:
-            path: an STL file, of words or binary, or one of gmsh, ``.msh``: surfaces are those of a
-                3D problem, curves in a plane of constant z of a 2D problem.
+            path: STL file, ASCII or binary, or gmsh file ``.msh``, with surfaces for a 3D problem
+                or curves in a plane of constant z for a 2D problem.
             group: physical group of gmsh, by name or tag; None for all facets of the file.
-            scale: the unit of length of the file in that of the mesh: 1e-3 for one in mm.
-            comm: of the ranks that call.
-            **options: as of the class; the name is by default that of the file.
+            scale: length unit of the file in that of the mesh: 1e-3 for a file in mm.
+            comm: communicator of the ranks that call.
+            **options: arguments of the class; the default name is that of the file.
 
         Raises:
             OSError: on every rank, if rank 0 cannot read the file.
