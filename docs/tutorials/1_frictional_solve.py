@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 # # A frictional solve from a gmsh file
 #
-# A rubber foot, round below, is pressed onto a floor and dragged along it. We draw it with gmsh,
-# read the mesh file, solve the Signorini-Coulomb problem, and evaluate forces, sticking and
-# slips, and at pictures. Lengths are in mm, forces in N, so that stresses are in MPa. It needs the
-# extras `gmsh` and `pictures`.
+# A rubber foot with a round face is pressed onto a floor and dragged along it. The tutorial draws
+# it with gmsh, reads the mesh file, solves the Signorini-Coulomb problem, evaluates forces and the
+# sticking and slipping points, and draws pictures. Lengths are in mm and forces in N, so that
+# stresses are in MPa. It needs the extras `gmsh` and `pictures`.
 #
-# Find $u$ in equilibrium with its loads such that at every point of the contact surface, with the
-# gap $g$, the pressure $p$, the tangential displacement $u_t$ and the shear $q$ on the body,
+# The problem is to find $u$ in equilibrium with its loads such that at every point of the contact
+# surface, with the gap $g$, the pressure $p$, the tangential displacement $u_t$ and the shear $q$
+# on the body,
 #
 # $$g \ge 0, \quad p \ge 0, \quad g \, p = 0,$$
 #
@@ -30,9 +31,9 @@ from dolfinx_contact.meshing import read_mesh
 
 # ## The mesh file
 #
-# The body is the lower part of a ball of radius 1, cut off at the height 0.6. Parts of a mesh are
-# named by physical groups: one for the volume, without which gmsh writes no cells, one for the top,
-# and one for the round face that may touch the floor. Cells are small where it is going to touch.
+# The body is the lower part of a ball of radius 1, cut off at the height 0.6. Physical groups name
+# the parts of the mesh: one for the volume, without which gmsh writes no cells, one for the top,
+# and one for the round face that may touch the floor. Cells are small near the expected contact.
 
 
 def draw(file):
@@ -68,9 +69,9 @@ print(f"{body.mesh.topology.index_map(3).size_global} cells, groups {sorted(body
 
 # ## The problem
 #
-# It consists of DOLFINx objects: a displacement, an energy in UFL, Dirichlet conditions. What is
-# new is the contact surface, with an obstacle and a law. The top is pressed down by 0.04 mm and
-# moved aside by 0.01 mm.
+# It consists of DOLFINx objects (a displacement, an energy in UFL, Dirichlet conditions) and of a
+# contact surface with an obstacle and a law. The top is pressed down by 0.04 mm and moved sideways
+# by 0.01 mm.
 
 V = fem.functionspace(body.mesh, ("Lagrange", 1, (3,)))
 u = fem.Function(V, name="displacement")
@@ -83,10 +84,11 @@ problem = ContactProblem(rubber.energy(u) * ufl.dx, u, [contact], bcs=bcs)
 
 # ## The solution
 #
-# `solve` writes into `u` and returns a result. There is nothing to tune: no penalty parameter, no
-# regularisation. The result says how it was found, and has measures to judge it by: the violation
-# of the contact law, and by how much all forces on the body fail to balance. Points of the contact
-# surface whose displacement is prescribed, at the edge of the top, are "clamped".
+# `solve` writes the solution into `u` and returns a result. No parameter has to be tuned: there is
+# neither a penalty nor a regularisation. The result describes how the solution was found and
+# contains measures of its quality: the violation of the contact law and the imbalance of all forces
+# on the body. Points of the contact surface with prescribed displacements, at the edge of the top,
+# are "clamped".
 
 result = problem.solve()
 print(result)
@@ -94,7 +96,7 @@ force = result.resultants["contact"]
 assert result.kkt_violation < 1e-8
 assert np.allclose(force + result.support, 0.0, atol=1e-6 * np.linalg.norm(force))
 
-# The shear is no larger than friction allows, at every point and so for the whole body:
+# The shear is within the friction bound at every point and therefore for the whole body:
 
 table = result.tables["contact"]
 shear = np.linalg.norm(table.rt, axis=1)
@@ -103,8 +105,8 @@ assert np.all(shear <= 0.4 * table.rn + 1e-6 * force[2])
 
 # ## Pictures
 #
-# The deformed body, cut open in the middle and coloured by von Mises stress; and the contact face
-# with pressure and status. `io.write_fields` writes the same for ParaView.
+# The pictures show the deformed body, cut in the middle and coloured by the von Mises stress, and
+# the contact face with pressure and status. `io.write_fields` writes the same data for ParaView.
 
 stress = rubber.full_stress(u)
 plot.picture_of_body("body.png", problem, stress=stress, clip="y")
@@ -112,9 +114,9 @@ plot.picture_of_contact("contact.png", problem)
 
 # ## Other loads
 #
-# Constants may change between two solves. Friction is a Constant too: `contact.law.friction`. Every
-# solve begins with the solution before. The farther the body is moved, the more points slip, until
-# all do and the shear is $F$ times the normal force.
+# Constants may change between two solves. The friction coefficient is a Constant too:
+# `contact.law.friction`. Each solve starts from the previous solution. With increasing displacement
+# more points slip, until all of them slip and the shear is $F$ times the normal force.
 
 ratios = []
 for shift in (0.0, 0.005, 0.01, 0.02, 0.04):

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 # # Two bodies and a crack
 #
-# In the first tutorial the floor was rigid. Now it is an elastic body with a mesh of its own, and
-# this body has a crack with friction between its sides. Both are *pairs* of faces: a pair is a
-# contact surface like any other.
+# The floor of the first tutorial was rigid. Now it is an elastic body with its own mesh, which
+# contains a crack with friction between its sides. Both contacts are *pairs* of faces, which are
+# used like other contact surfaces.
 
 from mpi4py import MPI
 
@@ -20,8 +20,8 @@ from dolfinx_contact.meshing import crack, mesh_from_gmsh
 # ## One mesh with two bodies
 #
 # `mesh_from_gmsh` calls a drawing function on rank 0 and distributes the mesh, without a file. The
-# base is a rectangle with a line inside that will become the crack; the block stands on it. The
-# bodies have points of their own where they meet, so that their meshes need not match.
+# base is a rectangle with an inner line that will become the crack; the block stands on it. The
+# bodies have separate points where they meet, so that their meshes need not match.
 
 
 def draw():
@@ -53,16 +53,16 @@ body = mesh_from_gmsh(MPI.COMM_WORLD, draw)
 
 # ## The crack
 #
-# `crack` parts the mesh along the line. The new side is named after the old one; at its two ends,
-# inside the body, both sides keep their common nodes.
+# `crack` divides the mesh along the line and names the second side `fault_opposite` or similar,
+# after the first one. At the two ends, inside the body, both sides keep their common nodes.
 
 body = crack(body, ["fault"])
 print(sorted(body.names))
 
 # ## The problem
 #
-# Each body has a material of its own by the cell tags. The slave of a pair should be the finer
-# face; pressures and statuses are those of its nodes.
+# The cell tags give each body its own material. The slave of a pair should be the finer face, whose
+# nodes carry pressures and statuses.
 
 
 def made(friction):
@@ -91,9 +91,9 @@ for name, table in result.tables.items():
 
 # ## Checks
 #
-# The forces on both faces are opposite up to round-off, although the meshes do not match; and what
-# is pressed in on the top arrives at the ground. The slip of the crack is driven by the shear in
-# it; with more friction it slips less, and with much friction not at all.
+# The forces on both faces are opposite up to round-off, although the meshes do not match, and the
+# load of the top equals the reaction of the ground. The shear in the base drives the slip of the
+# crack, which decreases with friction and vanishes for a large coefficient.
 
 balance = result.pairs["joint"]
 print(f"on the block {balance.slave.round(3)}, on the base {balance.master.round(3)}")

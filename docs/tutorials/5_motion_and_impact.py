@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 # # Motion and impact
 #
-# Bodies with mass: a bar flies against a wall and bounces. Its contact force and the time of its
-# contact are known exactly from the theory of waves, so that schemes can be assessed.
-# The schemes are in {doc}`the theory </theory/6_impact>`.
+# A bar with mass hits a wall and bounces. The theory of waves gives the contact force and the
+# duration of the contact exactly, so that schemes can be assessed. {doc}`The theory
+# </theory/6_impact>` describes the schemes.
 #
 # A bar of length $L$ with the wave speed $c = \sqrt{E/\rho}$ that meets a rigid wall with the
-# velocity $v$ sends a compression wave through itself, which comes back after the time $2L/c$. As
-# long as that takes, the force is $\rho c v$ per area; then the bar leaves with the velocity $-v$.
+# velocity $v$ sends out a compression wave, which returns after the time $2L/c$. Until then the
+# force is $\rho c v$ per area; afterwards the bar leaves with the velocity $-v$.
 
 from mpi4py import MPI
 
@@ -25,8 +25,8 @@ C = np.sqrt(E / RHO)
 
 # ## The bar
 #
-# One layer of cells, whose sections move up and down only. It starts just above the floor. The
-# problem is static, as before: it knows nothing of masses.
+# The bar is one layer of cells whose sections move vertically. It starts just above the floor. The
+# problem is static, as before; mass is added below.
 
 comm = MPI.COMM_WORLD
 n = 40
@@ -45,10 +45,10 @@ problem = ContactProblem(material.energy(u) * ufl.dx, u, [surface], bcs=[straigh
 
 # ## The motion
 #
-# `NSCD` gives it a mass, a velocity and steps in time: nonsmooth contact dynamics, in which
-# contact forces are impulses over a step. By default the mass of the contact nodes is
-# redistributed to their neighbours, so that the force does not alternate from step to step. At the
-# fronts of the wave, which no mesh resolves, it still overshoots, to 380 here, on finer meshes too.
+# `NSCD` adds mass, velocity and steps in time (nonsmooth contact dynamics). Contact forces are
+# impulses over a step. By default the mass of the contact nodes is redistributed to their
+# neighbours, which avoids alternating forces. At the fronts of the wave, which no mesh resolves,
+# the force still overshoots, here to 380, on finer meshes too.
 
 velocity = fem.Function(V)
 velocity.interpolate(lambda x: np.stack([0 * x[0], -V0 + 0 * x[0]]))
@@ -81,10 +81,10 @@ plot.draw_curves(
 
 # ## Energy
 #
-# Kinetic energy becomes elastic energy and comes back. Every energy has a formula of its own; what
-# does not close is the residue. The loss is in the step of the first touch, and falls with the
-# length of steps: it is 1.1, 0.5, 0.1, 0.04 % with steps of twice this length, this one, a half and
-# a quarter of it.
+# Kinetic energy is converted to elastic energy and back. Each energy is computed by its own
+# formula; the residue measures the imbalance. Energy is lost in the step of the first contact. The
+# loss falls with the step length: it is 1.1, 0.5, 0.1 and 0.04 % with twice this length, this
+# length, a half and a quarter of it.
 
 kinetic = np.array([step.energies.kinetic for step in history.steps])
 stored = np.array([step.energies.stored for step in history.steps])
@@ -99,6 +99,6 @@ plot.draw_curves(
     labels=("time", "energy"),
 )
 
-# Friction, adhesion, other bodies and large deformations work in motions as they do in histories;
-# the demos `demo_bouncing_bar.py`, `demo_thrown_body.py` and `demo_stick_slip.py` continue from
+# Friction, adhesion, other bodies and large deformations are used in motions as in histories. The
+# demos `demo_bouncing_bar.py`, `demo_thrown_body.py` and `demo_stick_slip.py` continue from
 # here.

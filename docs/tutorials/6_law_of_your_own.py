@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 # # A law of one's own
 #
-# Friction that weakens: where a point has slipped by some distance, the coefficient falls from a
-# static to a kinetic value, as on faults and brake pads. The law is a few lines of UFL; Newton's
-# method, histories and records need nothing else. A law contains:
-# {doc}`the theory </theory/1_laws>`.
+# The friction coefficient falls from a static to a kinetic value with the distance slipped, as on
+# faults and brake pads. The law takes a few lines of UFL; Newton's method, histories and records
+# need nothing else. {doc}`The theory </theory/1_laws>` defines a law.
 
 from dataclasses import dataclass
 from typing import Any
@@ -23,14 +22,13 @@ from dolfinx_contact.materials import LinearElastic
 
 # ## The law
 #
-# A `FrictionLaw` says how large the shear may be at a point where the pressure is $p$: the radius
-# of the friction disc,
+# A `FrictionLaw` gives the bound on the shear at a point with the pressure $p$, the radius of the
+# friction disc:
 #
 # $$b(p, s) = \left(F_k + (F_s - F_k) e^{-s/D}\right) p,$$
 #
-# with the distance $s$ that the point has slipped. `a.slid` is that distance; a history remembers
-# it. Numbers of the law become Constants, which may be changed later; they may be Functions as
-# well.
+# where $s$ is the distance slipped, `a.slid`, which is part of the memory of a history. Numbers in
+# the law become Constants, which can be changed later; they may also be Functions.
 
 
 @dataclass(frozen=True)
@@ -46,10 +44,10 @@ class SlipWeakening(FrictionLaw):
 
 # ## A block that is pulled
 #
-# The block of the third tutorial, pressed first and then pulled to the right. Its top moves by
-# 0.06, which is enough for slip everywhere. The friction falls within a slip of
-# some 0.02: if it fell faster than the block can relax, the block would jump. `QuasiStatic` warns
-# of a step in which the state may jump; `locate_jumps=True` decides whether it does.
+# The block of the third tutorial is pressed and then pulled to the right. Its top moves by 0.06,
+# which is enough for slip everywhere. Friction falls within a slip of about 0.02; if it fell faster
+# than the block can relax, the block would jump. `QuasiStatic` warns of a step in which the state
+# may jump, and `locate_jumps=True` determines whether it does.
 
 DISTANCE = 0.02
 
@@ -84,9 +82,9 @@ def pulled(static, kinetic):
 
 # ## Results
 #
-# With equal coefficients the law is Coulomb's. With a smaller kinetic one the force rises, and
-# falls again while the block slips: the largest force lies below that of the static coefficient,
-# since points do not all slip at once.
+# With equal coefficients the law is that of Coulomb. With a smaller kinetic coefficient the force
+# rises and falls again while the block slips. The largest force is below that of the static
+# coefficient, since the points do not slip at the same time.
 
 curves = {}
 for static, kinetic in ((0.4, 0.4), (0.4, 0.2)):
@@ -97,8 +95,8 @@ plot.draw_curves("force.png", curves, labels=("way of the top", "shear over norm
 
 # ## Check
 #
-# Coulomb's friction ends at its coefficient. Of the weakening law every point that slips is at its
-# own bound, by the distance that it has slipped:
+# With Coulomb's law the ratio of the forces ends at the coefficient. With the weakening law every
+# slipping point is at its own bound, which depends on the distance it has slipped:
 
 coulomb = curves["static 0.4, kinetic 0.4"][1]
 weakened = curves["static 0.4, kinetic 0.2"][1]
@@ -110,5 +108,5 @@ assert np.isclose(coulomb[-1], 0.4)
 assert 0.2 < weakened[-1] < weakened.max() < 0.4
 assert np.allclose(np.abs(table.along(table.rt))[slips], expected[slips], rtol=1e-6)
 
-# Laws that are no friction laws, with statuses of their own, are in `demo_own_law.py`; those that
-# store and dissipate energy, as glues do, in `demo_own_interface.py`.
+# `demo_own_law.py` defines a law with its own statuses, and `demo_own_interface.py` an interface
+# that stores and dissipates energy, like a glue.
