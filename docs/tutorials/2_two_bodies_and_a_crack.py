@@ -53,7 +53,7 @@ body = mesh_from_gmsh(MPI.COMM_WORLD, draw)
 
 # ## The crack
 #
-# `crack` divides the mesh along the line and names the second side `fault_opposite` or similar,
+# `crack` divides the mesh along the line and names the second side `fault_opposite`,
 # after the first one. At the two ends, inside the body, both sides keep their common nodes.
 
 body = crack(body, ["fault"])

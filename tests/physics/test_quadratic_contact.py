@@ -219,7 +219,12 @@ def own_solution(domain, lower, top, height, young, poisson):
     return nodes[on_face[::2]], gap / areas, pressure
 
 
-@pytest.mark.verifies("mixed contact", "Signorini", reference="independent code", aspects=("2D",))
+@pytest.mark.verifies(
+    "mixed contact",
+    "Signorini",
+    reference="independent code: assembly in numpy",
+    aspects=("2D",),
+)
 def test_own_assembly():
     """Gaps and pressures of a few lines of numpy that share nothing with the package."""
     domain = box(COMM, 6, "tri")
