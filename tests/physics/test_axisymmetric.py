@@ -9,7 +9,7 @@ from cases._hertz import Hertz
 from cases._round import draw, quarter
 from scipy.optimize import brentq
 from support.blocks import box, facets, same_tables
-from support.pairs import FLOOR, disc, refused, section, tagged
+from support.pairs import FLOOR, disc, section, tagged
 from support.pairs import held_of_revolution as held
 
 import ufl
@@ -43,6 +43,7 @@ COMM = MPI.COMM_WORLD
 STEEL = Axisymmetric(LinearElastic.from_young(1000.0, 0.3))
 KINDS = [
     *(("tri", 1, "nodal"), ("quad", 1, "nodal"), ("tri", 1, "mixed"), ("quad", 1, "mixed")),
+    *(("tri", 2, "mixed"), ("quad", 2, "mixed")),
     *(("tri", 1, "integral"), ("quad", 2, "integral"), ("tri", 2, "integral")),
 ]
 
@@ -199,6 +200,7 @@ def stacked(sizes, degree, method, *, cell="tri", law=None, gap=None, cone=0.0):
     [
         ((4, 4), 1, "nodal"),
         ((4, 4), 1, "mixed"),
+        ((3, 4), 2, "mixed"),
         ((3, 3), 2, "integral"),
         ((5, 7), 1, "nodal"),
         ((7, 5), 1, "integral"),
@@ -281,7 +283,13 @@ def fitted(n, ratio, method, degree=1, twist=None):
 @pytest.mark.ranks(2)
 @pytest.mark.parametrize(
     ("ratio", "method", "degree"),
-    [(1.0, "nodal", 1), (1.5, "nodal", 1), (1.0, "mixed", 1), (1.5, "integral", 2)],
+    [
+        (1.0, "nodal", 1),
+        (1.5, "nodal", 1),
+        (1.0, "mixed", 1),
+        (1.5, "mixed", 2),
+        (1.5, "integral", 2),
+    ],
 )
 @pytest.mark.verifies(
     "press fits",
@@ -387,6 +395,11 @@ def test_large_strain():
 
 
 # -- what is refused -----------------------------------------------------------------------------
+
+
+def refused(reason, make):
+    with pytest.raises(ValueError, match=reason):
+        make()
 
 
 @pytest.mark.refuses("bodies of revolution", aspects=("3D",))

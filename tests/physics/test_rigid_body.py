@@ -31,7 +31,7 @@ from dolfinx_contact.solvers.history import Attempt, FloatingBodyError
 
 COMM = MPI.COMM_WORLD
 
-METHODS = [(None, 1), ("integral", 1), ("mixed", 1), ("integral", 2)]
+METHODS = [(None, 1), ("integral", 1), ("mixed", 1), ("integral", 2), ("mixed", 2)]
 
 
 def table(problem):
