@@ -9,9 +9,8 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from support.bodies import block, floor, free_row, one_point, table_of
+from support.bodies import SlipWeakening, block, floor, free_row, one_point, table_of
 from support.checks import assert_close, assert_warned
-from support.laws import SlipWeakening
 
 import ufl
 from dolfinx import fem, mesh

@@ -9,9 +9,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from support.bodies import block, floor, friction_ratio
+from support.bodies import SlipWeakening, block, floor, friction_ratio
 from support.checks import assert_close
-from support.laws import SlipWeakening
 
 import ufl
 from dolfinx import fem, mesh

@@ -62,13 +62,6 @@ def loaded(n=4, friction=0.3):
     return system, x
 
 
-def warnings_of(caplog, part):
-    """How many warnings with a part were given on this rank; they are all rank 0's."""
-    found = [r.getMessage() for r in caplog.records if part in r.getMessage()]
-    assert COMM.rank == 0 or not found
-    return COMM.bcast(found)
-
-
 # -- options ---------------------------------------------------------------------------------------
 
 

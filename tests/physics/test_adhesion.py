@@ -187,51 +187,6 @@ def test_shear_under_pressure(m):
 
 
 @pytest.mark.ranks(2)
-@pytest.mark.parametrize(
-    ("speed", "wanted"),
-    [
-        pytest.param(1.0, (0.7811538113, 0.4048318120, 0.1218560409), marks=pytest.mark.long),
-        (0.01, (0.4471181641, 0.2506289459, 0.1111935685)),
-    ],
-)
-@pytest.mark.verifies(
-    "RCCM adhesion",
-    "friction of speed and time",
-    reference="closed form: implicit Euler's steps of the intensity, and its limit",
-    aspects=("2D",),
-)
-def test_viscosity(speed, wanted):
-    """b |beta'| = (w - C u^2 beta)^- at u = V t, to first order in the step; the body gives way."""
-    errors = []
-    young = 1e4
-    b = speed * W
-    for n in (8, 16, 32) if speed == 1.0 else (16,):
-        law = RCCM(C, C, W, viscosity=b)
-        problem, top = bonded("quad", 1, law=law, young=young, comm=MPI.COMM_SELF)
-        times = np.linspace(0.0, 3.0, 3 * n + 1)
-        beta = [1.0]
-        for u in U0 * times[1:]:
-            beta.append(min(beta[-1], (b * beta[-1] + W / n) / (b + C * u**2 / n)))
-
-        def load(t, beta=beta, times=times, top=top):
-            pull = np.interp(t, times, beta) ** 2 * C * U0 * t
-            put(top, (0.0, U0 * t + pull / young))
-
-        history = QuasiStatic(problem, load).run(times)
-        tables = [s.result.tables["contact"] for s in history.steps]
-        for t, time, wanted_beta in zip(tables, times[1:], beta[1:], strict=True):
-            np.testing.assert_allclose(t.un, U0 * time, rtol=1e-9)
-            np.testing.assert_allclose(t.beta, wanted_beta, rtol=1e-8)
-        found = np.array([tables[i * n // 2 - 1].beta[0] for i in (3, 4, 6)])
-        errors.append(np.abs(found - wanted).max())
-        # What viscosity costs is b beta'^2 on top of w.
-        assert history.energies.damage > W * (1 - found[-1])
-    assert errors[-1] < 0.01
-    if speed == 1.0:
-        np.testing.assert_allclose(np.log2(errors[:-1]) - np.log2(errors[1:]), 1.0, atol=0.1)
-
-
-@pytest.mark.ranks(2)
 @pytest.mark.parametrize(("cell", "method"), [("quad", None), ("tet", None), ("tri", "integral")])
 @pytest.mark.parametrize("viscosity", [0.0, 0.3])
 @pytest.mark.verifies(

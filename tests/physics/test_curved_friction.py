@@ -30,7 +30,7 @@ from dolfinx_contact import (
     Sphere,
     plot,
 )
-from dolfinx_contact.evolution import NSCD, QuasiStatic
+from dolfinx_contact.evolution import NSCD
 from dolfinx_contact.points.memory import Memory
 
 COMM = MPI.COMM_WORLD
@@ -350,49 +350,6 @@ def test_led_around(dim, cell, shape):
 
 
 # -- against what is known otherwise ---------------------------------------------------------------
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("turning", [pytest.param(False, marks=pytest.mark.long), True])
-@pytest.mark.verifies(
-    "energies of histories",
-    "rigid bodies",
-    "Coulomb",
-    reference="closed form: external work less stored energy and friction is nothing",
-    aspects=("2D", "large sliding"),
-)
-def test_the_energy_residue_of_a_block_on_a_drum_falls_with_the_steps(turning):
-    """Of a block led over a drum, or held on one that turns: the residue falls with the steps."""
-    rests = []
-    for steps in (10, 20, 40):
-        constants = {}
-
-        def drum(domain, constants=constants):
-            constants["rz"] = fem.Constant(domain, 0.0)
-            shape = Sphere((0.4, -1.0), 1.0)
-            if not turning:
-                return shape
-            return RigidBody(shape, about=(0.4, -1.0), motion=constants, held=["x", "y"])
-
-        given = {"sliding": "large"} if turning else {}
-        on_drum = OnBody(2, drum, Coulomb(0.3), n=4, **given)
-
-        def load(t, on_drum=on_drum, constants=constants):
-            if turning:
-                constants["rz"].value = 0.3 * max(t - 1.0, 0.0)
-            on_drum.move(lambda X: around(t, X, 2, angle=0.0 if turning else 0.3))
-
-        times = np.linspace(0.0, 3.0, 3 * steps + 1)
-        history = QuasiStatic(on_drum.problem, load).run(times)
-        first = history.steps[2 * steps - 1].energies
-        last = history.steps[-1].energies
-        spent = last.dissipated - first.dissipated
-        table = history.steps[-1].result.tables["contact"]
-        force = float(np.sum(np.linalg.norm(table.rt, axis=1)))
-        assert spent == pytest.approx(0.3 * force, rel=1e-2)
-        rests.append(abs(last.residue) / last.external)
-    assert rests[-1] < 3e-3
-    assert rests[2] < 0.6 * rests[1] < 0.36 * rests[0]
 
 
 @pytest.mark.verifies(

@@ -264,57 +264,6 @@ def test_cohesion_at_a_point():
     assert spent == pytest.approx(strength * (a + b) / 2, rel=1e-13)
 
 
-@pytest.mark.skipif(COMM.size > 1, reason="one point")
-def test_what_a_brittle_bond_costs():
-    """Is what it says however few the steps: softening over a thousand times the elastic size."""
-    strength = 2.0
-    a = 1e-4
-    b = 0.1
-    for ways in ([1.0], [0.01, 0.03, 1.0], [0.01, 0.005, 0.0999, 0.2]):
-        point = Point(BilinearCohesive(strength, a, b), r=1000.0)
-        point.to(0, (0.0, 0.0))
-        spent = 0.0
-        far = a
-        for k, d in enumerate(ways, start=1):
-            point.to(k, (0.0, d))
-            spent += point.answers.bond("spent")[0]
-            far = min(max(far, d), a + b)
-            # What was put in, less the triangle under the secant.
-            under = strength * (a / 2 + (far - a) * (1 - (far - a) / b / 2))
-            under -= strength * (a + b - far) / b * far / 2
-            assert spent == pytest.approx(under, rel=1e-12)
-        assert spent == pytest.approx(strength * (a + b) / 2, rel=1e-12)
-
-
-@pytest.mark.long
-@pytest.mark.chatty
-@pytest.mark.verifies(
-    "bilinear cohesion",
-    "energies of histories",
-    reference="closed form: its cost, and the friction that is left",
-    aspects=("2D",),
-)
-def test_cohesion_with_friction():
-    """Dragged under pressure until it is broken: then friction alone is left."""
-    law = BilinearCohesive(2.0, 0.002, 0.01, 0.5)
-    problem, top = bonded("quad", law=law, young=1000.0)
-    history = QuasiStatic(problem, along(top, (0.0, -0.01), (0.05, -0.01))).run(
-        np.linspace(0.0, 2.0, 21)
-    )
-    first = history.steps[9]
-    last = history.steps[-1]
-    t = first.result.tables["contact"]
-    assert set(t.bond) == {"i"}
-    np.testing.assert_allclose(t.friction, 0.0, atol=1e-9)
-    t = last.result.tables["contact"]
-    assert set(t.bond) == {"b"}
-    np.testing.assert_array_equal(t.internal["damage"], 1.0)
-    np.testing.assert_allclose(t.adhesion, 0.0, atol=1e-12)
-    np.testing.assert_allclose(np.abs(t.along(t.rt)), 0.5 * t.rn, rtol=1e-9)
-    assert set(last.status) == {"+"}
-    assert last.energies.damage == pytest.approx(2.0 * 0.012 / 2, rel=1e-9)
-
-
 @pytest.mark.long
 @pytest.mark.chatty
 @pytest.mark.parametrize("k", [pytest.param(1.0, marks=pytest.mark.long), 8.0])

@@ -207,21 +207,6 @@ def test_no_locking(cell):
     assert np.log2(errors[0.499] / error(finer, 0.499)) == pytest.approx(2.0, abs=0.15)
 
 
-@pytest.mark.parametrize("cell", ["tri", "tet"])
-@pytest.mark.verifies(
-    "nearly incompressible bodies",
-    reference="closed form: Lame's thick cylinder",
-    aspects=("2D", "3D"),
-)
-def test_simplices_of_degree_two(cell):
-    """Linear simplices lock, quadratic ones do not; one point would not help the former."""
-    poisson = 0.4999
-    linear, _ = under_pressure(quarter(4, cell), poisson, "whole")
-    assert error(linear, poisson) > 0.3
-    quadratic, _ = under_pressure(quarter(4, cell), poisson, "whole", degree=2)
-    assert error(quadratic, poisson) < 0.01
-
-
 @pytest.mark.verifies(
     "nearly incompressible bodies",
     "bodies of revolution",

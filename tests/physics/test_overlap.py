@@ -5,7 +5,6 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from support.blocks import CELLS
-from support.curved_obstacles import block
 from support.pairs import displacement
 
 import ufl
@@ -15,7 +14,6 @@ from dolfinx_contact import (
     ContactPair,
     ContactProblem,
     Frictionless,
-    HalfSpace,
     SelfContact,
 )
 from dolfinx_contact.grids import create_grid
@@ -125,23 +123,3 @@ def test_an_overlap_beyond_its_limit_is_refused(dim, sliding):
     ):
         with pytest.raises(ValueError, match=words):
             discretise(surface(u, both, sliding, **options))
-
-
-@pytest.mark.ranks(2)
-@pytest.mark.parametrize("dim", [2, 3])
-@pytest.mark.refuses("press fits", aspects=("2D", "3D"))
-def test_a_body_within_a_floor(dim):
-    """It is pushed out unless something else is given, from no farther than is allowed."""
-    floor = HalfSpace([*[0.0] * (dim - 1), 0.1], np.eye(dim)[-1])
-    at_rest = dict(cell="quad" if dim == 2 else "hex", top=[0.0] * dim, sliding="small")
-    for given in ({}, {"interference": True}, {"interference": 0.1}):
-        (contact,) = block(floor, **given, **at_rest).surfaces
-        np.testing.assert_allclose(contact.points.gaps, -0.1, rtol=1e-12)
-    with pytest.raises(ValueError, match=r"overlap by 0\.1; interference allows 0\.09"):
-        block(floor, interference=0.09, **at_rest)
-    with pytest.raises(ValueError, match=r"overlap by 0\.1; interference=True for a press fit"):
-        block(floor, interference=False, **at_rest)
-    near = HalfSpace([*[0.0] * (dim - 1), 0.002], np.eye(dim)[-1])  # 1 % of a facet
-    for given in ("interference", "remove_overlap"):
-        with pytest.raises(ValueError, match=rf"overlap by 0\.002; {given} allows 0\.001"):
-            block(near, **{given: 0.001}, **at_rest)

@@ -17,7 +17,6 @@ from dolfinx_contact import (
     ContactProblem,
     Frictionless,
 )
-from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.grids import create_grid
 from dolfinx_contact.materials import Axisymmetric, LinearElastic, NeoHookean
 from dolfinx_contact.meshing import join
@@ -146,53 +145,6 @@ def test_discs():
     z = u.function_space.tabulate_dof_coordinates()[:, 1]
     exact = np.stack([np.zeros(len(z)), (SHRINK - 1) * (z + 1)], axis=1)
     assert np.abs(u.x.array - exact.reshape(-1)).max() < 1e-10
-
-
-@pytest.mark.verifies(
-    "sliding pairs",
-    "bodies of revolution",
-    "quasi-static",
-    reference="closed form: uniform pressure between discs, at every time",
-    aspects=("2D", "pairs", "large sliding"),
-)
-def test_two_pairs_in_a_history():
-    """Three discs with other nodes each, pressed step by step: exact in both pairs at every time,
-    and the work of the load is stored.
-    """
-    bodies = []
-    tags = []
-    for i, n in enumerate((5, 7, 4)):
-        z = i + np.linspace(0.0, 1.0, 3)
-        bodies.append(create_grid(COMM, [np.linspace(0.0, 1.0, n), z], CELLS["quad"]))
-        tags.append(tagged(bodies[-1], **{f"t{2 * i + 1}": (1, z[0]), f"t{2 * i + 2}": (1, z[-1])}))
-    both = join(bodies, facet_tags=tags)
-    u = displacement(both.mesh)
-    V = u.function_space
-    pairs = [
-        ContactPair(u, both, slave=3, master=2, name="lower", **LARGE),
-        ContactPair(u, both, slave=4, master=5, name="upper", **LARGE),
-    ]
-    down = fem.Constant(both.mesh, 0.0)
-    bcs = held(V, both.facet_tags, [(1, 1, 0.0), (6, 1, down)])
-    energy = energy_of(NeoHookean(0.0, STIFF), u)
-    problem = ContactProblem(energy, u, pairs, bcs=bcs, petsc_options=EXACT)
-
-    def load(t):
-        down.value = 3 * (SHRINK - 1) * t
-
-    history = QuasiStatic(problem, load).run([0.0, 0.4, 0.7, 1.0])
-    for step in history.steps:
-        length = 1 + (SHRINK - 1) * step.time
-        pressure = STIFF * (1 / length - length)
-        for name in ("lower", "upper"):
-            table = step.result.tables[name]
-            np.testing.assert_allclose(table.pressure, pressure, rtol=1e-8)
-            assert table.rn.sum() == pytest.approx(np.pi * pressure, rel=1e-8)
-    assert len(history.steps) == 3
-    # W = mu/2 (s^2 - 1 - 2 ln s) of a bar with nu = 0, of the volume 3 pi.
-    stored = 3 * np.pi * STIFF / 2 * (SHRINK**2 - 1 - 2 * np.log(SHRINK))
-    assert history.energies.stored == pytest.approx(stored, rel=1e-8)
-    assert history.energies.dissipated == pytest.approx(0.0, abs=1e-10 * stored)
 
 
 # -- closed forms, other codes ---------------------------------------------------------------------

@@ -196,28 +196,3 @@ def test_a_die_on_a_slab_is_judged(pressed):
     # The law is that of weighted gaps: at nodes it holds up to the size of a facet.
     assert max(report[f] for f in ("penetration", "cone", "complementarity")) < 0.2
     assert report["statuses"]["open"] > 20
-
-
-@pytest.mark.verifies(
-    "sliding pairs", reference="independent code: GetFEM's raytracing", aspects=("2D",)
-)
-def test_getfem_presses_the_die_alike(pressed):
-    """The vertical force within 4 %, on coarse meshes.
-
-    Its multiplier is linear on the slab, and pushes too where no ray meets the die: there is force
-    without a counterforce at the edge of contact, by a hundredth.
-    """
-    pytest.importorskip("getfem")
-    import with_getfem
-
-    problem, u, _ = pressed
-    search = ["lsearch", "simplest", "alpha max ratio", 1.5, "alpha min", 0.2, "alpha mult", 0.6]
-    settings = {
-        "r": 1.0, "release": 0.5, "residual": 1e-8, "relative": False,
-        "solve": ["max_iter", 40, *search],
-    }  # fmt: skip
-    found, _, record = with_getfem.solve(problem, settings)
-    assert record["converged"]
-    theirs, ours = figures(problem, found), figures(problem, u)
-    assert theirs["equilibrium"] < 0.02
-    assert theirs["pressed"][0] == pytest.approx(ours["pressed"][0], rel=0.04)

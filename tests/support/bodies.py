@@ -14,6 +14,7 @@ import ufl
 from dolfinx import fem, mesh
 
 from dolfinx_contact import ContactProblem, ContactSurface, Frictionless, HalfSpace, meshing
+from dolfinx_contact.laws import FrictionLaw
 from dolfinx_contact.materials import LinearElastic
 from support.blocks import CELLS
 
@@ -275,3 +276,17 @@ def triangle(at: float = 0.0, comm: MPI.Comm = MPI.COMM_SELF) -> mesh.Mesh:
 def table_of(problem: ContactProblem) -> Any:
     """Return the table of the first surface at the state in the Functions."""
     return problem.table(problem.surfaces[0])
+
+
+@dataclass(frozen=True)
+class SlipWeakening(FrictionLaw):
+    """Friction that falls with the distance slipped, from ``static`` to ``kinetic``."""
+
+    static: Any
+    kinetic: Any
+    distance: Any
+
+    def bound(self, a: Any, p: Any) -> Any:
+        """Return the bound of the shear under the pressure ``p``."""
+        fade = ufl.exp(-a.slid / self.distance)
+        return (self.kinetic + (self.static - self.kinetic) * fade) * p

@@ -188,63 +188,6 @@ def test_critical_friction_takes_the_directions_of_a_solution():
     assert critical_friction(problem, "solution").friction == pytest.approx(-uniform.friction)
 
 
-def beside(where, law, comm=COMM):
-    """An upright body on a floor with friction, and beside it another surface: wall or floor."""
-    V = leaning(6, offset=0.0, comm=comm).V
-    u = fem.Function(V)
-    top, floor, wall = (
-        mesh.locate_entities_boundary(V.mesh, 1, marker)
-        for marker in (
-            lambda x: np.isclose(x[1], 2.0),
-            lambda x: np.isclose(x[1], 0.0) & (x[0] < (0.4 if where == "floor" else 2.0)),
-            lambda x: np.isclose(x[0], 1.0) & (x[1] > 0.3),
-        )
-    )
-    other = mesh.locate_entities_boundary(V.mesh, 1, lambda x: np.isclose(x[1], 0.0) & (x[0] > 0.6))
-    down, right = (HalfSpace((1.0, 0.0), n) for n in ((0.0, 1.0), (-1.0, 0.0)))
-    facets, obstacle = (other, down) if where == "floor" else (wall, right)
-    surfaces = [
-        ContactSurface(u, floor, obstacle=down, law=Coulomb(0.3), name="rough"),
-        ContactSurface(u, facets, obstacle=obstacle, law=law, name="smooth"),
-    ]
-    clamped = fem.dirichletbc(np.zeros(2), fem.locate_dofs_topological(V, 1, top), V)
-    young = fem.Function(fem.functionspace(V.mesh, ("DG", 0)))
-    young.interpolate(lambda x: 1.0 + 3.0 * x[0])  # no symmetry
-    energy = LinearElastic.from_young(young, 0.3).energy(u) * ufl.dx
-    return ContactProblem(energy, u, surfaces, bcs=[clamped])
-
-
-def corner(*laws):
-    """A body between a floor and a wall that hold its corner both."""
-    V = leaning(4, offset=0.0).V
-    u = fem.Function(V)
-    top, floor, wall, other = (
-        mesh.locate_entities_boundary(V.mesh, 1, marker)
-        for marker in (
-            lambda x: np.isclose(x[1], 2.0),
-            lambda x: np.isclose(x[1], 0.0),
-            lambda x: np.isclose(x[0], 1.0),
-            lambda x: np.isclose(x[0], 0.0) & (x[1] > 0.4),
-        )
-    )
-    normals = (0.0, 1.0), (-1.0, 0.0), (1.0, 0.0)
-    places = (1.0, 0.0), (1.0, 0.0), (0.0, 0.0)
-    surfaces = [
-        ContactSurface(u, facets, obstacle=HalfSpace(x, n), law=law, name=name)
-        for facets, x, n, law, name in zip(
-            (floor, wall, other),
-            places,
-            normals,
-            (*laws, Coulomb(0.3)),
-            ("floor", "wall", "other"),
-            strict=True,
-        )
-    ]
-    clamped = fem.dirichletbc(np.zeros(2), fem.locate_dofs_topological(V, 1, top), V)
-    energy = LinearElastic.from_young(1.0, 0.3).energy(u) * ufl.dx
-    return ContactProblem(energy, u, surfaces, bcs=[clamped])
-
-
 @pytest.mark.ranks(2)
 @pytest.mark.parametrize(
     "options", [["--lower", "1e9", "0.3"], ["--lower", "1e9", "0.3", "--ratio=2"]]

@@ -14,7 +14,6 @@ from dolfinx_contact.analysis import EventCurves, contact_family, solution_regio
 from dolfinx_contact.analysis.curve_search import follow_events
 
 COMM = MPI.COMM_WORLD
-SPAN = (-3.0, 3.0)
 
 
 def regions_of(n, friction, size=3.0):

@@ -9,10 +9,8 @@ import numpy as np
 import pytest
 from cases._triangle import linear_triangle, reduced
 from scipy.optimize import brentq, linprog
-from support.blocks import block
 from support.space_problems import random_stiffness
 
-from dolfinx_contact import Coulomb
 from dolfinx_contact.algorithms import PointProblem
 from dolfinx_contact.analysis import critical_friction, wedging_friction
 from dolfinx_contact.analysis.wedging import wedging_of
@@ -188,17 +186,6 @@ def load_over_force(friction, points, closed):
     # S a = r + p with a = free z, r = at z.
     z = np.linalg.solve(points.S @ free - at, points.p)
     return 1 / z[1::2][closed].sum()
-
-
-def test_a_body_in_space():
-    """Bounds from both sides; with more sides they are nearer."""
-    problem = block(n=1, cell="tet", law=Coulomb(0.3))
-    few, many = (wedging_friction(problem, sides=sides) for sides in (8, 24))
-    assert few.complete
-    assert many.complete
-    assert few.lower <= many.lower * (1 + 1e-6)
-    assert many.friction <= few.lower / np.cos(np.pi / 8) * (1 + 1e-6)
-    assert many.lower <= many.friction <= many.lower / np.cos(np.pi / 24) * (1 + 1e-6)
 
 
 @serial

@@ -22,8 +22,6 @@ from dolfinx_contact import (
     HalfSpace,
     NormalCompliance,
     ParametricContact,
-    Sphere,
-    Tresca,
     records,
 )
 from dolfinx_contact.continuation import Piece, StepControl, find_solutions, follow
@@ -208,57 +206,6 @@ def test_gamma_must_be_a_scalar_constant():
     with pytest.raises(ValueError, match="gamma does not appear in H"):
         follow(absent, x, 0.0, gamma_range=(0.0, 1.0), control=StepControl())
     assert isinstance(system.piece_at(x, 0.5), Piece)
-
-
-@pytest.mark.parametrize("cell", ["tri", pytest.param("tet", marks=pytest.mark.long)])
-@pytest.mark.verifies(
-    "Tresca",
-    "spheres",
-    "branches",
-    reference="itself: solves at points of the branch",
-    aspects=(
-        "2D",
-        "3D",
-        "branches",
-    ),
-)
-def test_a_friction_bound_acts_on_open_points_along_a_branch(cell):
-    """Tresca's law over a ball: every point of the branch is a solution of the whole problem."""
-    dim = 2 if cell == "tri" else 3
-    domain = box(COMM, 6 if dim == 2 else 3, cell)
-    V = fem.functionspace(domain, ("Lagrange", 1, (dim,)))
-    u = fem.Function(V)
-    moved = fem.Function(V)
-    gamma = fem.Constant(domain, 0.0)
-    centre = np.array([*[0.5] * (dim - 1), -3.0])
-    surface = ContactSurface(
-        u, facets(domain, dim - 1, 0.0), obstacle=Sphere(centre, 2.999), law=Tresca(5.0)
-    )
-    held = fem.dirichletbc(
-        moved, fem.locate_dofs_topological(V, dim - 1, facets(domain, dim - 1, 1.0))
-    )
-    energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx
-    problem = ContactProblem(energy, u, [surface], bcs=[held])
-    way = ufl.as_vector([0.02 * gamma, *[0.0 * gamma] * (dim - 2), -0.02 * gamma])
-    system = ParametricContact(problem, gamma, driven=[(moved, way)])
-    problem.solve()
-    x = system.create_vector()
-    problem.write(x)
-    branch = follow(system, x, 0.0, gamma_range=(0.0, 1.0))
-    assert branch.points[-1].gamma == 1.0
-    seen = set()
-    for point in branch.points[1::4]:
-        seen |= set(system.letters(point.piece))
-        assert system.piece_of(system.letters(point.piece)).codes.tolist() == (
-            point.piece.codes.tolist()
-        )
-        followed = system.result_at(point).tables["contact"]
-        solved = problem.solve().tables["contact"]
-        np.testing.assert_allclose(
-            followed.force, solved.force, atol=1e-7 * np.abs(solved.force).max()
-        )
-    assert seen & set("KPMS")
-    assert seen & set("k+-s")
 
 
 def test_a_singular_piece_and_a_continuum():

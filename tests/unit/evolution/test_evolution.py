@@ -25,7 +25,6 @@ from dolfinx_contact.continuation import follow
 from dolfinx_contact.evolution import NoContinuation, QuasiStatic
 from dolfinx_contact.evolution.step_branch import rays_of_step
 from dolfinx_contact.materials import NeoHookean, lame
-from dolfinx_contact.points.memory import Memory
 
 COMM = MPI.COMM_WORLD
 
@@ -66,52 +65,6 @@ def test_the_path_of_two_blocks(case):
             np.testing.assert_allclose(found[key], wanted[key], rtol=0, atol=1e-9 * scale)
         off = step.energies.dissipated - wanted["dissipation"]
         assert abs(off) < 1e-9 * path[-1]["dissipation"]
-
-
-@pytest.mark.ranks(2)
-@pytest.mark.parametrize(
-    ("cell", "given"),
-    [
-        ("tri", {}),
-        ("quad", {"method": "mixed"}),
-        ("tri", {"degree": 2}),
-        ("hex", {"n": 2}),
-        ("tet", {"n": 2, "method": "mixed"}),
-        ("tet", {"n": 2, "method": "integral"}),
-    ],
-)
-@pytest.mark.verifies(
-    "quasi-static",
-    "Coulomb",
-    reference="itself: the step from where nothing has slid",
-    aspects=(
-        "2D",
-        "3D",
-    ),
-)
-def test_what_has_slid_as_a_whole(cell, given):
-    """A body that was moved along the floor is where the law of the step begins."""
-    away = np.array([0.3, *([-0.2] if cell in ("tet", "hex") else []), 0.0])
-    way = np.array([0.006, *([0.001] if cell in ("tet", "hex") else []), -0.01])
-    tables = []
-    displacements = []
-    for start in (np.zeros_like(away), away):
-        problem, top = dragged(cell, **given)
-        (surface,) = problem.surfaces
-        problem = problem.with_memory([Memory(np.tile(start, (surface.points.number, 1)))])
-        put(top, start + way)
-        put(problem.u, start)
-        result = problem.solve()
-        assert result.counts["slip"] > 0
-        tables.append(result.tables["contact"])
-        put(top, start)
-        displacements.append(problem.u.x.array - top.x.array)
-    force = np.abs(tables[0].force).max()
-    np.testing.assert_allclose(tables[0].force, tables[1].force, rtol=0, atol=1e-9 * force)
-    np.testing.assert_allclose(*displacements, rtol=0, atol=1e-10)
-    assert tables[0].status == tables[1].status
-    np.testing.assert_allclose(tables[1].ut - tables[0].ut, np.tile(away, (len(tables[0].ut), 1)))
-    np.testing.assert_allclose(tables[1].increment, tables[0].ut, rtol=0, atol=1e-10)
 
 
 @pytest.mark.parametrize("algorithm", ["tresca", "gauss-seidel", "lemke", "interior-point"])

@@ -389,46 +389,6 @@ def branch(folder):
     return folder / "branch"
 
 
-def test_arguments_that_do_not_fit(branch, folder):
-    file = folder / "page.html"
-    for more, message in [
-        (dict(file=folder / "page.pdf"), "the file name must end in .html"),
-        (dict(curves=[1]), "curves belong to charts"),
-        (
-            dict(units={"mass": "kg"}),
-            "the quantity of a unit must be one of length, force, stress; got .mass",
-        ),
-        (dict(error=0.0), "error must be a number from"),
-        (dict(error=float("nan")), "error must be a number from"),
-        (dict(counts=[3]), "results of find_solutions"),
-        (dict(labels={"nothing": "x"}), "there is no column 'nothing'; columns: gam"),
-    ]:
-        with pytest.raises(ValueError, match=message):
-            explorer(**{"file": file, "record": branch} | more)
-    for count in (
-        dict(gamma=np.nan, count=1),
-        dict(gamma=0.0, count=-1),
-        dict(gamma=0.0, count=1.5),
-    ):
-        with pytest.raises(ValueError, match="count"):
-            SolutionCount(**count, proved=True)
-    if COMM.size > 1:
-        with pytest.raises(ValueError, match="title differs between ranks"):
-            explorer(file, branch, title=f"rank {COMM.rank}")
-    assert not file.exists()
-    with pytest.raises(FileNotFoundError, match="is not a record"):
-        explorer(file, folder / "nowhere")
-    with pytest.raises(OSError, match="nowhere"):
-        explorer(folder / "nowhere" / "page.html", branch)
-    explorer(file, branch)
-    if COMM.rank == 0:
-        meta = read(file).meta
-        assert meta["body"] is None
-        assert any("record with surface_displacement=True" in note for note in meta["notes"])
-        assert [p.name for p in folder.glob("*.html")] == ["page.html"]
-    COMM.barrier()
-
-
 @pytest.mark.ranks(2)
 def test_records_that_are_damaged(folder):
     system, functionals = moved_block(COMM)

@@ -6,7 +6,6 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from support.blocks import same_tables
 from support.recorded_evolution import pair
 from support.vtk_files import number_of_colours
 
@@ -102,36 +101,6 @@ def test_numbers_in_a_record(folder):
     assert [s.number for s in history.steps] == [2, 3]
     assert [row["step"] for row in records.read_journal(folder).rows()] == [1, 2, 3]
     assert np.all(np.diff([s.time for s in history.steps]) > 0)
-
-
-@pytest.mark.ranks(2)
-@pytest.mark.verifies(
-    "records of histories",
-    reference="itself: the tables of the steps",
-    aspects=(
-        "2D",
-        "pairs",
-        "records",
-    ),
-)
-def test_tables_of_any_step(folder):
-    """They are those that the step had; the problem stays as it is."""
-    evolution = pair(COMM, n=2)
-    problem = evolution.problem
-    with EvolutionRecord(folder / "record", evolution) as record:
-        history = evolution.run(TIMES, record=record)
-        before = [f.x.array.copy() for f in problem.fields]
-        now = problem.table(problem.surfaces[0])
-        for step in (history.steps[1], history.steps[-1]):
-            found = problem.table(problem.surfaces[0], state=record.state(step.number))
-            same_tables(found, step.result.tables["contact"], 1e-10)
-        for values, f in zip(before, problem.fields, strict=True):
-            np.testing.assert_array_equal(values, f.x.array)
-        assert problem.table(problem.surfaces[0]).status == now.status
-        assert evolution.run([3.0, 4.0], record=record).complete
-        for bad in (-1, 99, 1.5, None):
-            with pytest.raises(ValueError, match="are recorded, not"):
-                record.state(bad)
 
 
 @pytest.fixture(scope="module")

@@ -1,7 +1,5 @@
 """The laws of Coulomb and Tresca on numpy arrays are those of their UFL."""
 
-from mpi4py import MPI
-
 import numpy as np
 import pytest
 from support.blocks import block
@@ -12,7 +10,6 @@ from dolfinx_contact import Coulomb, Frictionless, ParametricContact, Tresca
 from dolfinx_contact.laws import coulomb
 from dolfinx_contact.laws.status import MINUS, OPEN, PLUS, STICK
 
-COMM = MPI.COMM_WORLD
 LAWS = [Coulomb(0.7), Frictionless(), Tresca(2.0)]
 
 

@@ -257,26 +257,6 @@ def test_slip_on_one_of_them(groups):
         np.testing.assert_allclose(np.abs(result.tables[f"arm {tag}"].ut[:, 0]), 0.03, rtol=1e-9)
 
 
-def test_the_order_of_the_pairs_and_their_sides_do_not_matter():
-    """Sheared stick: with a multiplier at the crossing the matrix was singular."""
-
-    def answer(**options):
-        body = crossing(CROSS, reach=1.0, cells=4)
-        u = displacement(body)
-        given = fem.Function(u.function_space)
-        order = options.pop("order", CROSS)
-        pairs = pairs_of(u, body, order, Coulomb(2.0), **options)
-        given.interpolate(lambda x: np.array([-0.01 * x[0] + 0.004 * x[1], -0.02 * x[1] ** 3]))
-        tables = driven(u, body, pairs, given).solve().tables
-        return {name: (t.pressure, np.linalg.norm(t.shear, axis=1)) for name, t in tables.items()}
-
-    reference = answer()
-    for options in ({"order": (3, 1, 4, 2)}, {"order": (4, 3, 2, 1), "exchanged": (1, 4)}):
-        other = answer(**options)
-        for name, found in reference.items():
-            np.testing.assert_allclose(other[name], found, atol=1e-9 * np.max(found[0]))
-
-
 @pytest.mark.ranks(2)
 def test_what_nobody_can_take():
     """Arms of one facet from the crossing to where they end in the body."""

@@ -14,8 +14,6 @@ from dolfinx_contact import (
     ContactProblem,
     ContactSurface,
     Coulomb,
-    Cylinder,
-    Frictionless,
     HalfSpace,
     LevelSet,
     RigidBody,
@@ -32,7 +30,6 @@ FLOOR = HalfSpace((0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
 BALL = Sphere((0.0, 0.0, -20.0), 20.0)
 #: The half-space again, as a shape of which nothing but a function is known.
 PLANE = LevelSet(lambda x: x[2])
-DRUM = Cylinder((0.0, 0.0, -2.0), (0.0, 1.0, 0.0), 2.0)
 
 
 class Disc:
@@ -220,21 +217,6 @@ def on_a_body(sliding, together=0.0):
 @pytest.mark.verifies(
     "rigid bodies",
     "Coulomb",
-    reference="closed form: an angle, and the torque of the pressures that are found",
-    aspects=("3D", "large sliding"),
-)
-def test_a_rigid_body_that_spins():
-    """Below a disc that is held: what counts is the spin of both over each other."""
-    disc, steps = on_a_body("large")
-    assert spin(steps[-1]) == pytest.approx(60.0, rel=1e-2)
-    assert "spin of 'contact'" in steps[-1].result.warnings
-    torque, bound = torques(disc)
-    assert torque / bound == pytest.approx(np.cos(np.radians(30.0)), rel=5e-3)
-
-
-@pytest.mark.verifies(
-    "rigid bodies",
-    "Coulomb",
     reference="theorem: nothing slips where both turn as one",
     aspects=("3D", "large sliding"),
 )
@@ -244,60 +226,3 @@ def test_what_turns_together_does_not_spin():
     assert spin(last) < 1e-6
     assert not last.result.warnings
     assert last.energies.dissipated == pytest.approx(before.energies.dissipated, abs=1e-10)
-
-
-@pytest.mark.verifies(
-    "cylinders",
-    "spheres",
-    "Coulomb",
-    "Signorini",
-    reference="closed form: great circles",
-    aspects=("3D", "large sliding"),
-)
-@pytest.mark.parametrize("kind", ["around a ball", "around a drum", "frictionless"])
-def test_what_is_no_spin(kind):
-    """Normals that turn with an obstacle, by 50 degrees, and a spin in which nothing rubs."""
-    small = Sphere((0.0, 0.0, -3.0), 3.0)
-    obstacle, about, axis, law = {
-        "around a ball": (small, (0.0, 0.0, -3.0), (0.6, 0.8, 0.0), None),
-        "around a drum": (DRUM, (0.0, 0.0, -2.0), (0.0, 1.0, 0.0), None),
-        "frictionless": (FLOOR, (0.0, 0.0, 0.0), (0.0, 0.0, 1.0), Frictionless()),
-    }[kind]
-    disc = Disc(obstacle, law=law)
-
-    def load(t):
-        turn = np.radians(50.0) * max(t - 1.0, 0.0)
-        disc.move(turn * np.array(axis), 0.03 * min(t, 1.0), about)
-
-    before, last = disc.run(load)[-2:]
-    assert last.time - before.time > 0.7
-    assert spin(last) < 2.0
-    assert (last.energies.dissipated > 1e-4) == (kind != "frictionless")
-
-
-@pytest.mark.verifies(
-    "cylinders",
-    "rigid bodies",
-    "Coulomb",
-    reference="closed form: a circle",
-    aspects=("3D", "large sliding"),
-)
-def test_a_drum_that_turns_does_not_spin():
-    """About its own axis, by 50 degrees below a disc that is held."""
-    turned = {}
-
-    def drum(domain):
-        turned["ry"] = fem.Constant(domain, 0.0)
-        held = ["x", "y", "z", "rx", "rz"]
-        return RigidBody(DRUM, about=(0.0, 0.0, -2.0), motion=turned, held=held)
-
-    disc = Disc(drum, sliding="large")
-
-    def load(t):
-        turned["ry"].value = np.radians(50.0) * max(t - 1.0, 0.0)
-        disc.move(down=0.03 * min(t, 1.0))
-
-    before, last = disc.run(load)[-2:]
-    assert last.time - before.time > 0.7
-    assert last.energies.dissipated > 1e-4
-    assert spin(last) < 2.0

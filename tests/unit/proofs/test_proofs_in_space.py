@@ -1,7 +1,5 @@
 """All solutions of reduced problems in space: what is proved, and what the checker takes."""
 
-import decimal
-
 from mpi4py import MPI
 
 import numpy as np
@@ -28,9 +26,6 @@ from dolfinx_contact.proofs import (
 )
 from dolfinx_contact.proofs.check_proof import (
     IN_SLIP,
-    OF_RN,
-    OF_S,
-    OF_UN,
 )
 
 pytestmark = pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="numpy alone, one process")
@@ -152,40 +147,6 @@ def several(number, seed=3, mixed=False):
         if states:
             yield problem, states, rng
             number -= 1
-
-
-def exactly(problem, region, b, y, i, kind, ends):
-    """h of a cell of a point with friction, in decimals."""
-    D = decimal.Decimal
-    most = [[D(float(v)) for v in row] for row in region.most]
-    b, y = b[3 * i : 3 * i + 3], [D(float(v)) for v in y[3 * i : 3 * i + 3]]
-    F = D(float(problem.friction[i]))
-    if kind == 0:
-        parts = [min(-b[c] * most[2 * c][i], b[c] * most[2 * c + 1][i]) for c in (0, 1)]
-        return sum(parts) + min(D(0), b[2] * most[OF_UN][i])
-    size = (y[0] ** 2 + y[1] ** 2).sqrt()
-    if kind == 1:
-        return min(D(0), (-y[2] - F * size) * most[OF_RN + 2][i])
-    found = []
-    rays = [exact_ray(D(float(q)) % 4) for q in ends]
-    for s in (max(-most[OF_S][i], D(0)), most[OF_S + 1][i]):
-        for rn in (max(-most[OF_RN][i], D(0)), most[OF_RN + 1][i]):
-            v = [s * b[c] + F * rn * y[c] for c in (0, 1)]
-            (x0, y0), (x1, y1) = rays
-            inside = x0 * -v[1] + y0 * v[0] >= 0 and -v[0] * y1 + v[1] * x1 >= 0
-            least = -((v[0] ** 2 + v[1] ** 2).sqrt())
-            if not inside:
-                least = min((v[0] * p + v[1] * q) / (p * p + q * q).sqrt() for p, q in rays)
-            found.append(least - rn * y[2])
-    return min(found)
-
-
-def exact_ray(q):
-    if q <= 1:
-        return 1 - q, q
-    if q <= 2:
-        return 1 - q, 2 - q
-    return q - 3, (2 - q if q <= 3 else q - 4)
 
 
 # -- degenerate problems, data with errors ---------------------------------------------------------

@@ -16,7 +16,6 @@ from dolfinx_contact import (
     ContactProblem,
     ContactSurface,
     Coulomb,
-    Cylinder,
     Frictionless,
     HalfSpace,
     LevelSet,
@@ -25,7 +24,6 @@ from dolfinx_contact import (
 from dolfinx_contact.body.cells import smallest_jacobian
 from dolfinx_contact.laws import status
 from dolfinx_contact.materials import LinearElastic, StVenantKirchhoff
-from dolfinx_contact.obstacles import Obstacle
 
 COMM = MPI.COMM_WORLD
 
@@ -95,38 +93,6 @@ def test_sliding_on_a_disc_is_measured(method, slide, log):
         assert "use sliding='large'" in result.warnings["misfit of 'contact'"]
 
 
-@pytest.mark.ranks(2)
-@pytest.mark.verifies(
-    "misfit and det F",
-    reference="itself: other ways to the same obstacle",
-    aspects=(
-        "2D",
-        "3D",
-    ),
-)
-@pytest.mark.verifies("level sets", reference="itself: the disc", aspects=("2D",))
-@pytest.mark.verifies("cylinders", reference="itself: the disc", aspects=("3D",))
-def test_misfit_of_other_obstacles(log):
-    """Zero where nothing curves; the same by a level set; by Gauss points; in 3D."""
-    dragged = {"n": 4, "cell": "tri", "top": (0.2, -0.02)}
-    assert block(**dragged).solve().misfit == 0.0
-    plane = LevelSet(lambda x: 3.0 * x[1])
-    assert 0 <= block(**dragged, obstacle=plane).solve().misfit < 1e-15
-    disc = block(**dragged, obstacle=Sphere((0.4, -3.0), 3.0)).solve().misfit
-    level = LevelSet(lambda x: ufl.sqrt((x[0] - 0.4) ** 2 + (x[1] + 3.0) ** 2) - 3.0)
-    assert disc > 1e-3
-    assert block(**dragged, obstacle=level).solve().misfit == pytest.approx(disc, rel=1e-9)
-    fine = block(**dragged, degree=2, obstacle=Sphere((0.4, -3.0), 3.0)).solve().misfit
-    assert fine == pytest.approx(disc, rel=0.1)
-    across = Cylinder((0.4, 0.0, -3.0), (0.0, 1.0, 0.0), 3.0)
-    solid = block(n=3, cell="hex", top=(0.2, 0.0, -0.02), obstacle=across).solve().misfit
-    assert solid == pytest.approx(disc, rel=0.2)
-    # Along its axis a cylinder is as flat as a plane.
-    along = Cylinder((0.0, 0.4, -3.0), (1.0, 0.0, 0.0), 3.0)
-    result = block(n=3, cell="hex", top=(0.2, 0.0, -0.02), obstacle=along, law=Coulomb(0.0))
-    assert result.solve().misfit < 0.05 * solid
-
-
 def test_open_points_in_the_obstacle_are_found(log):
     """Dragged over the bump of a level set, points that the law has open are inside it."""
     bump = LevelSet(lambda x: x[1] + 0.02 - 0.1 * ufl.exp(-(((x[0] - 1.6) / 0.2) ** 2)))
@@ -134,38 +100,6 @@ def test_open_points_in_the_obstacle_are_found(log):
     assert result.counts["open"] == 5
     assert result.misfit == pytest.approx(0.08, rel=0.01)
     assert said(log, "misfit of 'contact'")
-
-
-class Reference(Obstacle):
-    """A user's disc, known where the body is not displaced."""
-
-    def on(self, domain):
-        return Sphere((0.4, -3.0), 3.0).on(domain)
-
-
-class Turned(HalfSpace):
-    """A user's own plane, which says nothing of displaced points."""
-
-    def on(self, domain):
-        gap, normal = super().on(domain)
-        return 1.0 * gap, 1.0 * normal
-
-
-class Own(Obstacle):
-    def at(self, domain, x):
-        return Sphere((0.4, -3.0), 3.0).at(domain, x)
-
-
-def test_obstacles_of_users(log):
-    dragged = {"n": 4, "cell": "tri", "top": (0.2, -0.02)}
-    disc = block(**dragged, obstacle=Sphere((0.4, -3.0), 3.0)).solve()
-    log.clear()
-    result = block(**dragged, obstacle=Reference()).solve()
-    assert result.misfit is None
-    np.testing.assert_array_equal(result.tables["contact"].un, disc.tables["contact"].un)
-    assert not said(log, "misfit")
-    assert block(**dragged, obstacle=Own()).solve().misfit == disc.misfit
-    assert block(**dragged, obstacle=Turned((0, 0), (0, 1))).solve().misfit == 0.0
 
 
 # -- det F ---------------------------------------------------------------------------------------

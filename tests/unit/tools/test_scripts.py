@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from cases._case import ScriptParser, number
 from cases._hertz import Hertz
-from cases._plots import draw_maps
 from support.blocks import block, box, facets
 
 import ufl
@@ -22,7 +21,6 @@ from dolfinx_contact import (
     HalfSpace,
     ParametricContact,
     io,
-    plot,
     records,
 )
 from dolfinx_contact.continuation import Branch, follow, follower_for, points_at
@@ -161,29 +159,6 @@ def test_points_of_a_branch_at_one_gamma(route):
 
 
 # -- pictures and tables -------------------------------------------------------------------------
-
-
-def big(path):
-    return path.stat().st_size > 8_000
-
-
-def test_pictures_of_curves_and_regions(folder):
-    if COMM.rank > 0:  # drawn on one
-        return
-    x = np.linspace(0.1, 1.0, 30)
-    axes = plot.draw_curves(folder / "a.png", {"y": (x, x**2)}, marks={"m": (x[:3], x[:3])})
-    assert big(folder / "a.png")
-    assert [line.get_label() for line in axes.lines] == ["y", "m"]
-    cells = [["a", "b"], ["b", "a"], ["a", "a"]]
-    names = {"a": "first", "b": "second", "c": "third"}
-    lines = [(([0, 1], [0, 1]), "c")]
-    assert big(draw_maps(folder / "c.png", x[:3], x[:2], {"map": cells}, names, lines=lines))
-    for wrong in ({}, {"y": (x, x[:2])}):
-        with pytest.raises(ValueError, match=r"nothing to draw|abscissae"):
-            plot.draw_curves(folder / "d.png", wrong)
-    with pytest.raises(KeyError, match="b"):
-        draw_maps(folder / "d.png", x[:3], x[:2], {"map": cells}, {"a": "first"})
-    assert not (folder / "d.png").exists()
 
 
 @pytest.mark.ranks(2)
