@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Contact terms of the Jacobian where faces slide over each other.
+r"""Contact terms of the Jacobian for faces that slide over each other.
 
-With the displacements u, the vectors m(u) of which normals are made, and the multipliers l, the
-contact terms of H depend on (u, m, l), so that with D = dm/du
+The contact terms of H depend on the displacements u, the vectors m(u) from which the normals are
+computed, and the multipliers l. With D = dm/du the terms of the Jacobian are
 
     S = S_u + S_m D,
 
-S_u on all unknowns, S_m from the vectors m. The pattern is that of all candidates, which changes
-with a search alone (`points.sliding`).
+where S_u is the derivative by u and l, and S_m that by m. The pattern contains all candidates and
+changes only with a search (`points.sliding`).
 """
 
 from __future__ import annotations
@@ -34,24 +34,24 @@ Indices = npt.NDArray[np.int64]
 
 
 class Numbering(Protocol):
-    """Places of dofs among all unknowns."""
+    """Numbering of the unknowns."""
 
     def places(self, field: int, nodes: Indices) -> Indices:
-        """Of global nodes (..., dim), -1 of those that are fixed. Collective."""
+        """Return places (..., dim) of the dofs of global nodes, -1 for fixed dofs. Collective."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Block:
-    """Blocks of entries, rows and columns (n, k, dim) by their places.
+    """Blocks of entries; rows and columns (n, k, dim) are places.
 
-    Negative places count for nothing.
+    Negative places are ignored.
     """
 
     rows: Indices
     columns: Indices
 
     def add(self, values: Array, A: PETSc.Mat) -> None:
-        """Add values (n, rows, dim, columns, dim) to ``A``, which is to be assembled after it.
+        """Add values (n, rows, dim, columns, dim) to ``A``; the caller assembles ``A``.
 
         Not collective.
         """
@@ -64,10 +64,10 @@ class _Block:
         )
 
     def pattern(self) -> tuple[Indices, Indices]:
-        """Row and column of every entry once, but for fixed ones: blocks of nodes."""
+        """Return rows and columns of all entries without repetition and without fixed dofs."""
         n, r, d = self.rows.shape
         c = self.columns.shape[1]
-        # A node is known by the last of its places.
+        # The last place of a node identifies it.
         row = np.broadcast_to(self.rows.max(axis=2)[:, :, None], (n, r, c)).reshape(-1)
         column = np.broadcast_to(self.columns.max(axis=2)[:, None], (n, r, c)).reshape(-1)
         known = np.flatnonzero((row >= 0) & (column >= 0))
@@ -81,16 +81,18 @@ class _Block:
 
 @dataclass(frozen=True, eq=False)
 class _Pieces:
-    """Derivatives at pieces of the faces, with a corners of the slave's facet, b of the master's.
+    """Derivatives at p pieces of the faces; facets have a corners (slave) and b nodes (master).
 
     Attributes:
-        facet: of the slave (p,).
-        nodes: global, of the master's facets (p, b).
-        mirrors: 1, or -1 along axes across which these are images of them (p, dim).
-        coupling: of forces with multipliers, on the slave first (p, a + b, a).
-        on_master: of forces by u of the slave, m, and u of the master (p, b, dim, c, dim).
-        of_law: of contact rows by these (p, a, dim, c, dim).
-        means: of contact rows by the tractions around (p, a, a).
+        facet: facets of the slave (p,).
+        nodes: global nodes of the facets of the master (p, b).
+        mirrors: -1 along axes across which the master facet is a mirror image, otherwise 1
+            (p, dim).
+        coupling: forces on slave and master by the multipliers (p, a + b, a).
+        on_master: forces on the master by u of the slave, m, and u of the master
+            (p, b, dim, c, dim).
+        of_law: contact rows by the same (p, a, dim, c, dim).
+        means: contact rows by the neighbouring tractions (p, a, a).
     """
 
     facet: Indices
@@ -117,12 +119,12 @@ class _Pieces:
 
 
 class SlidingTerms:
-    """The terms of one surface. Collective, as its methods are.
+    """The terms of one surface. Collective, like its methods.
 
     Args:
-        equations: the contact problem.
-        number: of the surface.
-        numbering: of the unknowns.
+        equations: contact problem.
+        number: number of the surface.
+        numbering: numbering of the unknowns.
     """
 
     def __init__(self, equations: ContactEquations, number: int, numbering: Numbering):
@@ -148,11 +150,11 @@ class SlidingTerms:
 
     @property
     def changed(self) -> bool:
-        """Whether there has been a search since the pattern was set up that it depends on."""
+        """Whether a search has changed the candidates since the pattern was set up."""
         return self._faces.whole is None and self._searches != self._faces.searches
 
     def set_up(self) -> list[Entries]:
-        """Make matrices with the pattern of the candidates; places of the entries of S."""
+        """Create matrices with the pattern of the candidates and return the entries of S."""
         self.destroy()
         n = self._size
         m = self._dim * self._points.number
@@ -201,7 +203,7 @@ class SlidingTerms:
     # -- parts -----------------------------------------------------------------------------------
 
     def _at(self, state: ContactState, operator: SlidingOperator) -> tuple[_Pieces, Array, Array]:
-        """Derivatives at pieces, and at vertices of contact rows by l and m there."""
+        """Return derivatives at pieces, and derivatives of contact rows by l and m at vertices."""
         facing = operator.facing
         faces = self._faces
         n = operator.number
@@ -247,7 +249,7 @@ class SlidingTerms:
         return pieces, of_traction[:, None, :, None], of_normal[:, None, :, None]
 
     def _blocks(self, facet: Indices, nodes: Indices) -> tuple[list[_Block], list[_Block]]:
-        """Blocks of S_u and of S_m, of pieces on facets of the slave with nodes of the master."""
+        """Return blocks of S_u and S_m for pieces on slave facets with nodes of the master."""
         mine = self._slave[facet]
         multipliers = self._multipliers[facet]
         vectors = self._vectors[facet]
@@ -270,7 +272,7 @@ class SlidingTerms:
     def _values(
         self, at: _Pieces, of_traction: Array, of_normal: Array
     ) -> tuple[list[Array], list[Array]]:
-        """Values of the blocks."""
+        """Return the values of the blocks."""
         k = self._slave.shape[1]
         moved = [*range(k), *range(2 * k, 2 * k + at.nodes.shape[1])]
         turned = slice(k, 2 * k)
@@ -302,19 +304,19 @@ class SlidingTerms:
 
     @property
     def _turned(self) -> _Block:
-        """The block of D: vectors of the corners of facets by these."""
+        """Block of D: vectors at the corners of facets by the displacements there."""
         return _Block(self._vectors, self._slave)
 
 
 def _of_law(facing: Facing, by_gap: Array, by_slip: Array, places: Array, gaps: Array) -> Array:
-    """Derivatives of the contact rows of corners (p, a, dim, c, dim) at pieces.
+    """Return derivatives of the contact rows of corners (p, a, dim, c, dim) at pieces.
 
     Args:
-        facing: the pieces.
+        facing: pieces.
         by_gap: derivatives of the rows by the gap of the node (p, a, dim).
-        by_slip: by its slip (p, a, dim, dim).
+        by_slip: derivatives of the rows by the slip of the node (p, a, dim, dim).
         places: derivatives of the places of the rays (p, q, dim - 1, c, dim).
-        gaps: of their gaps (p, q, c, dim).
+        gaps: derivatives of the gaps of the rays (p, q, c, dim).
     """
     p, q, e, c, dim = places.shape
     a = by_gap.shape[1]
@@ -327,11 +329,11 @@ def _of_law(facing: Facing, by_gap: Array, by_slip: Array, places: Array, gaps: 
 
 
 def _on_master(facing: Facing, tractions: Array, places: Array) -> Array:
-    """Derivatives of the forces on the master (p, b, dim, c, dim) by where the rays meet it.
+    """Return derivatives of the forces on the master (p, b, dim, c, dim) by places of the rays.
 
     Args:
-        facing: the pieces.
-        tractions: at the points, times their areas (p, q, dim).
+        facing: pieces.
+        tractions: tractions at the points times their areas (p, q, dim).
         places: derivatives of the places of the rays (p, q, dim - 1, c, dim).
     """
     p, q, e, c, dim = places.shape
@@ -342,7 +344,7 @@ def _on_master(facing: Facing, tractions: Array, places: Array) -> Array:
 
 
 def _pattern(A: PETSc.Mat) -> Entries:
-    """The entries of a matrix."""
+    """Return the entries of a matrix."""
     indptr, columns, _ = A.getValuesCSR()
     first, last = A.getOwnershipRange()
     rows = np.repeat(np.arange(first, last, dtype=np.int64), np.diff(indptr))

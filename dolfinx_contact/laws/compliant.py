@@ -196,7 +196,7 @@ class Regularised(_AroundFriction):
         friction: the law that is regularised; its radius b of the friction disc.
         width: eps > 0 of the static law, a length: x = |u_t|/eps. A number, a Constant, a Function
             or a UFL expression.
-        shape: of phi: ``"tanh"``, tanh(x); ``"sqrt"``, x/sqrt(1 + x^2), the slope of
+        shape: function phi: ``"tanh"``, tanh(x); ``"sqrt"``, x/sqrt(1 + x^2), the slope of
             sqrt(|u_t|^2 + eps^2); ``"polynomial"``, (3 x - x^3)/2 up to x = 1, then 1;
             ``"linear"``, x up to 1, then 1.
         speed: eps > 0 in a history, a velocity: x = |du_t|/(eps dt) in a step of the length dt. The
