@@ -193,9 +193,9 @@ def _of_surface(
     stuck = senses(found.statuses) == STICK
     # The shear residual of a slipping point divided by r is a length, too: the error of the slip
     # direction. Friction may hold an open point.
-    unit = points.data.r * area
+    units = points.data.r * area
     length, size, force = _largest(
-        (np.where(touching, along, 0.0) / unit, np.where(touching | stuck, across, 0.0) / unit),
+        (np.where(touching, along, 0.0) / units, np.where(touching | stuck, across, 0.0) / units),
         (np.where(touching, 0.0, along), np.where(stuck, 0.0, across)),
         (found.traction * area[:, None],),
     )

@@ -348,13 +348,13 @@ def strategies(
         fallbacks.append((_BONDS, ways.releasing_bonds))
     pivoting = "pivoting", ways.pivoting
     line_search = "line search", ways.newton("bt")
-    increments = _INCREMENTS, ways.load_increments
+    loading = _INCREMENTS, ways.load_increments
     following = "load following", ways.load_following
     if not eq.linear:
-        fallbacks += [increments, line_search, pivoting, following]
+        fallbacks += [loading, line_search, pivoting, following]
     else:
         lemke = [("Lemke's method", ways.lemke)] if eq.dim == 2 else []
-        fallbacks += [pivoting, line_search, *lemke, increments, following]
+        fallbacks += [pivoting, line_search, *lemke, loading, following]
     if not weak:
         fallbacks = [(name, ways.with_automatic_r(run)) for name, run in fallbacks]
     return found + fallbacks
