@@ -297,18 +297,14 @@ class ContactPoints(ABC):
         return PointData(normal, gap, np.zeros(self.number), fields_of(values)), aside
 
     def _averaged(self, average: Evaluator | None, offset: Array, normal: Array) -> Array | None:
-        """Return averages of an offset known at the points (n, dim); None without averages."""
-        if average is None and self._shared is None:
-            return None
-        if average is not None:
-            offset = self._mean_offset(average)
-            if self.removed_overlap is not None:
-                offset = offset + self.removed_overlap.x.array[: self.number, None] * normal
-        return offset if self._shared is None else multiplied(self._shared, offset)
+        """Return averages of an offset along the normals; None without averages. Collective.
 
-    def _mean_offset(self, evaluate: Evaluator) -> Array:
-        """Return weighted means of an offset (n, dim), in the mixed method. Collective."""
-        raise NotImplementedError
+        Args:
+            average: evaluator of the offset in the mixed method; None in the others.
+            offset: offset at the points, shape (n, dim).
+            normal: normals, or their rates, shape (n, dim).
+        """
+        return None if self._shared is None else multiplied(self._shared, offset)
 
     def set_augmentation(self, r: Array) -> None:
         """Set r at the local vertices."""

@@ -142,8 +142,12 @@ class AveragedPoints(NodePoints):
         self._gauss.destroy()
         return self._each_alone(*rows)
 
-    def _mean_offset(self, evaluate: Evaluator) -> Array:
-        return multiplied(self._means, evaluate()["offset"][: self._gauss.number])
+    def _averaged(self, average: Evaluator | None, offset: Array, normal: Array) -> Array | None:
+        assert average is not None
+        means = multiplied(self._means, average()["offset"][: self._gauss.number])
+        if self.removed_overlap is not None:
+            means = means + self.removed_overlap.x.array[: self.number, None] * normal
+        return means if self._shared is None else super()._averaged(None, means, normal)
 
     def destroy(self) -> None:
         super().destroy()
