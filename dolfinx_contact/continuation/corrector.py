@@ -271,7 +271,8 @@ class Corrector:
         b = self.bordered
         solver = b.solver
         tolerance = self.control.tolerance
-        PETSc.garbage_cleanup(b.comm)
+        if b.comm.size > 1:
+            PETSc.garbage_cleanup(b.comm)
         keep = keep and self._may_use_chords
         matrices = self._matrices = _Matrices(from_before=keep, reusable=keep)
         self._scales = b.system.scales

@@ -21,7 +21,7 @@ import numpy as np
 from dolfinx_contact.continuation.bifurcation import BifurcationTest
 from dolfinx_contact.continuation.branch import BranchPoint, Ray, SpecialPoint
 from dolfinx_contact.continuation.corrector import Corrector
-from dolfinx_contact.continuation.system import Piece, System, fractions_to_borders
+from dolfinx_contact.continuation.system import Events, Piece, System, fractions_to_borders
 
 __all__ = ["AT_BORDER", "Locator"]
 
@@ -86,14 +86,17 @@ class Locator:
 
     def unit(self, y: PETSc.Vec, piece: Piece) -> float:
         """Return the largest distance so far, since all distances vanish at a degenerate point."""
-        largest = self.bordered.largest(self.bordered.events(y, piece).distance)
+        return self._unit(self.bordered.events(y, piece))
+
+    def _unit(self, events: Events) -> float:
+        largest = self.bordered.largest(events.distance)
         self.largest_distance = max(self.largest_distance, largest)
         return self.largest_distance or 1.0
 
     def is_outside(self, point: BranchPoint) -> bool:
         """Return True if a point lies beyond a border of its piece by more than round-off."""
-        least = self.bordered.least(self.bordered.events(point.y, point.piece).distance)
-        return least < -AT_BORDER * self.unit(point.y, point.piece)
+        events = self.bordered.events(point.y, point.piece)
+        return self.bordered.least(events.distance) < -AT_BORDER * self._unit(events)
 
     def first_event(self, point: BranchPoint, y_high: PETSc.Vec) -> Place | None:
         """Return the place of the first event between two points of a piece.
@@ -115,11 +118,12 @@ class Locator:
                 return None
             events = b.events(y, piece)
             least = b.least(events.distance)
-            if abs(least) <= 1e-13 * self.unit(y, piece) or high.s - low.s <= 1e-15 * end:
+            unit = self._unit(events)
+            if abs(least) <= 1e-13 * unit or high.s - low.s <= 1e-15 * end:
                 break
             low, high = _shrunk(low, high, _End(s, y, events), beyond=least < 0)
         # a distance may jump over zero if two solutions of the piece are close to each other
-        return (s, y) if abs(least) <= AT_BORDER * self.unit(y, piece) else None
+        return (s, y) if abs(least) <= AT_BORDER * unit else None
 
     def _bracket(
         self, point: BranchPoint, y_high: PETSc.Vec, values: tuple[V, V]
