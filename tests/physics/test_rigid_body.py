@@ -456,3 +456,31 @@ def test_lemke():
 
 
 # -- results -------------------------------------------------------------------------------------
+
+
+def test_rates_of_loads_and_motions_of_a_rigid_body_agree_with_differences():
+    """dH/dgamma where force, moment and a prescribed motion follow the parameter."""
+
+    def where(domain):
+        made["c"] = gamma = fem.Constant(domain, 0.0)
+        load = {"y": -10.0 - gamma, "rz": 0.6 * gamma}
+        motion = {"x": 0.01 * (gamma + gamma**2)}
+        body = RigidBody(HalfSpace((0, 1), (0, -1)), about=(0.5, 1), load=load, motion=motion)
+        return [(body, facets(domain, 1, 1.0))]
+
+    made = {}
+    problem = block(None, where=where)
+    problem.solve()
+    system = ParametricContact(problem, made["c"])
+    x = system.create_vector()
+    problem.write(x)
+    piece = system.piece_at(x, 0.0)
+    after, before, rate = (system.create_vector() for _ in range(3))
+    system.residual(x, 0.5 + 1e-4, after, piece)
+    system.residual(x, 0.5 - 1e-4, before, piece)
+    system.parameter_derivative(x, 0.5, rate, piece)
+    after.axpy(-1.0, before)
+    after.scale(1 / 2e-4)
+    assert rate.norm() > 0.1
+    after.axpy(-1.0, rate)
+    assert after.norm() < 1e-6 * rate.norm()
