@@ -3,9 +3,9 @@ r"""Closest points on segments and triangles.
 
 The foot of a point on the plane of a triangle lies inside the triangle if the area vectors of its
 three parts, opposite to the corners, have the sense of the triangle. Otherwise the closest point is
-that of an edge. Area vectors are precise for slivers too, unlike scalar products of edges, which
-are differences of the order of the fourth power of the longest edge. Barycentric coordinates of a
-point on an edge or a corner are exactly zero for the corners that have no part in it.
+on an edge. Products of area vectors are scalar products of edges, except for slivers, where the
+latter are differences of the order of the fourth power of the longest edge. Barycentric coordinates
+of a point on an edge or a corner are exactly zero for the corners that have no part in it.
 
 A search examines few facets: each is covered by balls of radii r, large facets by balls around
 their parts. The facet at a distance d is among those whose balls have their centres within d + r.
@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 import scipy
 
-from dolfinx_contact._geometry import area_vectors, dot
+from dolfinx_contact._geometry import area_vectors
 
 __all__ = ["ClosestFacets", "closest_on"]
 
@@ -30,6 +30,7 @@ Ints = npt.NDArray[np.int64]
 _FIRST = 8  # balls whose facets bound the distance
 _LARGER = 1.0 + 1e-12  # round-off of distances
 _PAIRS = 2**18  # pairs of points and facets examined at once
+_THIN = 1e-4  # of squares of edges, squared: squared area of a sliver
 _PARTS = 64.0  # balls along the largest extent of a surface, up to which facets are divided
 
 
@@ -43,27 +44,54 @@ def closest_on(x: Array, corners: Array) -> Array:
     found = np.zeros(corners.shape[:2])
     outside: Ints = np.arange(len(x), dtype=np.int64)
     if corners.shape[1] == 3:
-        across = area_vectors(corners)
-        off = corners - x[:, None]
-        squares = np.maximum(dot(across, across), np.finfo(float).tiny)
-        off -= (dot(off, across[:, None]) / squares[:, None])[..., None] * across[:, None]
-        parts = np.einsum("nki,ni->nk", np.cross(off[:, [1, 2, 0]], off[:, [2, 0, 1]]), across)
+        parts = _parts(x, corners)
         inside = (parts > 0.0).all(axis=1)
         found[inside] = parts[inside] / parts[inside].sum(axis=1, keepdims=True)
         outside = np.flatnonzero(~inside)
-    x, corners = x[outside], corners[outside]
+        x, corners = x[outside], corners[outside]
     least = np.full(len(x), np.inf)
     for i, j in combinations(range(corners.shape[1]), 2):
         along = corners[:, j] - corners[:, i]
-        square = np.maximum(dot(along, along), np.finfo(float).tiny)
-        part = np.clip(dot(x - corners[:, i], along) / square, 0.0, 1.0)
-        away = x - corners[:, i] - part[:, None] * along
-        closer = dot(away, away) < least
-        least[closer] = dot(away, away)[closer]
-        edge = np.zeros((len(x), corners.shape[1]))
-        edge[:, i], edge[:, j] = 1.0 - part, part
-        found[outside[closer]] = edge[closer]
+        away = x - corners[:, i]
+        square = np.maximum(_dot(along, along), np.finfo(float).tiny)
+        part = np.clip(_dot(away, along) / square, 0.0, 1.0)
+        away -= part[:, None] * along
+        distance = _dot(away, away)
+        closer = np.flatnonzero(distance < least)
+        least[closer] = distance[closer]
+        rows = outside[closer]
+        found[rows] = 0.0
+        found[rows, i], found[rows, j] = 1.0 - part[closer], part[closer]
     return found
+
+
+def _parts(x: Array, corners: Array) -> Array:
+    """Return products of the area vectors of triangles and of their parts at the feet of x, (n, 3).
+
+    A part is opposite to each corner.
+    """
+    a = corners[:, 1] - corners[:, 0]
+    b = corners[:, 2] - corners[:, 0]
+    off = x - corners[:, 0]
+    aa, ab, bb, ax, bx = (_dot(*pair) for pair in ((a, a), (a, b), (b, b), (a, off), (b, off)))
+    square = aa * bb - ab**2
+    second = bb * ax - ab * bx
+    third = aa * bx - ab * ax
+    parts = np.stack([square - second - third, second, third], axis=1)
+    thin = np.flatnonzero(square < _THIN * (aa + bb) ** 2)
+    if len(thin):
+        across = area_vectors(corners[thin])
+        away = corners[thin] - x[thin, None]
+        squares = np.maximum(_dot(across, across), np.finfo(float).tiny)
+        height = np.einsum("nki,ni->nk", away, across) / squares[:, None]
+        away -= height[..., None] * across[:, None]
+        crossed = np.cross(away[:, [1, 2, 0]], away[:, [2, 0, 1]])
+        parts[thin] = np.einsum("nki,ni->nk", crossed, across)
+    return np.asarray(parts)
+
+
+def _dot(a: Array, b: Array) -> Array:
+    return np.asarray(np.einsum("ni,ni->n", a, b))
 
 
 class ClosestFacets:
