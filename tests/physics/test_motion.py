@@ -357,7 +357,7 @@ def test_schemes_have_their_order():
 
 @pytest.mark.chatty
 @pytest.mark.parametrize(("cell", "degree"), [("tri", 1), ("quad", 2), ("tet", 1), ("hex", 1)])
-def test_mass_matrices(cell, degree):
+def test_mass_matrices_have_the_mass_of_the_body(cell, degree):
     """All have the mass of the body; none is at what may touch, and it is positive elsewhere."""
     problem, _ = block(cell, 2, degree=degree, comm=MPI.COMM_SELF)
     V = problem.V

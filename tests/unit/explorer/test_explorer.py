@@ -224,7 +224,7 @@ def round_tool(cell):
     reference="itself: the journal, number by number",
     aspects=("2D", "3D", "records"),
 )
-def test_a_rigid_surface(cell, folder):
+def test_a_page_shows_the_vertices_of_a_rigid_surface(cell, folder):
     """The obstacle has vertices of its own, not those of the contact face."""
     system, functionals = moved_block(COMM, cell=cell, n=3, obstacle=round_tool(cell))
     record(system, functionals, folder / "branch", max_steps=4, **KEPT)

@@ -123,7 +123,7 @@ def recorded(tmp_path_factory):
         "records",
     ),
 )
-def test_an_animation(folder, recorded):
+def test_an_animation_has_a_picture_of_each_state(folder, recorded):
     """As many pictures as steps, of one size, that differ and are no blanks."""
     from imageio import v2 as imageio
     from PIL import Image, ImageSequence

@@ -65,7 +65,7 @@ def measure(body, name=None):
 
 @pytest.mark.ranks(2)
 @pytest.mark.parametrize("options", [{}, {"order": 2}, {"dim": 2}, {"dim": 2, "quads": True}])
-def test_read(folder, options):
+def test_groups_of_a_file_have_their_names_sizes_and_bounds(folder, options):
     dim = options.get("dim", 3)
     body = read_mesh(COMM, saved(folder, **options), dim=dim, groups=("contact", "top"))
     assert body.names == {"body": (dim, 1), "contact": (dim - 1, 5), "top": (dim - 1, 9)}

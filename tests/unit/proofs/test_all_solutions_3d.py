@@ -133,7 +133,7 @@ PROVED = {
     reference="itself: Newton's method on the whole body",
     aspects=("3D", "proofs"),
 )
-def test_what_is_proved(case):
+def test_the_solution_of_a_body_in_space_is_proved_the_only_one(case):
     """One solution, which a solve finds as well."""
     system = cube(**PROVED[case])
     found = find_solutions(system, [system.create_vector()], 1.0)

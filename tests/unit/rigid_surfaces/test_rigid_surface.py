@@ -66,7 +66,7 @@ def places(dim, number=400):
     reference="enumeration: the distances of all facets",
     aspects=("2D", "3D"),
 )
-def test_closest(name, monkeypatch):
+def test_distances_are_those_of_all_facets_one_by_one(name, monkeypatch):
     """The search finds what all facets one by one give; derivatives are those of differences."""
     surface = RigidSurface(*SURFACES[name])
     dim = surface.points.shape[1]
