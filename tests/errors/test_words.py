@@ -116,36 +116,6 @@ def test_interference_at_the_front_of_a_crack():
     assert result.tables["contact"].rn.max() > 0
 
 
-@pytest.mark.ranks(2)
-def test_points_with_nothing_opposite():
-    """They have no gap."""
-    a = box(COMM, 4, "quad")
-    b = box(COMM, 3, "quad")
-    b.geometry.x[:] *= [0.5, 1.0, 1.0]
-    b.geometry.x[:, 1] -= 1.0
-    tags = []
-    for m, low, high, first in ((a, 0.0, 1.0, 10), (b, -1.0, 0.0, 20)):
-        found = [facets(m, 1, low), facets(m, 1, high)]
-        entities = np.concatenate(found)
-        values = np.repeat(np.array([first, first + 1], dtype=np.int32), [len(f) for f in found])
-        order = np.argsort(entities)
-        tags.append(mesh.meshtags(m, 1, entities[order], values[order]))
-    both = meshing.join([a, b], facet_tags=tags)
-    V = fem.functionspace(both.mesh, ("Lagrange", 1, (2,)))
-    u = fem.Function(V)
-    pair = ContactPair(u, both.facet_tags, slave=10, master=21, law=Coulomb(0.3))
-    bcs = []
-    for tag, moved in ((11, (0.0, -0.01)), (20, (0.0, 0.0))):
-        dofs = fem.locate_dofs_topological(V, 1, both.facet_tags.find(tag))
-        bcs.append(fem.dirichletbc(np.array(moved), dofs, V))
-    energy = materials.LinearElastic.from_young(1e3, 0.3).energy(u) * ufl.dx
-    result = ContactProblem(energy, u, [pair], bcs=bcs).solve()
-    table = result.tables["contact"]
-    assert table.status == "kkkdd"
-    np.testing.assert_array_equal(np.isnan(table.un), [False, False, False, True, True])
-    assert result.counts["clamped"] == 2
-
-
 # -- obstacles between nodes ---------------------------------------------------------------------
 
 

@@ -9,7 +9,7 @@ from support.mortars import BASE, CASES, SIDES, SOLID_CASES, TILT, hats, sheared
 from support.pairs import MATERIAL, displacement, largest
 
 import ufl
-from dolfinx import fem, la
+from dolfinx import fem
 
 from dolfinx_contact import (
     ContactPair,
@@ -124,49 +124,6 @@ def test_a_linear_displacement_over_different_meshes_is_exact(case, slave, maste
 
 
 # -- in space --------------------------------------------------------------------------------------
-
-
-@pytest.mark.each_value
-@pytest.mark.parametrize("cells", ["tet", "hex"])
-@pytest.mark.parametrize(("slave", "master"), SIDES)
-@pytest.mark.parametrize("case", SOLID_CASES)
-@pytest.mark.verifies(
-    "mortar",
-    reference="closed form: integrals over the common part",
-    aspects=(
-        "3D",
-        "pairs",
-    ),
-)
-def test_uniform_tractions_in_space(case, slave, master, cells):
-    """Forces on a face that is covered are its integrals; forces and moments balance."""
-    both = solids(*case, cells)
-    u = displacement(both.mesh)
-    V = u.function_space
-    pair = discretise(ContactPair(u, both, slave=slave, master=master, law=Frictionless()))
-    ones, sums = pair.points.operator.B.createVecs()
-    ones.set(1.0)
-    pair.points.operator.B.mult(ones, sums)
-    assert largest(sums.array_r) < 1e-14
-    n = V.dofmap.index_map.size_local
-    t = np.array([1.0, -2.0, 3.0])
-    covered = ~pair.obstacle.opposite.none[pair.points.trace_dofs[: pair.points.number]]
-    force = pair.points.operator.transpose(np.where(covered[:, None], t, 0.0)).reshape(-1, 3)[:n]
-    x = V.tabulate_dof_coordinates()[:n]
-    assert np.abs(COMM.allreduce(force.sum(axis=0))).max() < 1e-14
-    assert np.abs(COMM.allreduce(np.cross(x, force).sum(axis=0))).max() < 1e-13
-    ds = ufl.Measure("ds", both.mesh, subdomain_data=both.facet_tags)
-    for tag, sign in ((slave, 1.0), (master, -1.0)):
-        nodes = fem.locate_dofs_topological(V, 2, both.facet_tags.find(tag))
-        nodes = nodes[nodes < n]
-        total = COMM.allreduce(force[nodes].sum(axis=0))
-        np.testing.assert_allclose(total, sign * t, rtol=1e-13)  # the common face has area 1
-        if case[2] == case[3] or tag == 3:  # all of it is covered
-            traction = ufl.dot(fem.Constant(both.mesh, sign * t), ufl.TestFunction(V)) * ds(tag)
-            exact = fem.assemble_vector(fem.form(traction))
-            exact.scatter_reverse(la.InsertMode.add)
-            wanted = exact.array.reshape(-1, 3)[nodes]
-            np.testing.assert_allclose(force[nodes], wanted, atol=1e-14)
 
 
 @pytest.mark.ranks(2, 3)

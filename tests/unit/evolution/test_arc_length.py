@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from cases._triangle import element
 from support.bonds import C, W, bar
-from support.histories import cycle, dragged
 
 import ufl
 from dolfinx import fem, mesh
@@ -19,7 +18,7 @@ from dolfinx_contact import (
     ParametricContact,
 )
 from dolfinx_contact.continuation import Ending, StepControl
-from dolfinx_contact.evolution import ArcLength, QuasiStatic
+from dolfinx_contact.evolution import ArcLength
 from dolfinx_contact.materials import LinearElastic
 
 U0 = np.sqrt(W / C)
@@ -163,50 +162,6 @@ def test_klarbring():
     # Slip dissipates: F rn times its way, rn = 1 + u and p + 2 u + F rn = 0 with u from 0 to -1.
     spent = history.folds[1].energies.dissipated
     assert spent == pytest.approx(history.steps[-1].energies.dissipated)
-
-
-@pytest.mark.chatty
-@pytest.mark.parametrize(
-    ("cell", "tolerance"), [pytest.param("hex", 0.01, marks=pytest.mark.long), ("quad", 1e-9)]
-)
-@pytest.mark.verifies(
-    "arc length paths",
-    "Coulomb",
-    "quasi-static",
-    reference="itself: a quasi-static evolution",
-    aspects=(
-        "2D",
-        "3D",
-    ),
-)
-def test_friction_as_quasi_static(cell, tolerance):
-    """Dragged there and back: as a quasi-static evolution; in 3D slips turn, to first order."""
-    n = 4 if cell == "quad" else 2
-    found = []
-    events = []
-    for longest in (0.1, 0.05)[: 2 if cell == "quad" else 1]:
-        problem, top = dragged(cell, n)
-        start = QuasiStatic(problem, cycle(top)).run([0.0, 1.0]).steps[-1].state
-        gamma = fem.Constant(problem.V.mesh, 0.0)
-        motion = [0.012 * gamma, *[0.0] * (len(top.x.array) > 0 and n == 2), -0.01]
-        driven = [(top, ufl.as_vector(motion))]
-        path = ArcLength(ParametricContact(problem, gamma, driven=driven))
-        control = StepControl(maximum=longest)
-        there = path.run(gamma_range=(-1.0, 1.0), start=start, control=control)
-        back = path.run(gamma_range=(-1.0, 1.0), direction="back", control=control)
-        found = [h.steps[-1].result.tables["contact"] for h in (there, back)]
-        events.append([s.gamma for h in (there, back) for s in h.steps if s.event == "kink"])
-        assert there.folds == back.folds == []
-        assert 0 < there.energies.dissipated < back.energies.dissipated
-    assert len(events[0]) > 3
-    np.testing.assert_allclose(events[0], events[-1], rtol=0, atol=1e-9)
-    problem, top = dragged(cell, n)
-    history = QuasiStatic(problem, cycle(top)).run(np.linspace(0.0, 5.0, 26))
-    for table, time in zip(found, (3.0, 5.0), strict=True):
-        other = history.at(time).result.tables["contact"]
-        force = np.abs(other.force).max()
-        assert table.status == other.status
-        np.testing.assert_allclose(table.force, other.force, rtol=0, atol=tolerance * force)
 
 
 @pytest.mark.long

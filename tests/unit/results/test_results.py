@@ -204,18 +204,3 @@ def test_a_mesh_that_moves_after_the_problem_was_made():
     problem.V.mesh.geometry.x[:] *= 2.0
     with pytest.raises(ValueError, match="the mesh has moved"):
         problem.solve()
-
-
-@pytest.mark.parametrize("what", ["friction", "top"])
-def test_constants_that_differ_between_ranks_at_a_solve(what):
-    problem = block(law=Coulomb(0.3))
-    (surface,) = problem.surfaces
-    if what == "friction":
-        surface.law.friction.value = 0.3 + 0.1 * COMM.rank
-    else:
-        problem.bcs[0].g.value[1] -= 0.01 * COMM.rank
-    if COMM.size > 1:
-        with pytest.raises(ValueError, match="Constants differs between ranks"):
-            problem.solve()
-    else:
-        problem.solve()
