@@ -246,7 +246,9 @@ class Walker(ABC):
         line = Progress(b.comm, progress)
         task = Task(gamma_range, b.gamma_scale, self.control, max_steps, to_node, branch_id)
         observers.begin(task, self._stepping(first))
-        observers.step(BranchStep(branch_id, first, start), self._stepping(first))
+        step = BranchStep(branch_id, first, start)
+        observers.step(step, self._stepping(first))
+        _show(line, step, 0)
         for index in range(first + 1, max_steps + 1):
             with self.system.undisturbed():
                 advance = next(steps, None)
