@@ -456,7 +456,7 @@ def test_a_branch_leads_over_a_kink_in_gamma(kind, shape):
     control = StepControl(minimum=1e-6, corrections=4)
     options = dict(gamma_range=(0.5, 1.8), control=control)
     if shape == "late":  # gamma changes nothing at the start
-        with pytest.raises(ValueError, match="kinks or jumps in gamma"):
+        with pytest.raises(ValueError, match="gamma does not appear in H"):
             follow(system, start, 0.5, **options)
         return
     branch = follow(system, start, 0.5, **options)
@@ -497,7 +497,7 @@ def test_solutions_behind_a_step_of_the_load_are_right():
     for at, expected in ((0.5, 11.0), (2.0, 13.0)):
         assert_close([normal_force(r) for r in results_at(system, start, at)], [expected])
     system.set_parameter(0.0)
-    with pytest.raises(ValueError, match="kinks or jumps in gamma"):
+    with pytest.raises(ValueError, match="gamma does not appear in H"):
         explore(system, [(start, 0.0)], gamma_range=(0.0, 2.0))
 
 
