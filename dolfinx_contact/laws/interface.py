@@ -177,9 +177,8 @@ class Interface(Law):
         still = self.having(dict.fromkeys(self.needs_time, 0.0))
         if still._side(a, False, self._families[-1], level=0).knows_speed:
             raise ValueError(
-                f"the dissipation of {self.name} is no linear function of the rates, so that "
-                "results depend on the time: needs_time must name the fields that make it one "
-                "where they are 0"
+                f"the dissipation of {self.name} must be 1-homogeneous in the rates unless "
+                "needs_time lists the viscosities, the fields that make it rate-dependent"
             )
 
     # -- at a point ------------------------------------------------------------------------------

@@ -266,7 +266,8 @@ def _to_surface(
     require(
         W.mesh.comm,
         count == 0,
-        f"{faces.name}: at {count} nodes of the slave the normal of the given surface is another",
+        f"{faces.name}: at {count} nodes the normal of the given surface deviates from the slave "
+        "normal",
     )
     gaps = np.where(on_slave & (np.abs(gaps) > _ROUND_OFF * faces.size), gaps, 0.0)
     return gaps, np.where(on_slave[:, None], shape, 0.0)
@@ -327,7 +328,8 @@ def _matched(faces: _Sides) -> Opposite | None:
     require(
         comm,
         not (turned & ~itself).any(),
-        f"{name}: slave and master look the same way, and not at each other",
+        f"{name}: the normals of slave and master point in the same direction; they must face "
+        "each other",
     )
     radius = np.full(len(mine), _TANGENTIAL * faces.size)
     near, _ = around(comm, x[on_master], places, radius, dim)

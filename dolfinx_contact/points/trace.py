@@ -257,17 +257,17 @@ def across_planes(
         sides = [near, ~near & (off < 0), ~near & (off > 0)]
         counts = np.array([[int((on & c)[:owned].sum()) for c in sides] for on in (slave, master)])
         (there, below, above), (_, under, over) = comm.allreduce(counts)
-        where = f"{name}: the plane of symmetry {'xyz'[axis]} = {place:g}"
+        where = f"the symmetry plane {'xyz'[axis]} = {place:g}"
         require(
             comm,
             there > 0 and not (below and above),
-            f"{where} does not end the face: {there} of its nodes lie on it, {below} below and "
+            f"{name}: the face must end at {where}: {there} nodes lie on it, {below} below and "
             f"{above} above",
         )
         require(
             comm,
             not (below + under and above + over),
-            f"{where} has images of the master behind it, so that both faces lie on one side of "
+            f"{name}: {where} has images of the master behind it, so both faces lie on one side of "
             f"it; below are {below} nodes of the slave and {under} of the master, above {above} "
             f"and {over}",
         )

@@ -175,7 +175,7 @@ class Reduction:
         require(
             equations.comm,
             symmetric,
-            "the reduced problem needs a symmetric stiffness; take Newton's method",
+            'the reduced problem needs a symmetric stiffness; use algorithm="newton"',
         )
         return reduction
 

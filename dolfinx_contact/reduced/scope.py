@@ -39,7 +39,7 @@ def check_reducible(eq: ContactEquations) -> None:
         (not shared, "surfaces without common nodes"),
         (eq.rigid.size == 0, "obstacles without unknowns of their own"),
     ):
-        require(eq.comm, ok, f"the reduced problem needs {what}; take Newton's method")
+        require(eq.comm, ok, f'the reduced problem needs {what}; use algorithm="newton"')
 
 
 def can_condense(

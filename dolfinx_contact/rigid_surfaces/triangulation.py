@@ -281,8 +281,7 @@ def _check_facets(points: Array, cells: Ints, name: str) -> None:
     twice = len(cells) - len(np.unique(np.sort(cells, axis=1), axis=0))
     if twice:
         raise ValueError(
-            f"{name}: {twice} facets are there twice: mend=True leaves out those that look to the "
-            "same side"
+            f"{name}: {twice} facets are repeated; mend=True removes those of equal orientation"
         )
 
 
@@ -292,8 +291,8 @@ def _check_sides(points: Array, cells: Ints, ridges: _Ridges, name: str, *, inwa
     if unlike.any():
         raise ValueError(
             f"{name}: the facets at {unlike.sum()} of {len(unlike)} "
-            f"{'points' if ridges.dim == 2 else 'edges'} between two look to different sides, "
-            f"first at {_at(points[ridges.nodes[ridges.first[unlike][0]]])}: mend=True turns them"
+            f"{'points' if ridges.dim == 2 else 'edges'} between two are oriented inconsistently, "
+            f"first at {_at(points[ridges.nodes[ridges.first[unlike][0]]])}; mend=True flips them"
         )
     part = _parts(len(cells), *ridges.facets)
     volume = np.bincount(part, _volumes(points, cells))

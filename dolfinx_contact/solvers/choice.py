@@ -65,7 +65,8 @@ class LinearSolverChoice:
         bodies = eq.rigid.bodies
         if kind == "amg" and bodies:
             raise ValueError(
-                f"{bodies[0].name}: with rigid bodies there is no multigrid, only direct"
+                f"{bodies[0].name}: problems with rigid bodies require linear_solver='direct'; "
+                f"got {kind!r}"
             )
         if kind == "auto":
             chosen = eq.options.value("ksp_type") or eq.options.value("pc_type")

@@ -198,11 +198,12 @@ def _require_held(eq: ContactEquations) -> None:
     """Raise ``ValueError`` if the body is not supported without contact."""
     for s in eq.surfaces:
         if s.slides:
-            raise ValueError(f"{s.name}: this algorithm needs small sliding; take Newton's method")
+            raise ValueError(
+                f'{s.name}: this algorithm needs small sliding; use algorithm="newton"'
+            )
     if not eq.linear or len(eq.scaling.loose.of_body):
         raise ValueError(
-            "this algorithm needs a body that is linear and that Dirichlet data hold; take "
-            "Newton's method"
+            'this algorithm needs a linear body without free rigid motions; use algorithm="newton"'
         )
 
 
@@ -211,9 +212,9 @@ def _require_nodes(eq: ContactEquations) -> None:
     for s in eq.surfaces:
         if s.method == "integral":
             raise ValueError(
-                f"{s.name}: Uzawa's method raises tractions at contact points, which in integral "
-                "contact are no unknowns (those of the multipliers are at nodes): it needs nodal "
-                "or mixed contact; take Newton's method"
+                f"{s.name}: Uzawa's method updates tractions at contact points, which in integral "
+                "contact are not unknowns (the multipliers are at nodes): it needs nodal or mixed "
+                'contact; use algorithm="newton"'
             )
 
 
@@ -222,8 +223,8 @@ def _require_bounds(eq: ContactEquations) -> None:
     for s in eq.surfaces:
         if s.law.bound_kind is None:
             raise ValueError(
-                f"{s.name}: Tresca's fixed point needs unilateral contact and a bound of the shear "
-                f"as Coulomb's, not {s.law.name}; take Newton's method"
+                f"{s.name}: Tresca's fixed point needs unilateral contact and a friction bound, as "
+                f'in Coulomb friction, not {s.law.name}; use algorithm="newton"'
             )
 
 

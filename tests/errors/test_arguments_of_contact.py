@@ -67,7 +67,7 @@ def test_pair_refuses_faces_that_do_not_fit():
     ]
     with pytest.raises(ValueError, match="2 and 3 are one pair with slave and master exchanged"):
         ContactProblem(MATERIAL.energy(u) * ufl.dx, u, exchanged)
-    refused("look the same way", u, both, slave=3, master=1)
+    refused("point in the same direction", u, both, slave=3, master=1)
     with pytest.raises(ValueError, match="MeshTags of facets"):
         crack(both.mesh, [5])
     with pytest.raises(

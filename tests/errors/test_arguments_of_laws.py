@@ -115,7 +115,7 @@ def test_compliant_laws_refuse_numbers_out_of_range(caplog):
     ("internal", "more", "message"),
     [
         ((Internal("d", "grows"), Internal("e", "falls")), {}, "only one variable may be monotone"),
-        ((Internal("d"),), {"power": 2}, "needs_time must name"),
+        ((Internal("d"),), {"power": 2}, "unless needs_time lists"),
         ((Internal("y", vector=True),), {}, "nothing determines y of Own"),
         ((Internal("e"),), {}, "nothing determines e of Own"),
         ((Internal("d", "grows", end=-1.0),), {}, "d of Own is beyond its end -1"),

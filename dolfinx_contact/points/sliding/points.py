@@ -154,8 +154,8 @@ class SlidingPair(DiscreteSurface):
             require(
                 self.comm,
                 lost == 0,
-                f"{self.name}: {lost} facets start in the body, and what they should meet lies "
-                f"farther than the search distance {depth:.3g}",
+                f"{self.name}: {lost} facets penetrate the body initially by more than the search "
+                f"distance {depth:.3g}",
             )
             return
         behind = points.faces.farthest_behind(_size(self.comm, self.domain.geometry.x))
@@ -164,7 +164,7 @@ class SlidingPair(DiscreteSurface):
             self.comm,
             behind <= depth,
             f"{self.name}: the master lies {behind:.3g} behind the slave, farther than the search "
-            f"distance {depth:.3g}: the bodies overlap, or slave and master do not look at each "
+            f"distance {depth:.3g}: the bodies overlap, or slave and master do not face each "
             f"other; {'take a larger search_distance' if overlap.most else words}",
         )
 

@@ -205,5 +205,5 @@ def test_pairs_refuse_true_surfaces():
     refused("a given surface has a gap and a normal of its own", surface=small, gap=0.0)
     refused(r"the gap to the given surface is -0\.001; interference=True", surface=disc)
     wrong = HalfSpace((0.0, 0.0), (0.0, 1.0))
-    refused("nodes of the slave the normal of the given surface is another", surface=wrong)
+    refused("the normal of the given surface deviates from the slave normal", surface=wrong)
     ContactPair(u, both, slave=3, master=2, law=Frictionless(), surface=small)

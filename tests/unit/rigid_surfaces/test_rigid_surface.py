@@ -389,7 +389,7 @@ def test_rigid_surfaces_refuse_open_and_flat_facets():
     alone = np.arange(len(torn)).reshape(-1, 3)
     apart = np.concatenate([points, points + np.array([5.0, 0.0, 0.0])])
     for x, facets, given, message in (
-        (points, flipped, {}, "the facets at 3 of 30 edges between two look to different sides"),
+        (points, flipped, {}, "3 of 30 edges between two are oriented inconsistently"),
         (points, cells[:, ::-1], {}, "a closed surface has its normals inward"),
         (points[:5], fan, {}, "no manifold: 1 edges have more than two facets"),
         (points, np.vstack([cells, [0, 0, 1]]), {}, "1 facets have two corners in one place"),
