@@ -131,7 +131,7 @@ def _described(a: Arguments) -> dict[str, Any]:
 
 
 def _rigid_body(contact: Contact) -> str:
-    """The content of the rigid body of a surface; empty if there is none."""
+    """Return a description of the rigid body of a surface; empty if there is none."""
     obstacle = getattr(contact, "obstacle", None)
     return str(obstacle.described()) if isinstance(obstacle, RigidBody) else ""
 
@@ -157,11 +157,10 @@ def discretise(contact: Contact, *, linear: bool = True) -> DiscreteSurface:
 
 @dataclass
 class _LastWrite:
-    """Unknowns and statuses that a problem wrote last, and the memory of the law there.
+    """Unknowns and statuses last written to the Functions, with the memory of their law.
 
     On the border between two statuses, displacement and multipliers do not determine the status.
-    The statuses of the last write are therefore valid as long as the unknowns are identical bit by
-    bit.
+    The stored statuses are therefore reused as long as the unknowns are bitwise identical.
 
     Attributes:
         unknowns: owned values of all unknowns, in the user's units, shape (n,).
@@ -179,8 +178,16 @@ class ContactProblem(ReadOnly):
 
     Friction opposes the total slip (the static law). `step_from` returns the problem of one step.
 
-    A solve reads the displacement and the multipliers when it begins, and writes them when it has
-    found a solution.
+    `solve` starts from the present displacement and multipliers and overwrites them with the
+    solution. If it fails, they keep their values.
+
+    Methods for users: `solve`, `uniqueness`, `theory` and `reduced` solve or analyse the problem;
+    `snapshot`, `restore` and `step_from` handle states; `table`, `contact_fields` and
+    `support_forces` evaluate a solution.
+
+    Methods for other layers of the package: `put`, `show` and `collect` write states to the
+    Functions, `evaluate` computes the residual of a state, and `with_memory` returns the problem
+    of a step. They validate less than the methods for users.
 
     In a body of revolution (``axisymmetric=True`` in all surfaces) the problem multiplies every
     integral of ``bulk``, over cells and facets, by 2 pi r. Integrands are therefore per volume or
@@ -195,14 +202,14 @@ class ContactProblem(ReadOnly):
             of ``u``) of the body, without contact terms. A residual with kinks in ``u``, for
             example from ``max_value(u[0], 0)**2``, can be solved, but neither proofs nor branches
             support it. A residual with jumps, for example from ``abs(u[0])``, has in general no
-            root; write friction as the law of a surface.
+            root; friction must be modelled by the law of a surface.
         u: displacement, a vector Lagrange Function.
         surfaces: descriptions of the contact surfaces, each made with ``u``.
         bcs: Dirichlet conditions on the space of ``u`` or its components; default: none.
         r: augmentation parameter, a stiffness per area; default: derived from the stiffness of the
-            contact nodes, and updated by a solve that finds the stiffness changed. It affects the
+            contact nodes, and updated by `solve` if the stiffness has changed. It affects the
             iterates but not the solution, except in the integral method, whose weak conditions
-            contain it (a difference that vanishes with the mesh size).
+            depend on it (the effect vanishes under mesh refinement).
         petsc_options_prefix: options prefix of the SNES, which every strategy creates for itself.
             The relative tolerance applies to the measures of the residual (`equations.measures`),
             not to its norm. `Result.attempts` contains the outcome.
@@ -212,7 +219,8 @@ class ContactProblem(ReadOnly):
     Attributes:
         u: displacement.
         contacts: descriptions of the contact surfaces, as given.
-        surfaces: their discretisations, with contact points and multipliers, in the same order.
+        surfaces: discretised contact surfaces with contact points and multipliers, in the order of
+            `contacts`.
         bcs: Dirichlet conditions, including those on the axis of a body of revolution.
         energy: UFL energy as given; None if a residual was given.
         equations: residual H as a function of vectors, independent of the Functions.
@@ -301,23 +309,23 @@ class ContactProblem(ReadOnly):
             raise ValueError("a Dirichlet condition is not on the space of u or a component of it")
         on_axis = axis_condition(self.V) if axisymmetric else []
         body.displacement.x.array[:] = u.x.array
-        #: Descriptions with which the problem was made.
+        #: Descriptions of the contact surfaces.
         self.contacts: tuple[Contact, ...] = tuple(surfaces)
         #: Discretisations of the contact surfaces, in the order of their descriptions.
         self.surfaces: tuple[DiscreteSurface, ...] = tuple(
             discretise(s, linear=body.linear) for s in surfaces
         )
-        #: Dirichlet conditions, those of the axis included.
+        #: Dirichlet conditions, including the conditions on the axis.
         self.bcs: tuple[fem.DirichletBC, ...] = (*bcs, *on_axis)
         self.equations = ContactEquations(body, self.V, self.surfaces, self.bcs, r=r, options=given)
         self._linear = LinearSolverChoice(self.equations)
-        #: Shared by the problems of steps, which write the same Functions.
+        # shared with the problems of steps, which write to the same Functions
         self._written = _LastWrite()
-        #: Checksum of mesh and surfaces, by which states of other problems are refused.
+        #: Checksum of mesh and surfaces, used to reject states of other problems.
         self.signature = mesh_mark(self.V.mesh)
         for s in self.surfaces:
             self.signature = zlib.crc32(f"{s.name} {s.points.number}".encode(), self.signature)
-        #: Kinds of the evolutions that the problem has had, shared by the problems of steps.
+        #: Kinds of the evolutions run on this problem, shared with the problems of steps.
         self.evolved: list[str] = []
         #: Names of the warnings that a run has logged; None outside of runs.
         self._warned: set[str] | None = None
@@ -326,7 +334,10 @@ class ContactProblem(ReadOnly):
     def moving(self, body: MovingBody) -> ContactProblem:
         """Return the problem of a dynamic step, on the same Functions and surfaces. Collective.
 
-        It has its own linear solver.
+        The new problem has its own linear solver.
+
+        Args:
+            body: body with mass and damping.
         """
         eq = self.equations
         equations = ContactEquations(
@@ -338,21 +349,22 @@ class ContactProblem(ReadOnly):
     def step_from(self, state: State, *, step: float = 0.0) -> ContactProblem:
         """Return the problem of one step that begins in a state. Collective.
 
-        Friction opposes the increment of the slip since the state, and laws with internal variables
-        continue from their values there. A problem made by the user has the static law instead, in
-        which friction opposes the total slip. Histories, motions and paths are sequences of steps.
+        In the returned problem, friction opposes the slip increment since the state, and laws with
+        internal variables continue from their values in the state. In this problem, by contrast,
+        friction opposes the total slip (the static law). Histories, motions and paths are sequences
+        of such steps.
 
-        The problem of the step shares Functions, data and everything compiled or assembled with
-        this problem. It answers the same questions: `solve`, uniqueness, `follow`,
-        `find_solutions`, stability.
+        The returned problem shares Functions, data, compiled forms and matrices with this problem.
+        It supports the same operations: `solve`, `uniqueness`, `continuation.follow`,
+        `continuation.find_solutions` and the analysis of stability.
 
         Args:
             state: state at the beginning of the step.
-            step: duration of the step, a time, not negative. Laws with a viscosity or a speed need
-                it; 0 means an instant.
+            step: duration of the step, a non-negative time; default: 0, an instantaneous step.
+                Laws that depend on a viscosity or a velocity require a positive duration.
 
         Raises:
-            ValueError: on every rank, if the state is not one of this problem.
+            ValueError: on every rank, if the state does not belong to this problem.
 
         Example:
             One step of a quasi-static history::
@@ -370,8 +382,8 @@ class ContactProblem(ReadOnly):
         The copy is shallow: it shares Functions, data, forms, matrices and linear solvers.
 
         Args:
-            memory: memory of the points of each surface at the beginning of the step; None: the
-                static law.
+            memory: memory of the contact points at the beginning of the step, one entry per
+                surface; None selects the static law.
 
         Raises:
             ValueError: on every rank, if the memory belongs to other surfaces.
@@ -387,11 +399,11 @@ class ContactProblem(ReadOnly):
 
     @property
     def rigid_bodies(self) -> list[RigidBody]:
-        """The rigid bodies that surfaces touch, in the order of the surfaces."""
+        """Rigid bodies in contact with the surfaces, in the order of the surfaces."""
         return list(self.equations.rigid.bodies)
 
     def create_vector(self) -> PETSc.Vec:
-        """Create a vector of all unknowns: displacement, multipliers, rigid bodies per rank."""
+        """Create a vector of all unknowns: displacement, multipliers, motions of rigid bodies."""
         return self.equations.create_vector()
 
     def read(self, x: PETSc.Vec) -> None:
@@ -407,12 +419,17 @@ class ContactProblem(ReadOnly):
         self.equations.put([f.x.array for f in self.fields], rigid.given, x)
 
     def put(self, x: PETSc.Vec, statuses: Statuses) -> None:
-        """Copy unknowns into the Functions and rigid bodies; store their statuses. Collective."""
+        """Copy unknowns to the Functions and rigid bodies; store the statuses. Collective.
+
+        Args:
+            x: unknowns.
+            statuses: statuses of the contact points at ``x``, one array per surface.
+        """
         self.read(x)
         self._note(statuses, self.equations.memory)
 
     def _owned_values(self) -> npt.NDArray[np.float64]:
-        """Owned values of all unknowns, in the user's units (n,). Not collective."""
+        """Return the owned values of all unknowns in the user's units, (n,). Not collective."""
         sizes = self.equations.owned_sizes
         parts = [f.x.array[:n] for f, n in zip(self.fields, sizes, strict=False)]
         return np.concatenate([*parts, self.equations.rigid.given])
@@ -431,7 +448,7 @@ class ContactProblem(ReadOnly):
 
     @contextmanager
     def _unknowns(self) -> Iterator[PETSc.Vec]:
-        """Unknowns in the Functions as a vector, which is freed after the context. Collective."""
+        """Context manager: vector of the unknowns in the Functions, freed on exit. Collective."""
         x = self.create_vector()
         self.write(x)
         try:
@@ -455,26 +472,27 @@ class ContactProblem(ReadOnly):
         return None if written is None else written.statuses
 
     def snapshot(self) -> State:
-        """Return the state in the Functions and the rigid bodies as a frozen value. Collective.
+        """Return an immutable copy of the state in the Functions and rigid bodies. Collective.
 
-        Its statuses are those of the last solution if the Functions have not changed since;
-        otherwise displacement and multipliers determine them.
+        If the Functions have not changed since the last solve, the state has the statuses of its
+        solution. Otherwise the statuses are computed from displacement and multipliers.
         """
         self.equations.require_same_mesh()
         with self._unknowns() as x:
             return self.state_at(x, self.written_statuses)
 
     def state_at(self, x: PETSc.Vec, statuses: Statuses | None = None) -> State:
-        """Return the state at given unknowns. Collective.
+        """Return the state with given unknowns. Collective.
 
         Args:
             x: unknowns.
-            statuses: statuses of the contact points; by default those that the unknowns determine.
+            statuses: statuses of the contact points, one array per surface; default: computed from
+                the unknowns.
         """
         return self.state_of(x, self.equations.contact(x, statuses))
 
     def state_of(self, x: PETSc.Vec, evaluation: Evaluation) -> State:
-        """Return the state at given unknowns from their evaluation. Collective."""
+        """Return the state with given unknowns and their evaluation. Collective."""
         eq = self.equations
         multipliers = []
         for s, owned in zip(self.surfaces, eq.fields(x)[1:], strict=True):
@@ -493,16 +511,17 @@ class ContactProblem(ReadOnly):
         )
 
     def restore(self, state: State) -> None:
-        """Copy a state into the Functions and the rigid bodies, bit by bit. Collective.
+        """Copy a state to the Functions and the rigid bodies, bitwise. Collective.
 
         Raises:
-            ValueError: on every rank, if the mesh has moved or the state belongs elsewhere.
+            ValueError: on every rank, if the mesh has moved or the state belongs to another
+                problem.
         """
         self._require_state(state)
         self.show(state)
 
     def show(self, state: State) -> None:
-        """Copy a state into the Functions and the rigid bodies as `restore`, without validation."""
+        """Copy a state to the Functions and the rigid bodies like `restore`, without validation."""
         for f, values in zip(self.fields, (state.displacement, *state.multipliers), strict=True):
             f.x.array[:] = values
         for body, motion in zip(self.rigid_bodies, state.motions, strict=True):
@@ -510,7 +529,7 @@ class ContactProblem(ReadOnly):
         self._note(state.statuses, state.previous)
 
     def _require_state(self, state: State | None) -> None:
-        """Raise ``ValueError`` unless a state belongs to this problem, whose mesh has not moved."""
+        """Raise ``ValueError`` if a state belongs to another problem or the mesh has moved."""
         self.equations.require_same_mesh()
         fits = isinstance(state, State) and (
             state.signature == self.signature
@@ -526,10 +545,10 @@ class ContactProblem(ReadOnly):
 
     @contextmanager
     def restored(self, *, always: bool = False) -> Iterator[None]:
-        """Restore Functions and statuses if the context raises.
+        """Context manager that restores Functions, rigid bodies and statuses after an error.
 
         Args:
-            always: whether to restore them also without an error.
+            always: whether to restore them on every exit, not only after an error.
         """
         before = [f.x.array.copy() for f in self.fields]
         motions = self.equations.rigid.given
@@ -548,25 +567,26 @@ class ContactProblem(ReadOnly):
     # -- H ---------------------------------------------------------------------------------------
 
     def residual(self, x: PETSc.Vec, b: PETSc.Vec, statuses: Statuses | None = None) -> Evaluation:
-        """Write H(x) into ``b`` and return its evaluation. Collective.
+        """Assemble the residual H(x) into ``b``; return the evaluation. Collective.
 
-        See `ContactEquations.residual`.
+        See `ContactEquations.residual` for the arguments.
         """
         return self.equations.residual(x, b, statuses)
 
     def evaluate(self, state: State | None = None, statuses: Statuses | None = None) -> Evaluation:
-        """Evaluate H at a state. Collective.
+        """Evaluate the residual H at a state. Collective.
 
         Args:
             state: state to evaluate; default: present values of the Functions.
-            statuses: statuses with which the laws are evaluated; by default those of the state.
+            statuses: statuses of the contact points for the laws, one array per surface; default:
+                statuses of the state.
         """
         with self._shown(state) as problem, problem._unknowns() as x:
             statuses = problem.written_statuses if statuses is None else statuses
             return problem._evaluated(x, statuses)
 
     def _evaluated(self, x: PETSc.Vec, statuses: Statuses | None = None) -> Evaluation:
-        """Evaluate H at given unknowns. Collective."""
+        """Evaluate the residual H at given unknowns. Collective."""
         b = self.create_vector()
         evaluation = self.equations.residual(x, b, statuses)
         b.destroy()
@@ -574,19 +594,21 @@ class ContactProblem(ReadOnly):
 
     @contextmanager
     def at(self, state: State | None) -> Iterator[ContactProblem]:
-        """Show a state in the Functions within the context, under the law of its step. Collective.
+        """Context manager that writes a state to the Functions and restores them on exit.
 
-        Afterwards the Functions are as they were.
+        Within the context, the contact law is the law of the step that ended in the state.
+        Collective.
 
         Args:
-            state: state to show; default: present values of the Functions, under the law with which
-                they were written.
+            state: state to write; default: present values of the Functions, with the law under
+                which they were written.
 
         Yields:
-            The problem whose equations have the memory of the step that ended in the state.
+            Problem whose equations have the memory of that step.
 
         Raises:
-            ValueError: on every rank, if the mesh has moved or the state is not one of the problem.
+            ValueError: on every rank, if the mesh has moved or the state belongs to another
+                problem.
         """
         self.equations.require_same_mesh()
         with self._shown(state) as problem:
@@ -594,7 +616,10 @@ class ContactProblem(ReadOnly):
 
     @contextmanager
     def _shown(self, state: State | None) -> Iterator[ContactProblem]:
-        """As `at`, but the Functions are shown under the law of this problem. Collective."""
+        """Like `at`; without a state, the Functions are used under the law of this problem.
+
+        Collective.
+        """
         if not anywhere(self.comm, state is not None)[0]:
             self.equations.require_same_mesh()
             yield self
@@ -639,16 +664,16 @@ class ContactProblem(ReadOnly):
     def contact_fields(
         self, surface: Contact | DiscreteSurface, *, state: State | None = None
     ) -> dict[str, fem.Function]:
-        """Return pressure, shear, gap, ... on a surface as Functions. Collective.
+        """Return pressure, shear, gap and other fields on a surface as Functions. Collective.
 
-        They are new Functions, continuous and linear, on the mesh of the surface alone
-        (``problem.discrete(surface).submesh.mesh``): forms on that mesh integrate them, and
-        `io.write_fields` writes them.
+        The fields are new continuous piecewise linear Functions on the mesh of the surface,
+        ``problem.discrete(surface).submesh.mesh``. They can be integrated by forms on that mesh and
+        written with `io.write_fields`.
 
         Nodal pressures are nodal forces divided by nodal areas. The integral of the pressure
         therefore equals the sum of the normal forces, also on parallelograms and in the integral
-        method with linear multipliers. In bodies of revolution, with the weight 2 pi r, the two
-        agree up to an error that vanishes with the mesh size.
+        method with linear multipliers. In bodies of revolution, where the integral has the weight
+        2 pi r, the difference vanishes under mesh refinement.
 
         Args:
             surface: surface of this problem.
@@ -658,10 +683,10 @@ class ContactProblem(ReadOnly):
             Functions by name:
 
             - ``displacement``, a vector.
-            - ``traction``, the contact traction on the body, a vector, with its parts ``pressure``,
-              positive in compression, and ``shear``, a vector. They are nominal stresses, per area
-              of the mesh; where only a part of a facet has an opposing body they are smaller than
-              the tractions of the table.
+            - ``traction``, the contact traction on the body, a vector; its normal part
+              ``pressure``, positive in compression; and its tangential part ``shear``, a vector.
+              They are forces per area of the mesh. On facets that are only partly opposite another
+              body they are smaller than the tractions of the table.
             - ``gap``, a length.
             - ``slip``, the tangential displacement, a vector.
             - ``status``, a number of `io.STATUS_CODES`.
@@ -699,7 +724,7 @@ class ContactProblem(ReadOnly):
             state: state to evaluate; default: present values of the Functions.
 
         Returns:
-            Forces, shape (vertices, dim).
+            Reaction forces, shape (vertices, dim); 0 in free components.
         """
         s = self.discrete(surface)
         with self.at(state) as problem:
@@ -710,10 +735,11 @@ class ContactProblem(ReadOnly):
         """Return the discretisation of a contact surface of this problem.
 
         Args:
-            surface: description with which the problem was made, or its discretisation.
+            surface: description of a contact surface, or its discretisation.
 
         Returns:
-            The contact points of this rank with their multiplier (a Function on ``submesh.mesh``).
+            Discrete surface with the contact points of this rank and their multiplier, a Function
+            on ``submesh.mesh``.
 
         Raises:
             ValueError: if the surface does not belong to the problem.
@@ -736,20 +762,21 @@ class ContactProblem(ReadOnly):
         progress: bool | None = None,
         expected: Sequence[Statuses] = (),
     ) -> Result:
-        """Solve from the present values of the Functions, which receive the solution. Collective.
+        """Solve the contact problem, starting from the Functions; overwrite them. Collective.
 
         Args:
-            algorithm: ``"newton"`` (default), with its fallbacks; or the name of a classical
-                algorithm: ``"tresca"``, ``"uzawa"``, ``"penalty"``, ``"sor"``,
-                ``"gauss-seidel"``, ``"projected-gradient"``, ``"lemke"``, ``"interior-point"``; or
-                one with options, such as ``algorithms.GaussSeidel(relaxation=1.3)``. Classical
-                algorithms have no fallback.
+            algorithm: ``"newton"`` (default), a semismooth Newton method with fallback strategies;
+                or the name of a classical algorithm: ``"tresca"``, ``"uzawa"``, ``"penalty"``,
+                ``"sor"``, ``"gauss-seidel"``, ``"projected-gradient"``, ``"lemke"``,
+                ``"interior-point"``; or an algorithm with options, such as
+                ``algorithms.GaussSeidel(relaxation=1.3)``. Classical algorithms have no fallback.
             monitor: read-only function called with every iterate, on every rank; default: none.
-            increments: initial number of load increments in the strategy of increments.
+            increments: initial number of load increments in the incremental strategy.
             progress: whether rank 0 shows the progress on the standard error stream; default: only
                 if the solve takes longer than a few seconds.
-            expected: guesses of the statuses, surface by surface, the likeliest first. Newton's
-                method starts from the state with these statuses, and last from the Functions.
+            expected: guesses of the statuses, most likely first; each has one array per surface.
+                Newton's method starts from the states with these statuses before it starts from
+                the Functions. Default: no guesses.
 
         Returns:
             Result with contact tables, resultants, residual histories and the KKT violation.
@@ -778,12 +805,12 @@ class ContactProblem(ReadOnly):
 
         Args:
             trial: strategies of the solver; default: all.
-            algorithm: see `solve`.
-            monitor: see `solve`.
-            increments: see `solve`.
-            progress: see `solve`.
-            shown: function of the solution that returns the equations and the evaluation for tables
-                and indicators; default: those of the solution.
+            algorithm: algorithm of the solver, see `solve`.
+            monitor: read-only function of the iterates, see `solve`.
+            increments: initial number of load increments, see `solve`.
+            progress: whether rank 0 shows the progress, see `solve`.
+            shown: function of the solution that returns the equations and the evaluation used for
+                tables and indicators; default: equations and evaluation of the solution.
         """
         trial = trial or Trial()
         same_everywhere(self.comm, expected_statuses=len(trial.expected))
@@ -815,14 +842,14 @@ class ContactProblem(ReadOnly):
         return result, state
 
     def _have(self, statuses: Statuses) -> bool:
-        """Return whether statuses are statuses of these contact points. Not collective."""
+        """Return whether statuses fit the contact points of this rank. Not collective."""
         return len(statuses) == len(self.surfaces) and all(
             np.shape(codes) == (s.points.number,) and np.isin(codes, s.law_at_points.codes).all()
             for s, codes in zip(self.surfaces, statuses, strict=True)
         )
 
     def _on_all_ranks(self, monitor: Callable[[Step], None] | None) -> Callable[[Step], None]:
-        """Wrap a monitor so that an error on one rank is an error on all. Collective."""
+        """Wrap a monitor so that an error on one rank is raised on all ranks. Collective."""
 
         def call(step: Step) -> None:
             with everywhere(self.comm, "the monitor"):
@@ -838,20 +865,21 @@ class ContactProblem(ReadOnly):
         The following certificates are tried:
 
         1. Linear bodies with nodal contact, in 2D or, with friction, in 3D up to 128 points: the
-           body is condensed onto the contact nodes (two solves per node), and the certificate of
-           one point is tried; without friction it holds up to round-off. If it fails and another
-           solution is found quickly, the answer contains that solution, and a warning is logged.
+           body is condensed onto the contact nodes (two solves per node), and the pointwise
+           certificate is evaluated; without friction it holds up to round-off. If it fails and
+           another solution is found quickly, that solution is returned, and a warning is logged.
         2. Otherwise, up to a few hundred points: the weaker criterion of Renard
            (`analysis.renard_criterion`).
         3. If no certificate applies and there is no Coulomb friction: the theorems of `theory`.
 
-        Nothing is proved if the sliding is not small (`Result.warnings`), because the solved
-        problem then differs from that of the displaced bodies.
+        The verdict is ``"not proved"`` if the assumption of small sliding is violated
+        (`Result.warnings`), because the solved problem then differs from the contact problem of
+        the displaced bodies.
 
         Args:
             state: solution; default: present values of the Functions.
-            proof_seconds: time limit in seconds for a proof by branch and bound if the certificate
-                of one point fails; default: 0. If it is positive, Renard's criterion is computed
+            proof_seconds: time limit in seconds for a proof by branch and bound if the pointwise
+                certificate fails; default: 0. If it is positive, Renard's criterion is computed
                 for any number of points.
 
         Raises:
@@ -861,7 +889,7 @@ class ContactProblem(ReadOnly):
         """
         from dolfinx_contact.analysis.body_proofs import uniqueness
 
-        # A question by default concerns the law of this problem, not that of the last step.
+        # without a state, use the law of this problem and not the law of the last step
         with self._shown(state) as problem, problem._unknowns() as x:
             eq = problem.equations
             validate(eq, x)
@@ -888,11 +916,12 @@ class ContactProblem(ReadOnly):
     def reduced(self) -> PointProblem:
         """Return the problem condensed onto its contact points, on every rank. Collective.
 
-        The classical algorithms solve it: ``algorithms.GaussSeidel().run(problem.reduced())``.
+        The classical algorithms apply to the condensed problem:
+        ``algorithms.GaussSeidel().run(problem.reduced())``.
 
         Raises:
             ValueError: on every rank, if the problem cannot be condensed: the body is not linear or
-                not held by Dirichlet data, contact is not nodal, or a law is not supported.
+                not fixed by Dirichlet data, contact is not nodal, or a law is not supported.
         """
         with self._unknowns() as x:
             validate(self.equations, x)
@@ -902,7 +931,13 @@ class ContactProblem(ReadOnly):
     def collect(
         self, x: PETSc.Vec, attempts: Sequence[Attempt], statuses: Statuses | None = None
     ) -> Result:
-        """Copy a solution into the Functions and return its result. Collective."""
+        """Copy a solution to the Functions and return its result. Collective.
+
+        Args:
+            x: solution.
+            attempts: strategies that were tried; the last one converged.
+            statuses: statuses of the contact points; default: computed from the solution.
+        """
         return self._collected(x, attempts, self._evaluated(x, statuses))
 
     def _collected(
@@ -912,7 +947,7 @@ class ContactProblem(ReadOnly):
         state: Evaluation,
         shown: Shown | None = None,
     ) -> Result:
-        """Copy a solution into the Functions and return its result. Collective."""
+        """Copy an evaluated solution to the Functions and return its result. Collective."""
         for attempt in attempts:
             attempt.state = None
         self.put(x, state.statuses)
@@ -920,7 +955,10 @@ class ContactProblem(ReadOnly):
 
     @contextmanager
     def warning_once(self) -> Iterator[None]:
-        """Within a run, log each warning of the indicators once, for accepted steps only."""
+        """Context manager of a run: log each warning of the indicators at most once.
+
+        Solves within the context do not log warnings; `log_warnings` does, for accepted steps.
+        """
         before = self._warned
         self._warned = set()
         try:
@@ -929,16 +967,17 @@ class ContactProblem(ReadOnly):
             self._warned = before
 
     def log_warnings(self, result: Result) -> None:
-        """Log the warnings of a result on rank 0; in a run each of them once. Not collective."""
+        """Log the warnings of a result on rank 0, each once per run. Not collective."""
         if self.comm.rank == 0:
             log_warnings(result, self._warned)
 
     def destroy(self) -> None:
-        """Free matrices and solvers now. Collective.
+        """Free matrices and solvers immediately. Collective.
 
-        On one rank they are freed with the problem. On several ranks they are freed when the next
-        problem on the same mesh is made, because PETSc frees shared objects collectively. Calling
-        `destroy` matters only for many problems on several ranks, each with its own mesh.
+        Without this call, they are freed together with the problem on one rank. On several ranks
+        they are freed when the next problem on the same mesh is created, because PETSc destroys
+        parallel objects collectively. `destroy` is useful for many problems on several ranks, each
+        with its own mesh.
         """
         self._linear.destroy()
         self.equations.bulk.destroy()

@@ -141,7 +141,8 @@ class ArcSteps(ExactSteps):
         Args:
             point: point, piece and tangent at the start.
             h: arc length.
-            at_border: events that vanish at the start.
+            at_border: mask of the events (distances to borders of the piece) that are zero at the
+                start of the step, one entry per event on this rank.
             gamma_range: range of gamma.
         """
         new = self._corrected(point, h)

@@ -37,7 +37,7 @@ _REVERSALS = 3  # number of successive reversals after which an oscillation is r
 
 
 class PrescribedMotion:
-    """Checks of a motion against Dirichlet data.
+    """Consistency checks of displacement and velocity with the Dirichlet data.
 
     Args:
         problem: contact problem of a time step.
@@ -64,12 +64,16 @@ class PrescribedMotion:
         )
 
     def require_velocity(self, v: Array) -> None:
-        """Raise ``ValueError`` if a node moves that Dirichlet data hold at its place. Collective.
+        """Raise ``ValueError`` if a node fixed by Dirichlet data has a velocity. Collective.
 
-        The Functions contain the start of the first step, the data are set for its end.
+        A node is fixed if its Dirichlet data are constant in the first step. On entry the Functions
+        must contain the start of the first step, and the data the values at its end.
 
         Args:
-            v: velocity at the start, all local values.
+            v: initial velocity, all local values.
+
+        Raises:
+            ValueError: on every rank, with the position of the node.
         """
         u, data = self._displacement_and_data()
         still = self._held & (np.abs(data - u) <= self._zero)
@@ -84,9 +88,9 @@ class PrescribedMotion:
         )
 
     def deviation(self, a: Motion, b: Motion, step: TimeStep) -> Deviation:
-        """Compare velocities at the end of a step with their mean in the step. Collective.
+        """Compare the velocities of nodes with Dirichlet data with their mean in the step.
 
-        An oscillation is logged once on rank 0.
+        If they oscillate from step to step, a warning is logged once on rank 0. Collective.
 
         Args:
             a: motion at the start of the step.

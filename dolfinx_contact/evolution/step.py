@@ -277,10 +277,10 @@ class Stepper:
         Args:
             time: time of the start.
             given: state at the start; default: present values of the Functions with virgin memory
-                (slip is counted from there, bonds are intact).
+                (zero slip, intact bonds).
 
         Raises:
-            ValueError: on every rank, for a state or Dirichlet data that a solve refuses.
+            ValueError: on every rank, if the state or the Dirichlet data are not admissible.
         """
         with self.problem.restored():
             law, evaluation, memory = self._begun(given)
@@ -289,7 +289,8 @@ class Stepper:
         if not solved and law.comm.rank == 0:
             logger.warning(
                 "the start of the evolution is not a solution under the load at the time %g "
-                "(residual %.1e): its energies mean nothing; call solve() first",
+                "(residual %.1e): the energies of this run are not meaningful; "
+                "call solve() first",
                 time,
                 residual,
             )

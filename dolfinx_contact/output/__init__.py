@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""No room of this package: the other package of this name imports a module that is called so.
+"""Guard against an installation mixed with the files of another package of this name.
 
-Where files of both are in one folder and its head is the other's, this is what that finds.
+The other package, ``dolfinx_contact`` of Asimov, imports a module ``output``. If both packages are
+installed into one folder and its ``__init__.py`` has been overwritten by the other package, the
+import finds this module, which raises an error.
 """
 
 from dolfinx_contact._install import refuse_mixture

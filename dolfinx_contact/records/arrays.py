@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Files of arrays in a record: one ``npz`` file of NumPy for every point with arrays.
+"""Array files of a record: one NumPy ``npz`` file for every point with arrays.
 
-A file is written under a hidden name and renamed when it is complete and on the disk. The journal
-has the fingerprint of every file, a checksum of the names, sizes and CRCs of its arrays: an
-exchanged file is found without reading it, a damaged array when it is read.
+A file is written under a hidden name and renamed after it has been flushed to disk. The journal
+stores a fingerprint of every file, a checksum of the names, sizes and CRCs of its arrays. A
+replaced file is therefore detected without reading its arrays; a damaged array is detected on
+reading.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ def save(file: Path, arrays: Arrays) -> str:
     """Write a file, and return its fingerprint. On one rank.
 
     Raises:
-        OSError: with the path, if the file cannot be written; it is then as it was.
+        OSError: with the path, if the file cannot be written; an existing file is unchanged.
     """
     with part_of(file) as part:
         np.savez(part, **arrays)  # type: ignore[arg-type]

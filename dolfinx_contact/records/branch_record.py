@@ -47,10 +47,10 @@ __all__ = ["BranchRecord"]
 
 
 class BranchRecord(Record[Journal]):
-    """A record of branches of a contact problem in a folder. Collective.
+    """Record of branches of a contact problem in a folder. Collective.
 
-    While the record is open no other process can write to it; ranks that outlive a killed
-    ``mpirun`` hold it until they are ended.
+    An open record holds a file lock, so that no other process can write to it. If ``mpirun`` is
+    killed and some of its ranks survive, they keep the lock until they are terminated.
 
     A record is resumed with the same problem only. It stores a manifest: the mesh, the forms and
     their domains of integration, Dirichlet conditions and the expressions that drive them, surfaces
@@ -63,11 +63,11 @@ class BranchRecord(Record[Journal]):
         functionals: scalar UFL forms in the problem's Functions, or functions of the problem that
             return a real number, by name; functions are called on every rank. A record is resumed
             with the same functionals; only the names of functions are compared.
-        every: number of points between two checkpoints; special points and both ends have one as
-            well. Default 10.
+        every: number of points between two checkpoints; default: 10. Checkpoints are also written
+            at special points and at both ends.
         surface_displacement: whether the displacement of the outer surface is recorded at every
-            point, in single precision, for the explorer. A resumed record continues as it
-            began.
+            point, in single precision, for the explorer. Ignored if a record is resumed, which
+            keeps its original setting.
         resume: True to continue an existing record, False to begin a new one, "if_exists" for
             either.
 
@@ -220,7 +220,7 @@ class BranchRecord(Record[Journal]):
         self._append({"type": "end", "branch": self._branch, **end})
 
     def explored(self, diagram: Diagram) -> None:
-        """Record the nodes and edges of a diagram that are new, and its end."""
+        """Record the new nodes and edges of a diagram and the end of the exploration."""
         journal = self.journal
         for number, node in enumerate(diagram.nodes):
             # a resumed exploration repeats the recorded nodes, with fewer rays at first
@@ -247,7 +247,7 @@ class BranchRecord(Record[Journal]):
     # -- continuing --------------------------------------------------------------------------------
 
     def last_state(self, branch: int = 0) -> tuple[BranchPoint, Stepping] | None:
-        """Return the last point of a branch with fields; None if there is none. Collective.
+        """Return the last point of a branch with a checkpoint, or None. Collective.
 
         A damaged checkpoint is skipped, with a warning in the log.
 
@@ -260,10 +260,10 @@ class BranchRecord(Record[Journal]):
         return self._last_undamaged(known.kept[::-1], lambda index: self.state(branch, index))
 
     def state(self, branch: int, index: int) -> tuple[BranchPoint, Stepping]:
-        """Return a point with fields, and the step data needed to continue. Collective.
+        """Return a point with its fields and the step data for continuation. Collective.
 
         Raises:
-            ValueError: on every rank, if it has no fields, or they are damaged.
+            ValueError: on every rank, if the point has no checkpoint, or the checkpoint is damaged.
         """
         system = self.system
         p = self.journal.branches[branch].points[index]
@@ -281,7 +281,7 @@ class BranchRecord(Record[Journal]):
         return point, Stepping(index, p.next_step, p.x_scale, p.largest_distance)
 
     def points(self, branch: int = 0) -> list[BranchPoint]:
-        """Return all points of a branch with fields. Collective."""
+        """Return all points of a branch that have a checkpoint, with their fields. Collective."""
         return [self.state(branch, index)[0] for index in self.journal.branches[branch].kept]
 
     def go_on(
@@ -295,18 +295,20 @@ class BranchRecord(Record[Journal]):
     ) -> Branch:
         """Continue a branch with its recorded task. Collective.
 
-        A branch that has ended stays as it is, unless the budget of steps was exhausted and is
-        larger now.
+        A branch that has ended is not continued, unless it ended because of the maximum number of
+        steps and ``max_steps`` is larger.
 
         Args:
             branch: number of the branch.
-            max_steps: another budget, counted from the start of the branch.
-            stop: the same stop condition as at the beginning, if there was one.
-            observer: called with every point after the last checkpoint, after the record.
-            progress: see `follow`.
+            max_steps: new maximum number of steps, counted from the start of the branch; default:
+                recorded number.
+            stop: stop condition; must be the stop condition with which the branch began, if any.
+            observer: function called with every point after the last checkpoint, after the point
+                is recorded.
+            progress: whether rank 0 shows the progress, see `follow`.
 
         Returns:
-            The branch from the last checkpoint on; the journal has all of it.
+            Part of the branch from the last checkpoint; the journal contains the whole branch.
 
         Raises:
             ValueError: on every rank, if no point of the branch was recorded, or its checkpoints

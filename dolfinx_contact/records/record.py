@@ -54,17 +54,17 @@ R = TypeVar("R", bound="Record[Any]")
 
 
 class Record(Observer, Generic[J]):
-    """A folder with the journal and the arrays of one contact problem. Collective.
+    """Folder with the journal and the array files of one contact problem. Collective.
 
-    While the record is open no other process can write to it; ranks that outlive a killed
-    ``mpirun`` hold it until they are ended.
+    An open record holds a file lock, so that no other process can write to it. If ``mpirun`` is
+    killed and some of its ranks survive, they keep the lock until they are terminated.
 
     Args:
         folder: folder of the record, created if necessary.
         problem: contact problem that is recorded.
         kind: class of the journal.
         surface_displacement: whether the displacement of the outer surface is stored at every
-            point. A resumed record ignores it and continues as it began.
+            point. Ignored if a record is resumed, which keeps its original setting.
         resume: True to continue an existing record, False to begin a new one, ``"if_exists"`` to
             continue a record if it exists and begin one otherwise.
 

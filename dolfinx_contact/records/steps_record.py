@@ -62,14 +62,15 @@ _WITHOUT_CONTINUATION = (Ending.NO_SOLUTION, Ending.NOT_FOUND, Ending.NOT_SOLVED
 
 
 class StepsRecord(Record[J], Generic[J, S, H]):
-    """A record of runs, step by step. Collective, as a context.
+    """Base of the records of runs, with one entry per step. A collective context manager.
 
     Args:
         folder: folder of the record, created if necessary.
         runs: evolution or path whose runs are recorded.
         kind: class of the journal.
-        surface_displacement: see `EvolutionRecord`, also for the following argument.
-        resume: whether a record is continued.
+        surface_displacement: whether the displacement of the outer surface is recorded, see
+            `EvolutionRecord`.
+        resume: whether an existing record is continued, see `EvolutionRecord`.
 
     Attributes:
         journal: content of the journal, on every rank.
@@ -174,11 +175,11 @@ class StepsRecord(Record[J], Generic[J, S, H]):
     # -- recording -------------------------------------------------------------------------------
 
     def begin(self, task: Any, state: S) -> None:
-        """Record the beginning of a run; nothing for a run that continues. Collective.
+        """Record the beginning of a new run; a resumed run is not recorded again. Collective.
 
         Raises:
-            ValueError: on every rank, if the record is closed, or the run does not begin where the
-                record ends.
+            ValueError: on every rank, if the record is closed, or the run does not begin at the
+                end of the record.
         """
         self._require_open()
         if state is self._resumed_state:
@@ -325,19 +326,19 @@ class StepsRecord(Record[J], Generic[J, S, H]):
     ) -> H:
         """Continue the last run with its recorded task. Collective.
 
-        A run that has ended stays as it is. The evolution is then at the end of the record, and
-        another ``run`` may continue with ``record=`` this record.
+        A run that has ended is not continued; the evolution is then put to the end of the record.
+        A later ``run(..., record=record)`` starts from there.
 
         Args:
-            stop: the same stop condition as at the beginning, if there was one.
-            observer: called with the computed steps, after the record.
-            progress: see `QuasiStatic.run`.
+            stop: stop condition; must be the stop condition with which the run began, if any.
+            observer: function called with every computed step, after the step is recorded.
+            progress: whether rank 0 shows the progress, see `QuasiStatic.run`.
 
         Returns:
-            The computed steps; the journal has all.
+            History of the steps computed by this call; the journal contains all steps.
 
         Raises:
-            NoContinuation: as `QuasiStatic.run`.
+            NoContinuation: see `QuasiStatic.run`.
             ValueError: on every rank, if no run was recorded, or its checkpoints are damaged.
         """
         run = self._last_run()
@@ -357,15 +358,15 @@ class StepsRecord(Record[J], Generic[J, S, H]):
     # -- states ----------------------------------------------------------------------------------
 
     def state(self, index: int) -> State:
-        """Return a recorded state, for evaluators and ``run(..., start=)``. Collective.
+        """Return a recorded state, for evaluation or as ``start`` of a run. Collective.
 
-        The problem stays as it is.
+        The problem is not changed.
 
         Args:
             index: number of the step, 0 for the start.
 
         Raises:
-            ValueError: on every rank, if there is no such step, or it is damaged.
+            ValueError: on every rank, if the step does not exist or its checkpoint is damaged.
         """
         same_everywhere(self.comm, index=index)
         last = len(self.journal.states) - 1
@@ -388,10 +389,10 @@ class StepsRecord(Record[J], Generic[J, S, H]):
 
 
 class EvolutionRecord(StepsRecord[EvolutionJournal, RunState, History]):
-    """A record of the runs of an evolution in a folder. Collective.
+    """Record of the runs of an evolution in a folder. Collective.
 
-    While the record is open no other process can write to it; ranks that outlive a killed
-    ``mpirun`` hold it until they are ended.
+    An open record holds a file lock, so that no other process can write to it. If ``mpirun`` is
+    killed and some of its ranks survive, they keep the lock until they are terminated.
 
     A record is resumed with the same problem only. It stores a manifest: the mesh, the forms and
     their domains of integration, Dirichlet conditions, surfaces and laws, and at every state the
@@ -403,8 +404,8 @@ class EvolutionRecord(StepsRecord[EvolutionJournal, RunState, History]):
         folder: folder of the record, created if necessary.
         evolution: evolution whose runs are recorded.
         surface_displacement: whether the displacement of the outer surface is recorded at every
-            step, in single precision, for the explorer. A resumed record continues as it
-            began.
+            step, in single precision, for the explorer. Ignored if a record is resumed, which
+            keeps its original setting.
         resume: True to continue an existing record, False to begin a new one, "if_exists" for
             either.
 
@@ -490,15 +491,16 @@ class EvolutionRecord(StepsRecord[EvolutionJournal, RunState, History]):
 
 
 class PathRecord(StepsRecord[PathJournal, PathState, PathHistory]):
-    """A record of the runs of a path by arc length in a folder. Collective.
+    """Record of the runs of an arc-length path in a folder. Collective.
 
-    While the record is open no other process can write to it; ranks that outlive a killed
-    ``mpirun`` hold it until they are ended.
+    An open record holds a file lock, so that no other process can write to it. If ``mpirun`` is
+    killed and some of its ranks survive, they keep the lock until they are terminated.
 
     Args:
         folder: folder of the record, created if necessary.
         path: path whose runs are recorded.
-        surface_displacement: see `EvolutionRecord`.
+        surface_displacement: whether the displacement of the outer surface is recorded, see
+            `EvolutionRecord`.
         resume: True to continue an existing record, False to begin a new one, "if_exists" for
             either.
 
@@ -611,11 +613,11 @@ class PathRecord(StepsRecord[PathJournal, PathState, PathHistory]):
         return PathHistory(accepted.time, accepted.energies, gamma=run_state.gamma)
 
     def begin(self, task: PathTask, state: PathState) -> None:
-        """Record the beginning of a run; nothing for a run that continues. Collective.
+        """Record the beginning of a new run; a resumed run is not recorded again. Collective.
 
         Raises:
-            ValueError: on every rank, if it does not begin where the record ends, or has another
-                task than the killed run that begins there.
+            ValueError: on every rank, if the run does not begin at the end of the record, or its
+                task differs from the task of the killed run that begins there.
         """
         runs = self.journal.runs
         if runs and runs[-1].ending is None and self._last is None:
