@@ -27,7 +27,7 @@ def _check(a: Arguments) -> None:
 
 
 class EvolutionSeries:
-    """An observer of evolutions that writes their accepted steps. Collective, as a context.
+    """Observer that writes the accepted steps of an evolution. A collective context manager.
 
     ``evolution_body.bp`` holds the displacement, ``evolution_contact.bp`` (or
     ``evolution_contact_NAME.bp``) the fields of a contact surface, ``..._opposite.bp`` those of the
@@ -42,15 +42,15 @@ class EvolutionSeries:
         folder: output folder, created if necessary.
         problem: contact problem of the evolution.
         every: number of steps between two written states, from 1; the table contains all steps.
-        stress: 3 x 3 UFL stress, or one per cell tag, as for `write_fields`; by default no stresses
-            are written.
-        format: "vtx" (``.bp``) or "vtk" (``.pvd``); by default as in `write_fields`.
+        stress: 3 x 3 UFL stress, or a dictionary of stresses by cell tag, as for `write_fields`;
+            default: no stresses are written.
+        format: "vtx" (``.bp``) or "vtk" (``.pvd``); default: see `write_fields`.
 
     Raises:
         OSError: on every rank, with the path and the reason, if a file cannot be written.
-        ValueError: on every rank, if the format is not available, the stress is refused as by
-            `write_fields`, or arguments differ between ranks; also from a run that uses it outside
-            its context.
+        ValueError: on every rank, if the format is not available, the stress is not valid for
+            `write_fields`, arguments differ between ranks, or a run uses the observer outside its
+            context.
 
     Example:
         ::
@@ -77,7 +77,7 @@ class EvolutionSeries:
 
     @property
     def files(self) -> list[Path]:
-        """Paths of the files, after the context has ended."""
+        """Paths of the files, available after the end of the context."""
         return self._writer.files
 
     def __enter__(self) -> EvolutionSeries:

@@ -70,13 +70,13 @@ def write_fields(
         folder: output folder, created if necessary. Files of an earlier state with the same names,
             in either format, are replaced when all new files are complete.
         problem: contact problem.
-        state: state to write; by default the Functions as they are.
+        state: state to write; default: present values of the Functions.
         stress: 3 x 3 UFL stress, also in 2D: ``material.full_stress(u)``. For several materials in
             integrals over cell tags, one stress per tag: ``{1: steel.full_stress(u), 2:
-            rubber.full_stress(u)}``. It is not compared with the stress of the bulk. By default no
+            rubber.full_stress(u)}``. Consistency with the bulk form is not checked. Default: no
             stresses are written.
-        format: "vtx" (``.bp``) or "vtk" (``.pvd`` and ``.vtu``, for PyVista and every ParaView); by
-            default "vtx" unless DOLFINx was built without ADIOS2.
+        format: "vtx" (``.bp``) or "vtk" (``.pvd`` and ``.vtu``, readable by PyVista and every
+            ParaView); default: "vtx" if DOLFINx was built with ADIOS2, otherwise "vtk".
 
     Returns:
         Paths of the files, on every rank.
@@ -84,9 +84,9 @@ def write_fields(
     Raises:
         OSError: on every rank, with the path and the reason, if a file cannot be written. Earlier
             files then remain.
-        ValueError: on every rank, if the stress is not 3 x 3 or of another mesh, or does not have
-            the cell tags of the bulk, two surfaces would have one file, the format cannot be
-            written, or arguments differ between ranks.
+        ValueError: on every rank, if the stress is not 3 x 3, belongs to another mesh or does not
+            have the cell tags of the bulk, two surfaces would be written to the same file, the
+            format is not available, or arguments differ between ranks.
     """
     fields = StateFields(problem, stress)
     with Writer(problem.comm, folder, format) as writer, problem.at(state) as shown:
@@ -99,11 +99,11 @@ class StateFields:
 
     Args:
         problem: contact problem.
-        stress: stress, see `write_fields`.
+        stress: UFL stress, see `write_fields`.
         prefix: beginning of the file names.
 
     Raises:
-        ValueError: on every rank, if the stress is refused, or two faces have the same file.
+        ValueError: on every rank, if the stress is not valid, or two faces have the same file.
     """
 
     def __init__(self, problem: ContactProblem, stress: Any = None, prefix: str = ""):
@@ -160,11 +160,11 @@ def check_stress(problem: ContactProblem, stress: Any) -> mesh.MeshTags | None:
     """Validate a stress. Collective.
 
     Returns:
-        The cell tags of the bulk if the stress is given by cell tags.
+        Cell tags of the bulk if the stress is given by cell tags, otherwise None.
 
     Raises:
-        ValueError: on every rank, if it is not 3 x 3, of another mesh, does not have the cell tags
-            of the bulk, or differs between ranks.
+        ValueError: on every rank, if the stress is not 3 x 3, belongs to another mesh, does not
+            have the cell tags of the bulk, or differs between ranks.
     """
     domain = problem.u.function_space.mesh
     by_tag = stress if isinstance(stress, Mapping) else {None: stress}
@@ -202,8 +202,8 @@ def body_fields(
 ) -> list[fem.Function]:
     """Return ``stress`` and ``von_mises`` as discontinuous Functions of degree 1. Collective.
 
-    If a condition of the position makes the stress jump between cells, each cell has the values of
-    its own side.
+    If the stress jumps between cells because of a UFL conditional of the position, each cell has
+    the one-sided values of its interior.
 
     Args:
         u: displacement.
@@ -253,7 +253,7 @@ def _interpolate(f: fem.Function, e: Any, cells: npt.NDArray[np.int32] | None) -
 
 
 def of_cells(e: Any, domain: mesh.Mesh) -> Any:
-    """Return an expression known at cell midpoints only as a DG0 Function. Collective.
+    """Convert an expression that is defined only at cell midpoints to DG0. Collective.
 
     Args:
         e: UFL expression; returned unchanged if it is defined everywhere.
@@ -274,7 +274,7 @@ def of_cells(e: Any, domain: mesh.Mesh) -> Any:
 
 
 def _jumps_by_place(e: Any) -> bool:
-    """Whether an expression contains a condition of the position, as for two moduli."""
+    """Return whether an expression contains a conditional of the position."""
     conditions = (n for n in unique_pre_traversal(e) if isinstance(n, ufl.classes.Condition))
     return any(
         isinstance(node, ufl.classes.SpatialCoordinate)

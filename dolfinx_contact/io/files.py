@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Output folders, and files that are complete or absent.
+"""Output folders and atomic writing of files.
 
-A file is written under a hidden name in the same folder and renamed when it is complete and on the
-disk, so that an earlier file remains if writing fails.
+A file is written under a hidden name in the same folder and renamed after it has been flushed to
+disk. If writing fails, an earlier file of the same name is unchanged.
 """
 
 from __future__ import annotations
@@ -166,10 +166,10 @@ def write_script(comm: MPI.Comm, part: Path, folder: Path) -> None:
 
 @contextmanager
 def aside(comm: MPI.Comm, folder: Path, name: str, prefix: str = "") -> Iterator[Path]:
-    """Provide a hidden folder whose content is moved to ``folder`` at the end. Collective.
+    """Context manager: hidden folder whose content is moved to ``folder`` on exit. Collective.
 
-    Files of the same names are replaced, also those of the other format. Errors inside must be the
-    same on every rank.
+    Files of the same names are replaced, in both formats. Errors raised inside the context must be
+    the same on every rank.
 
     Args:
         comm: communicator.
@@ -179,7 +179,7 @@ def aside(comm: MPI.Comm, folder: Path, name: str, prefix: str = "") -> Iterator
 
     Raises:
         OSError: on every rank, with the path, if a file is incomplete or cannot be moved, for
-            example because a folder has its name. Earlier files then remain.
+            example because a folder of the same name exists. Earlier files then remain.
     """
     part = folder / f".{name}.part"
 

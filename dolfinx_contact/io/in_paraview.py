@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Show the results beside this script in ParaView.
+"""Show the results in the folder of this script in ParaView.
 
     paraview --script=FOLDER/paraview.py
     pvbatch FOLDER/paraview.py PICTURE.png

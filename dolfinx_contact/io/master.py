@@ -34,7 +34,7 @@ __all__ = ["MasterFace"]
 
 
 class MasterFace:
-    """The master face of a pair. Collective.
+    """Master face of a pair. Collective.
 
     Args:
         problem: contact problem with the pair.
@@ -79,7 +79,7 @@ class MasterFace:
         """Return the continuous, linear fields at the state in the Functions. Collective.
 
         Args:
-            problem: problem with the law of a step; by default the problem of the face.
+            problem: problem with the law of a step; default: problem passed to the constructor.
 
         Returns:
             Fields by name: ``displacement``, contact ``traction`` on the master, ``pressure`` (its

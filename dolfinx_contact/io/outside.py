@@ -53,12 +53,12 @@ _OF_LAWS = ("adhesion", "bond", "slid")
 
 @dataclass(frozen=True, eq=False)
 class OuterSurface:
-    """The undeformed outer surface of the bodies.
+    """Undeformed outer surface of the bodies.
 
     Attributes:
-        x: coordinates of its vertices, shape (n, 3).
-        nodes: rising numbers of the vertices in the input of the mesh, shape (n,).
-        cells: vertices of the boundary facets, one row each; in 2D of all cells.
+        x: coordinates of the vertices, shape (n, 3).
+        nodes: increasing numbers of the vertices in the input mesh, shape (n,).
+        cells: vertices of the boundary facets in 3D, of all cells in 2D, one row per facet or cell.
         contact: vertices of the facets of each contact surface, by name.
         opposite: vertices of the facets of the master of each pair, by name.
         obstacles: facets of the obstacle of each other surface, by name, with their own vertices
@@ -80,8 +80,8 @@ class SurfaceState:
     Attributes:
         u: displacement of the vertices, shape (n, dim).
         strain: equivalent strain at the vertices, shape (n,); see `Outside`.
-        obstacles: vertices of the obstacle of each surface that is not a pair, their motion, and
-            the normals there, by name, shape (3, m, dim).
+        obstacles: positions, displacements and normals of the vertices of the obstacle of each
+            surface that is not a pair, by name, shape (3, m, dim).
         tables: columns of the `ContactTable` of each contact surface, by name.
     """
 
@@ -92,9 +92,9 @@ class SurfaceState:
 
 
 def flat(data: Mapping[str, Any], start: str = "") -> Arrays:
-    """Return nested dictionaries of arrays as one dictionary, for a file.
+    """Flatten nested dictionaries of arrays into one dictionary, for a file.
 
-    Keys are joined by slashes, and special characters in them are quoted as in addresses.
+    Keys are joined by slashes; special characters in keys are percent-encoded.
     """
     found: Arrays = {}
     for key, value in data.items():
@@ -104,7 +104,7 @@ def flat(data: Mapping[str, Any], start: str = "") -> Arrays:
 
 
 def nested(arrays: Arrays) -> dict[str, Any]:
-    """Return the dictionaries from which `flat` has made arrays, without empty ones."""
+    """Return the nested dictionaries flattened by `flat`, without empty dictionaries."""
     found: dict[str, Any] = {}
     for name, values in arrays.items():
         *parents, key = map(unquote, name.split("/"))
@@ -200,7 +200,8 @@ class Outside:
         """Return the state in the Functions on rank 0, None on other ranks. Collective.
 
         Args:
-            law: problem with the law of the contact tables; by default the problem itself.
+            law: problem with the law of the contact tables; default: problem passed to the
+                constructor.
         """
         problem = self.problem if law is None else law
         self._moved.interpolate(problem.u)
@@ -230,7 +231,7 @@ def _columns(table: ContactTable) -> Arrays:
 
 
 def _obstacle(s: DiscreteSurface) -> Arrays:
-    """Gather the facets of an obstacle, or the points opposite to the surface (see `patch`)."""
+    """Gather the facets of an obstacle, or the opposing points of the surface (see `patch`)."""
     outline = s.obstacle.outline
     if outline is None:
         return patch(s)

@@ -15,10 +15,10 @@ __all__ = ["Report"]
 
 
 class Report:
-    """Write lines on rank 0 and flush each of them. Not collective.
+    """Progress messages of a script, printed and flushed on rank 0. Not collective.
 
     Args:
-        comm: communicator; only its rank 0 writes.
+        comm: communicator; only rank 0 prints.
 
     Example:
         ::
@@ -38,7 +38,7 @@ class Report:
             print(text, flush=True)
 
     def newton(self, step: Step) -> None:
-        """Write a line for an iterate of Newton's method; a monitor for `ContactProblem.solve`."""
+        """Print a line for an iterate of Newton's method: a monitor of `ContactProblem.solve`."""
         m = step.measures
         self(
             f"  Newton {step.iteration:2d}: force {m.force:.1e}, constraint {m.constraint:.1e}, "
@@ -46,7 +46,7 @@ class Report:
         )
 
     def result(self, result: Result) -> None:
-        """Write the end of a solve: points by status, contact forces, violation of the law."""
+        """Print the result of a solve: points by status, contact forces, violation of the law."""
         self(f"{result.reason}: {result.iterations} Newton iterations, {result.dofs} unknowns")
         self("contact points: " + ", ".join(f"{n} {k}" for k, n in result.counts.items() if n))
         pairs = result.pairs

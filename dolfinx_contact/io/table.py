@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Tables as CSV: contact points, and rows of a script."""
+"""CSV tables of contact points and of rows provided by a script."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def write_contact_table(
 ) -> None:
     """Write ``folder/contact.csv`` with one row per contact point. Collective.
 
-    The columns are those of `ContactTable.columns`; columns that a surface does not have are blank.
+    The columns are listed in `ContactTable.columns`; columns missing for a surface are blank.
     Forces, pressure and shear are contact forces; the last columns contain the reactions of
     Dirichlet data at contact nodes.
 
@@ -53,7 +53,7 @@ def write_rows(
 ) -> None:
     """Write the rows of rank 0 as CSV. Collective.
 
-    The keys of the first row are the columns; other keys are left out.
+    The columns are the keys of the first row; other keys are ignored.
 
     Raises:
         OSError: on every rank, with the path, if it cannot be written; an earlier file remains.
@@ -69,10 +69,10 @@ def write_rows(
 
 
 class GrowingTable:
-    """A CSV file whose rows are on the disk as soon as they are added. Collective.
+    """CSV file whose rows are flushed to disk as soon as they are added. Collective.
 
-    The keys of the first row are the columns; other keys are left out. The first row replaces an
-    earlier file.
+    The columns are the keys of the first row; other keys are ignored. The first row replaces an
+    existing file.
 
     Args:
         comm: communicator.

@@ -35,7 +35,7 @@ Fields: TypeAlias = Mapping[str, Sequence[fem.Function]]
 
 
 def checked_format(comm: MPI.Comm, format: Format) -> Literal["vtx", "vtk"]:
-    """Return the format that is used. Collective.
+    """Validate a file format and return it, or the default format. Collective.
 
     Raises:
         ValueError: on every rank, if the format is unknown, differs between ranks, or is VTX and
@@ -52,10 +52,10 @@ def checked_format(comm: MPI.Comm, format: Format) -> Literal["vtx", "vtk"]:
 
 
 class Writer:
-    """Writes states one after the other, and ``paraview.py`` that shows them. Collective.
+    """Writer of a series of states, with a script ``paraview.py`` that shows them. Collective.
 
-    The first state opens the files, in a hidden folder. Later states are copied into its Functions.
-    When the context ends the files are moved to their folder, where they replace earlier ones.
+    The first state opens the files in a hidden folder. Later states are copied to its Functions.
+    At the end of the context, the files are moved to their folder and replace earlier files.
 
     Args:
         comm: communicator.
@@ -64,7 +64,7 @@ class Writer:
         prefix: beginning of the names of a series, whose earlier files are all removed.
 
     Attributes:
-        files: final paths of the files; none before the first state.
+        files: final paths of the files; empty before the first state.
     """
 
     def __init__(
@@ -89,7 +89,7 @@ class Writer:
 
         Args:
             time: time of the state.
-            fields: Functions of all files, the same files in the same order at all states.
+            fields: Functions by file; the files and their order must be the same for all states.
 
         Raises:
             OSError: on every rank, with the path, if a file cannot be written.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The record of a continuation, from which a killed run is resumed.
+"""Record of a continuation, from which an interrupted run can be resumed.
 
 A record is a folder with the journal (gamma, functionals, statuses, step data and special points of
 every accepted point) and checkpoints (unknowns and tangent of some points). A resumed run continues

@@ -32,10 +32,10 @@ __all__ = ["FieldArrays", "PointArrays"]
 
 
 class FieldArrays:
-    """Vectors of unknowns as arrays, and back. Collective.
+    """Conversion between vectors of unknowns and arrays. Collective.
 
     Args:
-        problem: contact problem of the unknowns. Its Functions follow the vectors.
+        problem: contact problem of the unknowns, whose Functions are overwritten.
     """
 
     def __init__(self, problem: ContactProblem):
@@ -45,7 +45,7 @@ class FieldArrays:
     def gathered(self, vectors: Mapping[str, PETSc.Vec]) -> Arrays:
         """Return the arrays of vectors by name, on rank 0. Collective.
 
-        The last vector stays in the Functions of the problem.
+        Afterwards, the Functions of the problem contain the last vector.
         """
         arrays = {}
         for name, x in vectors.items():
@@ -116,9 +116,10 @@ class _SurfaceField:
 
 
 class PointArrays:
-    """Statuses and memory of the contact points of all ranks as arrays, and back. Collective.
+    """Conversion of statuses and memory of all contact points to and from arrays. Collective.
 
-    Points at one place (the sides of a crack) are ordered by their nodes in the input of the mesh.
+    Points with equal coordinates, such as both sides of a crack, are sorted by the numbers of their
+    nodes in the input mesh.
 
     Args:
         problem: contact problem of the points.

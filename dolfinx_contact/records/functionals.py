@@ -52,27 +52,29 @@ _COLUMNS = ("branch", "index", "gamma", "step", "corrections", "tau", "norm", "s
 
 
 def leftmost(quantity: Quantity, surface: str | None = None) -> OfProblem:
-    """Return the function for the value at the first contact point in the order of coordinates.
+    """Return a functional: value of a quantity at the first contact point of a surface.
+
+    Contact points are sorted by coordinates, as in `ContactTable`.
 
     Args:
-        quantity: ``"un"``, ``"ut"``, ``"rn"`` or ``"rt"``, as in `ContactTable`.
-        surface: name of the surface; by default the first of the problem.
+        quantity: column of `ContactTable`: ``"un"``, ``"ut"``, ``"rn"`` or ``"rt"``.
+        surface: name of the surface; default: first surface of the problem.
 
     Raises:
-        ValueError: if there is no such quantity; when it is evaluated, if there is no such surface.
+        ValueError: if the quantity is unknown. The evaluation raises it if the surface is unknown.
     """
     return _of_table(quantity, surface, lambda values, _: float(values[0]))
 
 
 def rightmost(quantity: Quantity, surface: str | None = None) -> OfProblem:
-    """Return the function for the value at the last contact point; see `leftmost`."""
+    """Return a functional: value of a quantity at the last contact point; see `leftmost`."""
     return _of_table(quantity, surface, lambda values, _: float(values[-1]))
 
 
 def total(quantity: Literal["rn", "rt"], surface: str | None = None) -> OfProblem:
-    """Return the function for the sum over contact points, without reactions of supports.
+    """Return a functional: sum of a quantity over contact points, without support reactions.
 
-    In 3D, the sum of ``rt`` is the size of the resultant. Arguments and errors as in `leftmost`.
+    In 3D, the sum of ``rt`` is the norm of the resultant. For arguments and errors see `leftmost`.
     """
     if quantity not in ("rn", "rt"):
         raise ValueError(f"forces are summed, 'rn' or 'rt', got {quantity!r}")
@@ -131,8 +133,8 @@ def functional_forms(
 ) -> dict[str, str]:
     """Return the section ``forms`` of the manifest for functionals. Not collective.
 
-    A form is known by the hash of its signature and of the places of its Functions and Constants in
-    the problem, a Python function only by its name.
+    A form is identified by a hash of its signature and of the places of its Functions and Constants
+    in the problem, a Python function only by its name.
     """
     problem = system.problem
     places = {id(d.value): d.place for d in placed_data(problem.equations)}

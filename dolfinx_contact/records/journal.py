@@ -81,17 +81,17 @@ _CRC = ', "crc": "'
 
 
 def checkpoint_file(folder: Path, name: str) -> Path:
-    """Path of the file with the fields of a point or state."""
+    """Return the path of the file with the fields of a point or state."""
     return folder / "checkpoints" / f"{name}.npz"
 
 
 def surface_file(folder: Path, name: str) -> Path:
-    """Path of the file with the outer surface at a point or state."""
+    """Return the path of the file with the outer surface at a point or state."""
     return folder / "surface" / f"{name}.npz"
 
 
 def outer_surface_file(folder: Path) -> Path:
-    """Path of the file with the undeformed outer surface."""
+    """Return the path of the file with the undeformed outer surface."""
     return folder / "surface.npz"
 
 
@@ -99,7 +99,7 @@ def outer_surface_file(folder: Path) -> Path:
 
 
 class Entry(dict[str, Any]):
-    """Object of a line, whose items are attributes as well; missing items are None."""
+    """Entry of a journal: a JSON object with attribute access; missing items are None."""
 
     def __getattr__(self, name: str) -> Any:
         if name.startswith("__"):
@@ -108,9 +108,10 @@ class Entry(dict[str, Any]):
 
 
 def plain(value: Any) -> Any:
-    """Convert a value to JSON types; numbers that are not finite become ``{"float": "nan"}``.
+    """Convert a value to JSON types.
 
-    Dataclasses become dictionaries; items that are None are omitted.
+    Numbers that are not finite become dictionaries such as ``{"float": "nan"}``. Dataclasses become
+    dictionaries without items that are None.
     """
     if is_dataclass(value) and not isinstance(value, type):
         value = {f.name: getattr(value, f.name) for f in fields(value)}
@@ -129,13 +130,13 @@ def plain(value: Any) -> Any:
 
 
 def encoded(entry: Mapping[str, Any]) -> bytes:
-    """Return the line of an entry, with its CRC; numbers keep all digits."""
+    """Return the line of an entry, with its CRC; floats are written without loss of digits."""
     body = json.dumps(plain(entry), allow_nan=False)[:-1]
     return f'{body}{_CRC}{zlib.crc32(body.encode()):08x}"}}\n'.encode()
 
 
 def reread(entry: Mapping[str, Any]) -> Entry:
-    """Return an entry as it is read from its line."""
+    """Return the entry that results from writing and reading an entry."""
     return _decoded(encoded(entry).rstrip(b"\n"))
 
 
@@ -289,11 +290,11 @@ class AnyJournal:
 
 @dataclass
 class _Recorded(Ends):
-    """Something recorded that ends.
+    """Base class of recorded branches and runs.
 
     Attributes:
-        ending: its ending; None if it has not ended.
-        reason: reason, as a sentence.
+        ending: kind of the ending; None if the branch or run has not ended.
+        reason: reason of the ending, as a sentence.
     """
 
     ending: Ending | None = None
@@ -305,8 +306,8 @@ class JournalBranch(_Recorded):
     """A recorded branch.
 
     Attributes:
-        task: task of the branch by name (`continuation.Task`); empty in memory only.
-        points: its points in order.
+        task: attributes of `continuation.Task` by name; empty for a journal in memory.
+        points: entries of the points, in order.
     """
 
     task: dict[str, Any] = field(default_factory=dict)
@@ -320,10 +321,10 @@ class JournalBranch(_Recorded):
 
 @dataclass
 class Explored(_Recorded):
-    """The end of a recorded exploration.
+    """Ending of a recorded exploration of a diagram.
 
     Attributes:
-        complete: whether every ray was followed, and all rays of every node are known.
+        complete: whether all rays of every node are known and have been followed.
     """
 
     complete: bool = False
@@ -331,13 +332,13 @@ class Explored(_Recorded):
 
 @dataclass
 class Journal(AnyJournal):
-    """The journal of branches.
+    """Journal of branches.
 
     Attributes:
         branches: branches by number.
         nodes: bifurcations of a diagram by number; empty if branches were followed one by one.
         edges: branches of a diagram with the nodes where they start and end, by number.
-        explored: the end of the exploration; empty if something was recorded since.
+        explored: ending of the exploration; empty if further entries have been recorded since.
     """
 
     kind: ClassVar[str] = "branches"
@@ -353,7 +354,7 @@ class Journal(AnyJournal):
 
     @property
     def is_diagram(self) -> bool:
-        """Whether the branches were explored, so that they end at nodes."""
+        """Whether the branches belong to a diagram and end at its nodes."""
         return bool(self.edges) or any(b.task.get("to_node") for b in self.branches.values())
 
     def entries(self, branch: int = 0) -> list[Entry]:
@@ -363,10 +364,10 @@ class Journal(AnyJournal):
         return [p for _, p in self._points(None)]
 
     def columns(self, branch: int | None = None) -> dict[str, npt.NDArray[Any]]:
-        """Return all points as numpy arrays by name, of one branch or of all, in order.
+        """Return the points of one branch or of all branches as numpy arrays by name, in order.
 
-        ``branch``, ``index``, ``gamma``, ``step``, ``corrections``, ``tau``, ``norm``, the
-        functionals, the numbers of points ``open``, ``stick``, ``slip`` and ``clamped``,
+        The names are ``branch``, ``index``, ``gamma``, ``step``, ``corrections``, ``tau``,
+        ``norm``, the functionals, the numbers of points ``open``, ``stick``, ``slip`` and ``clamped``,
         ``special`` (kinds of special points on the way to the point) and ``status``.
         """
         rows = self._points(branch)
@@ -386,7 +387,7 @@ class Journal(AnyJournal):
         """Return ``gamma``, ``status`` of the points that are not clamped, and the functionals.
 
         Args:
-            branch: number of the branch; None for all.
+            branch: number of the branch; default: all branches.
         """
         return [
             {"gamma": p.gamma, "status": p.status.replace("d", ""), **p.functionals}
@@ -420,14 +421,14 @@ class Journal(AnyJournal):
         }
 
     def to_pandas(self, branch: int | None = None) -> Any:
-        """Return all points as a pandas DataFrame, of one branch or of all; see `columns`."""
+        """Return the points of one or all branches as a pandas DataFrame; see `columns`."""
         return optional("pandas", "records").DataFrame(self.columns(branch))
 
     def special(self, branch: int | None = None) -> Any:
         """Return the special points as a pandas DataFrame.
 
-        ``branch``, ``index`` of the point that follows, ``kind``, ``smooth``, ``gamma``,
-        ``parity``, ``others`` (number of further rays), ``complete``, ``bracket`` (the values
+        The columns are ``branch``, ``index`` of the following point, ``kind``, ``smooth``,
+        ``gamma``, ``parity``, ``others`` (number of further rays), ``complete``, ``bracket`` (the values
         of gamma between which it lies; None if it is located), and ``changes``, a list of
         dictionaries with the place ``x`` and the status ``before`` and ``after``.
         """
@@ -496,11 +497,11 @@ class EvolutionRun(_Recorded):
 
 @dataclass
 class EvolutionJournal(AnyJournal):
-    """The journal of the runs of an evolution.
+    """Journal of the runs of an evolution.
 
     Attributes:
-        states: the start and every accepted step, in order.
-        runs: runs in order.
+        states: entries of the start and of every accepted step, in order.
+        runs: runs, in order.
     """
 
     kind: ClassVar[str] = "an evolution"
@@ -520,7 +521,7 @@ class EvolutionJournal(AnyJournal):
         return [s.row | {"status": s.status} for s in self.states if s.row is not None]
 
     def columns(self) -> dict[str, npt.NDArray[Any]]:
-        """Return `rows` as numpy arrays by name; columns with words or None have objects."""
+        """Return `rows` as numpy arrays by name; columns with text or None have dtype object."""
         rows = self.rows()
         columns = {}
         for name in rows[0] if rows else ():
@@ -542,7 +543,7 @@ class EvolutionJournal(AnyJournal):
 
 @dataclass
 class PathJournal(EvolutionJournal):
-    """The journal of a path by arc length, as an `EvolutionJournal`; times are lengths."""
+    """Journal of an arc-length path: an `EvolutionJournal` whose times are arc lengths."""
 
     kind: ClassVar[str] = "a path"
 
@@ -569,7 +570,7 @@ _KINDS: dict[str, type[Journal | EvolutionJournal | PathJournal]] = {
 
 
 def parse(data: bytes, kind: type[J], folder: Path | None = None) -> J:
-    """Return the journal in the content of a file, without an incomplete last line.
+    """Parse the content of a journal file; an incomplete last line is ignored.
 
     Args:
         data: content of the file.
@@ -593,14 +594,14 @@ def parse(data: bytes, kind: type[J], folder: Path | None = None) -> J:
 
 
 def read_journal(folder: str | os.PathLike[str]) -> Journal | EvolutionJournal | PathJournal:
-    """Read the journal of a folder, also during the run. Not collective.
+    """Read the journal of a record, also while a run is writing to it. Not collective.
 
     Returns:
-        Journal, an instance of the class of its kind.
+        Journal: a `Journal`, `EvolutionJournal` or `PathJournal`, by the kind of the record.
 
     Raises:
-        OSError: if there is no journal.
-        ValueError: if it is damaged, or of an unknown kind.
+        OSError: if the folder does not contain a journal.
+        ValueError: if the journal is damaged or of an unknown kind.
     """
     data = (Path(folder) / FILE_NAME).read_bytes()
     try:

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The file of a journal: open for appending, and locked against other runs.
+"""Journal file: open for appending, and locked against other runs.
 
-The lock is ``flock`` on the journal. It ends with its holder, however that ends. The note
-``journal.lock`` next to the journal names the processes of the run, because ranks that outlive a
-killed ``mpirun`` keep the lock until somebody ends them.
+The lock is an ``flock`` on the journal, which the operating system releases when its process ends.
+The file ``journal.lock`` next to the journal names the processes of the run: if ``mpirun`` is
+killed and some of its ranks survive, they keep the lock until they are terminated.
 
 Between hosts the lock works if the file system supports it: NFS does, Lustre does if mounted with
 ``flock``. On a file system without ``flock`` the note itself is the lock, created with ``O_EXCL``;
@@ -50,14 +50,14 @@ def run_name(comm: MPI.Comm) -> str:
 
 
 class JournalFile(Generic[J]):
-    """A journal that is open for appending and locked against other runs. On one rank.
+    """Journal file that is open for appending and locked against other runs. On one rank.
 
     Args:
         folder: folder of the record.
         kind: class of the journal.
         resume: True to require a journal with a line, False to require none, "if_exists" for
             either.
-        run: description of this run for runs that are refused (`run_name`).
+        run: description of this run (`run_name`), shown to other runs that try to open the file.
 
     Attributes:
         journal: content of the file when it was opened.
@@ -67,7 +67,7 @@ class JournalFile(Generic[J]):
         FileNotFoundError: if the journal must exist and does not, or has no complete line.
         BlockingIOError: if another run has it open, with the description of that run.
         OSError: if it cannot be opened, with the path.
-        ValueError: if it is damaged, or of another kind. It stays as it is.
+        ValueError: if the journal is damaged or of another kind. The file is not changed.
     """
 
     def __init__(self, folder: Path, kind: type[J], *, resume: bool | str, run: str):
@@ -148,7 +148,7 @@ class JournalFile(Generic[J]):
             os.fsync(self._file.fileno())
 
     def append(self, entry: Mapping[str, Any]) -> None:
-        """Write one line. It is on the disk when this returns.
+        """Write one line and flush it to disk.
 
         Raises:
             OSError: with the path, if it cannot be written (a partial line is cut off), or the file
@@ -175,7 +175,7 @@ class JournalFile(Generic[J]):
         raise FileNotFoundError(errno.ENOENT, reason, str(self._path))
 
     def close(self) -> None:
-        """Close the file, which frees the lock. A new file without a line is removed."""
+        """Close the file and release the lock. A new file without a line is removed."""
         if self._removable and self._file.seek(0, os.SEEK_END) == 0:
             self._path.unlink(missing_ok=True)
         if self._locked:

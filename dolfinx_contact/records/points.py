@@ -69,7 +69,7 @@ class JournalEntries:
             index: number of the point on its branch.
             point: the point.
             special: special points on the way to it.
-            x_scale: square of the length of the unknowns that counts as 1; 0 if it is unknown.
+            x_scale: square of the unit length of the unknowns; 0 if it is unknown.
         """
         values = {}
         for name, functional in self._functionals.items():
@@ -147,10 +147,10 @@ def journal_of(
 ) -> Journal:
     """Return the journal of branches in memory, for tables and `draw_diagram`. Collective.
 
-    Nothing can be resumed from it; `BranchRecord` writes one to the disk.
+    A run cannot be resumed from this journal; use `BranchRecord` for a journal on disk.
 
     Args:
-        system: contact problem with a parameter that the branches belong to; it is left as it was.
+        system: contact problem with a parameter that the branches belong to; its data are restored.
         branches: branches, numbered in this order.
         functionals: functionals by name, as for `BranchRecord`.
 
@@ -159,7 +159,7 @@ def journal_of(
 
     Raises:
         ValueError: on every rank, as for `BranchRecord`, if the numbers of branches or points
-            differ between ranks, or a point is not a solution of the system as it is now.
+            differ between ranks, or a point is not a solution of the system with its present data.
 
     Example:
         ::

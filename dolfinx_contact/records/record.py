@@ -115,12 +115,12 @@ class Record(Observer, Generic[J]):
     def _require_same(
         self, recorded: Mapping[str, Any], now: Mapping[str, Any], at: str = ""
     ) -> None:
-        """Raise ``ValueError`` if the problem is not the recorded one. Collective.
+        """Raise ``ValueError`` if the problem differs from the recorded problem. Collective.
 
         Args:
-            recorded: sections of the manifest, by name, as recorded.
-            now: the same sections as they are now.
-            at: place where they are compared, such as " at the time 1".
+            recorded: recorded sections of the manifest, by name.
+            now: present sections of the manifest, by name.
+            at: time or place of the comparison for the message, such as " at the time 1".
 
         Raises:
             ValueError: on every rank, with the first item that differs.
@@ -261,7 +261,7 @@ class Record(Observer, Generic[J]):
         return self.comm.bcast(at_points)
 
     def _last_undamaged(self, indices: Sequence[int], read: Callable[[int], T]) -> T:
-        """Return the first of several states that can be read. Collective.
+        """Return the first state whose checkpoint is undamaged. Collective.
 
         Damaged checkpoints are skipped, with a warning in the log.
 

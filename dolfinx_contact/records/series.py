@@ -49,8 +49,8 @@ def write_series(
         Names of the files, on every rank.
 
     Raises:
-        OSError: on every rank, with the path and the reason, if the folder cannot be written to,
-            or has no room. The folder is then unchanged.
+        OSError: on every rank, with the path and the reason, if the folder cannot be written to or
+            the disk is full. The folder is then unchanged.
         ValueError: on every rank, if the branch has no checkpoints, they are damaged, the format
             cannot be written, or arguments differ between ranks.
     """

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The records of histories, motions and paths, from which killed runs are resumed.
+"""Records of histories, motions and paths, from which interrupted runs can be resumed.
 
 A record is a folder with the journal (energies and statuses of every accepted step) and a
 checkpoint of every step (displacement, multipliers, rigid bodies, statuses and memory; the velocity
-of a motion, the tangent of a path). A run is resumed from the last step that suffices to continue
-it: steps that were found together, on the way to a jump, do not. Later recorded steps are computed
-again and not recorded again.
+of a motion, the tangent of a path). A run is resumed from its last resumable step. Steps inside the
+search for a jump are not resumable, because they belong together. Recorded steps after the last
+resumable step are computed again but not recorded again.
 """
 
 from __future__ import annotations
@@ -145,7 +145,7 @@ class StepsRecord(Record[J], Generic[J, S, H]):
         """
 
     def _goes_on(self, run_state: S) -> dict[str, Any]:
-        """Return further items with which a run continues. Collective."""
+        """Return additional items needed to continue a run. Collective."""
         raise NotImplementedError
 
     def _recalled(
@@ -169,7 +169,7 @@ class StepsRecord(Record[J], Generic[J, S, H]):
         raise NotImplementedError
 
     def _history(self, run_state: S) -> H:
-        """Return an empty history that begins at a state."""
+        """Return an empty history that starts from a state."""
         raise NotImplementedError
 
     # -- recording -------------------------------------------------------------------------------
@@ -382,7 +382,7 @@ class StepsRecord(Record[J], Generic[J, S, H]):
 
     @contextmanager
     def _looking(self) -> Iterator[None]:
-        """Restore the state and the data of the problem at the end. Collective."""
+        """Context manager that restores state and data of the problem on exit. Collective."""
         system = getattr(self._runs, "parametric", self.problem)
         with data_restored(self.problem), system.restored(always=True):
             yield

@@ -79,7 +79,7 @@ class Balance:
         support: resultant of the reactions of all Dirichlet data, shape (dim,).
         external: resultant of loads and springs in the bulk form, shape (dim,).
         imbalance: |contact + support + external| over the sum of the magnitudes of all forces,
-            without components across planes of symmetry that have images behind them.
+            without components normal to planes of symmetry with mirror images.
     """
 
     support: Array
@@ -136,7 +136,7 @@ def balance(
 
 
 def _mirrored_axes(eq: ContactEquations) -> list[int]:
-    """Return the axes across planes of symmetry that have images behind them."""
+    """Return the coordinate axes normal to planes of symmetry with mirror images."""
     return sorted({axis for s in eq.surfaces if s.slides for axis in s.obstacle.opposite.planes})
 
 

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Fields on a contact surface, for users, files and pictures.
 
-Linear Functions on a mesh of the surface alone, at the vertices: displacement, contact traction on
-the body, its normal and tangential parts, gap, slip (the tangential displacement), status, and
-apart from contact the support, the force per area by which Dirichlet data hold the body there.
+The fields are piecewise linear Functions on the mesh of the surface: displacement, contact traction
+on the body with its normal and tangential parts, gap, slip (the tangential displacement), status,
+and the support, i.e. the reaction of Dirichlet data per area, which is not a contact traction.
 
 The status is a number, `STATUS_CODES`: 0 open, 1 stick, 2 slip, 3 clamped by Dirichlet data. In the
 integral method the contact points are Gauss points; a vertex then has the status of the largest
@@ -37,7 +37,7 @@ _FORCES = ("traction", "pressure", "shear", "bound")
 def contact_fields(
     eq: ContactEquations, number: int, evaluation: Evaluation
 ) -> dict[str, fem.Function]:
-    """Fields on a contact surface at the state in the Functions. Collective.
+    """Return the fields on a contact surface at the state in the Functions. Collective.
 
     Args:
         eq: contact problem.
@@ -45,7 +45,7 @@ def contact_fields(
         evaluation: evaluation of the state, with reactions.
 
     Returns:
-        As `ContactProblem.contact_fields`.
+        Functions by name, see `ContactProblem.contact_fields`.
     """
     s = eq.surfaces[number]
     state = vertex_state(eq, number, evaluation)
@@ -75,22 +75,22 @@ def contact_fields(
 
 
 def vertex_state(eq: ContactEquations, number: int, evaluation: Evaluation) -> dict[str, Array]:
-    """Values at the local vertices of a surface, owned first, for fields and pictures. Collective.
+    """Return values at the local vertices of a surface, for fields and pictures. Collective.
 
-    The evaluation is that of the state in the Functions.
+    Owned vertices come first.
 
     Args:
         eq: contact problem.
         number: index of the surface.
-        evaluation: evaluation of the state.
+        evaluation: evaluation of the state in the Functions.
 
     Returns:
         ``un``, ``ut``, ``n``, ``traction``, ``pressure``, ``shear``, ``bound`` as in
-        `DiscreteSurface.state_of`, but forces are divided by the whole areas of the vertices, of
-        which only a part may have something opposite; ``open`` and ``slip``, the shares of the area
-        around a vertex with that status (0 or 1 where the vertices are the points); in 2D also
-        ``plus`` and ``minus``, slip with u_t > 0 and < 0: neither where friction vanishes and
-        nothing has moved since the last step.
+        `DiscreteSurface.state_of`, but forces are divided by the whole vertex areas, including
+        parts without an opposing surface; ``open`` and ``slip``, the fractions of the area around a
+        vertex with that status (0 or 1 if the vertices are the contact points); in 2D also
+        ``plus`` and ``minus``, the fractions that slip with u_t > 0 and u_t < 0. Both are 0 without
+        friction if the point has not moved since the last step.
     """
     s = eq.surfaces[number]
     found = evaluation.surfaces[number]
@@ -121,7 +121,7 @@ def vertex_state(eq: ContactEquations, number: int, evaluation: Evaluation) -> d
 def _interpolated(
     eq: ContactEquations, s: DiscreteSurface, evaluation: Evaluation, state: dict[str, Array]
 ) -> dict[str, Array]:
-    """Values of the Functions at the vertices instead of means around them. Collective."""
+    """Return values of the Functions at the vertices, not means around them. Collective."""
     motion = None if s.rigid_body is None else eq.rigid.of_body(evaluation.q, s.rigid_body)
     u = s.relative(evaluation.u.reshape(-1, s.dim), motion)
     u = (u - s.opposite(u))[s.points.vertex_trace_dofs]
@@ -153,7 +153,7 @@ def _multiplier_at_vertices(s: DiscreteSurface) -> Array:
 
 
 def _at_vertices(s: DiscreteSurface, marked: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
-    """Local vertices among the ``marked`` multiplier nodes."""
+    """Return the local vertices among the ``marked`` multiplier nodes."""
     f = fem.Function(s.points.Q)
     f.x.array[:] = np.repeat(marked.astype(float), s.dim)
     vertices = fem.Function(fem.functionspace(s.submesh.mesh, ("Lagrange", 1, (s.dim,))))

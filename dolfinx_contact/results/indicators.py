@@ -1,29 +1,31 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Indicators of model validity: numbers that show where a solution does not describe the bodies.
+r"""Indicators of model validity: measures of the modelling assumptions at a solution.
 
-A solution satisfies the discrete equations; an indicator measures an assumption behind these. Each
-has one definition, one threshold (`LIMITS`) and one warning (`Result.warnings`). "Facet" is the mean
-facet size of the contact surface, x, g, n, j are position, gap, normal and jump at contact points.
+A solution satisfies the discrete equations; an indicator measures the violation of an assumption
+behind these equations. Each indicator has one definition, one threshold (`LIMITS`) and one warning
+(`Result.warnings`). "Facet" denotes the mean facet size of the contact surface; x, g, n, j are
+position, gap, normal and jump at contact points.
 
 | indicator | definition | threshold |
 |---|---|---|
-| `misfit` | small sliding: abs(true gap of the displaced point - gap of the law) of closed points; of open points the depth that the law does not see | 0.03 facets |
-| `slip` | small sliding of a pair: slip since the mesh over the facet size of the other face | 0.5 |
-| `turn` | small sliding of a pair: angle between the displaced normals of both faces and the normal of the law, the larger one, root mean square weighted by the normal forces, or half the largest of closed points | 3 degrees |
+| `misfit` | small sliding: abs(true gap of the displaced point - gap of the law) at closed points; at open points the penetration missed by the law | 0.03 facets |
+| `slip` | small sliding of a pair: slip since the undeformed state over the facet size of the other face | 0.5 |
+| `turn` | small sliding of a pair: angle between the displaced normals of both faces and the normal of the law, the larger of the root mean square weighted by the normal forces and half the maximum over closed points | 3 degrees |
 | `slip_in_step` | slip in a step over the facet size of the other face (large sliding, surfaces of facets) | 2 |
-| `passing` | change of the contact normal in a step at a point whose way leads through the obstacle | 90 degrees |
-| `approach` | large sliding of a pair: approach in a step of points that face nothing, over the search distance | 1 |
-| `behind_plane` | large sliding of a pair: depth of nodes behind a plane of symmetry, in their own images | 0.01 facets |
+| `passing` | change of the contact normal in a step at a point whose path leads through the obstacle | 90 degrees |
+| `approach` | large sliding of a pair: approach in a step of points without an opposing point, over the search distance | 1 |
+| `behind_plane` | large sliding of a pair: depth of nodes behind a plane of symmetry, where they penetrate their mirror images | 0.01 facets |
 | `spin` | rotation of a face over the other one about the contact normal in a step, weighted by the normal forces | 21 degrees |
 | `between_points` | depth of an edge, corner, sphere or cylinder in a facet, between its contact points, over the size of the facet, or the radius if that is smaller | 0.2 |
 | `across` | fraction of the normal forces where the normals of body and obstacle are more than 66 degrees apart | 0.02 |
-| `overlap` | depth at which closed points start in a rigid obstacle, over the smallest extent of the body; not with interference or remove_overlap, nor after the obstacle has moved | 0.05 |
+| `overlap` | initial penetration of closed points into a rigid obstacle, over the smallest extent of the body; not evaluated with interference or remove_overlap, nor after the obstacle has moved | 0.05 |
 | `penetration` | compliant laws: largest -g | 0.1 facets |
 | `min_det_F` | smallest det(I + grad u) of a nonlinear body | 0 (below) |
 | `rotation` | linear body: largest mean rotation of a connected part | 11.5 degrees |
 | `speed`, `residue` | history, signs of a jump of the state within a step: rate of change of all unknowns over that in the previous step; energy of the step that is neither stored nor dissipated, over the sum of the magnitudes of external work, stored energy and dissipation in the step | both: 1.5 and 0.1 |
 
-An evolution defines "in a step" as since its last accepted state; the static law as since the mesh.
+"In a step" means since the last accepted state of an evolution; in the static law, since the
+undeformed state.
 """  # noqa: E501
 
 from __future__ import annotations
@@ -136,19 +138,20 @@ class SurfaceIndicators:
 
     Attributes:
         facet: mean facet size, a length.
-        misfit: error of the gap, a length; None if the obstacle is not known at displaced points.
-        slip: slip since the mesh, in facets of the other face.
+        misfit: error of the gap, a length; None if the obstacle is unknown at displaced points.
+        slip: slip since the undeformed state, relative to the facet size of the other face.
         turn: rotation of the contact normals, in degrees.
-        slip_in_step: slip in a step, in facets of the other face.
+        slip_in_step: slip in a step, relative to the facet size of the other face.
         passing: change of the contact normal in a step, in degrees.
         approach: approach in a step, relative to the search distance.
-        behind_plane: depth behind a plane of symmetry, in facets.
+        behind_plane: depth behind a plane of symmetry, relative to the facet size.
         spin: rotation of a face over the other one in a step, in degrees.
         between_points: depth of the obstacle in a facet, relative to the size of the facet, or to
             the radius if that is smaller.
-        across: fraction of the normal forces that act across the face.
-        overlap: depth at which closed points start in the obstacle, relative to the smallest extent
-            of the body.
+        across: fraction of the normal forces at points where the normals of body and obstacle are
+            more than 66 degrees apart.
+        overlap: initial penetration of closed points into the obstacle, relative to the smallest
+            extent of the body.
         penetration: largest depth, a length; None if the law is not compliant.
     """
 
@@ -168,7 +171,7 @@ class SurfaceIndicators:
 
     @property
     def warnings(self) -> dict[str, str]:
-        """Messages by the names of the indicators above their thresholds."""
+        """Return messages by the names of the indicators above their thresholds."""
         found = {}
         for name, limit in LIMITS.items():
             value = getattr(self, name, None)
@@ -188,8 +191,8 @@ class StepIndicators:
         start: time at its start.
         time: time at its end.
         speed: rate of change of all unknowns over that in the previous step.
-        residue: residue of the energies of the step over the energies turned over in it; energy
-            released by a jump is positive.
+        residue: energy residue of the step relative to the energy exchanged in the step; positive
+            for the energy released by a jump.
         searched: whether the run locates jumps, so that a warning is not needed.
     """
 
@@ -256,7 +259,7 @@ def indicators_of(eq: ContactEquations, state: Evaluation) -> Indicators:
 
 
 def small_sliding_violated(eq: ContactEquations, state: Evaluation) -> str:
-    """Reason why small sliding does not describe a state in the Functions; "" if it does.
+    """Return why small sliding is not valid for the state in the Functions; "" if it is.
 
     Proofs refuse such a state, because the solved problem differs from that of the displaced
     bodies. Collective.
@@ -299,7 +302,7 @@ def surface_indicators(eq: ContactEquations, state: Evaluation) -> dict[str, Sur
 def _contacts(
     eq: ContactEquations, state: Evaluation
 ) -> list[tuple[DiscreteSurface, ContactState, Marks]]:
-    """Return surfaces, their evaluations, and masks (n,) of the points held by Dirichlet data."""
+    """Return surfaces, their evaluations, and masks (n,) of points clamped by Dirichlet data."""
     found = []
     parts = zip(eq.surfaces, eq.constraints.clamped, state.surfaces, strict=True)
     for s, clamped, contact in parts:
@@ -315,12 +318,12 @@ def _most(s: DiscreteSurface, values: Array) -> float:
 
 
 def _touching(contact: ContactState, values: Array) -> Array:
-    """Values at closed points, 0 at open ones."""
+    """Return values at closed points, 0 at open points."""
     return np.where(closed(contact.statuses), values, 0.0)
 
 
 def _angles(a: Array, b: Array) -> Array:
-    """Angles between unit vectors (n, dim) in degrees."""
+    """Return the angles between unit vectors (n, dim) in degrees."""
     return np.degrees(2.0 * np.arcsin(np.minimum(np.linalg.norm(a - b, axis=1) / 2.0, 1.0)))
 
 
@@ -334,7 +337,7 @@ def _of_small_sliding(
     contact: ContactState,
     held: Marks,
 ) -> SurfaceIndicators:
-    """Misfit, slip and turn of a surface. Collective."""
+    """Return misfit, slip and turn of a surface. Collective."""
     found = SurfaceIndicators(s.points.mean_width, 0.0)
     if s.between_bodies and not s.slides:
         return _of_pair(s, state, contact, held, found)
@@ -348,7 +351,7 @@ def _of_small_sliding(
 
 
 def _off(law: Array, true: Array, is_closed: Marks) -> Array:
-    """Difference of gaps at closed points; at open ones the depth that the law does not see."""
+    """Return gap errors at closed points; at open points, the penetration missed by the law."""
     depth = np.maximum(np.maximum(-true, 0.0) - np.maximum(-law, 0.0), 0.0)
     return np.where(is_closed, np.abs(true - law), depth)
 
@@ -408,7 +411,7 @@ def _of_pair(
 
 
 def _slip_over_facets(s: DiscreteSurface, contact: ContactState) -> float:
-    """Slip in a step over the larger facet size of body and obstacle; 0 without facets."""
+    """Return the slip in a step over the larger facet size of body and obstacle."""
     shape = _shape(s)
     if not isinstance(shape, RigidSurface):
         return 0.0

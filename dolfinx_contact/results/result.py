@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Result of a solve: tables of contact points, resultants of all forces, and checks of the state.
 
-Contact and support are separate: no resultant, sum or energy of contact contains a reaction of
-Dirichlet data.
+Contact forces and supports are separate: resultants, sums and energies of contact never include
+reactions of Dirichlet data.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ _T = TypeVar("_T")
 
 
 class Named(dict[str, _T]):
-    """Dictionary by names of surfaces or bodies, whose ``KeyError`` lists the known names."""
+    """Dictionary by surface or body name; its ``KeyError`` lists the existing names."""
 
     def __missing__(self, name: object) -> NoReturn:
         known = ", ".join(map(repr, self)) or "none"
@@ -56,7 +56,7 @@ class Named(dict[str, _T]):
 
 @dataclass(frozen=True)
 class Result:
-    """Numbers and tables of a solution and of the search for it; it can be pickled.
+    """Result of a solve: numbers and tables of the solution, and solver statistics. Picklable.
 
     Attributes:
         tables: contact points by surface name.
@@ -109,7 +109,7 @@ class Result:
 
     @property
     def converged(self) -> bool:
-        """True: a failed solve raises."""
+        """Always True, because a failed solve raises an error."""
         return self.attempts[-1].converged
 
     @property
@@ -131,8 +131,8 @@ class Result:
     def counts(self) -> dict[str, int]:
         """Numbers of open, stuck, slipping and clamped points over all surfaces.
 
-        Clamped points carry no contact of their own: they are held by Dirichlet data, at the front
-        of a crack, or without an opposing point.
+        Clamped points are points without a contact law: points clamped by Dirichlet data, at a
+        crack front, at a crossing of pairs, or without an opposing point.
         """
         return status.count("".join(t.status for t in self.tables.values()))
 
@@ -165,8 +165,8 @@ class Result:
         """Return the scalars for `summary.json`.
 
         Args:
-            uniqueness: answer of `ContactProblem.uniqueness`; with it the scalars contain
-                ``unique``, its verdict.
+            uniqueness: answer of `ContactProblem.uniqueness`, whose verdict is added to the scalars
+                as ``unique``; default: None.
         """
         tables = self.tables.values()
         rt = sum(t.resultant(t.rt) for t in tables)
@@ -215,20 +215,21 @@ def collect(
     attempts: Sequence[Attempt],
     shown: Shown | None = None,
 ) -> Result:
-    """Return the result at a solution, which is in the user's Functions. Collective.
+    """Return the result at the solution in the user's Functions. Collective.
 
-    A violated law is logged as a warning on rank 0; `log_warnings` logs the indicators.
+    If the contact law is violated, a warning is logged on rank 0. Warnings of the indicators are
+    logged by `log_warnings`.
 
     Args:
         eq: equations of the contact problem.
         state: evaluation at the solution, with reactions.
         attempts: strategies that were tried; the last one converged.
-        shown: function of the solution that returns the equations and the evaluation for tables and
-            indicators; default: those of the solution. In dynamics they are those at the end of the
-            step, which differs from the solution.
+        shown: function of the solution that returns the equations and the evaluation used for
+            tables and indicators; default: equations and evaluation of the solution. In dynamics,
+            they belong to the end of the step, which differs from the solution.
 
     Raises:
-        ValueError: on every rank, if a point touches an obstacle at a place without a normal.
+        ValueError: on every rank, if a point touches an obstacle where its normal is undefined.
     """
     assert state.reactions is not None
     lost = without_normal(eq, state) or held_across(eq, state)
@@ -294,7 +295,8 @@ def log_warnings(result: Result, known: set[str] | None = None) -> None:
 
     Args:
         result: result of a solve.
-        known: names of warnings that have been logged, in a run; this call adds its own.
+        known: names of the warnings already logged in a run, which are skipped; the names of new
+            warnings are added. None logs all warnings.
     """
     for name, text in result.warnings.items():
         if known is None or name not in known:

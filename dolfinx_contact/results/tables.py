@@ -6,8 +6,8 @@ forces on the body, ``pressure`` and ``shear`` contact forces per area. In 2D th
 ``rt`` and ``shear`` are components along t = (-n_y, n_x), where n points from the body into the
 obstacle; in 3D they are norms.
 
-The reaction of Dirichlet data at a contact node is not a contact force but ``support``. If they fix
-one component of a node, the other components may carry contact.
+The reaction of Dirichlet data at a contact node is not a contact force; its column is ``support``.
+If Dirichlet data prescribe one component of a node, contact may act on the other components.
 """
 
 from __future__ import annotations
@@ -34,9 +34,10 @@ __all__ = ["ContactTable", "contact_table", "violation"]
 
 @dataclass(frozen=True)
 class ContactTable:
-    """Contact points of one surface on all ranks, in the order of coordinates (x, then y, then z).
+    """Table of the contact points of one surface on all ranks, sorted by x, then y, then z.
 
-    Points at one place, such as the end of an arm of a crack, are in the order of the input nodes.
+    Points with equal coordinates, such as both sides of a crack, are sorted by the numbers of their
+    nodes in the input mesh.
 
     Attributes:
         name: name of the surface.
@@ -44,9 +45,9 @@ class ContactTable:
         x: positions, shape (n, dim).
         area: area (length in 2D) of each point, shape (n,).
         un: gap, shape (n,); NaN at nodes of a pair without an opposing point. With
-            ``method="mixed"`` the law applies to the mean of the gap weighted by the hat function
-            of the node, which is this value; the gap at the node may be negative. The same holds
-            for ``ut``.
+            ``method="mixed"``, the mean of the gap weighted by the hat function of the node, to
+            which the law applies; the gap at the node itself may be negative. The same holds for
+            ``ut``.
         ut: tangential displacement, shape (n, dim).
         increment: tangential displacement since the last accepted step of an evolution, shape
             (n, dim); ``ut`` otherwise.
@@ -54,21 +55,22 @@ class ContactTable:
         force: contact force on the body, shape (n, dim); 0 at points clamped by Dirichlet data.
         pressure: nominal contact pressure, per area of the mesh, shape (n,).
         shear: tangential traction on the body, shape (n, dim).
-        letters: status of each point: o (open), k (stick), + or - (slip, 2D), s (slip, 3D), d for
-            points without contact of their own: held by Dirichlet data, at the front of a crack,
-            at a crossing of pairs, or without an opposing point.
-        bound: radius of the friction disc, a force, shape (n,).
+        letters: status of each point: o (open), k (stick), + or - (slip in 2D, by the sign of
+            u_t), s (slip in 3D), or d (no contact law at the point, because it is clamped by
+            Dirichlet data, at a crack front, at a crossing of pairs, or without an opposing point).
+        bound: friction bound (radius of the friction disc), a force, shape (n,).
         support: reaction of Dirichlet data on the body at the node, shape (n, dim); 0 in free
-            components, and in the integral method, whose points are not nodes. A node shared by two
-            surfaces has it in both tables.
+            components and in the integral method, whose contact points are not nodes. If a node is
+            shared by two surfaces, both tables contain its full reaction.
         adhesion: part of ``force`` due to adhesion or another surface energy, shape (n, dim); None
             for other laws.
         bond: state of the bond of each point: i (unchanged in the step), d (weakened), r
             (recovered), b (broken); None for other laws.
-        internal: variables of the law by name; the intensity of adhesion is ``beta``.
+        internal: internal variables of the law by name, such as the intensity of adhesion
+            ``beta``, shape (n,) each.
         axisymmetric: whether forces and areas are those of a body of revolution.
-        slid: slip distance, accumulated in an evolution, shape (n,); None unless the law depends on
-            it.
+        slid: slip distance accumulated in an evolution, a length, shape (n,); None for laws that do
+            not depend on it.
     """
 
     name: str
@@ -94,7 +96,7 @@ class ContactTable:
     def resultant(self, forces: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         """Return the sum of forces (n, dim); only the axial part for bodies of revolution.
 
-        Radial forces of opposite meridians cancel.
+        The radial forces on a body of revolution sum to zero.
         """
         total = forces.sum(axis=0)
         return np.where(np.arange(self.dim) < self.axisymmetric, 0.0, total)
@@ -130,7 +132,7 @@ class ContactTable:
 
     @property
     def status(self) -> str:
-        """Letters of all points as a string."""
+        """Status letters of all points as a string, see `letters`."""
         return "".join(self.letters)
 
     def columns(self) -> dict[str, npt.NDArray[Any]]:
@@ -172,7 +174,7 @@ class ContactTable:
         return optional("pandas", "records").DataFrame(self.columns())
 
     def count(self, letters: str) -> int:
-        """Return the number of points whose letter is one of ``letters``."""
+        """Return the number of points whose status letter is one of ``letters``."""
         return int(np.isin(self.letters, list(letters)).sum())
 
     def along(self, vectors: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
@@ -278,12 +280,12 @@ def _of_memory(
 def violation(eq: ContactEquations, state: Evaluation, force: float, length: float) -> float:
     """Return the largest violation of the contact laws, relative to ``force``. Collective.
 
-    It is the natural residual t - tau(j, t) at all points that are not clamped, with the
-    augmentation parameter for which a gap of ``length`` counts as much as ``force``; it vanishes if
-    and only if the law holds. Points without an admissible status violate the law as well. If
-    several statuses are admissible, as for a law that softens by more than this parameter, the
-    status of the state is used. In the integral method, whose conditions are weak, the violation
-    includes the discretisation error.
+    The violation is measured by the natural residual t - tau(j, t) at all points that are not
+    clamped, which vanishes if and only if the law holds. The augmentation parameter is chosen such
+    that a gap of ``length`` is equivalent to ``force``. Points without an admissible status count
+    as violations, too. If several statuses are admissible, for example in a law that softens by
+    more than this parameter, the status of the state is used. In the integral method, whose
+    conditions are weak, the violation includes the discretisation error.
 
     Args:
         eq: contact problem.
@@ -317,7 +319,7 @@ def violation(eq: ContactEquations, state: Evaluation, force: float, length: flo
 def _letters(
     s: DiscreteSurface, found: ContactState, known: dict[str, npt.NDArray[np.float64]]
 ) -> npt.NDArray[np.str_]:
-    """Return the letters of the statuses; without friction the sense of the motion."""
+    """Return status letters; at frictionless points, the letters of the sliding direction."""
     touching = closed(found.statuses)
     contact = without_damage(found.statuses)
     letters = np.where(touching, status.letters(s.dim)[contact], "o")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Answers to questions about the uniqueness of solutions."""
+"""Results of the analysis of existence and uniqueness of solutions."""
 
 from __future__ import annotations
 
@@ -21,8 +21,9 @@ class Uniqueness:
     """Whether a solution is the only one.
 
     Attributes:
-        verdict: ``"proved"`` to be the only one, ``"not proved"``, or ``"others exist"``.
-        reason: certificate or theorem of the proof, or the reason why there is none.
+        verdict: ``"proved"`` if the solution is proved to be the only one, ``"others exist"`` if
+            another solution is known, otherwise ``"not proved"``.
+        reason: certificate or theorem used in the proof, or the reason why there is no proof.
         other: another solution, for `ContactProblem.restore`; None if none is known.
     """
 
@@ -40,7 +41,7 @@ class Uniqueness:
 
 
 def check_seconds(a: Arguments) -> None:
-    """Raise ``ValueError`` unless ``proof_seconds`` is a number that is not negative."""
+    """Raise ``ValueError`` unless ``proof_seconds`` is a non-negative number."""
     seconds = a.proof_seconds
     number = isinstance(seconds, Real) and not isinstance(seconds, bool)
     if not number or math.isnan(seconds) or seconds < 0:
@@ -50,18 +51,18 @@ def check_seconds(a: Arguments) -> None:
 
 @collective("seconds", check_seconds)
 def checked_seconds(comm: MPI.Comm, proof_seconds: float) -> float:
-    """The seconds for a proof as a number, or ``ValueError`` on every rank. Collective."""
+    """Validate the time limit of a proof; raise ``ValueError`` on every rank. Collective."""
     return proof_seconds
 
 
 @dataclass(frozen=True)
 class Theory:
-    """Statements of theorems on the solutions of a discrete contact problem under any load.
+    """Existence and uniqueness of solutions of a discrete contact problem under any load.
 
     Attributes:
-        exists: whether there certainly is a solution; False leaves it open.
-        unique: whether there certainly is no more than one; False leaves it open.
-        reason: the theorem, or why none that can be checked applies, human-readable.
+        exists: whether a theorem guarantees a solution; False if no theorem applies.
+        unique: whether a theorem guarantees at most one solution; False if no theorem applies.
+        reason: description of the theorem, or the reason why no theorem applies.
     """
 
     exists: bool
