@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Body without contact: residual and stiffness, assembled once if they are linear.
+"""Residual and stiffness of a body without contact, assembled only once if they are linear.
 
-A residual that is affine in the displacement (`_ufl`) equals K u + f, where K and
-f change only with the user's data. Both are kept until a coefficient or a Constant changes.
+If the residual is affine in the displacement (`_ufl`), it equals K u + f. K and f depend only on
+the user's coefficients and Constants, and are reassembled only if one of these changes.
 
-A residual with kinks is nonlinear. Its derivative is that of the side on which a state lies, so
-Newton's method is semismooth, as for contact. A residual with jumps has in general no root that
-Newton's method could find; friction must be the law of a surface.
+A residual with kinks is nonlinear. Its derivative is one-sided at a kink, so Newton's method is
+semismooth, as for contact. A residual with jumps has in general no root that Newton's method could
+find; friction must therefore be modelled by the law of a surface.
 """
 
 from __future__ import annotations
@@ -39,8 +39,8 @@ _Fact = TypeVar("_Fact")
 
 
 # -- bodies of revolution --------------------------------------------------------------------------
-# Users write integrands per volume or area of the body. Every form of the user passes once through
-# `weighted`, where it enters the package, so that later modules need not know the weight.
+# Users write integrands per volume or area of the body. Every form of the user is passed to
+# `weighted` once, when it enters the package, so that later modules do not need the weight.
 
 
 def circumference(domain: Any) -> Any:
@@ -53,12 +53,12 @@ def circumference(domain: Any) -> Any:
 
 
 def weighted(form: ufl.Form, *, axisymmetric: bool) -> ufl.Form:
-    """Return a form whose integrals over the section equal those over the whole body.
+    """Return the form weighted so that integrals over the section become integrals over the body.
 
     Args:
         form: form of any rank, over cells, exterior or interior facets, without the weight.
-        axisymmetric: whether the mesh is half of a section of a body of revolution; if not, the
-            form is returned as it is.
+        axisymmetric: whether the mesh is half of a section of a body of revolution. If False, the
+            form is returned unchanged.
     """
     if not axisymmetric:
         return form
@@ -74,36 +74,37 @@ def weighted(form: ufl.Form, *, axisymmetric: bool) -> ufl.Form:
 
 
 class Bulk:
-    """Residual and stiffness of a body at displacements that are arguments.
+    """Residual and stiffness of a body, evaluated at displacements passed as arguments.
 
-    Displacements are arrays of all local values, ghosts included. Properties of the form alone,
-    such as whether it is affine, are determined once for all forms of one signature, and
-    derivatives are written out when they are used.
+    Displacements are arrays of all local values, including ghosts. Symbolic properties of the form,
+    such as affinity, are determined once for all forms with the same signature. Derivatives are
+    expanded when they are first needed.
 
     Args:
         form: UFL energy (a functional of ``u``) or residual (linear in a test function).
-        u: displacement of the user, which occurs in the form and is neither read nor written.
+        u: displacement of the user, which occurs in the form; its values are neither read nor
+            written.
 
     Attributes:
-        energy: UFL energy in ``displacement``; None if a residual was given.
+        energy: UFL energy in ``displacement``; None if ``form`` is a residual.
         residual: UFL residual in ``displacement``.
         is_energy: whether the form is an energy.
-        displacement: Function in the forms; it receives the displacement of an evaluation.
-        functions: Functions of the residual, the displacement included, in the order of UFL.
-        constants: Constants of the residual, in the order of UFL.
+        displacement: Function in the forms, which is set to the displacement of each evaluation.
+        functions: Functions of the residual in UFL order, including the displacement.
+        constants: Constants of the residual in UFL order.
         residual_form: compiled residual.
         jacobian_form: compiled stiffness.
         jacobian_constants: Constants of the stiffness.
         materials: materials of this package in the form.
         linear: whether the residual is affine in ``u``.
-        kinks: parts of the form with kinks or jumps in ``u``, as text; "" if there are none.
+        kinks: description of the parts of the form with kinks or jumps in ``u``; "" without any.
         assemblies: number of assemblies of the stiffness.
 
     Raises:
         ValueError: on every rank, if ``form`` is neither an energy nor a residual of ``u``.
     """
 
-    #: Whether mass resists motions.
+    #: Whether the body has inertia.
     has_mass = False
     #: Largest displacement at the start of a time step, on this rank.
     reach = 0.0
@@ -116,9 +117,9 @@ class Bulk:
         self.displacement = own = fem.Function(self._V, name=u.name)
         self._given = form, u
         self.is_energy = not form.arguments()
-        #: Functions in the order of the given form.
+        #: Functions in the user's form, in UFL order.
         self._ordered = [own if f is u else f for f in form.coefficients()]
-        #: Key of the form: its signature, and the place of the displacement.
+        #: Key of the form: its signature, and the position of the displacement among its Functions.
         self._key = form.signature(), next(i for i, f in enumerate(self._ordered) if f is own)
         self.functions = sorted(self._ordered, key=lambda f: f.count())
         self.constants = list(form.constants())
@@ -148,13 +149,13 @@ class Bulk:
 
     @cached_property
     def _form(self) -> ufl.Form:
-        """Form of the user in `displacement`."""
+        """User's form in terms of `displacement`."""
         form, u = self._given
         return ufl.replace(form, {u: self.displacement})
 
     @property
     def energy(self) -> ufl.Form | None:
-        """UFL energy in `displacement`; None if a residual was given."""
+        """UFL energy in `displacement`; None if the form of the user is a residual."""
         return self._form if self.is_energy else None
 
     @cached_property
@@ -169,13 +170,13 @@ class Bulk:
         return ufl.derivative(self.residual, self.displacement, ufl.TrialFunction(self._V))
 
     def _derived(self, what: str, make: Callable[[], ufl.Form], rank: int) -> fem.Form:
-        """Return a compiled form of this body. Collective."""
+        """Return the compiled form ``what`` of this body. Collective."""
         name = f"{what} of a body", self._key[1]
         spaces = [self._V] * rank
         return derived_form(name, self._given[0], make, spaces, functions=self._ordered)
 
     def _fact(self, what: str, find: Callable[[], _Fact]) -> _Fact:
-        """Return a property of the form, which is determined once for its signature."""
+        """Return a property of the form, cached by the signature of the form."""
         key = what, *self._key
         if key not in _facts:
             _facts[key] = find()
@@ -196,7 +197,7 @@ class Bulk:
         return [self._ordered[i] for i in functions], [self.constants[i] for i in constants]
 
     def loaded(self, load: ufl.Form) -> Bulk:
-        """Return this body with an additional load, a form in a test function without ``u``."""
+        """Return this body with an additional load: a linear form that does not contain ``u``."""
         own = self.displacement
         if not self.is_energy:
             made = Bulk(self.residual + load, own)
@@ -221,18 +222,18 @@ class Bulk:
 
     @property
     def stiffness_data(self) -> list[Any]:
-        """Functions and Constants of the stiffness without the displacement."""
+        """Functions and Constants in the stiffness, excluding the displacement."""
         return [d for d in self._data if d is not self.displacement]
 
     @property
     def stiffness_mark(self) -> int:
-        """Checksum on this rank of `stiffness_data`."""
+        """Checksum of the local values of `stiffness_data`."""
         return _checksum(self.stiffness_data)
 
     # -- residual and energy ---------------------------------------------------------------------
 
     def energy_at(self, u: Array) -> float | None:
-        """Return the energy of the user; None if a residual was given. Collective."""
+        """Return the user's energy at ``u``; None if the form is a residual. Collective."""
         if not self.is_energy:
             return None
         rows = self.affine_residual(u)
@@ -252,21 +253,22 @@ class Bulk:
         return float(self.comm.allreduce(float(np.real(fem.assemble_scalar(self._energy_form)))))
 
     def residual_at(self, u: Array) -> Array:
-        """Return owned entries of the residual, by assembly. Collective."""
+        """Return the owned entries of the residual, always by assembly. Collective."""
         return self.assembled(self.residual_form, u)
 
     def local_rows(self, u: Array) -> Array:
-        """Return rows (n, dim) whose sum over all ranks is that of the residual. Collective.
+        """Return the contributions of this rank to the residual, shape (n, dim). Collective.
 
-        For a linear body they are products with the kept stiffness, which is cheaper than assembly.
+        The sum over all ranks is the residual. For a linear body the contributions are products
+        with the cached stiffness, which is cheaper than assembly.
         """
         rows = self.affine_residual(u)
-        # Unlike owned rows, the local contributions of every rank count once.
+        # Unlike owned rows, the local contributions of all ranks add up without double counting.
         rows = self._local(self.residual_form, u).array.copy() if rows is None else rows
         return np.asarray(rows).reshape(-1, self._V.dofmap.index_map_bs)
 
     def assembled(self, form: fem.Form, u: Array) -> Array:
-        """Return owned entries of a linear form in `displacement`. Collective."""
+        """Return the owned entries of the vector of a linear form in `displacement`. Collective."""
         b = self._local(form, u)
         b.scatter_reverse(la.InsertMode.add)
         return b.array[: self._owned].copy()
@@ -278,7 +280,7 @@ class Bulk:
         return b
 
     def lifting(self, u: Array, bcs: Sequence[fem.DirichletBC], start: Array) -> Array:
-        """Return K(u) (g - start), where g is ``start`` with the values of ``bcs``. Collective."""
+        """Return K(u) (g - start), with g equal to ``start`` except for ``bcs``. Collective."""
         self.displacement.x.array[:] = u
         b = self._rows.zeros(self._V.dofmap.index_map_bs)
         fem.apply_lifting(b.array, [self.jacobian_form], [list(bcs)], x0=[start], alpha=-1.0)
@@ -286,18 +288,19 @@ class Bulk:
         return b.array[: self._owned].copy()
 
     def affine_residual(self, u: Array) -> Array | None:
-        """Return the owned entries of K u + f if K is available. Collective.
+        """Return the owned entries of K u + f if K is up to date, otherwise None. Collective.
 
-        It is None if the body is not linear or its stiffness has changed, because assembling the
-        residual is then cheaper.
+        The result is None for a nonlinear body, or if the data of the stiffness have changed:
+        assembly of the residual is then cheaper.
         """
         f = self.affine_load()
         return None if f is None else self.times(u) + f
 
     def affine_load(self) -> Array | None:
-        """Return the owned residual at zero displacement if K is available. Collective.
+        """Return the owned residual at zero displacement if K is up to date. Collective.
 
-        The array is kept: the caller must not change it. It is replaced when data change.
+        The array is cached and must not be modified by the caller. A change of data
+        creates a new array.
         """
         if not self.linear or self._K is None:
             return None
@@ -319,10 +322,10 @@ class Bulk:
     # -- stiffness -------------------------------------------------------------------------------
 
     def stiffness(self, u: Array) -> PETSc.Mat:
-        """Return the derivative of the residual at ``u``, without Dirichlet rows. Collective.
+        """Return the derivative of the residual at ``u``, without Dirichlet conditions. Collective.
 
-        It is assembled if its data, or ``u`` for a nonlinear body, have changed. The matrix is
-        kept: the caller must neither change nor destroy it.
+        The matrix is reassembled only if its data have changed, or ``u`` for a nonlinear body. It
+        is owned by this object: the caller must neither modify nor destroy it.
         """
         self.displacement.x.array[:] = u
         mark = _checksum(self._data)
@@ -340,10 +343,10 @@ class Bulk:
 
     @property
     def for_products(self) -> PETSc.Mat:
-        """Stiffness assembled last, for many products. Collective.
+        """Most recently assembled stiffness, optimised for many products. Collective.
 
-        The stiffness of a linear body with an energy is stored as its upper half, which takes as
-        long as some tens of products.
+        If the body is linear and has an energy, only the upper triangle is stored. The conversion
+        costs as much as a few tens of products.
         """
         assert self._K is not None
         if not self.linear or not self.is_energy:
@@ -353,14 +356,14 @@ class Bulk:
         return self._half
 
     def product(self, u: Array) -> Array | None:
-        """Return K u if K is constant and belongs to the present data. Collective."""
+        """Return K u if K is constant and up to date, otherwise None. Collective."""
         if not self.linear or self._K is None:
             return None
         (outdated,) = anywhere(self.comm, _checksum(self._data) != self._K_mark)
         return None if outdated else self.times(u)
 
     def times(self, u: Array) -> Array:
-        """Return the product of the stiffness assembled last with ``u``, owned. Collective."""
+        """Return owned entries of K u with the most recently assembled stiffness. Collective."""
         assert self._K is not None
         x = self._K.createVecRight()
         y = self._K.createVecLeft()
@@ -384,7 +387,7 @@ class Bulk:
 
 
 def _checksum(data: Sequence[fem.Function | fem.Constant]) -> int:
-    """Return a checksum of the values of data on this rank."""
+    """Return a checksum of the local values of Functions and Constants."""
     mark = 0
     for d in data:
         values = d.value if isinstance(d, fem.Constant) else d.x.array
@@ -392,12 +395,12 @@ def _checksum(data: Sequence[fem.Function | fem.Constant]) -> int:
     return mark
 
 
-#: Properties of forms, by name, signature and place of the displacement.
+#: Cached properties of forms by name, signature and position of the displacement.
 _facts: dict[tuple[Any, ...], Any] = {}
 
 
 def _vanishes(form: ufl.Form, u: fem.Function) -> bool:
-    """Return whether a form vanishes symbolically where ``u`` is zero."""
+    """Return whether a form vanishes symbolically at ``u`` = 0."""
     none = ufl.classes.Zero(u.ufl_shape)
     return bool(ufl.replace(form, {u: none}).empty())
 

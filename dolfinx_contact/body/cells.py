@@ -33,17 +33,17 @@ __all__ = [
 
 Array = npt.NDArray[np.float64]
 
-_CHUNK = 8192  # number of cells processed together, whose data fit into the cache
+_CHUNK = 8192  # number of cells processed together, chosen so that their data fit into the cache
 _ROUND_OFF = 16 * np.finfo(np.float64).eps
-_OFF_AXIS = 1e-6  # relative shift of points from the axis to the middle of a cell
+_OFF_AXIS = 1e-6  # relative shift of points from the axis towards the midpoint of a cell
 
 
 def check_cells(domain: mesh.Mesh) -> None:
     """Validate coordinates and volumes of cells. Collective.
 
     Raises:
-        ValueError: on every rank, if a coordinate is not finite, or a cell has no volume up to
-            round-off.
+        ValueError: on every rank, if a coordinate is not finite, or if the volume of a cell is zero
+            up to round-off.
     """
     finite = bool(np.isfinite(domain.geometry.x).all())
     require(domain.comm, finite, "the mesh has a coordinate that is not finite")
@@ -63,10 +63,10 @@ def check_cells(domain: mesh.Mesh) -> None:
 
 
 def _first(domain: mesh.Mesh, cells: npt.NDArray[np.int64]) -> tuple[int, Array]:
-    """Return the first of some local cells of all ranks in the order of the input. Collective.
+    """Return the cell with the smallest input index among local cells of all ranks. Collective.
 
     Returns:
-        Number of the cell in the input, and its midpoint.
+        Index of the cell in the input, and midpoint of the cell.
     """
     topology = domain.topology
     try:
@@ -93,16 +93,16 @@ def is_affine(domain: mesh.Mesh) -> bool:
 
 
 def midpoints(domain: mesh.Mesh, cells: npt.NDArray[Any]) -> Array:
-    """Return the means of the vertices of local ``cells``, shape (n, dim)."""
+    """Return the midpoints (means of the vertices) of local ``cells``, shape (n, dim)."""
     corners = geometry_dofmap(domain)[cells][:, : len(basix.geometry(domain.basix_cell()))]
     return np.asarray(domain.geometry.x[corners].mean(axis=1)[:, : domain.geometry.dim])
 
 
 def vertex_moments(domain: mesh.Mesh) -> tuple[Array, Array, Array]:
-    """Return middle (dim, n), volume and mean square distance to the middle of owned cells.
+    """Return centroids (dim, n), volumes (n,) and mean square distances to the centroid (n,).
 
-    Cells are replaced by the simplex or parallelepiped with the first vertex of the cell and the
-    edges that begin there.
+    The values belong to the owned cells. Each cell is replaced by the simplex or parallelepiped
+    spanned by the edges at its first vertex.
     """
     dim = domain.geometry.dim
     n = domain.topology.index_map(dim).size_local
@@ -122,7 +122,7 @@ def vertex_moments(domain: mesh.Mesh) -> tuple[Array, Array, Array]:
 
 
 def cells_around(domain: mesh.Mesh, points: Array) -> npt.NDArray[np.int64]:
-    """Return the number of cells of all ranks around each point, shape (n,). Collective.
+    """Return the number of cells that contain each point, over all ranks, shape (n,). Collective.
 
     Args:
         domain: mesh.
@@ -143,9 +143,10 @@ def cells_around(domain: mesh.Mesh, points: Array) -> npt.NDArray[np.int64]:
 
 @lru_cache(maxsize=32)
 def reference_points(cell: basix.CellType, degree: int, *, vertices: bool = True) -> Array:
-    """Return vertices of a reference cell and quadrature points; for degree 0 the midpoint.
+    """Return the vertices of a reference cell together with quadrature points.
 
-    From degree 4 on, midpoints of edges are included.
+    For degree 0 the only quadrature point is the midpoint. From degree 4 on, the midpoints of edges
+    are included.
     """
     corners = basix.geometry(cell)
     if degree == 0:
@@ -159,14 +160,14 @@ def reference_points(cell: basix.CellType, degree: int, *, vertices: bool = True
 
 
 def gradients(element: Any, points: Array) -> Array:
-    """Return derivatives of a blocked Lagrange element at points, (nodes, points * dim)."""
+    """Return the gradients of a blocked Lagrange basis at points, shape (nodes, points * dim)."""
     scalar = element.sub_elements[0].basix_element
     table = scalar.tabulate(1, points)[1:, :, :, 0]
     return np.ascontiguousarray(table.transpose(2, 1, 0).reshape(table.shape[2], -1))
 
 
 def determinants(J: Array) -> Array:
-    """Return determinants of 2 x 2 or 3 x 3 matrices in the last two axes."""
+    """Return determinants of matrices in the last two axes, shape (..., 2, 2) or (..., 3, 3)."""
     a = [[J[..., i, j] for j in range(J.shape[-1])] for i in range(J.shape[-1])]
     if len(a) == 2:
         return np.asarray(a[0][0] * a[1][1] - a[0][1] * a[1][0])
@@ -175,15 +176,16 @@ def determinants(J: Array) -> Array:
 
 
 def chunks(number: int) -> Iterator[slice]:
-    """Yield slices of at most some thousand cells."""
+    """Yield slices that divide ``range(number)`` into chunks of at most `_CHUNK` = 8192 cells."""
     for start in range(0, number, _CHUNK):
         yield slice(start, min(start + _CHUNK, number))
 
 
 def _jacobians(domain: mesh.Mesh) -> Iterator[tuple[slice, Array, Array]]:
-    """Yield slices of owned cells, J at points (n, points, dim, dim), and a scale of det J.
+    """Yield chunks of owned cells with their Jacobians and the scale of det J for round-off.
 
-    The scale is that of round-off, which is larger for coordinates far from the origin.
+    Each item is a slice of cells, J at the reference points, shape (n, points, dim, dim), and a
+    scale of shape (n,), which grows with the distance of the cell from the origin.
     """
     dim = domain.geometry.dim
     nodes = geometry_dofmap(domain)
@@ -207,15 +209,15 @@ def smallest_jacobian(
 ) -> tuple[float, Array]:
     """Return the smallest det(I + grad u) and the midpoint of its cell. Collective.
 
-    It is evaluated at quadrature points, as energies are, and optionally at the vertices of the
-    cells; linear simplices have one value. The result is the same on every rank. It is NaN if the
-    displacement is not finite, so accept a state if it is ``> 0``.
+    The determinant is evaluated at the quadrature points of energies and, optionally, at the
+    vertices of the cells; on linear simplices it is constant. The result is the same on every rank.
+    It is NaN if the displacement is not finite, so accept a state only if it is ``> 0``.
 
     Args:
         V: space of the displacement.
-        u: displacement at all local dofs.
-        vertices: whether vertices are included.
-        axisymmetric: whether the body is a body of revolution, with the stretch 1 + u_r / r.
+        u: displacement at all local dofs, including ghosts.
+        vertices: whether the determinant is also evaluated at the vertices.
+        axisymmetric: whether the body is a body of revolution, with the hoop stretch 1 + u_r / r.
     """
     domain = V.mesh
     dim = domain.geometry.dim
@@ -223,7 +225,7 @@ def smallest_jacobian(
     n = domain.topology.index_map(dim).size_local
     order = 0 if is_affine(domain) and degree == 1 and not axisymmetric else 2 * degree
     points = reference_points(domain.basix_cell(), order, vertices=vertices)
-    if axisymmetric:  # off the axis
+    if axisymmetric:  # move points off the axis
         points = points + _OFF_AXIS * (points.mean(axis=0) - points)
     X = domain.geometry.x[:, :dim]
     elements = domain.ufl_domain().ufl_coordinate_element()
@@ -257,15 +259,15 @@ def smallest_jacobian(
 
 
 def _least(domain: mesh.Mesh, values: Array) -> tuple[float, Array]:
-    """Return the smallest value of all cells, and the midpoint of its cell. Collective."""
+    """Return the smallest value over all cells and the midpoint of its cell. Collective."""
     smallest = domain.comm.allreduce(float(values.min(initial=np.inf)), op=np.minimum)
-    # Choose the first in the order of the input among equal values.
+    # Among equal values, choose the first cell in the order of the input.
     tolerance = 1e-9 * abs(smallest) if np.isfinite(smallest) else 0.0
     cells = np.flatnonzero((values <= smallest + tolerance) | np.isnan(values))
     return float(smallest), _first(domain, cells)[1]
 
 
 def _values(element: Any, points: Array) -> Array:
-    """Return values of a blocked Lagrange element at reference points, (nodes, points)."""
+    """Return values of a blocked Lagrange basis at reference points, shape (nodes, points)."""
     table = element.sub_elements[0].basix_element.tabulate(0, points)
     return np.asarray(table[0, :, :, 0].T)

@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Mass matrix of a body: consistent, lumped, or without mass at nodes that may touch.
+r"""Mass matrix of a body: consistent, lumped, or redistributed from potential contact nodes.
 
 consistent
     M_ij = integral of rho phi_i phi_j.
 lumped
-    diagonal: row sums (P1), or the diagonal times a factor that preserves the mass (P2, whose row
-    sums vanish at vertices; Hinton, Rock and Zienkiewicz, Earthq. Eng. Struct. Dyn. 4, 1976, with
-    one factor for all cells).
+    diagonal: row sums (P1), or the scaled diagonal of the consistent matrix (P2, where row sums
+    vanish at vertices; Hinton, Rock and Zienkiewicz, Earthq. Eng. Struct. Dyn. 4, 1976, with one
+    factor for all cells that preserves the total mass).
 redistributed
-    no mass at nodes that may touch (Khenous, Laborde and Renard, Eur. J. Mech. A 27, 2008). Their
-    mass is added to the diagonal of neighbouring nodes in proportion to the entries of M: the total
-    mass is preserved, and its centre moves by a part of a cell.
+    no mass at potential contact nodes (Khenous, Laborde and Renard, Eur. J. Mech. A 27, 2008).
+    Their mass is moved to the diagonal of neighbouring nodes in proportion to the entries of M: the
+    total mass is preserved, and the centre of mass moves by a fraction of a cell.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ Mass: TypeAlias = Literal["consistent", "lumped", "redistributed"]
 
 Array = npt.NDArray[np.float64]
 _FINE = 6  # degree of the quadrature rule for the sign of a density
-_ROUND_OFF = 1e-12  # mass, relative to that of a cell, that counts as zero
+_ROUND_OFF = 1e-12  # mass relative to the mass of a cell, below which it counts as zero
 
 
 def mass_matrix(
@@ -50,12 +50,12 @@ def mass_matrix(
         V: space of the displacement.
         density: mass per volume (per area in 2D, for unit thickness), a number, Constant, Function
             or UFL expression.
-        kind: kind of the matrix.
-        touching: mask of owned dofs of nodes that may touch something.
+        kind: kind of the mass matrix: ``"consistent"``, ``"lumped"`` or ``"redistributed"``.
+        touching: mask of the owned dofs of potential contact nodes.
 
     Raises:
-        ValueError: on every rank, if the density is not positive in all cells, or all nodes may
-            touch, so that none could have mass.
+        ValueError: on every rank, if the density is not positive in all cells, or if all nodes are
+            potential contact nodes, so that no node could carry mass.
     """
     _check_density(V, density)
     u = ufl.TrialFunction(V)
@@ -82,22 +82,22 @@ def rigid_errors(
     *,
     axisymmetric: bool,
 ) -> tuple[float, dict[str, float]]:
-    """Return relative errors of the inertia of a mass matrix in rigid motions. Collective.
+    """Return relative errors of the inertia of a mass matrix under rigid motions. Collective.
 
-    For rigid motions R that Dirichlet data leave free, let G = R^T M R, and G_0 the same with the
-    consistent matrix, which has the correct moments. A prescribed uniform acceleration a results in
-    the acceleration G^-1 G_0 a.
+    Let R contain the rigid motions that Dirichlet conditions leave free, G = R^T M R, and G_0 the
+    same product with the consistent matrix, whose moments are exact. A prescribed uniform
+    acceleration a then results in the acceleration G^-1 G_0 a.
 
     Args:
         V: space of the displacement.
         M: mass matrix.
         consistent: consistent mass matrix.
-        fixed: mask of components fixed by Dirichlet data, shape (local nodes, dim).
+        fixed: mask of components with Dirichlet conditions, shape (local nodes, dim).
         axisymmetric: whether the body is a body of revolution.
 
     Returns:
-        Largest relative error of the acceleration of a free motion; and the largest displacement of
-        a node by the rotation of a freely falling body, divided by its fall, by axis.
+        Largest relative error of the acceleration of a free rigid motion; and, for gravity along
+        each axis, the largest nodal displacement by spurious rotation divided by the fall height.
     """
     comm = V.mesh.comm
     n = V.dofmap.index_map.size_local
@@ -119,7 +119,7 @@ def rigid_errors(
         left = comm.allreduce(
             float(np.max(np.abs(a @ rows - uniform.reshape(-1)), initial=0.0)), op=max
         )
-        if left > 1e-9:  # held in this direction
+        if left > 1e-9:  # fixed in this direction
             continue
         off = (np.linalg.solve(G, G0 @ a) - a) @ rows
         falls["xyz"[i]] = comm.allreduce(float(np.max(np.abs(off), initial=0.0)), op=max)
@@ -127,7 +127,7 @@ def rigid_errors(
 
 
 def _products(A: PETSc.Mat, rows: Array) -> list[Array]:
-    """Return the owned entries of a matrix times each of some vectors. Collective."""
+    """Return the owned entries of the products of a matrix with several vectors. Collective."""
     x, y = A.createVecs()
     found = []
     for row in rows:
@@ -152,7 +152,7 @@ def _check_density(V: fem.FunctionSpace, density: Any) -> None:
     values = mean[0].array[:n] / mean[1].array[:n]
     good = bool(np.isfinite(values).all() and (values > 0).all())
     if _varies(density * one):
-        # integrals of the negative part within cells
+        # integrals of the negative part over cells
         dx = ufl.dx(domain, metadata={"quadrature_degree": _FINE})
         below = ufl.min_value(density * one, 0.0) * ufl.TestFunction(W) * dx
         negative = fem.assemble_vector(compiled_form(below)).array[:n]
@@ -161,17 +161,17 @@ def _check_density(V: fem.FunctionSpace, density: Any) -> None:
 
 
 def _varies(e: Any) -> bool:
-    """Return whether an expression may vary within a cell."""
+    """Return whether a UFL expression may vary within a cell."""
     terminals = [t for t in unique_pre_traversal(ufl.as_ufl(e)) if not t.ufl_operands]
     elements = [t.ufl_element() for t in terminals if isinstance(t, fem.Function)]
-    if any(element.has_custom_quadrature for element in elements):  # only defined at points
+    if any(element.has_custom_quadrature for element in elements):  # defined at points only
         return False
     by_place = any(isinstance(t, ufl.geometry.GeometricQuantity) for t in terminals)
     return by_place or any(element.embedded_superdegree > 0 for element in elements)
 
 
 def _lumped(M: PETSc.Mat, degree: int) -> PETSc.Mat:
-    """Return a diagonal matrix with the mass of M. Collective."""
+    """Return a lumped mass matrix: diagonal, with the total mass of M. Collective."""
     total = M.getRowSum()
     masses = total
     if degree > 1:
@@ -185,7 +185,7 @@ def _lumped(M: PETSc.Mat, degree: int) -> PETSc.Mat:
 
 
 def _redistribute(M: PETSc.Mat, around: PETSc.Mat, touching: npt.NDArray[np.bool_]) -> None:
-    """Move the mass of touching nodes in M to the diagonal of their neighbours. Collective."""
+    """Move the mass of contact nodes in M to the diagonal of their neighbours. Collective."""
     start = M.getOwnershipRange()[0]
     weights = around.copy()
     indptr, indices, values = weights.getValuesCSR()
@@ -195,7 +195,7 @@ def _redistribute(M: PETSc.Mat, around: PETSc.Mat, touching: npt.NDArray[np.bool
     total = mass.sum()
     marked, added = M.createVecs()
     marked.array[:] = touching
-    M.mult(marked, added)  # mass shared with touching nodes
+    M.mult(marked, added)  # mass that is shared with potential contact nodes
     near = added.duplicate()
     marked.array[:] = ~touching
     weights.mult(marked, near)

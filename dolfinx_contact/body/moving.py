@@ -1,26 +1,27 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Body with mass in a time step, which replaces the residual of the body in a contact problem.
+r"""Residual of a body with inertia in a time step, a drop-in replacement for `Bulk`.
 
 The equation of motion in terms of measures (Jean and Moreau, CISM Lectures 304, 1987)
 
     M (v_1 - v_0) = integral of (F - R(u) - C v) dt + integral of the contact forces,
     u_1 = u_0 + integral of v dt
 
-is integrated over a step from t_0 to t_1 = t_0 + h: the first integral by the theta method,
-h (theta f_1 + (1 - theta) f_0), the second one by the theta method or by the implicit Euler method.
-Multipliers are the mean contact forces of the step. The unknown is the displacement w in the law of
-contact,
+is integrated over a step from t_0 to t_1 = t_0 + h. The first integral is approximated by the theta
+method, h (theta f_1 + (1 - theta) f_0), the integral of contact forces by the theta method or by
+the implicit Euler method. Multipliers are the mean contact forces of the step. The unknown is the
+displacement w that enters the contact law,
 
     theta            w = u_1 = u_0 + h ((1 - theta) v_0 + theta v_1)
     theta-euler      w = u_1 = u_0 + h v_1
     modified-theta   w = u_1 + h (1 - theta) v_1,  u_1 as in theta
 
-so that v_1 = (w - w_0)/(a h) with w_0 known, a = theta in the first and 1 in the others, and
-u_1 = w - k h v_1 with k = 1 - theta in the last, 0 in the others. Divided by h,
+Hence v_1 = (w - w_0)/(a h), where w_0 depends on the start of the step only; a = theta for the
+scheme "theta" and 1 otherwise. The displacement is u_1 = w - k h v_1 with k = 1 - theta for
+"modified-theta" and 0 otherwise. Divided by h, the equation of motion is
 
     M (v_1 - v_0)/h + theta (R(u_1) + C v_1) + (1 - theta) (R(u_0) + C v_0) = contact forces.
 
-R contains the loads, those of t_1 in R(u_1) and those of t_0 in R(u_0).
+R contains the loads: R(u_1) those at t_1, and R(u_0) those at t_0.
 """
 
 from __future__ import annotations
@@ -44,18 +45,18 @@ from dolfinx_contact.body.bulk import Bulk
 __all__ = ["MovingBody", "Scheme", "TimeStep"]
 
 Array = npt.NDArray[np.float64]
-#: Approximations of the two integrals of the equation of motion.
+#: Approximations of the two integrals in the equation of motion.
 Scheme: TypeAlias = Literal["theta", "theta-euler", "modified-theta"]
 
 
 @dataclass(frozen=True)
 class TimeStep:
-    """Time step by one of the schemes.
+    """Time step of one of the schemes.
 
     Attributes:
         length: duration h of the step.
-        theta: weight of the end of the step.
-        scheme: scheme of the integrals.
+        theta: weight of the end of the step in the theta method.
+        scheme: scheme of the two integrals.
     """
 
     length: float
@@ -73,49 +74,49 @@ class TimeStep:
 
     @property
     def share(self) -> float:
-        """Derivative of u_1 by w."""
+        """Derivative of u_1 with respect to w."""
         return 1.0 - self._ahead / self.gain
 
     @property
     def rate(self) -> float:
-        """Derivative of v_1 by w."""
+        """Derivative of v_1 with respect to w."""
         return 1.0 / (self.gain * self.length)
 
     def origin(self, u: Array, v: Array) -> Array:
-        """Return w_0 for displacement and velocity at the start."""
+        """Return w_0 from displacement and velocity at the start of the step."""
         if self.scheme == "theta-euler":
             return u.copy()
         return np.asarray(u + self.length * (1.0 - self.theta) * v)
 
     def velocity(self, w: Array, w0: Array) -> Array:
-        """Return the velocity v_1 at the end."""
+        """Return the velocity v_1 at the end of the step."""
         return np.asarray(self.rate * (w - w0))
 
     def displacement(self, w: Array, w0: Array) -> Array:
-        """Return the displacement u_1 at the end."""
+        """Return the displacement u_1 at the end of the step."""
         return np.asarray(w0 + self.share * (w - w0))
 
     def seen(self, u: Array, w0: Array) -> Array:
-        """Return the w whose displacement u_1 is ``u``."""
+        """Return the unknown w that corresponds to the displacement u_1 = ``u``."""
         return np.asarray(w0 + (u - w0) / self.share)
 
 
 class MovingBody:
-    """Body in a time step, with the interface of a `Bulk` whose displacement is w.
+    """Body with inertia in a time step, with the interface of a `Bulk`; the unknown is w.
 
     Args:
         body: body without inertia.
         mass: mass matrix M.
-        damping: damping matrix C; None without damping.
+        damping: damping matrix C; None for no damping.
         step: first time step.
 
     Attributes:
         body: body without inertia.
         mass: mass matrix M.
-        damping: damping matrix C, or None.
-        step: present time step.
+        damping: damping matrix C; None for no damping.
+        step: current time step.
         linear, kinks, is_energy, functions, constants, displacement, jacobian_constants,
-            assemblies: see `Bulk`; like `residual`, without inertia.
+            assemblies: attributes of the body without inertia; see `Bulk`.
     """
 
     has_mass = True
@@ -145,11 +146,11 @@ class MovingBody:
         self._half: PETSc.Mat | None = None
         self._of: tuple[int, TimeStep] | None = None
         self._symmetric = damping is None or is_symmetric(damping)
-        #: R(0), assembly of the stiffness, and rows at w_0 computed from them.
+        #: R(0), number of the stiffness assembly, and rows at w_0 computed with them.
         self._start: tuple[Array, tuple[int, TimeStep], Array] | None = None
 
     def take_matrices(self, mass: PETSc.Mat, damping: PETSc.Mat | None) -> None:
-        """Replace and free mass and damping. Not collective."""
+        """Replace the mass and damping matrices and destroy the previous ones. Not collective."""
         for old in (self.mass, self.damping):
             if old is not None:
                 old.destroy()
@@ -159,13 +160,13 @@ class MovingBody:
         self._of = self._start = None
 
     def begin(self, step: TimeStep, u: Array, v: Array, rows: Array) -> None:
-        """Begin a step. Collective.
+        """Begin a time step. Collective.
 
         Args:
             step: time step.
-            u: local values of the displacement at its start.
-            v: local values of the velocity at its start.
-            rows: owned values of R(u) + C v at its start.
+            u: local values of the displacement at the start of the step.
+            v: local values of the velocity at the start of the step.
+            rows: owned values of R(u) + C v at the start of the step.
         """
         self.step = step
         self._origin = step.origin(u, v)
@@ -176,16 +177,16 @@ class MovingBody:
 
     @property
     def residual(self) -> ufl.Form:
-        """UFL residual without inertia."""
+        """UFL residual of the body without inertia."""
         return self.body.residual
 
     @property
     def origin(self) -> Array:
-        """Local values of w_0."""
+        """Displacement w_0 of the step, array of all local values including ghosts."""
         return self._origin
 
     def times(self, matrix: PETSc.Mat, values: Array) -> Array:
-        """Return owned entries of a matrix times local values. Collective."""
+        """Return the owned entries of the product of a matrix with a local array. Collective."""
         x, y = matrix.createVecs()
         x.array[:] = values[: self._owned]
         matrix.mult(x, y)
@@ -194,7 +195,7 @@ class MovingBody:
         return product
 
     def _rows(self, w: Array, inner: Array) -> Array:
-        """Return the rows from those of the body without inertia. Collective."""
+        """Return the rows of the step from the residual R at u_1. Collective."""
         v = self.step.velocity(w, self._origin)
         rows = self.step.theta * inner + self.times(self.mass, v) / self.step.length
         if self.damping is not None:
@@ -202,13 +203,13 @@ class MovingBody:
         return np.asarray(rows + self._given)
 
     def forces(self, u: Array, v: Array) -> Array:
-        """Return owned values of R(u) + C v with the present loads. Collective."""
+        """Return the owned values of R(u) + C v with the current loads. Collective."""
         inner = self.body.affine_residual(u)
         inner = self.body.residual_at(u) if inner is None else inner
         return inner if self.damping is None else inner + self.times(self.damping, v)
 
     def load(self) -> Array:
-        """Return the present loads -R(0), owned values. Collective."""
+        """Return the owned values of the current loads, -R(0). Collective."""
         f = self.body.affine_load()
         return -(self.body.residual_at(np.zeros_like(self._origin)) if f is None else f)
 
@@ -224,17 +225,18 @@ class MovingBody:
         self.body.update_ghosts()
 
     def energy_at(self, w: Array) -> float | None:
-        """Return the energy of the user at u_1; None for a residual. Collective."""
+        """Return the user's energy at u_1; None if the form is a residual. Collective."""
         return self.body.energy_at(self.step.displacement(w, self._origin))
 
     def residual_at(self, w: Array) -> Array:
-        """Return owned rows; those of the body by assembly. Collective."""
+        """Return the owned rows of the step, with R by assembly. Collective."""
         return self._rows(w, self.body.residual_at(self.step.displacement(w, self._origin)))
 
     def affine_residual(self, w: Array) -> Array | None:
-        """Return owned rows if the stiffness is available; see `Bulk.affine_residual`. Collective.
+        """Return owned rows of the step if the stiffness is up to date, otherwise None. Collective.
 
-        They are the rows at w_0, computed once per step, plus the stiffness times w - w_0.
+        They equal the rows at w_0, computed once per step, plus the stiffness times w - w_0. See
+        `Bulk.affine_residual`.
         """
         f = self.body.affine_load()
         if f is None:
@@ -248,13 +250,13 @@ class MovingBody:
         return self._start[2] + self.times(self.for_products, w - self._origin)
 
     def local_rows(self, w: Array) -> Array:
-        """Return rows (n, dim) whose sum over all ranks is that of all rows. Collective."""
+        """Return the contributions of this rank to the rows, shape (n, dim). Collective."""
         rows = self.affine_residual(w)
         rows = self.residual_at(w) if rows is None else rows
         return rows.reshape(-1, self.displacement.function_space.dofmap.index_map_bs)
 
     def assembled(self, form: fem.Form, w: Array) -> Array:
-        """Return owned rows of the derivative of R by a parameter, given as a form. Collective."""
+        """Return the owned derivative of the rows for a linear form dR/dparameter. Collective."""
         u = self.step.displacement(w, self._origin)
         return np.asarray(self.step.theta * self.body.assembled(form, u))
 
@@ -266,7 +268,7 @@ class MovingBody:
         return self.times(self.stiffness(w), step - start)
 
     def stiffness(self, w: Array) -> PETSc.Mat:
-        """Return the derivative of the rows at ``w``; see `Bulk.stiffness`. Collective."""
+        """Return the derivative of the rows with respect to w; see `Bulk.stiffness`. Collective."""
         step = self.step
         K = self.body.stiffness(step.displacement(w, self._origin))
         of = self.body.assemblies, step
@@ -290,7 +292,7 @@ class MovingBody:
 
     @property
     def for_products(self) -> PETSc.Mat:
-        """Stiffness assembled last, for many products; see `Bulk.for_products`. Collective."""
+        """Most recently assembled stiffness; see `Bulk.for_products`. Collective."""
         assert self._K is not None
         if not self.linear or not self.is_energy or not self._symmetric:
             return self._K
@@ -306,7 +308,7 @@ class MovingBody:
 
     @property
     def stiffness_mark(self) -> int:
-        """Checksum on this rank of the data of the stiffness without the displacement."""
+        """Checksum of the local values of `stiffness_data`."""
         return zlib.crc32(repr(self.step).encode(), self.body.stiffness_mark)
 
     @property
@@ -320,7 +322,7 @@ class MovingBody:
             self._half = None
 
     def destroy(self) -> None:
-        """Free the matrices created here."""
+        """Free the matrices created by this object."""
         self._forget_half()
         if self._K is not None:
             self._K.destroy()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Rigid motions of a body, and those of its connected parts that are free."""
+"""Rigid motions of a body, and free motions of its connected parts."""
 
 from __future__ import annotations
 
@@ -44,9 +44,9 @@ _NAMES = {
 
 
 def parts(V: fem.FunctionSpace) -> npt.NDArray[np.int32]:
-    """Return the number of the connected part of the mesh of each local node. Collective.
+    """Return the index of the connected part of the mesh for each local node. Collective.
 
-    Parts are determined on each rank and joined through ghost nodes.
+    Parts are determined on each rank and merged through ghost nodes.
     """
     index_map = V.dofmap.index_map
     comm = V.mesh.comm
@@ -72,22 +72,22 @@ def parts(V: fem.FunctionSpace) -> npt.NDArray[np.int32]:
     many = sum(counts)
     links = scipy.sparse.coo_array((np.ones(pairs.shape[1]), tuple(pairs)), shape=(many, many))
     whole = scipy.sparse.csgraph.connected_components(links, directed=False)[1][mine]
-    # Ghosts without a cell on this rank form parts of their own. These have no owned node and are
+    # Ghosts without a cell on this rank form separate parts. These have no owned node and are
     # dropped by renumbering the others.
     present = np.unique(np.concatenate(comm.allgather(np.unique(whole[:owned]))))
     return np.searchsorted(present, whole).astype(np.int32)
 
 
 def extents(V: fem.FunctionSpace, part: npt.NDArray[np.int32]) -> npt.NDArray[np.float64]:
-    """Return the size of every connected part, a length independent of axes. Collective.
+    """Return the size of every connected part, a rotation-invariant length. Collective.
 
-    It is the square root of twelve times the mean square distance from the centre of mass: the
-    diagonal of a rectangle or box, or 1.22 times the diameter of a disc. Curved or warped cells are
+    The size is sqrt(12) times the root mean square distance from the centre of mass: the diagonal
+    of a rectangle or box, or 1.22 times the diameter of a disc. Curved or warped cells are
     replaced by simplices or parallelepipeds (`cells.vertex_moments`).
 
     Args:
         V: space of the displacement.
-        part: connected part of each local node (`parts`).
+        part: index of the connected part of each local node (`parts`).
     """
     domain = V.mesh
     comm = domain.comm
@@ -103,7 +103,7 @@ def extents(V: fem.FunctionSpace, part: npt.NDArray[np.int32]) -> npt.NDArray[np
 
 
 def number_of_parts(comm: MPI.Comm, part: npt.NDArray[np.int32]) -> int:
-    """Return the number of connected parts from the part of each owned node. Collective."""
+    """Return the number of connected parts, given the part of each owned node. Collective."""
     return int(comm.allreduce(int(part.max(initial=-1)), op=max)) + 1
 
 
@@ -115,7 +115,7 @@ def sums_of_parts(
     Args:
         comm: communicator.
         number: number of parts.
-        part: part of each node or cell of this rank, shape (n,).
+        part: index of the part of each node or cell of this rank, shape (n,).
         values: values at nodes or cells, shape (n, ...).
 
     Returns:
@@ -131,16 +131,16 @@ def rigid_motions(
 ) -> npt.NDArray[np.float64]:
     """Return infinitesimal rigid motions of every connected part. Collective.
 
-    Rotations are about the centre of the part and divided by its size, so all motions are lengths.
-    A body of revolution only has the axial translation.
+    Rotations are about the centre of the part and divided by its size, so that all motions are
+    lengths. A body of revolution has the axial translation only.
 
     Args:
         V: space of the displacement.
-        part: connected part of each local node (`parts`).
+        part: index of the connected part of each local node (`parts`).
         axisymmetric: whether the body is a body of revolution.
 
     Returns:
-        Motions at the local nodes, part by part, shape (motions, nodes, dim).
+        Motions at the local nodes, ordered by part, shape (motions, nodes, dim).
     """
     comm = V.mesh.comm
     dim = V.mesh.geometry.dim
@@ -170,15 +170,16 @@ def largest_turn(
     u: npt.NDArray[np.float64],
     part: npt.NDArray[np.int32],
 ) -> float:
-    """Return the largest linearised mean rotation of a connected part, in radians. Collective.
+    """Return the largest linearised mean rotation of the connected parts, in radians. Collective.
 
-    It is that of the rigid motion closest to the displacement of the nodes, by least squares.
+    The rotation belongs to the rigid motion that is closest to the nodal displacement in the
+    least-squares sense.
 
     Args:
         V: space of the displacement.
         nodes: positions of the local nodes, shape (n, dim).
         u: local values of the displacement.
-        part: connected part of each local node (`parts`).
+        part: index of the connected part of each local node (`parts`).
     """
     comm = V.mesh.comm
     dim = V.mesh.geometry.dim
@@ -203,7 +204,7 @@ def largest_turn(
 def bounding_box(
     comm: MPI.Comm, x: npt.NDArray[np.float64]
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-    """Return lowest and highest coordinates of points (n, dim) of all ranks. Collective."""
+    """Return the lowest and highest coordinates of points (n, dim) over all ranks. Collective."""
     ends = np.stack([-x.min(axis=0, initial=np.inf), x.max(axis=0, initial=-np.inf)])
     opposite, high = largest(comm, ends)
     return -opposite, high
@@ -217,15 +218,15 @@ def free_motions(
     *,
     axisymmetric: bool = False,
 ) -> npt.NDArray[np.float64]:
-    """Return combinations of rigid motions resisted neither by stiffness nor by Dirichlet data.
+    """Return the rigid motions resisted neither by the stiffness nor by Dirichlet conditions.
 
     Collective.
 
     Args:
-        K: stiffness of the body without Dirichlet rows.
+        K: stiffness of the body without Dirichlet conditions.
         V: space of the displacement.
-        part: connected part of each local node (`parts`).
-        fixed: mask of components fixed by Dirichlet data, shape (local nodes, dim).
+        part: index of the connected part of each local node (`parts`).
+        fixed: mask of components with Dirichlet conditions, shape (local nodes, dim).
         axisymmetric: whether the body is a body of revolution.
 
     Returns:
@@ -253,12 +254,12 @@ def free_motions(
 def combine(
     gram: npt.NDArray[np.float64], modes: npt.NDArray[np.float64]
 ) -> npt.NDArray[np.float64]:
-    """Return combinations of ``modes`` on which the Gram matrix vanishes."""
+    """Return the linear combinations of ``modes`` in the null space of a Gram matrix."""
     return np.einsum("ab,bnd->and", loose(gram), modes)
 
 
 def loose(gram: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """Return coefficients of combinations on which a Gram matrix vanishes, up to 1e-14."""
+    """Return the null space of a Gram matrix, up to a relative tolerance of 1e-14."""
     values, vectors = np.linalg.eigh(gram)
     return np.asarray(vectors[:, values < 1e-14].T)
 
@@ -270,7 +271,7 @@ def describe(
     *,
     axisymmetric: bool = False,
 ) -> str:
-    """Return the names of the rigid motions that take part in ``free``. Collective."""
+    """Return the names of the rigid motions that contribute to ``free``. Collective."""
     modes = rigid_motions(V, part, axisymmetric=axisymmetric)
     n = V.dofmap.index_map.size_local
     comm = V.mesh.comm

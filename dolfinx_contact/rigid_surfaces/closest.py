@@ -1,15 +1,17 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Closest points on segments and triangles.
 
-The foot of a point on the plane of a triangle lies inside the triangle if the area vectors of its
-three parts, opposite to the corners, have the sense of the triangle. Otherwise the closest point is
-on an edge. Products of area vectors are scalar products of edges, except for slivers, where the
-latter are differences of the order of the fourth power of the longest edge. Barycentric coordinates
-of a point on an edge or a corner are exactly zero for the corners that have no part in it.
+The projection of a point onto the plane of a triangle lies inside the triangle if the area vectors
+of its three parts, each opposite to a corner, have the orientation of the triangle. Otherwise the
+closest point is on an edge. Products of area vectors are computed as scalar products of edges,
+except for slivers, where these would be differences of terms of the order of the fourth power of
+the longest edge. The barycentric coordinates of a closest point on an edge or corner are exactly
+zero for all other corners.
 
-A search examines few facets: each is covered by balls of radii r, large facets by balls around
-their parts. The facet at a distance d is among those whose balls have their centres within d + r.
-The facets of the nearest balls bound d; others are examined if they may be closer.
+A search examines few facets. Every facet is covered by balls; large facets are divided and covered
+by several balls. If a facet has the distance d and its ball the radius r, the centre of the ball is
+within d + r of the point. The facets of the nearest balls give an upper bound of d; other facets
+are examined only if they may be closer.
 """
 
 from __future__ import annotations
@@ -27,15 +29,15 @@ __all__ = ["ClosestFacets", "closest_on"]
 Array = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
 
-_FIRST = 8  # balls whose facets bound the distance
+_FIRST = 8  # nearest balls, whose facets give an upper bound of the distance
 _LARGER = 1.0 + 1e-12  # round-off of distances
-_PAIRS = 2**18  # pairs of points and facets examined at once
-_THIN = 1e-4  # of squares of edges, squared: squared area of a sliver
+_PAIRS = 2**18  # pairs of points and facets examined together
+_THIN = 1e-4  # area of a sliver, squared, relative to the fourth power of its longest edge
 _PARTS = 64.0  # balls along the largest extent of a surface, up to which facets are divided
 
 
 def closest_on(x: Array, corners: Array) -> Array:
-    """Return barycentric coordinates (n, k) of the points of simplices closest to given points.
+    """Return barycentric coordinates (n, k) of the closest point on each simplex.
 
     Args:
         x: points, one for each simplex, shape (n, dim).
@@ -66,9 +68,10 @@ def closest_on(x: Array, corners: Array) -> Array:
 
 
 def _parts(x: Array, corners: Array) -> Array:
-    """Return products of the area vectors of triangles and of their parts at the feet of x, (n, 3).
+    """Return products of the area vectors of triangles with those of their parts, shape (n, 3).
 
-    A part is opposite to each corner.
+    The parts are the triangles between the projection of x and two corners; entry i belongs to the
+    part opposite to corner i.
     """
     a = corners[:, 1] - corners[:, 0]
     b = corners[:, 2] - corners[:, 0]
@@ -95,7 +98,7 @@ def _dot(a: Array, b: Array) -> Array:
 
 
 class ClosestFacets:
-    """A search for the closest facet and point of a surface, on this rank alone.
+    """Search for the closest facet and point of a surface. Not collective.
 
     Args:
         points: points of the surface, shape (m, dim).
@@ -109,7 +112,7 @@ class ClosestFacets:
         self._tree = scipy.spatial.cKDTree(self._centres)
 
     def __call__(self, x: Array) -> tuple[Ints, Array]:
-        """Return the facets (n,) closest to points (n, dim), and barycentric coordinates."""
+        """Return the closest facet (n,) and barycentric coordinates (n, k) of points (n, dim)."""
         count = min(_FIRST, self._tree.n)
         away, balls = self._tree.query(x, k=range(1, count + 1))
         facets, parts, distance = self._among(x, balls.reshape(-1), np.full(len(x), count))
@@ -128,7 +131,7 @@ class ClosestFacets:
         return facets, parts
 
     def _among(self, x: Array, balls: Ints, sizes: Ints) -> tuple[Ints, Array, Array]:
-        """Return the closest facets among the balls of each point, and distances."""
+        """Return the closest facet among the given balls of each point, and its distance."""
         owners = self._owners[balls]
         points = np.repeat(np.arange(len(x)), sizes)
         parts = closest_on(x[points], self._corners[owners])
@@ -140,7 +143,7 @@ class ClosestFacets:
 
 
 def _covered(corners: Array) -> tuple[Array, Ints, Array]:
-    """Return balls that cover facets: centres, facets, and radii."""
+    """Return balls that cover all facets: centres, facet indices and radii."""
     owners = np.arange(len(corners))
     largest = float(np.ptp(corners.reshape(-1, corners.shape[2]), axis=0).max()) / _PARTS
     target = max(largest, 2.0 * float(np.median(_radii(corners))))
@@ -158,13 +161,13 @@ def _covered(corners: Array) -> tuple[Array, Ints, Array]:
 
 
 def _radii(corners: Array) -> Array:
-    """Return radii of balls around the centres of facets."""
+    """Return the radii of balls that are centred at the facets and contain them."""
     away = np.linalg.norm(corners - corners.mean(axis=1, keepdims=True), axis=2)
     return np.asarray(away.max(axis=1))
 
 
 def _halved(corners: Array) -> Array:
-    """Return both halves of each facet, cut in the middle of its longest edge."""
+    """Return both halves of each facet after bisection of its longest edge."""
     k = corners.shape[1]
     pairs = [(i, j) for i in range(k) for j in range(i + 1, k)]
     lengths = [np.linalg.norm(corners[:, i] - corners[:, j], axis=1) for i, j in pairs]

@@ -1,30 +1,30 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Distances from a surface of facets, with sign, normals and the derivatives of both.
+r"""Signed distances from a surface of facets, normals, and derivatives of both.
 
 With the closest point c of the surface to x the signed distance is phi = +-|x - c|, positive
-outside. Its gradient d = (x - c)/phi is the normal of the facet where c is inside one; where c is
-on an edge with the direction t, or at a corner, x is in the cone of normals there, and
+outside. Its gradient d = (x - c)/phi equals the facet normal if c is inside a facet. If c is on an
+edge of direction t, or at a corner, x lies in the normal cone of that edge or corner, and
 
     grad d = (I - d d^T - t t^T)/phi,    at a corner (I - d d^T)/phi.
 
-The normal of the surface is d at creases and rims, and m/|m| elsewhere. Here m is interpolated
-between the normals at the corners of the facet with the barycentric coordinates of c, which are
-linear in x while c stays in a facet or on an edge.
+The surface normal is d at creases and rims, and m/|m| elsewhere. Here m interpolates the corner
+normals of the facet with the barycentric coordinates of c, which are linear in x as long as c stays
+inside a facet or on an edge.
 
-At the rim of an open surface the distance is positive on both sides: points past the rim have left
-the surface. The distance jumps for points that are past the rim, below it, and come back. A sliding
-face instead leaves an open surface gradually, within one of its facets, of the size b. With the
-mean normal m at the closest point c, the height z = m.(x - c) and the distance a = |x - c - z m|
-past the rim, the gap is
+Beyond the rim of an open surface the distance is positive on both sides, because points past the
+rim have left the surface. The distance jumps for points that are past the rim, below it, and come
+back. A sliding face instead leaves an open surface gradually, within the size b of one of its
+facets. With the mean normal m at the closest point c, the height z = m.(x - c) and the distance a =
+|x - c - z m| past the rim, the gap is
 
     g = z + b - sqrt(b^2 - a^2)    for a < b and z > -b - o,
 
-with the overlap o that is removed from the gap, if any. The surface turns down there by a quarter
-of a circle, but its normal remains m. So forces decrease to zero as points leave, and keep their
-direction: normals of a sharper end would push points off the surface, where there is no equilibrium
-nearby. The size of the end decreases with that of the facets. The overlap of points that start
-below the rim and past it is -z, like that of the face next to them, so that they leave as if they
-had started on the surface.
+where o is the overlap removed from the gap, if any. The surface is thus extended by a quarter
+circle that turns down, but the normal remains m. Contact forces therefore decrease to zero as
+points leave and keep their direction. With a sharper end, normals would push points off the
+surface, where no equilibrium is nearby. The extension shrinks with the facets of the sliding face.
+A point that starts below the rim and past it has the overlap -z, like the adjacent part of the
+face, so it leaves as if it had started on the surface.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ Array = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
 Bools = npt.NDArray[np.bool_]
 
-_ON = 1e-10  # of the extent, up to which a point is on an edge or corner
+_ON = 1e-10  # relative to the extent: distance up to which a point is on an edge or corner
 
 
 @dataclass(frozen=True)
@@ -51,12 +51,12 @@ class Distances:
     """Distances of points from a surface.
 
     Attributes:
-        feet: closest points of the surface, shape (n, dim).
+        feet: closest points on the surface, shape (n, dim).
         facets: facets of the closest points, shape (n,).
         distance: signed distances, positive outside, shape (n,).
         slope: gradients of the distances, shape (n, dim).
-        normal: unit normals of the surface, out of the obstacle, shape (n, dim).
-        turn: derivatives of the normals, shape (n, dim, dim).
+        normal: unit normals of the surface, pointing out of the obstacle, shape (n, dim).
+        turn: derivatives of the normals with respect to the points, shape (n, dim, dim).
         past: mask of the points past the rim of an open surface, shape (n,).
     """
 
@@ -76,15 +76,15 @@ def distances_from(
     ends: Array | None = None,
     removed: Array | None = None,
 ) -> Distances:
-    """Return distances of points of this rank; NaN for points that are not finite.
+    """Return the distances of local points; NaN for points that are not finite. Not collective.
 
     Args:
         surface: the surface.
-        closest: search for its facets.
+        closest: search for the closest facets of the surface.
         x: points, shape (n, dim).
-        ends: sizes b of the facets at the points, within which these leave an open surface
-            gradually, shape (n,); zero or None: at once.
-        removed: overlaps removed from the gaps, shape (n,); None for no overlap.
+        ends: sizes b of the sliding facets at the points, shape (n,), within which points leave an
+            open surface gradually; zero or None: points leave at once.
+        removed: overlaps o removed from the gaps, shape (n,); None for no overlap.
     """
     finite: Bools = np.asarray(np.isfinite(x).all(axis=1))
     facets, parts = closest(np.where(finite[:, None], x, surface.points[0]))
@@ -125,14 +125,14 @@ def distances_from(
 
 
 class _Places:
-    """Places of closest points: inside facets, on ridges or at corners.
+    """Locations of closest points: inside facets, on ridges or at corners.
 
     Attributes:
-        zeros: number of corners of the facet with zero barycentric coordinate, shape (n,).
-        side: unit vectors that point to the outside, shape (n, dim).
-        along: directions of edges, zero elsewhere, shape (n, dim).
-        crease: mask of the creases, shape (n,).
-        rim: mask of the rims, shape (n,).
+        zeros: number of vanishing barycentric coordinates of the closest point, shape (n,).
+        side: unit outward vectors at the closest points, shape (n, dim).
+        along: unit directions of edges for points on an edge, otherwise zero, shape (n, dim).
+        crease: mask of the closest points on creases, shape (n,).
+        rim: mask of the closest points on rims, shape (n,).
     """
 
     def __init__(self, surface: Triangulation, facets: Ints, parts: Array):
@@ -168,13 +168,13 @@ class _Places:
 def _ended(
     away: Array, m: Array, turn: Array, along: Array, b: Array, low: Array
 ) -> tuple[Bools, Array, Array]:
-    """Return the mask of points that leave gradually past a rim, their gaps and gradients.
+    """Return the mask of points that leave past a rim, with their gaps and gap gradients.
 
     Args:
-        away: vectors from the closest points, shape (n, dim).
-        m: normals there, shape (n, dim).
+        away: vectors from the closest points to the points, shape (n, dim).
+        m: normals at the closest points, shape (n, dim).
         turn: derivatives of the normals, shape (n, dim, dim).
-        along: direction of the edge on which the closest point moves, otherwise zero, (n, dim).
+        along: directions of the edges on which closest points move, otherwise zero, (n, dim).
         b: distances within which points leave, shape (n,).
         low: heights above which points leave gradually, shape (n,).
     """
@@ -192,13 +192,13 @@ def _ended(
 def _interpolated(
     surface: Triangulation, facets: Ints, parts: Array, corners: Array, on: _Places
 ) -> tuple[Array, Array]:
-    """Return averaged normals at the closest points and their derivatives."""
+    """Return interpolated normals at the closest points, and their derivatives."""
     of_corners = surface.corner_normals[facets]
     mean = np.einsum("nk,nki->ni", parts, of_corners)
     size = np.linalg.norm(mean, axis=1)
     mean = mean / size[:, None]
     slopes = _slopes(corners)
-    # On an edge its own two parts change along it; at a corner nothing does.
+    # On an edge only the coordinates of its two ends change; at a corner all are constant.
     held = np.where((on.zeros == 0)[:, None, None], np.eye(corners.shape[2]), _outer(on.along))
     slopes = np.where((parts == 0.0)[..., None], 0.0, slopes @ held)
     change = np.einsum("nki,nkj->nij", of_corners, slopes) / size[:, None, None]
@@ -206,7 +206,7 @@ def _interpolated(
 
 
 def _slopes(corners: Array) -> Array:
-    """Return gradients of barycentric coordinates along facets, shape (n, k, dim)."""
+    """Return the gradients of the barycentric coordinates of facets, shape (n, k, dim)."""
     edges = corners[:, 1:] - corners[:, :1]
     inner = np.einsum("nai,nbi->nab", edges, edges)
     rest = np.linalg.solve(inner, edges)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Facets of a surface from a file: STL (ASCII or binary) or gmsh."""
+"""Read facets of a surface from an STL file (ASCII or binary) or a gmsh file."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ __all__ = ["facets_in"]
 Array = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
 
-_HEAD = 84  # bytes before the facets of a binary STL file: a line of 80, and their number
-#: Words of a facet in an ASCII STL file, with "" for a number.
+_HEAD = 84  # bytes before the facets of a binary STL file: header (80) and number of facets
+#: Keywords of a facet in an ASCII STL file, with "" in place of a number.
 _WORDS = ("facet", "normal", *3 * [""], "outer", "loop")
 _WORDS += (*3 * ["vertex", *3 * [""]], "endloop", "endfacet")
 _FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("more", "<u2")])
-#: Nodes of the facets of gmsh's elements of degree 1: lines, triangles, halves of quadrilaterals.
+#: Local nodes of the facets of linear gmsh elements: lines, triangles, halves of quadrilaterals.
 _PARTS = {1: [[0, 1]], 2: [[0, 1, 2]], 3: [[0, 1, 2], [0, 2, 3]]}
-_PLANE = 1e-10  # of the extent, range of z of a plane curve
+_PLANE = 1e-10  # relative to the extent: range of z of a plane curve
 
 
 def facets_in(path: Path, group: str | int | None) -> tuple[Array, Ints]:
-    """Return points (m, dim) and the points of the facets (k, dim).
+    """Return points (m, dim) and facets (k, dim) read from a file.
 
-    Facets of an STL file do not share points yet.
+    Facets read from an STL file do not share points yet.
 
     Args:
         path: path of a file .stl or .msh.
@@ -38,13 +38,13 @@ def facets_in(path: Path, group: str | int | None) -> tuple[Array, Ints]:
 
     Raises:
         OSError: if the file cannot be read.
-        ValueError: if its content is of another kind, or has no facets or no such group.
+        ValueError: if the file has another format, no facets, or no such group.
     """
     kind = path.suffix.lower()
     if kind not in (".stl", ".msh"):
         raise ValueError(f"{path}: a surface is read from a file .stl or .msh")
     if kind == ".msh":
-        path.open("rb").close()  # an error of the system if it cannot be read
+        path.open("rb").close()  # raises OSError if the file cannot be read
         return _of_gmsh(path, group)
     if group is not None:
         raise ValueError(f"{path}: an STL file has no groups, and {group!r} was asked for")
@@ -59,8 +59,8 @@ def facets_in(path: Path, group: str | int | None) -> tuple[Array, Ints]:
 def _of_stl(path: Path) -> Array:
     """Return the corners (k, 3, 3) of a binary or ASCII STL file.
 
-    A file is binary if it has the length that its number of facets requires: the header of a binary
-    file may begin with "solid" too.
+    A file is binary if its length matches its number of facets, because the header of a binary file
+    may also begin with "solid".
     """
     content = path.read_bytes()
     text = content.removeprefix(b"\xef\xbb\xbf").lstrip()
@@ -78,7 +78,7 @@ def _of_stl(path: Path) -> Array:
 
 
 def _of_text(path: Path, text: str) -> Array:
-    """Return the corners (k, 3, 3) of an ASCII STL file, of one or several solids."""
+    """Return the corners (k, 3, 3) of an ASCII STL file with one or more solids."""
     lines = [line.split() for line in text.lower().splitlines() if line.strip()]
     if lines[-1][0] != "endsolid":
         raise ValueError(f"{path} is truncated: an ASCII STL file ends with 'endsolid'")
@@ -97,13 +97,13 @@ def _of_text(path: Path, text: str) -> Array:
 def _of_gmsh(path: Path, group: str | int | None) -> tuple[Array, Ints]:
     """Return points and facets of a group of curves (2D) or surfaces (3D) of a gmsh file.
 
-    Without a group these are all surfaces, or all curves if there are no surfaces.
+    Without a group, all surfaces are read, or all curves if there are no surfaces.
     """
     gmsh = optional("gmsh", "gmsh")
     with empty_model(gmsh) as model:
         try:
             gmsh.merge(str(path))
-        except Exception as error:  # gmsh raises no other kind
+        except Exception as error:  # gmsh raises no other exception type
             raise ValueError(f"gmsh cannot read {path}: {error}") from error
         dim, entities = _entities(model, path, group)
         found: list[Ints] = [np.zeros((0, dim + 1), dtype=np.int64)]
@@ -131,7 +131,7 @@ def _of_gmsh(path: Path, group: str | int | None) -> tuple[Array, Ints]:
 
 
 def _entities(model: Any, path: Path, group: str | int | None) -> tuple[int, list[int]]:
-    """Return dimension and entities of a group."""
+    """Return the dimension and the entity tags of a physical group."""
     if group is None:
         dim = 2 if any(len(model.mesh.getElements(2, e)[0]) for _, e in model.getEntities(2)) else 1
         return dim, [e for _, e in model.getEntities(dim)]

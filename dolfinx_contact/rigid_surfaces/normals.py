@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Normals at the corners of facets, those of the smooth surface whose chords the facets are.
+r"""Normals at the corners of facets that approximate a smooth surface.
 
 The gradient g of a quadric is linear, so (g_a + g_b).(x_b - x_a) = 0 for any two of its points (the
 trapezoidal rule). Unit normals of planes, spheres and circular cylinders, and of their smooth
@@ -7,21 +7,22 @@ combinations along edges of facets, thus satisfy
 
     (n_a + n_b).(x_b - x_a) = 0    for every edge,
 
-and those of any other smooth surface satisfy it up to the order h^3. They are computed by least
-squares, as close to a first guess as the edges allow, because edges do not determine them where
-facets are strips. The guess is the sum over the facets around a point of the products of the edges
-e_1, e_2 that meet there, sum e_1 x e_2 / (|e_1|^2 |e_2|^2), which is exact for a sphere through the
-points (Max, J. Graphics Tools 4(2), 1999); for segments it is sum n_s / |s|, exact for a circle.
-Between a flat and a round part the guess is the normal of the flat part, which is kept. A flat part
-has at least two triangles: single triangles of a round part would otherwise count as flat, since
-their normals satisfy the condition too.
+The normals of any other smooth surface satisfy this condition up to the order h^3. They are
+computed by least squares, as close to an initial guess as the condition allows, since edges do not
+determine the normals of strips of facets. The guess is the sum over the facets around a point of
+e_1 x e_2 / (|e_1|^2 |e_2|^2), with the edges e_1, e_2 that meet there; it is exact for a sphere
+through the points (Max, J. Graphics Tools 4(2), 1999). For segments the guess is the sum of n_s /
+|s|, which is exact for a circle. Between a flat and a curved part the guess is the normal of the
+flat part, which is preserved. A flat part has at least two triangles; otherwise single triangles of
+a curved part would count as flat, since their normals satisfy the condition too.
 
 Noisy points, or facets that do not approximate a smooth surface, such as those around a rim that is
-partly a crease, give normals that do not fit any facet. Therefore no normal deviates from the guess
-by more than the facets around the point, or around an adjacent point, do.
+partly a crease, can give normals that do not fit any facet. Therefore no normal deviates from the
+guess by more than the normals of the facets around the point, or around an adjacent point.
 
-At a *tip*, such as that of a cone, there is no tangent plane. There n_a.(x_b - x_a) has one sign
-all around, and n_b.(x_b - x_a), which is opposite to it at the pole of a sphere, is much smaller.
+At a *tip*, such as the apex of a cone, there is no tangent plane. There n_a.(x_b - x_a) has the
+same sign for all edges, and n_b.(x_b - x_a) is much smaller. At the pole of a sphere the two are
+opposite instead.
 """
 
 from __future__ import annotations
@@ -38,19 +39,19 @@ Array = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
 Bools = npt.NDArray[np.bool_]
 
-_TIMES = 3  # times that flat parts are looked for
-_BENT = 0.45  # of how much the most bent facet of a fan bends, below which one is a flatter part
-_FLATTEST = 1e-2  # of that, what a facet bends at least
-_POWER = 4  # of the ratio, by which flatter parts count more
-_DAMPED = 3e-2  # of the singular values of edges, below which normals stay as guessed
-_STEPS = 60  # of the least squares
-_ONE_SIGN = 0.5  # of the sum of magnitudes, that of values of one sign
-_STRAIGHT = 0.25  # of the slope at a tip, below which that at the other ends of edges is small
-_SHALLOW = 1e-3  # the slope below which there is no tip
+_TIMES = 3  # number of searches for flat parts
+_BENT = 0.45  # relative to the most bent facet of a fan: bend below which a facet is a flatter part
+_FLATTEST = 1e-2  # relative to the most bent facet: lower bound of the bend of a facet
+_POWER = 4  # exponent of the ratio of bends, the weight of flatter parts
+_DAMPED = 3e-2  # iterations of the least squares
+_STEPS = 60  # tolerance of the least squares
+_ONE_SIGN = 0.5  # relative to the sum of magnitudes: sum of values of one sign
+_STRAIGHT = 0.25  # relative to the slope at a tip: largest slope at the other ends of edges
+_SHALLOW = 1e-3  # slope below which a point is not a tip
 
 
 def crossed(corners: Array) -> Array:
-    """Return normals of facets, as long as a segment or twice the area of a triangle.
+    """Return facet normals; their length is that of the segment, or twice the triangle area.
 
     Args:
         corners: corners of the facets, shape (k, dim, dim).
@@ -59,18 +60,18 @@ def crossed(corners: Array) -> Array:
 
 
 def without_tips(corners: Array, fans: Ints) -> Ints:
-    """Return numbers of fans by facet and corner (k dim,), where corners at tips are separate.
+    """Return fan indices by facet and corner (k dim,), with separate fans for corners at tips.
 
     Args:
         corners: corners of the facets, shape (k, dim, dim).
-        fans: numbers of the fans without creases, by corner, shape (k dim,).
+        fans: indices of the fans bounded by creases, by corner, shape (k dim,).
     """
     k, dim = corners.shape[:2]
     if dim == 2:
         return fans
     normals = _averaged(_weights(corners), crossed(corners), fans)
     numbers = fans.reshape(k, dim)
-    sums = np.zeros((int(fans.max()) + 1, 4))  # here, its magnitude, at the other ends, number
+    sums = np.zeros((int(fans.max()) + 1, 4))  # slopes here, magnitudes, slopes there, edges
     for i, j in ((i, j) for i in range(dim) for j in range(dim) if i != j):
         edge = unit(corners[:, j] - corners[:, i])
         here = np.sum(normals[:, i] * edge, axis=1)
@@ -84,17 +85,18 @@ def without_tips(corners: Array, fans: Ints) -> Ints:
 
 
 def corner_normals(corners: Array, fans: Ints, planes: Ints, turns: Array) -> Array:
-    """Return unit normals at the corners of facets (k, dim, dim), equal in a fan.
+    """Return unit normals at the corners of facets (k, dim, dim), equal within a fan.
 
     If a facet bends much less than the most bent facet of its fan, like a flat part next to a
-    rounded edge, the surface continues that facet, and its weight in the guess is increased by a
-    power of their ratio. A chamfer bends as it does at its crease.
+    rounded edge, the surface continues this facet: its weight in the guess is increased by a power
+    of the ratio of both bends. For a facet at a crease, such as a chamfer, the bend at the crease
+    counts as well.
 
     Args:
         corners: corners of the facets, shape (k, dim, dim).
-        fans: numbers of the fans without creases, by corner, shape (k dim,).
-        planes: numbers of the planes of adjacent coplanar facets, shape (k,).
-        turns: bends of the facets at creases, equal in a plane, shape (k,).
+        fans: indices of the fans bounded by creases, by corner, shape (k dim,).
+        planes: indices of the planes of adjacent coplanar facets, shape (k,).
+        turns: bends of the facets at creases, equal within a plane, shape (k,).
     """
     dim = corners.shape[1]
     across = crossed(corners)
@@ -106,7 +108,8 @@ def corner_normals(corners: Array, fans: Ints, planes: Ints, turns: Array) -> Ar
     found = _along_edges(edges, guess, fans, np.ones(len(fans)))
     flat = (np.bincount(planes)[planes] > 1) | (dim == 2)
     for _ in range(_TIMES):
-        # Neither alone: guesses are off beside other curvatures, edges where parts meet in a mitre.
+        # Neither suffices alone: the guess is inaccurate next to other curvatures, edges where
+        # parts meet in a mitre.
         bends = np.sqrt(_bends(corners, guess) * _bends(corners, found))
         bends = np.maximum(_most(bends, planes), turns)
         most = _most(np.repeat(bends, dim), fans).reshape(-1, dim)
@@ -122,7 +125,7 @@ def corner_normals(corners: Array, fans: Ints, planes: Ints, turns: Array) -> Ar
 def _near(
     found: Array, guess: Array, across: Array, fans: Ints, edges_of_fans: tuple[Ints, Ints, Array]
 ) -> Array:
-    """Return normals (k, dim, dim) no farther from a guess than the facets there or adjacent."""
+    """Return normals (k, dim, dim) limited to the deviation of adjacent facets from the guess."""
     a, b, _ = edges_of_fans
     off = np.linalg.norm(unit(across)[:, None] - guess, axis=2).reshape(-1)
     first, fans = np.unique(fans, return_index=True, return_inverse=True)[1:]
@@ -137,14 +140,14 @@ def _near(
 
 
 def _weights(corners: Array) -> Array:
-    """Return weights of facets at their corners, shape (k, dim)."""
+    """Return the weights of facets at their corners, shape (k, dim)."""
     dim = corners.shape[1]
     edges = np.sum((np.roll(corners, -1, axis=1) - corners) ** 2, axis=2)
     return np.asarray(1.0 / (edges * np.roll(edges, 1, axis=1) if dim == 3 else edges))
 
 
 def _averaged(weights: Array, across: Array, fans: Ints) -> Array:
-    """Return normalised sums over fans of facet normals with weights at corners (k, dim)."""
+    """Return weighted sums of facet normals over fans, normalised, shape (k, dim, dim)."""
     k, dim = weights.shape
     sums = np.zeros((k * dim, dim))
     np.add.at(sums, fans, (weights[..., None] * across[:, None]).reshape(-1, dim))
@@ -154,14 +157,14 @@ def _averaged(weights: Array, across: Array, fans: Ints) -> Array:
 def _along_edges(
     edges_of_fans: tuple[Ints, Ints, Array], guess: Array, fans: Ints, part: Array
 ) -> Array:
-    """Return normals (k, dim, dim) that satisfy the condition of edges by least squares.
+    """Return normals (k, dim, dim) that satisfy the edge condition by least squares.
 
     Args:
         edges_of_fans: result of `_edges`.
         guess: unit normals at the corners of facets, shape (k, dim, dim).
-        fans: numbers of the fans by corner, shape (k dim,).
-        part: factors of the deviation from the guess by corner, shape (k dim,); the smallest of a
-            fan counts.
+        fans: indices of the fans, by corner, shape (k dim,).
+        part: factors of the deviation from the guess, by corner, shape (k dim,); each fan uses its
+            smallest factor.
     """
     a, b, edges = edges_of_fans
     dim = guess.shape[1]
@@ -170,7 +173,7 @@ def _along_edges(
     np.minimum.at(free, fans, part)
     normals = guess.reshape(-1, dim)[first]
     row = np.arange(len(a))[:, None] * np.ones((1, dim - 1), dtype=np.int64)
-    for _ in range(2):  # unit vectors turn a little more than along their tangents
+    for _ in range(2):  # unit vectors turn by slightly more than their tangential increment
         frames = _tangents(normals)
         off = -np.sum((normals[a] + normals[b]) * edges, axis=1)
         values, columns = [], []
@@ -188,7 +191,7 @@ def _along_edges(
 
 
 def _edges(corners: Array, fans: Ints) -> tuple[Ints, Ints, Array]:
-    """Return the edges of facets, each once: fans at both ends, and unit vectors (n, dim)."""
+    """Return each edge of the facets once: fan indices at both ends, and unit vectors (n, dim)."""
     k, dim = corners.shape[:2]
     numbers = fans.reshape(k, dim)
     ends, ways = [], []
@@ -201,7 +204,7 @@ def _edges(corners: Array, fans: Ints) -> tuple[Ints, Ints, Array]:
 
 
 def _tangents(normals: Array) -> Array:
-    """Return orthogonal unit vectors across normals, shape (n, dim, dim - 1)."""
+    """Return orthonormal tangent vectors for each normal, shape (n, dim, dim - 1)."""
     if normals.shape[1] == 2:
         return np.stack([-normals[:, 1], normals[:, 0]], axis=1)[:, :, None]
     axis = np.eye(3)[np.argmin(np.abs(normals), axis=1)]
@@ -210,7 +213,7 @@ def _tangents(normals: Array) -> Array:
 
 
 def _bends(corners: Array, normals: Array) -> Array:
-    """Return the largest turn of the normals along edges of facets over their lengths (k,)."""
+    """Return the largest turn of the normals per length along the edges of each facet (k,)."""
     dim = corners.shape[1]
     found = np.zeros(len(corners))
     for i in range(dim if dim == 3 else 1):
@@ -222,7 +225,7 @@ def _bends(corners: Array, normals: Array) -> Array:
 
 
 def _most(values: Array, groups: Ints) -> Array:
-    """Return the largest values (n,) in groups given by their numbers (n,)."""
+    """Return for each value the maximum over its group, shape (n,)."""
     most = np.zeros(int(groups.max()) + 1)
     np.maximum.at(most, groups, values)
     return np.asarray(most[groups])

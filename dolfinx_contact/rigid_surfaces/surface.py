@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""A rigid surface of facets as an obstacle, with corners, edges and open rims."""
+"""Rigid obstacle bounded by a surface of facets, with corners, edges and open rims."""
 
 from __future__ import annotations
 
@@ -33,62 +33,63 @@ Ints = npt.NDArray[np.int64]
 
 
 class RigidSurface(ReadOnly, Obstacle):
-    """A rigid surface of segments (2D) or triangles (3D), such as a tool from a file.
+    """Rigid surface of segments (2D) or triangles (3D), for example a tool read from a file.
 
-    Gaps and normals belong to the closest point of the surface and have exact derivatives. The
-    surface moves as the shape of a `RigidBody`. The gap is the signed distance, exact for the
-    facets, also at edges and corners: in the cone of normals there it is the distance from them.
-    Facets of a curved surface are its chords, inside of it by h^2/(8 R).
+    Gaps and normals are evaluated at the closest point of the surface, with exact derivatives. The
+    surface moves as the shape of a `RigidBody`. The gap is the exact signed distance from the
+    facets, also at edges and corners, where it is the distance from the edge or corner within its
+    normal cone. Facets of a convex curved surface are chords, inside the surface by h^2/(8 R).
 
-    *Sides.* Normals point out of the obstacle, to the body. Triangles are counter-clockwise as seen
-    from the body; segments have the obstacle on their left. A closed surface encloses the obstacle;
-    inward normals and facets that disagree with their neighbours are errors. ``mend`` turns such
-    facets: each connected part keeps the orientation of most of its area, and closed parts get
-    outward normals. It also unites points at one place, removes facets with two corners at one
-    place, as writers of STL leave them, and repeated facets, and cuts facets at points of rims on
-    their edges. With ``reverse`` the body is on the other side, as inside a die.
+    *Orientation.* Normals point out of the obstacle, towards the body. Triangles are
+    counter-clockwise as seen from the body; segments have the obstacle on their left. A closed
+    surface encloses the obstacle. Inward normals and inconsistent orientations are errors, unless
+    ``mend`` flips the facets: each connected part keeps the orientation of most of its area, and
+    closed parts get outward normals. ``mend`` also merges coincident points, removes degenerate
+    facets with two coincident corners (common in STL files) and repeated facets, and splits facets
+    at points of rims that lie on their edges. With ``reverse`` the body is on the opposite side,
+    for example inside a die.
 
-    *Edges.* Normals are those of the smooth surface whose chords the facets are, computed at points
-    and interpolated on facets (`rigid_surfaces.normals`). They are not averaged across edges where
-    the normals of facets differ by more than ``crease`` degrees, nor at a tip, such as that of a
-    cone; with 0 they are those of the facets everywhere. At a crease the normal jumps from that of
-    one facet to that of the other. With a radius ``rounding``, by which the obstacle is larger than
-    its surface, protruding edges are round and their normals continuous.
+    *Edges.* Normals approximate those of a smooth surface through the points. They are computed at
+    the points and interpolated on facets (`rigid_surfaces.normals`). They are not averaged across
+    edges where the facet normals differ by more than ``crease`` degrees, nor at a tip such as the
+    apex of a cone; ``crease=0`` uses facet normals everywhere. At a crease the normal jumps from
+    one facet to the other. A radius ``rounding`` enlarges the obstacle by this distance, so that
+    protruding edges are round with continuous normals.
 
-    *Rims.* An open surface ends at its rim: points past it leave, and there is no contact behind
-    it. A sliding face leaves gradually, within one of its facets, so that forces decrease to zero;
-    if ``rounding`` is larger, around that.
+    *Rims.* An open surface ends at its rim. Points past the rim leave the surface, and there is no
+    contact behind it. A sliding face leaves gradually, within the size of one of its facets (or
+    within ``rounding`` if that is larger), so that forces decrease to zero.
 
-    The law holds at contact points. Between them, a corner or edge of the surface enters the facet
-    of the body (indicator ``between_points``), and nodes next to a sharp edge are pushed by its
-    side: a sliding edge ploughs, with several times the friction, on every mesh (indicator
-    ``across``). In the integral method nodes pass under edges. Each rank has the whole surface
-    (about 1 kB per facet). Parts that intersect, such as solids that a CAD program has not united,
-    are not searched for: distances from outside are exact.
+    The law is enforced at contact points. Between them, a corner or edge of the surface can
+    penetrate a facet of the body (indicator ``between_points``), and nodes next to a sharp edge are
+    pushed sideways: a sliding edge ploughs, which multiplies the friction on every mesh (indicator
+    ``across``). In the integral method nodes can pass below edges. Each rank stores the whole
+    surface (about 1 kB per facet). Self-intersections, for example between solids that a CAD
+    program has not united, are not detected; distances from outside remain exact.
 
     Args:
         points: points, lengths, shape (m, dim).
-        cells: point numbers of the facets, shape (k, dim).
-        crease: angle in degrees between normals of facets up to which they are averaged.
-        rounding: radius of the edges, a length.
-        reverse: whether the body is on the side opposite to the normals of the facets.
-        mend: whether facets that do not fit are turned, cut or removed.
-        name: name for messages.
+        cells: indices of the points of the facets, shape (k, dim).
+        crease: largest angle in degrees between facet normals that are averaged.
+        rounding: radius of rounded edges, a length.
+        reverse: whether the body is on the side opposite to the facet normals.
+        mend: whether inconsistent facets are flipped, split or removed.
+        name: name of the surface in messages.
 
     Attributes:
-        points: points as they are used, read-only.
-        cells: facets as they are used, read-only.
-        closed: whether it has no rim.
-        mark: hash of all data, for the comparison of ranks and for records.
-        crease: angle of creases in degrees.
-        rounding: radius of the edges, a length.
-        name: name for messages.
+        points: points after mending, read-only.
+        cells: facets after mending, read-only.
+        closed: whether the surface has no rim.
+        mark: hash of all data, used to compare ranks and in records.
+        crease: crease angle in degrees.
+        rounding: radius of rounded edges, a length.
+        name: name of the surface in messages.
 
     Raises:
-        ValueError: if points or cells are not of that shape or not finite, facets are degenerate
-            or there twice, an edge has more than two facets, sides do not fit, as above, or rims
-            have points (nearly) in one place.
-        AttributeError: where attributes are set afterwards.
+        ValueError: if points or cells have another shape or are not finite, if facets are
+            degenerate or repeated, if an edge has more than two facets, if orientations are
+            inconsistent, or if points of rims (nearly) coincide.
+        AttributeError: if an attribute is set after construction.
 
     Example:
         ::
@@ -127,7 +128,7 @@ class RigidSurface(ReadOnly, Obstacle):
             found = triangulated(x, facets[:, ::-1], np.radians(crease), name, inward=True)
         self._surface = found
         self._closest = ClosestFacets(found.points, found.cells)
-        #: Sizes of the facets of a face that slides off, and removed overlap, in UFL.
+        #: Sizes of the facets of a sliding face, and removed overlap, in UFL.
         self._face: tuple[Any, ...] = ()
         self.points = found.points
         self.cells = found.cells
@@ -157,14 +158,16 @@ class RigidSurface(ReadOnly, Obstacle):
             path: STL file, ASCII or binary, or gmsh file ``.msh``, with surfaces for a 3D problem
                 or curves in a plane of constant z for a 2D problem.
             group: physical group of gmsh, by name or tag; None for all facets of the file.
-            scale: length unit of the file in that of the mesh: 1e-3 for a file in mm.
-            comm: communicator of the ranks that call.
-            **options: arguments of the class; the default name is that of the file.
+            scale: factor from the length unit of the file to that of the mesh: 1e-3 for a file in
+                mm if the mesh is in m.
+            comm: communicator of the calling ranks.
+            **options: further arguments of the class; ``name`` defaults to the file name.
 
         Raises:
             OSError: on every rank, if rank 0 cannot read the file.
-            ValueError: on every rank, if its content does not fit, there is no such group, it is
-                empty, or arguments differ between ranks; and as of the class.
+            ValueError: on every rank, if the content of the file is invalid or empty, the group
+                does not exist, arguments differ between ranks, or the surface is invalid (see the
+                class).
         """
         points, cells = _read(comm, Path(path), group, scale)
         options.setdefault("name", Path(path).name)
@@ -176,20 +179,20 @@ class RigidSurface(ReadOnly, Obstacle):
 
     @cached_property
     def facet_size(self) -> float:
-        """Mean size of its facets, a length."""
+        """Mean facet size, a length."""
         areas = np.linalg.norm(area_vectors(self.points[self.cells]), axis=1)
         return float(areas.mean() ** (1 / (self.points.shape[1] - 1)))
 
     @property
     def edges(self) -> Ints:
-        """Its sharp edges and rims by their points (k, 2), in 3D; in 2D there are none."""
+        """Sharp edges and rims as pairs of point indices, shape (k, 2); empty in 2D."""
         return self._surface.edges
 
     def distances(self, x: npt.ArrayLike) -> Distances:
-        """How far points (n, dim) are from the surface, without rounding. Not collective.
+        """Return signed distances of points (n, dim), without rounding. Not collective.
 
         Raises:
-            ValueError: if points are not of that shape.
+            ValueError: if the points do not have the shape (n, dim).
         """
         places = np.asarray(x, dtype=np.float64)
         dim = self.points.shape[1]
@@ -229,13 +232,13 @@ class RigidSurface(ReadOnly, Obstacle):
         return Start(gap, height, normal, held)
 
     def _ends(self, widths: Array) -> Array:
-        """Within which a face leaves the rim; an end that is given is round as it is given."""
+        """Return the widths for leaving gradually past the rim; zero up to the rounding radius."""
         return np.where(widths > self.rounding, widths, 0.0)
 
     def _measure(
         self, x: Array, width: Array | None = None, removed: Array | None = None
     ) -> tuple[Array, Array, Array, Array]:
-        """Gaps, their gradients, normals into the obstacle and their derivatives."""
+        """Return gaps, gap gradients, normals into the obstacle, and derivatives of the normals."""
         ends = None if width is None else self._ends(width)
         found = distances_from(self._surface, self._closest, x, ends, removed)
         return found.distance - self.rounding, found.slope, -found.normal, -found.turn
@@ -251,13 +254,13 @@ def _check_file(a: Arguments) -> None:
 
 @collective("a surface from a file", _check_file)
 def _read(comm: MPI.Comm, path: Path, group: str | int | None, scale: float) -> tuple[Array, Ints]:
-    """Points and facets, the same on every rank."""
+    """Return points and facets read on rank 0, identical on every rank. Collective."""
     points, cells = on_root(comm, lambda: facets_in(path, group))
     return merged(scale * points, cells)
 
 
 def _arrays(points: npt.ArrayLike, cells: npt.ArrayLike, name: str) -> tuple[Array, Ints]:
-    """Copies of points and facets, or ``ValueError``."""
+    """Return validated copies of points and facets; raise ``ValueError`` if they are invalid."""
     try:
         x = np.array(points, dtype=np.float64)
         facets = np.array(cells)

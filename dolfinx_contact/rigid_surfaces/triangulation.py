@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Surfaces of segments (2D) or triangles (3D): checks, orientation and normals.
 
-A *ridge* is the common part of two facets: a point of segments, an edge of triangles. A ridge of
-one facet is the rim of an open surface; one of three or more facets is an error.
+A *ridge* is the intersection of two facets: a point in 2D, an edge in 3D. A ridge with a single
+facet is part of the rim of an open surface. A ridge with three or more facets is an error.
 
-Normals at corners are those of `normals`, averaged over the facets that no crease separates. The
-side of a point follows from the sum of the normals weighted by the angles of the facets (Baerentzen
-and Aanaes, IEEE Trans. Vis. Comput. Graph. 11, 2005).
+Corner normals are computed by `normals` and averaged over the facets that no crease separates. The
+side of a point is determined by angle-weighted pseudonormals (Baerentzen and Aanaes, IEEE Trans.
+Vis. Comput. Graph. 11, 2005).
 """
 
 from __future__ import annotations
@@ -27,28 +27,28 @@ Array = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
 Bools = npt.NDArray[np.bool_]
 
-_SAME = 1e-7  # of the extent, distance of points of a file that are one (single precision)
-_ON_EDGE = 1e-3  # of it, distance of a point of a rim that lies on an edge of another facet
-_SLIT = 0.01  # of the edges of two points on rims, distance within which these are meant to be one
-_COPLANAR = 1e-4  # difference of unit normals below which facets lie in one plane
-_FLAT = 1e-10  # of the longest edge squared, area of a degenerate facet
+_SAME = 1e-7  # relative to the extent: distance of coincident points of a file (single precision)
+_ON_EDGE = 1e-3  # relative to the extent: distance of a rim point on the edge of another facet
+_SLIT = 0.01  # relative to the edges: distance of two points on rims that are meant to coincide
+_COPLANAR = 1e-4  # difference of unit normals below which facets are coplanar
+_FLAT = 1e-10  # area of a degenerate facet, relative to its longest edge squared
 
 
 @dataclass(frozen=True)
 class Triangulation:
-    """An oriented surface of facets.
+    """Consistently oriented surface of facets.
 
     Attributes:
         points: points, shape (m, dim).
         cells: points of the facets, shape (k, dim).
-        normals: unit normals of the facets, out of the obstacle, shape (k, dim).
-        ridges: numbers of the ridges opposite to the corners of facets, shape (k, dim).
-        ridge_normals: vectors that point to the outside at ridges, of any length.
-        point_normals: vectors that point to the outside at points, of any length.
-        ridge_creases: mask of the ridges at which normals are not averaged.
+        normals: unit normals of the facets, pointing out of the obstacle, shape (k, dim).
+        ridges: indices of the ridges opposite to the corners of facets, shape (k, dim).
+        ridge_normals: outward pseudonormals of the ridges, not normalised.
+        point_normals: outward pseudonormals of the points, not normalised.
+        ridge_creases: mask of the ridges across which normals are not averaged.
         point_creases: mask of the points at which normals are not averaged.
-        ridge_rims: mask of the ridges at which the surface ends.
-        point_rims: mask of the points at which the surface ends.
+        ridge_rims: mask of the ridges on the rim.
+        point_rims: mask of the points on the rim.
         corner_normals: averaged normals at the corners of facets, shape (k, dim, dim).
     """
 
@@ -66,12 +66,12 @@ class Triangulation:
 
     @property
     def closed(self) -> bool:
-        """Whether it has no rim."""
+        """Whether the surface has no rim."""
         return not bool(self.ridge_rims.any())
 
     @property
     def edges(self) -> Ints:
-        """Points of the edges that are creases or rims, shape (k, 2); in 2D there are none."""
+        """Edges that are creases or rims, as pairs of points, shape (k, 2); empty in 2D."""
         if self.points.shape[1] == 2:
             return np.zeros((0, 2), dtype=np.int64)
         first = np.unique(self.ridges, return_index=True)[1]
@@ -80,24 +80,24 @@ class Triangulation:
 
     @property
     def size(self) -> float:
-        """Extent, a length."""
+        """Extent of the surface, a length."""
         return float(np.linalg.norm(np.ptp(self.points, axis=0)))
 
 
 class _Ridges:
-    """Ridges of facets.
+    """Ridges of facets, and pairs of facets with a common ridge.
 
     Args:
         cells: points of the facets, shape (k, dim).
         name: name of the surface for messages.
 
     Attributes:
-        numbers: numbers of the ridges opposite to the corners of facets, shape (k, dim).
-        nodes: their points in the sense of the facet, shape (k dim, dim - 1).
-        signs: their senses in the facets, shape (k dim,).
-        first: places, among k dim, of the ridges of two facets in one of these.
-        second: their places in the other facet.
-        rims: mask of the ridges of one facet, shape (k, dim).
+        numbers: indices of the ridges opposite to the corners of facets, shape (k, dim).
+        nodes: points of the ridges, in the orientation of the facet, shape (k dim, dim - 1).
+        signs: orientations of the ridges in their facets, shape (k dim,).
+        first: indices (among k dim) of the interior ridges in the first of their two facets.
+        second: indices of the same ridges in the second facet.
+        rims: mask of the ridges with a single facet, shape (k, dim).
     """
 
     def __init__(self, cells: Ints, name: str):
@@ -125,22 +125,23 @@ class _Ridges:
 
     @property
     def facets(self) -> tuple[Ints, Ints]:
-        """Facets on both sides of the ridges of two facets."""
+        """Indices of the two facets at each interior ridge."""
         return self.first // self.dim, self.second // self.dim
 
     @property
     def alike(self) -> Bools:
-        """Mask of the ridges of two facets that these pass in the same sense."""
+        """Mask of the interior ridges at which the two facets are oriented inconsistently."""
         return np.asarray(self.signs[self.first] == self.signs[self.second])
 
     def fans(self, cells: Ints, joined: Bools) -> Ints:
-        """Return numbers of the fans of facets around points, by facet and corner, shape (k dim,).
+        """Return the indices of the fans of facets around points, by corner, shape (k dim,).
 
-        Corners at one point belong to one fan if their facets have a ridge that joins.
+        Two corners at the same point belong to the same fan if a joined ridge connects their
+        facets.
 
         Args:
             cells: points of the facets, shape (k, dim).
-            joined: mask of the ridges of two facets that join.
+            joined: mask of the interior ridges that connect facets.
         """
         links = []
         for column in range(self.dim - 1):
@@ -154,7 +155,7 @@ class _Ridges:
 
 
 def merged(points: Array, cells: Ints) -> tuple[Array, Ints]:
-    """Unite points at one place, up to 1e-7 of the extent, and drop points without a facet."""
+    """Merge points that coincide up to 1e-7 of the extent, and drop points without a facet."""
     size = float(np.linalg.norm(np.ptp(points, axis=0)))
     pairs = scipy.spatial.cKDTree(points).query_pairs(_SAME * size, output_type="ndarray")
     group = _parts(len(points), *pairs.T)
@@ -164,18 +165,19 @@ def merged(points: Array, cells: Ints) -> tuple[Array, Ints]:
 
 
 def mended(points: Array, cells: Ints, name: str) -> Ints:
-    """Return facets without collapsed and repeated ones, turned like their neighbours.
+    """Return consistently oriented facets, without degenerate and repeated ones.
 
-    Two facets with the same corners and opposite sides both stay, as those of a plate without
-    thickness. Facets are cut where a point of a rim lies on their edge. Each connected part keeps
-    the orientation of most of its area, and encloses a positive volume if it is closed.
+    Two facets with equal corners and opposite orientations are both retained, as for a plate
+    without thickness. Facets are split where a point of a rim lies on their edge. Each connected
+    part keeps the orientation of most of its area; a closed part is oriented to enclose a positive
+    volume.
 
     Raises:
-        ValueError: if a part has only one side, like a Moebius strip.
+        ValueError: if a part is not orientable, like a Moebius strip.
     """
     cells = cells[~_collapsed(cells)]
     dim = cells.shape[1]
-    # facets with the same corners in the same cyclic order
+    # facets with the same corners in the same cyclic order are repeated
     start = np.argmin(cells, axis=1)[:, None] if dim == 3 else np.zeros((len(cells), 1), int)
     cyclic = np.take_along_axis(cells, (start + np.arange(dim)) % dim, axis=1)
     cells = cells[np.sort(np.unique(cyclic, axis=0, return_index=True)[1])]
@@ -200,19 +202,19 @@ def mended(points: Array, cells: Ints, name: str) -> Ints:
 def triangulated(
     points: Array, cells: Ints, crease: float, name: str, *, inward: bool = False
 ) -> Triangulation:
-    """Return a surface whose facets agree about its sides.
+    """Return a surface with consistently oriented facets.
 
     Args:
         points: points, shape (m, dim).
         cells: points of the facets, shape (k, dim).
-        crease: angle (radians) between normals of facets above which they are not averaged.
+        crease: angle in radians between facet normals above which they are not averaged.
         name: name of the surface for messages.
-        inward: whether closed parts may enclose a negative volume.
+        inward: whether closed parts with a negative volume are accepted.
 
     Raises:
-        ValueError: if facets are degenerate, three of them have a common ridge, parts touch at a
-            single point, neighbours look to different sides, a closed part encloses a negative
-            volume, or points of rims are nearly at one place.
+        ValueError: if facets are degenerate, three facets share a ridge, parts touch at a single
+            point, neighbours are oriented inconsistently, a closed part encloses a negative volume,
+            or points of rims nearly coincide.
     """
     _check_facets(points, cells, name)
     corners = points[cells]
@@ -286,7 +288,7 @@ def _check_facets(points: Array, cells: Ints, name: str) -> None:
 
 
 def _check_sides(points: Array, cells: Ints, ridges: _Ridges, name: str, *, inward: bool) -> None:
-    """Raise ``ValueError`` if neighbours look to different sides, or closed parts inward."""
+    """Raise ``ValueError`` for inconsistent orientations or closed parts with inward normals."""
     unlike = ridges.alike
     if unlike.any():
         raise ValueError(
@@ -306,7 +308,7 @@ def _check_sides(points: Array, cells: Ints, ridges: _Ridges, name: str, *, inwa
 
 
 def _check_torn(points: Array, cells: Ints, ridges: _Ridges, rims: Bools, name: str) -> None:
-    """Raise ``ValueError`` if facets do not meet: points of rims on or near those of others."""
+    """Raise ``ValueError`` if facets do not meet: rim points on or near other rim facets."""
     _, on = _points_on_rims(points, cells, ridges)
     if len(on):
         flat = ridges.dim == 2
@@ -338,7 +340,7 @@ def _check_torn(points: Array, cells: Ints, ridges: _Ridges, rims: Bools, name: 
 
 
 def _points_on_rims(points: Array, cells: Ints, ridges: _Ridges) -> tuple[Ints, Ints]:
-    """Return points of rims between the ends of edges of rims, or in 2D of segments.
+    """Return points of rims that lie inside rim edges, or in 2D inside segments.
 
     Returns:
         Edges, by facet and corner (in 2D segments), and points, ordered along each edge.
@@ -367,7 +369,7 @@ def _points_on_rims(points: Array, cells: Ints, ridges: _Ridges) -> tuple[Ints, 
 
 
 def _cut_at_points(points: Array, cells: Ints, name: str) -> Ints:
-    """Cut triangles at points of rims on their edges, one edge of a facet after the other."""
+    """Split triangles at rim points on their edges, one edge of a facet after the other."""
     while cells.shape[1] == 3:
         ridges = _Ridges(cells, name)
         edges, on = _points_on_rims(points, cells, ridges)
@@ -383,7 +385,7 @@ def _cut_at_points(points: Array, cells: Ints, name: str) -> Ints:
 
 
 def _shortest_edges(points: Array, cells: Ints) -> Array:
-    """Return the shortest edge at each point, shape (m,)."""
+    """Return the length of the shortest edge at each point, shape (m,)."""
     shortest = np.full(len(points), np.inf)
     corners = points[cells]
     for i in range(cells.shape[1]):
@@ -401,21 +403,21 @@ def _at(x: Array) -> str:
 
 
 def _parts(count: int, first: Ints, second: Ints) -> Ints:
-    """Return numbers of the connected parts of a graph, shape (count,)."""
+    """Return the component index of each vertex of a graph, shape (count,)."""
     links = scipy.sparse.coo_array((np.ones(len(first)), (first, second)), shape=(count, count))
     found = scipy.sparse.csgraph.connected_components(links, directed=False)[1]
     return np.asarray(found, dtype=np.int64)
 
 
 def _fans_of_points(cells: Ints, fans: Ints) -> Ints:
-    """Return the number of fans at each point."""
+    """Return the number of fans at each point, shape (m,)."""
     return np.bincount(np.unique(np.stack([cells.ravel(), fans], axis=1), axis=0)[:, 0])
 
 
 def _turned(count: int, first: Ints, second: Ints, alike: Bools) -> tuple[Bools, Ints]:
-    """Return the facets to turn to agree with the first one of their part, and the parts."""
+    """Return the facets to flip to agree with the first facet of their part, and the parts."""
     part = _parts(count, first, second)
-    # a link of weight 2 turns, one of weight 1 does not
+    # a link of weight 2 flips the facet, one of weight 1 does not
     links = scipy.sparse.csr_array((alike + 1, (first, second)), shape=(count, count))
     both = links + links.T
     turned = np.zeros(count, dtype=bool)
@@ -436,7 +438,7 @@ def _flipped(cells: Ints, turned: Bools) -> Ints:
 
 
 def _volumes(points: Array, cells: Ints) -> Array:
-    """Return volumes of the cones from the centre of the surface to its facets, shape (k,)."""
+    """Return the signed volumes of cones from the centre of the surface to its facets, (k,)."""
     corners = points[cells] - points.mean(axis=0)
     dim = cells.shape[1]
     return np.einsum("ki,ki->k", corners.mean(axis=1), crossed(corners)) / (dim * (dim - 1))
@@ -455,17 +457,17 @@ def _angles(corners: Array) -> Array:
 def _bends_at_creases(
     corners: Array, normals: Array, ridges: _Ridges, at_crease: Bools, planes: Ints
 ) -> Array:
-    """Return by how much facets bend if they turn at their creases, shape (k,).
+    """Return the bend of each facet at its creases, shape (k,).
 
-    It is the largest difference of normals there over the width of the facet across the crease.
-    Facets in one plane, such as both triangles of a strip, have the same value.
+    The bend is the largest difference of normals across a crease, divided by the width of the facet
+    across this crease. Coplanar facets, such as both triangles of a strip, share the largest value.
 
     Args:
         corners: corners of the facets, shape (k, dim, dim).
         normals: normals of the facets, shape (k, dim).
         ridges: ridges of the facets.
         at_crease: mask of the ridges of two facets that are creases.
-        planes: numbers of the planes of the facets, shape (k,).
+        planes: indices of the planes of the facets, shape (k,).
     """
     first, second = ridges.facets
     off = np.linalg.norm(normals[first] - normals[second], axis=1)
