@@ -54,30 +54,6 @@ def test_growth(n):
         assert modes.known_up_to == np.inf
 
 
-def test_onset_without_damping_falls_with_the_mesh():
-    """Modes of the mesh coalesce first."""
-    found = [
-        SteadySliding(pad(n), (-1.0, 0.0), density=1.0).onset(step=step).friction
-        for n, step in ((2, 0.05), (4, 0.05), (8, 0.002))
-    ]
-    np.testing.assert_allclose(found, [0.1509, 0.0251, 0.0023], atol=6e-5)
-
-
-@pytest.mark.ranks(2)
-def test_large_problems_by_slepc():
-    """Eigenvalues next to zero are those of the dense problem."""
-    few = SteadySliding(pad(8), (-1.0, 0.0), density=1.0, damping=0.02, dense=False, count=12)
-    every = SteadySliding(pad(8), (-1.0, 0.0), density=1.0, damping=0.02)
-    for friction in (0.3, 1.0):
-        a = few.modes(friction)
-        b = every.modes(friction)
-        assert 3.0 < a.known_up_to < np.inf
-        near = a.eigenvalues[(np.abs(a.eigenvalues) < 0.9 * a.known_up_to)]
-        assert len(near) >= 4
-        away = np.abs(near[:, None] - b.eigenvalues).min(axis=1)
-        assert away.max() < 1e-8
-
-
 @pytest.mark.parametrize("dense", [True, False])
 @pytest.mark.verifies(
     "steady sliding", reference="closed form: growth and frequency of one node", aspects=("2D",)

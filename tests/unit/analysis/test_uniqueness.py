@@ -26,7 +26,6 @@ from dolfinx_contact import (
     records,
 )
 from dolfinx_contact.analysis import prove_counts, renard_criterion
-from dolfinx_contact.analysis.branch_counts import default_gammas
 from dolfinx_contact.continuation import Diagram, explore, find_solutions
 from dolfinx_contact.explorer import explorer
 from dolfinx_contact.materials import LinearElastic, NeoHookean, lame
@@ -103,16 +102,6 @@ def test_the_only_solution_in_space(case):
     found = problem.uniqueness()
     assert (found.verdict, found.reason) == ("proved", "the certificate of one point")
     assert 3 < renard_criterion(problem).factor < 4
-
-
-def test_a_proof_in_space_beyond_the_criterion():
-    """All points slip; the criterion holds up to F = 0.9, the certificate has bounds as well."""
-    problem = block(n=4, cell="hex", law=Coulomb(1.5), top=(0.05, 0.0, -0.01))
-    problem.solve()
-    assert renard_criterion(problem).factor < 1
-    found = problem.uniqueness()
-    assert (found.verdict, found.reason) == ("proved", "the certificate of one point")
-    assert all_solutions(problem).complete
 
 
 def test_no_proof_in_space_of_a_body_that_gives_way():
@@ -291,25 +280,3 @@ def test_where_branches_meet():
     assert count.proved
     assert count.unfound == ()
     assert count.branches[0] >= 0
-
-
-@pytest.mark.ranks(2)
-def test_middles_and_bad_input():
-    system, diagram = explored(2, 3.0)
-    every = default_gammas(diagram.branches, 20)
-    assert every[0] == -1.0
-    assert every[-1] == 1.0
-    assert len(default_gammas(diagram.branches, 1)) == 3
-    for wrong in (
-        dict(gammas=[np.inf]),
-        dict(gammas=[]),
-        dict(gammas=3),
-        dict(most=0),
-        dict(proof_seconds=-1),
-    ):
-        with pytest.raises(ValueError, match="must be"):
-            prove_counts(system, diagram, **wrong)
-    with pytest.raises(ValueError, match="diagram"):
-        prove_counts(system, None)
-    with pytest.raises(ValueError, match="no branch"):
-        prove_counts(system, Diagram())
