@@ -12,9 +12,10 @@ A mark names the verified features and the reference of a test::
 The word before the colon is a kind of reference (`REFERENCES`). A test of a combination that the
 package rejects has the mark ``@pytest.mark.refuses("rigid bodies", aspects=("multigrid",))``. The
 page quotes the assertions of a test, which contain its tolerances: those with the text
-``figure="table.pressure"`` if the mark gives one, otherwise the first ones. Whether a test runs on
-several ranks is derived from its code; ``alone=True`` marks tests in which each rank computes the
-same. The table of verified numbers is `tests/data/verified.csv`.
+``figure="table.pressure"`` if the mark gives one, otherwise the first ones. A test counts under
+"ranks" if it or its file has the mark ``pytest.mark.ranks``, which selects it in
+`tests/conftest.py`; ``alone=True`` excludes tests in which every rank computes the same. The table
+of verified numbers is `tests/data/verified.csv`.
 """
 
 from __future__ import annotations
@@ -84,7 +85,7 @@ FEATURES = {
     ),
     "Newton's method": ("Newton's method", "loads in increments", "units", "options"),
 }
-#: Conditions under which a feature is tested; `RANKS` is derived from the test.
+#: Conditions under which a feature is tested; `RANKS` comes from the mark `ranks`.
 RANKS = "ranks"
 ASPECTS = (
     *("2D", "3D", "pairs", "large sliding", RANKS, "multigrid", "branches", "proofs", "records"),
@@ -171,12 +172,6 @@ def _names(function: ast.FunctionDef) -> frozenset[str]:
     return frozenset(node.id for node in ast.walk(function) if isinstance(node, ast.Name))
 
 
-@cache
-def _words(node: ast.AST) -> str:
-    """Return code without comments."""
-    return ast.unparse(node)
-
-
 class Module:
     """File of tests: its functions, and the functions that they call in the files of tests."""
 
@@ -212,11 +207,6 @@ class Module:
                     other = Module(file, self._texts)
                     found |= {a.asname or a.name: (other, a.name) for a in node.names}
         return found
-
-    @property
-    def knows_ranks(self) -> bool:
-        """Whether the module imports MPI or DOLFINx."""
-        return bool(re.search(r"^(from|import) (mpi4py|dolfinx)\b", self.text, re.MULTILINE))
 
     def reached(self, function: ast.FunctionDef) -> list[tuple[Module, ast.FunctionDef]]:
         """Return a function and all functions that it calls, directly or not."""
@@ -319,22 +309,22 @@ def _raises(module: Module, function: ast.FunctionDef) -> bool:
 
 
 def _on_ranks(module: Module, function: ast.FunctionDef) -> bool:
-    """Return whether a test also runs distributed over several ranks."""
+    """Return whether a test also runs on two ranks without the option --long.
+
+    The test, one of its cases or its file has the mark `ranks`, and the test is not marked `long`,
+    `chatty` or skipped on several ranks.
+    """
     marks = list(function.decorator_list)
     if "pytestmark" in module.values:
         marks.append(module.values["pytestmark"])
+    marks = [module.values.get(m.id, m) if isinstance(m, ast.Name) else m for m in marks]
     for mark in marks:
-        named = isinstance(mark, ast.Name) and mark.id in module.values
-        text = ast.unparse(module.values[mark.id] if named else mark)
+        text = ast.unparse(mark)
         if re.fullmatch(r"pytest\.mark\.(chatty|long)", text):
             return False
-        if text.startswith("pytest.mark.skipif") and re.search(r"\.size > 1", text):
+        if text.startswith("pytest.mark.skipif") and ".size > 1" in text:
             return False
-    for _, reached in module.reached(function):
-        text = _words(reached)
-        if "COMM_SELF" in text and not re.search(r"\b(COMM|COMM_WORLD)\b", text):
-            return False
-    return module.knows_ranks
+    return any("pytest.mark.ranks(" in ast.unparse(mark) for mark in marks)
 
 
 def _mark(module: Module, function: ast.FunctionDef, call: ast.Call) -> Test:
@@ -372,7 +362,7 @@ def _mark(module: Module, function: ast.FunctionDef, call: ast.Call) -> Test:
         if kind not in REFERENCES or not reference:
             raise wrong(f"a reference begins with one of {', '.join(REFERENCES)} and a colon")
         if RANKS in aspects:
-            raise wrong("whether it runs on several ranks is seen from the test")
+            raise wrong("whether it runs on several ranks is the mark `ranks`")
         comparisons = _comparisons(module, function, figure)
         if not comparisons:
             raise wrong(f"nothing is compared {f'with {figure!r} in it' if figure else ''}".strip())
@@ -522,12 +512,12 @@ def verified_page(text: str) -> str:
     Args:
         text: contents of tests/data/verified.csv, which a test compares with the demos.
     """
-    head = ("quantity", "reference", "exact", "ours", "error", "test")
+    head = ("quantity", "reference", "exact", "ours", "error", "demo")
     lines = [f"| {' | '.join(head)} |", "|---" * len(head) + "|"]
     for row in csv.DictReader(text.splitlines()):
-        test = f"{{doc}}`{row['demo']} </demos/demo_{row['demo']}>`"
+        demo = f"{{doc}}`{row['demo']} </demos/demo_{row['demo']}>`"
         cells = [row[name] for name in head[:-1]]
-        lines.append(f"| {' | '.join([*cells, test])} |")
+        lines.append(f"| {' | '.join([*cells, demo])} |")
     return "\n".join(lines)
 
 

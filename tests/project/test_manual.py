@@ -22,6 +22,7 @@ BODY = """
 """
 HEAD = "from mpi4py import MPI\nimport pytest\n\n\n"
 SHOWN = '@pytest.mark.verifies("mortar", reference="closed form: a pressure", aspects=("2D",))\n'
+RANKS = "@pytest.mark.ranks(2)\n"
 
 
 def file_of(marks, body=BODY, name="pressure"):
@@ -69,7 +70,7 @@ def test_what_is_read_of_a_test():
     """Marks and comparisons, what has a tolerance first; docstring, cases and ranks."""
     cases = '@pytest.mark.parametrize(("n", "tolerance"), [(1, 1e-9), (2, 1e-6)])\n'
     body = f'\n    """As in print."""{BODY}'
-    (test,) = manual.marked_tests(file_of(SHOWN + cases, body))
+    (test,) = manual.marked_tests(file_of(SHOWN + RANKS + cases, body))
     assert (test.id, test.purpose) == ("tests/test_one.py::test_pressure", "As in print.")
     assert (test.features, test.aspects) == (("mortar",), ("2D", "ranks"))
     assert (test.kind, test.reference) == ("closed form", "a pressure")
@@ -102,17 +103,33 @@ def test_comparisons_of_helpers():
 
 
 @pytest.mark.parametrize(
-    ("marks", "body"),
+    "marks",
     [
-        ("@pytest.mark.chatty\n", BODY),
-        ("@pytest.mark.long\n", BODY),
-        ('@pytest.mark.skipif(COMM.size > 1, reason="one point")\n', BODY),
-        ("", f"\n    domain = box(MPI.COMM_SELF, 2)\n{BODY}"),
+        "",
+        RANKS + "@pytest.mark.chatty\n",
+        RANKS + "@pytest.mark.long\n",
+        RANKS + '@pytest.mark.skipif(COMM.size > 1, reason="one point")\n',
     ],
 )
-def test_a_test_that_no_ranks_share(marks, body):
-    (test,) = manual.marked_tests(file_of(SHOWN + marks, body))
+def test_a_test_that_runs_on_one_rank(marks):
+    (test,) = manual.marked_tests(file_of(SHOWN + marks))
     assert test.aspects == ("2D",)
+
+
+@pytest.mark.parametrize(
+    ("head", "marks"),
+    [
+        ("", RANKS),
+        ("", '@pytest.mark.parametrize("n", [pytest.param(1, marks=pytest.mark.ranks(2, 3))])\n'),
+        ("pytestmark = pytest.mark.ranks(2, every_case=True)\n", ""),
+        ("pytestmark = [pytest.mark.ranks(2), pytest.mark.usefixtures('x')]\n", ""),
+        ("shared = pytest.mark.ranks(2)\n", "@shared\n"),
+    ],
+)
+def test_a_test_that_runs_on_two_ranks(head, marks):
+    text = file_of(SHOWN + marks)["test_one.py"].replace(HEAD, HEAD + head)
+    (test,) = manual.marked_tests({"test_one.py": text})
+    assert test.aspects == ("2D", "ranks")
 
 
 @pytest.mark.parametrize(
@@ -120,7 +137,7 @@ def test_a_test_that_no_ranks_share(marks, body):
     [
         (SHOWN.replace("2D", "4D"), BODY, "aspects are a tuple of 2D, 3D, .* got .'4D'"),
         (SHOWN.replace('("2D",)', '"2D"'), BODY, "aspects are a tuple"),
-        (SHOWN.replace("2D", "ranks"), BODY, "is seen from the test"),
+        (SHOWN.replace("2D", "ranks"), BODY, "is the mark `ranks`"),
         (SHOWN.replace("mortar", "glue"), BODY, "no such feature: glue"),
         (SHOWN.replace('"mortar", ', ""), BODY, "no such feature: none"),
         (SHOWN.replace("closed form", "a friend"), BODY, "a reference begins with one of"),

@@ -55,7 +55,7 @@ NUMBERS = {
     "two_cylinders": [
         Number("contact radius, mm", "Hertz", "contact_radius", "hertz_radius", 0.03),
         Number("peak pressure, MPa", "Hertz, NAFEMS CB-1", "peak", "hertz_peak", 0.02),
-        Number("force of spheres, N", "Code_Aster SSNV104, refined", "force", "660.7e3", 5e-3),
+        Number("force of spheres, N", "itself, refined", "force", "660.7e3", 5e-3),
         Number(
             "peak pressure of spheres, MPa",
             "Hertz at the measured force",
@@ -65,10 +65,10 @@ NUMBERS = {
         ),
     ],
     "ironing": [
-        Number("V at t = 1, N/mm", "refined meshes", "V_pressed", "330.6", 3e-3),
-        Number("H at t = 1, N/mm", "refined meshes", "H_pressed", "68.2", 0.03),
-        Number("V at t = 1.1, N/mm", "refined meshes", "V_dragged", "403.9", 0.01),
-        Number("H at t = 1.1, N/mm", "refined meshes", "H_dragged", "128.8", 0.03),
+        Number("V at t = 1, N/mm", "itself, refined", "V_pressed", "330.6", 3e-3),
+        Number("H at t = 1, N/mm", "itself, refined", "H_pressed", "68.2", 0.03),
+        Number("V at t = 1.1, N/mm", "itself, refined", "V_dragged", "403.9", 0.01),
+        Number("H at t = 1.1, N/mm", "itself, refined", "H_dragged", "128.8", 0.03),
     ],
     "mindlin": [
         Number("error of the shear, loaded", "Cattaneo, Mindlin", "errors['loaded']", "0", 0.02),
