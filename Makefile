@@ -24,7 +24,8 @@ SPHINX = python3 -m sphinx -q -W --keep-going -E -a -j auto
 help:
 	@echo "make demo       all branches of a triangle on a floor, and a body dragged over one, on two"
 	@echo "                ranks; pictures in OUTPUT=$$OUTPUT"
-	@echo "make test       lint, types, the tests on one, two and three ranks, and test-pip"
+	@echo "make test       lint, types, quick tests serially, those marked ranks on two and three ranks,"
+	@echo "                and test-pip"
 	@echo "make test-pip   three test files where pip has installed DOLFINx, on one and two ranks"
 	@echo "make test-long  all tests in all cases, on one and two ranks, those by pip among them,"
 	@echo "                test-paraview and test-browser"

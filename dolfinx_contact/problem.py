@@ -864,9 +864,9 @@ class ContactProblem(ReadOnly):
 
         The following certificates are tried:
 
-        1. Linear bodies with nodal contact, in 2D or, with friction, in 3D up to 128 points: the
-           body is condensed onto the contact nodes (two solves per node), and the pointwise
-           certificate is evaluated; without friction it holds up to round-off. If it fails and
+        1. Linear bodies with nodal or mixed contact, in 2D or, with friction, in 3D up to 128
+           points: the body is condensed onto the contact points, and the pointwise certificate is
+           evaluated; without friction it holds up to round-off. If it fails and
            another solution is found quickly, that solution is returned, and a warning is logged.
         2. Otherwise, up to a few hundred points: the weaker criterion of Renard
            (`analysis.renard_criterion`).
@@ -921,7 +921,7 @@ class ContactProblem(ReadOnly):
 
         Raises:
             ValueError: on every rank, if the problem cannot be condensed: the body is not linear or
-                not fixed by Dirichlet data, contact is not nodal, or a law is not supported.
+                not fixed by Dirichlet data, contact is integral, or a law is not supported.
         """
         with self._unknowns() as x:
             validate(self.equations, x)

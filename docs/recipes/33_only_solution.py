@@ -2,8 +2,9 @@
 # # Is my solution the only one (unique)?
 #
 # `problem.uniqueness()` answers "proved", "not proved" or "others exist" for the solution in the
-# Functions, with the reason: for linear bodies with contact at nodes. With `proof_seconds=60` it
-# tries harder. If others exist, `problem.restore(found.other)` shows one of them.
+# Functions, with the reason. Certificates exist for linear bodies with nodal or mixed contact.
+# `proof_seconds=60` allows a longer search. If others exist, `problem.restore(found.other)` shows
+# one of them.
 # See {doc}`the theory </theory/7_proofs>`.
 
 from common import Block, triangle

@@ -17,9 +17,9 @@ direct solvers and multigrid, and along branches; some work with more:
 | `BilinearCohesive(t, a, b)`   | t, a, b > 0               | no       | no     | no     | no     |
 | `MaxwellLayer(k, eta, K)`     | k, eta > 0, K >= 0        | no       | no     | no     | no     |
 
-- *pivoting*: a linear body with nodal contact is condensed onto its contact points, and branches
-  are followed from vertex to vertex. A compliant surface needs frictionless contact or Coulomb's
-  law inside.
+- *pivoting*: a linear body with nodal or mixed contact is condensed onto its contact points, and
+  branches are followed from vertex to vertex. A compliant surface needs frictionless contact or
+  Coulomb's law inside.
 - *proofs*: of uniqueness, and of completeness of a set of solutions (`analysis`); for the same
   bodies.
 - *points*: `ContactProblem.reduced` and the classical algorithms that work on it.
