@@ -215,7 +215,7 @@ def test_readme_example(folder, monkeypatch):
     result = names["result"]
     assert result.kkt_violation < 1e-8
     assert min(result.counts[k] for k in ("stick", "slip")) > 0
-    force = result.resultants["contact"]
+    force = result.resultants["floor"]
     assert force[2] > 0
     assert force[0] < 0  # dragged to the right, held back to the left
     assert any((folder / "output/block").iterdir())
