@@ -51,6 +51,9 @@ class Constraints:
             neither the node nor its opposing point moves, or they are one node.
         clamped: per surface, mask of the local multiplier nodes whose components are all removed.
         removed: per surface, mask of the removed components, shape (local multiplier nodes, dim).
+        fixed_jumps: per surface, mask of the components of the jump that the multipliers weight
+            and Dirichlet data fix, shape (local multiplier nodes, dim); with quadratic
+            displacement and linear multipliers the jump is a mean over the facets of a vertex.
 
     Raises:
         ValueError: on every rank, if every node of a surface is clamped, or a component that is
@@ -78,11 +81,13 @@ class Constraints:
         _warn_of_common_nodes(surfaces, crossed)
         # multipliers
         self.held = [self._held(s) for s in surfaces]
+        pairs = zip(surfaces, self.held, strict=True)
+        self.fixed_jumps = [_fixed_jumps(s, held) for s, held in pairs]
         self.removed = []
         self._owned = [s.points.Q.dofmap.index_map.size_local for s in surfaces]
         self._normals = [s.points.vertex_normals.copy() for s in surfaces]
-        for s, held, vertices in zip(surfaces, self.held, crossing, strict=True):
-            removed = _removed(s, held)
+        for s, fixed, vertices in zip(surfaces, self.fixed_jumps, crossing, strict=True):
+            removed = _removed(s, fixed)
             if s.degrees[1] == 1:  # other degrees have no crossings
                 removed[vertices] = True
             self.removed.append(removed | s.points.mirrored)
@@ -211,11 +216,32 @@ def _why_none_is_left(s: DiscreteSurface) -> str:
     )
 
 
-def _removed(s: DiscreteSurface, held: Mask) -> Mask:
-    """Return the mask of removed multiplier components, shape (local nodes, dim). Collective."""
+def _fixed_jumps(s: DiscreteSurface, held: Mask) -> Mask:
+    """Return the mask of the fixed components of the weighted jump. Collective.
+
+    Args:
+        s: contact surface.
+        held: mask of the fixed components of the jump, shape (local nodes, dim).
+
+    Returns:
+        Mask, shape (local multiplier nodes, dim).
+    """
     fixed = held[s.points.trace_dofs]
     if s.degrees[0] != s.degrees[1]:
         fixed = fixed & _fixed_on_support(s, held)
+    return fixed
+
+
+def _removed(s: DiscreteSurface, fixed: Mask) -> Mask:
+    """Return the mask of the removed multiplier components. Collective.
+
+    Args:
+        s: contact surface.
+        fixed: mask of the fixed components of the weighted jump.
+
+    Returns:
+        Mask, shape (local multiplier nodes, dim).
+    """
     if s.displaced is not None and not s.displaced.friction:
         # The normal turns: a partly held node may carry a force in any direction.
         return np.repeat(np.all(fixed, axis=1)[:, None], s.dim, axis=1)

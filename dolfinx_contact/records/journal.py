@@ -367,8 +367,8 @@ class Journal(AnyJournal):
         """Return the points of one branch or of all branches as numpy arrays by name, in order.
 
         The names are ``branch``, ``index``, ``gamma``, ``step``, ``corrections``, ``tau``,
-        ``norm``, the functionals, the numbers of points ``open``, ``stick``, ``slip`` and ``clamped``,
-        ``special`` (kinds of special points on the way to the point) and ``status``.
+        ``norm``, the functionals, the numbers of points ``open``, ``stick``, ``slip`` and
+        ``clamped``, ``special`` (kinds of special points on the way to the point) and ``status``.
         """
         rows = self._points(branch)
         points = [p for _, p in rows]
@@ -428,8 +428,8 @@ class Journal(AnyJournal):
         """Return the special points as a pandas DataFrame.
 
         The columns are ``branch``, ``index`` of the following point, ``kind``, ``smooth``,
-        ``gamma``, ``parity``, ``others`` (number of further rays), ``complete``, ``bracket`` (the values
-        of gamma between which it lies; None if it is located), and ``changes``, a list of
+        ``gamma``, ``parity``, ``others`` (number of further rays), ``complete``, ``bracket`` (the
+        values of gamma between which it lies; None if it is located), and ``changes``, a list of
         dictionaries with the place ``x`` and the status ``before`` and ``after``.
         """
         names = ["branch", "index", *_SPECIAL]

@@ -54,7 +54,7 @@ class GatheredPoints:
         ids = system._ids[self.local]
         for number, s in enumerate(eq.surfaces):
             n = s.points.number
-            held = eq.constraints.held[number][s.points.vertex_trace_dofs[:n]].any(axis=1)
+            held = eq.constraints.fixed_jumps[number][:n].any(axis=1)
             at_rest = np.zeros((n, eq.dim))
             answers = s.law_at_points(at_rest, at_rest, s.point_data(eq.memory[number]))
             given = s.law.bound_kind == "given"

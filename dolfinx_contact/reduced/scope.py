@@ -60,15 +60,13 @@ def can_condense(
     nodes = []
     mixed = False
     polyhedral = True
-    known = eq.memory, eq.constraints.clamped, eq.constraints.held
-    for s, memory, clamped, held in zip(eq.surfaces, *known, strict=True):
-        if s.points.E is not None or not s.linear or (partly and s.method != "nodal"):
+    known = eq.memory, eq.constraints.clamped, eq.constraints.fixed_jumps
+    for s, memory, clamped, fixed in zip(eq.surfaces, *known, strict=True):
+        if s.points.E is not None or not s.linear:
             return False
         conic = is_polyhedral(s.law_at_points, s.point_data(memory))
         polyhedral = polyhedral and (conic or (bounded and s.law.bound_kind == "given"))
-        trace = s.points.vertex_trace_dofs
-        nodes.append(trace)
-        fixed = held[trace]
+        nodes.append(s.points.vertex_trace_dofs)
         some = fixed.any(axis=1) & ~fixed.all(axis=1)
         if partly:
             # A part of a normal that is not along an axis would be prescribed.
@@ -117,10 +115,9 @@ def _partly_held(system: ParametricEquations) -> tuple[bool, bool]:
     eq = system.equations
     oblique = False
     rubbed = False
-    for s, clamped, held in zip(
-        eq.surfaces, eq.constraints.clamped, eq.constraints.held, strict=True
+    for s, clamped, fixed in zip(
+        eq.surfaces, eq.constraints.clamped, eq.constraints.fixed_jumps, strict=True
     ):
-        fixed = held[s.points.vertex_trace_dofs]
         some = fixed.any(axis=1) & ~clamped[: len(fixed)]
         normal = np.where(fixed, s.points.vertex_normals, 0.0)
         oblique = oblique or bool((some & (np.abs(normal).max(axis=1, initial=0.0) > 1e-6)).any())
