@@ -17,7 +17,7 @@ from itertools import combinations
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx import fem
+from dolfinx import fem, la
 
 from dolfinx_contact._mpi import SharedValues, largest, require, total
 from dolfinx_contact.laws.status import STICK
@@ -95,6 +95,9 @@ class Constraints:
         for s, clamped, n in zip(surfaces, self.clamped, self._owned, strict=True):
             left = s.comm.allreduce(int((~clamped[:n]).sum()))
             require(s.comm, left > 0, _why_none_is_left(s))
+        for s, held, clamped, n in zip(surfaces, self.held, self.clamped, self._owned, strict=True):
+            if s.degrees[0] > s.degrees[1]:
+                _require_free_nodes(s, held, s.comm.allreduce(int((~clamped[:n]).sum())))
 
     def values(self, fill: float = np.nan) -> Array:
         """Return Dirichlet values at the local nodes, shape (n, dim), ``fill`` at free dofs."""
@@ -213,6 +216,26 @@ def _why_none_is_left(s: DiscreteSurface) -> str:
     return (
         f"{s.name}: every contact node is clamped by Dirichlet data, has nothing opposite, or is "
         "at the front of a crack, where both sides have it in common"
+    )
+
+
+def _require_free_nodes(s: DiscreteSurface, held: Mask, multipliers: int) -> None:
+    """Raise ``ValueError`` if more nodes have multipliers than can move. Collective.
+
+    A face one facet wide between clamped edges has more vertices than free nodes. Pressures would
+    not be unique.
+    """
+    V = s.u.function_space
+    on_face = la.vector(V.dofmap.index_map)
+    on_face.array[np.unique(facet_closures(V, s.submesh.parent_facets))] = 1.0
+    on_face.scatter_reverse(la.InsertMode.add)
+    n = V.dofmap.index_map.size_local
+    free = s.comm.allreduce(int(((on_face.array[:n] > 0) & ~held[:n].all(axis=1)).sum()))
+    require(
+        s.comm,
+        multipliers <= free,
+        f"{s.name}: the face has {free} nodes that can move, but {multipliers} vertices with "
+        "multipliers; refine the face, or use method='integral'",
     )
 
 

@@ -44,6 +44,9 @@ Mask = npt.NDArray[np.bool_]
 
 _UNIT = 1e-6  # admissible error of the length of a normal
 
+#: Tangential part of the motion of an obstacle that is reported.
+_ALONG = 0.1
+
 
 class DiscreteSurface(ReadOnly):
     """Contact points of a surface and all quantities evaluated at them. Collective.
@@ -160,7 +163,7 @@ class DiscreteSurface(ReadOnly):
         self.true_gaps = TrueGaps(u, self.points, self.obstacle)
         self._mark = self._marked()
         self._place = self._place_of_obstacle()
-        #: Whether the last change of the Constants of the obstacle left all gaps and normals.
+        #: Whether the last change of its Constants moved the obstacle along its surface.
         self.moved_along = False
 
     def _bind(self) -> None:
@@ -228,13 +231,35 @@ class DiscreteSurface(ReadOnly):
         self.points.update()
         self._mark = self._marked()
         after = self.points.vertex_gaps, self.points.vertex_normals
-        kept = all(np.allclose(a, b, 1e-12, 1e-12) for a, b in zip(before, after, strict=True))
         place = self._place_of_obstacle()
-        self.moved_along = kept and not np.array_equal(place, self._place)
+        motion = place - self._place
+        if self._anchor is None:
+            kept = all(np.allclose(a, b, 1e-12, 1e-12) for a, b in zip(before, after, strict=True))
+            self.moved_along = kept and bool(motion.any())
+        else:
+            normal = self._nearest_normal()
+            along = motion - (motion @ normal) * normal
+            self.moved_along = bool(np.linalg.norm(along) > _ALONG * np.linalg.norm(motion))
         self._place = place
 
+    @property
+    def _anchor(self) -> fem.Constant | None:
+        """Constant that is the centre or a point of the obstacle; None if there is none."""
+        anchor = getattr(self.obstacle, "centre", getattr(self.obstacle, "point", None))
+        return anchor if isinstance(anchor, fem.Constant) else None
+
+    def _nearest_normal(self) -> Array:
+        """Return the normal at the vertex with the smallest gap, shape (dim,). Collective."""
+        gaps = self.points.vertex_gaps
+        least = float(np.min(gaps, initial=np.inf))
+        _, owner = self.comm.allreduce((least, self.comm.rank), op=min)
+        nearest = self.points.vertex_normals[np.argmin(gaps)] if self.comm.rank == owner else None
+        return np.asarray(self.comm.bcast(nearest, root=owner))
+
     def _place_of_obstacle(self) -> Array:
-        """Return the present values of the Constants of the obstacle."""
+        """Return the position of the obstacle if it is a Constant, else all its Constants."""
+        if self._anchor is not None:
+            return np.array(self._anchor.value)
         constants = [*self.given.data["gap"][1], *self.given.data["normal"][1]]
         return np.concatenate([np.zeros(0), *(np.ravel(c.value) for c in constants)])
 

@@ -90,3 +90,15 @@ def test_an_obstacle_moved_along_itself_drags_nothing(friction, caplog):
     )
     told = [w for w in warnings_of(caplog) if "drags nothing" in w]
     assert len(told) == (1 if friction else 0)
+
+
+def test_an_obstacle_pressed_and_dragged_at_once_is_reported(caplog):
+    domain = box(COMM, 4, "quad")
+    at = fem.Constant(domain, (0.5, -2.0))
+    problem = block(Sphere(at, 2.0), Coulomb(0.3), domain=domain)
+
+    def load(t):
+        at.value[:] = 0.5 + 0.01 * t, -2.0 + 0.01 * t
+
+    QuasiStatic(problem, load).run([0.0, 0.5, 1.0])
+    assert any("drags nothing" in w for w in warnings_of(caplog))
