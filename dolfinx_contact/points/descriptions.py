@@ -342,8 +342,7 @@ class ContactSurface:
             the depth exceeds 5 % of the smallest extent of the body.
         remove_overlap: length; an initial overlap up to this value is subtracted from the gap for
             good, so that the points touch the obstacle at the start, without stress. A larger
-            overlap is an error, and so is one beyond the middle of the obstacle, where its normals
-            point the other way.
+            overlap is an error.
         axisymmetric: whether the mesh is half of a section of a body of revolution about x = 0
             (`materials.Axisymmetric`). The problem then multiplies all integrals by 2 pi r, forces
             are those of the whole circumference, and areas are swept areas (`points.revolution`).
