@@ -393,7 +393,7 @@ def test_rigid_surfaces_refuse_open_and_flat_facets():
         (points, cells[:, ::-1], {}, "a closed surface has its normals inward"),
         (points[:5], fan, {}, "no manifold: 1 edges have more than two facets"),
         (points, np.vstack([cells, [0, 0, 1]]), {}, "1 facets have two corners in one place"),
-        (np.eye(3) * [[1], [1], [0]] + [0, 0, 1], [[0, 1, 2], [0, 2, 1]], {}, "there twice"),
+        (np.eye(3) * [[1], [1], [0]] + [0, 0, 1], [[0, 1, 2], [0, 2, 1]], {}, "are repeated"),
         ([[0.0, 0, 0], [1, 0, 0], [2, 0, 0]], [[0, 1, 2]], {}, "1 facets have no area"),
         (np.full((3, 3), np.nan), [[0, 1, 2]], {}, "points are a finite array"),
         (points, cells.astype(float), {}, "cells are triangles by numbers of points"),
