@@ -110,7 +110,7 @@ def test_an_overlap_beyond_its_limit_is_refused(dim, sliding):
     else:  # else they would not find each other, and nothing would press
         beyond = (
             {"interference": True, "search_distance": 0.9 * OVERLAP},
-            r"more than the search distance 0\.036",
+            r"(farther|more) than the search distance 0\.036",
         )
     for options, words in (
         beyond,

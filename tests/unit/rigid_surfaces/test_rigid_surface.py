@@ -403,7 +403,7 @@ def test_rigid_surfaces_refuse_open_and_flat_facets():
         (points, cells, {"rounding": np.nan}, "rounding must be a number from 0"),
         (torn, alone, {}, "the surface is torn: 60 points of rims are in one place with others"),
         (torn + 1e-3 * np.sin(np.arange(180.0)).reshape(-1, 3), alone, {"mend": True}, "torn: 60"),
-        ([[0.0, 0], [1, 0], [0, 1]], [[0, 1], [2, 1]], {}, "at 1 of 1 points between two look"),
+        ([[0.0, 0], [1, 0], [0, 1]], [[0, 1], [2, 1]], {}, "at 1 of 1 points between two are"),
     ):
         with pytest.raises(ValueError, match=message):
             RigidSurface(x, facets, **given)
