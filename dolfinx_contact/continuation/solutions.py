@@ -144,7 +144,7 @@ def _check(a: Arguments) -> None:
     nonnegative(a.proof_seconds, "proof_seconds")
 
 
-@collective("find_solutions", _check)
+@collective("find_solutions", _check, local=("guesses", "known"))
 def find_solutions(
     system: System,
     guesses: Sequence[PETSc.Vec],

@@ -109,7 +109,7 @@ def test_one_rank_alone_stops():
     if COMM.size == 1:
         pytest.skip("there are several ranks in this")
     evolution, times, steps = made("pair")
-    with pytest.raises(ValueError, match="stop condition differs between ranks"):
+    with pytest.raises(ValueError, match="stop differs between ranks"):
         evolution.run(times, stop=after(1, []) if COMM.rank == 0 else None, **steps)
 
 
