@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""``python3 -m dolfinx_contact``: explore a record, check a stored proof, list what is installed.
+"""``python3 -m dolfinx_contact``: explore records, check stored proofs, list installed packages.
 
 ``check`` runs the code of ``python3 dolfinx_contact/proofs/check_proof.py PROOF``, which needs only
 numpy, while this command imports the package and DOLFINx. After an installation by pip,
@@ -49,10 +49,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run a command.
 
     Args:
-        argv: words, by default those of the command line.
+        argv: arguments; default: arguments of the command line.
 
     Returns:
-        Its exit status.
+        Exit status of the command.
     """
     words = list(sys.argv[1:] if argv is None else argv)
     if words[:1] == ["check"]:
@@ -97,10 +97,10 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _pairs(words: Sequence[str], option: str) -> dict[str, str]:
-    """``NAME=VALUE`` by name.
+    """Parse arguments ``NAME=VALUE``; return the values by name.
 
     Raises:
-        ValueError: for a word without ``=``.
+        ValueError: if an argument does not contain ``=``.
     """
     for word in words:
         if "=" not in word:
@@ -109,7 +109,7 @@ def _pairs(words: Sequence[str], option: str) -> dict[str, str]:
 
 
 def _proofs(words: Sequence[str]) -> list[SolutionCount]:
-    """What stored proofs prove, each of which is checked. On one rank."""
+    """Check stored proofs, and return the proved solution counts. On one rank."""
     found = []
     for gamma, file in _pairs(words, "--proof").items():
         try:
@@ -151,7 +151,7 @@ def _explore(args: argparse.Namespace, comm: MPI.Comm) -> int:
 
 
 def _info(comm: MPI.Comm) -> int:
-    """Print versions, and what is installed of what parts of the package need."""
+    """Print versions of the package, its dependencies and optional packages."""
     if comm.rank != 0:
         return 0
     scalar = PETSc.ScalarType.__name__  # type: ignore[attr-defined]

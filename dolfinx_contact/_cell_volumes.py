@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Volumes of bilinear and trilinear cells, and how a displacement changes them, in UFL.
+r"""Volumes of bilinear and trilinear cells and their change by a displacement, in UFL.
 
 A point of a cell is x = a_0 + sum_i a_i xi_i + sum_{i<j} b_ij xi_i xi_j + c xi_1 xi_2 xi_3, with xi
 from -1/2 to 1/2. Integration of det dx/dxi term by term gives its volume
@@ -10,11 +10,12 @@ the area [a_1, a_2] of a quadrilateral, and for a section the integral of the ra
 
     r_0 [a_1, a_2] + (r_1 [a_1, b_12] + r_2 [b_12, a_2]) / 12,
 
-where [...] are determinants, and c takes no part. Each is linear in each of its columns, so that
-the sum of those with one column of the displacement is the integral of its divergence.
+where [...] are determinants; the volume does not depend on c. Determinants are linear in each
+column. Replacing one column at a time by the coefficients of the displacement therefore gives the
+integral of its divergence.
 
-All is to be evaluated at the middle of the cell: a and b of u come from its gradient and its second
-derivatives there, those of x from the vertices.
+All expressions must be evaluated at the midpoint of the cell. The coefficients a and b of u follow
+from its gradient and second derivatives at the midpoint, the coefficients of x from the vertices.
 """
 
 from __future__ import annotations
@@ -31,12 +32,12 @@ __all__ = ["Volumes", "volumes_of"]
 
 @dataclass(frozen=True)
 class Volumes:
-    """Volumes of cells in UFL, to be evaluated at their middles.
+    """Cell volumes in UFL, to be evaluated at cell midpoints.
 
     Attributes:
-        share: volume over the determinant of the Jacobian at the middle, and for a section over the
-            radius there too.
-        dilatation: mean of div u, with u_r / r for a body of revolution.
+        share: cell volume divided by the determinant of the Jacobian at the midpoint and, for a
+            body of revolution, by the radius at the midpoint.
+        dilatation: cell mean of div u, including u_r / r for a body of revolution.
         ratio: displaced volume over reference volume.
     """
 
@@ -47,9 +48,12 @@ class Volumes:
 
 @dataclass(frozen=True)
 class _Shape:
-    """Coefficients of a field on a cell: ``b`` by their two numbers, ``r`` of its first component.
+    """Coefficients of a vector field on a cell.
 
-    ``r`` are its value at the middle, and its first derivatives.
+    Attributes:
+        a: coefficients a_i of the linear terms.
+        b: coefficients b_ij of the bilinear terms, by (i, j).
+        r: midpoint value and first derivatives of the first component.
     """
 
     a: list[Any]
@@ -58,11 +62,11 @@ class _Shape:
 
 
 def volumes_of(u: fem.Function, *, revolution: bool = False) -> Volumes:
-    """The volume of every cell, and its change by a displacement, for a rule of one point.
+    """Return cell volumes and their change by a displacement, for a one-point quadrature rule.
 
     Args:
         u: displacement of degree 1 on quadrilaterals or hexahedra with straight edges.
-        revolution: whether the mesh is a section of a body of revolution.
+        revolution: whether the mesh is the meridian section of a body of revolution.
     """
     domain = u.function_space.mesh
     integral: Callable[..., Any] = _volume
@@ -89,7 +93,7 @@ def volumes_of(u: fem.Function, *, revolution: bool = False) -> Volumes:
 
 
 def _of_vertices(domain: Any) -> _Shape:
-    """Coefficients of the position."""
+    """Return the coefficients of the position."""
     dim = domain.geometry.dim
     nodes = ufl.classes.CellVertices(domain)
     corners = [ufl.as_vector([nodes[k, i] for i in range(dim)]) for k in range(2**dim)]
@@ -106,7 +110,7 @@ def _of_vertices(domain: Any) -> _Shape:
 
 
 def _of_displacement(u: fem.Function, x: _Shape) -> _Shape:
-    """Coefficients of a displacement."""
+    """Return the coefficients of a displacement."""
     gradient, second = ufl.grad(u), ufl.grad(ufl.grad(u))
     k, m, n = ufl.indices(3)
     a = [gradient * column for column in x.a]
@@ -126,7 +130,7 @@ def _area(p: _Shape, q: _Shape) -> Any:
 
 
 def _volume(p: _Shape, q: _Shape, s: _Shape) -> Any:
-    """Return the volume of a hexahedron, with a column of each shape."""
+    """Return the multilinear volume form of a hexahedron for three fields, one per column."""
     around = [
         [p.a[0], q.b[0, 1], s.b[0, 2]],
         [p.b[0, 1], q.a[1], s.b[1, 2]],
@@ -137,6 +141,6 @@ def _volume(p: _Shape, q: _Shape, s: _Shape) -> Any:
 
 
 def _section(p: _Shape, q: _Shape, s: _Shape) -> Any:
-    """The integral of the radius of the first over a quadrilateral, with a column of the others."""
+    """Return the integral of the radius of ``p`` over a quadrilateral, with columns q and s."""
     total = p.r[1] * _determinant([q.a[0], s.b[0, 1]]) + p.r[2] * _determinant([q.b[0, 1], s.a[1]])
     return p.r[0] * _determinant([q.a[0], s.a[1]]) + total / 12

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The differences between DOLFINx 0.9, 0.10 and 0.11, in one place.
+"""Compatibility layer for DOLFINx 0.9, 0.10 and 0.11.
 
-Features are detected, versions are not compared. Nothing outside this module may ask which DOLFINx
-it runs on; a branch goes when its DOLFINx leaves the table in `docs/install.md`.
+Features are detected instead of comparing version numbers. No other module may depend on the
+version of DOLFINx. A branch is removed when its version leaves the table in `docs/install.md`.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ _HAS_ENTITY_MAP = hasattr(mesh, "EntityMap")  # 0.10
 
 @dataclass(frozen=True)
 class FacetSubmesh:
-    """A mesh of facets and its relation to the mesh that it was taken from."""
+    """Mesh of facets and its relation to the parent mesh."""
 
     mesh: mesh.Mesh
     parent_facets: npt.NDArray[np.int32]  # parent facet of each submesh cell, ghosts included
@@ -83,7 +83,7 @@ def create_facet_submesh(domain: mesh.Mesh, facets: npt.NDArray[np.int32]) -> Fa
 def create_mesh(
     comm: MPI.Comm, cells: npt.NDArray[np.int64], x: npt.NDArray[np.float64], element: Any
 ) -> mesh.Mesh:
-    """A mesh with a layer of ghosts, of the cells and nodes that this rank has. Collective."""
+    """Create a mesh with a ghost layer from the cells and nodes on each rank. Collective."""
     mode = mesh.GhostMode.shared_facet
     try:  # since 0.11 with the number of cells that a facet may have
         partitioner = mesh.create_cell_partitioner(mode, 2)
@@ -98,7 +98,7 @@ def tags_of_entities(
     entities: npt.NDArray[np.int64],
     values: npt.NDArray[np.int32],
 ) -> mesh.MeshTags:
-    """Tags of entities by their nodes in the numbering of the input, on any rank. Collective."""
+    """Create MeshTags of entities given on any rank by their input node numbers. Collective."""
     domain.topology.create_entities(dim)
     vertices, tags = io.distribute_entity_data(domain, dim, entities, values)
     domain.topology.create_connectivity(dim, 0)
@@ -108,7 +108,7 @@ def tags_of_entities(
 
 
 def merge_entity_maps(submeshes: Sequence[FacetSubmesh]) -> Any:
-    """The ``entity_maps`` of ``fem.form`` for a form over these submeshes."""
+    """Return the argument ``entity_maps`` of ``fem.form`` for a form over these submeshes."""
     if _HAS_ENTITY_MAP:
         return [s.entity_map for s in submeshes]
     return {s.mesh: s.entity_map for s in submeshes}
@@ -117,7 +117,7 @@ def merge_entity_maps(submeshes: Sequence[FacetSubmesh]) -> Any:
 def facet_integration_entities(
     domain: mesh.Mesh, facets: npt.NDArray[np.int32]
 ) -> npt.NDArray[np.int32]:
-    """Flat ``(cell, local facet)`` pairs of owned exterior ``facets``, for ``subdomain_data``."""
+    """Return (cell, local facet) pairs of owned exterior facets, flat, for ``subdomain_data``."""
     args: tuple[Any, ...] = (fem.IntegralType.exterior_facet, domain.topology, facets)
     if not _HAS_ENTITY_MAP:
         args += (domain.topology.dim - 1,)
@@ -145,7 +145,7 @@ def instantiated(
         entity_maps: entity maps (`merge_entity_maps`), or None.
 
     Returns:
-        The form; None since DOLFINx 0.10, which has another constructor.
+        Compiled form; None for DOLFINx 0.10 and later, whose constructor differs.
     """
     if _HAS_ENTITY_MAP:
         return None
@@ -175,18 +175,18 @@ def instantiated(
 
 
 def interpolation_points(V: fem.FunctionSpace) -> npt.NDArray[np.float64]:
-    """Reference interpolation points (a method in 0.9, a property since 0.10)."""
+    """Return the reference interpolation points (a method in 0.9, a property since 0.10)."""
     points = V.element.interpolation_points
     return points() if callable(points) else points
 
 
 def has_vtx() -> bool:
-    """Whether DOLFINx was built with ADIOS2."""
+    """Return whether DOLFINx was built with ADIOS2."""
     return hasattr(io, "VTXWriter")
 
 
 class VTXFile:
-    """A series in time of Functions of one mesh and one element, as VTX. Collective.
+    """Time series of Functions with one mesh and one element, in VTX format. Collective.
 
     Errors of ADIOS2 are ``RuntimeError``; `abandon` must be called after one.
     """
@@ -195,7 +195,7 @@ class VTXFile:
         self._writer = io.VTXWriter(comm, file, list(functions))
 
     def write(self, time: float) -> None:
-        """Write the Functions as they are."""
+        """Write the present values of the Functions."""
         self._writer.write(time)
 
     def close(self) -> None:
@@ -203,46 +203,46 @@ class VTXFile:
         self._writer.close()
 
     def abandon(self) -> None:
-        """Leave the writer alone after an error.
+        """Abandon the writer after an error, without running its destructor.
 
-        The destructor of DOLFINx would close the file once more, and the error of that ends the
-        process. So it must never run.
+        The destructor of DOLFINx would close the file again, and the resulting error would
+        terminate the process.
         """
         ctypes.pythonapi.Py_IncRef(ctypes.py_object(self._writer._cpp_object))
 
 
 def domains_of(terminal: Any) -> Sequence[Any]:
-    """UFL meshes of a terminal of UFL, in no order: those of one are found faster than sorted."""
+    """Return the UFL meshes of a UFL terminal, unsorted, which is faster than UFL's sorted list."""
     ask = getattr(terminal, "ufl_domains", None)
     return extract_domains(terminal) if ask is None else ask()
 
 
 def is_topology_of(domain: mesh.Mesh, tags: mesh.MeshTags) -> bool:
-    """Whether MeshTags number the entities of this very mesh."""
+    """Return whether MeshTags refer to the topology of this mesh object."""
     mine = domain.topology
     theirs = tags.topology
     return getattr(mine, "_cpp_object", mine) is getattr(theirs, "_cpp_object", theirs)
 
 
 def is_mesh_of(domain: mesh.Mesh, space: Any) -> bool:
-    """Whether a function space, DOLFINx's in Python or in C++, is one of this very mesh."""
+    """Return whether a function space, in Python or C++, is defined on this mesh object."""
     theirs = space.mesh
     return domain._cpp_object is getattr(theirs, "_cpp_object", theirs)
 
 
 def dirichlet_value(bc: fem.DirichletBC) -> Any:
-    """The value of a Dirichlet condition: DOLFINx's Constant or Function in C++."""
+    """Return the value of a Dirichlet condition: the C++ Constant or Function of DOLFINx."""
     value = bc.g
     return getattr(value, "_cpp_object", value)
 
 
 def is_value_of(f: fem.Function | fem.Constant, bc: fem.DirichletBC) -> bool:
-    """Whether a Dirichlet condition takes its values from this very Function or Constant."""
+    """Return whether a Dirichlet condition uses the values of this Function or Constant object."""
     return f._cpp_object is dirichlet_value(bc)
 
 
 def geometry_dofmap(domain: mesh.Mesh) -> npt.NDArray[np.int32]:
-    """Local geometry nodes of every local cell (deprecated for ``dofmaps`` since 0.11)."""
+    """Return the local geometry nodes of every local cell (0.11 replaces it by ``dofmaps``)."""
     geometry = domain.geometry
     several = getattr(geometry, "dofmaps", None)
     if several is None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""A file that is whole or not there: written beside its place, and renamed when it is complete."""
+"""Atomic writing: a file is written under a temporary name and renamed when it is complete."""
 
 from __future__ import annotations
 
@@ -15,18 +15,21 @@ __all__ = ["hidden_beside", "os_error", "part_of", "sync"]
 
 
 def hidden_beside(file: Path) -> Path:
-    """A hidden name in the folder of ``file``, of the same suffix, that no other file has."""
+    """Return a unique hidden file name in the folder of ``file``, with the same suffix."""
     return file.with_name(f".{file.stem}.{uuid.uuid4().hex}{file.suffix}")
 
 
 @contextmanager
 def part_of(file: Path) -> Iterator[Path]:
-    """A hidden file beside ``file`` that takes its place at the end.
+    """Context manager: temporary file in the same folder that replaces ``file`` on exit.
 
-    On this rank alone.
+    Not collective.
+
+    Args:
+        file: path of the final file.
 
     Raises:
-        OSError: with the path, if it cannot be written; ``file`` is then as it was.
+        OSError: with the path, if the file cannot be written; an existing file is then unchanged.
     """
     part = hidden_beside(file)
     try:
@@ -40,7 +43,7 @@ def part_of(file: Path) -> Iterator[Path]:
 
 
 def os_error(error: Exception, path: Path) -> OSError:
-    """The error of a library that could not write ``path``, as ``OSError`` with path and reason."""
+    """Convert an error of a library that failed to write ``path`` to ``OSError``."""
     if isinstance(error, OSError) and error.errno is not None:
         return OSError(error.errno, error.strerror, str(path))
     found = re.search(r"errno = (\d+)", str(error))  # in messages of ADIOS2
@@ -50,7 +53,7 @@ def os_error(error: Exception, path: Path) -> OSError:
 
 
 def sync(path: Path) -> None:
-    """Put a file, or the entries of a folder, on the disk."""
+    """Flush a file, or the entries of a folder, to disk."""
     descriptor = os.open(path, os.O_RDONLY)
     try:
         os.fsync(descriptor)

@@ -39,7 +39,7 @@ def mesh_mark(domain: mesh.Mesh) -> int:
 def node_positions(V: fem.FunctionSpace) -> Array:
     """Return the positions of the local nodes of a space, ghosts included, shape (nodes, 3).
 
-    Not collective. The array is read-only and kept for the next call.
+    Not collective. The array is read-only and cached.
     """
     key = id(V)
     space, mark, x = _positions.get(key, (None, 0, np.zeros((0, 3))))

@@ -52,7 +52,7 @@ class Forcing:
         near: factor of the target; a step that would end below it is solved to the target.
         many: share of the contact points whose change counts as many.
         patience: steps without a new minimum of the residual before the tolerances shrink.
-        looks: reduction of the linear residual at the first test of the model.
+        looks: reduction of the linear residual at which the model is tested first.
     """
 
     largest: float = 3e-2

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Installation: missing packages, another package of the same name, and a launcher of another MPI.
+"""Checks of the installation: missing packages, a namesake package, and a foreign MPI launcher.
 
-asimov-contact of the Wells group is also imported as ``dolfinx_contact``. In one site-packages, pip
-mixes the files of both packages without a message. The two are distinguished by files that only
-that package has.
+The package asimov-contact of the Wells group is also imported as ``dolfinx_contact``. If both are
+installed into one ``site-packages``, pip mixes their files without a message. The two packages are
+distinguished by files that only asimov-contact contains.
 
-Wheels of DOLFINx contain an MPI, whose ``mpiexec`` is next to the interpreter. The ``mpirun`` of
-another MPI starts N runs of one rank each instead of one run of N ranks.
+Wheels of DOLFINx contain an MPI library, whose ``mpiexec`` is next to the interpreter. The
+``mpirun`` of another MPI starts N runs of one rank each instead of one run with N ranks.
 """
 
 from __future__ import annotations
@@ -104,7 +104,7 @@ def _theirs_in(folder: str) -> list[str]:
 
 
 def refuse_serial_copies(environ: Mapping[str, str] = os.environ) -> None:
-    """Raise ``RuntimeError`` in every copy of a run that the launcher of another MPI started.
+    """Raise ``RuntimeError`` if the launcher of another MPI started N runs of one rank each.
 
     Args:
         environ: environment of this process.

@@ -59,7 +59,7 @@ _PATIENCE = 45.0  # seconds that a rank with an error waits for the others
 def require(comm: MPI.Comm, ok: bool, message: str) -> None:
     """Raise ``ValueError(message)`` on every rank if ``ok`` is false on any rank. Collective.
 
-    The message is that of the lowest rank that failed, so it does not depend on the printing rank.
+    All ranks raise the message of the lowest failed rank.
     """
     messages = comm.allgather(None if ok else message)
     failed = [m for m in messages if m is not None]
@@ -69,12 +69,12 @@ def require(comm: MPI.Comm, ok: bool, message: str) -> None:
 
 @contextmanager
 def everywhere(comm: MPI.Comm, what: str = "") -> Iterator[None]:
-    """Raise an error of one rank in the context on every rank. Collective, at its end.
+    """Context manager that raises an error of one rank on every rank. Collective on exit.
 
-    Use it for code of the user and for local work that may fail. The error is that of the lowest
-    rank that failed, with its traceback as a note; KeyboardInterrupt and SystemExit are included.
-    If the code of the failed rank should have communicated, the other ranks wait for it inside the
-    context. They cannot be reached, and after some time the run is aborted with the traceback.
+    It is used for code of the user and for local work that may fail. All ranks raise the error of
+    the lowest failed rank, with its traceback as a note; KeyboardInterrupt and SystemExit are
+    included. If the other ranks wait inside the context for communication with the failed rank,
+    the run is aborted with the traceback after some time.
 
     Args:
         comm: communicator.
@@ -127,7 +127,7 @@ def _first(comm: MPI.Comm, failure: BaseException | None, what: str) -> BaseExce
 
 
 def on_root(comm: MPI.Comm, do: Callable[[], R]) -> R:
-    """Return what ``do`` returns on rank 0, or raise its error, on every rank. Collective.
+    """Call ``do`` on rank 0; return its value, or raise its error, on every rank. Collective.
 
     Rank 0 raises the error itself, with its traceback; on other ranks the traceback is a note.
     """
@@ -151,13 +151,13 @@ _WHERE = ("comm", "mesh", "function_space", "problem", "equations")
 
 
 def same_everywhere(comm: MPI.Comm, where: str = "", /, **values: Any) -> None:
-    """Raise ``ValueError`` on every rank if a value is not the same on all. Collective.
+    """Raise ``ValueError`` on every rank if values differ between ranks. Collective.
 
     Args:
         comm: communicator.
         where: beginning of the message; default: none.
-        values: values by name (underscores stand for blanks), compared by their `repr`. Functions
-            are called and their return values compared, on several ranks only.
+        values: values by name (underscores are shown as blanks), compared by their `repr`. If a
+            value is a function, its return value is compared; it is called on several ranks only.
     """
     if comm.size == 1:
         return
@@ -290,8 +290,8 @@ def _comparable(value: Any) -> Any:
 class SharedValues:
     """Values at the local places of an index map, owned places first.
 
-    DOLFINx creates communicators of neighbours for every vector, a collective call of a millisecond
-    or more. Frequent users keep this object, which creates one vector for each number of entries.
+    DOLFINx creates neighbourhood communicators for every vector, a collective call of a millisecond
+    or more. This object is therefore reused: it creates one vector for each number of entries.
 
     Args:
         index_map: index map of the places.
@@ -306,7 +306,7 @@ class SharedValues:
         self._vectors: dict[int, la.Vector] = {}
 
     def zeros(self, width: int) -> la.Vector:
-        """Return the kept vector with ``width`` entries per place, set to 0.
+        """Return the cached vector with ``width`` entries per place, set to 0.
 
         Collective at the first call. The next call of any method with this width overwrites it.
         """
@@ -377,7 +377,7 @@ def anywhere(comm: MPI.Comm, *here: bool) -> list[bool]:
 
 
 def _larger(one: MPI.buffer, other: MPI.buffer, _: MPI.Datatype) -> None:
-    """Maximum that keeps NaN, which MPI's own may lose."""
+    """Return the entrywise maximum and propagate NaN, unlike the maximum of MPI."""
     target = np.frombuffer(other, dtype=np.float64)
     np.maximum(np.frombuffer(one, dtype=np.float64), target, out=target)
 
@@ -400,7 +400,7 @@ _ALONE = 2  # references to a mesh that nothing else uses: this list, and the ca
 
 
 def keep(domain: mesh.Mesh) -> None:
-    """Keep a mesh until nothing else uses it and it is safe to free it. Collective."""
+    """Keep a reference to a mesh until it is unused and can be freed safely. Collective."""
     if _collected not in gc.callbacks:
         gc.callbacks.append(_collected)
     _free()
@@ -410,9 +410,9 @@ def keep(domain: mesh.Mesh) -> None:
 
 
 def _free() -> None:
-    """Free the meshes that nothing else uses.
+    """Free the meshes that are not used otherwise.
 
-    Python may collect garbage at any place of the loop, which calls this function again.
+    The garbage collection of Python may run at any point of the loop and call this function again.
     """
     global _freeing
     if _freeing:

@@ -73,13 +73,14 @@ def parse_arguments(
 ) -> argparse.Namespace:
     """Parse a script's command line, leaving PETSc's options to PETSc.
 
-    Words that the parser does not know and that begin with one dash, such as
-    ``-contact_snes_monitor``, go to PETSc's database with their values; others are an error. With
-    ``-log_view`` logging begins here, since PETSc has been initialised without these words.
+    Arguments that are unknown to the parser and begin with one dash, such as
+    ``-contact_snes_monitor``, are added to PETSc's database with their values. Other unknown
+    arguments are an error. With ``-log_view``, logging begins at this call, because PETSc was
+    initialised without these arguments.
 
     Args:
-        parser: knows the options of the script.
-        argv: words, by default those of the command line.
+        parser: parser with the options of the script.
+        argv: arguments; default: arguments of the command line.
     """
     args, rest = parser.parse_known_args(argv)
     if rest and (rest[0][0] != "-" or any(word.startswith("--") for word in rest)):
@@ -95,7 +96,7 @@ def parse_arguments(
 
 @contextmanager
 def options_in_database(prefix: str, options: Mapping[str, Any]) -> Iterator[None]:
-    """Keep ``options`` in PETSc's database under ``prefix`` while the context lasts.
+    """Context manager: ``options`` are in PETSc's database under ``prefix``.
 
     Options that are already in the database (command line, PETSC_OPTIONS) take precedence.
     """
@@ -157,10 +158,12 @@ class ProblemOptions:
 
     Args:
         prefix: prefix of the options.
-        given: options of the user, named without the prefix; the database wins.
+        given: options of the user, named without the prefix; options in the database take
+            precedence.
 
     Attributes:
-        prefix, given: as above.
+        prefix: prefix of the options.
+        given: options of the user.
     """
 
     def __init__(self, prefix: str, given: dict[str, Any]):
@@ -172,7 +175,7 @@ class ProblemOptions:
         check_options(self.prefix, self.given)
 
     def value(self, name: str) -> str | None:
-        """Return an option from the database, otherwise the given one, or None."""
+        """Return an option from the database or, if missing, of the user; None if unset."""
         database = PETSc.Options()
         if database.hasName(self.prefix + name):
             return str(database.getString(self.prefix + name))
@@ -191,13 +194,13 @@ class ProblemOptions:
 
 @contextmanager
 def as_raised() -> Iterator[None]:
-    """Reraise the original exception of Python code that PETSc calls.
+    """Context manager that reraises the original exception of Python callbacks of PETSc.
 
-    PETSc reports it as "error code -1". Its objects must not be used again: their vectors may be
-    locked.
+    PETSc itself reports "error code -1". The PETSc objects of the failed call must not be used
+    again, because their vectors may be locked.
 
     Raises:
-        ValueError: if PETSc does not support a solver or its use.
+        ValueError: if PETSc does not support a solver or the requested operation.
     """
     try:
         yield
@@ -213,16 +216,17 @@ def as_raised() -> Iterator[None]:
 
 
 def half_of(A: PETSc.Mat) -> PETSc.Mat:
-    """The symmetric AIJ matrix ``A`` stored as blocks on and above its diagonal. Collective.
+    """Return the upper block triangle of a symmetric AIJ matrix (SBAIJ format). Collective.
 
-    Its products take 0.4 to 0.65 times as long; it is made in the time of 20 to 35 of them.
+    Matrix-vector products take 0.4 to 0.65 times as long. The conversion takes as long as 20 to 35
+    products.
     """
     A.setOption(PETSc.Mat.Option.SYMMETRIC, True)
     return A.convert("sbaij", PETSc.Mat())
 
 
 def forget_product(A: PETSc.Mat) -> None:
-    """Free the factors that ``A``, a product of matrices, keeps for recomputation. Collective."""
+    """Free the factors stored in a matrix product ``A`` for its recomputation. Collective."""
     library = ctypes.CDLL(PETSc.__file__)  # petsc4py has no name for it
     error = library.MatProductClear(ctypes.c_void_p(A.handle))
     if error:
@@ -230,7 +234,7 @@ def forget_product(A: PETSc.Mat) -> None:
 
 
 def has_package(name: str) -> bool:
-    """Whether PETSc was built with a package, as ``hypre``."""
+    """Return whether PETSc was built with a package such as ``hypre``."""
     return bool(PETSc.Sys.hasExternalPackage(name))
 
 
@@ -249,7 +253,7 @@ logged = PETSc.Log.Event
 
 @contextmanager
 def staged(name: str) -> Iterator[None]:
-    """Make the context a stage of ``-log_view``, or a part of one."""
+    """Context manager or decorator: a stage of ``-log_view``, or a part of a stage."""
     stage = PETSc.Log.Stage(name)
     stage.push()
     try:
@@ -262,7 +266,7 @@ def staged(name: str) -> Iterator[None]:
 
 
 class Entries:
-    """Places of entries on this rank. Entries at one place add up, also on different ranks.
+    """Sparse assembly of matrix entries from triplets; duplicates are summed, also across ranks.
 
     Args:
         rows: global row numbers, shape (n,); entries with a negative row or column are omitted.
@@ -291,18 +295,18 @@ class Entries:
         self._columns = j.astype(PETSc.IntType)
 
     def numbers(self, rows: int) -> npt.NDArray[np.int64]:
-        """Return the numbers of places in each of the first ``rows`` rows."""
+        """Return the number of entries in each of the first ``rows`` rows."""
         return np.bincount(self._rows, weights=np.diff(self._starts), minlength=rows).astype(
             np.int64
         )
 
     def add(self, values: npt.NDArray[np.float64], A: PETSc.Mat) -> None:
-        """Add values, in the order of the places, to ``A`` and assemble it. Collective."""
+        """Add values, in the order of the triplets, to ``A`` and assemble it. Collective."""
         self.insert(values, A)
         A.assemble()
 
     def insert(self, values: npt.NDArray[np.float64], A: PETSc.Mat) -> None:
-        """As `add`, without the assembly of ``A``. Not collective."""
+        """Add values like `add`, without assembling ``A``. Not collective."""
         summed = values[self._kept]
         if self._sums is not None:
             sums = np.bincount(self._sums, weights=summed, minlength=self._size)
@@ -312,12 +316,12 @@ class Entries:
 
 
 def matrix_of(comm: MPI.Comm, shape: tuple[int, int], *entries: Entries) -> PETSc.Mat:
-    """Return a matrix of zeros whose pattern contains places of entries. Collective.
+    """Return a zero matrix whose sparsity pattern contains given entries. Collective.
 
     Args:
         comm: communicator.
         shape: numbers of rows and columns of this rank.
-        entries: places in the pattern.
+        entries: entries of the sparsity pattern.
     """
     A = PETSc.Mat().createAIJ(((shape[0], None), (shape[1], None)), comm=comm)
     if comm.size == 1:  # on several ranks, entries of other ranks are unknown
@@ -348,7 +352,7 @@ _SYMMETRIC = 1e-12  # relative difference to the transpose that counts as round-
 
 
 class Factor:
-    """Successive factorisations of matrices. Collective, like its methods.
+    """Direct solver with successive factorisations of matrices. All methods are collective.
 
     Args:
         comm: communicator.
@@ -398,7 +402,7 @@ class Factor:
     def factorise(self, A: PETSc.Mat) -> bool:
         """Factorise ``A``; return False for a singular matrix or entries that are not finite.
 
-        MUMPS does not always survive entries that are not finite.
+        Entries are checked first, because MUMPS may crash on entries that are not finite.
         """
         if not np.isfinite(A.norm(PETSc.NormType.FROBENIUS)):
             return False
@@ -417,7 +421,7 @@ class Factor:
         return False
 
     def _lacks_room(self) -> bool:
-        """Return whether MUMPS ran out of workspace that may be enlarged. Collective."""
+        """Return whether MUMPS needs more workspace and may be given more. Collective."""
         if PETSc.Options().hasName(self._prefix + "mat_mumps_icntl_14"):
             return False
         pc = self.ksp.getPC()
@@ -436,7 +440,7 @@ class Factor:
         return bool(self.ksp.getConvergedReason() > 0)
 
     def solve_columns(self, loads: Columns) -> PETSc.Mat:
-        """Solve A X = B and return X, dense, which the caller destroys.
+        """Solve A X = B; return the dense matrix X, to be destroyed by the caller.
 
         Args:
             loads: owned rows of B, shape (n, k).
@@ -477,7 +481,7 @@ class Factor:
 
     @property
     def is_symmetric(self) -> bool:
-        """Whether the factorisation is one of a symmetric matrix."""
+        """Whether the factorised matrix is treated as symmetric."""
         return bool(self.ksp.getPC().getType() == "cholesky")
 
     def destroy(self) -> None:
@@ -488,7 +492,7 @@ class Factor:
 def is_symmetric(A: PETSc.Mat) -> bool:
     """Return whether a matrix is symmetric up to round-off. Collective.
 
-    PETSc's test considers the rows of each rank alone, and fails if a rank has few rows.
+    PETSc's own test considers only the rows of each rank and fails if a rank has few rows.
     """
     size = A.norm(PETSc.NormType.NORM_INFINITY)
     off = A.transpose(PETSc.Mat())

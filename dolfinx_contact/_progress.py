@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Progress on rank 0: a line updated in place on a terminal, otherwise a line now and then.
+"""Progress display on rank 0: updated in place on a terminal, otherwise occasional lines.
 
-Nothing is communicated; on other ranks nothing happens.
+The functions do not communicate and have no effect on other ranks.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class Progress:
 
     Args:
         comm: communicator; only rank 0 writes.
-        wanted: whether progress is shown; default: once the computation has taken some seconds.
+        wanted: whether progress is shown; default: only after the first few seconds.
         stream: output stream; default: standard error.
     """
 
@@ -51,11 +51,11 @@ class Progress:
 
     @property
     def due(self) -> bool:
-        """Whether progress is to be shown now."""
+        """Return whether the progress display should be updated now."""
         return not self._silent and time.monotonic() - self._start >= self._after
 
     def update(self, text: str) -> None:
-        """Replace the line on a terminal; otherwise write a line if the last one is old enough."""
+        """Update the line on a terminal; otherwise write a new line after a minimum interval."""
         self._shown = True
         if self._live:
             # A wrapped line could not be erased.
@@ -70,14 +70,14 @@ class Progress:
         self._put(text)
 
     def clear(self) -> None:
-        """Erase the line on a terminal, so that others can write there."""
+        """Erase the line on a terminal, so that other output can be written."""
         if self._open and self._stream is not None:
             self._stream.write("\r\x1b[K")
             self._stream.flush()
             self._open = False
 
     def close(self, text: str = "") -> None:
-        """Erase the line and write a permanent last one if progress was shown."""
+        """Erase the line; write a permanent last line if progress was shown."""
         self.clear()
         if self._shown and text:
             self._put(text)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""UFL of the user: dependence on a terminal, its Functions, Constants and meshes, its content.
+r"""Analysis of UFL expressions: dependence on terminals, coefficients, meshes and content.
 
 The *dependence* of UFL on a Function, a Constant or a variable v is decided symbolically, after
 derivatives have been expanded. UFL has a kink or a jump in v if abs, max_value or min_value contain
@@ -82,7 +82,7 @@ def kinks_of(e: Any, *terminals: Any) -> str:
 
 
 def not_affine(e: Any, *terminals: Any) -> str:
-    """Return the part of a form or expression that is not affine in terminals; "" if all is.
+    """Return the text of the part that is not affine in terminals; "" if there is none.
 
     Args:
         e: UFL expression of any shape, or form.

@@ -52,13 +52,13 @@ def is_count(value: Any) -> TypeGuard[int]:
 
 
 def number(value: Any, name: str, must: str = "a finite number", *, text: bool = False) -> float:
-    """A finite number.
+    """Validate a finite number and return it as a float.
 
     Args:
         value: value to validate; not a bool.
         name: name of the argument in the message.
         must: description of the required values in the message.
-        text: whether a string that holds a number is accepted, as in PETSc options.
+        text: whether a string with a number is accepted, as in PETSc options.
     """
     if text and isinstance(value, str):
         with suppress(ValueError):
@@ -76,7 +76,7 @@ def positive(
     text: bool = False,
     infinite: bool = False,
 ) -> float:
-    """A number larger than 0, finite unless ``infinite``; see `number`."""
+    """Validate a positive number, finite unless ``infinite``; see `number`."""
     if infinite and is_number(value) and value == np.inf:
         return float(value)
     if number(value, name, must, text=text) <= 0:
@@ -85,14 +85,14 @@ def positive(
 
 
 def nonnegative(value: Any, name: str, must: str = "a nonnegative number") -> float:
-    """A finite number that is not smaller than 0; see `number`."""
+    """Validate a finite non-negative number; see `number`."""
     if number(value, name, must) < 0:
         raise ValueError(f"{name} must be {must}, got {value!r}")
     return float(value)
 
 
 def count(value: Any, name: str, least: int = 1) -> int:
-    """A whole number that is not smaller than ``least``."""
+    """Validate an integer that is at least ``least``."""
     whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
     if not whole or value < least:
         raise ValueError(f"{name} must be a whole number >= {least}, got {value!r}")
@@ -100,14 +100,14 @@ def count(value: Any, name: str, least: int = 1) -> int:
 
 
 def flag(value: Any, name: str) -> bool:
-    """True or False, of Python or numpy."""
+    """Validate a bool of Python or numpy."""
     if not isinstance(value, bool | np.bool_):
         raise ValueError(f"{name} must be True or False, got {value!r}")
     return bool(value)
 
 
 def one_of(value: _T, name: str, options: Collection[Any]) -> _T:
-    """One of some values."""
+    """Validate that a value is one of several options."""
     if not any(type(value) is type(option) and value == option for option in options):
         shown = ", ".join(str(option) for option in options)
         raise ValueError(f"{name} must be one of {shown}; got {value!r}")
@@ -115,7 +115,7 @@ def one_of(value: _T, name: str, options: Collection[Any]) -> _T:
 
 
 def instance(value: Any, name: str, kind: type[_T], hint: str = "") -> _T:
-    """An instance of a class.
+    """Validate that a value is an instance of a class.
 
     Args:
         value: value to validate.
@@ -130,27 +130,27 @@ def instance(value: Any, name: str, kind: type[_T], hint: str = "") -> _T:
 
 
 def listed(values: Any, name: str) -> list[Any]:
-    """The items of an iterable that is not a string, as a list."""
+    """Validate an iterable other than a string, and return its items as a list."""
     if isinstance(values, str | bytes) or not isinstance(values, Iterable):
         raise ValueError(f"{name} must be a list, got {values!r}")
     return list(values)
 
 
 def scalar(value: Any, name: str) -> Any:
-    """A finite number as a float, or a UFL scalar as it is."""
+    """Validate a finite number, returned as a float, or a UFL scalar, returned unchanged."""
     if getattr(value, "ufl_shape", None) == ():
         return value
     return number(value, name, "a finite number or a UFL scalar")
 
 
 def vector(value: Any, name: str, length: int, *, zero: bool = True) -> npt.NDArray[np.float64]:
-    """Finite numbers, shape (length,), as a copy.
+    """Validate a vector of finite numbers, and return a copy, shape (length,).
 
     Args:
         value: value to validate.
         name: name of the argument in the message.
         length: number of components.
-        zero: whether all of them may be 0.
+        zero: whether the zero vector is accepted.
     """
     try:
         found = np.array(value, dtype=np.float64)
@@ -163,7 +163,7 @@ def vector(value: Any, name: str, length: int, *, zero: bool = True) -> npt.NDAr
 
 
 def word(value: Any, name: str) -> str:
-    """A string that is not empty."""
+    """Validate a non-empty string."""
     if not isinstance(value, str) or not value:
         raise ValueError(f"{name} must be a word, got {value!r}")
     return value
@@ -175,12 +175,13 @@ _SEALED = "_sealed"
 
 
 class ReadOnly:
-    """Base class whose public attributes cannot be assigned once the constructor has ended.
+    """Base class whose public attributes are read-only after construction.
 
-    An assignment such as ``problem.bcs = []`` would be ignored, because attributes are read once.
-    Users change the values of Constants and Functions instead, which every solve reads. Exceptions
-    are names with an underscore, properties with a setter, those in `_may_be_set`, and methods,
-    whose replacement on an object is not ignored.
+    An assignment such as ``problem.bcs = []`` would have no effect, because attributes are read
+    only once; it therefore raises an error. Users change the values of Constants and Functions
+    instead, which every solve reads. Exceptions are names with a leading underscore, properties
+    with a setter, names in `_may_be_set`, and methods, because the replacement of a method takes
+    effect.
     """
 
     #: Members that the reference lists; None for all.
@@ -223,7 +224,7 @@ class ReadOnly:
 
 
 def copy_with(made: _T, **attributes: Any) -> _T:
-    """Return a shallow copy with other attributes."""
+    """Return a shallow copy with some attributes replaced."""
     new = copy(made)
     for name, value in attributes.items():
         object.__setattr__(new, name, value)

@@ -19,12 +19,22 @@ __all__ = ["create_grid", "graded"]
 
 
 def graded(length: float, size: float, fine: int, coarse: int) -> npt.NDArray[np.float64]:
-    """Coordinates from 0 to ``length``: ``fine`` cells of a size, then ``coarse`` growing ones.
+    """Return the coordinates of a graded grid from 0 to ``length``.
 
-    Each of these is larger than the one before by the same factor.
+    The grid begins with equal fine cells. The sizes of the following coarse cells form a geometric
+    sequence that starts from the fine size.
+
+    Args:
+        length: length of the grid.
+        size: size of the fine cells.
+        fine: number of fine cells.
+        coarse: number of coarse cells, at least 1.
+
+    Returns:
+        Increasing coordinates, shape (fine + coarse + 1,).
 
     Raises:
-        ValueError: if the fine cells leave no room, or there are no coarse ones to fill it.
+        ValueError: if the fine cells fill the length, or there are no coarse cells.
     """
     if not (size > 0 and fine >= 0 and coarse >= 1 and fine * size < length < np.inf):
         raise ValueError(f"{fine} cells of size {size} and {coarse} more do not fill {length}")
@@ -50,16 +60,19 @@ def _check(a: Arguments) -> None:
 def create_grid(
     comm: MPI.Comm, coordinates: Sequence[npt.ArrayLike], cell: mesh.CellType
 ) -> mesh.Mesh:
-    """A mesh of a rectangle or box between given coordinates along the axes. Collective.
+    """Create a mesh of a rectangle or box with given grid coordinates. Collective.
 
     Args:
         comm: communicator of the mesh.
-        coordinates: rising, along each of two or three axes.
-        cell: kind of cells, which fits the number of axes.
+        coordinates: increasing coordinates of the grid along each of two or three axes.
+        cell: cell type, which must match the number of axes.
+
+    Returns:
+        Mesh with one cell per grid cell, or several cells for simplices.
 
     Raises:
-        ValueError: on every rank, if there are not two or three axes, or coordinates do not rise or
-            differ between ranks.
+        ValueError: on every rank, if there are not two or three axes, or coordinates are not
+            increasing or differ between ranks.
     """
     axes = [np.asarray(c) for c in coordinates]
     create = mesh.create_unit_square if len(axes) == 2 else mesh.create_unit_cube

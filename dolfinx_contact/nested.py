@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Nested iteration: solve on a coarse mesh, and start from its solution on a finer one.
+"""Nested iteration: the solution on a coarse mesh is the initial guess on a finer mesh.
 
-The displacement and the multipliers are interpolated; the statuses follow from them. The regions
-of contact and slip are found on the coarse mesh, where Newton steps are cheap.
+Displacement and multipliers are interpolated; they determine the statuses. The regions of contact
+and slip are thus computed on the coarse mesh, where Newton steps are cheap.
 """
 
 from __future__ import annotations
@@ -30,18 +30,21 @@ __all__ = ["prolong", "solve_nested"]
 def solve_nested(
     problems: Sequence[ContactProblem], *, monitor: Callable[[Step], None] | None = None
 ) -> list[Result]:
-    """Solve the same problem on finer and finer meshes, each from the solution before.
+    """Solve a problem on a sequence of meshes, each from the solution on the previous mesh.
+
+    Collective.
 
     Args:
-        problems: the problem on every mesh, coarse to fine; surfaces correspond by their order. The
-            meshes need not be nested, and may be distributed as they like.
-        monitor: called with every Newton iterate, on every rank.
+        problems: contact problem on every mesh, from coarse to fine, with the surfaces in the same
+            order. The meshes need not be nested, and their partitions are arbitrary.
+        monitor: function called with every Newton iterate, on every rank; default: none.
 
     Returns:
-        The results, coarse to fine.
+        Results of all problems, from coarse to fine.
 
     Raises:
-        ValueError: if these are no contact problems, and as `prolong` and `ContactProblem.solve`.
+        ValueError: if an item is not a contact problem; see also `prolong` and
+            `ContactProblem.solve`.
     """
     if not isinstance(problems, list | tuple):
         raise ValueError(f"a list of ContactProblems is needed, got {problems!r}")
@@ -56,20 +59,20 @@ def solve_nested(
 
 
 def prolong(coarse: ContactProblem, fine: ContactProblem, *, padding: float = 1e-2) -> None:
-    """Interpolate displacement and multipliers of ``coarse`` into the Functions of ``fine``.
+    """Interpolate displacement and multipliers of ``coarse`` to the Functions of ``fine``.
 
-    The displacement of a linear body is interpolated in the cells of the contact surfaces alone,
-    where the status comes from: the first Newton step finds the rest as fast as from the
-    interpolant, whose residual is large.
+    In a linear body, the displacement is interpolated only in the cells at the contact surfaces,
+    where it determines the statuses. Elsewhere, interpolation would not save iterations, because
+    the residual of the interpolant is large. Collective.
 
     Args:
-        coarse: a solved problem.
-        fine: the same problem on another mesh.
-        padding: how far a node of the fine mesh may lie outside the coarse one, over the size of
-            the body.
+        coarse: solved problem.
+        fine: same problem on another mesh.
+        padding: largest distance of a node of the fine mesh from the coarse mesh, relative to the
+            size of the body; default: 0.01.
 
     Raises:
-        ValueError: if the problems differ in their surfaces, or one is a pair. Collective.
+        ValueError: if the problems have different surfaces or rigid bodies, or a surface is a pair.
     """
     kinds = [[(s.degrees, s.method) for s in p.surfaces] for p in (coarse, fine)]
     if kinds[0] != kinds[1]:
@@ -94,8 +97,8 @@ def prolong(coarse: ContactProblem, fine: ContactProblem, *, padding: float = 1e
                     for p in (coarse, fine)
                 ]
                 maps = _Interpolation(spaces[0], spaces[1], cells, distance)
-            # The trace of a function on the body that is the multiplier at the contact nodes is
-            # the multiplier, so that volumes are interpolated for surfaces as well.
+            # The multiplier is extended to a function on the body whose trace is the multiplier.
+            # Hence the interpolation between volume meshes serves the surfaces as well.
             from_dofs = trace_dofs(maps.source, a.points.Q, a.submesh.parent_facets)
             to_dofs = trace_dofs(maps.target, b.points.Q, b.submesh.parent_facets)
             n = a.points.Q.dofmap.index_map.size_local
@@ -109,7 +112,7 @@ def prolong(coarse: ContactProblem, fine: ContactProblem, *, padding: float = 1e
 
 
 class _Interpolation:
-    """Interpolation from one mesh into some cells of another."""
+    """Interpolation from one mesh to selected cells of another mesh."""
 
     def __init__(
         self,
@@ -124,7 +127,7 @@ class _Interpolation:
         self._data = fem.create_interpolation_data(target, source, cells, padding)
 
     def __call__(self, f: fem.Function) -> fem.Function:
-        """``f`` on the target, zero away from the cells. Collective."""
+        """Return ``f`` interpolated to the target, zero outside the selected cells. Collective."""
         g = fem.Function(self.target)
         g.interpolate_nonmatching(f, self._cells, self._data)
         g.x.scatter_forward()
@@ -137,7 +140,10 @@ def _all_cells(problem: ContactProblem) -> npt.NDArray[np.int32]:
 
 
 def _contact_cells(problem: ContactProblem) -> npt.NDArray[np.int32]:
-    """Local cells with a node on a contact surface: every owned contact node has one."""
+    """Return the local cells with a node on a contact surface.
+
+    Every owned contact node belongs to such a cell.
+    """
     V = problem.V
     marks = fem.Function(fem.functionspace(V.mesh, ("Lagrange", 1)))
     for s in problem.surfaces:

@@ -75,26 +75,27 @@ def _described(a: Arguments) -> dict[str, Any]:
 
 
 class ParametricContact(ReadOnly, ParametricEquations):
-    """H(x, gamma) = 0 for a contact problem, with the statuses of contact points as pieces.
+    """Contact problem H(x, gamma) = 0 with a parameter, as a system of the continuation.
 
-    Statuses are those of `laws.status`: 0 open, 1 stick, 2 slip with u_t > 0, 3 slip with u_t < 0;
-    in 3D, 2 is slip; 4 to 6 are the same at open points, under a prescribed friction bound.
+    A piece of H is defined by the statuses of the contact points (`laws.status`): 0 open, 1 stick,
+    2 slip with u_t > 0, 3 slip with u_t < 0; in 3D, 2 is slip. With a prescribed friction bound,
+    4 to 6 denote 1 to 3 at open points.
 
     Evaluations (`residual`, `piece_at`) set the Constant gamma and the driven Functions. Call
-    `set_parameter` before the problem itself is solved. The remaining methods are documented in
+    `set_parameter` before `ContactProblem.solve`. The remaining methods are documented in
     `continuation.System`.
 
     Args:
-        problem: contact problem. Its Functions receive the points passed to observers, and the last
-            point of a branch.
+        problem: contact problem. Its Functions contain the present point while observers are
+            called, and the last point after a branch has been followed.
         gamma: parameter, a scalar Constant in the bulk, a law, an obstacle, or the load or motion
             of a rigid body. Dirichlet data depend on it through ``driven`` only.
         driven: pairs of a Function used in a Dirichlet condition and its value, a UFL expression of
             gamma and the position. The Function must not occur elsewhere.
 
     Attributes:
-        proof_seconds: time limit of a proof that all rays out of a point have been found, for each
-            sense of gamma; 0 for no proof, default 10. It may be assigned.
+        proof_seconds: time limit in seconds of a proof that all rays out of a point have been
+            found, for each sense of gamma; 0 for no proof, default 10. The attribute is writable.
 
     Raises:
         ValueError: on every rank, if ``gamma`` is not a scalar Constant of the mesh or is the value
@@ -172,7 +173,7 @@ class ParametricContact(ReadOnly, ParametricEquations):
     def put(self, x: PETSc.Vec, gamma: float, piece: Piece) -> None:
         """Write a point of a branch and its statuses into the problem, and set gamma. Collective.
 
-        Indicators of surfaces above their thresholds are logged once each.
+        A warning is logged once for each surface indicator above its threshold.
         """
         evaluation = self._put(x, gamma, piece)
         self.equations.refresh()
@@ -185,7 +186,7 @@ class ParametricContact(ReadOnly, ParametricEquations):
         self._warned.update(warnings)
 
     def _put(self, x: PETSc.Vec, gamma: float, piece: Piece) -> Callable[[], Evaluation]:
-        """Write a point into the problem; return a function that evaluates the contact there."""
+        """Write a point into the problem; return a function that evaluates its contact state."""
         self._set(gamma)
         statuses = self.statuses_of(piece)
         assert statuses is not None
@@ -193,7 +194,7 @@ class ParametricContact(ReadOnly, ParametricEquations):
         return lambda: self.equations.contact(x, statuses)
 
     def solution_from(self, x: PETSc.Vec, gamma: float) -> tuple[PETSc.Vec | None, str]:
-        """Solve at gamma from x by `ContactProblem.solve`; see `System`. Collective."""
+        """Solve at gamma from x with `ContactProblem.solve`; see `System`. Collective."""
         with self.restored(always=True), self.problem.warning_once():
             self._set(gamma)
             self.problem.read(x)
@@ -212,9 +213,9 @@ class ParametricContact(ReadOnly, ParametricEquations):
             return small_sliding_violated(self.equations, self._put(x, gamma, piece)())
 
     def result_at(self, point: BranchPoint) -> Result:
-        """Return the tables of a point of a branch, which is left in the Functions. Collective.
+        """Return the result at a point of a branch; write the point to the Functions. Collective.
 
-        Statuses are those of the piece of the point, also if it lies on a border.
+        The statuses of the piece of the point are used, even if the point lies on a border.
         """
         self._set(point.gamma)
         attempt = Attempt("continuation", "a point of a branch", converged=True)
@@ -231,7 +232,7 @@ class ParametricContact(ReadOnly, ParametricEquations):
 
         Args:
             point: point of a branch, or one of `Solutions.found`.
-            gamma: parameter of the solution; for a point of a branch, its own.
+            gamma: parameter of the solution; default: parameter of the point of a branch.
         """
         if not isinstance(point, Solution):
             gamma = point.gamma
@@ -244,7 +245,7 @@ class ParametricContact(ReadOnly, ParametricEquations):
         return replace(state, gamma=gamma)
 
     def _unknowns(self, y: PETSc.Vec) -> PETSc.Vec:
-        """Return a copy of x of a vector that begins with it."""
+        """Return a copy of the unknowns x at the beginning of a vector (x, gamma)."""
         x = self.create_vector()
         x.array[:] = y.array_r[: x.getLocalSize()]
         return x
@@ -253,7 +254,7 @@ class ParametricContact(ReadOnly, ParametricEquations):
         """Write a state into the Functions, and set its gamma. Collective.
 
         Raises:
-            ValueError: on every rank, if it is not a state of this problem.
+            ValueError: on every rank, if the state does not belong to this problem.
         """
         self.problem.restore(state)
         if state.gamma is not None:
@@ -261,10 +262,10 @@ class ParametricContact(ReadOnly, ParametricEquations):
 
     @contextmanager
     def restored(self, *, always: bool = False) -> Iterator[None]:
-        """Restore Functions, statuses, gamma and Dirichlet data after an error in the context.
+        """Context manager that restores Functions, statuses, gamma and Dirichlet data.
 
         Args:
-            always: whether to restore them in any case.
+            always: whether to restore them on every exit; default: only after an error.
         """
         with self.problem.restored(always=always), super().restored(always=always):
             yield
@@ -274,14 +275,15 @@ class ParametricContact(ReadOnly, ParametricEquations):
     def condensed(self, x: PETSc.Vec, gamma: float, *, conic: bool = True) -> Reduction | None:
         """Return the problem condensed onto its contact points, linearised at (x, gamma).
 
-        None if the statuses of the points are not polyhedral cones (3D friction, integral contact,
-        gamma in the law or in the obstacle), the bulk has kinks in u, or there are too many points.
-        In 3D, with ``conic=False``, a linear problem. Collective.
+        The result is None if the statuses of the points are not polyhedral cones (3D friction,
+        integral contact, gamma in the law or in the obstacle), the bulk has kinks in u, or there
+        are too many points. In 3D with ``conic=False``, it is a linear problem. Collective.
 
         Args:
             x: state.
             gamma: parameter.
-            conic: whether cones are required, so that a prescribed friction bound gives None, too.
+            conic: whether cones are required; if so, the result is None for a prescribed friction
+                bound, too.
         """
         if self.kinks:
             return None
@@ -302,9 +304,10 @@ class ParametricContact(ReadOnly, ParametricEquations):
         return self._condensed
 
     def _condensed_at(self, gamma: float) -> Reduction | None:
-        """Return the condensed problem at one gamma, on which the forms may depend nonlinearly.
+        """Return the condensed problem at one gamma; forms may be nonlinear in gamma.
 
-        None if the body is not linear, or the problem cannot be condensed. Collective.
+        The result is None if the body is not linear, or the problem cannot be condensed.
+        Collective.
         """
         eq = self.equations
         if not eq.linear:
@@ -341,8 +344,8 @@ class ParametricContact(ReadOnly, ParametricEquations):
     def prove(self, condensed: Condensed, gamma: float, seconds: float) -> Proof | None:
         """Compute all solutions at gamma, with a proof. Collective.
 
-        None if no certificate applies (`analysis.body_proofs.obstacle_to_proof`), or with more than
-        128 contact points.
+        The result is None if no certificate applies (`analysis.body_proofs.obstacle_to_proof`) or
+        the problem has more than 128 contact points.
         """
         from dolfinx_contact.analysis.body_proofs import obstacle_to_proof, proved
 
@@ -352,7 +355,7 @@ class ParametricContact(ReadOnly, ParametricEquations):
         return on_root(self.comm, lambda: proved(condensed, gamma, seconds))
 
     def obstacle_to_proof(self) -> str:
-        """Return the reason why no proof is available in 3D; "" in 2D or if one is. Collective."""
+        """Return the reason why no proof is available in 3D; "" otherwise. Collective."""
         from dolfinx_contact.analysis.body_proofs import obstacle_to_proof
 
         if self.equations.dim == 2:
@@ -377,8 +380,8 @@ class ParametricContact(ReadOnly, ParametricEquations):
     ) -> RayProof | None:
         """Compute all rays of a tangent cone, with a proof (`proofs.rays`). Collective.
 
-        None for laws other than Coulomb's and frictionless contact, with more than 128 contact
-        points, and if `proof_seconds` is 0.
+        The result is None for laws other than frictionless contact and Coulomb friction, for more
+        than 128 contact points, and if `proof_seconds` is 0.
         """
         from dolfinx_contact.analysis.body_proofs import proved_rays
 
@@ -469,7 +472,8 @@ def _checked(problem: ContactProblem, gamma: Any, driven: Any) -> list[tuple[fem
 def _require_own(problem: ContactProblem, gamma: fem.Constant, driven: Any) -> None:
     """Raise ``ValueError`` if gamma or a driven Function occurs where it is not differentiated.
 
-    A Function has no derivative by gamma, and neither has the Constant of a Dirichlet condition.
+    Derivatives with respect to gamma do not include Functions and Constants of Dirichlet
+    conditions.
     """
     if any(is_value_of(gamma, bc) for bc in problem.bcs):
         raise ValueError(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Proofs about a body: its problem is condensed onto the contact points, where that is possible."""
+"""Proofs about a body, for problems that can be condensed onto the contact points."""
 
 from __future__ import annotations
 
@@ -43,34 +43,37 @@ Codes = npt.NDArray[np.int8]
 logger = logging.getLogger(__name__)
 
 _LAWS = (Coulomb, Frictionless, Tresca)
-_MOST_PROVED = 128  # points in 3D up to which the certificate of one point is tried
-_MOST_POINTS = 300  # points in 3D up to which an eigenproblem is solved without request
-_EFFORT = 60  # of a search for weights in 3D
+_MOST_PROVED = 128  # largest number of points in 3D for the certificate of one point
+_MOST_POINTS = 300  # largest number of points in 3D for Renard's criterion by default
+_EFFORT = 60  # iterations of a search for weights in 3D
 _ENOUGH = 1.0 + 1e-6  # factor at which this search ends
 
 
 def obstacle_to_proof(equations: ContactEquations, condensed: Reduction | None) -> str:
-    """Return the reason why nothing can be proved of a problem; "" if there is none.
+    """Return the reason why nothing can be proved about a problem; "" if proofs are possible.
 
     Args:
         equations: equations of the problem.
-        condensed: the problem condensed onto its contact points; None if that is impossible.
+        condensed: reduction of the problem to its contact points; None if there is none.
     """
     if not all(type(s.law) in _LAWS for s in equations.surfaces):
         return "proofs are for the laws of Coulomb and Tresca and contact without friction"
     if condensed is None or not condensed.exact:
-        return "the problem is not linear, with contact at nodes, but for the law of contact"
+        return (
+            "the problem cannot be condensed exactly; apart from the contact law, "
+            "it must be linear, with nodal or mixed contact"
+        )
     if not condensed.always_solvable:
         return "the stiffness of the body at its contact points is not positive definite"
     return ""
 
 
 def reduced_problem(condensed: Reduction, gamma: float) -> ReducedProblem:
-    """Return S, p and friction at ``gamma`` with the errors of the factorisation. Not collective.
+    """Return the reduced problem at ``gamma`` with factorisation errors. Not collective.
 
     Args:
-        condensed: exact reduction without an `obstacle_to_proof`.
-        gamma: parameter.
+        condensed: exact reduction for which `obstacle_to_proof` is empty.
+        gamma: load parameter.
 
     Raises:
         ValueError: if S is not positive definite beyond its error, or a number is not finite.
@@ -81,9 +84,14 @@ def reduced_problem(condensed: Reduction, gamma: float) -> ReducedProblem:
 
 
 def proved(condensed: Reduction, gamma: float, seconds: float) -> ProvedSolutions | None:
-    """Return all solutions with a proof, in the units of the condensed problem. On one rank.
+    """Return all solutions with a proof, in the units of the reduced problem. On one rank.
 
-    None if the errors of the factorisation are too large for a proof.
+    None if the factorisation errors are too large for a proof.
+
+    Args:
+        condensed: exact reduction for which `obstacle_to_proof` is empty.
+        gamma: load parameter.
+        seconds: time limit of the proof.
     """
     try:
         problem = reduced_problem(condensed, gamma)
@@ -102,10 +110,10 @@ def proved_rays(
     """Return all rays of a tangent cone, with a proof. On one rank.
 
     Args:
-        condensed: reduction at the state; with Coulomb's law or without friction.
-        cone: tangent cone.
-        known: statuses (m,) and dgamma of known rays.
-        seconds: time for each sense of gamma.
+        condensed: reduction at the state, with Coulomb friction or without friction.
+        cone: tangent cone of the contact laws at the state.
+        known: statuses (m,) and dgamma (1 or -1) of known rays.
+        seconds: time limit for each sign of dgamma.
     """
     try:
         points = condensed.problem(unit=condensed.force_unit)
@@ -128,19 +136,20 @@ def uniqueness(
     seconds: float,
     state_at: Callable[[PETSc.Vec], State],
 ) -> Uniqueness:
-    """Return whether a solution is the only one, with the present data. Collective.
+    """Decide whether a solution is the only one, with the present data. Collective.
 
-    The certificate of one point is tried first; then, in 3D, Renard's criterion, which needs the
-    directions of slips and shears; then theorems.
+    The certificate of one point is tried first, then, in 3D, Renard's criterion, which uses the
+    directions of slips and shears, and finally theorems.
 
     Args:
-        equations: contact problem.
-        linear: function that returns its linear solver.
-        x: solution.
-        state: evaluation of the solution.
-        seconds: time for branch and bound after the certificate of one point, and for Renard's
-            criterion of any size, with weights if its eigenproblem is dense.
-        state_at: function that returns the State of unknowns.
+        equations: equations of the contact problem.
+        linear: function that returns the linear solver of the Jacobian.
+        x: vector of unknowns at the solution.
+        state: evaluation of the equations at the solution.
+        seconds: time limit of branch and bound after the certificate of one point. If positive,
+            Renard's criterion is evaluated for any number of points, with weights if its
+            eigenproblem is dense.
+        state_at: function that returns the `State` of a vector of unknowns.
     """
     if not equations.linear:
         return Uniqueness("not proved", "proofs are for linear bodies and small sliding")
@@ -168,7 +177,7 @@ def uniqueness(
 
 
 def _is_provable_in_space(system: ParametricEquations) -> bool:
-    """Whether the certificate of one point is tried for a problem in 3D. Collective."""
+    """Return whether to try the certificate of one point for a 3D problem. Collective."""
     equations: ContactEquations = system.equations
     laws = {type(s.law) for s in equations.surfaces}
     if Coulomb not in laws or not laws <= set(_LAWS):
@@ -183,7 +192,10 @@ def _among_points(
     seconds: float,
     state_at: Callable[[PETSc.Vec], State],
 ) -> Uniqueness:
-    """Decide on the reduced problem; another solution is returned if there is one. Collective."""
+    """Decide uniqueness for the reduced problem. Collective.
+
+    If another solution is found, the result contains its State.
+    """
     try:
         problem = reduced_problem(condensed, 0.0)
     except ValueError as error:
@@ -204,12 +216,12 @@ def _among_points(
 
 
 def _points(equations: ContactEquations) -> int:
-    """Number of contact points of all surfaces and ranks. Collective."""
+    """Return the number of contact points on all surfaces and ranks. Collective."""
     return int(sum(s.points.number_everywhere for s in equations.surfaces))
 
 
 def _by_criterion(equations: ContactEquations, state: Evaluation, seconds: float) -> Uniqueness:
-    """Decide by Renard's criterion. Collective."""
+    """Decide uniqueness by Renard's criterion. Collective."""
     laws = {type(s.law) for s in equations.surfaces}
     nodal = all(s.points.E is None and s.rigid_body is None for s in equations.surfaces)
     if not nodal or Coulomb not in laws or not laws <= set(_LAWS):
@@ -227,7 +239,7 @@ def _by_criterion(equations: ContactEquations, state: Evaluation, seconds: float
 
 
 def _by_theory(equations: ContactEquations, obstacle: str) -> Uniqueness:
-    """Decide by theorems, where certificates do not apply. Collective."""
+    """Decide uniqueness by theorems if certificates do not apply. Collective."""
     theory = theory_of(equations)
     if theory.exists and theory.unique:
         return Uniqueness("proved", theory.reason)

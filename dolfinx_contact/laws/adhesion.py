@@ -9,23 +9,23 @@ friction increases where bonds break:
     b beta' = -(w - (C_N [u_n]^2 + C_T |[u_t]|^2) beta)^-,
 
 with Signorini's conditions on the pressure p, which does not include adhesion. Broken bonds do not
-heal. Time steps have first or second order (`damage`); for b = 0 they are exact as long as the
-jumps grow. Whether a bond changes is part of the status (`status.DAMAGING`).
+heal. Time integration has first or second order (`damage`); for b = 0 it is exact as long as the
+jumps grow. The status records whether a bond is being damaged (`status.DAMAGING`).
 
 *Recoverable* bonds grow at closed points: b beta' = w - E beta with E = C_N [u_n]^2 + C_T |[u_t]|^2
-and 0 <= beta <= 1, at points that were closed at the start of a step (so that no step has a jump
-where a point closes). A broken bond takes the jump as its tangential reference until it has grown
-again: it is a new bond.
+and 0 <= beta <= 1. Growth is restricted to points that were closed at the start of the step;
+otherwise a step would have a jump where a point closes. A broken bond uses the current jump as its
+tangential reference until it grows again, so it heals as a new bond.
 
-*A compliant surface* (`contact`): p is that of `NormalCompliance`. As the energy of the model is
-written, springs act on [u_n] of either sign, so that they resist penetration too. The friction
-bound is mu (1 - beta) times the contact pressure.
+*Compliant surface* (`contact`): p is the pressure of `NormalCompliance`. The springs act on [u_n]
+of either sign, as in the energy of the model, so they also resist penetration. The friction bound
+is mu (1 - beta) times the contact pressure.
 
-The law is not an `Interface`, although its first order could be written as one. Here the intensity
-is a formula that is smooth beyond the borders of its statuses, which the solution with fixed
-statuses needs; equations solved point by point end at the borders. Formulas also compile and
-evaluate several times faster. Recovery, the previous step and the pressure of a compliant surface
-do not fit into an energy and a dissipation of one step.
+The law is not implemented as an `Interface`, although its first-order version could be. Here the
+intensity is a closed formula that is smooth beyond the borders of its statuses, as required by
+solves with fixed statuses. Equations solved point by point would end at the borders. Closed
+formulas also compile and evaluate several times faster. Recovery, the data of the previous step and
+the pressure of a compliant surface cannot be expressed by an energy and a dissipation of one step.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ from dolfinx_contact.laws.status import DAMAGING, OPEN, PLUS
 
 __all__ = ["RCCM"]
 
-_STEP = "rate", "length", "rest"  # data of the previous step, for second order
+_STEP = "rate", "length", "rest"  # data of the previous step, used by the second order
 _CLOSED = Internal("closed", hidden=True)
 _ORIGIN = Internal("origin", vector=True, hidden=True)
 _STIFFNESS = "stiffness"  # field of a compliant surface
@@ -64,7 +64,7 @@ class RCCM(Law):
     """Adhesion, friction and unilateral contact (Raous, Cangemi and Cocou).
 
     Every field is a number, a Constant, a Function or a UFL expression. A static problem ignores
-    the viscosity, and ``beta`` is the intensity before the load.
+    the viscosity; ``beta`` is then the intensity before the load is applied.
 
     Attributes:
         normal: stiffness C_N >= 0 of the springs against opening, traction per length.
@@ -77,11 +77,11 @@ class RCCM(Law):
         broken: intensity below which a bond counts as broken.
         order: order of the time steps, 1 or 2.
         recovers: whether bonds grow at closed points.
-        contact: compliance of the surface, a law without friction; None: Signorini's
-            conditions.
+        contact: compliance of the surface, a frictionless `NormalCompliance`; default: None,
+            Signorini's conditions.
 
     Raises:
-        ValueError: if one of the last three is not admissible.
+        ValueError: if ``order``, ``recovers`` or ``contact`` is not admissible.
     """
 
     normal: Scalar
@@ -176,7 +176,7 @@ class RCCM(Law):
             }
         spent = self.work * lost + resisted
         if self.recovers:
-            # Viscosity dissipates the energy of recovery except that of the springs.
+            # Viscosity dissipates the energy of recovery, except the energy of the springs.
             springs = 0.5 * energy * (self.beta + beta) * lost
             spent = ufl.conditional(ufl.lt(lost, 0.0), springs, spent)
             touch = self._soft(a, beta, opening).touch
@@ -218,9 +218,10 @@ class RCCM(Law):
         return dict(sorted(found.items()))
 
     def _contact(self, a: ContactPoint, beta: Any) -> Mapping[int, StatusPiece]:
-        """Return contact and friction, which act on the shear that bonds do not carry.
+        """Return contact and friction, which act on the shear not carried by the bond.
 
-        Springs stretched by the increment act like more augmentation and are omitted.
+        The stretching of the springs by the increment acts like additional augmentation, and is
+        omitted.
         """
         along = _along(a.before - self._origin(a), a.n)
         if self.recovers:
@@ -229,7 +230,7 @@ class RCCM(Law):
         return self._friction(beta).pieces(replace(a, shear=shear))
 
     def _friction(self, beta: Any) -> Coulomb:
-        """Return the friction law of a bond of an intensity."""
+        """Return the friction law of a bond of intensity ``beta``."""
         return Coulomb(self.friction * (1.0 - beta))
 
     def _held(self, code: int, distance: Any, cap: Any) -> list[Border]:
@@ -247,14 +248,14 @@ class RCCM(Law):
         return beta**2 * (self.normal * opening * n - self.tangential * moved)
 
     def _soft(self, a: ContactPoint, beta: Any, opening: Any) -> ContactPoint:
-        """Return the point with the pressure of its surface, without the springs."""
+        """Return the contact point with the pressure of the compliant surface, without springs."""
         if self.contact is None:
             return a
         pull = beta**2 * self.normal * opening
         return self.contact.with_pressure(replace(a, traction=a.traction - pull * a.n))
 
     def _step(self, a: ContactPoint) -> DamageStep:
-        """Return the time step of the intensity from the memory."""
+        """Return the time step of the intensity, from the data in memory."""
         before = {name: a.kept[f".{name}"] for name in _STEP} if self.order == 2 else None
         grows = None
         if self.recovers:
@@ -262,16 +263,16 @@ class RCCM(Law):
         return DamageStep(self.beta, self.work, self.viscosity, a.step, before, grows)
 
     def _now(self, a: ContactPoint) -> Any:
-        """Return the intensity at a state."""
+        """Return the intensity at the current state."""
         return self._step(a).now(self._energy(self._opening(a), self._moved(a)))
 
     @property
     def _is_new(self) -> Any:
-        """Whether a recovering bond was broken, so that it begins at the present jump."""
+        """Whether a recovering bond was broken, so that its reference is the current jump."""
         return ufl.lt(self.beta, self.broken)
 
     def _origin(self, a: ContactPoint) -> Any:
-        """Return the jump at which springs are relaxed along the surface."""
+        """Return the tangential jump at which the springs are relaxed."""
         if not self.recovers:
             return 0.0 * a.n
         return ufl.as_vector([a.kept[name] for name in _ORIGIN.components(a.dim)])
@@ -281,7 +282,7 @@ class RCCM(Law):
         return -a.u_n if self.compliant else ufl.conditional(ufl.lt(a.u_n, 0.0), -a.u_n, 0.0)
 
     def _moved(self, a: ContactPoint) -> Any:
-        """Return the tangential jump of the springs."""
+        """Return the tangential jump that stretches the springs."""
         moved = a.u_t + _along(a.before - self._origin(a), a.n)
         return ufl.conditional(self._is_new, 0.0, 1.0) * moved if self.recovers else moved
 

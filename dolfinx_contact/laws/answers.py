@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Answers of a law at contact points, for every status, and the data of the points."""
+"""Evaluation of a law at contact points: tractions and borders of every status."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ __all__ = ["Answers", "Borders", "Columns", "HeldAnswers", "PointData", "Spreadi
 
 Array = npt.NDArray[np.float64]
 Codes = npt.NDArray[np.int8]
-_ABSENT = -np.finfo(np.float64).max  # distance to the borders of a status that a point cannot have
+_ABSENT = -np.finfo(np.float64).max  # distance for a status that does not exist
 
 
 class Columns(Protocol):
-    """Columns of the values of a compiled law; see `compiled.CompiledLaw`."""
+    """Columns in the values of a compiled law; see `compiled.CompiledLaw`."""
 
     dim: int
     codes: tuple[int, ...]
@@ -33,17 +33,17 @@ class Columns(Protocol):
 
 @dataclass(frozen=True)
 class PointData:
-    """Data of a law at n points in addition to jump and traction.
+    """Data of a law at n points, other than jump and traction.
 
     Attributes:
         n: normals, shape (n, dim).
         gap: initial gaps, shape (n,).
         r: augmentation parameters, shape (n,).
-        fields: fields of the law by name, shape (n,) each.
-        turn: derivatives of the normals by the displacement of the points, shape (n, dim, dim);
-            None if the normals are fixed.
-        moved: derivatives of the jump by the displacement, shape (n, dim, dim), if normals turn;
-            None if the jump follows the points.
+        fields: values of the fields of the law by name, shape (n,) each.
+        turn: derivatives of the normals with respect to the displacement of the points, shape (n,
+            dim, dim); None if the normals are fixed.
+        moved: derivatives of the jump with respect to the displacement, shape (n, dim, dim), if
+            normals turn; None if the jump is the displacement itself.
     """
 
     n: Array
@@ -56,11 +56,12 @@ class PointData:
 
 @dataclass(frozen=True)
 class Borders:
-    """Borders of the statuses of points, (n, borders).
+    """Borders of the statuses of n points.
 
     Attributes:
-        distance: distances to the borders, tractions, positive inside; infinite without a border.
-        target: statuses beyond the borders.
+        distance: distances to the borders, tractions, positive inside, shape (n, borders); infinite
+            without a border.
+        target: statuses beyond the borders, shape (n, borders).
     """
 
     distance: Array
@@ -71,7 +72,8 @@ class Spreading(Protocol):
     """Averaging of a quantity over the neighbouring points, for a nonlocal law.
 
     Attributes:
-        by_jump, by_traction: derivatives of the averaged quantity, shape (n, dim).
+        by_jump, by_traction: derivatives of the averaged quantity with respect to jump and
+            traction, shape (n, dim) each.
     """
 
     by_jump: Array
@@ -82,15 +84,15 @@ class Spreading(Protocol):
 
 
 class Answers:
-    """The answers of a law to jumps and tractions at n points, for every status.
+    """Answers of a law to jumps and tractions at n points, for every status.
 
     Args:
         law: compiled law.
         values: values of its compiled expressions.
-        spreading: averaging of a nonlocal law; default: None, for a local law.
-        turning: function of the statuses that returns the derivatives of the traction by the
-            displacement of the points, shape (n, dim, dim), which jumps and normals follow;
-            default: None, if normals are fixed.
+        spreading: averaging of a nonlocal law; default: None (local law).
+        turning: function of the statuses that returns the derivatives of the traction with respect
+            to the displacement, shape (n, dim, dim), including the changes of jumps and normals;
+            default: None (fixed normals).
 
     Attributes:
         spreading: averaging; None for a local law.
@@ -114,31 +116,31 @@ class Answers:
 
     @cached_property
     def required(self) -> Codes:
-        """Statuses that jumps and tractions determine (n,)."""
+        """Statuses determined by jumps and tractions, shape (n,)."""
         return self._nearest[0]
 
     @property
     def missed(self) -> Array:
-        """Distance to the nearest admissible status, a traction (n,); 0 if a status holds."""
+        """Distance to the nearest admissible status, a traction, shape (n,); 0 if admissible."""
         return np.maximum(-self._nearest[1], 0.0)
 
     @cached_property
     def _nearest(self) -> tuple[Codes, Array]:
-        """Statuses, and the distance to the nearest of their borders."""
+        """Statuses, and the distance of each point to the nearest border of its status."""
         least = np.empty((len(self._values), len(self._law.codes)))
         for i, code in enumerate(self._law.codes):
             distance, exists, _ = self._borders(code)
             nearest = distance.min(axis=1, initial=np.inf)
             least[:, i] = np.where(exists, nearest, _ABSENT)
-        least[np.isnan(least)] = -np.inf  # below absent statuses
-        # The first whose borders all are beyond; where there is none the one that is nearest.
+        least[np.isnan(least)] = -np.inf  # smaller than for absent statuses
+        # Choose the first status within all of its borders, otherwise the nearest one.
         beyond = least >= 0
         first = np.where(beyond.any(axis=1), beyond.argmax(axis=1), least.argmax(axis=1))
         worst = least[np.arange(len(least)), first]
         return np.array(self._law.codes, dtype=np.int8)[first], worst
 
     def _borders(self, code: int) -> tuple[Array, npt.NDArray[np.bool_], list[int]]:
-        """Return distances to the borders of a status, existence of the status, and targets."""
+        """Return border distances of a status, mask of its existence, and target statuses."""
         law = self._law
         row = law.rows[code]
         columns = law.borders[row]
@@ -164,13 +166,13 @@ class Answers:
         return Borders(distance, target)
 
     def may_be(self, code: int) -> npt.NDArray[np.bool_]:
-        """Return the mask of the points that can have a status, shape (n,)."""
+        """Return the mask of the points at which a status exists, shape (n,)."""
         if code not in self._law.codes:
             return np.zeros(len(self._values), dtype=bool)
         return self._borders(code)[1]
 
     def holds(self, codes: Codes) -> npt.NDArray[np.bool_]:
-        """Return the mask of the points inside the borders of their statuses, shape (n,)."""
+        """Return the mask of the points within the borders of their statuses, shape (n,)."""
         can = np.zeros(len(self._values), dtype=bool)
         for code in np.unique(codes):
             mine = codes == code
@@ -178,11 +180,11 @@ class Answers:
         return can & (np.min(self.borders(codes).distance, axis=1, initial=np.inf) >= 0)
 
     def every_distance(self, code: int) -> Array:
-        """Return distances to all borders of a status (n, borders), conditions disregarded."""
+        """Return distances to all borders of a status (n, borders), ignoring their conditions."""
         return self._values[:, [c for c, _, _ in self._law.borders[self._law.rows[code]]]]
 
     def exists(self) -> npt.NDArray[np.bool_]:
-        """Return the mask of possible statuses (n, statuses), in the order of their codes."""
+        """Return the mask of existing statuses (n, statuses), in the order of their codes."""
         return np.stack([self._borders(code)[1] for code in self._law.codes], axis=1)
 
     def traction(self, codes: Codes) -> Array:
@@ -190,41 +192,42 @@ class Answers:
         return self._of(codes, "answer", (self._law.dim,))
 
     def by_jump(self, codes: Codes) -> Array:
-        """Return the derivatives D_j of tau by the jump, shape (n, dim, dim).
+        """Return the derivatives D_j of tau with respect to the jump, shape (n, dim, dim).
 
-        If normals turn, they are derivatives by the displacement that jump and normal follow.
+        If normals turn, these are derivatives with respect to the displacement, including the
+        changes of jump and normal.
         """
         if self._turning is not None:
             return self._turning(codes)
         return self._of(codes, "by_jump", (self._law.dim, self._law.dim))
 
     def by_traction(self, codes: Codes) -> Array:
-        """Return the derivatives D_t of tau by the traction, shape (n, dim, dim)."""
+        """Return the derivatives D_t of tau with respect to the traction, shape (n, dim, dim)."""
         return self._of(codes, "by_traction", (self._law.dim, self._law.dim))
 
     def by_around(self, codes: Codes) -> Array:
-        """Return the derivatives D_s of tau by the averaged quantity, shape (n, dim)."""
+        """Return the derivatives D_s of tau with respect to the averaged quantity, (n, dim)."""
         return self._of(codes, "by_around", (self._law.dim,))
 
     @property
     def pressure(self) -> tuple[Array, Array, Array]:
-        """Pressure of a nonlocal law (n,), with derivatives by jump and traction (n, dim)."""
+        """Pressure of a nonlocal law (n,), and its derivatives by jump and traction (n, dim)."""
         q, by_jump, by_traction = (self._values[:, k] for k in self._law.places["pressure"])
         return q[:, 0], by_jump, by_traction
 
     def bond(self, name: str) -> Array:
-        """Return a part of `law.Bond`: "traction" (n, dim), "stored" (n,), "after.NAME" (n,) ..."""
+        """Return a part of `law.Bond`: "traction" (n, dim), "stored" (n,), "after.NAME" (n,)."""
         found = np.asarray(self._values[:, self._law.places[f"bond.{name}"][0]])
         return found if name == "traction" else found[:, 0]
 
     @property
     def bound(self) -> Array:
-        """Radii of the friction disc at the pressure of the law (n,); NaN if the law has none."""
+        """Radius of the friction disc at each point (n,); NaN if the law has no disc."""
         return self._column("bound")
 
     @property
     def unit_bound(self) -> Array:
-        """Radii of the friction disc at unit pressure (n,); NaN if the law has none."""
+        """Radius of the friction disc at unit pressure (n,); NaN if the law has no disc."""
         return self._column("unit_bound")
 
     def _column(self, name: str) -> Array:
@@ -233,7 +236,7 @@ class Answers:
 
 
 class HeldAnswers(Answers):
-    """Answers of a law with held bonds: no point is damaging.
+    """Answers of a law with frozen bonds: no point is being damaged.
 
     Args:
         answers: answers of the law.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Two interfaces by energy and dissipation (`interface`): bilinear cohesion, a Maxwell layer."""
+"""Interfaces defined by energy and dissipation (`interface`): bilinear cohesion, Maxwell layer."""
 
 from __future__ import annotations
 
@@ -17,25 +17,25 @@ __all__ = ["BilinearCohesive", "MaxwellLayer"]
 
 @dataclass(frozen=True)
 class BilinearCohesive(Interface):
-    r"""A bond whose traction rises linearly and then falls linearly to zero.
+    r"""Cohesive bond: the traction rises linearly, then falls linearly to zero.
 
     With the size d = ([u_n]^2 + |[u_t]|^2)^(1/2) of the jump, normal or tangential,
 
         Psi = (1 - D) k d^2/2,    Phi = k K(D)^2/2 D' + mu D p |[u_t]'|,    0 <= D <= 1,  D' >= 0,
 
-    where k = strength/elastic and K(D) is the size at which the traction begins to fall. Beyond
-    d = a it is strength (a + b - d)/b, with a = elastic and b = softening. Unloading follows the
-    secant. Breaking a bond costs the energy strength (a + b)/2 per area. Friction grows with the
-    damage.
+    where k = strength/elastic, and K(D) is the jump at which the traction starts to decrease. For d
+    between a and a + b the traction is strength (a + b - d)/b, with a = elastic and b = softening.
+    Unloading follows the secant. Breaking the bond dissipates the energy strength (a + b)/2 per
+    area. Friction increases with the damage.
 
     Every field is a number, a Constant, a Function or a UFL expression.
 
     Attributes:
         strength: largest traction, > 0.
-        elastic: size a > 0 of the jump at the largest traction.
-        softening: further growth b > 0 of the jump until the bond is broken.
-        friction: coefficient mu >= 0 of the broken bond.
-        damage: D at the start, from 0 to 1.
+        elastic: jump a > 0 at the largest traction, a length.
+        softening: further increase b > 0 of the jump until the bond breaks, a length.
+        friction: friction coefficient mu >= 0 of the broken bond.
+        damage: initial damage D, from 0 to 1.
     """
 
     strength: Scalar
@@ -67,7 +67,7 @@ class BilinearCohesive(Interface):
         return k * self._reached(start) * self._reached(end) * lost / 2.0
 
     def _reached(self, state: InterfaceState) -> Any:
-        """Return K, the size of the jump at which the traction begins to fall."""
+        """Return K, the jump at which the traction starts to decrease."""
         a = self.elastic
         b = self.softening
         return a * (a + b) / (a + b - state["damage"] * b)
@@ -75,21 +75,22 @@ class BilinearCohesive(Interface):
 
 @dataclass(frozen=True)
 class MaxwellLayer(Interface):
-    r"""A thin viscoelastic layer: a spring and a dashpot in series, parallel to another spring.
+    r"""Thin viscoelastic layer: spring and dashpot in series, in parallel with another spring.
 
     With the viscous part y of the jump [u], a vector,
 
         Psi = k |[u] - y|^2/2 + c |[u]|^2/2,    Phi = b |y'|^2/2 + mu p |[u_t]'|,
 
-    so that the traction at a constant jump relaxes to c [u] within the time b/k.
+    At a constant jump, the traction relaxes to c [u] with the relaxation time b/k.
 
     Every field is a number, a Constant, a Function or a UFL expression.
 
     Attributes:
         stiffness: stiffness k > 0 of the spring in series with the dashpot, traction per length.
-        viscosity: b > 0, traction times time per length; ignored in static problems.
+        viscosity: viscosity b > 0 of the dashpot, traction times time per length; ignored in static
+            problems.
         lasting: stiffness c >= 0 of the parallel spring, traction per length.
-        friction: coefficient mu >= 0.
+        friction: friction coefficient mu >= 0.
     """
 
     stiffness: Scalar

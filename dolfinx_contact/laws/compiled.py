@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Laws at contact points: values and derivatives, compiled from UFL.
+"""Contact laws compiled from UFL: values and derivatives at contact points.
 
-The points are the cells of a small mesh of their own, with one value of each datum per cell. A
-compiled law therefore depends on the kind of law and the dimension only, not on the discretisation.
+Contact points are represented by the cells of a separate small mesh, with one value of each datum
+per cell. A compiled law therefore depends only on the kind of the law and on the dimension, not on
+the discretisation.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ __all__ = ["CompiledLaw", "LawAtPoints"]
 
 
 class _Written:
-    """UFL of a law at a point.
+    """UFL expressions of a law at a point.
 
     Args:
         law: law of any kind.
@@ -40,10 +41,10 @@ class _Written:
 
     Attributes:
         equations: equations of the law, by name.
-        pieces: smooth pieces of the law by status.
+        pieces: smooth pieces of the law, by status.
         bounds: radii of the friction disc, at the pressure of the law and at unit pressure.
-        bond: parts of `Law.bond` by name; empty without a bond.
-        pressure: pressure that a nonlocal law averages; None for a local law.
+        bond: parts of `Law.bond` by name; empty if the law has no bond.
+        pressure: pressure averaged by a nonlocal law; None for a local law.
     """
 
     def __init__(self, law: Law, symbols: Symbols):
@@ -69,7 +70,7 @@ class _Written:
 
     @property
     def scalars(self) -> list[Any]:
-        """Values of the law, component by component."""
+        """All scalar expressions to compile, component by component."""
         flat = Flat()
         for piece in self.pieces.values():
             flat.add(piece.answer)
@@ -83,32 +84,32 @@ class _Written:
 
 
 class CompiledLaw:
-    """Compiled law, shared by all laws of one kind.
+    """Compiled law, shared by all laws of the same kind.
 
     Args:
-        law: law of the kind, whose fields are replaced by symbols.
+        law: law of this kind, whose fields are replaced by symbols.
         dim: dimension, 2 or 3.
         comm: communicator of the ranks that compile together.
 
     Attributes:
-        names: names of the fields: those of the law, used fields of the memory
+        names: names of all fields: fields of the law, used fields of the memory
             (`symbols.from_memory`), and `AROUND` for a nonlocal law.
         codes: status codes of the law.
-        rows: place of each status code among `codes`.
+        rows: index of each status code in `codes`.
         places: columns of the values, by quantity and status.
-        borders: columns of distance and condition, and target, by status and border.
-        exists: column of the condition of each status; None for none.
+        borders: columns of distance and condition, and target status, by status and border.
+        exists: column of the existence condition of each status; None for unconditional ones.
         remembers: whether the law uses fields of the memory (`symbols.from_memory`).
         kept: used fields of the memory that are not fields of the law.
-        bonded: whether the law has a `Law.bond`.
-        knows_slip: whether the law depends on the distance slipped.
+        bonded: whether the law has a bond (`Law.bond`).
+        knows_slip: whether the law depends on the slip distance.
     """
 
     def __init__(self, law: Law, dim: int, comm: MPI.Comm):
         local = law.averaging is None
         self.dim = dim
         self._comm = comm
-        # Code of the user runs first: compiling is collective.
+        # Evaluate the code of the user before compilation, which is collective.
         with everywhere(comm, f"the law {type(law).__name__}"):
             kept = [name for name in law.memory(dim) if name not in law.given]
             given = dim, law.given, kept, law.unknowns(dim)
@@ -161,9 +162,9 @@ class CompiledLaw:
         self._expressions = written.scalars
 
     def needs_time(self, step: float) -> bool:
-        """Return whether the law depends on the duration of a step, which is 0 or negative.
+        """Return whether the law depends on the duration of a step that is 0 or negative.
 
-        Conditions on the duration are decided first (`known_step`).
+        Conditions on the duration are resolved first (`known_step`).
         """
         if self._step is None:
             return False
@@ -175,15 +176,16 @@ class CompiledLaw:
 
     @property
     def signature(self) -> str:
-        """Signature of the law, independent of the values of its fields."""
+        """Signature of the law, independent of its field values."""
         return str((sum(c * c for c in self.values.components) * ufl.dx).signature())
 
     @cached_property
     def is_piecewise_linear(self) -> bool:
-        """Whether answers and borders are affine in jump, traction and gap, status by status.
+        """Whether answers and borders are affine in jump, traction and gap for each status.
 
-        This is decided by their UFL: neither values at two states nor derivatives prove it. The
-        existence of statuses must not depend on these quantities either.
+        The decision is made symbolically in UFL, since values or derivatives at sample states would
+        not prove it. The existence conditions of statuses must not depend on these quantities
+        either.
         """
         if self._roots is not None:
             return False
@@ -198,7 +200,7 @@ class CompiledLaw:
 
     @cached_property
     def slopes(self) -> tuple[Values, list[list[int]]]:
-        """Derivatives of the distances by jump and traction, compiled at first use."""
+        """Derivatives of border distances by jump and traction, compiled on first use."""
         flat = Flat()
         places = []
         for piece in self._pieces.values():
@@ -214,7 +216,7 @@ class CompiledLaw:
 
     @cached_property
     def sensitivities(self) -> tuple[Values, list[list[int]], list[list[list[int]]]]:
-        """Derivatives of the answers by normal and fields, compiled at first use."""
+        """Derivatives of the answers by normal and fields, compiled on first use."""
         flat = Flat()
         by_normal = [flat.add(ufl.diff(p.answer, self._n)) for p in self._pieces.values()]
         by_field = [
@@ -224,14 +226,14 @@ class CompiledLaw:
 
     @cached_property
     def pressure_sensitivities(self) -> Values:
-        """Derivatives of the averaged pressure by the normal and by the fields of the law."""
+        """Derivatives of the averaged pressure by normal and law fields, compiled on first use."""
         flat = Flat()
         for by in (self._n, *self._fields[:-1]):
             flat.add(ufl.diff(self._pressure, by))
         return Values(flat.components, self._w, self._comm)
 
     def evaluate(self, values: Values, columns: Array) -> Array:
-        """Return values at points (n, width) for their data (n, columns). Not collective."""
+        """Return values (n, width) at points with data ``columns`` (n, columns). Not collective."""
         return values(columns if self._roots is None else self._roots(columns))
 
 
@@ -239,29 +241,29 @@ _known: dict[tuple[Hashable, ...], CompiledLaw] = {}
 
 
 def _compiled(law: Law, dim: int, comm: MPI.Comm) -> CompiledLaw:
-    """Return the compiled law, which all laws of one kind share. Collective."""
+    """Return the compiled law, cached for all laws of the same kind. Collective."""
     kind = law.kind
     if kind is None:
         return CompiledLaw(law, dim, comm)
-    # Derivatives are compiled later by the same ranks, when the mesh may have been freed.
+    # Derivatives are compiled later on the same ranks, possibly after the mesh has been freed.
     key = kind, dim, tuple(comm.allgather(MPI.COMM_WORLD.rank))
-    # All ranks together or none: compiling is collective.
+    # Compilation is collective, so either all ranks compile or none does.
     if not comm.allreduce(int(key in _known), op=MPI.MIN):
         _known[key] = CompiledLaw(law, dim, comm.Dup())
     return _known[key]
 
 
 class LawAtPoints:
-    """Law at the contact points of this rank. Construction is collective, methods are not.
+    """Law at the contact points of this rank. Only construction is collective.
 
     Args:
-        law: law; the values of its fields are passed with the points.
+        law: law; its field values are passed with the data of the points.
         dim: dimension, 2 or 3.
         number: number of points.
         comm: communicator of the ranks that compile together.
 
     Attributes:
-        codes: status codes, in order of precedence where several are admissible.
+        codes: status codes; where several statuses are admissible, the first one is used.
     """
 
     def __init__(self, law: Law, dim: int, number: int, comm: MPI.Comm):
@@ -274,7 +276,7 @@ class LawAtPoints:
     def __call__(
         self, jump: Array, traction: Array, data: PointData, codes: Codes | None = None
     ) -> Answers:
-        """Evaluate the law at jumps and tractions (n, dim); ``codes`` are held statuses."""
+        """Evaluate the law at jumps and tractions (n, dim); ``codes`` are statuses held fixed."""
         turn = data.turn
         moved = data.moved
         values = self.compiled.values
@@ -293,11 +295,11 @@ class LawAtPoints:
         return self.compiled.evaluate(values, np.concatenate([jump, traction, *given], axis=1))
 
     def slopes(self, code: int, jump: Array, traction: Array, data: PointData) -> Array:
-        """Return derivatives of the distances to the borders of a status (n, borders, 2 dim).
+        """Return the derivatives of the border distances of a status, shape (n, borders, 2 dim).
 
         Args:
             code: status code.
-            jump: jumps, shape (n, dim); derivatives by the jump come first.
+            jump: jumps, shape (n, dim); derivatives with respect to the jump come first.
             traction: tractions, shape (n, dim).
             data: data of the points.
         """
@@ -315,23 +317,23 @@ class LawAtPoints:
         codes: Codes,
         moved: Array | None = None,
     ) -> Array:
-        """Return the rate of the answer (n, dim) at fixed tractions while the data change.
+        """Return the rate of the answer (n, dim) at fixed tractions, from the rates of the data.
 
         Args:
             jump: jumps, shape (n, dim).
             traction: tractions, shape (n, dim).
             data: data of the points.
-            rates: rates of normals, gaps and fields; that of r is not used.
+            rates: rates of normals, gaps and fields; the rate of r is ignored.
             codes: status codes, shape (n,).
-            moved: rates of the jumps, shape (n, dim); default: None, fixed jumps.
+            moved: rates of the jumps, shape (n, dim); default: None (constant jumps).
         """
         normal = rates.n[:, :, None]
-        # A gap is a jump along the normal, backwards.
+        # A gap acts like a negative jump along the normal.
         by = -rates.gap[:, None] * data.n
         by = (by if moved is None else by + moved)[:, :, None]
         rate, by_field = self._by_given(jump, traction, data, codes, normal, by)
         for name, slope in by_field.items():
-            if name in rates.fields:  # fields in the memory are constant
+            if name in rates.fields:  # fields in memory are constant
                 rate[:, :, 0] += slope * rates.fields[name][:, None]
         return rate[:, :, 0]
 
@@ -344,18 +346,18 @@ class LawAtPoints:
         normal: Array,
         moved: Array,
     ) -> tuple[Array, dict[str, Array]]:
-        """Return derivatives of the answers by k parameters of normals and jumps, and by fields.
+        """Return derivatives of the answers with respect to k parameters, and to each field.
 
         Args:
             jump: jumps, shape (n, dim).
             traction: tractions, shape (n, dim).
             data: data of the points.
             codes: status codes, shape (n,).
-            normal: derivatives of the normals by the parameters, shape (n, dim, k).
-            moved: derivatives of the jumps by the parameters, shape (n, dim, k).
+            normal: derivatives of the normals with respect to the parameters, shape (n, dim, k).
+            moved: derivatives of the jumps with respect to the parameters, shape (n, dim, k).
 
         Returns:
-            Derivatives by the parameters (n, dim, k), and by each field (n, dim).
+            Derivatives by the parameters, shape (n, dim, k), and by each field, shape (n, dim).
         """
         compiled, by_normal, by_field = self.compiled.sensitivities
         values = self._evaluate(compiled, jump, traction, data)
@@ -373,7 +375,7 @@ class LawAtPoints:
 
 
 def _columns(flat: Flat, piece: StatusPiece) -> list[tuple[int, int | None, int]]:
-    """Return columns of distance and condition, and target, of every border of a status."""
+    """Return the columns of distance and condition, and the target, of each border of a status."""
     found = []
     for border in piece.borders:
         where = None if border.where is None else flat.add(_number(border.where))[0]

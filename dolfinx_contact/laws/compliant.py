@@ -1,21 +1,22 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Laws that contain a friction law: compliant surfaces, and friction without a threshold.
+r"""Laws that wrap a friction law: compliant surfaces, and regularised friction.
 
-- *Normal compliance*: the pressure is that of a spring, p = C (u_n)_+^m (Oden and Martins, CMAME
-  52, 1985, section 2); m = 1 is the penalisation of Signorini's conditions.
-- *Regularised friction*: the shear grows with the slip from zero, t_t = -b phi(|u_t|/eps)
-  u_t/|u_t| with the radius b of the friction disc, so that every displacement has one traction. In
-  a history friction resists the slip velocity: in a step dt with the increment du_t, u_t is
-  replaced by du_t/dt and eps is a velocity (implicit Euler). Under a shear below the bound,
-  q = |t_t|/b < 1, a point creeps with the velocity eps phi^-1(q), where Coulomb's law sticks.
+- *Normal compliance*: the pressure of a spring, p = C (u_n)_+^m (Oden and Martins, CMAME 52, 1985,
+  section 2); m = 1 is the penalisation of Signorini's conditions.
+- *Regularised friction*: the shear increases continuously with the slip, t_t = -b phi(|u_t|/eps)
+  u_t/|u_t|, with the radius b of the friction disc. The traction is then a function of the
+  displacement. In a history friction opposes the slip velocity: in a step dt with the increment
+  du_t, u_t is replaced by du_t/dt, and eps is a velocity (implicit Euler). Under a shear below the
+  bound, q = |t_t|/b < 1, a point creeps with the velocity eps phi^-1(q), where Coulomb's law
+  sticks.
 
-Both differ from Signorini's and Coulomb's problem: they serve for comparisons.
+Both laws deviate from Signorini's and Coulomb's conditions; they serve for comparisons.
 
-Springs use the augmented traction q = p + r u_n, p = C/(C + r) q_+. This equals p = C (u_n)_+ with
-the same statuses, and for growing C Newton's method becomes that of Signorini's conditions. Other
-pressures and shears are functions of the displacement only: with a width far below the
-displacements Newton's method fails from zero. Then decrease the width step by step, or follow it
-(`ParametricContact`).
+For m = 1 the pressure is expressed by the augmented traction q = p + r u_n as p = C/(C + r) q_+.
+This is equivalent to p = C (u_n)_+ with the same statuses, and for increasing C Newton's method
+becomes that of Signorini's conditions. Other pressures and shears are functions of the displacement
+only. If the regularisation width is far below the displacements, Newton's method fails from a zero
+start. Then decrease the width step by step, or trace it as a parameter (`ParametricContact`).
 """
 
 from __future__ import annotations
@@ -35,25 +36,25 @@ from dolfinx_contact.laws.status import MINUS, PLUS, STICK
 
 __all__ = ["NormalCompliance", "Regularised"]
 
-_INSIDE = "friction."  # prefix of the names of fields of the law inside
+_INSIDE = "friction."  # prefix of the field names of the wrapped law
 _TINY = 1e-100
 _SATURATED = 20.0  # slip/eps beyond which tanh is 1 to round-off, and its derivative overflows
 _SERIES = 1e-6  # (slip/eps)^2 below which a series replaces a quotient
 
 
 class _AroundFriction(FrictionLaw):
-    """A law that contains another one, `friction`, and has its fields too."""
+    """Law that wraps another one, `friction`, and includes its fields."""
 
     friction: FrictionLaw
     bound_kind = None
-    #: Scalar fields of this class that may vary.
+    #: Scalar fields of this class that may vary in space.
     own: ClassVar[tuple[str, ...]]
-    #: Fields with which the shear depends only on the slip of the present step.
+    #: Fields for which the shear depends only on the slip of the current step.
     in_steps: ClassVar[tuple[str, ...]]
 
     @property
     def _number(self) -> Hashable:
-        """Data that all laws of the kind share."""
+        """Data shared by all laws of this kind."""
         raise NotImplementedError
 
     @property
@@ -122,22 +123,23 @@ class _AroundFriction(FrictionLaw):
 
 @dataclass(frozen=True)
 class NormalCompliance(_AroundFriction):
-    """Compliant surface with the pressure C (u_n)_+^m, with friction.
+    """Compliant surface with the pressure p = C (u_n)_+^m, optionally with friction.
 
-    Closed points penetrate: ``un`` is negative. The indicator ``penetration`` of the surface
-    (`Result.indicators`) is the largest depth, with a warning above a tenth of a facet.
+    Closed points penetrate, so ``un`` is negative there. The indicator ``penetration`` of the
+    surface (`Result.indicators`) is the largest depth; a warning is issued above a tenth of a
+    facet.
 
     Attributes:
         stiffness: C > 0, in units of traction per length to the power m; a number, a Constant, a
             Function or a UFL expression.
         exponent: m >= 1, a number.
-        friction: law of friction at that pressure; none by default.
-        tangential: tangential stiffness C_t of the surface, traction per length: the shear is
-            -C_t u_t until the point slips (with m = 1 the penalised Coulomb law). None: the point
+        friction: friction law at this pressure; default: frictionless.
+        tangential: tangential stiffness C_t of the surface, traction per length. The shear is -C_t
+            u_t until the point slips (for m = 1, penalised Coulomb friction). None: the point
             sticks.
 
     Raises:
-        ValueError: if the exponent is below 1 or ``friction`` is none.
+        ValueError: if the exponent is below 1, or if ``friction`` is not a friction law.
     """
 
     stiffness: Scalar
@@ -172,7 +174,7 @@ class NormalCompliance(_AroundFriction):
         return super().pieces(self.with_pressure(a))
 
     def with_pressure(self, a: ContactPoint) -> ContactPoint:
-        """Return the point with the pressure and the shear of springs."""
+        """Return the contact point with pressure and shear of the springs."""
         C = self.stiffness
         C_t = self.tangential
         m = float(self.exponent)
@@ -180,31 +182,31 @@ class NormalCompliance(_AroundFriction):
         if m == 1:
             return replace(a, pressure=C / (C + a.r) * a.p, shear=shear)
         size = ufl.conditional(ufl.ge(a.u_n, 0.0), a.u_n, -a.u_n)
-        # The slope of u |u|^(m - 1) must be zero at zero.
+        # The slope of u |u|^(m - 1) must vanish at zero.
         power = ufl.conditional(ufl.gt(size, _TINY), size, _TINY) ** (m - 1.0)
         return replace(a, pressure=C * a.u_n * power, shear=shear, touches=a.r * a.u_n)
 
 
 @dataclass(frozen=True)
 class Regularised(_AroundFriction):
-    """Friction whose shear grows from zero with x, the slip or its velocity over eps: b phi(x).
+    """Regularised friction: the shear b phi(x) increases with the scaled slip x.
 
-    A point with x < 1 counts as stuck although it creeps. A static problem needs ``width``, a
-    history ``speed``, and a history that begins with a static solve needs both.
+    The scaled slip is x = |u_t|/eps in a static problem and |du_t|/(eps dt) in a history. A point
+    with x < 1 counts as stuck although it creeps. A static problem requires ``width``, a history
+    ``speed``, and a history that begins with a static solve both.
 
     Attributes:
-        friction: the law that is regularised; its radius b of the friction disc.
-        width: eps > 0 of the static law, a length: x = |u_t|/eps. A number, a Constant, a Function
-            or a UFL expression.
-        shape: function phi: ``"tanh"``, tanh(x); ``"sqrt"``, x/sqrt(1 + x^2), the slope of
+        friction: friction law to regularise, with the radius b of its friction disc.
+        width: eps > 0 of the static law, a length; a number, a Constant, a Function or a UFL
+            expression.
+        shape: function phi: ``"tanh"``, tanh(x); ``"sqrt"``, x/sqrt(1 + x^2), the derivative of
             sqrt(|u_t|^2 + eps^2); ``"polynomial"``, (3 x - x^3)/2 up to x = 1, then 1;
             ``"linear"``, x up to 1, then 1.
-        speed: eps > 0 in a history, a velocity: x = |du_t|/(eps dt) in a step of the length dt. The
-            same kinds.
+        speed: eps > 0 of a history, a velocity; same types as ``width``.
 
     Raises:
-        ValueError: for another shape, if neither eps is given, or if ``friction`` is no law of
-            friction.
+        ValueError: for an unknown shape, if neither ``width`` nor ``speed`` is given, or if
+            ``friction`` is not a friction law.
     """
 
     friction: FrictionLaw
@@ -244,7 +246,7 @@ class Regularised(_AroundFriction):
         if self.speed is None:
             return self.width
         timed = ufl.gt(a.step, 0.0)
-        if self.width is None:  # without a step the value is arbitrary
+        if self.width is None:  # arbitrary value outside of a step
             return self.speed * ufl.conditional(timed, a.step, 1.0)
         return ufl.conditional(timed, self.speed * a.step, self.width)
 
@@ -255,7 +257,7 @@ class Regularised(_AroundFriction):
         size = eps * _root(y)
         b = self.bound(replace(a, slid=a.slid_before + size), a.p)
         over_x = _SHAPES[self.shape]
-        if over_x is None:  # springs
+        if over_x is None:  # tangential springs
             return self.friction.shears(replace(a, shear=b / (b + a.r * eps) * a.s))
         creeps, slips = (-b * k / eps * u for k in over_x(y))
         if a.dim == 3:
@@ -287,11 +289,11 @@ class Regularised(_AroundFriction):
 
 
 def _root(y: Any) -> Any:
-    """Return the root of y, cut off near zero, where its slope is infinite."""
+    """Return the square root of y, smoothed near zero, where its derivative is unbounded."""
     return ufl.sqrt(ufl.conditional(ufl.gt(y, _SERIES), y, _SERIES))
 
 
-# phi(x)/x of y = x^2, below and beyond x = 1.
+# phi(x)/x as a function of y = x^2, below and above x = 1.
 
 
 def _tanh(y: Any) -> tuple[Any, Any]:

@@ -1,18 +1,20 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""The laws of Coulomb and Tresca at points of a reduced problem, on numpy arrays.
+r"""Laws of Coulomb and Tresca at the points of a reduced problem, on NumPy arrays.
 
-With a point's displacement a = (ut, un), tangents first, and its force r = (rt, rn) on the body,
+A point has the displacement a = (ut, un), with tangential components first, and the force r = (rt,
+rn) on the body. The laws are
 
     0 <= un  against  rn >= 0,    |rt| <= F rn + g,    rt = -(F rn + g) ut/|ut|.
 
-F is Coulomb's coefficient, g a prescribed bound (Tresca). With an augmentation k, force per length,
-this is r = P(r - k a), with the projection P on rn >= 0 and then on the disc of radius F rn + g
-(Alart and Curnier, CMAME 92, 1991). `friction` has the same laws in UFL, for any coefficient and
-status by status; the checker of proofs (`proofs.check_proof`) is self-contained and repeats it.
+F is Coulomb's coefficient and g a prescribed bound (Tresca). With an augmentation parameter k,
+force per length, they are equivalent to r = P(r - k a), where P projects onto rn >= 0 and then onto
+the disc of radius F rn + g (Alart and Curnier, CMAME 92, 1991). `friction` contains the same laws
+in UFL, for any coefficient and status by status. The checker of proofs (`proofs.check_proof`) is
+self-contained and repeats them.
 
-In 2D and without g the statuses are cones of w = (ut, un, rt, rn), affine in F: a point is at
-w = (B_0 + F B_1) z with (C_0 + F C_1) w >= 0. On a *border* between two statuses it has one unknown
-less: between open and slip only ut is nonzero; between stick and slip rn determines rt.
+In 2D with g = 0 the statuses are cones of w = (ut, un, rt, rn), affine in F: w = (B_0 + F B_1) z
+with (C_0 + F C_1) w >= 0. On a *border* between two statuses there is one unknown less: between
+open and slip only ut is nonzero; between stick and slip rt is determined by rn.
 """
 
 from __future__ import annotations
@@ -43,7 +45,7 @@ _TINY = 1e-300
 
 
 def radius(rn: Array, friction: Array, bound: Array) -> Array:
-    """Return radii F rn + g of the friction discs at normal forces (m,); g if rn is negative."""
+    """Return the radii F rn + g of the friction discs (m,); g where rn is negative."""
     return np.asarray(friction * np.maximum(rn, 0.0) + bound)
 
 
@@ -54,13 +56,13 @@ def project(s: Array, radius: Array) -> Array:
 
 
 def allowed(r: Array, friction: Array, bound: Array) -> Array:
-    """Return the projections of forces (m, dim): rn >= 0, and rt in the disc of that rn."""
+    """Return forces (m, dim) projected onto rn >= 0 and then onto the friction disc."""
     rn = np.maximum(r[:, -1], 0.0)
     return np.column_stack([project(r[:, :-1], radius(rn, friction, bound)), rn])
 
 
 def derivative(s: Array, friction: Array, bound: Array) -> Array:
-    """Return a generalised derivative (m, dim, dim) of `allowed` at s (m, dim)."""
+    """Return a generalised derivative of `allowed` at s, shape (m, dim, dim)."""
     m, d = s.shape
     D = np.zeros((m, d, d))
     pushes = s[:, -1] > 0
@@ -78,12 +80,12 @@ def derivative(s: Array, friction: Array, bound: Array) -> Array:
 
 
 def closed(s: Array) -> npt.NDArray[np.bool_]:
-    """Return which points are closed (m,), by s = r - k a (m, dim)."""
+    """Return the mask of closed points (m,) for s = r - k a (m, dim)."""
     return np.asarray(s[:, -1] >= 0)
 
 
 def stuck(s: Array, friction: Array, bound: Array) -> npt.NDArray[np.bool_]:
-    """Return which points friction holds (m,), by s = r - k a (m, dim)."""
+    """Return the mask of sticking points (m,) for s = r - k a (m, dim)."""
     pressure = s[:, -1]
     grips = (bound > 0) | ((friction > 0) & (pressure >= 0))
     size = np.linalg.norm(s[:, :-1], axis=1)
@@ -91,7 +93,7 @@ def stuck(s: Array, friction: Array, bound: Array) -> npt.NDArray[np.bool_]:
 
 
 def statuses(s: Array, friction: Array, bound: Array) -> npt.NDArray[np.int8]:
-    """Return statuses (`laws.status`) of points (m,), by s = r - k a (m, dim)."""
+    """Return status codes (`laws.status`) of points (m,) for s = r - k a (m, dim)."""
     back = (s[:, 0] > 0) & (s.shape[1] == 2)
     codes = np.where(stuck(s, friction, bound), STICK, np.where(back, MINUS, PLUS))
     rubbing = np.where(bound > 0, codes + WHERE_OPEN, OPEN)
@@ -99,7 +101,7 @@ def statuses(s: Array, friction: Array, bound: Array) -> npt.NDArray[np.int8]:
 
 
 def violation(ut: Array, un: Array, rt: Array, rn: Array, friction: Array, bound: Array) -> float:
-    """Return the largest violation in 2D; arrays (m,) in units in which the load is 1."""
+    """Return the largest violation of the laws in 2D, for arrays (m,) scaled to a unit load."""
     size = max(1.0, float(np.abs(rn).max()), float(np.abs(rt).max()))
     most = friction * rn + bound
     parts = [
@@ -114,7 +116,7 @@ def violation(ut: Array, un: Array, rt: Array, rn: Array, friction: Array, bound
 
 # -- cones in the plane ----------------------------------------------------------------------------
 
-#: The two statuses at each border, by code minus `FIRST_BORDER`.
+#: The two statuses at each border, indexed by code minus `FIRST_BORDER`.
 BORDERS = ((OPEN, PLUS), (OPEN, MINUS), (STICK, PLUS), (STICK, MINUS))
 FIRST_BORDER = 4
 
@@ -131,7 +133,7 @@ BASES: list[tuple[list[Array], list[Array]]] = [
     ([_RN], [-_RT]),
     ([_RN], [_RT]),
 ]
-#: Rows of C_0 and C_1 for each status and border, with the code beyond.
+#: Rows of C_0 and C_1 for each status and border, with the status code beyond each row.
 INSIDE: list[list[tuple[Array, Array, int]]] = [
     [(_UN, _NO, PLUS)],
     [(_RT, _RN, PLUS), (-_RT, _RN, MINUS)],
@@ -142,7 +144,7 @@ INSIDE: list[list[tuple[Array, Array, int]]] = [
     [(_RN, _NO, OPEN)],
     [(_RN, _NO, OPEN)],
 ]
-#: Inequalities of `INSIDE` for a point without friction, whose slip has no sign.
+#: Inequalities in place of `INSIDE` for a frictionless point, whose slip may have either sign.
 WITHOUT_FRICTION: list[list[tuple[Array, Array, int]]] = [
     [(C_0, _NO, code) for C_0, _, code in rows if C_0 is _UN or C_0 is _RN] for rows in INSIDE
 ]

@@ -1,22 +1,24 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Time step of the intensity beta of a bond, in UFL, given the energy of its springs.
+r"""Time step of the bond intensity beta in UFL, for a given spring energy.
 
-The law is b beta' = -(w - E beta)^-, where E is twice the energy per area of the springs of an
-intact bond. Where the bond recovers, b beta' = w - E beta, up to beta = 1. In a step from beta_n,
+The law is b beta' = -(w - E beta)^-, where E is twice the spring energy per area of an intact bond.
+If the bond recovers, b beta' = w - E beta up to beta = 1. A step that starts from beta_n satisfies
 
     b (s - beta)/tau = E beta - w   as long as beta < c,   otherwise beta = c,
 
-where s, tau and c depend on the memory only: a step has one kink in E, at the end of the *cap* c.
+where s, tau and the *cap* c depend on the memory only. A step thus has a single kink in E, where
+beta reaches c.
 
-- First order, implicit Euler: s = beta_n and tau = dt.
-- Second order, the backward differentiation formula of two steps (BDF2; Hairer, Norsett and Wanner,
-  Solving Ordinary Differential Equations I, section III.5), with r_n = (beta_n-1 - beta_n)/dt_n,
-  x = dt/dt_n and a = x/(1 + 2 x):  s = beta_n - a dt r_n and tau = (1 - a) dt. It is L-stable, so
-  its order does not depend on b. x counts as 2 at most: with longer steps the formula is no longer
-  stable, and the order falls.
+- First order (implicit Euler): s = beta_n and tau = dt.
+- Second order (BDF2, the two-step backward differentiation formula; Hairer, Norsett and Wanner,
+  Solving Ordinary Differential Equations I, section III.5): with r_n = (beta_n-1 - beta_n)/dt_n,
+  x = dt/dt_n and a = x/(1 + 2 x), s = beta_n - a dt r_n and tau = (1 - a) dt. The formula is
+  L-stable, so its order does not depend on b. x is limited to 2, because the formula is unstable
+  for longer steps; the order is then lower.
 
-The cap is beta_n, or 1 where the bond may recover. The formula of two steps may let a bond continue
-to weaken after the load has stopped, by the excess over w/E_n: c = max(s, min(beta_n, w/E_n)).
+The cap is beta_n, or 1 if the bond may recover. The two-step formula can let a bond weaken further
+after the load has stopped, by the excess over w/E_n; this is prevented by c = max(s, min(beta_n,
+w/E_n)).
 """
 
 from __future__ import annotations
@@ -27,25 +29,25 @@ import ufl
 
 __all__ = ["DamageStep", "least_energy"]
 
-_LEAST = 0.25  # energy over w below which no bond of intensity 1 or less can damage
+_LEAST = 0.25  # energy relative to w, below which no bond of intensity at most 1 is damaged
 _TINY = 1e-100
-_LONGEST = 2.0  # step over the previous one beyond which BDF2 is not stable (1 + sqrt(2))
+_LONGEST = 2.0  # ratio of consecutive steps; BDF2 is stable up to 1 + sqrt(2)
 
 
 class DamageStep:
-    """Time step of the intensity beta.
+    """Time step of the bond intensity beta.
 
     Args:
-        beta: intensity at the start.
+        beta: intensity at the start of the step.
         work: work of decohesion w, energy per area.
         viscosity: viscosity b >= 0.
-        step: duration dt; a negative one means no viscosity.
+        step: duration dt; negative for a step without viscosity (static problem).
         before: "rate" r_n, "length" dt_n and "rest" min(beta_n, w/E_n) of the previous step, for
-            the second order; default: None, for the first order.
-        recovers: UFL condition under which beta may grow; default: None, if it never grows.
+            the second order; default: None (first order).
+        recovers: UFL condition under which beta may grow; default: None (beta never grows).
 
     Attributes:
-        cap: cap c.
+        cap: upper bound c of the intensity in the step.
     """
 
     def __init__(
@@ -78,7 +80,7 @@ class DamageStep:
             self.cap = cap if recovers is None else ufl.conditional(recovers, 1.0, cap)
 
     def slack(self, energy: Any) -> Any:
-        """Return (w - E c - b (c - s)/tau)/w, positive where beta is the cap."""
+        """Return (w - E c - b (c - s)/tau)/w, which is nonnegative if beta equals the cap."""
         free = 1.0 - self.cap * energy / self._work
         if self.cap is self._start:
             return free
@@ -88,19 +90,19 @@ class DamageStep:
         return free - ufl.conditional(acts, self._viscosity * pace / self._work, 0.0)
 
     def intensity(self, energy: Any) -> Any:
-        """Return the intensity below the cap."""
+        """Return the damaged intensity, the solution of b (s - beta)/tau = E beta - w."""
         w = self._work
         b = ufl.conditional(ufl.gt(self._viscosity, 0.0), self._viscosity, 1.0)
         slow = (b * self._start + self._time * w) / (b + self._time * energy)
         return ufl.conditional(self._viscous, slow, w / least_energy(energy, w))
 
     def now(self, energy: Any) -> Any:
-        """Return the intensity at an energy of the springs."""
+        """Return the intensity at the end of the step, for the spring energy E = ``energy``."""
         return ufl.conditional(ufl.lt(self.slack(energy), 0.0), self.intensity(energy), self.cap)
 
 
 def least_energy(energy: Any, work: Any) -> Any:
-    """Return the energy E, but at least one below which no bond damages."""
+    """Return the spring energy E, limited from below to avoid division by zero without damage."""
     return ufl.conditional(ufl.gt(energy, _LEAST * work), energy, _LEAST * work)
 
 

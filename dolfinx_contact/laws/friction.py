@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Unilateral contact with friction: how large the shear may be at a given contact pressure.
+r"""Unilateral contact with friction, defined by the friction bound at a given contact pressure.
 
-A friction law is the radius b of the disc (in 2D, of the interval) that holds the shear. Of the
-augmented pressure p and shear s it answers -max(p, 0) n + (s projected on the disc of radius b),
-written status by status.
+A friction law is defined by the radius b of its friction disc (in 2D, interval). For the augmented
+pressure p and shear s the traction is -max(p, 0) n plus the projection of s onto the disc of radius
+b, written status by status.
 """
 
 from __future__ import annotations
@@ -28,43 +28,44 @@ from dolfinx_contact.laws.status import MINUS, OPEN, PLUS, STICK, WHERE_OPEN
 
 __all__ = ["Coulomb", "FrictionLaw", "Frictionless", "Tresca"]
 
-_ROUND_OFF = 1e-9  # of the augmented pressure over r, a length
+_ROUND_OFF = 1e-9  # ratio of the augmented pressure to r, a length
 
 #: Function from the slip distance to the radius of the friction disc at the augmented pressure.
 Radius: TypeAlias = Callable[[Any], Any]
 
 
 class FrictionLaw(Law):
-    """Unilateral contact with isotropic friction: define `bound`."""
+    """Unilateral contact with isotropic friction; subclasses define `bound`."""
 
     bound_kind: BoundKind | None = "other"
 
     def bound(self, a: ContactPoint, p: Any) -> Any:
-        """Return the UFL radius of the friction disc at the pressure ``p``, a traction.
+        """Return the radius of the friction disc at the pressure ``p``, UFL traction.
 
         Args:
-            a: contact point; the radius may depend on ``a.slid``, the slip distance.
-            p: pressure, positive in contact. If friction acts on open points too
-                (``needs_pressure = False``), it may be negative there and must not matter then.
+            a: contact point; the radius may depend on its slip distance ``a.slid``.
+            p: pressure, positive in contact. If friction also acts on open points
+                (``needs_pressure = False``), ``p`` may be negative there, and the radius must not
+                depend on it.
         """
         raise NotImplementedError(f"{type(self).__name__} has no method bound(a, p)")
 
     def grips(self, a: ContactPoint) -> Any | None:
-        """Return a UFL condition under which friction acts at the point; None, the default: always.
+        """Return the UFL condition under which friction acts; default: None (always).
 
-        It depends only on fields of the law, for example on a coefficient that is not zero.
+        The condition depends on fields of the law only, for example on a positive coefficient.
         """
         return None
 
     def holds(self, a: ContactPoint) -> Any | None:
-        """Return a UFL condition under which the point can stick, by default that of `grips`.
+        """Return the UFL condition under which a point can stick; default: `grips`.
 
-        It may depend on the average over neighbouring points: without pressure no point sticks.
+        The condition may depend on the averaged pressure: where it vanishes, no point sticks.
         """
         return self.grips(a)
 
     def shears(self, a: ContactPoint) -> Mapping[int, StatusPiece]:
-        """Return the shear of closed points for each status, with the borders of the status."""
+        """Return the shear of closed points for each status, and the borders of the status."""
         in_ = _in_plane if a.dim == 2 else _in_space
         return in_(a, partial(self.disc, a), self.grips(a), self.holds(a))
 
@@ -73,10 +74,10 @@ class FrictionLaw(Law):
         return self.bound(replace(a, slid=a.slid_before + slid), a.p)
 
     def entered(self, a: ContactPoint) -> Mapping[int, Any]:
-        """Return statuses of an open point after closing, with UFL conditions; None for always."""
+        """Return statuses of an open point after closing, with UFL conditions (None: always)."""
         if a.dim == 3:
             return {PLUS: None}
-        # It slips against its displacement.
+        # The point slips against its displacement.
         grips = self.grips(a)
         back = ufl.gt(ufl.dot(a.s, a.t), 0.0)
         back = back if grips is None else ufl.And(back, grips)
@@ -107,10 +108,10 @@ class FrictionLaw(Law):
 
 
 class _Slip:
-    """A slip by a distance that is nonnegative up to round-off.
+    """Slip by a distance that is nonnegative up to round-off.
 
     Stick and slip then share one border for every jump and traction, and friction always opposes
-    slip. The radius is smooth slightly below zero, where slip begins.
+    the slip. The radius is smooth slightly below zero slip, where slip begins.
     """
 
     def __init__(self, a: ContactPoint, radius: Radius, slid: Any):
@@ -121,12 +122,12 @@ class _Slip:
         self._knows = radius(slid) != radius(2.0 * slid)
 
     def border(self, excess: Any) -> Any:
-        """Distance to the end of the slip, from the excess of the shear over the radius."""
+        """Return the distance to the end of slip, from the excess of the shear over the radius."""
         return ufl.conditional(self._forward, excess, self._back) if self._knows else excess
 
 
 def _in_plane(a: ContactPoint, radius: Radius, grips: Any, holds: Any) -> dict[int, StatusPiece]:
-    """Return friction in 2D; slip with u_t > 0 has s.t < 0."""
+    """Return the pieces of friction in 2D; slip with u_t > 0 has s.t < 0."""
     s = ufl.dot(a.s, a.t)
     u = ufl.dot(a.u_t, a.t)
     right = _Slip(a, radius, u)
@@ -141,7 +142,7 @@ def _in_plane(a: ContactPoint, radius: Radius, grips: Any, holds: Any) -> dict[i
 
 
 def _in_space(a: ContactPoint, radius: Radius, grips: Any, holds: Any) -> dict[int, StatusPiece]:
-    """Return friction in 3D."""
+    """Return the pieces of friction in 3D."""
     size = ufl.sqrt(ufl.dot(a.s, a.s))
     along = ufl.conditional(ufl.gt(size, 0.0), -ufl.dot(a.u_t, a.s) / size, 0.0)
     slip = _Slip(a, radius, along)
@@ -156,7 +157,7 @@ def _in_space(a: ContactPoint, radius: Radius, grips: Any, holds: Any) -> dict[i
 
 @dataclass(frozen=True)
 class Frictionless(FrictionLaw):
-    """Signorini contact: no tangential traction."""
+    """Frictionless unilateral contact (Signorini): the tangential traction is zero."""
 
     bound_kind = "proportional"
 
@@ -166,10 +167,10 @@ class Frictionless(FrictionLaw):
 
 @dataclass(frozen=True)
 class Coulomb(FrictionLaw):
-    """Coulomb friction, ``|lambda_t| <= F |lambda_n|`` in its static form.
+    """Coulomb friction; the static law is ``|lambda_t| <= F |lambda_n|``.
 
     Attributes:
-        friction: coefficient F >= 0, a number, a Constant, a Function or a UFL expression.
+        friction: friction coefficient F >= 0, a number, a Constant, a Function or a UFL expression.
     """
 
     friction: Scalar
@@ -185,13 +186,13 @@ class Coulomb(FrictionLaw):
 
 @dataclass(frozen=True)
 class Tresca(FrictionLaw):
-    """Tresca friction: a prescribed friction bound, ``|lambda_t| <= g`` on the whole surface.
+    """Tresca friction: prescribed friction bound ``|lambda_t| <= g`` on the whole surface.
 
-    As in the mathematical literature, friction acts on open parts of the surface too. Multiply the
-    bound by a field that vanishes there to change this.
+    As in the mathematical literature, friction also acts on open parts of the surface. To avoid
+    this, multiply the bound by a field that vanishes there.
 
     Attributes:
-        threshold: g >= 0 in units of traction, as for `Coulomb.friction`.
+        threshold: friction bound g >= 0, a traction; same types as `Coulomb.friction`.
     """
 
     threshold: Scalar

@@ -1,27 +1,27 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Interfaces by two functions: a surface energy and a potential of dissipation.
+r"""Interfaces defined by two functions: a surface energy and a potential of dissipation.
 
-The frame is that of generalised standard materials (Halphen and Nguyen, J. Mec. 14, 1975), which
-Del Piero and Raous have carried over to interfaces (Eur. J. Mech. A/Solids 29, 2010). The state is
-the jump, an opening [u_n] >= 0 and a tangential jump [u_t], and internal variables a. With the
-surface energy Psi([u_n], [u_t], a) and the potential of dissipation Phi(|[u_t]'|, a'; state, chi),
-convex in the rates and least, 0, at rest, the laws of state and evolution are
+The framework is that of generalised standard materials (Halphen and Nguyen, J. Mec. 14, 1975),
+extended to interfaces by Del Piero and Raous (Eur. J. Mech. A/Solids 29, 2010). The state consists
+of the jump, split into opening [u_n] >= 0 and tangential jump [u_t], and of internal variables a.
+The surface energy is Psi([u_n], [u_t], a). The potential of dissipation Phi(|[u_t]'|, a'; state,
+chi) is convex in the rates, with the minimum 0 at zero rates. The laws of state and evolution are
 
     R_n = dPsi/d[u_n] - p,   0 <= p, [u_n] >= 0, p [u_n] = 0,       R_t = dPsi/d[u_t] + R_t^ir,
     R_t^ir in dPhi/d[u_t]',        -dPsi/da in dPhi/da',
 
-for the forces R on the body. chi are the normal data on which the dissipation may depend: pressure
-p, reaction, opening. Phi describes isotropic friction, a function of the slip speed |[u_t]'| >= 0;
-its slope at speed 0 is the friction bound.
+for the forces R on the body. chi denotes the normal data on which the dissipation may depend:
+pressure p, reaction, opening. Phi describes isotropic friction: it depends on the slip speed
+|[u_t]'| >= 0, and its derivative at zero speed is the friction bound.
 
-A step in time is implicit Euler's,
+A time step uses the implicit Euler method,
 
     dPsi/da(a) + dPhi/da'((a - a_n)/dt) = 0,
 
-which is solved point by point (`roots`). A monotone variable rests while its force is within the
-threshold dPhi/da'(0), changes, or has reached its end. This is part of the status
-(`status.DAMAGING`, `status.BROKEN`). In a static problem all rates are 0, and only the part of the
-dissipation that does not depend on the time remains.
+which is solved point by point (`roots`). A monotone variable remains constant while its driving
+force is below the threshold dPhi/da'(0); otherwise it changes, until it reaches its end. These
+cases are part of the status (`status.DAMAGING`, `status.BROKEN`). In a static problem all rates are
+zero, and only the rate-independent part of the dissipation remains.
 """
 
 from __future__ import annotations
@@ -50,14 +50,14 @@ _WORDS = {OPEN: "rests", DAMAGING: "changes", BROKEN: "ends"}
 
 
 class Interface(Law):
-    """A law of contact by an energy and a potential of dissipation: define these.
+    """Contact law defined by an energy and a potential of dissipation (abstract).
 
-    A frozen dataclass whose fields are its data. Fields that `internal` names have their initial
-    value at the start, and later the value at the last accepted state; otherwise it is as in `Law`.
-    With ``needs_pressure = False`` friction acts at open points too. Results depend on the time if
-    the dissipation is not linear in the rates: then ``needs_time`` names the fields that must be 0
-    for linearity. In a static problem all rates are 0: friction is that at speed 0, and there is no
-    viscous resistance.
+    A subclass is a frozen dataclass whose fields are the parameters; see `Law`. Fields listed in
+    `internal` have their initial values at the start, and later the values at the last accepted
+    state. With ``needs_pressure = False`` friction also acts at open points. If the dissipation is
+    not 1-homogeneous in the rates, results depend on time. Then ``needs_time`` must list the
+    fields, such as viscosities, that vanish in the rate-independent case. In a static problem all
+    rates are zero: friction is evaluated at zero speed, without viscous resistance.
 
     Example:
         A bond whose strength falls with the opening, linearly, and which does not heal::
@@ -81,23 +81,23 @@ class Interface(Law):
     """
 
     def energy(self, state: InterfaceState) -> Any:
-        """Return Psi, UFL energy per area."""
+        """Return the surface energy Psi, UFL energy per area."""
         return 0.0
 
     def dissipation(self, rates: Rates, state: InterfaceState) -> Any:
-        """Return Phi, UFL power per area; it is differentiated with respect to the rates only."""
+        """Return the potential Phi, UFL power per area; only rates are differentiated."""
         return 0.0
 
     def cost(self, start: InterfaceState, end: InterfaceState) -> Any:
-        """Return the dissipation of the variables between two states, UFL energy per area.
+        """Return the energy dissipated by the variables between two states, UFL energy per area.
 
-        None: dPhi/da' is integrated between the two values of the variables by Gauss' rule of four
-        points. This is inaccurate if dPhi/da' grows many times over in a step.
+        If the result is None, dPhi/da' is integrated between the two values of the variables by the
+        four-point Gauss rule. This is inaccurate if dPhi/da' grows by a large factor within a step.
         """
         return None
 
     def broken(self, state: InterfaceState) -> Any:
-        """Return a UFL condition for a broken interface; by default the variable is at its end."""
+        """Return the UFL condition for a broken interface; default: the variable is at its end."""
         x = self.weakening
         if x is None or x.end is None:
             return None
@@ -173,7 +173,7 @@ class Interface(Law):
         return [OPEN, DAMAGING] if x.end is None else [OPEN, DAMAGING, BROKEN]
 
     def _check_time(self, a: ContactPoint) -> None:
-        """Raise ``ValueError`` if the speed matters even if the fields of needs_time are 0."""
+        """Raise ``ValueError`` if the speed matters although all fields in ``needs_time`` are 0."""
         still = self.having(dict.fromkeys(self.needs_time, 0.0))
         if still._side(a, False, self._families[-1], level=0).knows_speed:
             raise ValueError(
@@ -184,14 +184,14 @@ class Interface(Law):
     # -- at a point ------------------------------------------------------------------------------
 
     def _side(self, a: ContactPoint, is_open: bool, family: int, level: int = 1) -> InterfacePoint:
-        """Return the interface at an open or closed point, with the variable of a family."""
+        """Return the interface at an open or closed point, with the variable of a status family."""
         start = self._starts(a)
         unknown = []
         values = dict[str, Any]()
         x = self.weakening
         for v in (*([] if x is None else [x]), *(v for v in self.internal if v is not x)):
             if v is x and family != DAMAGING:
-                # Not a constant: UFL would evaluate quotients by expressions of it at once.
+                # Not a constant: UFL would immediately evaluate quotients of such expressions.
                 last = ufl.conditional(ufl.gt(a.r, 0.0), float(v.end or 0.0), start[v.name])
                 values[v.name] = start[v.name] if family == OPEN else last
             else:
@@ -206,7 +206,7 @@ class Interface(Law):
         return InterfacePoint(self, a, opening, values, start, unknown, is_open, level)
 
     def _starts(self, a: ContactPoint) -> dict[str, Any]:
-        """Return values of the variables at the last accepted state."""
+        """Return the variables at the last accepted state, by name."""
         return {
             x.name: ufl.as_vector([a.kept[name] for name in x.components(a.dim)])
             if x.vector
@@ -215,7 +215,7 @@ class Interface(Law):
         }
 
     def _now(self, a: ContactPoint) -> InterfacePoint:
-        """Return the interface at the present state."""
+        """Return the interface at the current state."""
         is_open = ufl.lt(a.u_n, 0.0)
         values = dict[str, Any]()
         both = [self._values(a, side) for side in (True, False)]
@@ -225,7 +225,7 @@ class Interface(Law):
         return InterfacePoint(self, a, opening, values, self._starts(a), [], None, 2)
 
     def _values(self, a: ContactPoint, is_open: bool) -> dict[str, Any]:
-        """Return values of the variables at an open or closed point."""
+        """Return the current variables of an open or closed point, by name."""
         sides = {f: self._side(a, is_open, f) for f in self._families}
         x = self.weakening
         if x is None:
@@ -242,14 +242,14 @@ class Interface(Law):
 
     @property
     def _can_change(self) -> Any:
-        """Condition that the monotone variable is not at its end; None if it has no end."""
+        """UFL condition that the monotone variable is not at its end; None without an end."""
         x = self.weakening
         if x is None or x.end is None:
             return None
         return ufl.gt(x.sense * (x.end - getattr(self, x.name)), 0.0)
 
     def _slack(self, side: InterfacePoint) -> Any:
-        """Return the threshold minus the force on the monotone variable."""
+        """Return the threshold minus the driving force of the monotone variable."""
         x = self.weakening
         assert x is not None
         return x.sense * side.driven(x.name)
@@ -257,7 +257,7 @@ class Interface(Law):
     def _outgoing(
         self, sides: Mapping[int, InterfacePoint], family: int, code: int
     ) -> list[Border]:
-        """Return borders to other families."""
+        """Return the borders to other families."""
         x = self.weakening
         found = list[Border]()
         if x is None:
@@ -279,7 +279,7 @@ class Interface(Law):
 
 
 def _chosen(condition: Any, yes: Any, no: Any) -> Any:
-    """Return `ufl.conditional` of scalars or vectors."""
+    """Return `ufl.conditional` for scalars or vectors."""
     if not yes.ufl_shape:
         return ufl.conditional(condition, yes, no)
     pairs = zip(_scalars(yes), _scalars(no), strict=True)
@@ -291,7 +291,7 @@ def _scalars(e: Any) -> list[Any]:
 
 
 def _both(one: Any, other: Any) -> Any:
-    """Return the conjunction of conditions; None is always true."""
+    """Return the conjunction of two conditions, where None is always true."""
     if one is None or other is None:
         return other if one is None else one
     return ufl.And(one, other)
@@ -300,9 +300,9 @@ def _both(one: Any, other: Any) -> Any:
 def _borders(
     side: InterfacePoint, distance: Any, code: int, family: int, where: Any
 ) -> Iterator[Border]:
-    """Yield borders to the status with the same contact and friction in the family of a side.
+    """Yield borders to the status of equal contact and friction in the family of a side.
 
-    A point without friction there slips.
+    Where friction is zero, the target status is slip.
     """
     grips = None if code in (OPEN, PLUS, PLUS + WHERE_OPEN) else side.grips
     yield Border(distance, code + family, _both(where, grips))

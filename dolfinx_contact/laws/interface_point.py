@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""An interface at a point: its energy, its dissipation and their derivatives in UFL."""
+"""Interface at a point: energy, dissipation and their derivatives in UFL."""
 
 from __future__ import annotations
 
@@ -24,42 +24,42 @@ from dolfinx_contact.laws.symbols import variable
 
 __all__ = ["InterfacePoint"]
 
-_FIRST = 5000  # number of a variable to differentiate by
+_FIRST = 5000  # label offset of variables of differentiation
 _PER_LEVEL = 100
-_POINTS = 4  # points of the quadrature
+_POINTS = 4  # number of quadrature points
 _SHORTEST = 1e-60
 _NO_PACE = 1e-290
 
 
 class Potentials(Protocol):
-    """The two functions of an interface."""
+    """Energy and dissipation of an interface (protocol)."""
 
     internal: tuple[Internal, ...]
     needs_pressure: bool
 
     def energy(self, state: InterfaceState) -> Any:
-        """Return Psi."""
+        """Return the surface energy Psi."""
 
     def dissipation(self, rates: Rates, state: InterfaceState) -> Any:
-        """Return Phi."""
+        """Return the potential of dissipation Phi."""
 
     def cost(self, start: InterfaceState, end: InterfaceState) -> Any:
-        """Return the integral of dPhi/da' . da, or None."""
+        """Return the integral of dPhi/da' . da between two states, or None."""
 
 
 class InterfacePoint:
-    """An interface at a point with values of its variables.
+    """Interface at a point, for given values of its variables.
 
     Args:
         law: law with its fields at the point.
         a: contact point.
-        opening: [u_n].
+        opening: opening [u_n].
         values: values of the variables.
         start: values of the variables at the last accepted state.
-        unknown: variables that are solved for.
-        is_open: whether the point is open; None if it is unknown.
-        level: number that distinguishes the variables of differentiation of nested points; it is
-            one more than that of the points in ``values``.
+        unknown: names of the variables to be solved for.
+        is_open: whether the point is open; None if not yet determined.
+        level: number that distinguishes the differentiation variables of nested points, one more
+            than that of the points in ``values``.
     """
 
     def __init__(
@@ -85,16 +85,16 @@ class InterfacePoint:
         self._moves = [name for name, v in values.items() if v is not start[name]]
         self._opening, self._moved, *mine = self._variables([opening, moved, *values.values()])
         self.values = dict(zip(values, mine, strict=True))
-        #: Without pressure and reaction.
+        #: At open points pressure and reaction are zero.
         self.state = InterfaceState(self._opening, self._moved, n, self.values)
         self.energy = ufl.as_ufl(law.energy(self.state))
-        # Without time (negative step) all rates are nearly 0, as roots of rates have no derivative
-        # at 0; in a step of length 0 nothing changes.
+        # Without time (negative step) all rates are set to nearly zero, because the square root in
+        # the speed is not differentiable at 0. In a step of zero length nothing changes.
         time = ufl.conditional(ufl.gt(a.step, _SHORTEST), a.step, _SHORTEST)
         self._pace = ufl.conditional(ufl.ge(a.step, 0.0), 1.0 / time, _NO_PACE)
 
     def _variables(self, expressions: Sequence[Any], first: int = 0) -> list[Any]:
-        """Return variables of differentiation for expressions."""
+        """Return the expressions as variables of differentiation."""
         first += _FIRST + _PER_LEVEL * self._level
         return [variable(e, first + i) for i, e in enumerate(expressions)]
 
@@ -102,23 +102,23 @@ class InterfacePoint:
 
     @cached_property
     def _pull(self) -> Any:
-        """dPsi/d[u_n]."""
+        """Derivative dPsi/d[u_n]."""
         return _slope(self.energy, self._opening)
 
     @cached_property
     def _along(self) -> Any:
-        """dPsi/d[u_t]."""
+        """Derivative dPsi/d[u_t]."""
         g = _slope(self.energy, self._moved)
         n = self._a.n
         return g - ufl.dot(g, n) * n
 
     @property
     def traction(self) -> Any:
-        """Traction of the energy on the body."""
+        """Traction on the body from the energy."""
         return self._pull * self._a.n - self._along
 
     def scale(self, name: str) -> Any:
-        """Return the factor by which the force on a variable becomes a traction."""
+        """Return the factor that converts the force on a variable to a traction."""
         law = self._law
         a = self._a
         zero = self._a.n * 0.0
@@ -136,7 +136,7 @@ class InterfacePoint:
 
     @property
     def speed(self) -> Any:
-        """|[u_t]'|."""
+        """Slip speed |[u_t]'|."""
         square = ufl.dot(self._a.u_t, self._a.u_t)
         return ufl.conditional(ufl.gt(square, 0.0), ufl.sqrt(square), 0.0) * self._pace
 
@@ -150,9 +150,9 @@ class InterfacePoint:
     def _potential(
         self, pressure: Any, speed: Any, share: float = 1.0
     ) -> tuple[Any, dict[str, Any]]:
-        """Return Phi and the rates to differentiate it by; the name of the slip speed is "".
+        """Return Phi and its rates as variables of differentiation; "" is the key of the speed.
 
-        The variables are evaluated after a ``share`` of the step.
+        The variables are evaluated after the fraction ``share`` of the step.
         """
         reaction = pressure if isinstance(self._pull, Zero) else _positive(pressure - self._pull)
         reaction = ufl.as_ufl(0.0) if isinstance(ufl.as_ufl(pressure), Zero) else reaction
@@ -172,20 +172,20 @@ class InterfacePoint:
 
     @cached_property
     def _slopes(self) -> dict[str, Any]:
-        """dPhi/da' by name of the variable."""
+        """Derivatives dPhi/da', by name of the variable."""
         phi, rates = self._potential(self.pressure, self._own_speed)
         return {name: _slope(phi, rate) for name, rate in rates.items() if name}
 
     def _part(self, name: str, share: float) -> Any:
-        """Return the value of a variable after a share of the step."""
+        """Return the value of a variable after the fraction ``share`` of the step."""
         return (1.0 - share) * self.start[name] + share * self.values[name]
 
     @property
     def spent(self) -> Any:
-        """Dissipation of the variables in the step, energy per area.
+        """Energy per area dissipated by the variables in the step.
 
-        The integral of dPhi/da'(a) . da between the two values, by Gauss' rule unless the law
-        defines `cost`.
+        It is the integral of dPhi/da'(a) . da between the two values, computed by the Gauss rule
+        unless the law defines `cost`.
         """
         known = self._law.cost(replace(self.state, internal=self.start), self.state)
         if known is not None:
@@ -197,7 +197,7 @@ class InterfacePoint:
             for name in self._moves:
                 moved = self.values[name] - self.start[name]
                 lost = ufl.inner(_slope(phi, rates[name]), moved)
-                # At its end, the resistance of a variable may be infinite.
+                # The resistance of a variable may be infinite at its end.
                 some = ufl.ne(ufl.inner(moved, moved), 0.0)
                 found += 0.5 * float(weight) * ufl.conditional(some, lost, 0.0)
         return found
@@ -211,20 +211,20 @@ class InterfacePoint:
         return not (self._is_open and self._law.needs_pressure)
 
     def resisted(self, name: str) -> Any:
-        """Return dPhi/da' of a variable."""
+        """Return the resistance dPhi/da' of a variable."""
         return self._slopes[name]
 
     def driven(self, name: str) -> Any:
-        """Return dPsi/da + dPhi/da' of a variable; 0 where it changes."""
+        """Return dPsi/da + dPhi/da' of a variable, which is zero while the variable changes."""
         return _slope(self.energy, self.values[name]) + self.resisted(name)
 
     def determines(self, name: str) -> bool:
-        """Return whether `driven` depends on an unknown variable, so that it can be solved."""
+        """Return whether `driven` depends on an unknown variable, so it can be solved for it."""
         force = self.driven(name)
         return not all(isinstance(_slope(force, self.values[x.name]), Zero) for x in self.unknown)
 
     def resistance(self, pressure: Any, speed: Any) -> Any:
-        """Return dPhi/d|[u_t]'|, the radius of the friction disc."""
+        """Return dPhi/d|[u_t]'|, the radius of the friction disc, a traction."""
         phi, rates = self._potential(ufl.as_ufl(pressure), ufl.as_ufl(speed))
         return _slope(phi, rates[""])
 
@@ -236,7 +236,7 @@ class InterfacePoint:
 
     @property
     def knows_speed(self) -> bool:
-        """Whether Phi is not linear in the rates."""
+        """Whether Phi is not 1-homogeneous in the rates."""
         phi, rates = self._potential(self.pressure, self.speed)
         pairs = ((v, w) for v in rates.values() for w in rates.values())
         return any(depends_on(_slope(phi, v), w) for v, w in pairs)
@@ -245,10 +245,10 @@ class InterfacePoint:
 
     @cached_property
     def soft(self) -> ContactPoint:
-        """The point as contact and friction see it, with the traction that no energy gives.
+        """Contact point for contact and friction, without the traction of the energy.
 
-        Springs count as augmentation: so pressure and shear fall where the body moves away, however
-        stiff they are.
+        Springs count as additional augmentation. Pressure and shear therefore decrease when the
+        body moves away, for any spring stiffness.
         """
         a = self._a
         pull = self._pull
@@ -268,26 +268,26 @@ class InterfacePoint:
 
     @property
     def contact(self) -> Mapping[int, StatusPiece]:
-        """Pieces of contact and friction alone."""
+        """Pieces of contact and friction without the energy."""
         return self._friction.pieces(self.soft)
 
     @property
     def grips(self) -> Any:
-        """Condition under which friction acts; None: always."""
+        """UFL condition under which friction acts; None: always."""
         return self._friction.grips(self._a)
 
 
 @dataclass(frozen=True)
 class _Friction(FrictionLaw):
-    """Friction by a potential.
+    """Friction derived from a potential.
 
     Attributes:
         resistance: function from pressure and speed to the radius of the friction disc.
         speed: slip speed.
-        pace: slip speed over slip distance.
-        viscous: whether the radius depends on the speed.
+        pace: ratio of slip speed to slip distance.
+        viscous: whether the radius depends on the slip speed.
         presses: whether friction acts at closed points only.
-        free: whether this is an open point with friction.
+        free: whether the point is open and subject to friction.
     """
 
     resistance: Callable[[Any, Any], Any]
@@ -317,7 +317,7 @@ class _Friction(FrictionLaw):
 
 
 class _Signed(MultiFunction):  # type: ignore[misc]
-    """Replace absolute values of expressions of known sign, which have a kink at 0."""
+    """Replace absolute values of expressions of known sign, which are not differentiable at 0."""
 
     def __init__(self, signs: Mapping[Any, int]):
         super().__init__()

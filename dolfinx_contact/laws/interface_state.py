@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Arguments of energies and dissipations of interfaces."""
+"""Arguments of the energy and the dissipation of an interface."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ __all__ = ["InterfaceState", "Rates"]
 
 @dataclass(frozen=True)
 class InterfaceState:
-    """State of an interface, UFL.
+    """State of an interface in UFL.
 
     Attributes:
-        opening: [u_n] >= 0.
-        moved: [u_t] since the start of the history, a tangential vector.
+        opening: opening [u_n] >= 0.
+        moved: tangential jump [u_t] since the start of the history, a vector.
         n: unit normal, from the body into the obstacle.
-        internal: variables by name; ``state[name]`` is the same.
-        pressure: contact pressure p, 0 at open points. For the dissipation only.
-        reaction: sum of the pressures of contact and adhesion, 0 if negative. For the dissipation
-            only.
+        internal: internal variables by name; also available as ``state[name]``.
+        pressure: contact pressure p, 0 at open points; available to the dissipation only.
+        reaction: positive part of the sum of contact and adhesive pressure; available to the
+            dissipation only.
     """
 
     opening: Any
@@ -33,7 +33,7 @@ class InterfaceState:
 
     @property
     def jump(self) -> Any:
-        """[u], displacement of the body relative to the obstacle, a vector."""
+        """Jump [u] of the displacement, body minus obstacle, a vector."""
         return self.moved - self.opening * self.n
 
     def __getitem__(self, name: str) -> Any:
@@ -42,11 +42,11 @@ class InterfaceState:
 
 @dataclass(frozen=True)
 class Rates:
-    """Rates of the state of an interface, UFL.
+    """Rates of the state of an interface in UFL.
 
     Attributes:
-        slip: speed |[u_t]'| >= 0.
-        internal: rates of the variables by name; ``rates[name]`` is the same.
+        slip: slip speed |[u_t]'| >= 0.
+        internal: rates of the internal variables by name; also available as ``rates[name]``.
     """
 
     slip: Any

@@ -1,17 +1,17 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Contact laws: UFL in the jump and the traction at one point, status by status.
+r"""Contact laws: UFL expressions of jump and traction at one point, for each status.
 
-A law maps the jump j and the traction t at a point (and its own fields there) to the traction tau
-that it requires; a state satisfies the law if t = tau(j, t). Statuses, derivatives, events,
-measures of violation, rates by a parameter, and the cones of a polyhedral law follow from the same
-expressions (`compiled`).
+A law maps the jump j and the traction t at a point (and local fields of the law) to the required
+traction tau; a state satisfies the law if t = tau(j, t). Statuses, derivatives, events, measures of
+violation, rates with respect to a parameter, and the cones of a polyhedral law are derived from the
+same expressions (`compiled`).
 
 With n the unit normal from the body into the obstacle, the initial gap g and the augmentation
 parameter r,
 
     u_n = j.n - g,   u_t = j - (j.n) n,   p = -(t.n - r u_n),   s = t - (t.n) n - r u_t
 
-are penetration, tangential displacement, augmented pressure and augmented shear, in which
+are penetration, tangential displacement, augmented pressure and augmented shear. In terms of these,
 Signorini's conditions and friction are projections (Alart and Curnier, CMAME 92, 1991, eq. 3.7).
 """
 
@@ -46,23 +46,23 @@ __all__ = [
     "obeys",
 ]
 
-#: Which numbers may be given.
+#: Admissible signs of a number.
 Sign: TypeAlias = Literal["any", "nonnegative", "positive", "fraction"]
 #: A number, a `dolfinx.fem.Constant`, a `dolfinx.fem.Function` or any scalar UFL expression.
 Scalar: TypeAlias = Any
-#: How a friction bound depends on the pressure: as a coefficient times it, or not at all.
+#: Dependence of a friction bound on the pressure: proportional, or independent of it.
 BoundKind: TypeAlias = Literal["proportional", "given", "other"]
-#: How an internal variable may change.
+#: Admissible changes of an internal variable.
 Monotone: TypeAlias = Literal["any", "falls", "grows"]
 
 
 class Kernel(NamedTuple):
-    """Kernel that averages the pressures of neighbouring points (`spreading`).
+    """Kernel for averaging the pressures of neighbouring points (`spreading`).
 
     Attributes:
         shape: name of the kernel.
         radius: radius of the kernel, a length.
-        normalised: whether a constant pressure stays constant.
+        normalised: whether a constant pressure is preserved.
     """
 
     shape: str
@@ -72,7 +72,7 @@ class Kernel(NamedTuple):
 
 @dataclass(frozen=True)
 class ContactPoint:
-    """UFL quantities at a contact point, from which a law is composed.
+    """UFL quantities at a contact point, from which laws are composed.
 
     Attributes:
         jump: displacement of the body minus that of the obstacle, a vector.
@@ -81,23 +81,25 @@ class ContactPoint:
         gap: initial gap.
         r: augmentation parameter, a stiffness per area.
         dim: dimension, 2 or 3.
-        slid: distance slipped, accumulated in a history; in a slip it is measured in the direction
-            of the slip, so that it is smooth where the slip begins.
-        pressure: pressure of a compliant surface; None where contact is unilateral.
-        shear: shear of a compliant surface before it slips, a vector; None for a surface that is
-            rigid until it slips.
-        touches: distance to the border of open points, a traction; None if it is p.
-        around: averaged pressure of the neighbours (`Law.averaging`); None for a local law.
-        before: jump of the last accepted state of an evolution, a vector, of which ``jump``
-            contains the normal part only; zero under the static law.
-        step: time since that state; negative under the static law. A law that uses it must define
-            the static case by a comparison with 0, as in the speed ``ufl.conditional(ufl.gt(a.step,
-            0.0), (a.slid - a.slid_before) / a.step, 0.0)``; otherwise it needs a history.
-        slid_before: part of ``slid`` up to that state; 0 under the static law, whose ``slid`` is
-            the whole slip.
-        kept: internal variables of that state that are not fields of the law, by name
+        slid: accumulated slip distance in a history. During slip it is measured in the slip
+            direction, so that it is smooth at the onset of slip.
+        pressure: pressure of a compliant surface; None for unilateral contact.
+        shear: shear of a compliant surface before slip, a vector; None for a surface that is rigid
+            until it slips.
+        touches: distance to the border of open points, a traction; None if it equals p.
+        around: averaged pressure of the neighbouring points (`Law.averaging`); None for a local
+            law.
+        before: jump at the last accepted state of an evolution, a vector; ``jump`` contains only
+            its normal part. Zero under the static law.
+        step: time since the last accepted state; negative under the static law. A law that uses it
+            must define the static case by a comparison with 0, for example for the speed:
+            ``ufl.conditional(ufl.gt(a.step, 0.0), (a.slid - a.slid_before) / a.step, 0.0)``.
+            Otherwise it can only be used in a history.
+        slid_before: ``slid`` at the last accepted state; 0 under the static law, where ``slid`` is
+            the total slip.
+        kept: internal variables at the last accepted state that are not fields of the law, by name
             (`Internal.components`).
-        solved: solutions of the equations of the law (`Law.equations`), by their names.
+        solved: solutions of the equations of the law (`Law.equations`), by name.
     """
 
     jump: Any
@@ -119,12 +121,12 @@ class ContactPoint:
 
     @property
     def t(self) -> Any:
-        """Unit tangent (-n_y, n_x) in 2D."""
+        """Unit tangent (-n_y, n_x), 2D only."""
         return ufl.as_vector([-self.n[1], self.n[0]])
 
     @property
     def u_n(self) -> Any:
-        """Penetration, the negative gap."""
+        """Penetration, i.e. the negative gap."""
         return ufl.dot(self.jump, self.n) - self.gap
 
     @property
@@ -134,19 +136,19 @@ class ContactPoint:
 
     @property
     def p(self) -> Any:
-        """Augmented pressure, or that of a compliant surface."""
+        """Augmented pressure, or pressure of a compliant surface."""
         if self.pressure is not None:
             return self.pressure
         return -(ufl.dot(self.traction, self.n) - self.r * self.u_n)
 
     @property
     def touch(self) -> Any:
-        """Distance to the border of open points, a traction, positive in contact."""
+        """Distance to the border of open points, a traction; positive in contact."""
         return self.p if self.touches is None else self.touches
 
     @property
     def s(self) -> Any:
-        """Augmented shear, or that of a compliant surface, a vector."""
+        """Augmented shear, or shear of a compliant surface, a vector."""
         if self.shear is not None:
             return self.shear
         return self.traction - ufl.dot(self.traction, self.n) * self.n - self.r * self.u_t
@@ -154,18 +156,18 @@ class ContactPoint:
 
 @dataclass(frozen=True)
 class Internal:
-    """Internal variable of a law, stored in the memory at each accepted state.
+    """Internal variable of a law, stored in memory at each accepted state.
 
     Attributes:
-        name: name of the variable; for a scalar, the field of the law that has its value at the
-            start.
-        change: ``"any"``; or ``"falls"`` or ``"grows"`` for the one scalar by which a bond weakens.
-        end: last value of a monotone variable; None for no end.
-        vector: whether the variable is a vector with the components of the jump, 0 at the start.
-        hidden: whether the variable is omitted in tables; it is then 0 at the start.
+        name: name of the variable; a scalar has the name of the field that contains its initial
+            value.
+        change: ``"any"``; ``"falls"`` or ``"grows"`` for the single scalar that weakens a bond.
+        end: final value of a monotone variable; None without a limit.
+        vector: whether the variable is a vector with the components of the jump, initially 0.
+        hidden: whether the variable is omitted from tables; it is then initially 0.
 
     Raises:
-        ValueError: if the attributes do not fit together.
+        ValueError: if the attributes are inconsistent.
     """
 
     name: str
@@ -183,31 +185,31 @@ class Internal:
 
     @property
     def sense(self) -> int:
-        """1 if the variable only grows, -1 if it only falls, otherwise 0."""
+        """Return 1 if the variable only grows, -1 if it only falls, otherwise 0."""
         return {"any": 0, "falls": -1, "grows": 1}[self.change]
 
     @property
     def is_field(self) -> bool:
-        """Whether a field of the law contains the value at the start."""
+        """Whether a field of the law contains the initial value."""
         return not (self.vector or self.hidden)
 
     def components(self, dim: int) -> list[str]:
-        """Return the names of the components in memory; a dot marks those without a field."""
+        """Return the component names in memory; names without a field start with a dot."""
         if self.vector:
             return [f".{self.name}_{i}" for i in range(dim)]
         return [self.name if self.is_field else f".{self.name}"]
 
 
 class Bond(NamedTuple):
-    """Adhesion and memory of a law at a state.
+    """Adhesion and memory of a law at a state, in UFL.
 
     Attributes:
-        after: UFL values of the internal variables after the state is accepted, by name in memory.
-        traction: UFL adhesive part of the answer, a vector.
-        stored: UFL energy per area.
-        spent: UFL energy per area dissipated by damage since the last accepted state; negative if
+        after: values of the internal variables once the state is accepted, by name in memory.
+        traction: adhesive part of the traction on the body, a vector.
+        stored: stored energy per area.
+        spent: energy per area dissipated by damage since the last accepted state; negative if
             growing bonds gain energy.
-        broken: UFL number, 1 if the bond counts as broken, otherwise 0.
+        broken: 1 if the bond counts as broken, otherwise 0.
     """
 
     after: Mapping[str, Any]
@@ -220,13 +222,14 @@ class Bond(NamedTuple):
 class Equations(NamedTuple):
     """Nonlinear equations at a point whose solutions enter a law.
 
-    Their matrix of derivatives should be positive definite.
+    The Jacobian matrix should be positive definite.
 
     Attributes:
-        residual: UFL residuals in `ContactPoint.solved`, one for each unknown.
-        start: UFL start values of the unknowns.
-        sense: 1 if the first unknown may only grow from its start, -1 if it may only fall, else 0.
-        end: UFL limit of the first unknown; None for no limit.
+        residual: UFL residuals in terms of `ContactPoint.solved`, one for each unknown.
+        start: UFL initial values of the unknowns.
+        sense: 1 if the first unknown only grows from its initial value, -1 if it only falls, else
+            0.
+        end: UFL limit of the first unknown; None without a limit.
     """
 
     residual: Sequence[Any]
@@ -236,12 +239,12 @@ class Equations(NamedTuple):
 
 
 class Border(NamedTuple):
-    """Where a status ends.
+    """Border of a status.
 
     Attributes:
-        distance: UFL distance, positive inside, a traction.
-        target: status beyond the border.
-        where: UFL condition under which the border exists; None for always.
+        distance: UFL distance to the border, a traction, positive inside.
+        target: status code beyond the border.
+        where: UFL condition under which the border exists; default: None (always).
     """
 
     distance: Any
@@ -251,12 +254,12 @@ class Border(NamedTuple):
 
 @dataclass(frozen=True)
 class StatusPiece:
-    """Piece of a law for one status, smooth also beyond its borders.
+    """Smooth piece of a law for one status, also smooth beyond its borders.
 
     Attributes:
-        answer: UFL traction on the body.
+        answer: UFL traction tau on the body.
         borders: borders of the status.
-        exists: UFL condition under which points can have this status; None for always.
+        exists: UFL condition under which the status is possible; default: None (always).
     """
 
     answer: Any
@@ -265,37 +268,37 @@ class StatusPiece:
 
 
 class Law:
-    """Contact law: a frozen dataclass whose fields are the parameters, with `pieces`.
+    """Contact law (abstract): a frozen dataclass of parameters with a method `pieces`.
 
     Fields are numbers, Constants, Functions or UFL expressions on the mesh of the body; their
     values may change between solves (``surface.law.friction.value = 0.2``). In `pieces` they are
-    symbols for their values at the point. Nothing else may vary from point to point or from solve
-    to solve, because laws of one class are compiled once. Pressure and shear of a point are
-    *augmented*: answers are fixed points, which do not depend on r at states that satisfy the law.
+    symbols for the values at a point. Laws of one class are compiled once, so nothing except the
+    fields may vary between points or between solves. Pressure and shear of a point are *augmented*.
+    At states that satisfy the law, the required traction does not depend on r.
     """
 
-    #: Whether open points are free of traction.
+    #: Whether open points are traction-free.
     needs_pressure: bool = True
-    #: Admissible values of fields, by name; default: any number.
+    #: Admissible sign of each field, by name; default: any number.
     signs: ClassVar[Mapping[str, Sign]] = {}
     #: Dependence of `bound` on the pressure for unilateral contact with isotropic friction (a zero
-    #: bound is proportional); None for any other law.
+    #: bound counts as proportional); None for any other law.
     bound_kind: BoundKind | None = None
-    #: Whether the surface is compliant, so that points penetrate.
+    #: Whether the surface is compliant, so that closed points penetrate.
     compliant: bool = False
-    #: Whether points that slip resist more slip, so that friction alone holds a body.
+    #: Whether friction increases with the slip, so that friction alone can support a body.
     creeps: bool = False
-    #: Internal variables, stored in the memory of an evolution; `bond` has their new values.
+    #: Internal variables, stored in the memory of an evolution; `bond` returns their new values.
     internal: tuple[Internal, ...] = ()
-    #: Fields by which an evolution depends on the lengths of its steps, unless they vanish.
+    #: Fields that make an evolution depend on the lengths of its steps unless they vanish.
     needs_time: tuple[str, ...] = ()
 
     def pieces(self, a: ContactPoint) -> Mapping[int, StatusPiece]:
-        """Return the smooth pieces of the law by status (`laws.status`).
+        """Return the smooth pieces of the law, by status code (`laws.status`).
 
-        Statuses are OPEN, STICK, PLUS (slip; in 2D with u_t > 0) and, in 2D, MINUS. On a border
-        between several statuses, a point has the first of them. Every jump and traction should have
-        a status: otherwise a point takes the nearest status and counts as a violation.
+        Status codes are OPEN, STICK, PLUS (slip; in 2D with u_t > 0) and, in 2D, MINUS. On a border
+        between several statuses, the first one applies. Every jump and traction should have a
+        status; otherwise the nearest status is used and counts as a violation.
         """
         raise NotImplementedError(f"{type(self).__name__} has no method pieces(a)")
 
@@ -304,20 +307,20 @@ class Law:
         return None
 
     def with_pressure(self, a: ContactPoint) -> ContactPoint:
-        """Return the point with the pressure of the law; default: the augmented pressure."""
+        """Return the point with the pressure of the law; default: augmented pressure."""
         return a
 
     def bond(self, a: ContactPoint) -> Bond | None:
-        """Return adhesion and the new `internal` variables; None if the law has neither."""
+        """Return adhesion and new values of the `internal` variables; default: None."""
         return None
 
     def lacks(self, *, history: bool) -> str:
-        """Return what is missing for a step of a history, or a static solve; "" if nothing is."""
+        """Return a message about missing data for a history step or a static solve; "" if none."""
         return ""
 
     @property
     def averaging(self) -> Kernel | None:
-        """Kernel that averages the pressures of closed points; None for a local law."""
+        """Kernel for averaging the pressures of closed points; None for a local law."""
         return None
 
     @property
@@ -327,12 +330,12 @@ class Law:
 
     @property
     def kind(self) -> Hashable | None:
-        """Key that laws share if they differ only in their `given` fields; None for no sharing."""
+        """Cache key, equal for laws that differ only in the fields in `given`; None: no sharing."""
         cls: Any = type(self)
         return cls if "__dataclass_fields__" in vars(cls) else None
 
     def unknowns(self, dim: int) -> Mapping[str, int]:
-        """Return the number of unknowns of each of the `equations`, by name."""
+        """Return the number of unknowns of each system of `equations`, by name."""
         return {}
 
     def equations(self, a: ContactPoint) -> Mapping[str, Equations]:
@@ -345,7 +348,7 @@ class Law:
         return [name for x in ordered for name in x.components(dim)]
 
     def variables(self, dim: int) -> Mapping[str, str]:
-        """Return the name in memory of each variable that tables show, by its name there."""
+        """Return a dictionary from the names of variables in tables to their names in memory."""
         return {
             name.removeprefix("."): name
             for x in self.internal
@@ -355,35 +358,35 @@ class Law:
 
     @property
     def weakening(self) -> Internal | None:
-        """Monotone variable of the bond, such as damage."""
+        """Monotone internal variable of the bond, such as damage; None without one."""
         return next((x for x in self.internal if x.change != "any"), None)
 
     @property
     def weakens(self) -> bool:
-        """Whether bonds weaken and never grow again, and the law has no other memory."""
+        """Whether bonds only weaken, and the law has no other memory."""
         return self.weakening is not None and all(x.is_field for x in self.internal)
 
     @property
     def given(self) -> dict[str, Scalar]:
-        """The fields of the law by name."""
+        """Fields of the law, by name."""
         if not is_dataclass(self):
             return {}
         return {f.name: getattr(self, f.name) for f in fields(self)}
 
     def having(self, symbols: Mapping[str, Any]) -> Self:
-        """Return this law with other fields."""
+        """Return a copy of this law with other values of its fields."""
         return replace(self, **symbols) if symbols else self  # type: ignore[type-var]
 
     def bind(self, domain: mesh.Mesh) -> Self:
-        """Return this law with its numbers as Constants of ``domain``. Not collective.
+        """Return a copy with numbers replaced by Constants of ``domain``. Not collective.
 
         Raises:
-            ValueError: if a number is not admissible, or a field belongs to another mesh.
+            ValueError: if a number is not admissible, or if a field belongs to another mesh.
         """
         kind = self.name
         hiding = sorted(set(self.given) & set(dir(Law)))
         if hiding:
-            kind = type(self).__name__  # the name may be one of them
+            kind = type(self).__name__  # the field ``name`` of a law may shadow the property
             raise ValueError(f"fields of {kind} must not have the names of methods: {hiding}")
         return self.having(
             {
@@ -394,7 +397,7 @@ class Law:
 
 
 def obeys(sign: Sign, values: Any, slack: float = 1e-14) -> Any:
-    """Return the mask of numbers with an admissible sign, up to round-off."""
+    """Return the mask of numbers with an admissible sign, up to the tolerance ``slack``."""
     v = np.asarray(values)
     return {
         "any": np.ones(v.shape, dtype=bool),
@@ -405,7 +408,7 @@ def obeys(sign: Sign, values: Any, slack: float = 1e-14) -> Any:
 
 
 def checked_pieces(pieces: Any, dim: int) -> dict[int, StatusPiece]:
-    """Return the pieces of a law; raise ``ValueError`` if they do not define one."""
+    """Return the pieces of a law; raise ``ValueError`` if they are not a valid definition."""
     if not isinstance(pieces, Mapping) or not pieces:
         raise ValueError(f"pieces must return a dictionary of StatusPieces, got {pieces!r}")
     codes = [c for c in range(BROKEN + DAMAGING) if c % DAMAGING <= MINUS + WHERE_OPEN]
@@ -422,7 +425,7 @@ def checked_pieces(pieces: Any, dim: int) -> dict[int, StatusPiece]:
 
 
 def _as_coefficient(domain: mesh.Mesh, value: Scalar, what: str, sign: Sign) -> Scalar:
-    """Return a value as UFL; numbers become Constants."""
+    """Return a field value as UFL expression, with numbers converted to Constants."""
     if isinstance(value, int | float | np.floating | np.integer) and not isinstance(value, bool):
         if not (np.isfinite(value) and bool(obeys(sign, value, 0.0))):
             kind = {"any": "finite", "fraction": "between 0 and 1"}.get(sign, f"finite and {sign}")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Solution of the equations of a law at each point: Newton's method at all points at once."""
+"""Newton's method for the equations of a law, at all contact points at once."""
 
 from __future__ import annotations
 
@@ -26,16 +26,16 @@ _MOST_CUTS = 30
 _ENOUGH = 1e-10  # relative size of the last step; the error is about its square
 _MOST_GROWN = 60
 _MOST_HALVED = 120
-_TO_THE_END = 0.9  # part of the way to the end to which a step is cut
+_TO_THE_END = 0.9  # fraction of the distance to the end to which a step is shortened
 
 
 class Roots:
-    """Solutions of the equations of a law, with the inverse of their derivatives.
+    """Solutions of the equations of a law, with the inverse of their Jacobian matrices.
 
     Args:
-        equations: equations by name.
-        solved: symbols for their solutions.
-        w: data of a point; the solutions are the last components.
+        equations: equations of the law, by name.
+        solved: symbols for the solutions, by name.
+        w: Function with the data of a point; the last components are the solutions.
         comm: communicator of the ranks that compile together.
     """
 
@@ -50,7 +50,7 @@ class Roots:
         self._each = [_Root(e, solved[name], w, comm) for name, e in equations.items()]
 
     def __call__(self, columns: Array) -> Array:
-        """Return the given columns (n, k) with those of the solutions appended. Not collective."""
+        """Return ``columns`` (n, k) with the columns of the solutions appended. Not collective."""
         full = np.zeros((len(columns), self._width))
         full[:, : columns.shape[1]] = columns
         for root in self._each:
@@ -59,10 +59,10 @@ class Roots:
 
 
 class _Root:
-    """Equations F(z) = 0; the first unknown may be monotone.
+    """Solver for F(z) = 0 at each point; the first unknown may be monotone.
 
-    A monotone unknown that would leave the interval between start and end stays at the bound, and
-    the other unknowns are solved for.
+    If a monotone unknown would leave the interval between its start and end, it is set to the bound
+    and the remaining unknowns are solved for.
     """
 
     def __init__(self, equations: Equations, solved: Solved, w: fem.Function, comm: MPI.Comm):
@@ -85,7 +85,7 @@ class _Root:
         self._known = Values(known.components, w, comm)
 
     def __call__(self, full: Array) -> None:
-        """Solve at points, and write the solutions into the columns."""
+        """Solve at all points and write the solutions into the columns of ``full``."""
         n = self._n
         first = self._first
         known = self._known(full)
@@ -105,12 +105,12 @@ class _Root:
             z[moves] = self._between(full[moves], z[moves], start[moves], end[moves])
         inverse = _inverse(self._at(full, z)[1])
         full[:, first : first + n] = z
-        # Singular derivatives count as 0: the solution is constant there to first order.
+        # A singular Jacobian is replaced by 0, so that the solution is constant to first order.
         inverse = np.where(np.isfinite(inverse), inverse, 0.0)
         full[:, first + n : first + n + n * n] = inverse.reshape(len(full), n * n)
 
     def _at(self, full: Array, z: Array) -> tuple[Array, Array]:
-        """Return F (m, n) and its derivatives (m, n, n) at z."""
+        """Return F (m, n) and its Jacobian matrix (m, n, n) at z."""
         n = self._n
         full[:, self._first : self._first + n] = z
         with np.errstate(all="ignore"):
@@ -118,7 +118,7 @@ class _Root:
         return found[:, :n], found[:, n:].reshape(len(full), n, n)
 
     def _held(self, full: Array, start: Array, value: Array) -> Array:
-        """Return the solution with a prescribed first unknown."""
+        """Return the solution for a prescribed first unknown."""
         z = start.copy()
         z[:, 0] = value
         if self._n == 1:
@@ -126,7 +126,7 @@ class _Root:
         return self._solved(full, z, start, held=True)
 
     def _between(self, full: Array, z: Array, start: Array, end: Array) -> Array:
-        """Return the solution with the first unknown between start and end."""
+        """Return the solution with the first unknown restricted to [start, end]."""
         J = self._at(full, z)[1][:, 0, 0]
         F = self._at(full, start)[0][:, 0]
         with np.errstate(all="ignore"):
@@ -142,16 +142,16 @@ class _Root:
         lost = ~np.isfinite(found).all(axis=1)
         if lost.any():
             found[lost] = self._bisected(full[lost], start[lost], begin[lost, 0], end[lost])
-        # Stay below the end by one floating-point number: the driving force may be unbounded there.
+        # Stay one floating-point number below the end, where the driving force may be unbounded.
         beyond = self._sense * (end - found[:, 0]) <= 0
         found[beyond, 0] = np.nextafter(end[beyond], start[beyond, 0])
         return found
 
     def _bisected(self, full: Array, start: Array, first: Array, end: Array) -> Array:
-        """Return the same by bisection, after a failure of Newton's method; NaN if this fails too.
+        """Return the restricted solution by bisection, as a fallback; NaN if this fails too.
 
         Newton's method fails, for example, if the first unknown changes from 0 by less than the
-        round-off of its equation: no correction is small relative to such a number.
+        round-off of its equation. No correction is then small relative to the unknown.
         """
         low = start[:, 0].copy()
         high = end.copy()
@@ -183,10 +183,10 @@ class _Root:
         held: bool = False,
         end: Array | None = None,
     ) -> Array:
-        """Newton's method with steps cut until the next correction is smaller; NaN if it fails.
+        """Damped Newton method with steps reduced until the next correction is smaller; else NaN.
 
-        The measure is that of Deuflhard (Newton Methods for Nonlinear Problems, 2004, section 3.3),
-        which is independent of units.
+        The monotonicity test is the natural one of Deuflhard (Newton Methods for Nonlinear
+        Problems, 2004, section 3.3), which is independent of units.
         """
         z = z.copy()
         n = self._n
@@ -231,7 +231,7 @@ class _Root:
         return z
 
     def _system_at(self, full: Array, z: Array, held: bool) -> tuple[Array, Array]:
-        """Return F and its derivatives; a held first unknown keeps its value."""
+        """Return F and its Jacobian matrix; a fixed first unknown keeps its value."""
         F, J = self._at(full, z)
         if held:
             F[:, 0] = 0.0
@@ -242,7 +242,7 @@ class _Root:
 
 
 def _cut(z: Array, step: Array, start: Array, end: Array) -> Array:
-    """Return the factors by which steps stay between start and end."""
+    """Return step factors that keep the first unknown between start and end."""
     with np.errstate(all="ignore"):
         parts = [
             np.where(step * (e - z) > 0, _TO_THE_END * (e - z) / step, np.inf) for e in (start, end)
@@ -256,7 +256,7 @@ def _times(matrices: Array, vectors: Array) -> Array:
 
 
 def _inverse(J: Array) -> Array:
-    """Return inverse matrices (m, n, n); NaN for singular ones."""
+    """Return the inverses of matrices (m, n, n); NaN for singular matrices."""
     found = np.full_like(J, np.nan)
     with np.errstate(all="ignore"):
         if J.shape[1] == 1:

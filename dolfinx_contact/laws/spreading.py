@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Nonlocal friction: the bound depends on the average pressure around a point.
+r"""Nonlocal friction: the friction bound depends on the average pressure around a point.
 
-The shear is bounded by F times the pressure convolved on the surface with a smooth kernel omega of
-a small radius rho (Duvaut, C. R. Acad. Sci. Paris A 290, 1980; Oden and Pires, J. Appl. Mech. 50,
+The shear is bounded by F times the pressure after convolution on the surface with a smooth kernel
+omega of radius rho (Duvaut, C. R. Acad. Sci. Paris A 290, 1980; Oden and Pires, J. Appl. Mech. 50,
 1983, section 3; Demkowicz and Oden, Nonlinear Anal. 6, 1982),
 
     |t_t|(x) <= F (N p)(x),   (N p)(x) = int omega(|x - y|/rho) p(y) dy / int omega(|x - y|/rho) dy,
 
-so that a constant pressure stays constant, also near the end of the surface. The convolution of the
-mathematical literature has the integral of omega over the whole plane (in 2D line) as its divisor,
-and loses pressure near the end. As in the literature, friction acts on open points too: it can hold
-an open point next to a closed one.
+A constant pressure is therefore preserved, also near the ends of the surface. In the mathematical
+literature, the convolution is divided by the integral of omega over the whole plane (in 2D line)
+and loses pressure near the ends. As in the literature, friction also acts on open points: it can
+hold an open point next to a closed one.
 """
 
 from __future__ import annotations
@@ -43,14 +43,14 @@ def _biweight(x: Array) -> Array:
     return np.maximum(1.0 - np.asarray(x) ** 2, 0.0) ** 2
 
 
-#: Functions of x = distance/radius, 0 for x >= 1: exp(1 - 1/(1 - x^2)) and (1 - x^2)^2.
+#: Functions of x = distance/radius, zero for x >= 1: exp(1 - 1/(1 - x^2)) and (1 - x^2)^2.
 KERNELS: dict[str, Callable[[Array], Array]] = {"mollifier": _mollifier, "biweight": _biweight}
 
 
 @cache
 def whole(shape: str, dim: int) -> float:
-    """Return the integral of a kernel of radius 1 over the line (``dim`` 2) or the plane (3)."""
-    from scipy.integrate import quad  # loaded for this law only
+    """Return the integral of a kernel of radius 1 over the line (dim 2) or the plane (dim 3)."""
+    from scipy.integrate import quad  # only needed by this law
 
     omega = KERNELS[shape]
     ring = (lambda x: 2.0) if dim == 2 else (lambda x: 2.0 * np.pi * x)
@@ -61,20 +61,20 @@ def whole(shape: str, dim: int) -> float:
 class NonlocalCoulomb(FrictionLaw):
     """Coulomb friction with the bound F times the average pressure of neighbouring points.
 
-    Distances are measured between points of the surface in the reference configuration. A point
-    held by Dirichlet data counts with zero pressure.
+    Distances are measured in the reference configuration. Points with Dirichlet conditions
+    contribute zero pressure.
 
     Attributes:
-        friction: coefficient F >= 0, a number, a Constant, a Function or a UFL expression.
-        radius: rho > 0 of the kernel, a length, a number.
-        kernel: ``"mollifier"``, exp(-1/(1 - x^2)), or ``"biweight"``, (1 - x^2)^2, of the distance
-            over the radius.
-        normalised: whether a constant pressure stays constant at the ends of the surface;
-            otherwise the plain convolution.
+        friction: friction coefficient F >= 0, a number, a Constant, a Function or a UFL expression.
+        radius: radius rho > 0 of the kernel, a length, a number.
+        kernel: shape of the kernel as a function of x = distance/radius: ``"mollifier"``, exp(-1/(1
+            - x^2)), or ``"biweight"``, (1 - x^2)^2.
+        normalised: whether a constant pressure is preserved at the ends of the surface; if False,
+            the plain convolution is used.
 
     Raises:
-        ValueError: for a radius that is no positive number, another kernel, or ``normalised`` that
-            is neither True nor False.
+        ValueError: if the radius is not a positive number, the kernel is unknown, or ``normalised``
+            is not a bool.
     """
 
     friction: Scalar

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The statuses of a contact point: one table of their numbers, letters, names and colours.
+"""Statuses of a contact point: table of their codes, letters, names and colours.
 
-A status has three parts. A point is open or closed; friction holds it, lets it slip, or does not
-act; a bond is unchanged, damages, or is broken. A prescribed friction bound (Tresca) acts on open
-points too: their statuses are those of closed points plus `WHERE_OPEN`. Tables of results count
-them as open.
+A status has three parts. The point is open or closed. Friction sticks, slips or is absent. The bond
+is unchanged, being damaged, or broken. A prescribed friction bound (Tresca) also acts on open
+points, whose status codes are those of closed points plus `WHERE_OPEN`. Result tables count these
+points as open.
 
-Colours are those of Okabe and Ito, which most colour-blind readers tell apart.
+The colours are those of Okabe and Ito, which most colour-blind readers can distinguish.
 """
 
 from __future__ import annotations
@@ -35,27 +35,27 @@ __all__ = [
     "word",
 ]
 
-#: Without contact and friction; stick; slip with u_t > 0 (in 3D: slip); slip with u_t < 0.
+#: Open without friction; stick; slip with u_t > 0 (in 3D: slip); slip with u_t < 0.
 OPEN, STICK, PLUS, MINUS = range(4)
-#: Added to the number of a closed status: the same friction at an open point.
+#: Added to the code of a closed status for the same friction status at an open point.
 WHERE_OPEN = 3
-#: Added to the number of any status: the bond is being damaged, or is broken.
+#: Added to a status code if the bond is being damaged, or is broken.
 DAMAGING = 8
 BROKEN = 16
 
-#: States of a bond: words appended to those of contact and friction.
+#: States of a bond: suffixes of the status names.
 _BONDS = {0: "", DAMAGING: ", damaging", BROKEN: ", broken"}
 
 
 class _State(NamedTuple):
-    """A row of the table: a state of contact and friction, and its looks with each state of a bond.
+    """Table row: state of contact and friction, with letters and colours for each bond state.
 
     Attributes:
         is_open: whether the point is open.
         friction: `OPEN` (no friction), stick, or slip.
-        dims: dimensions in which the state exists. Slip in 3D has no sign and the number of `PLUS`.
-        words: description.
-        looks: letter and colour for each of `_BONDS`.
+        dims: dimensions in which the state exists. Slip in 3D has no sign; its code is `PLUS`.
+        words: description of the state.
+        looks: letter and colour for each state in `_BONDS`.
     """
 
     is_open: bool
@@ -65,13 +65,13 @@ class _State(NamedTuple):
     looks: tuple[str, str, str]
 
     def number(self, bond: int) -> int:
-        """Number of the status with a state of a bond."""
+        """Return the status code for a state of the bond."""
         acts = self.friction != OPEN
         return self.friction + (WHERE_OPEN if self.is_open and acts else 0) + bond
 
 
-#: Contact x friction x bond. A closed point without friction has no separate row: it slips with the
-#: bound zero and has the number of `PLUS`.
+#: Contact x friction x bond. A closed point without friction has no separate row: it slips with
+#: zero bound and has the code `PLUS`.
 _TABLE = (
     _State(True, OPEN, (2, 3), "open", ("o #dfe4ea", "a #f0c9dd", "b #c3cbd3")),
     _State(False, STICK, (2, 3), "stick", ("k #0072B2", "q #CC79A7", "h #5b9bc4")),
@@ -83,11 +83,11 @@ _TABLE = (
     _State(True, MINUS, (2,), "open, rubbing, $u_t < 0$", ("M #f5d999", "L #e3b5cf", "Y #a9c6d6")),
     _State(True, PLUS, (3,), "open, rubbing", ("S #f5d999", "C #e3b5cf", "Z #a9c6d6")),
 )
-_CLAMPED = "d"  # held by Dirichlet data
+_CLAMPED = "d"  # point with Dirichlet conditions
 
 
 class _Row(NamedTuple):
-    """A status: its number, letter, name, colour, and the kind that tables count it as."""
+    """Status with its code, letter, name and colour, and the kind under which tables count it."""
 
     number: int
     letter: str
@@ -113,10 +113,10 @@ def _rows(dim: int) -> list[_Row]:
 _ROWS = {dim: _rows(dim) for dim in (2, 3)}
 _ALL = {row.letter: row for dim in (2, 3) for row in _ROWS[dim]}
 
-#: Descriptions of the letters.
+#: Descriptions of the status letters.
 NAMES = {row.letter: row.name for row in _ALL.values()} | {_CLAMPED: "clamped"}
 COLOURS = {row.letter: row.colour for row in _ALL.values()} | {_CLAMPED: "#555555"}
-#: Letters of each kind that tables count.
+#: Letters of each kind counted in tables.
 KINDS = {
     kind: "".join(row.letter for row in _ALL.values() if row.kind == kind)
     for kind in ("open", "stick", "slip")
@@ -124,7 +124,7 @@ KINDS = {
 
 
 def letters(dim: int) -> npt.NDArray[np.str_]:
-    """Return letters by status number, with a blank for numbers without a status."""
+    """Return the letters by status code, with blanks for unused codes."""
     found = np.full(1 + max([row.number for row in _ROWS[dim]]), " ")
     for row in _ROWS[dim]:
         found[row.number] = row.letter
@@ -132,27 +132,27 @@ def letters(dim: int) -> npt.NDArray[np.str_]:
 
 
 def word(codes: npt.ArrayLike, dim: int = 2) -> str:
-    """Return the letters of points with statuses (m,) as one string."""
+    """Return a string with one letter for each status code (m,)."""
     return "".join(letters(dim)[np.asarray(codes, dtype=np.int64)])
 
 
 def count(word: str) -> dict[str, int]:
-    """Return the numbers of open, stuck, slipping and clamped points in a string of letters."""
+    """Return the numbers of open, sticking, slipping and clamped points in a string of letters."""
     return {kind: sum(map(word.count, those)) for kind, those in KINDS.items()}
 
 
 def closed(codes: npt.NDArray[np.int8]) -> npt.NDArray[np.bool_]:
-    """Return which statuses are closed."""
+    """Return the mask of closed statuses."""
     contact = codes % DAMAGING
     return np.asarray((contact > OPEN) & (contact <= WHERE_OPEN))
 
 
 def senses(codes: npt.NDArray[np.int8]) -> npt.NDArray[np.int8]:
-    """Return the state of friction at open and closed points: `OPEN` (none), stick or slip."""
+    """Return the friction state of open and closed points: `OPEN` (none), stick or slip."""
     contact = codes % DAMAGING
     return np.where(contact > WHERE_OPEN, contact - WHERE_OPEN, contact).astype(np.int8)
 
 
 def without_damage(codes: npt.NDArray[np.int8]) -> npt.NDArray[np.int8]:
-    """Return the statuses without the state of the bond."""
+    """Return the status codes without the state of the bond."""
     return np.asarray(codes % DAMAGING, dtype=np.int8)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Simplification of time-dependent laws for static problems, where no time passes."""
+"""Simplification of time-dependent laws for static problems."""
 
 from __future__ import annotations
 
@@ -32,18 +32,18 @@ _COMPARED: dict[type, Callable[[float, float], bool]] = {
 
 
 def known_step(e: Any, symbol: Variable, step: float) -> Any:
-    """Return UFL in which comparisons of the time step with numbers are decided.
+    """Return a UFL expression with all comparisons of the time step and numbers evaluated.
 
     Args:
-        e: UFL scalar.
-        symbol: symbol for the step.
-        step: 0, or a negative number as the representative of all negative steps.
+        e: scalar UFL expression.
+        symbol: symbol for the time step.
+        step: 0, or a negative number that represents all negative steps.
     """
     return map_expr_dag(_Decided(symbol, step), expand_derivatives(e))
 
 
 class _Decided(MultiFunction):  # type: ignore[misc]
-    """Replace conditionals by the branch that the step selects."""
+    """Replace conditionals by the branch that applies to the given step."""
 
     def __init__(self, symbol: Variable, step: float):
         super().__init__()
@@ -54,7 +54,7 @@ class _Decided(MultiFunction):  # type: ignore[misc]
         return self.reuse_if_untouched(o, *operands)
 
     def variable(self, o: Any, *operands: Any) -> Any:
-        # Keep the variable of differentiation; elsewhere use the replaced expression.
+        # Preserve the variable of differentiation; elsewhere use the simplified expression.
         return o if o == self._symbol else self.reuse_if_untouched(o, *operands)
 
     def conditional(self, o: Any, condition: Any, yes: Any, no: Any) -> Any:
@@ -64,7 +64,7 @@ class _Decided(MultiFunction):  # type: ignore[misc]
         return yes if answer else no
 
     def _answer(self, c: Any) -> bool | None:
-        """Return whether a condition holds; None if it depends on other data."""
+        """Return the value of a condition; None if it depends on other data."""
         if isinstance(c, NotCondition):
             inside = self._answer(c.ufl_operands[0])
             return None if inside is None else not inside
@@ -80,7 +80,7 @@ class _Decided(MultiFunction):  # type: ignore[misc]
         left, right = (self._number(part) for part in c.ufl_operands)
         if left is None or right is None:
             return None
-        # A negative step can be compared with nonnegative numbers only.
+        # A negative step can only be compared with nonnegative numbers.
         return compare(left, right) if max(left, right) >= 0 else None
 
     def _number(self, e: Any) -> float | None:

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""UFL symbols for the data of a contact point, from which laws are compiled, and their values.
+"""UFL symbols for the data of a contact point, used to compile laws, and their evaluation.
 
-The points are the cells of a separate small mesh, with one value of each datum per cell.
+Contact points are represented by the cells of a separate small mesh, with one value of each datum
+per cell.
 """
 
 from __future__ import annotations
@@ -38,23 +39,23 @@ __all__ = [
 ]
 
 Array = npt.NDArray[np.float64]
-#: Name of the field of a nonlocal law: the average over the neighbouring points.
+#: Field of a nonlocal law: the average over neighbouring points.
 AROUND = ".around"
-#: Names of the time since the last accepted state, and of the distance slipped until then.
+#: Time since the last accepted state, and slip distance at that state.
 STEP = ".step"
 SLID = ".slid"
-CHUNK = 256  # points that are evaluated at once
-_FIRST_LABEL = 10**9  # beyond the labels of UFL
-_FIRST_SOLVED = 1000  # of these
+CHUNK = 256  # number of points evaluated at once
+_FIRST_LABEL = 10**9  # larger than the labels assigned by UFL
+_FIRST_SOLVED = 1000  # offset from the first label
 
 
 class Solved(NamedTuple):
     """Symbols for the solution of the equations of a law.
 
     Attributes:
-        first: column of the first unknown.
-        numbers: unknowns, scalars.
-        inverse: inverse of the matrix of derivatives, row by row.
+        first: index of the column of the first unknown.
+        numbers: scalar unknowns.
+        inverse: inverse of the Jacobian matrix, in row-major order.
     """
 
     first: int
@@ -63,25 +64,25 @@ class Solved(NamedTuple):
 
 
 def before(dim: int) -> list[str]:
-    """Return names of the components of the jump at the last accepted state."""
+    """Return the names of the components of the jump at the last accepted state."""
     return [f".before_{i}" for i in range(dim)]
 
 
 def from_memory(dim: int, kept: Iterable[str] = ()) -> list[str]:
-    """Return names of the data from memory, without the fields of the law.
+    """Return the names of all data in memory, except fields of the law.
 
     Args:
-        dim: 2 or 3.
-        kept: names of further remembered data (`Law.memory`).
+        dim: dimension, 2 or 3.
+        kept: names of additional data in memory (`Law.memory`).
     """
     return [*before(dim), STEP, SLID, *kept]
 
 
 def variable(e: Any, number: int) -> Any:
-    """Return a variable to differentiate by.
+    """Return ``e`` as a UFL variable for differentiation.
 
-    Its label is fixed: labels that UFL counts enter the signature of an expression, which would be
-    compiled anew in every program.
+    The label of the variable is fixed. Labels counted by UFL would enter the signature of an
+    expression, which would then be recompiled in every program.
     """
     return ufl.classes.Variable(e, ufl.classes.Label(_FIRST_LABEL + number))
 
@@ -90,20 +91,20 @@ class Symbols:
     """Symbols for jump, traction, normal, gap, augmentation parameter and named fields.
 
     Args:
-        dim: 2 or 3.
+        dim: dimension, 2 or 3.
         given: names of the fields of the law.
-        kept: names of further remembered data.
+        kept: names of additional data in memory.
         unknowns: number of unknowns of each system of equations, by name (`Law.unknowns`).
-        memory: names of the data from memory that are used (`from_memory`).
-        local: whether the law depends on its own point only; otherwise the last field is `AROUND`.
+        memory: names of the data in memory that are used (`from_memory`).
+        local: whether the law depends on its own point only; if False, the last field is `AROUND`.
 
     Attributes:
         names: names of all fields, in the order of their columns.
-        w: values of all data, cell by cell.
-        jump, traction, n: vectors.
-        fields: scalars, by `names`.
-        solved: for each system of equations its unknowns and the inverse of its matrix of
-            derivatives, row by row: the last columns.
+        w: Function with the values of all data, one cell per point.
+        jump, traction, n: UFL vectors.
+        fields: UFL scalars, by name (`names`).
+        solved: for each system of equations, its unknowns and the inverse of its Jacobian matrix in
+            row-major order; stored in the last columns.
     """
 
     def __init__(
@@ -145,11 +146,11 @@ class Symbols:
 
     @property
     def point(self) -> ContactPoint:
-        """Contact point as the argument of a law."""
+        """Contact point passed to a law."""
         gap = self.w[3 * self._dim]
         r = self.w[3 * self._dim + 1]
         point = ContactPoint(self.jump, self.traction, self.n, gap, r, self._dim)
-        # Symbols that the law does not use have arbitrary values.
+        # Symbols not used by the law have arbitrary values.
         slid, step = (self._known.get(name, 0.0) for name in (SLID, STEP))
         return replace(
             point,
@@ -168,11 +169,11 @@ class Symbols:
         return self._known.get(STEP)
 
     def exact(self, equations: Mapping[str, Equations]) -> dict[str, tuple[Any, ...]]:
-        """Return the solutions of equations with their derivatives with respect to all data.
+        """Return the solutions of equations, differentiable with respect to all data.
 
-        This is a step of Newton's method with a constant inverse matrix G: at the root F = 0 the
-        expression x - G F(x, j) is x, and its derivative with respect to j is -G dF/dj, as in the
-        implicit function theorem.
+        This is one Newton step with a constant inverse Jacobian G. At the root F = 0 the expression
+        x - G F(x, j) equals x, and its derivative with respect to j is -G dF/dj, as in the implicit
+        function theorem.
         """
         found = {}
         for name, of in self.solved.items():
@@ -184,7 +185,7 @@ class Symbols:
         return found
 
     def used(self, expressions: Iterable[Any]) -> list[str]:
-        """Return names of the data from memory in expressions; vectors with all components."""
+        """Return the names of data in memory that occur in expressions; vectors completely."""
         nodes = set(unique_pre_traversal(ufl.as_vector(list(expressions))))
         found = {name for name, symbol in self._known.items() if symbol in nodes}
         jump = before(self._dim)

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Solutions in a region, without the inequalities of decided points.
+"""Candidates for solutions in a region of the plane search.
 
-A semismooth Newton method on statuses: solve a piece, assign to every point the allowed status that
-its displacements and forces require, and if statuses repeat, change one point at a time. Nothing is
-proved here.
+At points whose status is decided in the region, candidates need not satisfy the inequalities of the
+law. The method is a semismooth Newton method on statuses: solve a piece, then assign to every point
+the allowed status required by its displacements and forces. If statuses repeat, only one point is
+changed per iteration. Nothing is proved here.
 
 The pieces and their free components are those of the checker (`check_proof`). The law differs from
 `laws.coulomb`: if the contact of a point is decided, its normal force may have any sign, and if its
@@ -49,10 +50,10 @@ def candidates(
 
     Args:
         problem: scaled problem.
-        allowed: sets of statuses, masks (m,).
-        starts: first statuses to start from.
-        random: generator of further starts.
-        tries: number of further starts.
+        allowed: allowed statuses as bit masks (m,).
+        starts: initial statuses (m,) to be tried first.
+        random: generator of the random starts.
+        tries: number of random starts.
     """
     m = problem.points
     may_be = has_status(allowed)
@@ -68,10 +69,10 @@ def candidates(
 
 
 def within(regions: Sequence[Masks], number: int, random: np.random.Generator) -> Iterator[Codes]:
-    """Statuses that regions allow, in turn, to start from.
+    """Yield random statuses (m,) that the regions allow, cycling through the regions.
 
     Args:
-        regions: sets of statuses, masks (m,), at least one.
+        regions: allowed statuses of at least one region, as bit masks (m,).
         number: number of starts.
         random: generator of the starts.
     """
@@ -83,7 +84,7 @@ def within(regions: Sequence[Masks], number: int, random: np.random.Generator) -
 
 
 def _starts(m: int, tries: int, random: np.random.Generator) -> Iterator[Codes]:
-    """Uniform statuses, blocks of them, and any."""
+    """Yield uniform statuses, then random blocks of uniform statuses and random statuses."""
     for k in range(tries):
         if k <= MINUS:
             yield np.full(m, k, dtype=np.int8)
@@ -96,7 +97,7 @@ def _starts(m: int, tries: int, random: np.random.Generator) -> Iterator[Codes]:
 
 
 def _newton(problem: ReducedProblem, allowed: Masks, codes: Codes, rho: float) -> Codes | None:
-    """Statuses that require themselves; None if none are found."""
+    """Return a fixed point of the iteration on statuses; None if none is found."""
     seen: set[bytes] = set()
     single = 0
     for _ in range(_ROUNDS + 3 * problem.points):
@@ -119,7 +120,7 @@ def _newton(problem: ReducedProblem, allowed: Masks, codes: Codes, rho: float) -
 
 
 def _state(problem: ReducedProblem, codes: Codes) -> tuple[Array, Array, Array, Array] | None:
-    """ut, un, rt, rn of a piece, without error bounds; None if it is singular."""
+    """Return ut, un, rt, rn (m,) of a piece without error bounds; None if it is singular."""
     load = problem.p.copy()
     load[0::2] -= np.where(IS_FREE[codes], SENSE[codes] * problem.g, 0.0)
     try:
@@ -144,7 +145,7 @@ def _required(
     state: tuple[Array, Array, Array, Array],
     rho: float,
 ) -> Codes:
-    """Statuses that displacements and forces require, of each point one that is allowed (m,)."""
+    """Return the allowed statuses (m,) that displacements and forces require."""
     new = codes.copy()
     F = problem.friction
     g = problem.g
@@ -159,7 +160,7 @@ def _required(
         if F[i] > 0 and not closes:
             new[i] = OPEN
             continue
-        # What is left, as closed statuses.
+        # Remaining tangential statuses, numbered as those of a closed point.
         shift = 0 if closes else WHERE_OPEN
         left = [s for s in (STICK, PLUS, MINUS) if mask >> (s + shift) & 1]
         if len(left) == 1:
@@ -171,7 +172,7 @@ def _required(
         below = PLUS in left and pull < -radius
         above = MINUS in left and pull > radius
         if radius <= 0 and len(left) == 3:
-            # The law for a known contact, with forces of any sign.
+            # The point is certainly closed, so that its normal force may have any sign.
             sticks = codes[i] == STICK
             if sticks and abs(rt) <= F[i] * abs(rn):
                 new[i] = STICK

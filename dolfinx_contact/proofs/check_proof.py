@@ -1,19 +1,21 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Checker of proofs, the only code that has to be trusted.
+"""Checker of stored proofs, the only code that a reader of a proof has to trust.
 
     python3 check_proof.py PROOF
     python3 -m dolfinx_contact check PROOF
 
-Both commands print the statements that a stored proof (`Certificate.save`) proves, and its data.
-They run the same code; the first one needs only Python and numpy. The exit status is 0 if the proof
-holds; 1 if the file is not a proof, was changed, is wrong or leaves regions open; 2 without the
-file or without numpy.
+Both commands print the statements that a stored proof (`Certificate.save`) proves, and a summary of
+its data. They run the same code; the first one needs only Python and numpy. The exit status is
 
-The search (`search.py`) proposes steps by optimisers and linear programs that may be wrong. This
-file follows the steps with bounds for all round-off and uses only their numbers. A step that does
-not prove its statement makes the whole proof invalid. So that this file can be read on its own, it
-repeats statuses, Coulomb's law and its pieces, which other modules define as well. It imports no
-other module of the package; other modules may import it.
+- 0 if the proof holds,
+- 1 if the file is not a proof, was changed, contains a wrong step or leaves regions open,
+- 2 if the file or numpy is missing.
+
+The search (`search.py`) proposes steps using optimisers and linear programs, which may be wrong.
+This file checks every step with rigorous bounds of all round-off errors and uses only the numbers
+stored in the steps. A single step that does not prove its statement invalidates the whole proof.
+This file can be read on its own: it repeats the definitions of statuses, Coulomb's law and its
+pieces from other modules. It imports no other module of the package; other modules may import it.
 
 A proof concerns the numbers S, p, F and g in the file, for all values within their errors. It does
 not cover the assembly of these numbers from a body, a mesh and a load.
@@ -81,21 +83,21 @@ Codes = npt.NDArray[np.int8]
 Masks = npt.NDArray[np.int64]
 Verdict = Literal["complete", "degenerate", "open"]
 
-#: Of stored proofs, and the numbers that they are about, by the names of `ReducedProblem`.
+#: Format of stored proofs, and names of the stored data (attributes of `ReducedProblem`).
 _FORMAT = "dolfinx_contact proof 1"
 _DATA = ("S", "p", "friction", "bound", "S_error", "p_error")
 
 
-# -- numbers that are rounded ----------------------------------------------------------------------
+# -- rounded arithmetic ----------------------------------------------------------------------------
 #
-# What can be said for certain with numbers that are rounded.
+# Rigorous bounds in floating-point arithmetic.
 #
-# With the unit round-off u = 2^-53 and gamma_n = n u / (1 - n u), a product of matrices over n
-# terms is off by at most gamma_n |A| |B|, in whatever order it is summed (Higham, Accuracy and
-# Stability of Numerical Algorithms, section 3.5). Bounds are sums of nonnegative numbers; rounded,
-# these are too small by less than 2^-30 of themselves as long as fewer than 10^6 operations lie
-# behind them, which `up` makes good. Numbers are expected to be scaled: what underflows is below
-# `TINY`.
+# With the unit round-off u = 2^-53 and gamma_n = n u / (1 - n u), the error of a matrix product
+# with inner dimension n is at most gamma_n |A| |B| for any order of summation (Higham, Accuracy and
+# Stability of Numerical Algorithms, section 3.5). Bounds are sums of nonnegative numbers. Computed
+# with fewer than 10^6 rounded operations, such a sum is too small by a relative error of less than
+# 2^-30, for which `up` compensates. Numbers are expected to be scaled, so that underflow errors are
+# below `TINY`.
 
 
 _U = 2.0**-53
@@ -104,41 +106,42 @@ _SLACK = 2.0**-30
 
 
 def gamma(n: int) -> float:
-    """gamma_{n + 4}: of a product over n terms, with some operations more."""
+    """Return gamma_{n+4}, the error bound of a sum of n products and up to four more operations."""
     return (n + 4) * _U / (1 - (n + 4) * _U)
 
 
 def up(bound: Array) -> Array:
-    """A rounded sum of nonnegative numbers, and what rounding may have taken from it."""
+    """Return an upper bound of a sum of nonnegative numbers from its rounded value."""
     return np.asarray(np.asarray(bound) * (1 + _SLACK) + TINY)
 
 
 def down(bound: Array | np.float64) -> Array:
-    """A lower bound of a nonnegative number whose rounded value is given."""
+    """Return a lower bound of a nonnegative number from its rounded value."""
     return np.asarray(np.asarray(bound) * (1 - _SLACK))
 
 
 def above(bound: float) -> float:
-    """An upper bound of a nonnegative number whose rounded value is given; `up` of one."""
+    """Return an upper bound of a nonnegative number from its rounded value; scalar `up`."""
     return float(bound) * (1 + _SLACK) + TINY
 
 
 def below(bound: float) -> float:
-    """A lower bound of one; `down` of one."""
+    """Return a lower bound of a nonnegative number from its rounded value; scalar `down`."""
     return float(bound) * (1 - _SLACK)
 
 
 def positive_definite(Q: Array, error: Array) -> bool:
-    """Whether every symmetric matrix within ``error`` of ``Q``, entry by entry, is p. definite.
+    """Return whether all symmetric matrices entrywise within ``error`` of ``Q`` are definite.
 
-    The matrix is scaled to a diagonal between 1/2 and 2 by powers of two, which is exact. A
-    symmetric perturbation moves eigenvalues by no more than the largest row sum of its absolute
-    values; and if Cholesky's method runs to its end on A - c I with c >= gamma_{n+1} / (1 -
-    gamma_{n+1}) tr A, then A is positive definite (Rump, BIT 46, 2006, theorem 2.3).
+    "Definite" means positive definite. The matrix is scaled by powers of two, without rounding, to
+    a diagonal between 1/2 and 2. A symmetric perturbation changes eigenvalues by at most the
+    largest absolute row sum of its entries. If the Cholesky factorisation of A - c I completes with
+    c >= gamma_{n+1} / (1 - gamma_{n+1}) tr A, then A is positive definite (Rump, BIT 46, 2006,
+    theorem 2.3).
 
     Args:
-        Q: symmetric to the last bit, (n, n).
-        error: nonnegative, (n, n).
+        Q: matrix (n, n), exactly symmetric.
+        error: nonnegative error bounds of the entries (n, n).
     """
     n = len(Q)
     d = np.diag(Q)
@@ -158,11 +161,13 @@ def positive_definite(Q: Array, error: Array) -> bool:
 
 
 def least_eigenvalue(S: Array, error: Array) -> float:
-    """A lower bound of the eigenvalues of all matrices within ``error`` of ``S``; 0 if not known.
+    """Return a positive lower bound of the eigenvalues of all matrices within ``error`` of ``S``.
+
+    Returns 0 if no positive bound is proved.
 
     Args:
-        S: symmetric to the last bit, (n, n).
-        error: nonnegative, symmetric (n, n).
+        S: matrix (n, n), exactly symmetric.
+        error: nonnegative, symmetric error bounds of the entries (n, n).
     """
     guess = 0.9 * float(np.linalg.eigvalsh(S)[0])
     if not guess > 0:
@@ -174,32 +179,33 @@ def least_eigenvalue(S: Array, error: Array) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Ball:
-    """Arrays of real numbers, each known up to an error: |x - value| <= radius, entry by entry.
+    """Array of real numbers with error bounds, |x - value| <= radius in every entry.
 
-    The operators return a Ball that contains the exact result for all numbers in their operands;
-    arrays and numbers are exact. One operation rounds its value by at most u |value| (u = 2^-53),
-    a sum of n products by at most gamma_n |A| |B| in any order (Higham, section 3.5), and what the
-    operands are off is propagated exactly to second order,
+    The operators return a Ball that contains the exact results for all numbers in their operands.
+    Operands that are arrays or numbers are exact. A single operation has a rounding error of at
+    most u |value| (u = 2^-53), and a matrix product with inner dimension n one of at most
+    gamma_n |A| |B| in any order of summation (Higham, section 3.5). Errors of the operands are
+    propagated including the second-order term,
 
         |xy - XY| <= |X| dy + dx (|Y| + dy).
 
-    The radius is a sum of nonnegative numbers, which `up` rounds upwards; `TINY` covers underflow.
+    The radius is a sum of nonnegative numbers, rounded upwards by `up`; `TINY` covers underflow.
     This is midpoint-radius arithmetic (Rump, BIT 39, 1999) without directed rounding.
 
     Attributes:
-        value: numbers of any shape.
-        radius: errors of the same shape.
+        value: midpoints, an array of any shape.
+        radius: error bounds of the same shape.
     """
 
     value: Array
     radius: Array
 
-    #: Operators of NumPy's arrays leave the work to those of the ball.
+    #: Make operators of NumPy arrays defer to the operators of this class.
     __array_ufunc__ = None
 
     @classmethod
     def of(cls, numbers: Ball | npt.ArrayLike) -> Ball:
-        """A ball, or exact numbers as one."""
+        """Return balls unchanged, and exact numbers as a ball of radius zero."""
         if isinstance(numbers, Ball):
             return numbers
         value = np.asarray(numbers, dtype=np.float64)
@@ -207,7 +213,7 @@ class Ball:
 
     @classmethod
     def _rounded(cls, value: Any, radius: Any) -> Ball:
-        """A result of one operation, whose value is rounded."""
+        """Return the result of one operation, with its rounding error added to the radius."""
         value = np.asarray(value)
         return cls(value, up(radius + _U * np.abs(value)))
 
@@ -233,7 +239,7 @@ class Ball:
         return Ball.of(other) - self
 
     def __truediv__(self, other: Ball | npt.ArrayLike) -> Ball:
-        """The quotient; of a denominator that may be zero with an infinite radius."""
+        """Return the quotient; the radius is infinite if the denominator may be zero."""
         b = Ball.of(other)
         least = down(np.maximum(np.abs(b.value) - b.radius * (1 + gamma(0)), 0))
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -255,17 +261,17 @@ class Ball:
         return Ball(np.asarray(self.value[index]), np.asarray(self.radius[index]))
 
     def put(self, index: Any, numbers: Ball | npt.ArrayLike) -> None:
-        """Overwrite entries."""
+        """Assign numbers with their errors to the entries ``index``."""
         other = Ball.of(numbers)
         self.value[index], self.radius[index] = other.value, other.radius
 
     @property
     def T(self) -> Ball:
-        """Transposed."""
+        """Transpose."""
         return Ball(self.value.T, self.radius.T)
 
     def reshape(self, *shape: int) -> Ball:
-        """The same numbers in another shape."""
+        """Return the ball with its arrays reshaped."""
         return Ball(self.value.reshape(*shape), self.radius.reshape(*shape))
 
     @property
@@ -275,28 +281,28 @@ class Ball:
 
     @cached_property
     def low(self) -> Array:
-        """Lower ends; a difference of two numbers is rounded to its nearest."""
+        """Lower ends of the intervals, with the rounding error of the difference."""
         return np.asarray(self.value - self.radius * (1 + gamma(4)) - gamma(0) * np.abs(self.value))
 
     @cached_property
     def high(self) -> Array:
-        """Upper ends."""
+        """Upper ends of the intervals, with the rounding error of the sum."""
         return np.asarray(self.value + self.radius * (1 + gamma(4)) + gamma(0) * np.abs(self.value))
 
 
 def where(condition: Any, a: Ball | npt.ArrayLike, b: Ball | npt.ArrayLike) -> Ball:
-    """Entries of one ball or of another one."""
+    """Return the entries of ``a`` where the condition holds and those of ``b`` elsewhere."""
     x, y = Ball.of(a), Ball.of(b)
     return Ball(*(np.where(condition, v, w) for v, w in zip(_parts(x), _parts(y), strict=True)))
 
 
 def stack(balls: Sequence[Ball]) -> Ball:
-    """Balls beside each other along a new last axis."""
+    """Stack balls along a new last axis."""
     return Ball(*(np.stack(parts, axis=-1) for parts in zip(*map(_parts, balls), strict=True)))
 
 
 def hypot(a: Ball, b: Ball) -> Ball:
-    """The length of (a, b), which moves by no more than the point does."""
+    """Return (a^2 + b^2)^(1/2), whose error is at most the length of the error of (a, b)."""
     value = np.hypot(a.value, b.value)
     return Ball(value, up(np.hypot(a.radius, b.radius) + gamma(4) * value))
 
@@ -306,12 +312,13 @@ def _parts(ball: Ball) -> tuple[Array, Array]:
 
 
 def solved(A: Ball, b: Ball) -> Ball | None:
-    """The solution of A z = b (n,) for all A and b in balls; None if an A may be singular.
+    """Return a ball with the solutions of A z = b (n,) for all A and b in their balls.
 
-    With an approximate inverse C and G >= |I - C A| over all A in question, of norm below 1, A is
-    regular, and z* - z = C (b - A z) + (I - C A) (z* - z) gives |z* - z| <= v + G e |v| / (1 - |G|)
-    for v >= |C (b - A z)| and the vector e of ones, in maximum norms (Rump, Acta Numerica 19,
-    2010).
+    Returns None if one of the matrices may be singular. Let C be an approximate inverse and
+    G >= |I - C A| for all A in the ball. If the maximum norm of G is below 1, every A is regular.
+    The exact solution z* satisfies z* - z = C (b - A z) + (I - C A) (z* - z), which implies
+    |z* - z| <= v + G e |v| / (1 - |G|) for v >= |C (b - A z)|, the vector e of ones, and maximum
+    norms |v| and |G| (Rump, Acta Numerica 19, 2010).
     """
     try:
         C = np.linalg.inv(A.value)
@@ -331,52 +338,54 @@ def solved(A: Ball, b: Ball) -> Ball | None:
 
 # -- the problem -----------------------------------------------------------------------------------
 #
-# The reduced problem, whose solutions are to be counted: in the plane, and in space.
+# The reduced problem, whose solutions are counted, in the plane and in space.
 #
-# At m contact points live a = (ut, un) and the forces r = (rt, rn) on the body, with
+# At m contact points, displacements a = (ut, un) and forces r = (rt, rn) on the body satisfy
 #
 #     S a = r + p,    un >= 0, rn >= 0, un rn = 0,    |rt| <= F rn + g,  rt = -(F rn + g) sign(ut)
 #
-# where ut is not 0; in space ut and rt have two components, and sign(ut) is ut/|ut|. S is symmetric
-# and positive definite; initial gaps are in p. A point has either Coulomb friction (F > 0, g = 0),
-# a friction bound given in advance (F = 0, g > 0), or none. What is proved holds for all S and p
-# within `S_error` and `p_error` of those given, entry by entry.
+# where the last equation applies if ut is not 0. In space ut and rt have two components, and
+# sign(ut) is ut/|ut|. S is symmetric and positive definite; initial gaps are included in p. A point
+# has either Coulomb friction (F > 0, g = 0), a prescribed friction bound (F = 0, g > 0), or no
+# friction. All proved statements hold for every S and p whose entries differ from the stored ones
+# by at most `S_error` and `p_error`.
 #
-# Statuses are those of `laws.status`: 0 open, 1 stick, 2 and 3 slip with ut > 0 and < 0, and 4 to 6
-# the same at open points under a bound given in advance. Sets of statuses are bit masks.
+# Statuses are numbered as in `laws.status`: 0 open, 1 stick, 2 and 3 slip with ut > 0 and ut < 0,
+# and 4 to 6 stick and slip of open points with a prescribed friction bound. Sets of statuses are
+# bit masks.
 
 
-#: Of every status: whether ut is free, whether un is, and the sense of the slip.
+#: For every status: whether ut is free, whether un is free, and the sense of the slip.
 IS_FREE = np.array([True, False, True, True, False, True, True])
 IS_OPEN = np.array([True, False, False, False, True, True, True])
 SENSE = np.array([0, 0, 1, -1, 0, 1, -1])
-#: Sets of statuses: with ut free, open and closed.
+#: Bit masks of the statuses with free ut, of the open ones and of the closed ones.
 FREE = sum(1 << s for s in range(7) if IS_FREE[s])
 OPENED = sum(1 << s for s in range(7) if IS_OPEN[s])
 CLOSED = 0b1110
 
 
 def has_status(allowed: Masks) -> npt.NDArray[np.bool_]:
-    """Which statuses are in the sets, by point and status (m, 7)."""
+    """Return which statuses the bit masks (m,) contain, by point and status (m, 7)."""
     return np.asarray((allowed[:, None] >> np.arange(7)) & 1 > 0)
 
 
 @dataclass(frozen=True, eq=False)
 class ReducedProblem:
-    """S a = r + p with contact and friction at m points, as above.
+    """Contact problem S a = r + p with friction at m points, as defined above.
 
     Args:
-        S: stiffness, symmetric (dim m, dim m), ordered ut, un point by point. What it is off from
-            its transpose is added to its error.
-        p: load (dim m,), dim 2 or 3.
-        friction: coefficients F >= 0 (m,).
-        bound: forces g >= 0, where F = 0 (m,).
-        S_error: by which entries of S may be off (dim m, dim m).
-        p_error: the same of p (dim m,).
+        S: stiffness matrix (dim m, dim m), symmetric, ordered (ut, un) point by point. An
+            unsymmetric part is added to its error bounds.
+        p: load vector (dim m,), with dim 2 or 3.
+        friction: friction coefficients F >= 0 (m,).
+        bound: prescribed friction bounds g >= 0 (m,), as forces, 0 where F > 0; by default 0.
+        S_error: error bounds of the entries of S (dim m, dim m); by default 0.
+        p_error: error bounds of the entries of p (dim m,); by default 0.
 
     Raises:
-        ValueError: if shapes do not fit, a number is not finite or negative that must not be, a
-            point has both F and g, or S is not certainly positive definite.
+        ValueError: if shapes do not match, a number is not finite, a coefficient or bound is
+            negative, a point has both F and g, or S is not proved to be positive definite.
     """
 
     S: Array
@@ -417,40 +426,40 @@ class ReducedProblem:
 
     @property
     def g(self) -> Array:
-        """Bounds of the shear given in advance (m,)."""
+        """Prescribed friction bounds (m,)."""
         assert self.bound is not None
         return self.bound
 
     @property
     def dS(self) -> Array:
-        """Errors of S."""
+        """Error bounds of S (dim m, dim m)."""
         assert self.S_error is not None
         return self.S_error
 
     @property
     def dp(self) -> Array:
-        """Errors of p."""
+        """Error bounds of p (dim m,)."""
         assert self.p_error is not None
         return self.p_error
 
     @cached_property
     def stiffness(self) -> Ball:
-        """The stiffness S with its errors."""
+        """Stiffness S with its error bounds."""
         return Ball(self.S, self.dS)
 
     @cached_property
     def load(self) -> Ball:
-        """The load p with its errors."""
+        """Load p with its error bounds."""
         return Ball(self.p, self.dp)
 
     @property
     def data(self) -> dict[str, Array]:
-        """The numbers that a proof is about, by the names of the arguments."""
+        """Data of the problem, by the names of the arguments."""
         return {name: np.asarray(getattr(self, name)) for name in _DATA}
 
     @property
     def digest(self) -> str:
-        """SHA-256 of S, p, F, g and the errors, hexadecimal: what a proof is about."""
+        """SHA-256 hash of S, p, F, g and the errors, hexadecimal; it identifies the problem."""
         return _digest(self.data)
 
     @property
@@ -460,26 +469,26 @@ class ReducedProblem:
 
     @property
     def dim(self) -> int:
-        """2 or 3."""
+        """Spatial dimension, 2 or 3."""
         return len(self.p) // self.points
 
     @cached_property
     def least(self) -> float:
-        """A lower bound of the eigenvalues of S; 0 if there is none."""
+        """Positive lower bound of the eigenvalues of S; 0 if none is proved."""
         return least_eigenvalue(self.S, self.dS)
 
     @cached_property
     def statuses(self) -> Masks:
-        """All statuses that the points can have, as masks (m,)."""
+        """Statuses that the law of each point admits, as bit masks (m,)."""
         masks = np.full(self.points, 0b1111, dtype=np.int64)
         masks[self.friction == 0] = 0b0101
         masks[self.g > 0] = 0b1111110
-        # Slips in space have no sense.
+        # In space there is only one slip status, 2 (or 5), without a sense.
         return masks if self.dim == 2 else masks & 0b0110111
 
     @cached_property
     def units(self) -> tuple[float, float]:
-        """Powers of two that are typical of displacements and forces."""
+        """Units of displacements and forces, powers of two of their typical magnitudes."""
         force = max(float(np.abs(self.p).max()), float(self.g.max()), 1e-290)
         force = 2.0 ** round(float(np.log2(force)))
         return force / self._stiffness_unit, force
@@ -490,9 +499,10 @@ class ReducedProblem:
 
     @cached_property
     def scaled(self) -> ReducedProblem:
-        """The same problem in its `units`: powers of two are exact but for underflow.
+        """The same problem in its `units`.
 
-        What underflow takes from S and p is added to their errors.
+        Scaling by powers of two is exact except for underflow. Underflow errors of S and p are
+        included in their error bounds.
 
         Raises:
             ValueError: if a friction bound underflows.
@@ -516,22 +526,22 @@ class ReducedProblem:
         return found
 
 
-# -- bounds by energy ------------------------------------------------------------------------------
+# -- energy bounds ---------------------------------------------------------------------------------
 #
-# Bounds of all solutions by their energy.
+# Bounds of all solutions from an energy estimate.
 #
-# Contact does no work and friction dissipates: r.a <= 0 at a solution, so that a.S a <= p.a, an
-# ellipsoid. With c = S^-1 p / 2 and rho^2 = p.S^-1 p / 4, a linear functional of a is at most l.c +
-# rho (l.S^-1 l)^(1/2) on it, and one of the forces, l.r = S l.a - l.p, at most -l.p / 2 + rho (l.S
-# l)^(1/2).
+# Contact does no work and friction dissipates energy. Hence r.a <= 0 at every solution, and a lies
+# in the ellipsoid a.S a <= p.a. With c = S^-1 p / 2 and rho^2 = p.S^-1 p / 4, a linear functional
+# l.a of the displacements is at most l.c + rho (l.S^-1 l)^(1/2) in the ellipsoid, and a linear
+# functional of the forces, l.r = S l.a - l.p, is at most -l.p / 2 + rho (l.S l)^(1/2).
 #
-# At every point six nonnegative quantities are bounded, the slots, in this order: the parts ut+ and
-# ut- of ut = ut+ - ut-, un, the slacks s+ = F rn + g + rt and s- = F rn + g - rt of the friction
-# bound, and rn. A status is which of them may differ from zero, where s+ and s- of a point without
-# friction do not count.
+# Six nonnegative quantities, the *slots*, are bounded at every point, in this order: the positive
+# and negative parts ut+ and ut- of ut = ut+ - ut-, un, the slacks s+ = F rn + g + rt and s- = F rn
+# + g - rt of the friction bound, and rn. A status determines which slots may be nonzero; s+ and s-
+# do not count at points without friction.
 
 
-#: Slots that may be positive, by status: with friction, and without.
+#: Slots that may be positive in each status, at points with friction and without.
 _USED = np.zeros((7, 6), dtype=bool)
 for _status, _slots in enumerate(["012", "345", "045", "135", "234", "024", "123"]):
     _USED[_status, [int(k) for k in _slots]] = True
@@ -541,12 +551,13 @@ _USED_FREE[2] = [True, True, False, False, False, True]
 
 @dataclass(frozen=True, eq=False)
 class _Ellipsoid:
-    """The ellipsoid of energy with what rounding and errors of the data add.
+    """Energy ellipsoid, enlarged by round-off and errors of the data.
 
     Attributes:
-        twice: approximation of S^-1 p (n,).
-        shift: bound of the Euclidean norm of its error.
-        inverse: approximation of S^-1 (n, n) and bound of the errors in each column (n,).
+        twice: approximation of S^-1 p (n,), twice the centre.
+        shift: bound of the Euclidean norm of the error of ``twice``.
+        inverse: approximation of S^-1 (n, n).
+        inverse_off: error bounds of the columns of ``inverse``, in the Euclidean norm (n,).
         diagonal: upper bounds of the diagonal of S^-1 (n,).
         rho: upper bound of (p.S^-1 p)^(1/2) / 2.
     """
@@ -564,7 +575,7 @@ def _ellipsoid(problem: ReducedProblem) -> _Ellipsoid:
     n = len(problem.p)
     least = problem.least
     G = np.asarray(np.linalg.inv(problem.S), dtype=np.float64)
-    # S x = b is off by no more than its residual over the least eigenvalue.
+    # The error of an approximate solution is at most its residual over the least eigenvalue.
     column_off = np.sqrt(up(((np.eye(n) - S @ G).size ** 2).sum(axis=0))) / least
     twice = G @ problem.p
     residual = (problem.load - S @ twice).size
@@ -576,10 +587,11 @@ def _ellipsoid(problem: ReducedProblem) -> _Ellipsoid:
 
 
 def flexibility(problem: ReducedProblem) -> tuple[Array, Array]:
-    """Return an approximation of S^-1 and bounds of the errors of its entries, both (n, n).
+    """Return an approximation G of S^-1 and error bounds of its entries, both (n, n).
 
-    With E >= |I - S G| over all S, of maximum norm e below 1, |S^-1 - G| <= |G| (E + E^2 + ...), in
-    which entries of a column of E^2 are no more than e times the largest of E.
+    Let E >= |I - S G| for all S within their errors, with a maximum norm e < 1. Then
+    |S^-1 - G| <= |G| (E + E^2 + ...). In each column, entries of E^2 are at most e times the
+    largest entry of E. The error bounds are infinite if e >= 1/2.
     """
     G = np.asarray(np.linalg.inv(problem.S), dtype=np.float64)
     n = len(G)
@@ -591,11 +603,11 @@ def flexibility(problem: ReducedProblem) -> tuple[Array, Array]:
 
 
 def bounded(problem: ReducedProblem) -> Array:
-    """Upper bounds of the slots of all points, at every solution in the plane (6, m)."""
+    """Return upper bounds of the slots (6, m) that hold at every solution in the plane."""
     m = problem.points
     e = _ellipsoid(problem)
     center = Ball(e.twice, np.full(2 * m, above(e.shift)))
-    # Rounded upwards before it is added to what may be negative.
+    # Round up before adding numbers that may be negative: `up` needs nonnegative ones.
     reach = up(e.rho * np.sqrt(up(e.diagonal)))
     t = np.arange(0, 2 * m, 2)
     k = np.arange(1, 2 * m, 2)
@@ -619,38 +631,38 @@ def bounded(problem: ReducedProblem) -> Array:
 
 
 def used(problem: ReducedProblem) -> npt.NDArray[np.bool_]:
-    """Which slots may be positive, by point and status (m, 7, 6)."""
+    """Return which slots may be positive, by point, status and slot (m, 7, 6)."""
     free = (problem.friction == 0) & (problem.g == 0)
     return np.where(free[:, None, None], _USED_FREE, _USED)
 
 
 def restricted(problem: ReducedProblem, allowed: Masks, ub: Array) -> Array:
-    """The bounds, 0 where no allowed status uses a slot (6, m)."""
+    """Return the bounds (6, m), set to 0 for slots that vanish in all allowed statuses."""
     has = has_status(allowed)
     return np.where((has[:, :, None] & used(problem)).any(axis=1).T, ub, 0.0)
 
 
 # -- multipliers -----------------------------------------------------------------------------------
 #
-# What a vector of multipliers proves about statuses, by weak duality.
+# Exclusion of statuses by a vector of multipliers, using weak duality.
 #
-# At every solution 0 = y.(S a - r - p) for any y. Point by point the slots lie in the boxes of the
-# statuses that are still allowed, so that
+# At every solution, 0 = y.(S a - r - p) for any y. At each point, the slots lie in the box of one
+# of the allowed statuses. Therefore
 #
 #     0 >= L(y) = sum_i min_s h_is(y) - y.p,    h_is = sum over the slots of s of min(0, c_ij) ub_ij
 #
-# with the coefficients c of the slots in y.(S a - r). Where L > 0 there is no solution; where L > 0
-# with point i held in status s, that status is impossible there. The minimum over the statuses is
-# that over the convex hull of their boxes, so nothing is lost against the linear program from which
-# y comes; and nothing depends on how y was found.
+# with the coefficients c of the slots in y.(S a - r). If L > 0, there is no solution. If L > 0 with
+# point i restricted to status s, that status is impossible at point i. The minimum over the
+# statuses equals the minimum over the convex hull of their boxes, so that L is as sharp as the
+# linear program from which y comes. The proof does not depend on how y was computed.
 
 
 @dataclass(frozen=True, eq=False)
 class Dual:
-    """A vector of multipliers y of the rows S a - r = p.
+    """Vector of multipliers y of the equations S a - r = p in the plane.
 
     Args:
-        problem: scaled.
+        problem: scaled reduced problem.
         y: multipliers (2 m,).
     """
 
@@ -663,7 +675,7 @@ class Dual:
 
     @cached_property
     def coefficients(self) -> Array:
-        """Coefficients of the slots in y.(S a - r), without the contribution of g (6, m)."""
+        """Coefficients of the slots (6, m) in y.(S a - r), without the contribution of g."""
         a = self._of_a
         rt = -self._shear
         rn = -self._pressure
@@ -671,20 +683,21 @@ class Dual:
 
     @property
     def _shear(self) -> Array:
-        """Weights that y gives to s+ - s- (m,)."""
+        """Coefficients (m,) of s+ - s- = 2 rt in y.r."""
         return np.where(self.problem.g > 0, 0.0, self.y[0::2] / 2)
 
     @property
     def _pressure(self) -> Array:
-        """Weights that y gives to s+ + s- = 2 F rn (m,)."""
+        """Coefficients (m,) of s+ + s- = 2 F rn in y.r."""
         F = self.problem.friction
         return np.divide(self.y[1::2], 2 * F, out=np.zeros_like(F), where=F > 0)
 
     @property
     def _counted(self) -> npt.NDArray[np.bool_]:
-        """Slots that L counts, by point (m, 6).
+        """Slots that appear in L, by point (m, 6).
 
-        Where F > 0 rn is (s+ + s-) / 2 F, and where F = 0 s+ and s- are in g.
+        Where F > 0, rn is expressed by (s+ + s-) / 2 F. Where F = 0, the shear is bounded by g
+        directly, without s+ and s-.
         """
         F = self.problem.friction
         found = np.ones((len(F), 6), dtype=bool)
@@ -694,16 +707,16 @@ class Dual:
 
     @cached_property
     def _given(self) -> Array:
-        """Minima of -yt rt over shears of a bound given in advance, by point and status."""
+        """Minima of -yt rt over shears |rt| <= g, by point and status (m, 7)."""
         most = (self.problem.g * self.y[0::2])[:, None]
         return np.where(SENSE == 0, -np.abs(most), SENSE * most)
 
     def least(self, ub: Array, less: tuple[int, int] | None = None) -> Array:
-        """The h by point and status (m, 7).
+        """Return the minima h_is by point and status (m, 7).
 
         Args:
             ub: bounds of the slots (6, m).
-            less: slot and point from whose coefficient 1 is taken.
+            less: slot and point whose coefficient is reduced by 1; None for no change.
         """
         c = self.coefficients
         if less is not None:
@@ -714,7 +727,7 @@ class Dual:
         return np.einsum("msj,mj->ms", uses, per_slot) + self._given
 
     def round_off(self, ub: Array) -> float:
-        """Bound the error of a sum of these terms from rounding and from errors of S and p."""
+        """Return a bound of the error of L due to round-off and to errors of S and p."""
         problem = self.problem
         y = np.abs(self.y)
         n = len(y)
@@ -724,19 +737,19 @@ class Dual:
         data = reach @ (gamma(n) * (np.abs(problem.S) @ y) + problem.dS @ y)
         data += problem.dp @ y
         size = np.abs(self.coefficients)
-        # These are differences, rounded as their terms are.
+        # These coefficients are differences; their rounding errors scale with their terms.
         size[3:5] = np.abs(self._shear) + np.abs(self._pressure)
         sums = (size * ub).sum() + np.abs(problem.p) @ y
         sums += 2 * problem.g @ y[0::2]
         return float(up(data + gamma(8 * n) * sums))
 
     def impossible(self, allowed: Masks, ub: Array, margin: float) -> npt.NDArray[np.bool_]:
-        """Which of the allowed statuses y excludes, by point and status (m, 7).
+        """Return which allowed statuses y excludes, by point and status (m, 7).
 
         Args:
-            allowed: statuses, masks (m,).
+            allowed: allowed statuses as bit masks (m,).
             ub: bounds of the slots (6, m).
-            margin: times the round-off that must be left.
+            margin: required ratio of L to its error bound.
         """
         has = has_status(allowed)
         h = self.least(ub)
@@ -745,7 +758,7 @@ class Dual:
         return np.asarray(has & (rest[:, None] + h > margin * self.round_off(ub)))
 
     def most(self, allowed: Masks, ub: Array, slot: int, point: int) -> float:
-        """An upper bound of a slot: x = x - y.(S a - r - p); inf of one that L does not count."""
+        """Return an upper bound of a slot x = x - y.(S a - r - p); inf if L does not contain it."""
         if not self._counted[point, slot]:
             return np.inf
         has = has_status(allowed)
@@ -756,18 +769,19 @@ class Dual:
 
 # -- pieces ----------------------------------------------------------------------------------------
 #
-# One status at every point: a linear problem, its solution with error bounds, and the law there.
+# A *piece* prescribes one status at every point. It is a linear problem; its solution is computed
+# with error bounds, and the inequalities of the law are checked.
 #
-# Where ut is free rt = -sense (F rn + g), else ut = 0; where un is free rn = 0, else un = 0. What
-# remains are two unknowns at every point.
+# If ut is free, rt = -sense (F rn + g), otherwise ut = 0. If un is free, rn = 0, otherwise un = 0.
+# Two unknowns per point remain.
 
 
 class _Piece:
-    """A piece and its solution, in 2D or 3D.
+    """Base class of a piece and its solution, in 2D or 3D.
 
     Attributes:
-        numbers: displacements and forces of the points, with their errors (m, 2 dim).
-        inequalities: quantities that the law requires to be nonnegative, with their errors.
+        numbers: displacements and forces of the points with error bounds (m, 2 dim).
+        inequalities: quantities that the law requires to be nonnegative, with error bounds.
     """
 
     @property
@@ -780,7 +794,7 @@ class _Piece:
 
     @property
     def verdict(self) -> Literal["inside", "outside", "border"]:
-        """Whether the law certainly holds beyond its borders, certainly does not, or neither."""
+        """Verdict on the inequalities: strictly satisfied, one certainly violated, or undecided."""
         if (self.inequalities.high < 0).any():
             return "outside"
         return "inside" if (self.inequalities.low > 0).all() else "border"
@@ -798,12 +812,15 @@ class _Piece:
 
 @dataclass(frozen=True, eq=False)
 class PieceSolution(_Piece):
-    """The solution of a piece.
+    """Solution of a piece in the plane.
 
     Attributes:
-        problem: scaled.
+        problem: scaled reduced problem.
         codes: statuses (m,).
-        ut, un, rt, rn: numbers at the points (m,).
+        ut: tangential displacements (m,).
+        un: normal displacements (m,).
+        rt: tangential forces (m,).
+        rn: normal forces (m,).
     """
 
     problem: ReducedProblem
@@ -815,13 +832,13 @@ class PieceSolution(_Piece):
 
     @cached_property
     def slacks(self) -> tuple[Ball, Ball]:
-        """s+ and s-, F rn + g plus and minus rt."""
+        """Slacks s+ = F rn + g + rt and s- = F rn + g - rt (m,)."""
         limit = self.problem.friction * self.rn + self.problem.g
         return limit + self.rt, limit - self.rt
 
     @cached_property
     def inequalities(self) -> Ball:  # type: ignore[override]
-        """Quantities that the law requires to be non-negative (m, 3), padded with 1."""
+        """Quantities that the law requires to be nonnegative (m, 3), padded with 1."""
         is_free = IS_FREE[self.codes]
         rubs = (self.problem.friction > 0) | (self.problem.g > 0)
         sense = np.where(rubs, SENSE[self.codes], 0).astype(np.float64)
@@ -832,12 +849,12 @@ class PieceSolution(_Piece):
 
     @cached_property
     def numbers(self) -> Ball:  # type: ignore[override]
-        """(ut, un, rt, rn) of the points with their errors (m, 4)."""
+        """(ut, un, rt, rn) of the points with error bounds (m, 4)."""
         return stack([self.ut, self.un, self.rt, self.rn])
 
 
 def matrix_of(S: Array, friction: Array, codes: Codes) -> Array:
-    """Return the matrix (2 m, 2 m) of a piece; each point has ut or rt, and un or rn, unknown."""
+    """Return the matrix (2 m, 2 m) of a piece; its unknowns are ut or rt, and un or rn."""
     n = len(S)
     t = np.arange(0, n, 2)
     k = np.arange(1, n, 2)
@@ -856,10 +873,10 @@ def matrix_of(S: Array, friction: Array, codes: Codes) -> Array:
 
 
 def solve_piece(problem: ReducedProblem, codes: Codes) -> PieceSolution | None:
-    """The solution of a piece; None if the piece may be singular.
+    """Return the solution of a piece in the plane; None if the piece may be singular.
 
     Args:
-        problem: scaled.
+        problem: scaled reduced problem.
         codes: statuses (m,).
     """
     free = IS_FREE[codes]
@@ -889,37 +906,53 @@ def solve_piece(problem: ReducedProblem, codes: Codes) -> PieceSolution | None:
 
 # -- differences -----------------------------------------------------------------------------------
 #
-# Which quadratic inequalities a solution satisfies beside a known one.
+# Quadratic inequalities for the difference of any solution and a known one.
 #
-# Let b solve a piece, xi_b be such that rt_b = -F xi_b rn_b with xi_b in the sign of ut_b, and a be
-# any solution whose statuses are in given sets; d = a - b, e = S d. Then, point by point,
+# Let b solve a piece, and let xi_b satisfy rt_b = -F xi_b rn_b with xi_b in the set-valued sign of
+# ut_b. Let a be any solution whose statuses are in the allowed sets, d = a - b and e = S d. Then at
+# every point
 #
 #     dt (et + F xi_b en) = -F rn_a (xi_a - xi_b) dt <= 0,
 #     dn (en + theta et) = -un_a (rn_b + theta rt_b) - un_b (rn_a + theta rt_a) <= 0
 #
 # with |theta| <= 1/F,
 #
-# since the graph of the sign is monotone, rn_a >= 0, and gap and force exclude each other; with a
-# bound g given in advance F is 0 in them. This is Renard's criterion of uniqueness (SIAM J. Math.
-# Anal. 38, 2006), with a weight of its own for every inequality. Strict complementarity of b and
-# the bounds of a strengthen them:
+# since the graph of the sign is monotone, rn_a >= 0, and gap and pressure are complementary. With a
+# prescribed bound g, F is 0 in these inequalities. This is Renard's uniqueness criterion (SIAM J.
+# Math. Anal. 38, 2006) with a separate weight for every inequality. Strict complementarity of b and
+# the bounds of a (Un, Rn, S and U are upper bounds of the slots of a) strengthen the inequalities:
 #
 #     dn (en + theta et) <= -(1 - F |theta|) rn_b / Un dn^2        where b is closed,
 #                        <= -(1 - F |theta|) un_b / Rn en^2        where b is open,
 #     dt f <= -|ut_b| / S f^2     of a slip, f = et +- F en, which is the slack s+- of a (bound S).
 #
-# Where sets of statuses hold equalities for a and b alike (both slip to the right, say) these are
-# rows f = 0; of stick and one slip the product of slack and slip vanishes for a and b, and gives dt
-# f <= -s_b / U dt^2 or -|ut_b| / S f^2. In no case is b itself required to be a solution: its
-# inequalities at points whose statuses are decided are not used.
+# If the allowed statuses imply the same equality for a and b (for instance, both slip to the
+# right), it is used as a row f = 0. If only stick and one slip are allowed, the product of slack
+# and slip vanishes for a and b, which gives dt f <= -s_b / U dt^2 or dt f <= -|ut_b| / S f^2. b
+# itself need not be a solution: its inequalities at points with a single allowed status are not
+# used.
 #
-# **If a weighted sum of the left sides, with any weights of the squares of the rows f = 0, is a
-# positive definite form of d, then d = 0: no solution with these statuses is other than b.**
+# **If a sum of the left-hand sides with nonnegative weights, plus weighted squares of the rows
+# f = 0, is a positive definite quadratic form of d, then d = 0: b is the only possible solution
+# with these statuses.**
 
 
 @dataclass
 class _Row:
-    """d_v (S_v d + x S_w d + k1 d_v) + k2 f^2 <= 0, or f = S_v d + x S_w d = 0."""
+    """Row of one unknown v; w is the other component of the same point.
+
+    The row is the inequality d_v (S_v d + x S_w d + k1 d_v) + k2 f^2 <= 0 with f = S_v d + x S_w d,
+    or the equation f = 0.
+
+    Attributes:
+        unknown: index v of the component.
+        x: coefficient x.
+        x_off: error bound of x.
+        equal: whether the row is the equation f = 0.
+        k1: coefficient of d_v^2.
+        k2: coefficient of f^2.
+        theta: whether a multiple theta of S_w d may be added to f.
+    """
 
     unknown: int
     x: float = 0.0
@@ -932,15 +965,16 @@ class _Row:
 
 @dataclass(frozen=True, eq=False)
 class Differences:
-    """The inequalities as a form of the unknown components d of a difference.
+    """Inequalities for the unknown components d of the difference of two solutions.
 
     Attributes:
-        piece: piece of b.
-        unknown: indices of the components that may differ (n,), among 2 m.
-        rows: R of f = R d (n, n).
-        tilts: rows T that theta adds (n, n).
-        equal: rows f = 0.
-        k1, k2: coefficients of d_v^2 and f^2 in each row (n,).
+        piece: solution b of a piece.
+        unknown: indices of the components of d that may be nonzero (n,), among 2 m.
+        rows: matrix R (n, n) with f = R d.
+        tilts: matrix T (n, n); row i of T, multiplied by theta_i, is added to row i of R.
+        equal: mask of the rows f = 0 (n,).
+        k1: coefficients of d_v^2 (n,).
+        k2: coefficients of f^2 (n,).
     """
 
     piece: PieceSolution
@@ -953,26 +987,26 @@ class Differences:
 
     @property
     def R(self) -> Array:
-        """The rows, without their errors."""
+        """Midpoints of `rows` (n, n)."""
         return self.rows.value
 
     @property
     def T(self) -> Array:
-        """The rows that theta adds, without their errors."""
+        """Midpoints of `tilts` (n, n)."""
         return self.tilts.value
 
     @property
     def tilted(self) -> npt.NDArray[np.bool_]:
-        """Rows that take a theta."""
+        """Mask of the rows with a theta (n,)."""
         return np.any(self.T != 0, axis=1)
 
     def prove(self, weights: Array, theta: Array, mu: float) -> bool:
-        """Whether the weighted sum is positive definite for all errors within their bounds.
+        """Return whether the weighted sum is proved to be positive definite within all errors.
 
         Args:
-            weights: nonnegative (n,), those of rows f = 0 not used.
-            theta: |theta| <= 1 / F (n,), used where `tilted`.
-            mu: >= 0, weight of the squares of the rows f = 0.
+            weights: nonnegative weights of the rows (n,); ignored for rows f = 0.
+            theta: parameters theta of the rows (n,), |theta| <= 1 / F; used where `tilted`.
+            mu: nonnegative weight of the squares of the rows f = 0, dimensionless.
         """
         F = self.piece.problem.friction[self.unknown // 2]
         theta = np.where(self.tilted, theta, 0.0)
@@ -983,7 +1017,7 @@ class Differences:
             return True
         keeps = np.where(self.tilted, keeps, 1.0)
         w = np.where(self.equal, 0.0, weights)
-        # Of the rows f = 0 the weight of the square is made dimensionless.
+        # Divide by the diagonal, so that mu is dimensionless.
         size = np.abs(np.diag(self.R))
         square = np.where(self.equal, mu / np.where(size > 0, size, 1.0), down(w * self.k2 * keeps))
         half = w[:, None] * (self.rows + theta[:, None] * self.tilts)
@@ -994,11 +1028,11 @@ class Differences:
 
 
 def differences(piece: PieceSolution, allowed: Masks, ub: Array) -> Differences | None:
-    """The inequalities; None if b does not certainly satisfy what they need.
+    """Return the inequalities; None if b is not proved to satisfy their hypotheses.
 
     Args:
-        piece: piece of b; its status at a point is in the set of a where that has one element.
-        allowed: sets of statuses of a, masks (m,).
+        piece: solution b of a piece. Where only one status of a is allowed, b must have it too.
+        allowed: allowed statuses of a as bit masks (m,).
         ub: bounds of the slots of a (6, m).
     """
     rows: list[_Row] = []
@@ -1025,7 +1059,7 @@ def differences(piece: PieceSolution, allowed: Masks, ub: Array) -> Differences 
 
 
 def _rows_of(piece: PieceSolution, i: int, allowed: int, ub: Array) -> list[_Row] | None:
-    """The rows of one point; None if b does not fit."""
+    """Return the rows of one point; None if b does not satisfy their hypotheses."""
     code = int(piece.codes[i])
     opens = bool(allowed & OPENED)
     closes = bool(allowed & CLOSED)
@@ -1058,12 +1092,12 @@ def _rows_of(piece: PieceSolution, i: int, allowed: int, ub: Array) -> list[_Row
 
 
 def _ratio(part: float, most: float) -> float:
-    """A lower bound of a quotient of positive numbers; 0 if it is not sure to be one."""
+    """Return a lower bound of part / most; 0 unless both numbers are positive."""
     return float(down(np.float64(part / most))) if part > 0 and most > 0 else 0.0
 
 
 def _coulomb(piece: PieceSolution, i: int, allowed: int, ub: Array) -> list[_Row] | None:
-    """Return the rows of a point with a coefficient of friction."""
+    """Return the tangential rows of a point with Coulomb friction; None if b does not fit."""
     code = int(piece.codes[i])
     F = float(piece.problem.friction[i])
     t = 2 * i
@@ -1073,7 +1107,7 @@ def _coulomb(piece: PieceSolution, i: int, allowed: int, ub: Array) -> list[_Row
         return [] if code == 1 else None
     for sense, slip in ((1, 0b0100), (-1, 0b1000)):
         if allowed in (slip, slip | 1):
-            # The status is open, or this slip.
+            # Only open and this slip are allowed; both satisfy rt = -sense F rn.
             return [_Row(t, sense * F, equal=True)] if 1 << code & (slip | 1) else None
         if allowed == slip | 2:
             k = _one_way(piece, i, sense, ub)
@@ -1083,7 +1117,7 @@ def _coulomb(piece: PieceSolution, i: int, allowed: int, ub: Array) -> list[_Row
         rn = piece.rn
         rt = piece.rt
         pressed = plus >= 0 and minus >= 0
-        # With the status known to be closed the law may hold for a negative rn.
+        # If the point is certainly closed, b may also have a negative rn: b need not be a solution.
         drawn = not allowed & 1 and max(float(s.high[i]) for s in piece.slacks) <= 0
         least = float(rn.low[i] if pressed else -rn.high[i])
         if not (pressed or drawn) or least <= 0:
@@ -1094,7 +1128,7 @@ def _coulomb(piece: PieceSolution, i: int, allowed: int, ub: Array) -> list[_Row
 
 
 def _slip(piece: PieceSolution, i: int, ub: Array) -> list[_Row] | None:
-    """Return the rows of a point that slips in b or is open."""
+    """Return the tangential rows of a point that is open or slips in b; None if b does not fit."""
     ut = piece.ut
     sense = int(SENSE[piece.codes[i]])
     F = float(piece.problem.friction[i])
@@ -1107,7 +1141,7 @@ def _slip(piece: PieceSolution, i: int, ub: Array) -> list[_Row] | None:
 
 
 def _one_way(piece: PieceSolution, i: int, sense: int, ub: Array) -> tuple[float, float] | None:
-    """k1 and k2 where only stick and the slip of one sense are left; None if b does not fit."""
+    """Return k1 and k2 if only stick and one slip are allowed; None if b does not fit."""
     code = int(piece.codes[i])
     k = 0 if sense > 0 else 1
     slack = float(piece.slacks[k].low[i])
@@ -1120,7 +1154,7 @@ def _one_way(piece: PieceSolution, i: int, sense: int, ub: Array) -> tuple[float
 
 
 def _bounded(piece: PieceSolution, i: int, allowed: int, ub: Array) -> list[_Row] | None:
-    """Return the rows of a point whose shear has a bound given in advance."""
+    """Return the tangential rows of a point with a prescribed friction bound."""
     code = int(piece.codes[i])
     t = 2 * i
     if not allowed & FREE:
@@ -1141,40 +1175,41 @@ def _bounded(piece: PieceSolution, i: int, allowed: int, ub: Array) -> list[_Row
 
 # -- in space: cells and bounds --------------------------------------------------------------------
 #
-# In 3D ut and rt have two components, |rt| <= F rn + g, and a slip has a direction: ut = s e with a
-# unit vector e and s >= 0, and rt = -(F rn + g) e. A region gives every point *cells*:
+# In 3D ut and rt have two components and |rt| <= F rn + g. A slip has a direction: ut = s e with a
+# unit vector e and s >= 0, and rt = -(F rn + g) e. A region assigns *cells* to every point:
 #
-#     open (rn = 0), stick (ut = 0) and arcs of directions of slip;
-#     without Coulomb friction (F = 0): open and closed, with ut and rt as they may be.
+#     with Coulomb friction: open (rn = 0), stick (ut = 0), and arcs of slip directions;
+#     without Coulomb friction (F = 0): open and closed, with any admissible ut and rt.
 #
-# An arc is [q0, q1] in *diamond angles*: q is the ray through a point of the square |x| + |y| = 1,
-# from (1, 0) at q = 0 over (0, 1) at q = 1. Ends are dyadic, so that halves of arcs are exact.
+# An arc is an interval [q0, q1] of *diamond angles*. The diamond angle q denotes the ray through a
+# point of the square |x| + |y| = 1, with (1, 0) at q = 0 and (0, 1) at q = 1. The ends of arcs are
+# dyadic numbers, so that bisection is exact.
 #
-# Bounds hold if a point has the type of the cell: open, ut in a box and un <= Un; stick, rn <= Rk;
-# slip, s and rn in intervals; without Coulomb friction, ut in a box, un <= Un and rn in an
-# interval. To begin with they are those of the ellipsoid above. `MOST` quantities are bounded from
+# Bounds apply to a point in a cell of the corresponding kind: open, ut in a box and un <= Un;
+# stick, rn <= Rk; slip, s and rn in intervals; without Coulomb friction, ut in a box, un <= Un and
+# rn in an interval. The initial bounds are the energy bounds. `MOST` quantities are bounded from
 # above, in this order: -ut1, ut1, -ut2, ut2, un, -s, s, -rn, rn, and rn of stick.
 
 #: Kinds of cells.
 IN_OPEN, IN_STICK, IN_SLIP, IN_CLOSED = range(4)
-#: Quantities with bounds, the first of the pair of s and that of rn, and rn of stick.
+#: Number of bounded quantities; indices of un, of -s (s follows), of -rn (rn follows), rn of stick.
 MOST = 10
 OF_UN, OF_S, OF_RN, OF_RK = 4, 5, 7, 9
-#: Kinds of cells whose type a bound is of.
+#: For every quantity, the kinds of cells to which its bound applies.
 _BOUNDED_KINDS = [(IN_OPEN, IN_CLOSED)] * 4 + [(IN_OPEN,)] + [(IN_SLIP,)] * 2
 _BOUNDED_KINDS += [(IN_SLIP, IN_CLOSED)] * 2 + [(IN_STICK,)]
-#: Arcs to begin with: eight, off the axes, along which symmetric bodies slip.
+#: Starts of the eight initial arcs; the axes, along which symmetric bodies slip, are inside arcs.
 _ARCS = 11 / 64 + np.arange(8) / 2
-#: Width up to which arcs are halved: ends stay exact.
+#: Arcs of at most this width are not bisected, so that their ends remain exact.
 NARROWEST = 2.0**-20
 #: Largest number of cells of a region, beyond which a check would take too much memory.
 MOST_CELLS = 20000
-#: What is made of sines, cosines and arcus tangents: they are taken to be as exact as this.
+#: Assumed error bound of computed sines, cosines and arc tangents, far above their true error.
 _ANGLES = 2.0**-40
 
 
 def rays(q: Array) -> Array:
-    """The points of the square at diamond angles, exact if these are dyadic (..., 2)."""
+    """Return the points of the square (..., 2) at diamond angles, exact for dyadic angles."""
     q = np.asarray(q) % 4.0
     x = np.where(q <= 2, 1 - q, q - 3)
     y = np.where(q <= 1, q, np.where(q <= 3, 2 - q, q - 4))
@@ -1182,19 +1217,19 @@ def rays(q: Array) -> Array:
 
 
 def directions(q: Array) -> Array:
-    """Unit vectors at diamond angles, to some units of round-off (..., 2)."""
+    """Return unit vectors (..., 2) at diamond angles, accurate to a few units of round-off."""
     ray = rays(q)
     return np.asarray(ray / np.sqrt((ray**2).sum(axis=-1, keepdims=True)))
 
 
 @dataclass(frozen=True, eq=False)
 class Cells:
-    """Cells of all points, point by point.
+    """Cells of all contact points, sorted by point.
 
     Attributes:
-        node: the points (k,), in increasing order.
-        kind: one of the four above (k,).
-        ends: diamond angles of the ends of arcs; 0 for other cells (k, 2).
+        node: indices of the points (k,), in increasing order.
+        kind: kinds of the cells (k,): `IN_OPEN`, `IN_STICK`, `IN_SLIP` or `IN_CLOSED`.
+        ends: diamond angles of the ends of arcs (k, 2); 0 for other cells.
     """
 
     node: npt.NDArray[np.int64]
@@ -1203,7 +1238,7 @@ class Cells:
 
     @classmethod
     def whole(cls, problem: ReducedProblem) -> Cells:
-        """All that points can be."""
+        """Return all cells that the laws of the points admit."""
         parts = []
         for i, F in enumerate(problem.friction):
             kinds = [IN_OPEN, IN_STICK] + [IN_SLIP] * len(_ARCS) if F > 0 else [IN_OPEN, IN_CLOSED]
@@ -1219,29 +1254,30 @@ class Cells:
 
     @cached_property
     def of_kind(self) -> list[npt.NDArray[np.int64]]:
-        """Numbers of the cells of each kind."""
+        """Indices of the cells of each kind."""
         return [np.flatnonzero(self.kind == kind) for kind in range(4)]
 
     @cached_property
     def first(self) -> npt.NDArray[np.int64]:
-        """Number of the first cell of every point that has one."""
+        """Index of the first cell of every point that has cells."""
         return np.flatnonzero(np.diff(self.node, prepend=-1))
 
     @cached_property
     def sides(self) -> tuple[Array, Array]:
-        """Unit vectors at the ends of the arcs."""
+        """Unit vectors at the first and last ends of the arcs, each (number of arcs, 2)."""
         ends = self.ends[self.of_kind[IN_SLIP]]
         return directions(ends[:, 0]), directions(ends[:, 1])
 
     def kept(self, keep: npt.NDArray[np.bool_]) -> Cells:
-        """Without some cells."""
+        """Return the cells selected by the mask ``keep`` (k,)."""
         return Cells(self.node[keep], self.kind[keep], self.ends[keep])
 
     def halved(self, point: int) -> Cells:
-        """With two halves for every arc of a point.
+        """Return the cells with every arc of a point bisected.
 
         Raises:
-            InvalidCertificate: if arcs are too narrow, or there are too many cells.
+            InvalidCertificate: if the point has no arc, if an arc is too narrow, or if there would
+                be too many cells.
         """
         arcs = (self.node == point) & (self.kind == IN_SLIP)
         width = self.ends[arcs, 1] - self.ends[arcs, 0]
@@ -1259,11 +1295,14 @@ class Cells:
         return Cells(node, kind, ends)
 
     def kinds_at(self, point: int) -> frozenset[int]:
-        """Kinds of the cells of a point."""
+        """Return the kinds of the cells of a point."""
         return frozenset(int(kind) for kind in self.kind[self.node == point])
 
     def hull(self, point: int) -> tuple[float, float] | None:
-        """First diamond angle and width of the arc that holds all arcs of a point."""
+        """Return the first diamond angle and the width of an arc that contains all arcs of a point.
+
+        None if the point has no arc.
+        """
         ends = self.ends[(self.node == point) & (self.kind == IN_SLIP)]
         if len(ends) == 0:
             return None
@@ -1279,13 +1318,13 @@ class Cells:
 
 
 def bounded_in_space(problem: ReducedProblem) -> Array:
-    """Upper bounds of the quantities at every solution, whatever its type (MOST, m)."""
+    """Return upper bounds of the quantities (MOST, m) that hold at every solution in space."""
     e = _ellipsoid(problem)
     m = problem.points
     center = e.twice.reshape(m, 3) / 2
     size = np.abs(e.twice).reshape(m, 3) + e.shift
     reach = up(e.rho * np.sqrt(up(e.diagonal))).reshape(m, 3) + e.shift + gamma(8) * size
-    # Of the block of tangents in S^-1 the largest eigenvalue.
+    # Largest eigenvalue of the tangential 2 x 2 block of S^-1.
     t, v = np.arange(0, 3 * m, 3), np.arange(1, 3 * m, 3)
     mean = (e.diagonal[t] + e.diagonal[v]) / 2
     across = np.abs(e.inverse[t, v]) + e.inverse_off[v]
@@ -1307,23 +1346,24 @@ def bounded_in_space(problem: ReducedProblem) -> Array:
 
 # -- in space: multipliers -------------------------------------------------------------------------
 #
-# As in the plane, 0 >= L(y) = sum_i min_c h_ic(y) - y.p, with b = S y and the minima over cells
+# As in the plane, 0 >= L(y) = sum_i min_c h_ic(y) - y.p with b = S y and the minima over the cells
 #
 #     open     sum_k min(b_k lo_k, b_k hi_k) + min(0, b_n Un) - g |y_t|,
 #     stick    min(0, Rk (-y_n - F |y_t|)),
 #     slip     min over s and rn at their ends of  mu(s b_t + F rn y_t) - rn y_n,
 #     closed   sum_t min(b_t lo_t, b_t hi_t) - g |y_t| + min over rn at its ends of -rn y_n,
 #
-# mu(v) = min of v.e over the arc: v.e0, v.e1, or -|v| if -v is in the arc, as it is taken to be
-# where that is not sure. mu is a minimum of functions that v changes by |dv|.
+# Here mu(v) is the minimum of v.e over the arc: the smaller one of v.e0 and v.e1, or -|v| if the
+# direction of -v lies in the arc. If this is undecided, -|v| is used. mu has the Lipschitz
+# constant 1.
 
 
 @dataclass(frozen=True, eq=False)
 class SpaceDual:
-    """A vector of multipliers y of the rows S a - r = p.
+    """Vector of multipliers y of the equations S a - r = p in space.
 
     Args:
-        problem: scaled.
+        problem: scaled reduced problem.
         y: multipliers (3 m,).
     """
 
@@ -1340,7 +1380,7 @@ class SpaceDual:
 
     @cached_property
     def _given(self) -> Array:
-        """Minima of -y_t.rt over shears of a bound given in advance (m,)."""
+        """Minima of -y_t.rt over shears |rt| <= g (m,)."""
         y = self._of_r
         return -self.problem.g * np.hypot(y[:, 0], y[:, 1])
 
@@ -1349,13 +1389,14 @@ class SpaceDual:
         return float(self.y @ self.problem.p)
 
     def least(self, cells: Cells, most: Array, less: tuple[int, int] | None = None) -> Array:
-        """The h of all cells (k,).
+        """Return the minima h_ic of all cells (k,).
 
         Args:
-            cells: the cells.
-            most: bounds (MOST, m).
-            less: number of a quantity and point, which is subtracted; then cells of other kinds
-                than those that it bounds have h = inf there.
+            cells: cells of all points.
+            most: bounds of the quantities (MOST, m).
+            less: index of a quantity and of a point, whose value is subtracted from L. At this
+                point, h is infinite for kinds of cells to which the bound does not apply. None for
+                no change.
         """
         found = np.empty(len(cells))
         m = self.problem.points
@@ -1405,7 +1446,7 @@ class SpaceDual:
         return best
 
     def round_off(self, most: Array) -> float:
-        """Bound the error of a sum of these terms from rounding and from errors of S and p."""
+        """Return a bound of the error of L due to round-off and to errors of S and p."""
         problem = self.problem
         n = len(self.y)
         y = np.abs(self.y)
@@ -1423,7 +1464,7 @@ class SpaceDual:
         return float(up(data + gamma(n + 64) * sums))
 
     def impossible(self, cells: Cells, most: Array, margin: float) -> npt.NDArray[np.bool_]:
-        """Which cells y excludes (k,); all of a point where the region is empty."""
+        """Return which cells y excludes (k,); if the region is empty, all cells of a point."""
         h = self.least(cells, most)
         lowest = np.minimum.reduceat(h, cells.first)
         rest = lowest.sum() - lowest - self._load
@@ -1431,7 +1472,7 @@ class SpaceDual:
         return np.asarray(np.repeat(rest, count) + h > margin * self.round_off(most))
 
     def most(self, cells: Cells, most: Array, quantity: int, point: int) -> float:
-        """An upper bound of a quantity: x = x - y.(S a - r - p); -inf if no cell is of its kind."""
+        """Return an upper bound of a quantity x = x - y.(S a - r - p); -inf if no cell has it."""
         h = self.least(cells, most, (quantity, point))
         bound = -np.minimum.reduceat(h, cells.first).sum() + self._load
         size = float(np.abs(most[:, point]).max())
@@ -1439,13 +1480,13 @@ class SpaceDual:
 
 
 def ends_of(most: Array, quantity: int) -> tuple[Array, Array]:
-    """Least and largest values of s (`OF_S`) or rn (`OF_RN`), not negative (m,)."""
+    """Return the smallest and largest nonnegative values (m,) of s (`OF_S`) or rn (`OF_RN`)."""
     largest = np.maximum(most[quantity + 1], 0.0)
     return np.minimum(np.maximum(-most[quantity], 0.0), largest), largest
 
 
 def _least_along(v: Array, first: Array, last: Array) -> Array:
-    """mu(v), the least of v.e over arcs of less than half a circle (k,)."""
+    """Return mu(v) (k,), the minimum of v.e over arcs of less than half a circle."""
     (x, y), (x0, y0), (x1, y1) = v.T, first.T, last.T
     ends = np.minimum(x * x0 + y * y0, x * x1 + y * y1)
     doubt = _ANGLES * (np.abs(x) + np.abs(y))
@@ -1455,33 +1496,34 @@ def _least_along(v: Array, first: Array, last: Array) -> Array:
 
 # -- in space: pieces ------------------------------------------------------------------------------
 #
-# One status at every point, a number of `laws.status`: 0 open, 1 stick, 2 slip (with F = g = 0
-# closed), 4 and 5 stick and slip of an open point under a bound given in advance. Unknown are ut,
-# or rt of stick, or s and the angle of e of a slip; and un or rn. Equilibrium is a system f(z) = 0
-# that directions of slips make nonlinear. With an approximate inverse C of its Jacobian at z and
-# ball Z = z +- r, Krawczyk's test
+# A piece prescribes one status at every point, numbered as in `laws.status`: 0 open, 1 stick, 2
+# slip (closed if F = g = 0), 4 and 5 stick and slip of an open point with a prescribed bound g.
+# The unknowns z are ut, or rt for stick, or s and the angle of e for slip; and un or rn. The
+# equilibrium f(z) = 0 is nonlinear because of the slip directions. With an approximate inverse C of
+# its Jacobian at z and the ball Z = z +- r, Krawczyk's test
 #
 #     |C f(z)| + max over Z of |I - C J| r  <  r
 #
-# proves that there is one solution in Z. Directions are those of an approximate unit vector (c, s),
-# turned by angles of the ball, which move it by no more than these: no sine or cosine is trusted.
+# proves that Z contains exactly one solution. A direction is an approximate unit vector (c, s)
+# rotated by an angle in the ball, which changes its components by at most that angle. The proof
+# therefore does not rely on the accuracy of computed sines and cosines.
 
 _STUCK = np.array([False, True, False, False, True, False, False])
-_WIDER = 10.0 ** np.arange(12, 0, -2)  # factors by which balls may grow, tried in turn
+_WIDER = 10.0 ** np.arange(12, 0, -2)  # enlargement factors of the balls, tried in turn
 
 
 @dataclass(frozen=True, eq=False)
 class SpacePiece(_Piece):
-    """The solution of a piece in space.
+    """Solution of a piece in space.
 
     Attributes:
-        problem: scaled.
+        problem: scaled reduced problem.
         codes: statuses (m,).
-        z: the unknowns (m, 3), of slips (s, angle, rn or un).
-        e: directions of slips, 0 for others (m, 2).
-        inverse: an approximate inverse of the Jacobian (3 m, 3 m).
-        residual: bounds of C f (3 m,).
-        radius: radii of the ball around z (m, 3).
+        z: approximate unknowns (m, 3); for slipping points (s, angle, rn or un).
+        e: approximate slip directions (m, 2); 0 for other points.
+        inverse: approximate inverse C of the Jacobian (3 m, 3 m).
+        residual: bounds of the absolute values of C f (3 m,).
+        radius: radii of the ball around z that contains the solution (m, 3).
     """
 
     problem: ReducedProblem
@@ -1494,40 +1536,40 @@ class SpacePiece(_Piece):
 
     @cached_property
     def slips(self) -> npt.NDArray[np.bool_]:
-        """Points with a direction (m,)."""
+        """Mask of the points with a slip direction (m,)."""
         return _slipping(self.problem, self.codes)
 
     @cached_property
     def turn(self) -> Array:
-        """Bounds of the errors of the components of the directions of slip (m,)."""
+        """Error bounds of the components of the slip directions (m,); 0 for other points."""
         return np.where(self.slips, up(self.radius[:, 1] + 16 * _U), 0.0)
 
     @cached_property
     def unknowns(self) -> tuple[Ball, Ball]:
-        """The unknowns z and the directions with their errors."""
+        """Unknowns z (m, 3) and slip directions (m, 2) with error bounds."""
         return Ball(self.z, self.radius), Ball(self.e, np.stack([self.turn] * 2, axis=1))
 
     @cached_property
     def numbers(self) -> Ball:  # type: ignore[override]
-        """(ut1, ut2, un, rt1, rt2, rn) of the points with their errors (m, 6)."""
+        """(ut1, ut2, un, rt1, rt2, rn) of the points with error bounds (m, 6)."""
         return space_state(self.problem, self.codes, *self.unknowns)
 
     @cached_property
     def slack(self) -> Ball:
-        """F rn + g - |rt|, what friction has left at points that stick (m,)."""
+        """Slack F rn + g - |rt| of the friction bound (m,), used at sticking points."""
         shear = hypot(self.numbers[:, 3], self.numbers[:, 4])
         return self.problem.friction * self.numbers[:, 5] + self.problem.g - shear
 
     @cached_property
     def inequalities(self) -> Ball:  # type: ignore[override]
-        """Quantities that the law requires to be non-negative (m, 2), padded with 1."""
+        """Quantities that the law requires to be nonnegative (m, 2), padded with 1."""
         normal = where(IS_OPEN[self.codes], self.numbers[:, 2], self.numbers[:, 5])
         slid = where(self.slips, self.unknowns[0][:, 0], 1.0)
         return stack([normal, where(_STUCK[self.codes], self.slack, slid)])
 
     @cached_property
     def _alone(self) -> Array:
-        """The radius of a larger ball with no other solution of the piece (m, 3)."""
+        """Radii of the largest ball tried that provably contains no other solution (m, 3)."""
         for factor in _WIDER:
             wide = factor * self.radius.reshape(-1)
             if (_growth(self, wide.reshape(-1, 3)) < wide).all():
@@ -1535,7 +1577,7 @@ class SpacePiece(_Piece):
         return self.radius
 
     def same(self, other: SpacePiece) -> bool | None:
-        """Whether both are one solution; None if that is not sure."""
+        """Return whether two pieces are the same solution; None if this is undecided."""
         if not np.array_equal(self.codes, other.codes):
             return False
         apart = np.abs(self.state - other.state)
@@ -1543,7 +1585,7 @@ class SpacePiece(_Piece):
         if (apart > up(self.away + other.away + sure)).any():
             return False
         off = np.abs(self.z - other.z)
-        # The angle between two unit vectors is no more than pi/2 times their distance.
+        # The angle between two unit vectors is at most pi/2 times their distance.
         chord = np.hypot(*(self.e - other.e).T)
         off[self.slips, 1] = (1.6 * chord + 64 * _U)[self.slips]
         off = up(off + other.radius + gamma(4) * (np.abs(self.z) + np.abs(other.z)))
@@ -1551,13 +1593,13 @@ class SpacePiece(_Piece):
 
 
 def _slipping(problem: ReducedProblem, codes: Codes) -> npt.NDArray[np.bool_]:
-    """Points whose slip has a direction (m,)."""
+    """Return the mask of the points with a slip direction (m,)."""
     rubs = (problem.friction > 0) | (problem.g > 0)
     return np.asarray(((codes == 2) | (codes == 5)) & rubs)
 
 
 def space_state(problem: ReducedProblem, codes: Codes, z: Ball | Array, e: Ball | Array) -> Ball:
-    """(ut1, ut2, un, rt1, rt2, rn) of unknowns (m, 6)."""
+    """Return (ut1, ut2, un, rt1, rt2, rn) of the points (m, 6) for the unknowns z of a piece."""
     z, e = Ball.of(z), Ball.of(e)
     opened = IS_OPEN[codes]
     stuck = _STUCK[codes]
@@ -1572,7 +1614,7 @@ def space_state(problem: ReducedProblem, codes: Codes, z: Ball | Array, e: Ball 
 
 
 def space_jacobian(problem: ReducedProblem, codes: Codes, z: Ball | Array, e: Ball | Array) -> Ball:
-    """Return the derivative of S a - r - p in the unknowns of a piece (3 m, 3 m)."""
+    """Return the Jacobian (3 m, 3 m) of S a - r - p with respect to the unknowns of a piece."""
     z, e = Ball.of(z), Ball.of(e)
     S = problem.stiffness
     m = len(codes)
@@ -1599,7 +1641,7 @@ def space_jacobian(problem: ReducedProblem, codes: Codes, z: Ball | Array, e: Ba
 
 
 def _growth(piece: SpacePiece, radius: Array) -> Array:
-    """|C f| + |I - C J| r over the ball of radius r (3 m,)."""
+    """Return the left-hand side |C f| + |I - C J| r of Krawczyk's test (3 m,)."""
     turn = np.where(piece.slips, radius[:, 1] + 16 * _U, 0.0)
     unknowns = Ball(piece.z, radius), Ball(piece.e, np.stack([turn, turn], axis=1))
     J = space_jacobian(piece.problem, piece.codes, *unknowns)
@@ -1608,7 +1650,7 @@ def _growth(piece: SpacePiece, radius: Array) -> Array:
 
 
 def _residual_of(problem: ReducedProblem, codes: Codes, z: Array, e: Array) -> Ball:
-    """S a - r - p (3 m,), with the directions as nearly unit vectors."""
+    """Return S a - r - p (3 m,), including the round-off of the unit vectors of slip."""
     turn = np.where(_slipping(problem, codes), 16 * _U, 0.0)
     state = space_state(problem, codes, z, Ball(e, np.stack([turn, turn], axis=1)))
     a, r = (state[:, columns].reshape(-1) for columns in (slice(0, 3), slice(3, 6)))
@@ -1616,12 +1658,12 @@ def _residual_of(problem: ReducedProblem, codes: Codes, z: Array, e: Array) -> B
 
 
 def solve_in_space(problem: ReducedProblem, codes: Codes, z: Array) -> SpacePiece | None:
-    """The solution of a piece near z; None if Krawczyk's test does not prove one.
+    """Return the solution of a piece near z; None if Krawczyk's test does not prove one.
 
     Args:
-        problem: scaled.
+        problem: scaled reduced problem.
         codes: statuses (m,).
-        z: the unknowns, nearly (m, 3).
+        z: approximate unknowns (m, 3), improved by up to three Newton steps.
     """
     z = np.array(z, dtype=np.float64)
     slips = _slipping(problem, codes)
@@ -1653,26 +1695,26 @@ def solve_in_space(problem: ReducedProblem, codes: Codes, z: Array) -> SpacePiec
     return None
 
 
-# -- in space: one solution with given types -------------------------------------------------------
+# -- in space: uniqueness within cells of one kind -------------------------------------------------
 #
-# All points have cells of one type, and b solves the piece. Let a be any solution in the cells, and
-# phi the angle from the direction of b to that of a, at a point that slips. With the means s of
-# slips, rn of pressures, and w = 2 sin(phi / 2),
+# Let every point have cells of a single kind, and let b solve the corresponding piece. Let a be any
+# solution in the cells, and phi the angle from the slip direction of b to that of a at a slipping
+# point. With the means s and rn of the slips and pressures of a and b, and w = 2 sin(phi / 2),
 #
 #     D ut = ds m + s w m',    D rt = -F (dr m + rn w m'),    m = (xi_a + xi_b) / 2,
 #
-# and a unit vector m' across m: xi_a - xi_b = w m'. This is exact; so S D a = D r reads M x = 0,
-# with x = (ds, w, dr) at such a point and M in an interval matrix. If C M is within G of the
-# identity and G v < v for some v > 0, then M is regular and a = b.
+# with a unit vector m' perpendicular to m, xi_a - xi_b = w m'. These identities are exact, and
+# S D a = D r reads M x = 0 with x = (ds, w, dr) at such a point and M in an interval matrix. If
+# |C M - I| <= G for all these M and G v < v for some v > 0, every M is regular and a = b.
 
 
 def only_one(piece: SpacePiece, cells: Cells, most: Array) -> bool:
-    """Whether no other solution and no other piece of solutions has these kinds of cells.
+    """Return whether the cells are proved to contain no solution other than that of a piece.
 
     Args:
-        piece: piece of b.
-        cells: cells of one kind at every point, the kind of b.
-        most: bounds (MOST, m).
+        piece: solution b of a piece.
+        cells: cells; at every point all of them have the kind of b.
+        most: bounds of the quantities (MOST, m).
     """
     problem = piece.problem
     if (problem.g > 0).any():
@@ -1703,7 +1745,14 @@ def only_one(piece: SpacePiece, cells: Cells, most: Array) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class _Term:
-    """(middle +- width) vector in a column of M."""
+    """Contribution (middle +- width) vector to a column of M.
+
+    Attributes:
+        column: index of the column.
+        vector: vector (3 m,).
+        middle: midpoint of the factor.
+        width: half-width of the interval of the factor.
+    """
 
     column: int
     vector: Ball
@@ -1712,7 +1761,7 @@ class _Term:
 
 
 def _contracts(G: Array) -> bool:
-    """Whether G v < v for a v > 0, of a matrix that is not negative."""
+    """Return whether G v < v is proved for some v > 0; G is a nonnegative matrix."""
     if not np.isfinite(G).all():
         return False
     v = np.ones(len(G))
@@ -1725,9 +1774,15 @@ def _contracts(G: Array) -> bool:
 def angles_of(
     piece: SpacePiece, cells: Cells, point: int, widest: float = 3.5
 ) -> tuple[float, float] | None:
-    """Least and largest angle from the direction of b to one in the arcs of a point.
+    """Return the smallest and largest angle from the slip direction of b to the arcs of a point.
 
-    None if the arcs hold the opposite direction, or more than `widest` in diamond angles.
+    None if the arcs contain the opposite direction or their hull is wider than ``widest``.
+
+    Args:
+        piece: solution b of a piece.
+        cells: cells of all points.
+        point: index of the point.
+        widest: largest width of the hull of the arcs, in diamond angles.
     """
     hull = cells.hull(point)
     if hull is None or hull[1] > widest:
@@ -1737,7 +1792,7 @@ def angles_of(
     low, high = np.arctan2(c * ends[:, 1] - s * ends[:, 0], c * ends[:, 0] + s * ends[:, 1])
     (x0, y0), (x1, y1) = ends
     width = np.arctan2(x0 * y1 - y0 * x1, x0 * x1 + y0 * y1) % (2 * np.pi)
-    # With the opposite direction among them a whole turn is missing.
+    # If the hull contains the opposite direction, the difference of angles is off by 2 pi.
     if not abs(high - low - width) < 1e-9:
         return None
     more = float(up(piece.turn[point] * 1.6 + _ANGLES))
@@ -1745,7 +1800,10 @@ def angles_of(
 
 
 def _columns_of_slip(piece: SpacePiece, cells: Cells, most: Array, i: int) -> list[_Term] | None:
-    """Return the terms of M of a point that slips, except the term of the pressure."""
+    """Return the terms of M of a slipping point; None if its arcs are too wide.
+
+    The contribution -dr to the normal equation is not included.
+    """
     found = angles_of(piece, cells, i)
     if found is None:
         return None
@@ -1759,7 +1817,7 @@ def _columns_of_slip(piece: SpacePiece, cells: Cells, most: Array, i: int) -> li
     least = cosine * (float(np.cos(far / 2)) - _ANGLES)
     tilt = float(np.sin(swing)) + 9 * _ANGLES
     part = (1 + least) / 2, (1 - least) / 2 + 8 * _ANGLES
-    # The means of s and of rn, also times the cosine of m' across.
+    # Intervals of the means of s and rn, and of their products with the cosine of the swing.
     slid = _mean(most, OF_S, i, float(piece.z[i, 0]), float(piece.radius[i, 0]))
     pressed = _mean(most, OF_RN, i, float(piece.z[i, 2]), float(piece.radius[i, 2]))
     of_s, of_r = (_between(*ends, cosine) for ends in (slid, pressed))
@@ -1785,20 +1843,20 @@ def _columns_of_slip(piece: SpacePiece, cells: Cells, most: Array, i: int) -> li
 
 
 def _force(problem: ReducedProblem, i: int, direction: Array) -> Ball:
-    """F e at a point (3 m,)."""
+    """Return the vector (3 m,) with F times a direction at one point and 0 elsewhere."""
     found = Ball(np.zeros(len(problem.p)), np.zeros(len(problem.p)))
     found.put(slice(3 * i, 3 * i + 2), problem.friction[i] * Ball.of(direction))
     return found
 
 
 def _between(low: float, high: float, cosine: float) -> tuple[float, float]:
-    """Middle and half width of numbers in an interval times some from a cosine to 1."""
+    """Return midpoint and half-width of the products of [low, high] and [cosine, 1]."""
     low, high = min(low, low * cosine), max(high, high * cosine)
     return (low + high) / 2, (high - low) / 2 + 8 * _ANGLES * max(abs(low), abs(high))
 
 
 def _mean(most: Array, quantity: int, i: int, value: float, off: float) -> tuple[float, float]:
-    """Ends of the mean of s or rn of a and b."""
+    """Return lower and upper bounds of the mean of s or rn of a and b at point ``i``."""
     least, largest = (float(v[i]) for v in ends_of(most, quantity))
     more = above(off + gamma(4) * (abs(value) + largest))
     return (least + value) / 2 - more, (largest + value) / 2 + more
@@ -1806,26 +1864,29 @@ def _mean(most: Array, quantity: int, i: int, value: float, off: float) -> tuple
 
 # -- in space: differences -------------------------------------------------------------------------
 #
-# As in the plane, with b a solution of a piece, a any solution in the cells, d = a - b, e = S d,
-# and xi_b = the direction of a slip, -rt_b / (F rn_b) of stick, or ut_b / |ut_b| of an open point.
-# With f = e_t + F xi_b e_n = -F rn_a (xi_a - xi_b), these are not positive:
+# As in the plane, b is the solution of a piece, a is any solution in the cells, d = a - b, and e =
+# S d. xi_b is the slip direction at a slipping point, -rt_b / (F rn_b) at a sticking point, and
+# ut_b / |ut_b| at an open point. With f = e_t + F xi_b e_n = -F rn_a (xi_a - xi_b), the following
+# expressions are not positive:
 #
-#     T   d_t.f + s_b / (2 F R) |f|^2                 of slips and open points, rn_a <= R
-#         d_t.f + F r (1 - |xi_b|) / s |d_t|^2        of stick; rn_a >= r, s_a <= s
+#     T   d_t.f + s_b / (2 F R) |f|^2                 b slips or is open; rn_a <= R
+#         d_t.f + F r (1 - |xi_b|) / s |d_t|^2        b sticks; rn_a >= r, s_a <= s
 #     N   d_n e_n + rn_b / Un d_n^2, or un_b / R e_n^2
 #     H   d_n (e_n + theta.e_t),  |theta| <= 1 / F, along each axis
-#     A   f_1^2 - tan(far / 2)^2 f_2^2                of slips; f_1 along xi_b and f_2 across; the
+#     A   f_1^2 - tan(far / 2)^2 f_2^2                b slips; f_1 along xi_b and f_2 across; the
 #                                                     angle between xi_a and xi_b is at most far
 #     Q   (f_2 + k d_2) (f_2 + K d_2)                 f_2 = -c d_2, k <= c = F rn_a / s_a <= K
 #     P   f_2 d_2 + k d_2^2                           the same without K
 #
-# since a product of monotone graphs is, and 2 (1 - xi_a.xi_b) >= |xi_a - xi_b|^2. A, Q and P need
-# that neither sticks, Q and P that no cell is open. Where F = 0, T is d_t.e_t + s_b / (2 g)
-# |e_t|^2, and without friction e_t = 0. Points that are surely open have e = 0; surely closed, d_n
-# = 0; surely stuck, d = 0. *b need not satisfy what none of these uses.*
+# They follow from the monotonicity of the graphs and from 2 (1 - xi_a.xi_b) >= |xi_a - xi_b|^2.
+# A, Q and P require that neither a nor b sticks; Q and P also require that no cell is open. Where
+# F = 0, T is d_t.e_t + s_b / (2 g) |e_t|^2, and without friction e_t = 0. Points with only open
+# cells have e = 0 (with g > 0 only e_n = 0), points without open cells have d_n = 0, and points
+# with only stick cells have d = 0. *b has to satisfy only the hypotheses of the expressions used.*
 #
-# **If a sum of these with weights that are not negative, and of multiples of the squares of what
-# vanishes, is a positive definite form of d, then d = 0: there is nothing in the cells but b.**
+# **If a sum of these expressions with nonnegative weights, plus nonnegative multiples of the
+# squares of the vanishing components, is a positive definite quadratic form of d, then d = 0: b is
+# the only possible solution in the cells.**
 
 #: The inequalities, in the order of the weights: T, N, four of H, A, Q, P.
 FAMILIES = ("T", "N", "H", "H", "H", "H", "A", "Q", "P")
@@ -1834,16 +1895,16 @@ _ROWS = 6  # (d_1, d_2, d_n, e_1, e_2, e_n) of a point
 
 @dataclass(frozen=True, eq=False)
 class SpaceDifferences:
-    """The inequalities of all points as forms of (d, e), and which differences are unknown.
+    """Inequalities of all points as quadratic forms of (d, e).
 
     Attributes:
-        problem: scaled.
-        unknown: components of d that may differ from zero (n,), of 3 m.
-        forms: a form for every family and point, 0 where there is none (9, m, 6, 6).
-        sizes: sums of the absolute values of their terms, and errors (9, m, 6, 6).
-        errors: bounds of the errors of the forms (9, m, 6, 6).
-        has: whether a form exists (9, m).
-        vanishing: components of e that are 0 (3 m,).
+        problem: scaled reduced problem.
+        unknown: indices of the components of d that may be nonzero (n,), among 3 m.
+        forms: quadratic form for every family and point (9, m, 6, 6); 0 if there is none.
+        sizes: sums of the absolute values of the terms of the forms (9, m, 6, 6).
+        errors: error bounds of the forms (9, m, 6, 6).
+        has: mask of the families and points with a form (9, m).
+        vanishing: mask of the components of e that are 0 (3 m,).
     """
 
     problem: ReducedProblem
@@ -1856,7 +1917,7 @@ class SpaceDifferences:
 
     @cached_property
     def rows(self) -> Array:
-        """The d and e of the points by the unknown components (m, 6, n)."""
+        """Matrices (m, 6, n) that map the unknown components to d and e of the points."""
         m = self.problem.points
         found = np.zeros((m, _ROWS, len(self.unknown)))
         found[self.unknown // 3, self.unknown % 3, np.arange(len(self.unknown))] = 1.0
@@ -1864,11 +1925,11 @@ class SpaceDifferences:
         return found
 
     def prove(self, weights: Array, mu: float) -> bool:
-        """Whether the weighted sum is positive definite for all errors within their bounds.
+        """Return whether the weighted sum is proved to be positive definite within all errors.
 
         Args:
-            weights: (9, m), not negative; those of what is not there do not count.
-            mu: >= 0, weight of the squares of what vanishes.
+            weights: nonnegative weights (9, m) of the forms; ignored where there is no form.
+            mu: nonnegative weight of the squares of the vanishing components.
         """
         if not ((weights >= 0).all() and np.isfinite(weights).all() and 0 <= mu < np.inf):
             return False
@@ -1901,12 +1962,12 @@ class SpaceDifferences:
 
 
 def space_differences(piece: SpacePiece, cells: Cells, most: Array) -> SpaceDifferences | None:
-    """The inequalities; None if b does not certainly satisfy what they need.
+    """Return the inequalities; None if b is not proved to satisfy their hypotheses.
 
     Args:
-        piece: piece of b.
+        piece: solution b of a piece.
         cells: cells of a.
-        most: bounds (MOST, m).
+        most: bounds of the quantities (MOST, m).
     """
     problem = piece.problem
     m = problem.points
@@ -1938,7 +1999,7 @@ def space_differences(piece: SpacePiece, cells: Cells, most: Array) -> SpaceDiff
 
 
 class _Forms:
-    """Sums of products of two linear forms of (d, e), by family and point."""
+    """Quadratic forms of (d, e), assembled from products of linear forms, by family and point."""
 
     def __init__(self, m: int):
         self.shape = (len(FAMILIES), m)
@@ -1947,13 +2008,13 @@ class _Forms:
         self.parts: list[tuple[Array, Array, Array, Array]] = []
 
     def add(self, family: int, i: int, factor: float, x: Ball, y: Ball) -> None:
-        """Add factor x y to a form; the factor is exact, or on the safe side."""
+        """Add factor x y to a form; the factor must be exact or a safe bound."""
         self.places.append((family, i))
         self.factors.append(factor)
         self.parts.append((x.value, x.radius, y.value, y.radius))
 
     def summed(self) -> tuple[Array, Array, Array, npt.NDArray[np.bool_]]:
-        """Forms, sizes of their terms, their errors (9, m, 6, 6), and which there are (9, m)."""
+        """Return `forms`, `sizes`, `errors` and `has` of `SpaceDifferences`."""
         found = [np.zeros((*self.shape, _ROWS, _ROWS)) for _ in range(3)]
         has = np.zeros(self.shape, dtype=bool)
         if self.places:
@@ -1971,7 +2032,7 @@ class _Forms:
 
 
 def _linear(**parts: tuple[float, float]) -> Ball:
-    """A linear form of (d, e) by its coefficients and their errors."""
+    """Return a linear form of (d, e) from its named coefficients and their error bounds."""
     names = ("d1", "d2", "dn", "e1", "e2", "en")
     value = np.zeros(_ROWS)
     away = np.zeros(_ROWS)
@@ -1987,7 +2048,10 @@ _E = (_linear(e1=_ONE), _linear(e2=_ONE), _linear(en=_ONE))
 
 
 def _direction(piece: SpacePiece, i: int) -> tuple[Array, float, float] | None:
-    """The xi of b, by how much its components may be off, and a lower bound of |ut_b|."""
+    """Return xi_b, an error bound of its components, and a lower bound of |ut_b|.
+
+    None if xi_b is not defined with an error bound.
+    """
     F = float(piece.problem.friction[i])
     state, away = piece.state[i], piece.away[i]
     if piece.slips[i]:
@@ -2009,7 +2073,7 @@ def _direction(piece: SpacePiece, i: int) -> tuple[Array, float, float] | None:
 def _forms_of_coulomb(
     piece: SpacePiece, cells: Cells, most: Array, i: int, kinds: frozenset[int], made: _Forms
 ) -> bool:
-    """Add the forms of a point with a coefficient of friction; return whether b fits."""
+    """Add the forms of a point with Coulomb friction; return whether b meets the hypotheses."""
     code = int(piece.codes[i])
     kind = {0: IN_OPEN, 1: IN_STICK, 2: IN_SLIP}.get(code)
     if kind not in kinds:
@@ -2042,7 +2106,7 @@ def _tangential(
     f: tuple[Ball, Ball],
     slid: float,
 ) -> None:
-    """T of a point with a coefficient of friction."""
+    """Add the form T of a point with Coulomb friction."""
     if slid < 0:
         return
     F = float(piece.problem.friction[i])
@@ -2060,14 +2124,14 @@ def _tangential(
 
 
 def _largest_pressure(most: Array, i: int, kinds: frozenset[int]) -> float:
-    """Bound of rn at a point."""
+    """Return an upper bound of rn at a point with cells of these kinds."""
     slides = ends_of(most, OF_RN)[1][i] if kinds & {IN_SLIP, IN_CLOSED} else 0.0
     sticks = max(float(most[OF_RK, i]), 0.0) if IN_STICK in kinds else 0.0
     return float(max(slides, sticks))
 
 
 def _normal(piece: SpacePiece, most: Array, i: int, kinds: frozenset[int], made: _Forms) -> bool:
-    """N and H of a point that may be open and closed; whether b fits."""
+    """Add the forms N and H of a point with open and closed cells; return whether b fits."""
     opened = bool(IS_OPEN[piece.codes[i]])
     column = 2 if opened else 5
     part = float(piece.state[i, column] - piece.away[i, column] * (1 + gamma(4)))
@@ -2089,7 +2153,7 @@ def _normal(piece: SpacePiece, most: Array, i: int, kinds: frozenset[int], made:
 def _of_arcs(
     piece: SpacePiece, cells: Cells, most: Array, i: int, made: _Forms, opens: bool
 ) -> None:
-    """A, Q and P of a point that slips in b, and does not stick."""
+    """Add the forms A, Q and P of a point that slips in b and has no stick cell."""
     found = angles_of(piece, cells, i)
     far = np.inf if found is None else max(abs(found[0]), abs(found[1]))
     if far >= 2.8:
@@ -2097,7 +2161,7 @@ def _of_arcs(
     F = float(piece.problem.friction[i])
     c, s = (float(v) for v in piece.e[i])
     off = float(piece.turn[i])
-    # xi.xi = 1 and xi across xi = 0, whatever xi is.
+    # The coefficients F and 0 of e_n are exact for any unit vector xi.
     one = _linear(e1=(c, off), e2=(s, off), en=(F, 0.0))
     two = _linear(e1=(-s, off), e2=(c, off))
     across = _linear(d1=(-s, off), d2=(c, off))
@@ -2122,7 +2186,7 @@ def _of_arcs(
 def _forms_of_given(
     piece: SpacePiece, most: Array, i: int, kinds: frozenset[int], made: _Forms
 ) -> bool:
-    """Add the forms of a point without a coefficient of friction; return whether b fits."""
+    """Add the forms of a point without Coulomb friction; return whether b fits."""
     code = int(piece.codes[i])
     g = float(piece.problem.g[i])
     if (IN_OPEN if IS_OPEN[code] else IN_CLOSED) not in kinds:
@@ -2141,46 +2205,48 @@ def _forms_of_given(
 
 # -- the proof as data -----------------------------------------------------------------------------
 #
-# A proof as data: the problem, and a tree of steps that `check` follows.
+# A proof is stored as the problem and a tree of steps, which `check` verifies.
 #
-# Steps are those of a walk through the tree, children after their parent, and act on the sets of
-# statuses that are left and on the bounds of the slots. Numbers of vectors refer to
-# `Certificate.vectors`.
+# The steps are listed in depth-first order, parents before children. They act on the remaining sets
+# of statuses and on the bounds of the slots. ``y`` is an index into `Certificate.vectors`. Leaves
+# close a region.
 #
-# - ``exclude``: the vector ``y`` excludes ``what``, pairs of a point and a status.
-# - ``bound``: the vector ``y`` bounds a slot at a point by ``value``.
-# - ``empty``: the vector ``y`` proves that there is no solution; a leaf.
-# - ``only``: none but that of the piece ``codes``, by weights, theta and mu (differences, above); a
-#   leaf.
-# - ``pieces``: every piece that is left is solved; a leaf. Of those in ``singular`` a vector may
-#   prove that they hold nothing.
-# - ``branch``: of a point, into the sets ``parts``; the subtrees follow.
-# - ``rest``: there is no load, and so no solution but a = 0; a leaf.
+# - ``exclude``: the vector ``y`` excludes the pairs ``what`` of a point and a status.
+# - ``bound``: the vector ``y`` bounds a ``slot`` of a ``point`` by ``value``.
+# - ``empty``: the vector ``y`` proves that the region contains no solution; a leaf.
+# - ``only``: only the solution of the piece ``codes`` is possible, proved by ``weights``, ``theta``
+#   and ``mu`` (differences, above); a leaf.
+# - ``pieces``: every remaining piece is solved; a leaf. ``singular`` lists pieces that may be
+#   singular, with vectors that prove them empty.
+# - ``branch``: the statuses of a ``point`` are divided into the sets ``parts``; subtrees follow.
+# - ``rest``: without a load, a = 0 is the only solution; a leaf.
 # - ``open``: nothing is proved; a leaf.
 #
-# In space the steps act on the cells that are left, known by their numbers, and on the bounds:
+# In space the steps act on the remaining cells, referenced by their indices, and on the bounds:
 #
-# - ``exclude``: the vector ``y`` excludes the cells ``what``; a leaf if a point has none left.
+# - ``exclude``: the vector ``y`` excludes the cells ``what``; a leaf if no cell of a point remains.
 # - ``bound``: the vector ``y`` bounds a ``quantity`` of a ``point`` by ``value``.
-# - ``empty``, ``rest``, ``open``: as above; the last says ``why``.
-# - ``halve``: the arcs of a point.
-# - ``branch``: of a point, into lists ``parts`` of its cells; the subtrees follow.
-# - ``leaf``: none but that of the piece ``codes`` near ``z``, by an interval matrix; a leaf.
-# - ``only``: the same by ``weights`` and mu (differences in space, above); a leaf.
+# - ``empty``, ``rest``, ``open``: as above; ``open`` contains the reason ``why``.
+# - ``halve``: all arcs of a ``point`` are bisected.
+# - ``branch``: the cells of a ``point`` are divided into the lists ``parts``; subtrees follow.
+# - ``leaf``: only the solution of the piece ``codes`` near ``z`` is possible, proved by an interval
+#   matrix; a leaf.
+# - ``only``: the same, proved by ``weights`` and ``mu`` (differences in space, above); a leaf.
 
 
 class InvalidCertificate(ValueError):
-    """The file is not a proof, it was changed, or one of its steps does not hold."""
+    """Error: the file is not a proof, was changed, or contains a step that does not hold."""
 
 
 @dataclass
 class Certificate:
-    """Steps that prove statements about the solutions of a reduced problem.
+    """Proof of statements about the solutions of a reduced problem.
 
     Attributes:
         problem: reduced problem in the units of the user.
-        steps: steps of the proof, in the format above.
-        vectors: multipliers of the rows of S, in scaled units, (dim m,) each.
+        steps: steps of the proof, in the format above; by default empty.
+        vectors: multipliers of the equations S a - r = p, in scaled units, (dim m,) each; by
+            default empty.
     """
 
     problem: ReducedProblem
@@ -2188,7 +2254,7 @@ class Certificate:
     vectors: list[Array] = field(default_factory=list)
 
     def vector(self, y: Array) -> int:
-        """Keep a vector; its number."""
+        """Store a vector of multipliers (dim m,) and return its index."""
         if not self.vectors or self.vectors[-1] is not y:
             self.vectors.append(y)
         return len(self.vectors) - 1
@@ -2200,7 +2266,7 @@ class Certificate:
 
     @property
     def digest(self) -> str:
-        """SHA-256 of the steps and vectors, hexadecimal."""
+        """SHA-256 hash of the steps and vectors, hexadecimal."""
         return _digest({"vectors": self._table}, json.dumps(self.steps))
 
     @property
@@ -2208,7 +2274,7 @@ class Certificate:
         return np.array(self.vectors, dtype=float).reshape(len(self.vectors), len(self.problem.p))
 
     def save(self, path: str | Path) -> None:
-        """Write a ``.npz`` file, from one rank, that `main` checks."""
+        """Write the proof to a ``.npz`` file, which `main` checks. Call it on one rank only."""
         p = self.problem
         np.savez_compressed(
             path,
@@ -2226,12 +2292,15 @@ class Certificate:
 
     @classmethod
     def load(cls, path: str | Path) -> Certificate:
-        """Read a file of `save`. Files of older versions without a digest are accepted.
+        """Read a proof written by `save`. Files of older versions without a hash are accepted.
+
+        Args:
+            path: ``.npz`` file.
 
         Raises:
-            FileNotFoundError: if there is no such file.
-            InvalidCertificate: if it is no proof, one of another format, or was changed; a
-                ``ValueError``.
+            FileNotFoundError: if the file does not exist.
+            InvalidCertificate: if the file is not a proof, has another format, or was changed; a
+                subclass of ``ValueError``.
         """
         if not Path(path).is_file():
             raise FileNotFoundError(f"there is no file {path}")
@@ -2264,11 +2333,11 @@ class Certificate:
 
 
 def _digest(arrays: dict[str, Array], text: str = "") -> str:
-    """SHA-256 of names, shapes and values, whatever the machine, and of a text."""
+    """Return the SHA-256 hash of arrays (names, shapes, values) and a text, on any machine."""
     found = hashlib.sha256(text.encode())
     for name, values in arrays.items():
         found.update(f"{name}{values.shape}".encode())
-        # One zero for both.
+        # Adding 0.0 maps -0.0 to 0.0, so that both have the same hash.
         found.update((values + 0.0).astype("<f8").tobytes())
     return found.hexdigest()
 
@@ -2280,7 +2349,14 @@ MOST_PIECES = 256
 
 
 def in_words(solutions: int, border: int, singular: int, regions: int) -> str:
-    """How many solutions are proved, and what is not; numbers are those of `Proved`."""
+    """Describe the number of proved solutions and the undecided cases.
+
+    Args:
+        solutions: number of proved solutions.
+        border: number of pieces with a solution at a border.
+        singular: number of pieces that may be singular.
+        regions: number of open regions.
+    """
     known = f"{_number(solutions, 'solution')}, proved"
     if not border + singular + regions:
         return f"{known} to be all there are"
@@ -2303,11 +2379,12 @@ class Proved:
     """Statements about the solutions that the steps have proved.
 
     Attributes:
-        inside: pieces that hold one solution each, inside their borders.
-        border: pieces whose solution is at a border: one within their errors, or none.
-        singular: pieces that may hold one solution, none or a continuum.
-        at_rest: without load nothing but a = 0 is a solution.
-        open_regions: sets of statuses, in space cells, about which nothing is proved.
+        inside: solutions of pieces that strictly satisfy all inequalities.
+        border: states of pieces that satisfy an inequality only within the error bounds; each may
+            or may not be a solution.
+        singular: statuses (m,) of pieces that may contain one solution, none or a continuum.
+        open_regions: sets of statuses (in space, cells) about which nothing is proved.
+        at_rest: whether the load vanishes, so that a = 0 is the only solution.
     """
 
     inside: list[PieceSolution | SpacePiece] = field(default_factory=list)
@@ -2318,7 +2395,11 @@ class Proved:
 
     @property
     def verdict(self) -> Verdict:
-        """Whether `inside`, or the state of rest, is all there is."""
+        """Completeness of the proved solutions.
+
+        ``"complete"``: there are no other solutions. ``"degenerate"``: other solutions are possible
+        only in `border` and `singular`. ``"open"``: regions are undecided.
+        """
         if self.open_regions:
             return "open"
         return "degenerate" if self.border or self.singular else "complete"
@@ -2328,7 +2409,7 @@ class Proved:
         return in_words(number, len(self.border), len(self.singular), len(self.open_regions))
 
     def add(self, piece: PieceSolution | SpacePiece) -> None:
-        """Take the solution of a piece, whose errors decide whether it is one.
+        """Add the solution of a piece according to its verdict, unless it is already included.
 
         Raises:
             InvalidCertificate: if two solutions in space cannot be distinguished.
@@ -2346,42 +2427,42 @@ class Proved:
 
 
 def _is_same(a: PieceSolution | SpacePiece, b: PieceSolution | SpacePiece) -> bool | None:
-    """Whether two solutions are one; None if that is not sure."""
+    """Return whether two solutions are the same; None if this is undecided."""
     if isinstance(a, SpacePiece) and isinstance(b, SpacePiece):
         return a.same(b)
     return bool(np.array_equal(a.codes, b.codes))
 
 
 class _Region:
-    """Part of the search tree: what the points may still do, and bounds of the solutions there."""
+    """Node of the search tree: remaining statuses or cells, and bounds of the solutions there."""
 
     def dual(self, y: Array) -> Any:
-        """The multipliers y of this problem, a `Dual` or a `SpaceDual`."""
+        """Return a vector of multipliers as a `Dual` or `SpaceDual` of this problem."""
         raise NotImplementedError
 
     @property
     def limits(self) -> tuple[Any, Array]:
-        """Statuses or cells, and bounds, as arguments of the dual."""
+        """Remaining statuses or cells, and their bounds, as arguments for methods of the dual."""
         raise NotImplementedError
 
     def excluded(self, y: Array, margin: float = 1.0) -> npt.NDArray[np.bool_]:
-        """Statuses (m, 7) or cells (k,) that the vector y excludes.
+        """Return the mask of the statuses (m, 7) or cells (k,) that a vector excludes.
 
         Args:
-            y: multipliers.
-            margin: times the round-off that must be left.
+            y: multipliers (dim m,).
+            margin: required ratio of the dual bound L to its error bound; by default 1.
         """
         return np.asarray(self.dual(y).impossible(*self.limits, margin))
 
 
 @dataclass(eq=False)
 class StatusRegion(_Region):
-    """Sets of statuses, and bounds of the slots of the solutions with such statuses.
+    """Region of the plane search: allowed statuses, and bounds of the solutions with them.
 
     Attributes:
-        problem: scaled.
-        allowed: masks (m,).
-        ub: bounds of the slots (6, m).
+        problem: scaled reduced problem.
+        allowed: allowed statuses as bit masks (m,).
+        ub: upper bounds of the slots (6, m).
     """
 
     problem: ReducedProblem
@@ -2392,21 +2473,21 @@ class StatusRegion(_Region):
 
     @classmethod
     def whole(cls, problem: ReducedProblem) -> StatusRegion:
-        """All statuses, with the bounds by energy."""
+        """Return the region with all statuses and the energy bounds."""
         return cls(problem, problem.statuses.copy(), bounded(problem))
 
     def held(self, allowed: Masks) -> StatusRegion:
-        """The region with other sets of statuses, and the bounds that follow."""
+        """Return a region with other allowed statuses (m,); bounds of unused slots are set to 0."""
         return StatusRegion(self.problem, allowed, restricted(self.problem, allowed, self.ub))
 
     @property
     def choices(self) -> list[list[int]]:
-        """Statuses that are left, point by point."""
+        """Remaining statuses of every point."""
         return [[int(s) for s in np.flatnonzero(has)] for has in has_status(self.allowed)]
 
     @property
     def pieces(self) -> float:
-        """Number of pieces."""
+        """Number of pieces, the product of the numbers of remaining statuses."""
         return float(np.prod([float(len(c)) for c in self.choices]))
 
     def dual(self, y: Array) -> Dual:
@@ -2417,16 +2498,24 @@ class StatusRegion(_Region):
         return self.allowed, self.ub
 
     def empties(self, excluded: npt.NDArray[np.bool_]) -> bool:
-        """Whether all statuses of a point are excluded (m, 7)."""
+        """Return whether the mask (m, 7) excludes all remaining statuses of some point."""
         return bool((excluded == has_status(self.allowed)).all(axis=1).any())
 
     def limit(self, slot: int, point: int, value: float) -> None:
-        """Lower a bound of a slot."""
+        """Lower the bound of a slot at a point to ``value``."""
         self.ub = self.ub.copy()
         self.ub[slot, point] = max(min(self.ub[slot, point], value), 0.0)
 
     def without(self, what: list[Any], excluded: npt.NDArray[np.bool_]) -> list[StatusRegion]:
-        """The region without excluded statuses, pairs of a point and a status."""
+        """Return the region without some statuses.
+
+        Args:
+            what: pairs of a point and a status.
+            excluded: mask of the statuses whose exclusion is proved (m, 7).
+
+        Raises:
+            InvalidCertificate: if the exclusion of a status is not proved.
+        """
         allowed = self.allowed.copy()
         for point, status in what:
             if not excluded[_index(point, len(excluded)), _index(status, 7)]:
@@ -2435,7 +2524,11 @@ class StatusRegion(_Region):
         return [self.held(allowed)]
 
     def branched(self, step: dict[str, Any]) -> list[StatusRegion]:
-        """Parts of the region, last part first."""
+        """Return the parts of the region after a step ``branch``, last part first.
+
+        Raises:
+            InvalidCertificate: if the parts do not cover all remaining statuses of the point.
+        """
         point = _index(step["point"], len(self.allowed))
         whole = int(self.allowed[point])
         if int(np.bitwise_or.reduce([0, *step["parts"]])) & whole != whole:
@@ -2448,11 +2541,17 @@ class StatusRegion(_Region):
         return parts
 
     def opened(self, _: dict[str, Any]) -> Masks:
-        """The statuses about which nothing is proved."""
+        """Return the statuses about which nothing is proved, as bit masks (m,)."""
         return self.allowed
 
     def only(self, step: dict[str, Any]) -> PieceSolution:
-        """The only solution of the region, if it is one."""
+        """Return the piece of a step ``only``, after proving that no other solution is possible.
+
+        The inequalities of the piece are not checked: it need not be a solution.
+
+        Raises:
+            InvalidCertificate: if uniqueness is not proved.
+        """
         codes = _codes(self.problem, step)
         piece = solve_piece(self.problem, codes)
         d = None if piece is None else differences(piece, self.allowed, self.ub)
@@ -2471,8 +2570,8 @@ class OpenCells:
 
     Attributes:
         cells: cells of all points.
-        most: bounds of the solutions there (MOST, m), in scaled units.
-        why: reason why nothing is proved, for people.
+        most: bounds of the quantities (MOST, m) in these cells, in scaled units.
+        why: reason why nothing is proved, human-readable.
     """
 
     cells: Cells
@@ -2481,7 +2580,7 @@ class OpenCells:
 
     @property
     def statuses(self) -> Masks:
-        """Statuses that points may have, as masks (m,); without Coulomb friction whether open."""
+        """Remaining statuses of the points as bit masks (m,); status 2 denotes slip or closed."""
         masks = np.zeros(self.most.shape[1], dtype=np.int64)
         np.bitwise_or.at(masks, self.cells.node, np.array([1, 2, 4, 4])[self.cells.kind])
         return masks
@@ -2489,12 +2588,12 @@ class OpenCells:
 
 @dataclass(eq=False)
 class SpaceRegion(_Region):
-    """Cells of the points, and bounds of the solutions in them.
+    """Region of the search in space: cells of the points, and bounds of the solutions in them.
 
     Attributes:
-        problem: scaled.
-        cells: at least one at every point.
-        most: bounds (MOST, m).
+        problem: scaled reduced problem.
+        cells: remaining cells, at least one at every point.
+        most: upper bounds of the quantities (MOST, m).
     """
 
     problem: ReducedProblem
@@ -2505,16 +2604,16 @@ class SpaceRegion(_Region):
 
     @classmethod
     def whole(cls, problem: ReducedProblem) -> SpaceRegion:
-        """All cells, with the bounds by energy."""
+        """Return the region with all cells and the energy bounds."""
         return cls(problem, Cells.whole(problem), bounded_in_space(problem))
 
     def part(self, keep: npt.NDArray[np.bool_]) -> SpaceRegion:
-        """The region with some of the cells."""
+        """Return the region with the cells selected by the mask ``keep`` (k,)."""
         return SpaceRegion(self.problem, self.cells.kept(keep), self.most)
 
     @property
     def kinds(self) -> list[frozenset[int]]:
-        """Kinds of the cells, point by point."""
+        """Kinds of the remaining cells of every point."""
         return [self.cells.kinds_at(i) for i in range(self.problem.points)]
 
     def dual(self, y: Array) -> SpaceDual:
@@ -2525,16 +2624,24 @@ class SpaceRegion(_Region):
         return self.cells, self.most
 
     def empties(self, excluded: npt.NDArray[np.bool_]) -> bool:
-        """Whether all cells of a point are excluded (k,)."""
+        """Return whether the mask (k,) excludes all cells of some point."""
         return bool(np.logical_and.reduceat(excluded, self.cells.first).any())
 
     def limit(self, quantity: int, point: int, value: float) -> None:
-        """Lower a bound of a quantity."""
+        """Lower the bound of a quantity at a point to ``value``."""
         self.most = self.most.copy()
         self.most[quantity, point] = min(self.most[quantity, point], value)
 
     def without(self, what: list[Any], excluded: npt.NDArray[np.bool_]) -> list[SpaceRegion]:
-        """The region without excluded cells, by number; none if a point has no cell left."""
+        """Return the region without some cells; an empty list if no cell of a point remains.
+
+        Args:
+            what: indices of the cells.
+            excluded: mask of the cells whose exclusion is proved (k,).
+
+        Raises:
+            InvalidCertificate: if the exclusion of a cell is not proved.
+        """
         keep = np.ones(len(self.cells), dtype=bool)
         for number in what:
             if not excluded[_index(number, len(excluded))]:
@@ -2544,7 +2651,11 @@ class SpaceRegion(_Region):
         return [left] if len(left.cells.first) == self.problem.points else []
 
     def branched(self, step: dict[str, Any]) -> list[SpaceRegion]:
-        """Parts of the region, last part first."""
+        """Return the parts of the region after a step ``branch``, last part first.
+
+        Raises:
+            InvalidCertificate: if the parts do not cover all cells of the point.
+        """
         here = self.cells.node == _index(step["point"], self.problem.points)
         left = here.copy()
         parts = []
@@ -2561,11 +2672,17 @@ class SpaceRegion(_Region):
         return parts
 
     def opened(self, step: dict[str, Any]) -> OpenCells:
-        """The cells about which nothing is proved, with the reason."""
+        """Return the cells about which nothing is proved, with the reason."""
         return OpenCells(self.cells, self.most, str(step["why"]))
 
     def only(self, step: dict[str, Any]) -> SpacePiece:
-        """The only solution of the region, if it is one."""
+        """Return the piece of a step ``only`` or ``leaf`` after proving its uniqueness.
+
+        The inequalities of the piece are not checked: it need not be a solution.
+
+        Raises:
+            InvalidCertificate: if uniqueness is not proved.
+        """
         problem = self.problem
         codes, z = _codes(problem, step), np.array(step["z"], dtype=np.float64)
         if z.shape != (problem.points, 3):
@@ -2593,20 +2710,27 @@ ProofRegion: TypeAlias = StatusRegion | SpaceRegion
 
 
 def whole_region(problem: ReducedProblem) -> ProofRegion:
-    """All statuses or cells of a scaled problem, with the bounds by energy."""
+    """Return the root of the search tree: all statuses or cells, and the energy bounds.
+
+    Args:
+        problem: scaled reduced problem.
+    """
     return (SpaceRegion if problem.dim == 3 else StatusRegion).whole(problem)
 
 
 def check(certificate: Certificate) -> Proved:
-    """Follow a certificate.
+    """Check all steps of a proof and return the proved statements.
+
+    Args:
+        certificate: proof to be checked.
 
     Raises:
-        InvalidCertificate: if a step does not prove what it says, or steps are missing.
+        InvalidCertificate: if a step does not prove its statement, cannot be read, or is missing.
     """
     proved = Proved()
     try:
         waiting = [whole_region(certificate.problem.scaled)]
-        # What overflows proves nothing, and says so by comparisons that fail.
+        # Overflow yields inf or nan, for which the comparisons of a proof fail; no warnings needed.
         with np.errstate(all="ignore"):
             for step in certificate.steps:
                 if not waiting:
@@ -2628,15 +2752,15 @@ def follow(
 
     Args:
         certificate: proof that contains the step.
-        step: one of those above.
-        region: region on which the step acts.
-        proved: receives the statements that the step proves.
+        step: step in the format above.
+        region: region on which the step acts; changed by the step ``bound``.
+        proved: container to which the proved statements are added.
 
     Returns:
         Remaining parts of the region, last part first.
 
     Raises:
-        InvalidCertificate: if the step does not prove what it says.
+        InvalidCertificate: if the step does not prove its statement.
     """
     kind = step["do"]
     if kind == "branch":
@@ -2645,7 +2769,7 @@ def follow(
         proved.open_regions.append(region.opened(step))
         return []
     if kind == "rest":
-        # Without load a.S a <= p.a leaves a = 0 alone.
+        # Without a load, a.S a <= p.a implies a = 0.
         if certificate.problem.p.any() or certificate.problem.dp.any():
             raise InvalidCertificate("there is a load")
         proved.at_rest = True
@@ -2683,7 +2807,14 @@ def follow(
 def _all_pieces(
     certificate: Certificate, singular: list[Any], region: StatusRegion, proved: Proved
 ) -> None:
-    """Solve all pieces of a leaf; a vector may prove that a singular one is empty."""
+    """Solve all pieces of a leaf; vectors may prove that singular pieces are empty.
+
+    Args:
+        certificate: proof that contains the vectors.
+        singular: pairs of the statuses of a singular piece and the index of a vector.
+        region: region of the leaf.
+        proved: container to which the proved statements are added.
+    """
     if region.pieces > MOST_PIECES:
         raise InvalidCertificate("a leaf has too many pieces")
     vectors = {tuple(codes): number for codes, number in singular}
@@ -2702,7 +2833,7 @@ def _all_pieces(
 
 
 def _codes(problem: ReducedProblem, step: dict[str, Any]) -> Codes:
-    """The statuses of a step (m,), which the points must be able to have."""
+    """Return the statuses of a step (m,), after checking that the points admit them."""
     codes = step["codes"]
     if len(codes) != problem.points:
         raise InvalidCertificate("statuses do not fit")
@@ -2714,16 +2845,19 @@ def _codes(problem: ReducedProblem, step: dict[str, Any]) -> Codes:
 
 
 def _proved_bound(step: dict[str, Any], bound: float, round_off: float) -> float:
-    """The bound of a step, or ``InvalidCertificate`` if it is not proved.
+    """Return the proved value of a step ``bound``.
 
-    Sums are rounded differently on other processors, so that the bound that was proved there may be
-    smaller than the one proved here, by no more than the error that both include. The
-    larger of the two is a bound on either.
+    Sums are rounded differently on different processors. The stored bound may therefore be smaller
+    than the one proved on this machine, by at most the error bound that both include. The larger of
+    the two is valid on either machine.
 
     Args:
         step: step of the proof.
-        bound: bound that its vector proves.
-        round_off: errors of rounding and data that this includes.
+        bound: upper bound proved by the vector of the step.
+        round_off: error bound included in ``bound``.
+
+    Raises:
+        InvalidCertificate: if ``bound`` exceeds the stored bound by more than ``round_off``.
     """
     value = step["value"]
     if not bound <= value + round_off:
@@ -2739,8 +2873,8 @@ def _index(value: Any, size: int) -> int:
 
 # -- the command -----------------------------------------------------------------------------------
 
-#: Of a status: open, stick, slip to either side, and these at an open point under a bound given in
-#: advance; of a point without friction, open and closed.
+#: Letters of the statuses: open, stick, slips, and stick and slips of open points with a prescribed
+#: friction bound; in the plane, in space, and for points without friction (open, closed).
 _WITH = "ok+-KPM"
 _IN_SPACE = "oks-KS-"
 _WITHOUT = "o-c----"
@@ -2759,19 +2893,22 @@ def _letters(problem: ReducedProblem, codes: Codes) -> str:
 
 
 def _forces(piece: PieceSolution | SpacePiece) -> list[tuple[str, Ball]]:
-    """Names and values of the forces; in space tangents differ from point to point."""
+    """Return the names and values of the forces that can be summed over the points.
+
+    In space only normal forces are included, as the tangents differ from point to point.
+    """
     if isinstance(piece, SpacePiece):
         return [("rn", piece.numbers[:, 5])]
     return [("rt", piece.rt), ("rn", piece.rn)]
 
 
 def _sum_of(forces: Ball, unit: float) -> str:
-    """The sum of forces as text, with an error that includes the digits that are left out."""
+    """Return the sum of forces as text, with an error bound that includes rounding to 12 digits."""
     total = np.ones(len(forces.value)) @ forces
     value = unit * float(total.value)
     shown = f"{value:.12g}"
     off = unit * float(total.radius) + abs(float(shown) - value) * (1 + _SLACK)
-    # Three digits round the error by at most 0.5 %.
+    # Rounding the error bound to three digits changes it by at most 0.5 %.
     return f"{shown} +- {1.006 * above(off):.3g}"
 
 
@@ -2809,10 +2946,14 @@ def report(certificate: Certificate, proved: Proved) -> list[str]:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Check a stored proof and print its statements.
+    """Check a stored proof and print its statements (command line).
+
+    Args:
+        argv: command-line arguments; by default those of the process.
 
     Returns:
-        0 if the proof holds, 1 if it does not or leaves something open, 2 if there is no file.
+        Exit status: 0 if the proof holds, 1 if it does not hold or leaves regions open, 2 if the
+        file is missing or cannot be read.
     """
     parser = argparse.ArgumentParser(
         prog="check_proof",

@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Whether one solution of a reduced problem is the only one.
+"""Decision whether a solution of a reduced problem is the only one.
 
-The certificate of one point (differences, `check_proof.py`) over the whole problem is tried first;
-in 2D it costs few eigenvalue problems of the size of the reduced problem. If it fails, another
-solution is searched from some starts, then in 2D more weights. If there is time, both get more
-effort, and branch and bound follows.
+The *certificate of one point* is the uniqueness proof by quadratic inequalities (differences,
+`check_proof.py`), applied to the whole problem. It is tried first; in 2D it needs a few eigenvalue
+problems of the size of the reduced problem. If it fails, Newton's method searches for another
+solution from several starts. Then, in 2D, the certificate is tried with more iterations for its
+weights. With a positive time limit, both searches get more effort, and branch and bound follows.
 """
 
 from __future__ import annotations
@@ -36,20 +37,20 @@ Codes = npt.NDArray[np.int8]
 Array = npt.NDArray[np.float64]
 
 _FIRST = 2  # first effort of the search for weights in 2D
-_POINTS = 128  # points in 2D beyond which starts and effort decrease, as eigenvalues cost the cube
-_BATCH = 2e5  # entries of the matrices of all starts in 3D
-_SAME = 1e-6  # relative distance of states that are one
+_POINTS = 128  # points in 2D beyond which starts and effort decrease (cubic cost)
+_BATCH = 2e5  # total number of matrix entries of all starts in 3D
+_SAME = 1e-6  # relative distance below which two states count as the same
 
 
 @dataclass(frozen=True, eq=False)
 class OnlySolution:
-    """Whether a solution is the only one.
+    """Answer to the question whether a solution is the only one.
 
     Attributes:
         verdict: verdict as in `results.uniqueness.Uniqueness`.
-        reason: human-readable.
-        other: statuses (m,) and state (m, 2 dim) of another solution.
-        certificate: the proof, if there is one.
+        reason: reason of the verdict, human-readable.
+        other: statuses (m,) and state (m, 2 dim) of another solution; None if none is known.
+        certificate: proof of uniqueness; None if there is none.
     """
 
     verdict: Literal["proved", "not proved", "others exist"]
@@ -61,13 +62,13 @@ class OnlySolution:
 def is_only(
     problem: ReducedProblem, solution: Codes | Array, *, proof_seconds: float = 0.0
 ) -> OnlySolution:
-    """Whether a solution is the only one.
+    """Decide whether a solution is the only one.
 
     Args:
         problem: reduced problem.
         solution: statuses of the solution (m,) in 2D, its state (m, 6) in 3D.
-        proof_seconds: time for branch and bound if the certificate of one point fails; if it is
-            positive, there are more starts and efforts.
+        proof_seconds: time limit of branch and bound if the certificate of one point fails; by
+            default 0. If positive, the other methods use more starts and iterations.
     """
     more = proof_seconds > 0
     plane = problem.dim == 2
@@ -107,7 +108,7 @@ def is_only(
 def _of_one_point(
     problem: ReducedProblem, piece: PieceSolution | SpacePiece | None, effort: int
 ) -> Certificate | None:
-    """Return a proof of one step, or None."""
+    """Return a proof that consists of a single step; None if that step fails."""
     search: Any = (PlaneSearch if problem.dim == 2 else SpaceSearch)(problem, np.inf)
     region = whole_region(search.problem)
     if search.step(region, do="rest") is not None:
@@ -120,7 +121,7 @@ def _of_one_point(
 def _another(
     problem: ReducedProblem, solution: Any, starts: int, units: Array
 ) -> PieceSolution | SpacePiece | None:
-    """Return another solution, proved and inside its borders; None if none was found."""
+    """Return another proved solution that strictly satisfies its inequalities, or None."""
     random = np.random.default_rng(0)
     pieces: Any
     if problem.dim == 2:
@@ -137,7 +138,7 @@ def _another(
 
 
 def _is_same(dim: int, codes: Codes, state: Array, solution: Any) -> bool:
-    """Whether statuses (in 2D) or states (in 3D) are those of the solution."""
+    """Return whether statuses (in 2D) or states (in 3D) agree with those of the solution."""
     if dim == 2:
         return np.array_equal(codes, solution)
     for part in (slice(0, 3), slice(3, 6)):

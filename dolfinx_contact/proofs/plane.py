@@ -1,13 +1,19 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The search for a proof in 2D, on the statuses of contact points.
+"""Search for a proof in 2D by branch and bound on the statuses of the contact points.
 
-A region is closed, in this order, by the solutions of all its pieces, if these are few; by the
-proof that it holds no solution other than a known one; or by linear programs (`relaxation.py`).
-Otherwise it is branched at the point that contributes most to the failure of the second way.
+A region is a set of allowed statuses for every point. It is closed by the first of the following
+methods that succeeds:
 
-Linear programs hold each point in each of its statuses in turn. If the relaxation is infeasible,
-its multipliers are a proof, usually also for other statuses of other points: everything that they
-exclude is taken out. Statuses shown to be possible by a point of a relaxation are not tried.
+1. all its pieces are solved, if there are few;
+2. it is proved to contain no solution other than a known one;
+3. linear programs (`relaxation.py`) prove that it is empty.
+
+Otherwise it is branched at the point that contributes most to the failure of method 2.
+
+Method 3 restricts each point to each of its statuses in turn. If the resulting relaxation is
+infeasible, its multipliers prove that this status is impossible, and usually they also exclude
+statuses of other points; all excluded statuses are removed. A status attained by a feasible point
+of a relaxation is not tested.
 """
 
 from __future__ import annotations
@@ -35,17 +41,17 @@ __all__ = ["PlaneSearch"]
 Array = npt.NDArray[np.float64]
 Codes = npt.NDArray[np.int8]
 
-_FEW = 64  # pieces that are all solved
+_FEW = 64  # number of pieces up to which all are solved
 _NEAR = -0.02  # least eigenvalue, scaled, from which a branch is tried before linear programs
 _TRIES = 12
-_LEAST, _STARTS = 8, 300  # starts in open regions
+_LEAST, _STARTS = 8, 300  # smallest and largest number of starts in open regions
 _BATCH = 4e5  # entries of the matrices of all these starts
-_EFFORTS = (15, 80)  # in the search for weights, before and after linear programs
-_NOTHING = 1e-7  # slot that counts as zero
+_EFFORTS = (15, 80)  # iterations of the search for weights, before and after linear programs
+_NOTHING = 1e-7  # size of a slot that counts as zero
 
 
 class PlaneSearch(Search[StatusRegion]):
-    """See the module."""
+    """Search for a proof in 2D, as described in the module."""
 
     def _begin(self, known: Iterable[Codes]) -> None:
         self._known = list(known)
@@ -85,7 +91,10 @@ class PlaneSearch(Search[StatusRegion]):
         return self._branch(node, scores, solution)
 
     def _pieces(self, region: StatusRegion) -> None:
-        """Close a region by its pieces; linear programs examine those that may be singular."""
+        """Close a region by solving all its pieces.
+
+        Linear programs try to prove that singular pieces are empty.
+        """
         singular = []
         for choice in itertools.product(*region.choices):
             codes = np.array(choice, dtype=np.int8)
@@ -100,16 +109,24 @@ class PlaneSearch(Search[StatusRegion]):
     def _any_only(
         self, region: StatusRegion, hint: Codes | None, effort: int
     ) -> tuple[bool, Array | None, float, Codes | None]:
-        """Try to prove that a region holds at most one solution.
+        """Try to close a region by proving that it contains at most one solution.
+
+        The proof compares all solutions with the solution of one piece. Up to two pieces are tried:
+        pieces of known solutions first, then pieces computed by Newton's method.
+
+        Args:
+            region: region.
+            hint: statuses (m,) at which Newton's method starts, or None.
+            effort: iterations of each search for weights.
 
         Returns:
-            Whether it is closed, the contributions of the points to the failure (m,), the least
-            eigenvalue, and statuses of a solution (m,).
+            Whether the region is closed; contributions of the points to the failure (m,), or None;
+            least eigenvalue of the weighted sum; statuses of the compared piece (m,), or the hint.
         """
         starts = [*self._known, *(q.codes for q in self.proved.inside)]
         starts = [c for c in starts if (region.allowed >> c & 1).all()]
         starts += [] if hint is None else [hint]
-        # With decided points, any solution serves.
+        # At decided points a candidate may violate the inequalities: the proof does not use them.
         tried = candidates(self.problem, region.allowed, starts, self._random, _TRIES)
         for codes in itertools.islice(tried, 2):
             piece = solve_piece(self.problem, codes)
@@ -139,7 +156,17 @@ class PlaneSearch(Search[StatusRegion]):
     # -- linear programs --------------------------------------------------------------------------
 
     def _probe(self, region: StatusRegion) -> bool:
-        """Take statuses out of a region; return whether it is proved empty."""
+        """Exclude statuses by linear programs that restrict one point to one status at a time.
+
+        The region is changed. The loop is repeated until no further status is excluded or the time
+        limit is reached.
+
+        Args:
+            region: region.
+
+        Returns:
+            Whether the region is proved empty.
+        """
         changed = True
         while changed:
             changed = False
@@ -170,7 +197,18 @@ class PlaneSearch(Search[StatusRegion]):
         return False
 
     def _take_all_out(self, region: StatusRegion, y: Array) -> bool:
-        """Exclude as long as a vector excludes; return whether nothing is left."""
+        """Exclude all statuses that a vector of multipliers proves impossible.
+
+        Every exclusion lowers bounds, so that the same vector may exclude further statuses. It is
+        applied until it excludes nothing.
+
+        Args:
+            region: region; it is changed.
+            y: multipliers (2 m,).
+
+        Returns:
+            Whether the region is proved empty.
+        """
         while True:
             excluded, empty = self.take_out(region, y)
             if empty or not excluded.any():
@@ -178,20 +216,32 @@ class PlaneSearch(Search[StatusRegion]):
 
 
 def _parts(mask: int, which: int) -> list[int]:
-    """Return how the statuses of a point are divided."""
+    """Divide the remaining statuses of a point for branching.
+
+    If open and closed statuses remain, and more than two, they are separated. Of the remaining
+    cases, three statuses are divided into stick with one slip and the other slip, and two statuses
+    into single ones.
+
+    Args:
+        mask: remaining statuses as a bit mask.
+        which: slip (0 or 1) that remains with stick.
+
+    Returns:
+        Bit masks of the parts.
+    """
     opened = mask & OPENED
     closed = mask & CLOSED
     if opened and closed and bin(mask).count("1") > 2:
         return [opened, closed]
     left = [1 << s for s in range(7) if mask >> s & 1]
     if len(left) == 3:
-        # Stick with a slip, and the other slip.
+        # Stick and one slip in one part, the other slip in the second.
         return [left[0] | left[1 + which], left[2 - which]]
     return left
 
 
 def _order(region: StatusRegion) -> npt.NDArray[np.int64]:
-    """Return the undecided points, from their middle, by halves."""
+    """Return the undecided points in bisection order: the middle one, then those of the halves."""
     left = [i for i, c in enumerate(region.choices) if len(c) > 1]
     order: list[int] = []
     spans = [(0, len(left))]
@@ -205,7 +255,14 @@ def _order(region: StatusRegion) -> npt.NDArray[np.int64]:
 
 
 def _see(relaxation: Relaxation, possible: npt.NDArray[np.bool_]) -> None:
-    """Mark the statuses in which points of the relaxation are."""
+    """Mark the statuses that the feasible point of a relaxation attains.
+
+    These statuses cannot be excluded by the relaxation.
+
+    Args:
+        relaxation: feasible linear program.
+        possible: mask by point and status (m, 7), to which the statuses are added.
+    """
     positive = relaxation.point > _NOTHING
     off = (positive.T[:, None, :] & ~used(relaxation.problem)).any(axis=2)
     possible |= ~off

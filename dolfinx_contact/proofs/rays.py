@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""All rays that leave a state with contact points at their apex, with a proof of completeness.
+r"""Proof that all rays leaving a state with contact points at their apex are known.
 
 At the apex, ut, un and the forces vanish, and the tangent cone of a point is the law itself. If all
 other points are strictly open (dr = 0), stuck (da = 0) or pressed without friction (drt = dun = 0),
@@ -12,8 +12,8 @@ S. The rays, normalised by dgamma = 1 or -1, are the solutions of the reduced pr
 loads q' and -q', and `solutions.py` proves completeness. There are no rays with dgamma = 0, since
 da.S' da = da.dr <= 0 at the apex.
 
-For slipping points, and points at a border between two statuses, dr.da has any sign, and nothing is
-proved.
+For slipping points and points at a border between two statuses, dr.da may have either sign, and
+nothing is proved.
 
 With an approximation Z of S_ee^{-1} S_ek and its residual R = S_ek - S_ee Z,
 
@@ -44,12 +44,12 @@ Codes = npt.NDArray[np.int8]
 
 @dataclass(frozen=True, eq=False)
 class ProvedRays:
-    """Rays that leave a state, and the state of the proof.
+    """Rays that leave a state, and the result of the proof of completeness.
 
     Attributes:
         verdict: ``"complete"``, ``"degenerate"`` or ``"open"``, as in `ProvedSolutions`.
         rays: statuses (m,) and dgamma (1 or -1) of the proved rays.
-        method: description of the proof.
+        method: description of the proof, human-readable.
     """
 
     verdict: str
@@ -59,12 +59,12 @@ class ProvedRays:
 
 @dataclass(frozen=True, eq=False)
 class Apex:
-    """Problem of the points at their apex, with all others eliminated.
+    """Reduced problem of the points at their apex; all other points are eliminated.
 
     Attributes:
         problem: reduced problem with the load q'.
         points: indices of its points among all points (k,).
-        codes: statuses of the other points (m,).
+        codes: statuses of all points (m,); only those of the eliminated points are used.
     """
 
     problem: ReducedProblem
@@ -76,12 +76,12 @@ def apex_problem(whole: ReducedProblem, system: AffineSystem, cone: AffineSystem
     """Return the reduced problem of the rays, or the reason why there is none.
 
     Args:
-        whole: S, and q as the load, of all points.
-        system: the points at a state.
-        cone: its tangent cone there.
+        whole: reduced problem of all points, with q as the load.
+        system: affine system of the contact points at the state.
+        cone: tangent cone of the system at the state.
 
     Raises:
-        ValueError: if the problem is not positive definite beyond its errors.
+        ValueError: if the problem is not proved to be positive definite.
     """
     m = whole.points
     friction = whole.friction
@@ -107,7 +107,7 @@ def apex_problem(whole: ReducedProblem, system: AffineSystem, cone: AffineSystem
 def _eliminated(
     whole: ReducedProblem, k: npt.NDArray[np.intp], e: npt.NDArray[np.intp], friction: Array
 ) -> ReducedProblem:
-    """S' and q' with their errors; see the module."""
+    """Return the reduced problem with S' and q' and their error bounds, as in the module."""
     S, q = whole.stiffness, whole.load
     reduced, load = S[np.ix_(k, k)], q[k]
     if len(e) == 0:
@@ -137,7 +137,7 @@ def prove_rays(
     """Find all rays and prove completeness.
 
     Args:
-        apex: reduced problem.
+        apex: reduced problem of the points at their apex.
         known: statuses (m,) and dgamma of known rays; they shorten the search.
         proof_seconds: time limit for each sign of dgamma.
     """

@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Linear programs for the possible statuses.
+r"""Linear programs that exclude statuses in the plane search.
 
 The programs contain S a = r + p with the slots (`check_proof.py`) between 0 and their bounds X. Two
-slots that no allowed status uses together satisfy x / X + y / Y <= 1, and the five slots of a point
-with Coulomb friction, which exclude each other in a cycle, satisfy sum x / X <= 2. These rows give
-the convex hull of the statuses and are added if they are violated.
+slots that are never nonzero in the same allowed status satisfy x / X + y / Y <= 1. The five slots
+of a point with Coulomb friction exclude each other in a cycle and satisfy sum x / X <= 2. These
+inequalities describe the convex hull of the statuses and are added when they are violated.
 
-The slots of forces are affine in the slots of displacements, so that the first tableau needs no
-solution of equations. The dual simplex method (`tableau`) proceeds from one program to the next. If
-a program is infeasible, the multipliers y of the proving row are returned, and `check_proof.Dual`
-decides what they prove.
+Slots of forces are affine functions of the slots of displacements, so that the first tableau is
+known without solving equations. The dual simplex method (`tableau`) proceeds from one program to
+the next. If a program is infeasible, the multipliers y of the proving row are returned, and
+`check_proof.Dual` determines which statuses they exclude.
 """
 
 from __future__ import annotations
@@ -26,20 +26,20 @@ __all__ = ["Relaxation"]
 
 Array = npt.NDArray[np.float64]
 
-_VIOLATED = 1e-6  # of a row of the hull that is worth adding
+_VIOLATED = 1e-6  # smallest violation for which a row of the hull is added
 _CYCLE = (0, 1, 2, 3, 4)
 
 
 class Relaxation(Tableau):
-    """The relaxation of a region, a tableau that lasts from program to program.
+    """Linear relaxation of a region, with a tableau that persists between programs.
 
-    Numbers of variables are slot * m + point; 6 m + point is rt of a point without friction, which
-    is held at 0; rows of the hull follow.
+    Variable slot * m + point is a slot. Variable 6 m + point is rt of a point without friction,
+    fixed at 0. The slacks of the hull inequalities follow.
 
     Args:
-        problem: scaled.
-        allowed: sets of statuses, masks (m,).
-        ub: bounds of the slots (6, m).
+        problem: scaled reduced problem.
+        allowed: allowed statuses as bit masks (m,).
+        ub: upper bounds of the slots (6, m).
     """
 
     def __init__(self, problem: ReducedProblem, allowed: Masks, ub: Array):
@@ -53,7 +53,7 @@ class Relaxation(Tableau):
         self._uses = used(problem)
         self._ub = ub
         self._hull_terms: list[tuple[npt.NDArray[np.int64], Array]] = []
-        # Rows of rt, rn over ut+, ut-, un.
+        # Express rt and rn by ut+, ut- and un.
         forces = np.concatenate([S[:, 0::2], -S[:, 0::2], S[:, 1::2]], axis=1)
         rt = forces[0::2]
         rn = forces[1::2]
@@ -80,7 +80,7 @@ class Relaxation(Tableau):
             self.hold(point, int(allowed[point]))
 
     def _conflicts(self, allowed: Masks) -> None:
-        """Pairs of slots that no allowed status uses together, and whole cycles."""
+        """Collect pairs of slots that exclude each other, and points with the cycle inequality."""
         has = has_status(allowed)
         live = self._ub > 1e-9 * max(1.0, float(self._ub.max()))
         self._pairs: list[tuple[int, int, npt.NDArray[np.int64]]] = []
@@ -97,7 +97,7 @@ class Relaxation(Tableau):
         self._cycles = np.flatnonzero(cycle)
 
     def hold(self, point: int, mask: int) -> None:
-        """Allow the statuses ``mask`` at a point."""
+        """Restrict a point to the statuses of a bit mask."""
         has = np.array([mask >> s & 1 > 0 for s in range(7)])
         uses = self._uses[point][has].any(axis=0)
         for slot in range(6):
@@ -107,7 +107,7 @@ class Relaxation(Tableau):
         self._set(mine, np.where(self._costs[mine] < 0, self._up[self._nonbasic[mine]], 0.0))
 
     def infeasible(self) -> Array | None:
-        """Return multipliers that prove infeasibility; None if feasible or without an answer."""
+        """Return multipliers y (2 m,) that prove infeasibility; None if feasible or undecided."""
         for _ in range(60):
             identity = self._repair()
             if identity is not None:
@@ -117,7 +117,7 @@ class Relaxation(Tableau):
         return None
 
     def _multipliers(self, v: Array) -> Array:
-        """The y of an identity between the variables."""
+        """Return the multipliers y (2 m,) of an identity between the variables, scaled to 1."""
         m = self.m
         F = self.problem.friction
         for k, (members, parts) in enumerate(self._hull_terms):
@@ -132,11 +132,11 @@ class Relaxation(Tableau):
 
     @property
     def point(self) -> Array:
-        """Values of the slots (6, m); rn is that of points without Coulomb friction."""
+        """Values of the slots (6, m); rn is included only for points without Coulomb friction."""
         return self._all_values[: 6 * self.m].reshape(6, self.m)
 
     def _separate(self) -> bool:
-        """Add violated rows of the hull; whether there were any."""
+        """Add violated inequalities of the hull; return whether there were any."""
         part = self.point / np.where(self._ub > 0, self._ub, np.inf)
         terms: list[tuple[npt.NDArray[np.int64], float]] = []
         for a, b, points in self._pairs:

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Branch and bound for a proof: the walk through the tree, in 2D and 3D.
+"""Branch and bound for a proof: traversal of the search tree, in 2D and 3D.
 
-A search proposes steps; the checker (`check_proof.follow`) takes them or refuses them. `plane.py`
-and `space.py` decide how a region is closed or branched. In regions that are left open, Newton's
-method is started; the solutions that it finds are certain, but there may be others.
+The search proposes steps, which the checker (`check_proof.follow`) accepts or rejects. `plane.py`
+and `space.py` implement closing and branching of regions. In regions left open, Newton's method
+searches for solutions; these are proved to exist, but others may exist as well.
 """
 
 from __future__ import annotations
@@ -40,17 +40,18 @@ logger = logging.getLogger(__name__)
 R = TypeVar("R", StatusRegion, SpaceRegion)
 Array = npt.NDArray[np.float64]
 
-MARGIN = 4.0  # times the round-off, so that another machine accepts the same steps
+MARGIN = 4.0  # required ratio of a dual bound to its error, for acceptance on other machines
 
 
 @dataclass
 class SearchNode(Generic[R]):
-    """A region of the tree.
+    """Node of the search tree.
 
     Attributes:
-        region: the region.
-        depth: number of branches above it.
-        hint: statuses of a solution of the parent's problem (m,), in 2D.
+        region: statuses or cells, and bounds.
+        depth: number of branchings above the node; by default 0.
+        hint: statuses (m,) at which Newton's method starts, taken from the parent node, in 2D; by
+            default None.
     """
 
     region: R
@@ -59,17 +60,17 @@ class SearchNode(Generic[R]):
 
 
 class Search(Generic[R]):
-    """Search for a proof.
+    """Base class of the searches for a proof.
 
     Args:
         problem: reduced problem.
-        seconds: time after which regions are left open.
-        progress: function called with a description of the progress.
+        seconds: time limit after which regions are left open; by default 0.
+        progress: function called with a description of the progress; by default none.
 
     Attributes:
-        certificate: steps so far.
-        proved: statements that the steps prove.
-        problem: scaled problem.
+        certificate: proof with the accepted steps.
+        proved: statements proved by these steps.
+        problem: scaled reduced problem.
     """
 
     def __init__(
@@ -86,14 +87,14 @@ class Search(Generic[R]):
         self._random = np.random.default_rng(0)
 
     def late(self) -> bool:
-        """Whether time is over."""
+        """Return whether the time limit is exceeded."""
         return time.monotonic() > self._end
 
     def run(self, known: Iterable[Any]) -> None:
         """Search for all solutions.
 
         Args:
-            known: known solutions: statuses (m,) in 2D, states (m, 6) in 3D.
+            known: known solutions, as statuses (m,) in 2D or states (m, 6) in 3D.
         """
         region: Any = whole_region(self.problem)
         if self.step(region, do="rest") is not None:
@@ -112,7 +113,10 @@ class Search(Generic[R]):
             self._look_in_open_regions()
 
     def step(self, region: Any, **step: Any) -> Sequence[Any] | None:
-        """Take a step and return the remaining parts; None if the checker refuses it."""
+        """Check a step, append it to the certificate and return the remaining parts of the region.
+
+        None if the checker rejects the step.
+        """
         try:
             parts = follow(self.certificate, step, region, self.proved)
         except InvalidCertificate as error:
@@ -124,15 +128,16 @@ class Search(Generic[R]):
     def only(
         self, region: R, piece: PieceSolution | SpacePiece, effort: int
     ) -> tuple[bool, Weights | None]:
-        """Try to prove that a region holds no solution other than that of a piece.
+        """Try to prove that a region contains no solution other than that of a piece.
 
         Args:
             region: region.
-            piece: piece of the solution.
+            piece: solution of the piece.
             effort: iterations of each search for weights.
 
         Returns:
-            Whether the region is closed, and the weights; None if the inequalities do not apply.
+            Whether the region is closed, and the weights; these are None if the hypotheses of the
+            inequalities do not hold.
         """
         items: dict[str, Any] = {"do": "only", "codes": piece.codes.tolist()}
         if isinstance(piece, SpacePiece):
@@ -150,14 +155,15 @@ class Search(Generic[R]):
         return self.step(region, **items, **w.proof) is not None, w
 
     def take_out(self, region: R, y: Array) -> tuple[npt.NDArray[np.bool_], bool]:
-        """Exclude from a region what a vector excludes.
+        """Exclude the statuses or cells that a vector of multipliers proves impossible.
 
         Args:
-            region: changed.
-            y: multipliers.
+            region: region; it is changed.
+            y: multipliers (dim m,).
 
         Returns:
-            Excluded statuses (m, 7) or cells (k,), and whether the region is proved empty.
+            Mask of the excluded statuses (m, 7) or cells (k,), and whether the region is proved
+            empty.
         """
         excluded = region.excluded(y, MARGIN)
         if not excluded.any():
@@ -177,7 +183,7 @@ class Search(Generic[R]):
         raise NotImplementedError
 
     def _treat(self, node: SearchNode[R]) -> list[SearchNode[R]]:
-        """Close a region, or branch it."""
+        """Close a region or branch it; return the resulting nodes."""
         raise NotImplementedError
 
     def _look_in_open_regions(self) -> None:

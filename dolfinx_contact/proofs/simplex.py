@@ -3,14 +3,14 @@ r"""Primal simplex method for linear programs with columns in groups.
 
     minimise c.x    with    A x = b,  x >= 0,
 
-where the columns of every group have the sum 1. Columns that must not be used cost 1 per unit
-instead of being held at 0. So each program starts from a feasible point, and an infeasible one ends
-with a positive cost and with multipliers y that prove infeasibility. With v = y.A,
+where the variables of every group add up to 1. Excluded columns have a unit cost instead of the
+bound 0. Each program therefore starts from a feasible point, and an infeasible program ends with a
+positive cost and with multipliers y that prove infeasibility. With v = y.A,
 
-    y.b - sum over groups of max v  >  0
+    y.b - sum over groups of max v  >  0,
 
-over the usable columns is sufficient, and usually holds long before the optimum is reached
-(`Simplex.solve`). The inverse of the basis is stored, and b is slightly perturbed to avoid
+with the maxima over the usable columns, is sufficient and usually holds long before the optimum is
+reached (`Simplex.solve`). The inverse of the basis is stored, and b is slightly perturbed to avoid
 degenerate steps. Nothing is proved here.
 """
 
@@ -36,9 +36,9 @@ class Simplex:
     """Linear program; successive calls start from the last basis.
 
     Args:
-        A: columns (n, k).
+        A: matrix (n, k) of the constraints.
         b: right-hand side (n,).
-        groups: first columns of the groups, in increasing order.
+        groups: indices of the first columns of the groups, in increasing order.
     """
 
     def __init__(self, A: Array, b: Array, groups: npt.NDArray[np.int64]):
@@ -57,7 +57,7 @@ class Simplex:
         self.count = 0
 
     def solve(self, usable: Flags) -> Array | None:
-        """Return multipliers y (n,) that prove infeasibility; None if a point exists.
+        """Return multipliers y (n,) that prove infeasibility; None if a feasible point is found.
 
         Args:
             usable: mask of the usable columns (k,).
@@ -77,7 +77,7 @@ class Simplex:
         return None
 
     def least(self, cost: Array, usable: Flags) -> Array | None:
-        """Return multipliers (n,) of nearly the least cost; None if there is no point.
+        """Return multipliers (n,) of a nearly optimal lower bound; None if it is infeasible.
 
         Args:
             cost: cost of the columns (k,).
@@ -103,7 +103,7 @@ class Simplex:
 
     @property
     def point(self) -> Array:
-        """Point x (k,) of the last program."""
+        """Solution x (k,) of the last program."""
         x = np.zeros(self._A.shape[1])
         x[self._basis] = self._x
         return np.maximum(x[: self._columns], 0.0)
@@ -114,7 +114,7 @@ class Simplex:
         return float(y @ self._b - best.sum())
 
     def _step(self, reduced: Array, usable: Flags) -> bool:
-        """Pivot once; whether that was possible."""
+        """Perform one pivot; return whether it was possible."""
         rated = np.where(usable, reduced / self._size, 0.0)
         j = int(np.argmin(rated))
         if not rated[j] < -_CHEAP:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""All solutions of a reduced problem with a proof of completeness."""
+"""Search for all solutions of a reduced problem, with a proof of completeness."""
 
 from __future__ import annotations
 
@@ -53,20 +53,21 @@ class ProvedSolution:
 
 @dataclass(frozen=True, eq=False)
 class ProvedSolutions:
-    """Solutions of a reduced problem, and the state of the proof.
+    """Solutions of a reduced problem, and the result of the proof of completeness.
 
     Attributes:
-        verdict: ``"complete"``: there are no solutions besides ``solutions``. ``"degenerate"``: all
-            others are at the states ``border`` within their errors, or in the pieces ``singular``,
-            which may contain continua. ``"open"``: further solutions may exist with the statuses
-            ``open_regions``, in 3D also continua.
-        solutions: proved solutions. The certificate does not contain solutions that Newton's method
-            found in open regions after the time limit.
+        verdict: ``"complete"``: there are no solutions other than ``solutions``. ``"degenerate"``:
+            other solutions are possible only at the states ``border`` (within their error bounds)
+            and in the pieces ``singular``, which may contain continua. ``"open"``: further
+            solutions, in 3D also continua, may exist with the statuses ``open_regions``.
+        solutions: proved solutions. Solutions that Newton's method finds in open regions after the
+            time limit are included, but are not part of the certificate.
         border: states at borders of pieces, which may or may not be solutions.
         singular: statuses of pieces that contain one solution, none or a continuum.
-        open_regions: sets of statuses as bit masks (m,); in 3D cells with the reason.
+        open_regions: undecided sets of statuses as bit masks (m,); in 3D undecided cells with the
+            reason.
         certificate: proof, which can be saved (`Certificate.save`) and checked again (`check`).
-        seconds: duration of the search.
+        seconds: duration of the search; by default 0.
     """
 
     verdict: Verdict
@@ -106,11 +107,12 @@ def prove_solutions(
 
     Args:
         reduced: S, p and friction with their errors.
-        known: statuses (m,) of known solutions, or states (m, 6) in 3D; they shorten the search.
-        proof_seconds: time limit. Regions that remain are left open and searched by Newton's
-            method, which takes up to some further seconds.
-        progress: whether progress is shown on the standard error stream; by default if the search
-            takes more than some seconds.
+        known: known solutions, as statuses (m,) in 2D or states (m, 6) in 3D, which shorten the
+            search; by default none.
+        proof_seconds: time limit in seconds, by default 60. Remaining regions are left open and
+            searched by Newton's method, which may take a few more seconds.
+        progress: whether to show the progress on the standard error stream; by default if the
+            search takes more than a few seconds.
 
     Raises:
         ValueError: if the shapes of statuses or states do not match the number of points.
@@ -139,7 +141,7 @@ def prove_solutions(
 
 
 def _checked(problem: ReducedProblem, known: Iterable[Codes | Array]) -> list[Any]:
-    """Statuses, or in space states, as arrays."""
+    """Return the known solutions as validated arrays: statuses in 2D, states in 3D."""
     if problem.dim == 3:
         states = [np.asarray(state, dtype=np.float64) for state in known]
         if any(s.shape != (problem.points, 6) or not np.isfinite(s).all() for s in states):

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Dual simplex method for bounded variables with a persistent tableau.
 
-Basic variables are affine in the others, x_B = T x_N + start, and 0 <= x <= up. Successive programs
-differ in a few bounds. The objective is random, so that the method does not cycle. If a program is
-infeasible, a row of the tableau proves it.
+Basic variables are affine functions of the nonbasic ones, x_B = T x_N + start, and 0 <= x <= up.
+Successive programs differ in a few bounds. The objective is random, which prevents cycling. If a
+program is infeasible, a row of the tableau proves it.
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ _PIVOT = 1e-9
 
 
 class Tableau:
-    """Variables, which of them are basic, and their values.
+    """Tableau of a linear program: basic variables, their rows, and the values of all variables.
 
     Args:
-        rows: T (k, n).
-        start: values of the basic variables where the others are 0 (k,).
-        basic: numbers of the basic variables (k,).
-        free: number n of the others, which are 0 to n - 1.
+        rows: matrix T (k, n).
+        start: values of the basic variables if all nonbasic variables vanish (k,).
+        basic: indices of the basic variables (k,).
+        free: number n of the nonbasic variables, which have the indices 0 to n - 1.
         up: upper bounds of all variables.
-        sure: violation above which a row proves infeasibility.
+        sure: smallest violation for which a row counts as a proof of infeasibility; by default 0.
     """
 
     def __init__(
@@ -53,7 +53,7 @@ class Tableau:
 
     @property
     def lost(self) -> bool:
-        """Whether the last program came to no answer."""
+        """Whether the last program ended without an answer, at the limit of iterations."""
         return self._lost
 
     @property
@@ -64,14 +64,14 @@ class Tableau:
         return x
 
     def _identity(self, r: int, sign: float) -> Array:
-        """Coefficients of all variables in a row."""
+        """Return the coefficients of all variables in the identity of row ``r``, times ``sign``."""
         v = np.zeros(len(self._up))
         v[self._nonbasic] = -sign * self._T[r]
         v[self._basic[r]] += sign
         return v
 
     def _set(self, columns: npt.NDArray[np.int64], to: Array) -> None:
-        """Give nonbasic variables values."""
+        """Set nonbasic variables to new values and update the basic variables."""
         moved = to != self._at[columns]
         if moved.any():
             columns = columns[moved]
@@ -80,9 +80,12 @@ class Tableau:
             self._at[columns] = to
 
     def _repair(self) -> Array | None:
-        """Pivot until every variable is between its bounds; None if they are, or `_lost`.
+        """Pivot until all variables satisfy their bounds.
 
-        Else coefficients of all variables, whose sum with these is 0 and cannot be.
+        Returns:
+            None if the program is feasible or the iterations ended without an answer (`lost`).
+            Otherwise the coefficients of an identity between all variables that cannot hold within
+            their bounds, which proves infeasibility.
         """
         self._lost = False
         for _ in range(40 + 4 * self._T.shape[1]):
@@ -92,7 +95,7 @@ class Tableau:
             wrong = np.flatnonzero(worst > _FEASIBLE)
             if len(wrong) == 0:
                 return None
-            # The row that is farthest off, in the space of the nonbasic variables.
+            # Select the row with the largest violation relative to its norm.
             norms = np.sqrt(np.einsum("ij,ij->i", self._T[wrong], self._T[wrong]))
             r = int(wrong[np.argmax(worst[wrong] / (1e-12 + norms))])
             off = float(worst[r])
@@ -110,7 +113,11 @@ class Tableau:
         return None
 
     def _entering(self, row: Array, gain: Array, off: float) -> int:
-        """The variable that enters; those before it that cannot reach go to their other bound."""
+        """Return the entering variable of the bound-flipping ratio test.
+
+        Variables before it, whose ranges do not suffice to repair the row, flip to their other
+        bounds.
+        """
         free = np.flatnonzero(gain > 0)
         order = free[np.argsort(np.abs(self._costs[free]) / np.abs(row[free]))]
         last = min(int(np.searchsorted(np.cumsum(gain[order]), off)), len(order) - 1)

@@ -344,7 +344,7 @@ def test_data_that_have_changed():
             partial(block, law=SlipWeakening(0.6, 0.3, 0.01)),
             "laws of Coulomb and Tresca",
         ),
-        (partial(block, method="integral"), "contact at nodes"),
+        (partial(block, method="integral"), "nodal or mixed contact"),
     ],
 )
 def test_where_no_certificate_applies(make, reason):
