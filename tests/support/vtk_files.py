@@ -11,8 +11,13 @@ def read_grid(file, time=-1):
 
     reader = pyvista.get_reader(file)
     reader.set_active_time_value(reader.time_values[time])
-    (grid,) = reader.read()
-    grid = grid.extract_cells(np.flatnonzero(grid.cell_data["vtkGhostType"] == 0))
+    (read,) = reader.read()
+    # VTK 9.3 crashes if it extracts cells of the arrays that its reader made.
+    grid = pyvista.UnstructuredGrid(read.cells, read.celltypes, read.points)
+    for source, target in ((read.point_data, grid.point_data), (read.cell_data, grid.cell_data)):
+        for name in set(source) - set(OF_THE_READER):
+            target[name] = np.array(source[name])
+    grid = grid.extract_cells(np.flatnonzero(read.cell_data["vtkGhostType"] == 0))
     for data in (grid.point_data, grid.cell_data):
         for name in OF_THE_READER:
             data.pop(name, None)
