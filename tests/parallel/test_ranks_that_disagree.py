@@ -308,7 +308,7 @@ DISAGREEMENT = {
     ),
     "guesses": (
         lambda w: found(w, differs([w.x], [w.x, w.x])),
-        "guesses differs between ranks: 1 of them on rank 0, 2",
+        "number of states differs between ranks: 1 on rank 0, 2",
     ),
     "max_branches must be a whole number": (
         lambda w: explored(w, [(w.x, 0.0)], max_branches=differs(3, 4)),
