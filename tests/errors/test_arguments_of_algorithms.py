@@ -1,4 +1,4 @@
-"""What algorithms refuse: the call and its message."""
+"""Arguments that algorithms refuse: one table for each class."""
 
 from mpi4py import MPI
 
@@ -8,37 +8,78 @@ from support.blocks import block
 
 from dolfinx_contact.algorithms import (
     GaussSeidel,
+    InteriorPoint,
+    Lemke,
+    Penalty,
     PointProblem,
+    TrescaFixedPoint,
+    Uzawa,
 )
 
 COMM = MPI.COMM_WORLD
 
 
 @pytest.mark.ranks(2)
-def test_algorithms_refuse_problems_of_bodies():
-    problem = block(n=2)
-    for wrong in ("magic", None, 3, GaussSeidel):
-        with pytest.raises(ValueError, match="unknown algorithm"):
-            problem.solve(algorithm=wrong)
-    with pytest.raises(ValueError, match="at the nodes"):
-        block(n=2, method="integral").solve(algorithm="lemke")
-    if COMM.size > 1:
-        mine = GaussSeidel(relaxation=1.0 + 0.1 * COMM.rank)
-        with pytest.raises(ValueError, match="algorithm differs between ranks"):
-            problem.solve(algorithm=mine)
-
-
-NODE = np.array([[2.0, 1.0], [1.0, 2.0]])
+@pytest.mark.parametrize(
+    ("algorithm", "options", "message"),
+    [
+        *((algorithm, {}, "unknown algorithm") for algorithm in ("magic", None, 3, GaussSeidel)),
+        ("lemke", {"method": "integral"}, "at the nodes"),
+        ("uzawa", {"method": "integral"}, r"contact: Uzawa.* needs nodal or mixed contact"),
+        (
+            "uzawa",
+            {"method": "integral", "degree": 2},
+            r"contact: Uzawa.* needs nodal or mixed contact",
+        ),
+    ],
+)
+def test_solve_refuses_algorithms(algorithm, options, message):
+    problem = block(n=2, **options)
+    with pytest.raises(ValueError, match=message):
+        problem.solve(algorithm=algorithm)
 
 
 @pytest.mark.ranks(2)
-def test_algorithms_refuse_data():
-    good = (NODE, np.array([0.0, -1.0]), np.array([0.3]))
-    for S, p, F in (
-        (np.array([[1.0, 2.0], [2.0, 1.0]]), *good[1:]),
-        (NODE, np.array([np.nan, 0.0]), good[2]),
-        (NODE, good[1], np.array([-0.1])),
-        (np.eye(3), good[1], good[2]),
-    ):
-        with pytest.raises(ValueError, match=r"definite|finite|negative|shape"):
-            PointProblem(S, p, F)
+@pytest.mark.skipif(COMM.size == 1, reason="for ranks that differ")
+def test_solve_refuses_an_algorithm_that_differs_between_ranks():
+    with pytest.raises(ValueError, match="algorithm differs between ranks"):
+        block(n=2).solve(algorithm=GaussSeidel(relaxation=1.0 + 0.1 * COMM.rank))
+
+
+NODE = {
+    "S": np.array([[2.0, 1.0], [1.0, 2.0]]),
+    "p": np.array([0.0, -1.0]),
+    "friction": np.array([0.3]),
+}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"S": np.array([[1.0, 2.0], [2.0, 1.0]])}, "definite"),
+        ({"S": np.eye(3)}, "shape"),
+        ({"p": np.array([np.nan, 0.0])}, "finite"),
+        ({"friction": np.array([-0.1])}, "negative"),
+    ],
+)
+def test_point_problem_refuses_data(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        PointProblem(**(NODE | arguments))
+
+
+@pytest.mark.parametrize("value", ["word", None, [], {}, 1j])
+@pytest.mark.parametrize(
+    ("algorithm", "option"),
+    [
+        (Uzawa, "step"),
+        (Penalty, "stiffness"),
+        (Penalty, "accuracy"),
+        (TrescaFixedPoint, "relaxation"),
+        (GaussSeidel, "relaxation"),
+        (Lemke, "facets"),
+        (InteriorPoint, "max_iterations"),
+    ],
+)
+def test_algorithms_refuse_options_that_are_no_numbers(algorithm, option, value):
+    with pytest.raises(ValueError, match=f"{option} must not be"):
+        algorithm(**{option: value})

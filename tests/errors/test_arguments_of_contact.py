@@ -1,4 +1,4 @@
-"""What surfaces, pairs and rigid bodies refuse: the call and its message."""
+"""Arguments that surfaces, pairs and rigid bodies refuse: one table for each class."""
 
 from mpi4py import MPI
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from support import pairs
 from support.blocks import box
-from support.curved_obstacles import OnBody, block
+from support.curved_obstacles import OnBody
 from support.mortars import pair_of, stacked
 from support.pairs import MATERIAL, displacement, refused
 from support.sliding_bodies import hairpin
@@ -38,7 +38,7 @@ COMM = MPI.COMM_WORLD
 
 
 @pytest.mark.ranks(2)
-def test_mortar_refuses_obstacles_and_elements():
+def test_nodal_pair_refuses_faces_with_common_nodes():
     both = stacked(3, 2, (0.0, 1.0), (0.0, 1.0))
     u = displacement(both.mesh)
     with pytest.raises(ValueError, match="slave and master touch at 1 nodes of the mesh"):
@@ -46,44 +46,66 @@ def test_mortar_refuses_obstacles_and_elements():
 
 
 @pytest.mark.ranks(2)
-def test_pair_refuses_faces_that_do_not_fit():
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"master": 3}, "contact: slave and master have 2 facets in common"),
+        ({"master": 9}, "contact, master: no facet has the tag 9"),
+        ({"slave": 4, "master": 1}, "overlap by 2; .* look away"),
+        ({"slave": 3, "master": 1}, "point in the same direction"),
+        ({"gap": np.nan}, "the gap must be"),
+        ({"gap": "x"}, "the gap must be"),
+        ({"gap": ufl.SpatialCoordinate}, "the gap must be"),
+        ({"gap": -0.1}, r"the given gap is -0\.1; interference=True"),
+        ({"interference": "no"}, "interference must be True, False or"),
+    ],
+)
+def test_pair_refuses_faces_and_gaps(arguments, message):
+    both = pairs.stacked(2, "quad", 2)
+    arguments = {k: v(both.mesh) if callable(v) else v for k, v in arguments.items()}
+    refused(message, displacement(both.mesh), both, **arguments)
+
+
+@pytest.mark.ranks(2)
+def test_pair_refuses_indices_without_a_master_and_exchanged_faces():
     both = pairs.stacked(2, "quad", 2)
     u = displacement(both.mesh)
-    refused("contact: slave and master have 2 facets in common", u, both, master=3)
-    refused(r"contact, master: no facet has the tag 9", u, both, master=9)
-    refused("overlap by 2; .* look away", u, both, slave=4, master=1)
-    for gap in (np.nan, "x", ufl.SpatialCoordinate(both.mesh)):
-        refused("the gap must be", u, both, gap=gap)
-    refused(r"the given gap is -0\.1; interference=True", u, both, gap=-0.1)
-    refused("interference must be True, False or", u, both, interference="no")
-    indices = both.facet_tags.find(3)
     with pytest.raises(ValueError, match="by their indices need master_facets"):
-        discretise(ContactPair(u, indices, law=Frictionless()))
-    with pytest.raises(ValueError, match="a crack needs names or tags of groups"):
-        crack(both, [])
+        discretise(ContactPair(u, both.facet_tags.find(3), law=Frictionless()))
     exchanged = [
         ContactPair(u, both, slave=a, master=b, law=Frictionless(), name=str(a))
         for a, b in ((2, 3), (3, 2))
     ]
     with pytest.raises(ValueError, match="2 and 3 are one pair with slave and master exchanged"):
         ContactProblem(MATERIAL.energy(u) * ufl.dx, u, exchanged)
-    refused("point in the same direction", u, both, slave=3, master=1)
-    with pytest.raises(ValueError, match="MeshTags of facets"):
-        crack(both.mesh, [5])
-    with pytest.raises(
-        ValueError, match=r"no facet has the tag 5; tags of the mesh: \[1, 2, 3, 4\]"
-    ):
-        crack(both, [5])
-    with pytest.raises(ValueError, match="2 facets of the crack lie on the boundary"):
-        crack(both, [1])
-    with pytest.raises(ValueError, match="meshes of different kinds"):
-        join([box(COMM, 2, "quad"), box(COMM, 2, "tri")])
-    with pytest.raises(ValueError, match="a list of meshes is needed"):
-        join([])
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda both: crack(both, []), "a crack needs names or tags of groups"),
+        (lambda both: crack(both.mesh, [5]), "MeshTags of facets"),
+        (
+            lambda both: crack(both, [5]),
+            r"no facet has the tag 5; tags of the mesh: \[1, 2, 3, 4\]",
+        ),
+        (lambda both: crack(both, [1]), "2 facets of the crack lie on the boundary"),
+        (
+            lambda _: join([box(COMM, 2, "quad"), box(COMM, 2, "tri")]),
+            "meshes of different kinds",
+        ),
+        (lambda _: join([]), "a list of meshes is needed"),
+    ],
+)
+def test_crack_and_join_refuse_groups_and_meshes(make, message):
+    both = pairs.stacked(2, "quad", 2)
+    with pytest.raises(ValueError, match=message):
+        make(both)
 
 
 def of_second_order(body):
-    """The same with nodes between those at corners, and tags 2 and 3."""
+    """Return the mesh with cells of second order, with the tags 2 and 3."""
     W = fem.functionspace(body.mesh, ("Lagrange", 2))
     nodes = W.dofmap.index_map
     n = body.mesh.topology.index_map(2).size_local
@@ -99,37 +121,60 @@ def of_second_order(body):
     return body._replace(mesh=domain, facet_tags=tags)
 
 
-def refused_common(match, u, both, **options):
-    with pytest.raises(ValueError, match=match) as info:
-        discretise(pair_of(u, both, (1, 1), **options))
-    assert len(set(COMM.allgather(str(info.value)))) == 1
+def friction_at_quadrature_points(domain):
+    element = basix.ufl.quadrature_element(domain.basix_cell(), degree=2, scheme="default")
+    return fem.Function(fem.functionspace(domain, element))
+
+
+def derivative_of_friction(domain):
+    return fem.Function(fem.functionspace(domain, ("Lagrange", 2))).dx(0)
+
+
+FRICTION = "the friction of faces that do not match may"
 
 
 @pytest.mark.ranks(2)
-def test_integral_pair_refuses_friction_and_elements():
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (
+            {"law": derivative_of_friction},
+            f"{FRICTION} not depend on derivatives: interpolate them first",
+        ),
+        ({"law": ufl.CellVolume}, f"{FRICTION} depend on coordinates, Functions and Constants"),
+        (
+            {"law": friction_at_quadrature_points},
+            f"{FRICTION} not depend on values at quadrature points",
+        ),
+        ({"quadrature_degree": 1}, "P1 with P1 must be a whole number >= 2"),
+        ({"multiplier_degree": 2}, "is not a stable pair"),
+        ({"sides": (3, 6)}, "slave and master touch at 1 nodes of the mesh"),
+    ],
+)
+def test_integral_pair_refuses_friction_and_degrees(arguments, message):
     both = stacked(3, 2, (0.0, 1.0), (0.0, 1.0))
-    domain = both.mesh
-    u = displacement(both.mesh)
-    smooth = fem.Function(fem.functionspace(domain, ("Lagrange", 2)))
-    where = "the friction of faces that do not match may"
-    law = Coulomb(smooth.dx(0))
-    refused_common(f"{where} not depend on derivatives: interpolate them first", u, both, law=law)
-    law = Coulomb(ufl.CellVolume(domain))
-    refused_common(f"{where} depend on coordinates, Functions and Constants", u, both, law=law)
-    element = basix.ufl.quadrature_element(domain.basix_cell(), degree=2, scheme="default")
-    law = Coulomb(fem.Function(fem.functionspace(domain, element)))
-    refused_common(f"{where} not depend on values at quadrature points", u, both, law=law)
-    refused_common("P1 with P1 must be a whole number >= 2", u, both, quadrature_degree=1)
-    refused_common("is not a stable pair", u, both, multiplier_degree=2)
-    refused_common("slave and master touch at 1 nodes of the mesh", u, both, sides=(3, 6))
-    curved = of_second_order(both)
-    refused_common("cells are curved where faces do not match", displacement(curved.mesh), curved)
+    options = {k: Coulomb(v(both.mesh)) if callable(v) else v for k, v in arguments.items()}
+    refused_integral(message, both, **options)
+
+
+@pytest.mark.ranks(2)
+def test_integral_pair_refuses_curved_cells():
+    refused_integral(
+        "cells are curved where faces do not match",
+        of_second_order(stacked(3, 2, (0.0, 1.0), (0.0, 1.0))),
+    )
+
+
+def refused_integral(message, both, **options):
+    with pytest.raises(ValueError, match=message) as info:
+        discretise(pair_of(displacement(both.mesh), both, (1, 1), **options))
+    assert len(set(COMM.allgather(str(info.value)))) == 1
 
 
 @pytest.mark.ranks(2)
 @pytest.mark.refuses("rigid bodies", aspects=("2D", "large sliding"))
 def test_half_a_turn_in_a_step_is_refused():
-    """A rotation by a whole turn leaves every place as it was, and no slip could be seen."""
+    """After a whole turn all positions are the same, so that the slip would be zero."""
     turns = []
 
     def body(domain):
@@ -160,51 +205,51 @@ def test_half_a_turn_in_a_step_is_refused():
     assert history.energies.dissipated > 0
 
 
+DISC = Sphere((0.4, -3.0), 3.0)
+
+
 @pytest.mark.ranks(2)
 @pytest.mark.refuses(
-    "mixed contact", "RCCM adhesion", "nonlocal friction", "NSCD motion", aspects=("large sliding",)
+    "mixed contact", "RCCM adhesion", "nonlocal friction", aspects=("large sliding",)
 )
-def test_friction_on_curved_obstacles_refuses_other_laws_and_motions():
-    """Laws that need more than increments of slip, and what is about velocities."""
-    disc = Sphere((0.4, -3.0), 3.0)
-    for given, message in (
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
         ({"law": RCCM(0.3, 100.0, 100.0, 0.1)}, "no friction with the law RCCM, which has bonds"),
         (
             {"law": NonlocalCoulomb(0.3, radius=0.3)},
             "no friction with the law .*, which averages the pressure around points",
         ),
-        ({"law": Coulomb(0.3), "method": "mixed"}, "gaps of mixed contact are averages"),
-    ):
-        with pytest.raises(ValueError, match=message):
-            OnBody(2, disc, sliding="large", **given)
-    on_disc = OnBody(2, disc, Coulomb(0.3))
-    with pytest.raises(ValueError, match="large sliding on a curved obstacle is about positions"):
-        NSCD(on_disc.problem, 1.0, dt=0.1, level="velocity", mass="lumped")
-    turned = RigidBody(disc, about=(0.0, 0.0), motion={"rz": 0.1}, held=["x"], load={"y": 1.0})
-    assert OnBody(2, turned, Coulomb(0.3)).surface.displaced is None  # by default it turns little
-    adhesive = RCCM(10.0, 10.0, 0.1)
-    with pytest.raises(ValueError, match="no friction with the law RCCM, which has bonds"):
-        OnBody(2, turned, adhesive, sliding="large")
-
-
-@pytest.mark.ranks(2)
-@pytest.mark.parametrize(
-    ("given", "message"),
-    [
         ({"method": "mixed"}, "gaps of mixed contact are averages"),
         ({"sliding": "huge"}, "sliding must be one of small, large, None; got 'huge'"),
     ],
 )
-@pytest.mark.refuses("mixed contact", aspects=("large sliding",))
-def test_large_sliding_refuses_methods(given, message):
+def test_large_sliding_on_curved_obstacles_refuses_laws_and_methods(arguments, message):
     with pytest.raises(ValueError, match=message):
-        block(Sphere((0.4, -3.0), 3.0), **given)
+        OnBody(2, DISC, **({"law": Coulomb(0.3), "sliding": "large"} | arguments))
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.refuses("NSCD motion", aspects=("large sliding",))
+def test_velocity_level_refuses_friction_on_curved_obstacles():
+    on_disc = OnBody(2, DISC, Coulomb(0.3))
+    with pytest.raises(ValueError, match="large sliding on a curved obstacle is about positions"):
+        NSCD(on_disc.problem, 1.0, dt=0.1, level="velocity", mass="lumped")
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.refuses("RCCM adhesion", aspects=("large sliding",))
+def test_bonds_refuse_large_sliding_on_a_turning_body():
+    turned = RigidBody(DISC, about=(0.0, 0.0), motion={"rz": 0.1}, held=["x"], load={"y": 1.0})
+    assert OnBody(2, turned, Coulomb(0.3)).surface.displaced is None  # by default it turns little
+    with pytest.raises(ValueError, match="no friction with the law RCCM, which has bonds"):
+        OnBody(2, turned, RCCM(10.0, 10.0, 0.1), sliding="large")
 
 
 @pytest.mark.ranks(2)
 @pytest.mark.refuses("sliding pairs", aspects=("2D", "pairs"))
 @pytest.mark.parametrize(
-    ("given", "words"),
+    ("arguments", "message"),
     [
         ({"gap": 0.1}, "does not support gap"),
         ({"normal": (0.0, 1.0)}, "does not support normal"),
@@ -215,39 +260,44 @@ def test_large_sliding_refuses_methods(given, message):
         ({"master": 2}, "facets in common"),
     ],
 )
-def test_sliding_pair_refuses_methods_and_degrees(given, words):
+def test_sliding_pair_refuses_arguments(arguments, message):
     both = stacked(4, 4, (0.0, 1.0), (0.0, 1.0))
-    known = {"slave": 2, "master": 3, "law": Coulomb(0.3), "sliding": "large"} | given
-    with pytest.raises(ValueError, match=words):
-        discretise(ContactPair(displacement(both.mesh), both, **known))
+    arguments = {"slave": 2, "master": 3, "law": Coulomb(0.3), "sliding": "large"} | arguments
+    with pytest.raises(ValueError, match=message):
+        discretise(ContactPair(displacement(both.mesh), both, **arguments))
 
 
 @pytest.mark.ranks(2)
 @pytest.mark.refuses("self contact", aspects=("2D",))
-def test_self_contact_refuses_methods():
-    domain, tags = hairpin(0.5)
-    u = displacement(domain)
-    for given, words in (
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
         ({"direction": (0.0, 0.0)}, "direction must be"),
         ({"direction": (0.0, 0.0, 1.0)}, "direction must be"),
         ({"search_distance": 0.0}, "search distance must be positive"),
-    ):
-        with pytest.raises(ValueError, match=words):
-            discretise(SelfContact(u, tags, tag=1, law=Coulomb(0.3), **given))
+    ],
+)
+def test_self_contact_refuses_arguments(arguments, message):
+    domain, tags = hairpin(0.5)
+    with pytest.raises(ValueError, match=message):
+        discretise(SelfContact(displacement(domain), tags, tag=1, law=Coulomb(0.3), **arguments))
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.refuses("self contact", aspects=("2D",))
+def test_pair_of_a_face_with_itself_names_self_contact():
+    domain, tags = hairpin(0.5)
+    u = displacement(domain)
     with pytest.raises(ValueError, match="SelfContact"):
         discretise(ContactPair(u, tags, slave=1, master=1, law=Coulomb(0.3), sliding="large"))
-
-
-LARGE = {"law": Frictionless(), "sliding": "large", "axisymmetric": True}
 
 
 @pytest.mark.refuses("sliding pairs", "bodies of revolution", aspects=("2D", "pairs"))
 def test_sliding_of_revolution_refuses_friction():
     both = stacked(4, 4, (0.0, 1.0), (0.0, 1.0))
-    u = displacement(both.mesh)
-    given = {"slave": 3, "master": 2} | LARGE | {"law": Coulomb(0.3)}
+    options = {"slave": 3, "master": 2, "sliding": "large", "axisymmetric": True}
     with pytest.raises(ValueError, match="take Frictionless"):
-        discretise(ContactPair(u, both, **given))
+        discretise(ContactPair(displacement(both.mesh), both, law=Coulomb(0.3), **options))
 
 
 PLANE = HalfSpace((0, 1), (0, -1))
@@ -255,7 +305,7 @@ PLANE = HalfSpace((0, 1), (0, -1))
 
 @pytest.mark.ranks(2)
 @pytest.mark.parametrize(
-    ("given", "words"),
+    ("arguments", "message"),
     [
         ({"load": {"y": -1.0}, "held": ["x"]}, "needs one load or motion.* got y, x"),
         ({"load": {"y": -1.0}, "held": ["x", "y", "rz"]}, "got y, x, y, rz"),
@@ -271,7 +321,7 @@ PLANE = HalfSpace((0, 1), (0, -1))
         ({"name": "", "held": ["x", "y", "rz"]}, "must be a word"),
     ],
 )
-def test_rigid_body_refuses_components(given, words):
-    given = {"shape": PLANE, "about": (0, 1), **given}
-    with pytest.raises(ValueError, match=words):
-        RigidBody(given.pop("shape"), **given)
+def test_rigid_body_refuses_arguments(arguments, message):
+    arguments = {"shape": PLANE, "about": (0, 1)} | arguments
+    with pytest.raises(ValueError, match=message):
+        RigidBody(arguments.pop("shape"), **arguments)

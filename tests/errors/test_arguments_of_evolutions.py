@@ -1,4 +1,4 @@
-"""What histories, motions and paths refuse: the call and its message."""
+"""Arguments that histories, motions, paths and branches refuse: one table for each function."""
 
 import math
 
@@ -36,32 +36,47 @@ from dolfinx_contact.continuation import (
 from dolfinx_contact.evolution import NSCD, ArcLength, QuasiStatic
 from dolfinx_contact.materials import LinearElastic
 
-U0 = np.sqrt(W / C)
-
-
-ENDS = (0.0, 8 * U0)
+COMM = MPI.COMM_WORLD
+ENDS = (0.0, 8 * np.sqrt(W / C))
 
 
 @pytest.mark.ranks(2)
-def test_arc_length_refuses_laws_and_options():
+@pytest.mark.parametrize(
+    ("law", "message"),
+    [
+        (
+            RCCM(C, C, W, viscosity=0.1),
+            "RCCM answers to the time or length of a step, by its vis",
+        ),
+        (Regularised(Coulomb(0.3), 0.1), "length of a step, by its width; a path"),
+        (
+            NormalCompliance(1e3, friction=Coulomb(0.3), tangential=10.0),
+            "length of a step, by its tangential; a path",
+        ),
+        (
+            NormalCompliance(1e3, friction=Regularised(Coulomb(0.3), 0.1)),
+            "length of a step, by its friction.width; a path",
+        ),
+    ],
+)
+def test_arc_length_refuses_laws_that_depend_on_the_step(law, message):
+    with pytest.raises(ValueError, match=message):
+        ArcLength(bar(1.0, 1, law=law, comm=MPI.COMM_SELF))
+
+
+def test_arc_length_takes_normal_compliance():
+    ArcLength(bar(1.0, 1, law=NormalCompliance(1e3, friction=Coulomb(0.3)), comm=MPI.COMM_SELF))
+
+
+def test_arc_length_refuses_a_number_for_the_system():
     with pytest.raises(ValueError, match="a ParametricContact is needed, got int"):
         ArcLength(3)
-    slow = bar(1.0, 1, law=RCCM(C, C, W, viscosity=0.1), comm=MPI.COMM_SELF)
-    with pytest.raises(
-        ValueError, match="RCCM answers to the time or length of a step, by its vis"
-    ):
-        ArcLength(slow)
-    for law, name in [
-        (Regularised(Coulomb(0.3), 0.1), "width"),
-        (NormalCompliance(1e3, friction=Coulomb(0.3), tangential=10.0), "tangential"),
-        (NormalCompliance(1e3, friction=Regularised(Coulomb(0.3), 0.1)), "friction.width"),
-    ]:
-        with pytest.raises(ValueError, match=f"length of a step, by its {name}; a path"):
-            ArcLength(bar(1.0, 1, law=law, comm=MPI.COMM_SELF))
-    ArcLength(bar(1.0, 1, law=NormalCompliance(1e3, friction=Coulomb(0.3)), comm=MPI.COMM_SELF))
-    system = bar(1.0, 1)
-    path = ArcLength(system)
-    for given, message in [
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
         ({"gamma_range": (0.1, 0.2)}, "must lie in the range"),
         ({"gamma_range": (0.0, np.nan)}, "finite number"),
         ({"direction": "back"}, "the direction of the first run must be one of"),
@@ -70,13 +85,22 @@ def test_arc_length_refuses_laws_and_options():
         ({"rays": "all"}, "rays must be one of True, False, None; got 'all'"),
         ({"stop": 3}, "stop must be a function"),
         ({"observer": 3}, "or a function of a step; got 3"),
-        ({"stop": lambda s: None}, "stop must answer with the reason"),
-    ]:
-        before = system.problem.u.x.array.copy()
-        with pytest.raises(ValueError, match=message):
-            path.run(**{"gamma_range": ENDS, **given})
-        if "stop" not in given:
-            np.testing.assert_array_equal(system.problem.u.x.array, before)
+    ],
+)
+def test_arc_length_run_refuses_arguments(arguments, message):
+    system = bar(1.0, 1)
+    before = system.problem.u.x.array.copy()
+    with pytest.raises(ValueError, match=message):
+        ArcLength(system).run(**({"gamma_range": ENDS} | arguments))
+    np.testing.assert_array_equal(system.problem.u.x.array, before)
+
+
+@pytest.mark.ranks(2)
+def test_arc_length_run_refuses_answers_directions_and_laws_on_the_way():
+    system = bar(1.0, 1)
+    path = ArcLength(system)
+    with pytest.raises(ValueError, match="stop must answer with the reason"):
+        path.run(gamma_range=ENDS, stop=lambda s: None)
     with pytest.raises(ValueError, match="the direction of a later run must be one of"):
         path.run(gamma_range=ENDS, direction="decreasing")
     system.problem.surfaces[0].law.viscosity.value = 1.0
@@ -84,57 +108,98 @@ def test_arc_length_refuses_laws_and_options():
         path.run(gamma_range=ENDS)
 
 
-COMM = MPI.COMM_WORLD
+@pytest.fixture(scope="module")
+def history():
+    problem, top = dragged(n=2)
+    return QuasiStatic(problem, cycle(top))
 
 
 @pytest.mark.ranks(2)
-def test_quasi_static_refuses_times_and_options():
-    problem, top = dragged(n=2)
-    evolution = QuasiStatic(problem, cycle(top))
-    for times in ([0.0], [0.0, math.nan], [0.0, 1.0, 1.0], [0.0, 1.0, 0.5], ["a", "b"], None):
-        with pytest.raises(ValueError, match=r"times|convert"):
-            evolution.run(times)
-    ranks = COMM.rank if COMM.size > 1 else math.nan
-    for given in (
-        {"longest": 1.0 + ranks},
-        {"observer": "x"},
-        {"shortest": 0.0},
-        {"shortest": math.nan},
-        {"longest": 0.0},
-        {"longest": math.nan},
-        {"longest": "a"},
-        {"shortest": "a"},
-        {"at_jump": "ignore"},
-        {"at_jump": "jump"},
-        {"rays": "all"},
-    ):
-        with pytest.raises(ValueError, match="|".join(given)):
-            evolution.run([0.0, 1.0], **given)
-    for every in (0, 1.5, True, "2", *([1 + COMM.rank] if COMM.size > 1 else [])):
-        with pytest.raises(ValueError, match="every"):
-            io.EvolutionSeries("unwritten", problem, every=every)
-    with pytest.raises(ValueError, match="a ContactProblem is needed"):
-        QuasiStatic(None, cycle(top))
-    with pytest.raises(ValueError, match="a function of the time"):
-        QuasiStatic(problem, 1.0)
+@pytest.mark.parametrize(
+    "times", [[0.0], [0.0, math.nan], [0.0, 1.0, 1.0], [0.0, 1.0, 0.5], ["a", "b"], None]
+)
+def test_history_refuses_times(history, times):
+    with pytest.raises(ValueError, match=r"times|convert"):
+        history.run(times)
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize(
+    ("keyword", "value"),
+    [
+        ("longest", 1.0 + COMM.rank if COMM.size > 1 else math.nan),
+        ("longest", 0.0),
+        ("longest", math.nan),
+        ("longest", "a"),
+        ("shortest", 0.0),
+        ("shortest", math.nan),
+        ("shortest", "a"),
+        ("observer", "x"),
+        ("at_jump", "ignore"),
+        ("at_jump", "jump"),
+        ("rays", "all"),
+    ],
+)
+def test_history_refuses_options(history, keyword, value):
+    with pytest.raises(ValueError, match=keyword):
+        history.run([0.0, 1.0], **{keyword: value})
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize("every", [0, 1.5, True, "2", *([1 + COMM.rank] if COMM.size > 1 else [])])
+def test_evolution_series_refuses_intervals(history, every):
+    with pytest.raises(ValueError, match="every"):
+        io.EvolutionSeries("unwritten", history.problem, every=every)
+
+
+def springs_of_a_mean():
+    """A block on springs whose stretch is averaged, which a history cannot remember."""
     domain = box(COMM, 2, "quad")
     u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (2,))))
-    springs = NormalCompliance(1.0, friction=Coulomb(0.3), tangential=1.0)
+    law = NormalCompliance(1.0, friction=Coulomb(0.3), tangential=1.0)
     floor = HalfSpace((0, 0), (0, 1))
-    surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=floor, law=springs)
-    energy = LinearElastic.from_young(1.0, 0.3).energy(u) * ufl.dx
-    with pytest.raises(ValueError, match="lacks a memory of the stretch of its tangential springs"):
-        QuasiStatic(ContactProblem(energy, u, [surface]), cycle(top))
+    surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=floor, law=law)
+    return ContactProblem(LinearElastic.from_young(1.0, 0.3).energy(u) * ufl.dx, u, [surface])
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize(
+    ("problem", "load", "message"),
+    [
+        (lambda: None, lambda _: None, "a ContactProblem is needed"),
+        (lambda: dragged(n=2)[0], 1.0, "a function of the time"),
+        (
+            springs_of_a_mean,
+            lambda _: None,
+            "lacks a memory of the stretch of its tangential springs",
+        ),
+    ],
+)
+def test_history_refuses_problems_and_loads(problem, load, message):
+    with pytest.raises(ValueError, match=message):
+        QuasiStatic(problem(), load)
+
+
+@pytest.mark.ranks(2)
+def test_history_goes_on_from_its_last_time_only():
+    problem, top = dragged(n=2)
+    evolution = QuasiStatic(problem, cycle(top))
     history = evolution.run([0.0, 1.0])
     with pytest.raises(ValueError, match=r"the evolution is at the time 1\.0"):
         evolution.run([0.0, 2.0])
     assert evolution.run([1.0, 1.5]).complete
     assert history.at(1.0).number == 1
+
+
+@pytest.mark.ranks(2)
+def test_problems_refuse_memory_and_statuses_of_other_meshes():
+    problem, top = dragged(n=2)
+    evolution = QuasiStatic(problem, cycle(top))
+    evolution.run([0.0, 1.0])
     other, _ = dragged(n=3)
-    with pytest.raises(ValueError, match="another law, sliding or mesh"):
-        other.with_memory(evolution.memory)
-    with pytest.raises(ValueError, match="another law, sliding or mesh"):
-        other.with_memory([])
+    for memory in (evolution.memory, []):
+        with pytest.raises(ValueError, match="another law, sliding or mesh"):
+            other.with_memory(memory)
     with pytest.raises(ValueError, match="expected statuses"):
         other.solve(expected=[problem.statuses])
 
@@ -146,11 +211,11 @@ def test_step_from_refuses_states_of_other_problems():
         other.step_from(problem.snapshot())
 
 
-BAD = [
+NSCD_ARGUMENTS = [
     ({"density": 0.0}, "density must be positive"),
     ({"density": -1.0}, "density must be positive"),
     ({"density": np.nan}, "density must be positive"),
-    ({"density": "some"}, "density must be positive everywhere"),
+    ({"density": "negative in a half"}, "density must be positive everywhere"),
     ({"dt": 0.0}, "dt must be a positive time"),
     ({"dt": -1.0}, "dt must be a positive time"),
     ({"dt": np.nan}, "dt must be a positive time"),
@@ -170,13 +235,13 @@ BAD = [
 
 
 @pytest.mark.ranks(2)
-@pytest.mark.parametrize(("given", "message"), BAD, ids=lambda x: str(x)[:30])
-def test_nscd_refuses_schemes_and_masses(given, message):
+@pytest.mark.parametrize(("arguments", "message"), NSCD_ARGUMENTS)
+def test_nscd_refuses_arguments(arguments, message):
     problem, _ = block("tri", 2)
-    if given.get("density") == "some":
-        given = {"density": ufl.SpatialCoordinate(problem.V.mesh)[0] - 0.5}
+    if arguments.get("density") == "negative in a half":
+        arguments = {"density": ufl.SpatialCoordinate(problem.V.mesh)[0] - 0.5}
     with pytest.raises(ValueError, match=message) as info:
-        NSCD(problem, **({"density": 1.0, "dt": 0.1, "mass": "lumped"} | given))
+        NSCD(problem, **({"density": 1.0, "dt": 0.1, "mass": "lumped"} | arguments))
     assert len(set(COMM.allgather(str(info.value)))) == 1
 
 
@@ -192,70 +257,118 @@ def test_velocity_level_refuses_laws():
         NSCD(ContactProblem(energy, u, [glued]), 1.0, dt=0.1, level="velocity", mass="lumped")
 
 
-def test_follow_refuses_starts_and_controls():
+@pytest.fixture(scope="module")
+def one_point():
+    """The system of one node on an obstacle, and a start at gamma = 0."""
     system = one_node(2.0, 2.0, 1.0, 3.0, (0.0, -1.0), (-1.0, 0.0))
-    x = start(system, [0, 0, 0, 1.0])
-    with pytest.raises(ValueError, match="must lie in the range"):
-        follow(system, x, 7.0, gamma_range=(0.0, 5.0))
-    with pytest.raises(ValueError, match="max_steps must be a whole number"):
-        follow(system, x, 0.0, gamma_range=(0.0, 5.0), max_steps=0)
-    still = one_node(2.0, 2.0, 1.0, 3.0, (0.0, -1.0), (0.0, 0.0))
-    with pytest.raises(ValueError, match="gamma does not appear in H"):
-        follow(still, x, 0.0, gamma_range=(0.0, 5.0))
-    for bad in (
-        dict(initial=1.0),
-        dict(minimum=0.0),
-        dict(increase=0.5),
-        dict(decrease=2.0),
-        dict(cosine=1.0),
-        dict(tolerance=0.0),
-    ):
-        with pytest.raises(ValueError):  # noqa: PT011
-            StepControl(**bad)
-    nowhere = smooth(
+    return system, start(system, [0, 0, 0, 1.0])
+
+
+def without_load():
+    return one_node(2.0, 2.0, 1.0, 3.0, (0.0, -1.0), (0.0, 0.0))
+
+
+def without_solution():
+    return smooth(
         1, lambda x, g: x**2 + 1 + g**2, lambda x, g: [[2 * x[0]]], lambda x, g: [2 * g + 1e-3]
     )
-    with pytest.raises(ValueError, match="no solution near"):
-        follow(nowhere, start(nowhere, [1.0]), 0.0, gamma_range=(-1.0, 1.0))
 
 
 @pytest.mark.ranks(2)
-def test_explore_refuses_budgets():
-    system = smooth(
+@pytest.mark.parametrize(
+    ("gamma", "arguments", "message"),
+    [
+        (7.0, {}, "must lie in the range"),
+        (0.0, {"max_steps": 0}, "max_steps must be a whole number"),
+    ],
+)
+def test_follow_refuses_arguments(one_point, gamma, arguments, message):
+    with pytest.raises(ValueError, match=message):
+        follow(*one_point, gamma, gamma_range=(0.0, 5.0), **arguments)
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize(
+    ("make", "values", "message"),
+    [
+        (without_load, [0, 0, 0, 1.0], "gamma does not appear in H"),
+        (without_solution, [1.0], "no solution near"),
+    ],
+)
+def test_follow_refuses_systems(make, values, message):
+    system = make()
+    with pytest.raises(ValueError, match=message):
+        follow(system, start(system, values), 0.0, gamma_range=(-1.0, 5.0))
+
+
+@pytest.mark.parametrize(
+    ("keyword", "value"),
+    [
+        ("initial", 1.0),
+        ("minimum", 0.0),
+        ("increase", 0.5),
+        ("decrease", 2.0),
+        ("cosine", 1.0),
+        ("tolerance", 0.0),
+        ("kinks", "somehow"),
+    ],
+)
+def test_step_control_refuses_values(keyword, value):
+    with pytest.raises(ValueError, match=keyword):
+        StepControl(**{keyword: value})
+
+
+def test_follower_refuses_a_search_without_exact_kinks(one_point):
+    with pytest.raises(ValueError, match="nothing to locate"):
+        Follower(one_point[0], StepControl(), gamma_scale=1.0, locate=lambda change: True)
+
+
+def pitchfork():
+    return smooth(
         1,
         lambda x, g: x * (g - x**2),
         lambda x, g: [[g - 3 * x[0] ** 2]],
         lambda x, g: [x[0]],
     )
-    x = start(system, [0.0])
-    diagram = explore(system, [(x, -1.0)], gamma_range=(-1.0, 1.0), max_branches=2)
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize(
+    ("gamma", "arguments", "message"),
+    [
+        (3.0, {}, "must lie in the range"),
+        (0.5, {"max_branches": 0}, "max_branches must be a whole number"),
+        (0.5, {"route": "guess"}, "route must be one of"),
+        (0.5, {"route": "pivoting"}, "not affine"),
+    ],
+)
+def test_explore_refuses_arguments(gamma, arguments, message):
+    system = pitchfork()
+    with pytest.raises(ValueError, match=message):
+        explore(system, [(start(system, [0.0]), gamma)], gamma_range=(-1.0, 1.0), **arguments)
+
+
+@pytest.mark.ranks(2)
+def test_explore_names_an_exhausted_budget():
+    system = pitchfork()
+    starts = [(start(system, [0.0]), -1.0)]
+    diagram = explore(system, starts, gamma_range=(-1.0, 1.0), max_branches=2)
     assert diagram.reason == "the budget of 2 branches is exhausted"
     assert diagram.ending is Ending.BUDGET
     assert not diagram.complete
     assert len(diagram.edges) == 2
-    with pytest.raises(ValueError, match="must lie in the range"):
-        explore(system, [(x, 3.0)], gamma_range=(-1.0, 1.0))
-    with pytest.raises(ValueError, match="max_branches must be a whole number"):
-        explore(system, [(x, 0.5)], gamma_range=(-1.0, 1.0), max_branches=0)
-    with pytest.raises(ValueError, match="route must be one of"):
-        explore(system, [(x, 0.5)], gamma_range=(-1.0, 1.0), route="guess")
-    with pytest.raises(ValueError, match="not affine"):
-        explore(system, [(x, 0.5)], gamma_range=(-1.0, 1.0), route="pivoting")
 
 
 @pytest.mark.ranks(2)
-def test_step_control_refuses_ways_to_pass_kinks():
-    with pytest.raises(ValueError, match="kinks are passed"):
-        StepControl(kinks="somehow")
-    system = one_node(2.0, 2.0, 1.0, 3.0, (0.0, -1.0), (-1.0, 0.0))
-    with pytest.raises(ValueError, match="nothing to locate"):
-        Follower(system, StepControl(), gamma_scale=1.0, locate=lambda change: True)
-
-
-@pytest.mark.ranks(2)
-def test_find_solutions_refuses_guesses():
+@pytest.mark.parametrize(
+    ("number", "arguments", "message"),
+    [
+        (0, {}, "at least one guess"),
+        (1, {"lengths": (0.0,)}, "must be a positive number"),
+    ],
+)
+def test_find_solutions_refuses_arguments(number, arguments, message):
     system = gould()
-    with pytest.raises(ValueError, match="at least one guess"):
-        find_solutions(system, [], 0.0)
-    with pytest.raises(ValueError, match="must be a positive number"):
-        find_solutions(system, [state(system, np.zeros(4))], 0.0, lengths=(0.0,))
+    guesses = [state(system, np.zeros(4))] * number
+    with pytest.raises(ValueError, match=message):
+        find_solutions(system, guesses, 0.0, **arguments)

@@ -1,4 +1,4 @@
-"""What laws refuse: the call and its message."""
+"""Arguments that laws of contact and friction refuse: one table for each law."""
 
 import logging
 from dataclasses import dataclass
@@ -11,22 +11,19 @@ import pytest
 from support.blocks import block, same_tables
 from support.bonds import C, W, bonded
 
-from dolfinx_contact import (
-    RCCM,
-    Coulomb,
-    NonlocalCoulomb,
-    NormalCompliance,
-    Regularised,
-)
+from dolfinx_contact import RCCM, Coulomb, NonlocalCoulomb, NormalCompliance, Regularised
 from dolfinx_contact.analysis import stability_at_rest
 from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.laws import OPEN, Border, Interface, Internal, Law, StatusPiece
 from dolfinx_contact.points.memory import Memory
 
+COMM = MPI.COMM_WORLD
+
 
 @pytest.mark.ranks(2)
-def test_rccm_refuses_numbers_out_of_range_and_foreign_memory():
-    for wrong, message in [
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
         ({"beta": 1.1}, "beta of RCCM must be between 0 and 1, got 1.1"),
         ({"beta": -0.1}, "beta of RCCM must be between 0 and 1"),
         ({"beta": np.nan}, "beta of RCCM must be between 0 and 1"),
@@ -36,9 +33,47 @@ def test_rccm_refuses_numbers_out_of_range_and_foreign_memory():
         ({"tangential": -1.0}, "tangential of RCCM must be finite and nonnegative"),
         ({"viscosity": -1.0}, "viscosity of RCCM must be finite and nonnegative"),
         ({"friction": np.inf}, "friction of RCCM must be finite and nonnegative"),
-    ]:
-        with pytest.raises(ValueError, match=message):
-            block(law=RCCM(**{"normal": C, "tangential": C, "work": W, **wrong}))
+    ],
+)
+def test_rccm_refuses_numbers_out_of_range(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        block(law=RCCM(**({"normal": C, "tangential": C, "work": W} | arguments)))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        *(
+            ({"order": order}, "order of RCCM in time must be 1 or 2")
+            for order in (0, 3, 1.5, None, True)
+        ),
+        ({"recovers": 1}, "recovers of RCCM must be True or False"),
+        ({"contact": 1e3}, "must be None or a NormalCompliance without friction"),
+        ({"contact": NormalCompliance(1e3, friction=Coulomb(0.3))}, "without friction"),
+        ({"contact": NormalCompliance(1e3, tangential=1.0)}, "without friction and tangential"),
+        ({"contact": RCCM(C, C, W, recovers=True)}, "must be None or a NormalCompliance"),
+    ],
+)
+def test_rccm_refuses_options(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        RCCM(C, C, W, **arguments)
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"contact": NormalCompliance(-1.0)}, "stiffness of RCCM must be finite and positive"),
+        ({"broken": 1.5}, "broken of RCCM must be between 0 and 1"),
+    ],
+)
+def test_rccm_of_a_bar_refuses_numbers_out_of_range(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        bonded(law=RCCM(C, C, W, **arguments))
+
+
+@pytest.mark.ranks(2)
+def test_rccm_refuses_values_and_memory_that_have_changed():
     problem = block(law=RCCM(C, C, W))
     (surface,) = problem.surfaces
     problem.solve()
@@ -52,58 +87,45 @@ def test_rccm_refuses_numbers_out_of_range_and_foreign_memory():
         problem.with_memory([Memory(jump, {"beta": np.ones(surface.points.number + 1)})])
 
 
-def test_rccm_refuses_orders():
-    for order in (0, 3, 1.5, None, True):
-        with pytest.raises(ValueError, match="order of RCCM in time must be 1 or 2"):
-            RCCM(C, C, W, order=order)
+def test_rccm_of_second_order_converges():
     assert block(law=RCCM(C, C, W, order=2)).solve().converged
 
 
 @pytest.mark.ranks(2)
-def test_rccm_that_recovers_refuses_other_compliances():
-    law = RCCM(C, C, W, recovers=True)
-    for wrong, message in [
-        ({"recovers": 1}, "recovers of RCCM must be True or False"),
-        ({"contact": 1e3}, "must be None or a NormalCompliance without friction"),
-        ({"contact": NormalCompliance(1e3, friction=Coulomb(0.3))}, "without friction"),
-        ({"contact": NormalCompliance(1e3, tangential=1.0)}, "without friction and tangential"),
-        ({"contact": law}, "must be None or a NormalCompliance"),
-    ]:
-        with pytest.raises(ValueError, match=message):
-            RCCM(C, C, W, **wrong)
-    for wrong, message in [
-        ({"contact": NormalCompliance(-1.0)}, "stiffness of RCCM must be finite and positive"),
-        ({"broken": 1.5}, "broken of RCCM must be between 0 and 1"),
-    ]:
-        with pytest.raises(ValueError, match=message):
-            bonded(law=RCCM(C, C, W, **wrong))
-
-
-COMM = MPI.COMM_WORLD
+@pytest.mark.parametrize(
+    ("law", "message"),
+    [
+        (lambda: NormalCompliance(1.0, 0.5), "exponent of NormalCompliance must be at least 1"),
+        (lambda: NormalCompliance(1.0, np.nan), "exponent of NormalCompliance must be at least 1"),
+        (lambda: NormalCompliance(1.0, friction=0.3), "must be a law of friction"),
+        (lambda: NormalCompliance(-1.0), "stiffness .* must be finite and positive"),
+        (lambda: NormalCompliance(np.nan), "stiffness .* must be finite and positive"),
+        (lambda: NormalCompliance(1.0, tangential=-1.0), "tangential .* and positive"),
+        (lambda: Regularised(Coulomb(0.3), 0.1, "cubic"), "shape of Regularised must be one of"),
+        (lambda: Regularised(0.3, 0.1), "takes a law of friction"),
+        (lambda: Regularised(NormalCompliance(1.0), 0.1), "a compliant surface goes around it"),
+        (lambda: Regularised(Coulomb(0.3), 0.0), "width .* must be finite and positive"),
+        (lambda: Regularised(Coulomb(0.3), np.nan), "width .* finite and positive"),
+        (lambda: Regularised(Coulomb(-0.3), 0.1), "friction .* nonnegative"),
+        (lambda: Regularised(Coulomb(0.3)), "needs a width, or a speed"),
+        (lambda: Regularised(Coulomb(0.3), speed=-1.0), "speed .* must be finite and positive"),
+    ],
+)
+def test_compliant_laws_refuse_arguments(law, message):
+    with pytest.raises(ValueError, match=message):
+        block(law=law())
 
 
 @pytest.mark.ranks(2)
-def test_compliant_laws_refuse_numbers_out_of_range(caplog):
+def test_deep_compliance_gives_a_warning(caplog):
     with caplog.at_level(logging.WARNING):
         block(law=NormalCompliance(50.0), top=(0.0, -0.3)).solve()
     if COMM.rank == 0:
         assert "the surface gives way by" in caplog.text
-    for make, message in [
-        (lambda: NormalCompliance(1.0, 0.5), "exponent of NormalCompliance must be at least 1"),
-        (lambda: NormalCompliance(1.0, np.nan), "exponent of NormalCompliance must be at least 1"),
-        (lambda: NormalCompliance(1.0, friction=0.3), "must be a law of friction"),
-        (lambda: block(law=NormalCompliance(-1.0)), "stiffness .* must be finite and positive"),
-        (lambda: block(law=NormalCompliance(np.nan)), "stiffness .* must be finite and positive"),
-        (lambda: block(law=NormalCompliance(1.0, tangential=-1.0)), "tangential .* and positive"),
-        (lambda: Regularised(Coulomb(0.3), 0.1, "cubic"), "shape of Regularised must be one of"),
-        (lambda: Regularised(0.3, 0.1), "takes a law of friction"),
-        (lambda: Regularised(NormalCompliance(1.0), 0.1), "a compliant surface goes around it"),
-        (lambda: block(law=Regularised(Coulomb(0.3), 0.0)), "width .* must be finite and positive"),
-        (lambda: block(law=Regularised(Coulomb(0.3), np.nan)), "width .* finite and positive"),
-        (lambda: block(law=Regularised(Coulomb(-0.3), 0.1)), "friction .* nonnegative"),
-    ]:
-        with pytest.raises(ValueError, match=message):
-            make()
+
+
+@pytest.mark.ranks(2)
+def test_regularised_law_refuses_a_width_that_becomes_zero():
     problem = block(law=Regularised(Coulomb(0.3), 0.1))
     problem.surfaces[0].law.width.value = 0.0
     with pytest.raises(ValueError, match="not positive: width"):
@@ -111,25 +133,41 @@ def test_compliant_laws_refuse_numbers_out_of_range(caplog):
 
 
 @pytest.mark.ranks(2)
+def test_regularised_law_names_the_missing_width_or_speed():
+    static = Regularised(Coulomb(0.4), 1e-3)
+    for law in (static, NormalCompliance(1e6, friction=static)):
+        with pytest.raises(ValueError, match=r"contact: the law .* lacks a speed"):
+            QuasiStatic(block(law=law), lambda _: None)
+    problem = block(law=Regularised(Coulomb(0.4), speed=1e-3))
+    before = problem.u.x.array.copy()
+    for algorithm in ("newton", "tresca"):
+        with pytest.raises(ValueError, match=r"contact: statically the law .* lacks a width"):
+            problem.solve(algorithm=algorithm)
+    np.testing.assert_array_equal(problem.u.x.array, before)
+    problem = block(law=static)
+    (surface,) = problem.surfaces
+    step = problem.with_memory([Memory(np.zeros((surface.points.number, 2)), step=0.1)])
+    with pytest.raises(ValueError, match=r"in a history the law .* lacks a speed"):
+        step.solve()
+
+
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize(
-    ("internal", "more", "message"),
+    ("variables", "power", "message"),
     [
-        ((Internal("d", "grows"), Internal("e", "falls")), {}, "only one variable may be monotone"),
-        ((Internal("d"),), {"power": 2}, "unless needs_time lists"),
-        ((Internal("y", vector=True),), {}, "nothing determines y of Own"),
-        ((Internal("e"),), {}, "nothing determines e of Own"),
-        ((Internal("d", "grows", end=-1.0),), {}, "d of Own is beyond its end -1"),
+        ((Internal("d", "grows"), Internal("e", "falls")), 1, "only one variable may be monotone"),
+        ((Internal("d"),), 2, "unless needs_time lists"),
+        ((Internal("y", vector=True),), 1, "nothing determines y of Own"),
+        ((Internal("e"),), 1, "nothing determines e of Own"),
+        ((Internal("d", "grows", end=-1.0),), 1, "d of Own is beyond its end -1"),
     ],
 )
-def test_interface_law_refuses_energies_and_variables(internal, more, message):
-    power = more.get("power", 1)
-    mine = internal
-
+def test_interface_law_refuses_energies_and_variables(variables, power, message):
     @dataclass(frozen=True)
     class Own(Interface):
         d: Any = 0.0
         e: Any = 0.0
-        internal = mine
+        internal = variables
 
         def energy(self, state):
             return state.opening**2
@@ -141,94 +179,52 @@ def test_interface_law_refuses_energies_and_variables(internal, more, message):
         block(n=1, law=Own()).solve()
 
 
-@pytest.mark.ranks(2)
-def test_nonlocal_law_refuses_radii_and_laws():
-    for make, message in [
-        (
-            lambda: NonlocalCoulomb(0.3, np.nan),
-            "radius of NonlocalCoulomb must be a finite and pos",
-        ),
-        (
-            lambda: NonlocalCoulomb(0.3, np.inf),
-            "radius of NonlocalCoulomb must be a finite and pos",
-        ),
-        (
-            lambda: NonlocalCoulomb(0.3, -0.1),
-            "radius of NonlocalCoulomb must be a finite and posit",
-        ),
-        (
-            lambda: NonlocalCoulomb(0.3, 0.0),
-            "radius of NonlocalCoulomb must be a finite and positi",
-        ),
-        (
-            lambda: NonlocalCoulomb(0.3, "1"),
-            "radius of NonlocalCoulomb must be a finite and positi",
-        ),
-        (lambda: NonlocalCoulomb(0.3, 0.1, "hat"), "kernel of NonlocalCoulomb must be one of moll"),
-        (lambda: NonlocalCoulomb(0.3, 0.1, normalised=1), "normalised of .* True or False"),
-        (
-            lambda: block(law=NonlocalCoulomb(-0.3, 0.5)),
-            "friction of NonlocalCoulomb.* nonnegative",
-        ),
-        (lambda: block(law=NonlocalCoulomb(np.nan, 0.5)), "friction of NonlocalCoulomb.* nonnegat"),
-    ]:
-        with pytest.raises(ValueError, match=message):
-            make()
-    options = dict(n=4, cell="quad", top=(0.02, -0.02))
-    found = block(**options, law=NonlocalCoulomb(0.3, 0.2)).solve().tables["contact"]
-    same_tables(found, block(**options, law=Coulomb(0.3)).solve().tables["contact"], 1e-12)
+RADIUS = "radius of NonlocalCoulomb must be a finite and positive"
 
 
 @pytest.mark.ranks(2)
-def test_own_law_refuses_pieces_without_statuses():
-    """Said when the law is compiled, on every rank."""
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        *(((0.3, radius), RADIUS) for radius in (np.nan, np.inf, -0.1, 0.0, "1")),
+        ((0.3, 0.1, "hat"), "kernel of NonlocalCoulomb must be one of moll"),
+        ((0.3, 0.1, "mollifier", 1), "normalised of .* True or False"),
+        ((-0.3, 0.5), "friction of NonlocalCoulomb.* nonnegative"),
+        ((np.nan, 0.5), "friction of NonlocalCoulomb.* nonnegative"),
+    ],
+)
+def test_nonlocal_law_refuses_arguments(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        block(law=NonlocalCoulomb(*arguments))
 
-    def law(make):
-        @dataclass(frozen=True)
-        class Bad(Law):
-            def pieces(self, a):
-                return make(a)
 
-        return Bad()
+@pytest.mark.ranks(2)
+def test_nonlocal_law_with_a_radius_below_the_spacing_is_coulomb():
+    options = {"n": 4, "cell": "quad", "top": (0.02, -0.02)}
+    table = block(**options, law=NonlocalCoulomb(0.3, 0.2)).solve().tables["contact"]
+    same_tables(table, block(**options, law=Coulomb(0.3)).solve().tables["contact"], 1e-12)
 
-    free = StatusPiece
-    for make, message in [
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize(
+    ("pieces", "message"),
+    [
         (lambda a: {}, "a dictionary of StatusPieces"),
-        (lambda a: {24: free(0.0 * a.n, [Border(a.p, 24)])}, "status 24 is none of"),
-        (lambda a: {"x": free(0.0 * a.n, [])}, "status 'x' is none of"),
+        (lambda a: {24: StatusPiece(0.0 * a.n, [Border(a.p, 24)])}, "status 24 is none of"),
+        (lambda a: {"x": StatusPiece(0.0 * a.n, [])}, "status 'x' is none of"),
         (
-            lambda a: {OPEN: free(0.0 * a.n, [Border(-a.p, 9)])},
+            lambda a: {OPEN: StatusPiece(0.0 * a.n, [Border(-a.p, 9)])},
             "the target of a border must be one of 0; got 9",
         ),
-        (lambda a: {OPEN: free(a.p, [])}, "a UFL vector of 2 components"),
+        (lambda a: {OPEN: StatusPiece(a.p, [])}, "a UFL vector of 2 components"),
         (lambda a: {OPEN: 0.0 * a.n}, "must be a StatusPiece"),
-    ]:
-        with pytest.raises(ValueError, match=message):
-            block(law=law(make))
+    ],
+)
+def test_own_law_refuses_pieces_without_statuses(pieces, message):
+    @dataclass(frozen=True)
+    class Own(Law):
+        def pieces(self, a):
+            return pieces(a)
 
-
-F = 0.4
-
-
-@pytest.mark.ranks(2)
-def test_regularised_law_names_the_missing_width():
-    """A history knows no width, a static problem no speed; nothing is made of either."""
-    with pytest.raises(ValueError, match="needs a width, or a speed"):
-        Regularised(Coulomb(F))
-    with pytest.raises(ValueError, match=r"speed .* must be finite and positive"):
-        block(law=Regularised(Coulomb(F), speed=-1.0))
-    static = Regularised(Coulomb(F), 1e-3)
-    for law in (static, NormalCompliance(1e6, friction=static)):
-        with pytest.raises(ValueError, match=r"contact: the law .* lacks a speed"):
-            QuasiStatic(block(law=law), lambda _: None)
-    problem = block(law=Regularised(Coulomb(F), speed=1e-3))
-    before = problem.u.x.array.copy()
-    for algorithm in ("newton", "tresca"):
-        with pytest.raises(ValueError, match=r"contact: statically the law .* lacks a width"):
-            problem.solve(algorithm=algorithm)
-    np.testing.assert_array_equal(problem.u.x.array, before)
-    problem = block(law=static)
-    (surface,) = problem.surfaces
-    step = problem.with_memory([Memory(np.zeros((surface.points.number, 2)), step=0.1)])
-    with pytest.raises(ValueError, match=r"in a history the law .* lacks a speed"):
-        step.solve()
+    with pytest.raises(ValueError, match=message):
+        block(law=Own())

@@ -1,4 +1,4 @@
-"""Data of problems that are refused before a solve: the same error on every rank."""
+"""Data of problems that a solve refuses, with the same error on every rank."""
 
 from mpi4py import MPI
 
@@ -42,7 +42,7 @@ from dolfinx_contact.materials import (
 from dolfinx_contact.problem import discretise
 from dolfinx_contact.solvers.history import FloatingBodyError
 
-#: What ranks do to each other is tested in all cases on two of them.
+# Every case runs on two ranks, because the errors must be the same on both.
 pytestmark = pytest.mark.ranks(2, every_case=True)
 
 COMM = MPI.COMM_WORLD
@@ -74,7 +74,7 @@ def same_on_every_rank(info):
     assert len(set(COMM.allgather(str(info.value)))) == 1
 
 
-def test_no_facet_with_the_tag():
+def test_surface_refuses_a_tag_without_facets():
     domain, u = square()
     found = facets(domain, 1, 0.0)
     tags = mesh.meshtags(domain, 1, np.sort(found), np.full(len(found), 7, dtype=np.int32))
@@ -88,13 +88,13 @@ def test_no_facet_with_the_tag():
     assert discrete(u, where=tags, tag=7).points.space.dofmap.index_map.size_global == 5
 
 
-def test_no_facet_at_all():
+def test_surface_refuses_an_empty_list_of_facets():
     _, u = square()
     with pytest.raises(ValueError, match="no facet was given"):
         discrete(u, where=np.array([], dtype=np.int32))
 
 
-def test_interior_facets():
+def test_surface_refuses_interior_facets():
     domain, u = square()
     inside = mesh.locate_entities(domain, 1, lambda x: np.isclose(x[1], 0.5))
     with pytest.raises(ValueError, match="4 facets lie inside the body") as info:
@@ -102,7 +102,7 @@ def test_interior_facets():
     same_on_every_rank(info)
 
 
-def test_contact_facets_fully_clamped():
+def test_problem_refuses_clamped_contact_facets():
     _, u = square()
     with pytest.raises(ValueError, match="clamp every contact node") as info:
         ContactProblem(MATERIAL.energy(u) * ufl.dx, u, [surface(u)], bcs=[clamp(u, 1, 0.0)])
@@ -110,8 +110,8 @@ def test_contact_facets_fully_clamped():
 
 
 @pytest.mark.parametrize("depth", [0.01, -0.01])
-def test_clamped_node_inside_the_obstacle(depth):
-    """The left side is clamped and moved down: its lowest node would be in the obstacle."""
+def test_solve_refuses_a_clamped_node_inside_the_obstacle(depth):
+    """The left side is clamped and moved down, so that its lowest node enters the obstacle."""
     _, u = square()
     bcs = [clamp(u, 0, 0.0, (0.0, -depth))]
     problem = ContactProblem(MATERIAL.energy(u) * ufl.dx, u, [surface(u)], bcs=bcs)
@@ -126,7 +126,7 @@ def test_clamped_node_inside_the_obstacle(depth):
         assert problem.solve().counts["clamped"] == 1
 
 
-def test_oblique_constraint_under_friction():
+def test_friction_refuses_oblique_constraints():
     domain, u = square()
     V = u.function_space
     dofs = fem.locate_dofs_topological(V.sub(0), 1, facets(domain, 0, 0.0))
@@ -140,7 +140,7 @@ def test_oblique_constraint_under_friction():
     assert ContactProblem(energy, u, [free], bcs=bcs).solve().kkt_violation < 1e-9
 
 
-def test_bad_friction_field():
+def test_solve_refuses_negative_and_nan_friction():
     problem = block()
     field = fem.Function(fem.functionspace(problem.V.mesh, ("Lagrange", 1)))
     field.interpolate(lambda x: 0.5 - x[0])
@@ -157,7 +157,7 @@ def test_bad_friction_field():
         block(domain=problem.V.mesh, law=Coulomb("0.3"))
 
 
-def test_nan_in_a_load():
+def test_solve_names_a_constant_that_is_nan():
     domain, u = square()
     load = fem.Constant(domain, (0.0, np.nan))
     energy = MATERIAL.energy(u) * ufl.dx - ufl.dot(load, u) * ufl.dx
@@ -169,14 +169,14 @@ def test_nan_in_a_load():
 
 
 def poisoned(f):
-    """NaN at the last dof of the last rank alone."""
+    """Set the last owned dof of the last rank to NaN."""
     if COMM.rank == COMM.size - 1:
         f.x.array[f.function_space.dofmap.index_map.size_local - 1] = np.nan
     return f
 
 
-def test_which_of_the_data_is_not_finite():
-    """A Function is named, as is the start; nothing of the caller's changes."""
+def test_solve_names_a_function_that_is_nan():
+    """The message also names the displacement at the start; the Functions stay unchanged."""
     domain, u = square()
     load, other = (fem.Function(fem.functionspace(domain, ("DG", 0)), name=k) for k in "ab")
     energy = MATERIAL.energy(u) * ufl.dx - (poisoned(load) + other) * u[1] * ufl.dx
@@ -194,7 +194,7 @@ def test_which_of_the_data_is_not_finite():
 
 @pytest.mark.parametrize("sliding", ["small", "large"])
 @pytest.mark.parametrize("part", ["centre", "radius"])
-def test_a_curved_obstacle_that_is_not_finite(part, sliding):
+def test_solve_names_the_nan_of_a_curved_obstacle(part, sliding):
     domain, u = square()
     given = {
         "centre": fem.Constant(domain, (0.5, -2.0)),
@@ -211,8 +211,7 @@ def test_a_curved_obstacle_that_is_not_finite(part, sliding):
         same_on_every_rank(info)
 
 
-def test_nan_in_dirichlet_data():
-    """Before a solve, a history or a motion."""
+def test_all_evolutions_refuse_nan_in_dirichlet_data():
     problem = block(top=(np.nan, 0.0))
     with pytest.raises(ValueError, match="a Dirichlet value is not finite"):
         problem.solve()
@@ -233,15 +232,14 @@ def test_nan_in_dirichlet_data():
         (("N1curl", 1), "continuous vector Lagrange"),
     ],
 )
-def test_unsupported_element(element, message):
+def test_surface_refuses_elements(element, message):
     domain, _ = square()
     with pytest.raises(ValueError, match=message):
         discrete(fem.Function(fem.functionspace(domain, element)))
 
 
 @pytest.mark.chatty
-def test_an_energy_of_the_wrong_sign():
-    """What the strategies ran into is listed after the reason for it."""
+def test_failed_solve_names_an_energy_of_the_wrong_sign():
     domain = box(MPI.COMM_WORLD, 2, "tri")
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
     u = fem.Function(V)
@@ -258,8 +256,8 @@ def test_an_energy_of_the_wrong_sign():
 
 
 @pytest.mark.chatty
-def test_missing_dirichlet_data():
-    """Pressed on the floor by a load and held by nothing: friction 0 leaves it free to slide."""
+def test_floating_body_is_refused_with_its_free_motions():
+    """A load presses the body on a floor without friction, and nothing prevents sliding."""
     domain, u = square(2)
     load = fem.Constant(domain, (0.0, -1.0))
     energy = MATERIAL.energy(u) * ufl.dx - ufl.dot(load, u) * ufl.dx
@@ -272,8 +270,7 @@ def test_missing_dirichlet_data():
         ContactProblem(energy, u, [surface(u, obstacle=lifted)]).solve()
 
 
-def test_held_by_contact_alone():
-    """The same body under friction rests on the floor: no Dirichlet data are needed."""
+def test_friction_supports_a_body_without_dirichlet_data():
     domain, u = square()
     load = fem.Constant(domain, (0.1, -1.0))
     energy = MATERIAL.energy(u) * ufl.dx - ufl.dot(load, u) * ufl.dx
@@ -282,8 +279,7 @@ def test_held_by_contact_alone():
     assert result.kkt_violation < 1e-8
 
 
-def test_a_solve_that_cannot_converge():
-    """No Newton step is too few: an error that says what was tried; u and lambda as before."""
+def test_failed_solve_lists_its_attempts_and_restores_the_functions():
     problem = block(options={"snes_max_it": 0})
     (s,) = problem.surfaces
     problem.u.interpolate(lambda x: 1e-3 * np.vstack([x[0], x[1]]))
@@ -300,8 +296,8 @@ def test_a_solve_that_cannot_converge():
 
 
 @pytest.mark.chatty
-def test_a_part_of_the_mesh_that_nothing_holds():
-    """Two squares in one mesh, one of them without support: named, not solved into nonsense."""
+def test_floating_part_of_a_mesh_is_refused():
+    """The mesh consists of two squares, and one of them has no support."""
     n = 3
     grid = [(i, j) for j in range(n + 1) for i in range(n + 1)]
     x = np.array([(i / n + shift, j / n) for shift in (0.0, 2.0) for i, j in grid])
@@ -347,7 +343,7 @@ def test_a_part_of_the_mesh_that_nothing_holds():
     assert result.kkt_violation < 1e-9
 
 
-def test_surfaces_that_meet(caplog):
+def test_common_facets_are_refused_and_common_nodes_give_a_warning(caplog):
     domain, u = square()
     floor = surface(u, name="floor")
     again = surface(u, name="again")
@@ -362,7 +358,7 @@ def test_surfaces_that_meet(caplog):
     assert warned == (COMM.rank == 0)
 
 
-def test_bulk_that_does_not_fit():
+def test_problem_refuses_forms_surfaces_and_conditions():
     domain, u = square()
     other = fem.Function(u.function_space)
     v = ufl.TestFunction(fem.functionspace(domain, ("Lagrange", 2, (2,))))
@@ -390,7 +386,7 @@ def other_space(domain):
     return fem.Function(fem.functionspace(domain, ("Lagrange", 2, (2,))))
 
 
-def test_materials_refuse_bad_numbers():
+def test_materials_refuse_moduli_out_of_range():
     with pytest.raises(ValueError, match="mu > 0 and 3 lambda"):
         LinearElastic(-100.0, -100.0)
     with pytest.raises(ValueError, match="a must lie between 0 and mu/2"):
@@ -420,8 +416,8 @@ def of_young(kind):
     [LinearElastic.from_young, of_young(NeoHookean), of_young(StVenantKirchhoff)],
 )
 @pytest.mark.parametrize("as_residual", [False, True])
-def test_moduli_that_become_bad(material, as_residual):
-    """They are looked at in every solve, and nothing of the user's is touched."""
+def test_solve_refuses_moduli_that_leave_their_range(material, as_residual):
+    """Every solve reads the moduli, and a refused solve leaves the displacement unchanged."""
     domain, u = square(n=2)
     young, poisson = fem.Constant(domain, 1000.0), fem.Constant(domain, 0.3)
     energy = material(young, poisson).energy(u) * ufl.dx
@@ -447,8 +443,7 @@ def test_moduli_that_become_bad(material, as_residual):
 
 
 @pytest.mark.parametrize("kind", ["Constant", "Function"])
-def test_friction_that_becomes_negative(kind):
-    """Whatever finds, follows, proves or analyses solutions refuses it, as a solve does."""
+def test_every_entry_point_refuses_friction_that_becomes_negative(kind):
     domain, u = square(n=2)
     if kind == "Constant":
         friction = fem.Constant(domain, 0.4)
@@ -479,8 +474,7 @@ def test_friction_that_becomes_negative(kind):
         same_on_every_rank(info)
 
 
-def test_a_gap_that_becomes_no_number():
-    """As in a solve, nothing is followed or analysed with it."""
+def test_branches_and_stability_refuse_a_gap_that_becomes_nan():
     domain, u = square(n=2)
     gamma = fem.Constant(domain, 1.0)
     height = fem.Constant(domain, 0.0)
@@ -503,8 +497,7 @@ def test_a_gap_that_becomes_no_number():
 
 
 @pytest.mark.ranks(2, 3)
-def test_a_rank_without_any_cell():
-    """One cell: on several ranks all but one have nothing."""
+def test_solve_works_on_ranks_without_cells():
     result = block(n=1, cell="quad").solve()
     assert len(result.tables["contact"].x) == 2
     assert result.kkt_violation < 1e-9
@@ -513,7 +506,7 @@ def test_a_rank_without_any_cell():
 @pytest.mark.parametrize(
     "options", [{"increments": 0}, {"increments": -1}, {"increments": "8"}, {"progress": "yes"}]
 )
-def test_bad_arguments_of_a_solve(options):
+def test_solve_refuses_increments_and_progress(options):
     problem = block(n=2)
     with pytest.raises(ValueError, match=r"number of increments|progress must") as info:
         problem.solve(**options)

@@ -1,4 +1,4 @@
-"""What is said of options, loads and linear solvers, and answers that hold in spite of them."""
+"""Options, linear solvers, extreme data, and code of users: errors and correct answers."""
 
 import faulthandler
 import logging
@@ -25,7 +25,7 @@ from dolfinx_contact.records import BranchRecord
 from dolfinx_contact.solvers.history import Attempt
 from dolfinx_contact.solvers.newton import Newton
 
-#: What ranks do to each other is tested in all cases on two of them.
+# Every case runs on two ranks, because the errors must be the same on both.
 pytestmark = pytest.mark.ranks(2, every_case=True)
 
 COMM = MPI.COMM_WORLD
@@ -40,7 +40,7 @@ def nothing_hangs():
 
 
 def loaded(n=4, friction=0.3):
-    """A block on a floor, pressed down at its top and pushed at all its sides by gamma."""
+    """Return a block on a floor under a prescribed displacement and the boundary load gamma."""
     domain = box(COMM, n, "tri")
     u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (2,))))
     gamma = fem.Constant(domain, 0.0)
@@ -67,7 +67,7 @@ def loaded(n=4, friction=0.3):
 
 @pytest.mark.parametrize("kind", ["newtonls", "newtontr", "newtontrdc", "vinewtonssls"])
 @pytest.mark.verifies("options", reference="itself: the default", aspects=("2D",))
-def test_kinds_of_snes_that_are_taken_give_the_same(kind):
+def test_snes_types_have_the_same_solution(kind):
     expected = block(n=8, law=Coulomb(1.0)).solve().tables["contact"]
     table = block(n=8, law=Coulomb(1.0), options={"snes_type": kind}).solve().tables["contact"]
     np.testing.assert_allclose(table.force, expected.force, rtol=0, atol=1e-8 * expected.rn.max())
@@ -78,7 +78,7 @@ def test_kinds_of_snes_that_are_taken_give_the_same(kind):
 
 
 def cornered(side, *, function=False):
-    """A block held at the top and, in x, at its left side, by ``side``."""
+    """Return a block with a clamped top and the displacement ``side`` in x on the left."""
     domain = box(COMM, 4, "tri")
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
     u = fem.Function(V)
@@ -97,7 +97,7 @@ def cornered(side, *, function=False):
     return ContactProblem(LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx, u, [s], bcs=bcs)
 
 
-def test_the_later_of_two_dirichlet_conditions_holds():
+def test_later_of_two_dirichlet_conditions_wins():
     problem = cornered(0.001)
     problem.solve()
     corner = fem.locate_dofs_geometrical(
@@ -119,7 +119,7 @@ def test_the_later_of_two_dirichlet_conditions_holds():
     ],
     ids=["wrong", "iterations", "breakdown"],
 )
-def test_a_linear_solver_that_fails_is_told_from_a_cycle(options, words):
+def test_failure_of_a_linear_solver_is_the_reason_of_the_attempt(options, words):
     problem = block(options=options)
     attempt = Attempt("full steps")
     x = problem.create_vector()
@@ -133,14 +133,14 @@ def test_a_linear_solver_that_fails_is_told_from_a_cycle(options, words):
 
 
 def test_iterative_solvers_work_without_a_factorisation_package():
-    """The package of the default factorisation is not asked for an incomplete one."""
+    """The default factorisation package is set for direct solvers only."""
     options = {"ksp_type": "gmres", "ksp_rtol": 1e-12, "pc_type": "sor", "ksp_max_it": 500}
     options |= {"ksp_gmres_restart": 200}
     assert "pc_factor_mat_solver_type" not in block(options=options).linear_solver.defaults
     assert block().linear_solver.defaults["pc_factor_mat_solver_type"] == "mumps"
 
 
-def test_an_exception_in_a_residual_comes_out_as_itself():
+def test_exception_in_a_residual_reaches_the_user_unchanged():
     problem = block()
     problem.surfaces[0].kinematics = lambda *_: 1 / 0
     with pytest.raises(ZeroDivisionError):
@@ -155,8 +155,8 @@ def test_an_exception_in_a_residual_comes_out_as_itself():
 
 
 @pytest.mark.parametrize("far", [1e8, 1e20, -1e100])
-def test_a_start_far_away_does_not_matter(far):
-    """The residual of the start, however large, is no measure of the solution."""
+def test_solution_does_not_depend_on_a_start_far_away(far):
+    """The scales of convergence do not contain the residual of the start."""
     expected = block().solve().tables["contact"]
     problem = block()
     problem.u.x.array[:] = far
@@ -165,8 +165,8 @@ def test_a_start_far_away_does_not_matter(far):
     assert result.attempts[-1].strategy == "full steps"
 
 
-def test_back_to_no_force_at_all():
-    """From a state under load to one without, where every force is round-off."""
+def test_solve_converges_to_a_state_without_forces():
+    """All forces of the solution are round-off."""
     problem = block(top=(0.0, 0.01))
     problem.u.interpolate(lambda x: np.vstack([0.1 * x[1], 0.3 * x[1]]))
     result = problem.solve()
@@ -176,7 +176,7 @@ def test_back_to_no_force_at_all():
 
 
 def test_ghosts_of_a_friction_field_follow_their_owners():
-    """Values that were set where they are owned alone: no rank computes with others."""
+    """Only owned values are set; a solve updates the ghosts."""
     domain = box(COMM, 3, "tri")  # on two ranks, contact nodes of one are ghosts of the other
     F = fem.Function(fem.functionspace(domain, ("Lagrange", 1)))
     n = F.function_space.dofmap.index_map.size_local
@@ -192,7 +192,7 @@ def test_ghosts_of_a_friction_field_follow_their_owners():
     np.testing.assert_allclose(slope(), 0.4 + 0.4 * s.positions[:, 0], rtol=1e-12)
 
 
-def test_numbers_of_numpy_are_numbers():
+def test_numpy_numbers_are_accepted():
     expected = block(law=Coulomb(0.25), r=64.0).solve().tables["contact"]
     law = Coulomb(np.float32(0.25))
     options = {"snes_max_it": np.int64(40), "snes_rtol": "1e-10"}
@@ -203,8 +203,7 @@ def test_numbers_of_numpy_are_numbers():
 
 
 @pytest.mark.parametrize("gamma", [0.3, 1e12, -1e100])
-def test_a_solution_is_found_at_any_load(gamma):
-    """Under loads far beyond the stiffness as well: units do not matter."""
+def test_find_solutions_works_at_any_size_of_the_load(gamma):
     system, x = loaded(n=2)
     there = find_solutions(system, [x], gamma)
     assert there.complete
@@ -232,19 +231,19 @@ def recorded(folder, functional):
     ],
     ids=["raises", "word", "nothing", "list"],
 )
-def test_functionals_that_fail(folder, functional, error, message):
+def test_record_refuses_functionals_without_a_number(folder, functional, error, message):
     with pytest.raises(error, match=message) as info:
         recorded(folder, functional)
     assert len(set(COMM.allgather(str(info.value)))) == 1
 
 
 @pytest.mark.skipif(COMM.size == 1, reason="for ranks that differ")
-def test_functionals_that_differ(folder):
+def test_record_refuses_functionals_that_differ_between_ranks(folder):
     with pytest.raises(ValueError, match=r"differs between ranks .*: sum over them"):
         recorded(folder, lambda _p: 1.0 + COMM.rank)
 
 
-def test_a_branch_that_fails_leaves_everything_as_it_was():
+def test_failed_branch_restores_functions_statuses_and_gamma():
     system, x = loaded()
     fields = system.problem.fields
     before = [f.x.array.copy() for f in fields]
@@ -264,8 +263,7 @@ def test_a_branch_that_fails_leaves_everything_as_it_was():
         np.testing.assert_array_equal(codes, held)
 
 
-def test_monitors_and_observers_of_one_rank():
-    """One that prints need not be on every rank."""
+def test_monitors_and_observers_may_exist_on_one_rank_only():
     heard = []
 
     class Heard(Observer):
@@ -285,10 +283,10 @@ def test_monitors_and_observers_of_one_rank():
     assert COMM.allreduce(len(heard)) - steps == len(branch.points)
 
 
-def test_the_log_is_the_users():
+def test_package_sets_no_log_level():
     assert logging.getLogger("dolfinx_contact").level == logging.NOTSET
 
 
-def test_a_result_prints_round_off_as_zero():
+def test_result_prints_round_off_as_zero():
     result = block(n=3).solve()
     assert "loads and springs: (0, 0)" in str(result)

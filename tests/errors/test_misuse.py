@@ -1,4 +1,4 @@
-"""Misuse in one table: every input gives the same clear error on every rank, and nothing hangs."""
+"""Wrong input of all public functions in one table, with the same error on every rank."""
 
 import numpy as np
 import pytest
@@ -52,7 +52,7 @@ from dolfinx_contact.materials import (
 )
 from dolfinx_contact.obstacles import Obstacle
 
-#: What ranks do to each other is tested in all cases on two of them.
+# Every case runs on two ranks, because the errors must be the same on both.
 pytestmark = [
     pytest.mark.ranks(2, every_case=True),
     pytest.mark.usefixtures("nothing_hangs"),
@@ -67,7 +67,7 @@ def started(value):
 
 
 class LongNormals(Obstacle):
-    """One of the user, whose normals are none."""
+    """User-defined obstacle whose normals have the length 2."""
 
     def at(self, domain, x):
         return 2.0 * x[1], ufl.as_vector((0.0, -2.0))
@@ -85,7 +85,7 @@ class BadLaw(FrictionLaw):
         raise UsersError("in the law")
 
 
-#: What is done, what the message says, and of which class the error is if not ValueError.
+#: Call, pattern of the message, and class of the error (default: ValueError).
 MISUSE = {
     # surfaces
     "tags of another mesh": (lambda w: discretised(w, tags_of(w.other), tag=7), "of another mesh"),

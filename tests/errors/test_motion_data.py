@@ -1,4 +1,4 @@
-"""Motions whose data are not what they are taken for: refused, or said."""
+"""Data of motions that give an error or a warning."""
 
 import logging
 
@@ -24,7 +24,7 @@ COMM = MPI.COMM_WORLD
 
 
 def body(n=2, cell="tri", *, held=True, height=1.0, young=1000.0, law=None):
-    """A square above a floor, held on its top or free, its modulus, and what is prescribed."""
+    """Return a square above a floor, its prescribed top displacement, and its Young's modulus."""
     domain = box(COMM, n, cell)
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
     u = fem.Function(V)
@@ -46,13 +46,12 @@ def at_speed(problem, x, y):
 
 
 def warnings_of(caplog):
-    """What was said by the first rank."""
+    """Return the log of rank 0 on every rank."""
     return COMM.bcast(caplog.text if COMM.rank == 0 else None)
 
 
 @pytest.mark.parametrize("scheme", ["theta", "theta-euler", "modified-theta"])
-def test_a_velocity_against_what_is_held(scheme):
-    """A clamp does not move; where it is set to stay the motion is as before, and no end turns."""
+def test_motion_refuses_an_initial_velocity_of_clamped_nodes(scheme):
     problem, _, _ = body()
     v = at_speed(problem, 0.3, 0.0)
     motion = NSCD(problem, 1.0, dt=0.05, velocity=v, scheme=scheme)
@@ -69,7 +68,7 @@ def test_a_velocity_against_what_is_held(scheme):
 
 
 @pytest.mark.ranks(2)
-def test_a_start_off_what_is_prescribed():
+def test_motion_refuses_a_start_that_violates_dirichlet_data():
     problem, top, _ = body()
     top.x.array[1::2] = -0.01
     with pytest.raises(ValueError, match=r"y at the node \(0, 1\) is 0, prescribed is -0.01"):
@@ -81,8 +80,8 @@ def test_a_start_off_what_is_prescribed():
     assert NSCD(problem, 1.0, dt=0.1).run([0.0, 0.2], progress=False).complete
 
 
-def test_uniqueness_of_a_state_in_motion():
-    """The static problem lacks the inertia forces, as the message says."""
+def test_uniqueness_refuses_the_state_of_a_motion():
+    """The message says that the static problem lacks the inertia forces."""
     problem, _, _ = body(law=Coulomb(0.3), held=False, height=0.0)
     motion = NSCD(problem, 1.0, dt=0.05, velocity=at_speed(problem, 1.0, -0.2))
     state = motion.run([0.0, 0.1], progress=False).steps[-1].state
@@ -100,15 +99,15 @@ def test_uniqueness_of_a_state_in_motion():
         ({"mass": "redistributed"}, False),
     ],
 )
-def test_alternating_forces_are_reported(method, alternates, caplog):
-    """Those of the trapezoidal rule at the position level with mass at the contact nodes."""
+def test_alternating_contact_forces_give_a_warning(method, alternates, caplog):
+    """They alternate with the trapezoidal rule at the position level and mass at contact nodes."""
     caplog.set_level(logging.WARNING, "dolfinx_contact")
     NSCD(body(n=20)[0], 1.0, dt=0.1, **{"mass": "lumped"} | method)
     assert ("contact forces alternate" in warnings_of(caplog)) == alternates
 
 
 @pytest.mark.ranks(2)
-def test_a_density_that_is_negative_within_a_cell():
+def test_motion_refuses_a_density_that_is_negative_within_a_cell():
     problem, _, _ = body(n=1)
     x = ufl.SpatialCoordinate(problem.V.mesh)
     with pytest.raises(ValueError, match="the density must be positive everywhere"):

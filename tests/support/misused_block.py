@@ -1,4 +1,4 @@
-"""A block with everything that is needed to misuse it, and calls that misuse it."""
+"""A block, other objects, and calls with wrong arguments for the table of misuse."""
 
 import faulthandler
 from types import SimpleNamespace
@@ -49,14 +49,14 @@ several = pytest.mark.skipif(COMM.size == 1, reason="for ranks that differ")
 
 @pytest.fixture
 def nothing_hangs():
-    """A test that takes longer than a minute ends the run, also inside a call of MPI."""
+    """End the run if a test takes longer than a minute, also inside a call of MPI."""
     faulthandler.dump_traceback_later(60, exit=True)
     yield
     faulthandler.cancel_dump_traceback_later()
 
 
 class UsersError(Exception):
-    """An exception of a class that this package does not know."""
+    """Exception class of a user."""
 
 
 def square(n=4):
@@ -79,7 +79,7 @@ def clamp(u, value=(0.0, -0.01), axis=1, at=1.0):
 
 @pytest.fixture(scope="module")
 def w():
-    """A block with everything that is needed to misuse it, the same for all tests."""
+    """Return a block and the objects for its misuse, shared by all tests."""
     u = square()
     other = box(COMM, 3, "tri")
     domain = u.function_space.mesh
@@ -187,7 +187,7 @@ class Telling(Observer):
 
 
 class WorseLaw(FrictionLaw):
-    """One that raises on a rank: nothing tells it from what the others have."""
+    """Law that raises on some ranks only."""
 
     def __init__(self, raises):
         self.raises = raises
@@ -214,7 +214,7 @@ def two_spaces(w):
 
 
 def with_option(w, name, value):
-    """A problem made while an option is in PETSc's database, as from the command line."""
+    """Return a problem that is made while an option is in PETSc's database."""
     options = PETSc.Options()
     options.setValue(name, value)
     try:
@@ -224,7 +224,7 @@ def with_option(w, name, value):
 
 
 def refused(w, do, message, error=ValueError):
-    """The call raises, the same on every rank, and the displacement is as it was."""
+    """Assert that the call raises the same error on every rank and leaves the displacement."""
     before = w.u.x.array.copy()
     with pytest.raises(error, match=message) as info:
         do(w)
