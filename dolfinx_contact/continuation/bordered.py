@@ -37,6 +37,7 @@ class Bordered(Layout):
         prefix: prefix of PETSc options.
 
     Attributes:
+        prefix: prefix of PETSc options.
         solver: solver for J. Its method ``assemble`` sets the state, last row and piece of J;
             ``solve`` and ``probe`` solve with J, ``determinant_sign`` returns the sign of det J.
             ``is_direct`` indicates whether every further right-hand side is cheap; otherwise solves
@@ -53,6 +54,7 @@ class Bordered(Layout):
     def __init__(self, system: System, *, gamma_scale: float, prefix: str = "continuation_"):
         super().__init__(system)
         self.gamma_scale = gamma_scale
+        self.prefix = prefix
         self.x_scale = 0.0
         self.x_scale_is_new = False
         self.sense = 1.0

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Correctors and tangents.
 
-A corrector computes a point of the branch from a predicted point. All correctors are Newton's
-method for H = 0 and one additional row:
+A corrector computes a point of the branch from a predicted point. All correctors are a SNES for
+H = 0 and one additional row:
 
 - *Moore-Penrose* (Ligursky and Renard, Comput. Mech. 56, 2015, after Dhooge, Govaerts and
   Kuznetsov) corrects orthogonally to a tangent, which is updated using the same factorisation;
@@ -14,6 +14,10 @@ steps) replace the last Newton step if they reach the tolerance as well (C. T. K
 Methods for Linear and Nonlinear Equations, SIAM 1995, section 5.4). Otherwise linear solves are
 inexact (`Forcing`), and a few cheap rows are corrected between the steps (`settle`). Convergence is
 always tested with the residual of H.
+
+The SNES has the type "python": PETSc iterates, calls monitors and counts; `_Run` evaluates H, tests
+convergence and takes the steps of one correction. Options have the prefix of the branch, such as
+``-continuation_snes_monitor``.
 """
 
 from __future__ import annotations
@@ -30,6 +34,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact._inexact import ROUNDS, Forcing, settle
+from dolfinx_contact._petsc import as_raised
 from dolfinx_contact.continuation.bordered import Bordered
 from dolfinx_contact.continuation.krylov import ModelTest
 from dolfinx_contact.continuation.parameters import StepControl
@@ -42,6 +47,7 @@ Codes = npt.NDArray[np.int8]
 logger = logging.getLogger(__name__)
 
 _MOST_CHORDS = 5  # largest number of consecutive chord steps
+_STEPS = 10  # largest number of steps per allowed correction, chord steps included
 #: Length of a solution of J t = (0, 1) beyond which the row determines the tangent too poorly.
 _NEARLY_SINGULAR = 1e8
 #: Relative residual of an iterative linear solve for an additional correction within the tolerance.
@@ -105,31 +111,39 @@ class Corrector:
         control: tolerance and number of corrections.
         chords: whether corrections may use chord steps. A path with memory needs pure Newton steps,
             because round-off decides the order of its events.
+
+    Attributes:
+        snes: SNES of all corrections.
+        iterations: number of corrections of the last run; consecutive chord steps count as one.
+
+    Raises:
+        ValueError: if the options choose another type of SNES.
     """
 
     def __init__(self, bordered: Bordered, control: StepControl, *, chords: bool = True):
         self.bordered = bordered
         self.control = control
-        self._may_use_chords = chords and bordered.solver.is_direct
-        self._rhs, self._step, self._away = (bordered.vector() for _ in range(3))
-        self._hx, self._x, self._d = (bordered.system.create_vector() for _ in range(3))
-        self._e = bordered.last_unit()
-        self._matrices = _Matrices(False, False)
-        self._rule = Forcing()
-        #: Scales of the residual before the run, and at its predicted state.
-        self._scales: tuple[float, ...] = ()
-        self._predicted: tuple[float, ...] | None = None
-
-    @property
-    def iterations(self) -> int:
-        """Number of corrections of the last run; consecutive chord steps count as one."""
-        return self._matrices.number + int(self._matrices.chords > 0)
+        self.iterations = 0
+        self.work = _Work(bordered)
+        self.forcing = Forcing()
+        self.chords = chords and bordered.solver.is_direct
+        self.last_unit = bordered.last_unit()
+        self._scales: tuple[float, ...] = ()  # scales of the residual before the last run
+        self.snes = PETSc.SNES().create(bordered.comm)
+        self.snes.setOptionsPrefix(bordered.prefix)
+        self.snes.setType(PETSc.SNES.Type.PYTHON)
+        self.snes.setTolerances(max_it=_STEPS * control.corrections)
+        self.snes.setFromOptions()
+        if self.snes.getType() != PETSc.SNES.Type.PYTHON:
+            raise ValueError(
+                f"-{bordered.prefix}snes_type cannot be used: a correction takes its own steps"
+            )
 
     # -- the three correctors --------------------------------------------------------------------
 
     def moore_penrose(self, y: PETSc.Vec, t: PETSc.Vec, piece: Piece | None) -> bool:
         """Correct ``y`` in place, orthogonally to ``t``, and update ``t`` in place."""
-        return self._newton(y, t, piece)
+        return self._solve(y, t, piece)
 
     def pseudo_arclength(
         self,
@@ -154,7 +168,7 @@ class Corrector:
             keep: whether to begin with the matrix of the previous run, which must have had the same
                 ``t`` and piece.
         """
-        return self._newton(y, t, piece, to=(start, distance), polish=polish, keep=keep)
+        return self._solve(y, t, piece, to=(start, distance), polish=polish, keep=keep)
 
     def natural(self, y: PETSc.Vec, gamma: float, piece: Piece | None) -> bool:
         """Correct ``y`` in place at fixed gamma; the result has exactly this gamma."""
@@ -208,7 +222,7 @@ class Corrector:
             t = b.vector()
             if factorise and not solver.factorise():
                 continue
-            if not solver.solve(self._e, t, rtol=rtol, near=near):
+            if not solver.solve(self.last_unit, t, rtol=rtol, near=near):
                 continue
             size = b.length(t)
             if not 0 < size < _NEARLY_SINGULAR:
@@ -245,10 +259,56 @@ class Corrector:
         """
         return self.bordered.solver.determinant_sign() * self.bordered.sense
 
-    # -- Newton's method -------------------------------------------------------------------------
+    def _solve(self, y: PETSc.Vec, t: PETSc.Vec, piece: Piece | None, **target: Any) -> bool:
+        """Correct ``y`` in place; return False if that fails.
 
-    def _newton(
+        Args:
+            y: predicted point.
+            t: direction whose dual vector is the last row.
+            piece: piece of H; None for H itself.
+            target: keyword arguments of `_Run`.
+        """
+        if self.bordered.comm.size > 1:
+            PETSc.garbage_cleanup(self.bordered.comm)
+        self._scales = self.bordered.system.scales
+        run = _Run(self, y, t, piece, **target)
+        self.snes.setPythonContext(run)
+        self.snes.setFunction(run.evaluate, self.work.rhs)
+        self.snes.setConvergenceTest(run.test)
+        with as_raised():
+            self.snes.solve(None, y)
+        self.iterations = run.iterations
+        converged = bool(self.snes.getConvergedReason() > 0)
+        if not converged:
+            self.reject()
+        return converged
+
+
+class _Work:
+    """Work vectors of corrections."""
+
+    def __init__(self, bordered: Bordered):
+        self.rhs, self.step, self.away = (bordered.vector() for _ in range(3))
+        self.hx, self.x, self.d = (bordered.system.create_vector() for _ in range(3))
+
+
+class _Run:
+    """Newton's method for one correction; context of the SNES. Methods are collective.
+
+    Args:
+        corrector: corrector with the control, the linear solver and the work vectors.
+        y: predicted point.
+        t: direction whose dual vector is the last row.
+        piece: piece of H; None for H itself.
+        to: start and distance along ``t``. None: every correction is orthogonal to ``t``, which is
+            updated in place.
+        polish: see `Corrector.pseudo_arclength`.
+        keep: see `Corrector.pseudo_arclength`.
+    """
+
+    def __init__(
         self,
+        corrector: Corrector,
         y: PETSc.Vec,
         t: PETSc.Vec,
         piece: Piece | None,
@@ -256,173 +316,191 @@ class Corrector:
         to: tuple[PETSc.Vec, float] | None = None,
         polish: bool = False,
         keep: bool = False,
-    ) -> bool:
-        """Correct ``y`` in place; False if that fails.
-
-        Args:
-            y: predicted point.
-            t: direction whose dual vector is the last row.
-            piece: piece of H; None for H itself.
-            to: start and distance along ``t``. None: every correction is orthogonal to ``t``, which
-                is updated in place.
-            polish: see `pseudo_arclength`.
-            keep: see `pseudo_arclength`.
-        """
-        b = self.bordered
-        solver = b.solver
-        tolerance = self.control.tolerance
-        if b.comm.size > 1:
-            PETSc.garbage_cleanup(b.comm)
-        keep = keep and self._may_use_chords
-        matrices = self._matrices = _Matrices(from_before=keep, reusable=keep)
-        self._scales = b.system.scales
-        self._predicted = None
-        row = b.dual(t)
-        if not solver.matrix:
+    ):
+        self._b = b = corrector.bordered
+        self._solver = b.solver
+        self._control = corrector.control
+        self._work = corrector.work
+        self._rule = corrector.forcing
+        self._chords = corrector.chords
+        self._e = corrector.last_unit
+        self._t = t
+        self._row = b.dual(t)
+        self._piece = piece
+        self._to = to
+        self._further = polish  # whether to correct once more within the tolerance
+        self._polished = False
+        keep = keep and self._chords
+        self._matrices = _Matrices(from_before=keep, reusable=keep)
+        self._before = 0.0  # relative size of H before the last correction
+        self._error: float | None = None  # relative size of H at the iterate, if it is evaluated
+        self._last = 0.0  # residual of the last row
+        #: Scales of the residual at the predicted state.
+        self._scales: tuple[float, ...] | None = None
+        if not self._solver.matrix:
             # The first assembly differs from later ones by round-off, which may decide at ties of
             # statuses.
-            solver.assemble(y, row, piece, along=t)
-        polished = False
-        before = 0.0
-        error: float | None = None
-        while True:
-            # evaluate H and the last row
-            if error is None:
-                error = self._evaluate(*b.split(y), self._hx, piece)
-            last = 0.0
-            if to is not None:
-                self._away.waxpy(-1.0, to[0], y)
-                last = float(row.dot(self._away)) - to[1]
-            if not np.isfinite(error + last):
-                break
-            # test convergence
-            if error <= tolerance and self._is_round_off(last, y, row, to):
-                blunt = matrices.chords > 0 and error > _SHARP * tolerance
-                if polished or not (polish or blunt):
-                    return True
-                polished = True
-            if to is None and matrices.number > 0 and solver.is_direct and not matrices.chords:
-                row = self._improved(t, row)
-            # a chord step, or a new matrix
-            codes = self._codes_at(y, piece)
-            changed = self._share_of_changes(matrices.codes, codes)
-            chord = matrices.suffice(error, before, tolerance) and changed == 0
-            if chord:
-                matrices.chords += 1
-            elif self.iterations >= self.control.corrections:
-                break
-            else:
-                solver.assemble(y, row, piece, along=t)
-                matrices.begin(codes, reusable=self._may_use_chords)
-            # the correction
-            b.join(self._hx, last, self._rhs)
-            how = {} if solver.is_direct else self._accuracy(y, piece, error, before, changed)
-            if not solver.solve(self._rhs, self._step, **how):
-                break
-            if chord and to is None:
-                # the kept matrix has an old last row; the tangent spans the kernel of the others
-                self._step.axpy(b.gamma(self._rhs) - row.dot(self._step), t)
-            y.axpy(-1.0, self._step)
-            before = error
-            error = None if solver.is_direct else self._settled(y, piece)
-        self.reject()
-        return False
+            self._solver.assemble(y, self._row, piece, along=t)
 
-    def _evaluate(self, x: PETSc.Vec, gamma: float, hx: PETSc.Vec, piece: Piece | None) -> float:
+    @property
+    def iterations(self) -> int:
+        """Number of corrections; consecutive chord steps count as one."""
+        return self._matrices.number + int(self._matrices.chords > 0)
+
+    # -- callbacks of the SNES -------------------------------------------------------------------
+
+    def evaluate(self, _snes: PETSc.SNES, y: PETSc.Vec, rhs: PETSc.Vec) -> None:
+        """Write H and the residual of the last row into ``rhs``."""
+        work = self._work
+        if self._error is None:
+            self._error = self._size(*self._b.split(y), work.hx)
+        if self._to is not None:
+            start, distance = self._to
+            work.away.waxpy(-1.0, start, y)
+            self._last = float(self._row.dot(work.away)) - distance
+        self._b.join(work.hx, self._last, rhs)
+
+    def test(self, snes: PETSc.SNES, _it: int, _norms: tuple[float, float, float]) -> int:
+        """Return the reason to stop, or 0 to continue."""
+        assert self._error is not None
+        reasons = PETSc.SNES.ConvergedReason
+        tolerance = self._control.tolerance
+        if not np.isfinite(self._error + self._last):
+            return int(reasons.DIVERGED_LOCAL_MIN)
+        if self._error <= tolerance and self._is_round_off(snes.getSolution()):
+            blunt = self._matrices.chords > 0 and self._error > _SHARP * tolerance
+            if self._polished or not (self._further or blunt):
+                return int(reasons.CONVERGED_FNORM_RELATIVE)
+            self._polished = True
+        return 0
+
+    def step(self, snes: PETSc.SNES, y: PETSc.Vec, rhs: PETSc.Vec, _step: PETSc.Vec) -> None:
+        """Correct ``y`` in place by a chord step or a Newton step."""
+        assert self._error is not None
+        reasons = PETSc.SNES.ConvergedReason
+        solver, matrices, step = self._solver, self._matrices, self._work.step
+        if self._to is None and matrices.number > 0 and solver.is_direct and not matrices.chords:
+            self._improve_tangent()
+        codes = self._codes_at(y)
+        changed = self._share_of_changes(codes)
+        chord = changed == 0 and matrices.suffice(
+            self._error, self._before, self._control.tolerance
+        )
+        if chord:
+            matrices.chords += 1
+        elif self.iterations >= self._control.corrections:
+            snes.setConvergedReason(reasons.DIVERGED_MAX_IT)
+            return
+        else:
+            solver.assemble(y, self._row, self._piece, along=self._t)
+            matrices.begin(codes, reusable=self._chords)
+        how = {} if solver.is_direct else self._accuracy(y, changed)
+        if not solver.solve(rhs, step, **how):
+            snes.setConvergedReason(reasons.DIVERGED_LINEAR_SOLVE)
+            return
+        if chord and self._to is None:
+            # the kept matrix has an old last row; the tangent spans the kernel of the others
+            step.axpy(self._b.gamma(rhs) - self._row.dot(step), self._t)
+        y.axpy(-1.0, step)
+        self._before = self._error
+        self._error = None if solver.is_direct else self._settled(y)
+
+    # -- parts of a step -------------------------------------------------------------------------
+
+    def _size(self, x: PETSc.Vec, gamma: float, hx: PETSc.Vec) -> float:
         """Write H into ``hx``, and return its size relative to the predicted state."""
-        system = self.bordered.system
+        system = self._b.system
         # with the scales of a diverging iterate every other state would look like a solution
-        if self._predicted is not None:
-            system.scales = self._predicted
-        size = system.residual(x, gamma, hx, piece)
-        if self._predicted is None:
-            self._predicted = system.scales
+        if self._scales is not None:
+            system.scales = self._scales
+        size = system.residual(x, gamma, hx, self._piece)
+        if self._scales is None:
+            self._scales = system.scales
         return size
 
-    def _is_round_off(
-        self, last: float, y: PETSc.Vec, row: PETSc.Vec, to: tuple[PETSc.Vec, float] | None
-    ) -> bool:
-        """Return True if the residual ``last`` of the last row is round-off."""
-        scale = 1.0 if to is None else max(abs(to[1]), 1e-6)
-        b = self.bordered
-        return abs(last) <= 1e-10 * scale or abs(last) <= _ROUND_OFF * abs(
-            b.gamma(row) * b.gamma(y)
-        )
+    def _is_round_off(self, y: PETSc.Vec) -> bool:
+        """Return True if the residual of the last row is round-off."""
+        scale = 1.0 if self._to is None else max(abs(self._to[1]), 1e-6)
+        if abs(self._last) <= 1e-10 * scale:
+            return True
+        return abs(self._last) <= _ROUND_OFF * abs(self._b.gamma(self._row) * self._b.gamma(y))
 
-    def _improved(self, t: PETSc.Vec, row: PETSc.Vec) -> PETSc.Vec:
-        """Update a tangent with the factorisation of the last step; return its dual vector."""
-        b = self.bordered
+    def _improve_tangent(self) -> None:
+        """Update the tangent with the factorisation of the last step."""
+        b = self._b
         new = b.vector()
-        size = b.length(new) if b.solver.solve(self._e, new) else 0.0
-        if not 0 < size < np.inf:
-            return row
-        new.scale(1.0 / size)
-        new.copy(t)
-        return b.dual(t)
+        size = b.length(new) if self._solver.solve(self._e, new) else 0.0
+        if 0 < size < np.inf:
+            new.scale(1.0 / size)
+            new.copy(self._t)
+            self._row = b.dual(self._t)
 
-    def _codes_at(self, y: PETSc.Vec, piece: Piece | None) -> Codes | None:
+    def _codes_at(self, y: PETSc.Vec) -> Codes | None:
         """Return the statuses at ``y`` on this rank; None on a fixed piece and if unused."""
-        b = self.bordered
-        if piece is not None or (b.solver.is_direct and not self._may_use_chords):
+        if self._piece is not None or (self._solver.is_direct and not self._chords):
             return None
-        return b.piece_at(y).codes
+        return self._b.piece_at(y).codes
 
-    def _share_of_changes(self, before: Codes | None, codes: Codes | None) -> float:
-        """Return the fraction of all points whose status has changed; 1 before the first matrix."""
+    def _share_of_changes(self, codes: Codes | None) -> float:
+        """Return the fraction of all points whose status differs from that of the matrix.
+
+        It is 1 before the first matrix.
+        """
+        before = self._matrices.codes
         if codes is None:
             return 0.0
         if before is None:
             return 1.0
         numbers = np.array([np.sum(codes != before), len(before)])
-        changed, number = self.bordered.comm.allreduce(numbers)
+        changed, number = self._b.comm.allreduce(numbers)
         return float(changed / max(number, 1))
 
     # -- iterative solves ------------------------------------------------------------------------
 
-    def _accuracy(
-        self, y: PETSc.Vec, piece: Piece | None, error: float, before: float, changed: float
-    ) -> dict[str, Any]:
+    def _accuracy(self, y: PETSc.Vec, changed: float) -> dict[str, Any]:
         """Return the accuracy of the next linear solve, arguments of `Krylov.solve`."""
-        if error <= self.control.tolerance:
+        assert self._error is not None
+        tolerance = self._control.tolerance
+        if self._error <= tolerance:
             return {"rtol": _POLISHED}
-        if before == 0.0:
+        if self._before == 0.0:
             self._rule.restart(warm=True)
-        rtol = self._rule.tolerance(error, self.control.tolerance, changed)
-        return {"rtol": rtol, "model": ModelTest(self._rule, partial(self._remainder, y, piece))}
+        rtol = self._rule.tolerance(self._error, tolerance, changed)
+        return {"rtol": rtol, "model": ModelTest(self._rule, partial(self._remainder, y))}
 
-    def _remainder(self, y: PETSc.Vec, piece: Piece | None, step: PETSc.Vec) -> float:
+    def _remainder(self, y: PETSc.Vec, step: PETSc.Vec) -> float:
         """Return the norm of H at ``y - step``, in its cheap nonlinear rows."""
-        b = self.bordered
-        self._away.waxpy(-1.0, step, y)
-        rows = b.system.contact_rows(*b.split(self._away), piece)
+        b = self._b
+        self._work.away.waxpy(-1.0, step, y)
+        rows = b.system.contact_rows(*b.split(self._work.away), self._piece)
         return 0.0 if rows is None else float(np.sqrt(b.comm.allreduce(float(rows @ rows))))
 
-    def _settled(self, y: PETSc.Vec, piece: Piece | None) -> float | None:
+    def _settled(self, y: PETSc.Vec) -> float | None:
         """Correct a few cheap rows of ``y`` in place, see `settle`.
 
         Returns:
             Relative size of H at ``y`` if H has been evaluated there; otherwise None.
         """
-        b = self.bordered
+        b, work = self._b, self._work
         x, gamma = b.split(y)
-        x.copy(self._x)
+        x.copy(work.x)
         size = 0.0
         evaluated = np.zeros(0)  # state of the last evaluation of H
 
         def evaluate(x: PETSc.Vec, hx: PETSc.Vec) -> None:
             nonlocal size, evaluated
-            size = self._evaluate(x, gamma, hx, piece)
+            size = self._size(x, gamma, hx)
             evaluated = x.array_r.copy()
 
         def correct(x: PETSc.Vec, hx: PETSc.Vec, d: PETSc.Vec) -> bool:
             try:
-                return b.system.correct(x, gamma, hx, d, piece)
+                return b.system.correct(x, gamma, hx, d, self._piece)
             except ArithmeticError as error:
                 if b.comm.rank == 0:
                     logger.debug("no correction: %s", error)
                 return False
 
-        if settle(evaluate, correct, self._x, self._hx, self._d, ROUNDS):
-            b.join(self._x, gamma, y)
-        same = bool(np.array_equal(self._x.array_r, evaluated))
+        if settle(evaluate, correct, work.x, work.hx, work.d, ROUNDS):
+            b.join(work.x, gamma, y)
+        same = bool(np.array_equal(work.x.array_r, evaluated))
         return size if b.comm.allreduce(same, op=MPI.LAND) else None

@@ -3,6 +3,7 @@
 import itertools
 
 from mpi4py import MPI
+from petsc4py import PETSc
 
 import numpy as np
 import pytest
@@ -54,6 +55,42 @@ def test_a_circle_has_its_fold_and_other_half():
     assert x[0] == pytest.approx(-np.sqrt(0.75), abs=1e-10)
     assert branch.reason == "gamma reached the end of its range"
     assert branch.ending is Ending.REACHED
+
+
+def circle():
+    return smooth(1, lambda x, g: x**2 + g**2 - 1, lambda x, g: [[2 * x[0]]], lambda x, g: [2 * g])
+
+
+@pytest.fixture
+def options():
+    """Database of PETSc's options without changes after the test."""
+    database = PETSc.Options()
+    before = database.getAll()
+    yield database
+    for name in set(database.getAll()) - set(before):
+        database.delValue(name)
+
+
+def test_snes_monitor_prints_the_corrections(options, capfd):
+    options["continuation_snes_monitor"] = ""
+    system = circle()
+    branch = follow(system, start(system, [1.0]), 0.0, gamma_range=(-0.5, 0.5))
+    corrections = sum(point.corrections for point in branch.points)
+    assert capfd.readouterr().out.count("SNES Function norm") > corrections > 0
+
+
+def test_snes_max_it_limits_the_corrections(options):
+    options["continuation_snes_max_it"] = 1
+    system = circle()
+    with pytest.raises(ValueError, match="no solution near"):
+        follow(system, start(system, [1.1]), 0.0, gamma_range=(-0.5, 0.5))
+
+
+def test_other_types_of_snes_are_refused_for_corrections(options):
+    options["continuation_snes_type"] = "newtonls"
+    system = circle()
+    with pytest.raises(ValueError, match="-continuation_snes_type cannot be used"):
+        follow(system, start(system, [1.0]), 0.0, gamma_range=(-0.5, 0.5))
 
 
 @pytest.mark.ranks(2)
