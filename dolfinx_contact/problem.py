@@ -61,8 +61,9 @@ from dolfinx_contact.solvers.linear import LinearSolver
 from dolfinx_contact.solvers.strategies import Trial, solve
 
 if TYPE_CHECKING:
-    from dolfinx_contact.algorithms import Algorithm, PointProblem
+    from dolfinx_contact.algorithms import Algorithm
     from dolfinx_contact.body.moving import MovingBody
+    from dolfinx_contact.reduced import PointProblem
 
 __all__ = ["ContactProblem", "discretise"]
 
@@ -81,7 +82,7 @@ _IN_MOTION = "the state belongs to a motion, whose inertia forces are not part o
 
 def _classical() -> ModuleType:
     """Return the module of the classical algorithms, loaded when one is chosen."""
-    from dolfinx_contact.solvers import classical
+    from dolfinx_contact.algorithms import classical
 
     return classical
 
@@ -923,10 +924,11 @@ class ContactProblem(ReadOnly):
             ValueError: on every rank, if the problem cannot be condensed: the body is not linear or
                 not fixed by Dirichlet data, contact is integral, or a law is not supported.
         """
+        from dolfinx_contact.reduced.reduction import reduced_contact
+
         with self._unknowns() as x:
             validate(self.equations, x)
-            contact: PointProblem = _classical().reduced_contact(self.equations, x)
-            return contact
+            return reduced_contact(self.equations, x)
 
     def collect(
         self, x: PETSc.Vec, attempts: Sequence[Attempt], statuses: Statuses | None = None

@@ -11,11 +11,11 @@ from dolfinx_contact.algorithms.iteration import Algorithm, Outcome, Trend
 from dolfinx_contact.algorithms.lemke import Lemke, RayTermination, coulomb_by_lemke, lemke
 from dolfinx_contact.algorithms.local_problem import LocalProblem, LocalSolution
 from dolfinx_contact.algorithms.penalty import Penalty
-from dolfinx_contact.algorithms.point_problem import PointProblem
 from dolfinx_contact.algorithms.projected_cg import ProjectedGradient
 from dolfinx_contact.algorithms.semismooth import SemismoothNewton
 from dolfinx_contact.algorithms.tresca import TrescaFixedPoint
 from dolfinx_contact.algorithms.uzawa import Uzawa
+from dolfinx_contact.reduced.point_problem import PointProblem
 
 __all__ = [
     "ALGORITHMS",

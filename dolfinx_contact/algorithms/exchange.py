@@ -40,7 +40,7 @@ from scipy.sparse.linalg import splu
 from dolfinx_contact._files import part_of
 from dolfinx_contact._install import optional
 from dolfinx_contact.algorithms.local_problem import LocalProblem
-from dolfinx_contact.algorithms.point_problem import PointProblem
+from dolfinx_contact.reduced.point_problem import PointProblem
 
 __all__ = ["fclib_local", "load_local", "load_points", "save_points"]
 

@@ -21,7 +21,7 @@ import numpy.typing as npt
 
 from dolfinx_contact.algorithms.iteration import Algorithm, Iteration, check
 from dolfinx_contact.algorithms.one_point import one_point
-from dolfinx_contact.algorithms.point_problem import PointProblem
+from dolfinx_contact.reduced.point_problem import PointProblem
 
 __all__ = ["GaussSeidel"]
 

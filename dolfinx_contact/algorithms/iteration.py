@@ -17,8 +17,8 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact._validate import is_count, is_number
-from dolfinx_contact.algorithms.point_problem import PointProblem
 from dolfinx_contact.equations.measures import Measures
+from dolfinx_contact.reduced.point_problem import PointProblem
 
 __all__ = ["Algorithm", "Iteration", "Outcome", "Trend"]
 

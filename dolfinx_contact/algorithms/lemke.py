@@ -34,9 +34,9 @@ import numpy.typing as npt
 from scipy.linalg.blas import dger
 
 from dolfinx_contact.algorithms.iteration import Algorithm, Iteration, check
-from dolfinx_contact.algorithms.point_problem import PointProblem
 from dolfinx_contact.algorithms.semismooth import newton_step
 from dolfinx_contact.laws.coulomb import violation
+from dolfinx_contact.reduced.point_problem import PointProblem
 
 __all__ = [
     "Lemke",

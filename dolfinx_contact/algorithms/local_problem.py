@@ -28,8 +28,8 @@ import numpy.typing as npt
 
 from dolfinx_contact.algorithms.lemke import copositive_forces, copositive_form, lemke, tangents
 from dolfinx_contact.algorithms.one_point import one_point
-from dolfinx_contact.algorithms.point_problem import PointProblem
 from dolfinx_contact.laws import coulomb
+from dolfinx_contact.reduced.point_problem import PointProblem
 
 __all__ = ["LocalProblem", "LocalSolution"]
 

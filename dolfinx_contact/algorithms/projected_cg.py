@@ -23,8 +23,8 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact.algorithms.iteration import Algorithm, Iteration
-from dolfinx_contact.algorithms.point_problem import PointProblem
 from dolfinx_contact.laws.coulomb import project
+from dolfinx_contact.reduced.point_problem import PointProblem
 
 __all__ = ["ProjectedGradient"]
 

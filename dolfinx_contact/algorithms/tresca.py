@@ -21,8 +21,8 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact.algorithms.iteration import Algorithm, Iteration, check
-from dolfinx_contact.algorithms.point_problem import PointProblem
 from dolfinx_contact.algorithms.semismooth import solve_semismooth
+from dolfinx_contact.reduced.point_problem import PointProblem
 
 __all__ = ["BoundRelaxation", "TrescaFixedPoint"]
 

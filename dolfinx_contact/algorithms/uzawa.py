@@ -18,8 +18,8 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact.algorithms.iteration import Algorithm, Iteration, check
-from dolfinx_contact.algorithms.point_problem import PointProblem
 from dolfinx_contact.algorithms.semismooth import solve_yielding
+from dolfinx_contact.reduced.point_problem import PointProblem
 
 __all__ = ["Uzawa"]
 

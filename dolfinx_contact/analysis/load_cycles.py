@@ -23,8 +23,8 @@ import numpy.typing as npt
 
 from dolfinx_contact.algorithms.gauss_seidel import GaussSeidel
 from dolfinx_contact.algorithms.lemke import coulomb_by_lemke
-from dolfinx_contact.algorithms.point_problem import PointProblem
 from dolfinx_contact.algorithms.semismooth import newton_step
+from dolfinx_contact.reduced.point_problem import PointProblem
 
 __all__ = ["CycleEnding", "LoadCycles", "one_solution", "step_cycles"]
 

@@ -41,10 +41,10 @@ import numpy.typing as npt
 
 from dolfinx_contact._mpi import Arguments, collective, everywhere, on_root
 from dolfinx_contact._validate import count, instance, listed, nonnegative, positive
-from dolfinx_contact.algorithms.point_problem import PointProblem
 from dolfinx_contact.analysis.load_cycles import LoadCycles, one_solution, step_cycles
 from dolfinx_contact.analysis.static_bound import largest_factor, states_at_rest
 from dolfinx_contact.problem import ContactProblem
+from dolfinx_contact.reduced.point_problem import PointProblem
 
 __all__ = ["LoadCycles", "Shakedown", "shakedown"]
 

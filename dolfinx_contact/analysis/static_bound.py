@@ -25,7 +25,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import linprog
 
-from dolfinx_contact.algorithms.point_problem import PointProblem
+from dolfinx_contact.reduced.point_problem import PointProblem
 
 __all__ = ["StaticBound", "StaticState", "largest_factor", "states_at_rest"]
 

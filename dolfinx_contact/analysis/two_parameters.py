@@ -16,7 +16,6 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from dolfinx_contact._mpi import Arguments, collective, on_root, require
-from dolfinx_contact.algorithms.point_problem import PointProblem
 from dolfinx_contact.analysis.body_proofs import obstacle_to_proof
 from dolfinx_contact.analysis.curve_search import follow_events
 from dolfinx_contact.analysis.event_curves import EventCurves
@@ -28,6 +27,7 @@ from dolfinx_contact.equations.validation import check_law
 from dolfinx_contact.laws.coulomb import BORDERS, FIRST_BORDER
 from dolfinx_contact.parametric import ParametricContact
 from dolfinx_contact.reduced.gathered import GatheredPoints
+from dolfinx_contact.reduced.point_problem import PointProblem
 from dolfinx_contact.reduced.reduction import Reduction
 from dolfinx_contact.reduced.scope import can_condense
 

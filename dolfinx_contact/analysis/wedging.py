@@ -43,10 +43,10 @@ from scipy.optimize import brentq, linprog
 
 from dolfinx_contact._mpi import Arguments, collective, on_root
 from dolfinx_contact._validate import is_count, is_number
-from dolfinx_contact.algorithms.point_problem import PointProblem
 from dolfinx_contact.problem import ContactProblem
 from dolfinx_contact.proofs.check_proof import ReducedProblem, flexibility, gamma
 from dolfinx_contact.proofs.tableau import Tableau
+from dolfinx_contact.reduced.point_problem import PointProblem
 
 __all__ = ["Wedging", "wedging_friction"]
 

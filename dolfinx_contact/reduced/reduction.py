@@ -30,7 +30,7 @@ statuses (`laws.cones`).
 
 from __future__ import annotations
 
-import os
+from dataclasses import replace
 from functools import cached_property
 from typing import Any, Self
 
@@ -42,31 +42,24 @@ from scipy.sparse import csc_matrix as Columns
 
 from dolfinx import fem
 
-from dolfinx_contact._mpi import Arguments, collective, on_root, require, total
+from dolfinx_contact._mpi import require, total
 from dolfinx_contact._petsc import staged
-from dolfinx_contact._validate import number
-from dolfinx_contact.algorithms.exchange import save_points
-from dolfinx_contact.algorithms.point_problem import PointProblem
 from dolfinx_contact.continuation import Piece
 from dolfinx_contact.continuation.affine import AffineSystem
 from dolfinx_contact.equations.contact import ContactEquations
+from dolfinx_contact.equations.measures import Scales
 from dolfinx_contact.equations.parametric import ParametricEquations
 from dolfinx_contact.laws.cones import no_cones
 from dolfinx_contact.reduced.gathered import GatheredPoints
 from dolfinx_contact.reduced.held_body import ROUND_OFF, HeldBody, HeldField, with_dirichlet_rows
+from dolfinx_contact.reduced.point_problem import PointProblem
 from dolfinx_contact.reduced.scope import check_reducible
 
-__all__ = ["Reduction"]
+__all__ = ["Reduction", "reduced_contact", "scaled", "scales_at"]
 
 Array = npt.NDArray[np.float64]
 _DEFINITE = 1e-10  # least eigenvalue of the condensed stiffness, whose mean diagonal entry is 1
 _SYMMETRIC = 1e-8  # asymmetry, relative to the largest entry, that counts as round-off
-
-
-def _check_save(a: Arguments) -> None:
-    if not isinstance(a.file, str | os.PathLike):
-        raise ValueError(f"the file must be a path, got {a.file!r}")
-    a.gamma = number(a.gamma, "gamma")
 
 
 class Reduction:
@@ -216,23 +209,6 @@ class Reduction:
             rate=self.rate * factor,
             rate_error=self._rate_errors * factor,
         )
-
-    @collective("the export of contact points", _check_save)
-    def save(self, file: str | os.PathLike[str], gamma: float = 0.0) -> None:
-        """Write the `problem` at ``gamma``, in units of the input; rank 0 writes. Collective.
-
-        Args:
-            file: ``.npz`` (`algorithms.load_points` reads it), or ``.hdf5`` or ``.h5`` for FCLib;
-                see `algorithms.exchange`.
-            gamma: parameter.
-
-        Raises:
-            ValueError: on every rank, if the path, its suffix or gamma is not admissible, S is not
-                positive definite, or FCLib does not support the problem.
-            ModuleNotFoundError: on every rank, for HDF5 without h5py.
-            OSError: on every rank, if the file cannot be written.
-        """
-        on_root(self.comm, lambda: save_points(file, self.problem(gamma)))
 
     @property
     def guided(self) -> bool:
@@ -461,3 +437,29 @@ class Reduction:
 
 def _no_solver() -> Any:
     raise AssertionError("a reduction solves by its own factorisation")
+
+
+def reduced_contact(equations: ContactEquations, x: PETSc.Vec) -> PointProblem:
+    """Return the reduced problem, equal on every rank, with the scales of a state. Collective.
+
+    Raises:
+        ValueError: on every rank, if the problem cannot be reduced.
+    """
+    with Reduction.of(equations) as reduction:
+        return scaled(reduction.problem(), scales_at(equations, x))
+
+
+def scales_at(equations: ContactEquations, x: PETSc.Vec) -> Scales:
+    """Return the scales of the measures at a state. Collective."""
+    scales = Scales(equations)
+    b = x.duplicate()
+    scales.measure(equations.residual(x, b))
+    b.destroy()
+    return scales
+
+
+def scaled(contact: PointProblem, scales: Scales) -> PointProblem:
+    """Return the reduced problem with the scales of a state of the body."""
+    # A body that sticks everywhere does not move; the free displacement then sets the scale.
+    length = max(scales.length, float(np.abs(contact.free).max()))
+    return replace(contact, force=scales.force, length=length)

@@ -299,7 +299,7 @@ class _Strategies:
 
     def lemke(self, x: PETSc.Vec, attempt: Attempt, monitor: Monitor) -> bool:
         """Lemke's method on the reduced problem."""
-        from dolfinx_contact.solvers.classical import start_by_lemke
+        from dolfinx_contact.algorithms.classical import start_by_lemke
 
         with self._solver(monitor) as solver:
             if solver.max_iterations < 1:

@@ -24,9 +24,9 @@ from dolfinx_contact import (
     RigidBody,
     Sphere,
 )
+from dolfinx_contact.algorithms.classical import start_by_lemke
 from dolfinx_contact.continuation import find_solutions, follow
 from dolfinx_contact.obstacles import Obstacle
-from dolfinx_contact.solvers.classical import start_by_lemke
 from dolfinx_contact.solvers.history import Attempt, FloatingBodyError
 
 COMM = MPI.COMM_WORLD

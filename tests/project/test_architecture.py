@@ -22,10 +22,11 @@ LAYERS = [
     ("materials", "obstacles", "rigid_surfaces", "grids", "meshing"),
     ("body", "laws", "continuation"),
     ("points",),
-    ("equations", "algorithms"),
+    ("equations",),
     ("reduced",),
     ("solvers",),
     ("results",),
+    ("algorithms",),
     ("proofs",),
     ("problem", "parametric", "nested"),
     ("analysis", "evolution"),
@@ -35,9 +36,13 @@ LAYERS = [
     ("plot",),
     ("__main__",),
 ]
-#: Imports from a higher layer, in functions of these modules: questions about a state.
-FROM_ABOVE = (f"{PACKAGE}.analysis.body_proofs", f"{PACKAGE}.analysis.theory")
-ASKING = (f"{PACKAGE}.problem", f"{PACKAGE}.parametric")
+#: Imports from a higher layer in functions of these modules: questions about a state, algorithms.
+FROM_ABOVE = (
+    f"{PACKAGE}.algorithms.classical",
+    f"{PACKAGE}.analysis.body_proofs",
+    f"{PACKAGE}.analysis.theory",
+)
+ASKING = (f"{PACKAGE}.problem", f"{PACKAGE}.parametric", f"{PACKAGE}.solvers.strategies")
 #: Modules that may import the package itself, which imports none of them.
 ABOVE = ("io", "records", "plot", "explorer", "__main__")
 #: The trusted part of proofs: one self-contained file.

@@ -33,17 +33,24 @@ def shared(path):
     return COMM.bcast(path)
 
 
+def write(file, problem):
+    """Write the reduced problem of a contact problem on rank 0, and return it on every rank."""
+    with Reduction.of(problem.equations) as reduction:
+        points = reduction.problem()
+    if COMM.rank == 0:
+        save_points(file, points)
+    COMM.barrier()
+    return points
+
+
 @pytest.mark.ranks(2)
 @pytest.mark.parametrize("cell", ["tri", "hex"])
 def test_round_trip(cell, tmp_path):
     file = shared(tmp_path) / "points.npz"
     problem = tilted(COMM, cell)
     problem.u.x.array[:] = 1e-3
-    with Reduction.of(problem.equations) as reduction:
-        reduction.save(file)
-        known = reduction.problem()
+    known = write(file, problem)
     np.testing.assert_array_equal(problem.u.x.array, 1e-3)
-    COMM.barrier()
     found = load_points(file)
     for name in (*NAMES, *ERRORS):
         np.testing.assert_array_equal(getattr(found, name), getattr(known, name), err_msg=name)
@@ -66,9 +73,7 @@ def test_what_is_saved_is_the_problem(cell, tmp_path):
     """An algorithm on numpy arrays alone finds the forces of the solve, in global components."""
     file = shared(tmp_path) / "points.npz"
     problem = tilted(COMM, cell)
-    with Reduction.of(problem.equations) as reduction:
-        reduction.save(file)
-    COMM.barrier()
+    write(file, problem)
     points = load_points(file)
     found = GaussSeidel().run(points, tolerance=1e-12)
     assert found.converged
@@ -230,10 +235,7 @@ def test_the_file_of_fclib(cell, tmp_path):
 
     file = shared(tmp_path) / "points.hdf5"
     problem = tilted(COMM, cell)
-    with Reduction.of(problem.equations) as reduction:
-        reduction.save(file)
-        expected = fclib_local(reduction.problem())
-    COMM.barrier()
+    expected = fclib_local(write(file, problem))
     with h5py.File(file) as data:
         for name, values in expected.items():
             if values.dtype.kind != "S":
@@ -244,37 +246,30 @@ def test_the_file_of_fclib(cell, tmp_path):
         assert h5py.check_string_dtype(title.dtype).length is not None
 
 
+@pytest.mark.skipif(COMM.size > 1, reason="one process is enough")
+def test_save_points_refuses_names_and_laws(tmp_path):
+    points = block(n=2).reduced()
+    with pytest.raises(ValueError, match=r"saved as \.npz, \.hdf5 or \.h5 \(FCLib\), not as"):
+        save_points(tmp_path / "points.csv", points)
+    with pytest.raises(FileNotFoundError):
+        save_points(tmp_path / "nowhere" / "points.npz", points)
+    with pytest.raises(ValueError, match="FCLib knows Coulomb's friction alone"):
+        save_points(tmp_path / "points.h5", block(n=2, law=Tresca(1.0)).reduced())
+    assert not list(tmp_path.iterdir())
+
+
 @pytest.mark.ranks(2)
-def test_point_problem_refuses_laws_and_bodies(tmp_path):
-    folder = shared(tmp_path)
-    problem = block(n=2)
-    with Reduction.of(problem.equations) as reduction:
-        with pytest.raises(ValueError, match=r"saved as \.npz, \.hdf5 or \.h5 \(FCLib\), not as"):
-            reduction.save(folder / "points.csv")
-        with pytest.raises(FileNotFoundError):
-            reduction.save(folder / "nowhere" / "points.npz")
-        if COMM.size > 1:
-            with pytest.raises(ValueError, match="file differs between ranks"):
-                reduction.save(folder / f"{COMM.rank}.npz")
-    with (
-        Reduction.of(block(n=2, law=Tresca(1.0)).equations) as reduction,
-        pytest.raises(ValueError, match="FCLib knows Coulomb's friction alone"),
-    ):
-        reduction.save(folder / "points.h5")
+def test_reduction_refuses_partly_clamped_bodies():
     with pytest.raises(ValueError, match="Dirichlet data do not hold in part"):
         Reduction.of(half_block(method="mixed").equations)
-    assert COMM.bcast([*map(str, tmp_path.iterdir())]) == []
 
 
+@pytest.mark.skipif(COMM.size > 1, reason="one process is enough")
 def test_a_missing_h5py_is_named(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "h5py", None)
-    problem = block(n=2)
-    with (
-        Reduction.of(problem.equations) as reduction,
-        pytest.raises(ModuleNotFoundError, match=r"h5py is not installed: .* python3-h5py"),
-    ):
-        reduction.save(shared(tmp_path) / "points.hdf5")
-    assert COMM.bcast([*map(str, tmp_path.iterdir())]) == []
+    with pytest.raises(ModuleNotFoundError, match=r"h5py is not installed: .* python3-h5py"):
+        save_points(tmp_path / "points.hdf5", block(n=2).reduced())
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.skipif(COMM.size > 1, reason="one process is enough")
@@ -302,39 +297,14 @@ def test_files_that_are_none(tmp_path):
         load_points(file)
 
 
-@pytest.mark.ranks(2)
-def test_what_one_rank_gives(tmp_path):
-    """A number that is none on one rank is refused on all."""
-    file = shared(tmp_path) / "points.npz"
-    last = COMM.rank == COMM.size - 1
-    with Reduction.of(block(n=2).equations) as reduction:
-        with pytest.raises(ValueError, match="gamma must be a finite number"):
-            reduction.save(file, gamma="x" if last else 0.0)
-        for wrong in (3, None):
-            with pytest.raises(ValueError, match="the file must be a path, got"):
-                reduction.save(wrong if last else file)
-            with pytest.raises(ValueError, match="the file must be a path, got"):
-                reduction.save(wrong)
-        if COMM.size > 1:
-            with pytest.raises(ValueError, match="gamma differs between ranks"):
-                reduction.save(file, gamma=float(last))
-    COMM.barrier()
-    assert not file.exists()
-
-
-@pytest.mark.ranks(2)
-def test_files_beside_what_is_saved(tmp_path):
-    """Whatever they are called they stay as they are."""
-    folder = shared(tmp_path)
+@pytest.mark.skipif(COMM.size > 1, reason="one process is enough")
+def test_save_points_leaves_other_files_unchanged(tmp_path):
     names = ("points.npz.part", ".points.npz.part", ".points.part.npz")
-    if COMM.rank == 0:
-        for name in names:
-            (folder / name).write_text("mine")
-    with Reduction.of(block(n=2).equations) as reduction:
-        reduction.save(folder / "points.npz")
-    COMM.barrier()
-    assert sorted(p.name for p in folder.iterdir()) == sorted([*names, "points.npz"])
-    assert [(folder / name).read_text() for name in names] == ["mine"] * 3
+    for name in names:
+        (tmp_path / name).write_text("mine")
+    save_points(tmp_path / "points.npz", block(n=2).reduced())
+    assert sorted(p.name for p in tmp_path.iterdir()) == sorted([*names, "points.npz"])
+    assert [(tmp_path / name).read_text() for name in names] == ["mine"] * 3
 
 
 def test_a_point_problem_converts_between_units():

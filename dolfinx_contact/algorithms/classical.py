@@ -25,17 +25,16 @@ from dolfinx_contact.algorithms import (
     ALGORITHMS,
     Algorithm,
     Penalty,
-    PointProblem,
     RayTermination,
     TrescaFixedPoint,
     Uzawa,
     coulomb_by_lemke,
 )
+from dolfinx_contact.algorithms.on_body import OnBody
 from dolfinx_contact.equations.contact import ContactEquations
-from dolfinx_contact.equations.measures import Scales
 from dolfinx_contact.equations.parametric import ParametricEquations
 from dolfinx_contact.equations.validation import diverged
-from dolfinx_contact.reduced.reduction import Reduction
+from dolfinx_contact.reduced.reduction import Reduction, scaled, scales_at
 from dolfinx_contact.reduced.scope import can_condense
 from dolfinx_contact.solvers.body_solver import BodySolver
 from dolfinx_contact.solvers.history import (
@@ -47,9 +46,8 @@ from dolfinx_contact.solvers.history import (
     Step,
 )
 from dolfinx_contact.solvers.linear import LinearSolver
-from dolfinx_contact.solvers.on_body import OnBody
 
-__all__ = ["algorithm_named", "reduced_contact", "solve_by", "start_by_lemke"]
+__all__ = ["algorithm_named", "solve_by", "start_by_lemke"]
 
 logger = logging.getLogger(__name__)
 
@@ -168,32 +166,6 @@ def _what_failed(attempt: Attempt) -> str:
     )
 
 
-def reduced_contact(equations: ContactEquations, x: PETSc.Vec) -> PointProblem:
-    """Return the reduced problem, equal on every rank, with the scales of a state. Collective.
-
-    Raises:
-        ValueError: on every rank, if the problem cannot be reduced.
-    """
-    with Reduction.of(equations) as reduction:
-        return _scaled(reduction.problem(), _scales_at(equations, x))
-
-
-def _scales_at(equations: ContactEquations, x: PETSc.Vec) -> Scales:
-    """Return the scales of the measures at a state. Collective."""
-    scales = Scales(equations)
-    b = x.duplicate()
-    scales.measure(equations.residual(x, b))
-    b.destroy()
-    return scales
-
-
-def _scaled(contact: PointProblem, scales: Scales) -> PointProblem:
-    """Return the reduced problem with the scales of a state of the body."""
-    # A body that sticks everywhere does not move; the free displacement then sets the scale.
-    length = max(scales.length, float(np.abs(contact.free).max()))
-    return replace(contact, force=scales.force, length=length)
-
-
 def _require_held(eq: ContactEquations) -> None:
     """Raise ``ValueError`` if the body is not supported without contact."""
     for s in eq.surfaces:
@@ -241,8 +213,8 @@ def _on_points(
     except RuntimeError as error:
         raise LinearSolverError(str(error)) from error
     with reduction:
-        scales = _scales_at(equations, x)
-        contact = _scaled(reduction.problem(), scales)
+        scales = scales_at(equations, x)
+        contact = scaled(reduction.problem(), scales)
         dim = contact.dim
         start = reduction.contract(x)[:, dim:] * reduction.force_unit
         # Measure the body with the scales of the reduced problem.
