@@ -314,7 +314,7 @@ def test_klarbring_by_dynamics():
     problem.solve()
     evolution = QuasiStatic(problem, lambda t: setattr(g, "value", t))
     with pytest.raises(NoContinuation):
-        evolution.run([0.0, 1.0, 2.0, 2.9, 4.0], progress=False)
+        evolution.run([0.0, 1.0, 2.0, 2.9, 4.0], locate_jumps=True, progress=False)
     motion = NSCD(problem, 1.0, dt=0.05, mass="lumped", damping=(1.0, 0.0))
     start = problem.snapshot()
     g.value = 3.01
