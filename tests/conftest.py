@@ -45,12 +45,12 @@ def pytest_ignore_collect(collection_path, config):
 
 
 def pytest_collection_modifyitems(config, items):
-    """Leave out what takes long, and on several ranks what is seen serially (all run with --long).
+    """Select the tests of the run.
 
-    Of cases that are a product, `each_value` leaves so few that every value is in one of them. On
-    several ranks only tests marked `ranks` run, and those that send many messages do not. There a
-    test with several cases runs in one, the last on two ranks and the first on more, unless it is
-    marked with `every_case`.
+    Without ``--long`` tests marked `long` are left out, and `each_value` reduces products of cases
+    to a few in which every value occurs. On several ranks only tests marked `ranks` run, without
+    those that send many messages. Unless it is marked with `every_case`, a test with several cases
+    runs in one of them: the last on two ranks, the first on more.
     """
     _select_sample(config, items)
     if config.getoption("--long"):
@@ -115,7 +115,7 @@ def _beside_each_value(items):
 
 
 def _on_ranks(item):
-    """Return whether so many ranks run a test; more than three run those of three."""
+    """Return whether a test runs on this number of ranks; above three, tests for three run."""
     if COMM.size == 1:
         return True
     return any(min(COMM.size, 3) in mark.args for mark in item.iter_markers("ranks"))
@@ -150,7 +150,7 @@ def clean_petsc_options():
 
 @pytest.fixture(params=["direct", "multigrid", "multigrid by default"])
 def accuracy(request):
-    """Of contact forces over the largest, by a linear solver and its tolerance."""
+    """Return the relative accuracy of contact forces for a linear solver and its tolerance."""
     options = PETSc.Options()
     if request.param == "direct":
         return 1e-8

@@ -759,7 +759,7 @@ def laws_in_space():
 
 
 def questions():
-    """What theorems and proofs say of some problems."""
+    """Return answers of theorems and proofs for some problems."""
     found = {}
     bodies = {
         "slight friction": block(2, "quad", law=Coulomb(0.1), motion=oblique(2)),
@@ -1716,7 +1716,7 @@ def plain(value):
 
 
 def computed(name):
-    """What a case gives."""
+    """Return the numbers of a case."""
     return plain(CASES[name]())
 
 
@@ -1730,7 +1730,7 @@ def lists_in(value, path=()):
 
 
 def differences(found, kept):
-    """In words, where what is computed is not what the record has."""
+    """Return messages about numbers that differ from the record."""
     if set(found) != set(kept):
         return [f"parts {sorted(found)}, in the record {sorted(kept)}"]
     words = []

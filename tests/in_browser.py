@@ -1,8 +1,8 @@
-"""Clicks in pages of records: python3 in_browser.py FOLDER, where Chromium is (make test-browser).
+"""Click through pages of records in Chromium: python3 in_browser.py FOLDER (make test-browser).
 
-The pages are those that `test_explorer.py` wrote there. Every one is opened from its file, without
-a network, in a browser that draws in software; what a click or key brings about is read from the
-page, and no error may stand on its console. Pictures of the pages are put beside them.
+`test_explorer.py` wrote the pages to the folder. The browser opens each from its file, without a
+network and with software rendering. Effects of clicks and keys are read from the page, and the
+console must contain no errors. Pictures of the pages are stored beside them.
 """
 
 import sys
@@ -29,7 +29,7 @@ PATIENCE = 30.0
 
 
 class Browser:
-    """A page that is open, and what is asked of it."""
+    """A page in a browser."""
 
     def __init__(self, folder, flags, size=(1400, 1000)):
         self.folder = folder
@@ -105,7 +105,7 @@ class Browser:
 
 
 def along_a_branch(b, name, dim):
-    """A click on a point, the slider, keys, and what they show."""
+    """Click on a point, use the slider and keys, and check the page."""
     b.open(name)
     count = b.ask("META.series[0].count")
     assert b.find("#title").text == "<b>Block</b> & γ"
@@ -189,7 +189,7 @@ def tables(b, name, dim):
 
 
 def controls(b, name):
-    """Axes, colours and the scale; what is chosen stays when the page is loaded anew."""
+    """Change axes, colours and scale; the choices survive a reload."""
     b.open(name)
     b.choose("axis-y", "distance")
     b.wait("byId('diagram').layout.yaxis.title.text === 'distance'")
@@ -222,7 +222,7 @@ def controls(b, name):
 
 
 def solutions(b, name):
-    """The list at a gamma, with what is proved and what is not."""
+    """Check the list of solutions at a gamma and the verdicts of the proofs."""
     b.open(name)
     b.find("[data-tab='solutions']").click()
     b.wait("!byId('solutions').hidden")

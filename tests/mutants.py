@@ -2,10 +2,10 @@
 
     docker/run python3 tests/mutants.py --seed 7 --count 90 --output output/mutants
 
-Mutants are drawn at random from all layers, at least four from each. A copy of the tree serves them
-one after the other. Which functions each test runs is measured once in the output folder
-(`functions.json`; delete it after tests have changed); a mutant is tried by tests that run its
-function, those of its layer first, for `--seconds` of their processor time, at most `--most` tests.
+Mutants are drawn at random from all layers, at least four from each, and tried one by one in a copy
+of the tree. The functions that each test runs are measured once and stored in the output folder
+(`functions.json`; delete it after tests have changed). A mutant is tried by tests that run its
+function, tests of its layer first, for `--seconds` of processor time and at most `--most` tests.
 `report0.md` lists the verdict of every mutant; `tests/mutants.md` interprets the last sample.
 """
 
@@ -215,9 +215,10 @@ def functions_of_tests(tree, file):
 
 
 def that_run(mutant, tests, seconds, most):
-    """Tests that run the function of a mutant, for so many seconds altogether.
+    """Return tests that run the function of a mutant, up to a total processor time.
 
-    First those of its layer, then cases of the regression record, then others; quick ones first.
+    Tests of its layer come first, then cases of the regression record, then others. Quick tests
+    precede slow ones.
     """
     key = f"{mutant.file}:{mutant.name}"
     folders = (f"tests/unit/{mutant.layer}/", "tests/test_golden.py", "tests/")

@@ -24,7 +24,7 @@ MOST = 200
 
 @dataclass(frozen=True)
 class Fault:
-    """A text in a file of the package, and what stands there instead."""
+    """A text in a file of the package and its faulty replacement."""
 
     file: str
     text: str
@@ -74,7 +74,7 @@ def with_fault(fault, folder):
 
 
 def seen(name):
-    """What `--draw` prints of a package with a fault: the property, and the number of examples."""
+    """Return the output of `--draw` for a package with a fault: property and number of examples."""
     with tempfile.TemporaryDirectory() as folder:
         with_fault(FAULTS[name], folder)
         path = os.pathsep.join([folder, str(ROOT / "tests")])
@@ -90,7 +90,7 @@ def seen(name):
 
 
 class Kept:
-    """What is called with data and stores them in a list."""
+    """Function that stores its arguments in a list."""
 
     __name__ = "stays_under_places"
 

@@ -64,7 +64,7 @@ def pages(b, site, pictures):
 
 
 def questions(b, site):
-    """What the search page answers, and what was computed without a browser."""
+    """Compare answers of the search page with those computed without a browser."""
     resized(b, SIZES["screen"])
     computed = json.loads((site / "questions.json").read_text())
     search = (site / "search.html").resolve()

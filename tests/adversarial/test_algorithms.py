@@ -1,7 +1,8 @@
 """Assumption: contact nodes can move, loads have a size, and classical algorithms converge.
 
-Rows of stiff cells that friction holds everywhere, gaps and loads of round-off, and random points
-have answers by hand; each algorithm gives them, or what it gives fulfils the law as written here.
+The problems are rows of stiff cells that stick everywhere, gaps and loads of round-off, and random
+points. Each algorithm returns the solution in closed form, or a state that satisfies the law as it
+is written in this file.
 """
 
 from mpi4py import MPI

@@ -232,7 +232,7 @@ def test_steps_of_one_proof_do_not_prove_another_problem():
 
 
 def variants(steps):
-    """Lists of steps that are not those of a proof."""
+    """Return lists of steps that do not belong to the proof."""
     yield []
     for k in range(min(len(steps), 12)):
         yield steps[:k] + steps[k + 1 :]
@@ -356,7 +356,7 @@ def damaged(folder):
 
 
 def test_damaged_files_are_refused_without_a_traceback(folder):
-    """Status 1, and 2 where there is no file."""
+    """The exit code is 1, and 2 if the file does not exist."""
 
     def checked():
         accepted = []
@@ -425,7 +425,7 @@ print("OUTSIDE", sorted(t for t in tops if t not in known and not t.startswith("
 
 
 def test_the_checker_alone_imports_numpy_only_and_says_the_same(folder):
-    """It names the hash of the data, and that the mesh is not part of the proof."""
+    """The output contains the hash of the data and says that the mesh is not part of the proof."""
 
     def checked():
         proof = several().certificate

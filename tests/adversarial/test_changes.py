@@ -1,8 +1,8 @@
-"""Assumption: data are as they were when the problem was made.
+"""Assumption: data do not change after the problem is made.
 
-Between two calls users change Constants, Functions and arrays, or set attributes. New values of
-Constants and Functions give the answer for the new data; arrays and lists are copied; what cannot
-be changed afterwards raises an error.
+Users change Constants, Functions and arrays, or set attributes, between two calls. New values of
+Constants and Functions lead to the answer for the new data. Arrays and lists are copied. Any other
+change raises an error.
 """
 
 from dataclasses import dataclass

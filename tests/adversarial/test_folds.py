@@ -211,7 +211,7 @@ POINTS = {
 
 @pytest.mark.parametrize("name", POINTS)
 def test_a_load_turns_back_where_a_point_with_much_friction_slips(name):
-    """It sticks to gamma = 0.2 and slips back to 0, where it opens or is pressed again."""
+    """The point sticks up to gamma = 0.2, slips back to 0, and opens or is pressed again."""
     stiffness, aside, friction, folds, longest = POINTS[name]
     dim = len(stiffness)
     body, energy = one_point(stiffness, dim)

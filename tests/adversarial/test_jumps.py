@@ -132,7 +132,6 @@ def test_a_load_that_turns_at_the_border_of_a_jump_is_followed(name):
 
 
 def test_several_evolutions_from_the_border_of_slip_are_counted():
-    """It sticks or slips."""
     top = lambda t: (1.0, 0.2 - abs(t - 0.2))  # noqa: E731
     _, evolution = history_of_a_point(TURNS, Coulomb(1.0), top)
     history = evolution.run([0.0, 0.1, 0.2, 0.25, 0.3], locate_jumps=True, rays=True)
@@ -305,7 +304,7 @@ def test_a_load_that_is_not_a_number_ends_the_run_at_its_last_state(broken):
 
 
 def test_a_load_that_raises_on_one_rank_ends_the_run_on_all():
-    """It is asked for its last time when the run starts; the state is that of the start."""
+    """The run evaluates the load at its last time when it starts; the state is unchanged."""
     problem, evolution = breaking(ArithmeticError("no load"))
     with pytest.raises(Exception, match="no load"):
         evolution.run([0.0, 0.3, 0.6, 0.9])

@@ -94,7 +94,7 @@ def lowest(factor):
     ids=["late", "at once"],
 )
 def test_a_load_that_sets_in_on_the_way_is_right(factor):
-    """It sets in at u_y = -0.002; the answer d + 4 / E is beyond."""
+    """The load begins at u_y = -0.002, before the solution d + 4 / E."""
     assert_close(lowest(factor), np.full(3, 0.1 - 0.014), 1e-8)
 
 

@@ -1,8 +1,8 @@
-"""Assumption: mass, damping and Dirichlet data of a motion are as they were when it was made.
+"""Assumption: mass, damping and Dirichlet data of a motion do not change.
 
-Free bodies under uniform forces move as points do, whatever their density, damping and mesh are,
-and held ones follow their data. What changes in a run, and cannot be followed, is refused; masses
-and velocities that are off are warned of with a number.
+Free bodies under uniform forces move like points, whatever their density, damping and mesh.
+Supported bodies follow their data. Changes during a run that the method cannot follow raise an
+error. Inconsistent masses and velocities give a warning with a number.
 """
 
 from dataclasses import dataclass
@@ -229,7 +229,7 @@ def test_a_consistent_mass_lets_a_coarse_body_fall_without_turning():
 
 
 def test_the_default_mass_of_a_coarse_body_is_warned_of(caplog):
-    """It turns where it should only fall."""
+    """The body rotates although it should only fall."""
     body = flying((0.0, -2.0), (1, 1), "tri", young=1e5)
     body.run(dt=0.1, mass="redistributed")
     assert_warned(caplog, "mass.*[0-9] ?%")
@@ -318,7 +318,7 @@ def test_a_drive_that_begins_smoothly_has_its_velocity_at_the_ends_of_steps():
 
 
 def test_a_drive_from_rest_with_a_kink_is_warned_of(caplog):
-    """The velocity of the top swings about that of the drive."""
+    """The velocity of the top oscillates about the prescribed velocity."""
     error_of_the_top(lambda t: 0.2 * t, lambda t: 0.2)
     assert_warned(caplog, "velocities.*[0-9]")
 

@@ -1,7 +1,7 @@
 """Assumption: sliding between bodies is small.
 
-Opposing points, gaps and normals are those of the reference configuration. Where bodies move or
-turn far the answer is wrong, which a warning has to say, and no proof may call it the only one.
+Opposing points, gaps and normals belong to the reference configuration. Where bodies move or rotate
+far the answer is wrong. A warning must say so, and no proof may call the solution unique.
 """
 
 from mpi4py import MPI
@@ -130,7 +130,7 @@ def test_a_lower_body_drawn_away_is_doubted(caplog, upper, lower, kind):
 
 @pytest.mark.parametrize("degree", [1, 2])
 def test_a_body_half_over_the_edge_is_doubted(caplog, degree):
-    """The right force is that of the upper block meshed where it goes."""
+    """The reference is a mesh of the upper block at its final position."""
     reference = two_blocks((4, 2), (4, 1), at=0.5, degree=degree)
     expected = normal_force(pressed(reference, 0.0).solve())
     assert 0.3 < expected / (0.02 / 1.5) < 0.9
@@ -317,7 +317,7 @@ def test_a_history_of_a_small_way_is_right(caplog):
 
 
 def test_a_body_that_slides_beyond_the_edge_in_a_motion_is_doubted(caplog):
-    """It should fall freely after two widths."""
+    """After two widths the body should fall freely."""
     both = two_blocks((2, 1), (4, 1))
     dx = ufl.Measure("dx", both.domain, subdomain_data=both.parts)
     steel = materials.LinearElastic.from_young(100.0, 0.0)

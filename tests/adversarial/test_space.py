@@ -1,7 +1,7 @@
-"""Assumption: a search for all solutions in three dimensions finds at least that of a solve.
+"""Assumption: a search for all solutions in three dimensions includes the solution of a solve.
 
-Searches begin at zero, by another way than a solve. What they find is compared with closed forms,
-resultants and the solve, in several units, and never called complete without all solutions.
+Searches begin at zero and use another method than a solve. Their solutions are compared with closed
+forms, resultants and the solve, in several units. No incomplete list may be called complete.
 """
 
 import numpy as np
@@ -68,7 +68,7 @@ def test_a_search_finds_the_solution_of_a_solve(name):
 
 
 def test_a_body_without_supports_balances_its_load():
-    """It lies on the floor by its weight and is pushed by less than friction holds."""
+    """Its weight presses it on the floor, and the horizontal load is below the friction bound."""
     body = block((1, 1, 1), (1.0, 1.0, 0.5))
     gamma = fem.Constant(body.domain, 1.0)
     load = gamma * ufl.as_vector((0.2, 0.1, -1.0))

@@ -156,7 +156,6 @@ def test_a_history_run_again_from_its_first_step_repeats_the_rest():
 
 
 def test_a_state_can_be_drawn_and_tabulated_under_the_law_of_its_step():
-    """Tables of the states of a history are those of its steps, whatever is in the Functions."""
     problem, first, _ = lifted_bond()
     problem.u.x.array[:] = 0.0
     surface = problem.surfaces[0]

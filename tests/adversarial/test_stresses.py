@@ -1,8 +1,8 @@
-"""Assumption: the stress that a user draws is that of the bulk.
+"""Assumption: users draw the stress of the form that they solve.
 
-Bodies of two materials carry different stresses side by side. What is written is compared with
-closed forms in each cell, and stresses whose tags do not fit are refused. Nothing checks whether a
-stress is that of the bulk.
+Two materials side by side have different stresses. The written stress is compared with closed forms
+in each cell, and stresses with other tags are refused. Nothing checks that a stress belongs to the
+form of the problem.
 """
 
 import xml.etree.ElementTree as ET
@@ -89,7 +89,7 @@ def written(folder, problem, stress):
 
 
 def assert_stresses(folder, problem, stress, left, right, axis=1, middle=0.5):
-    """Compare the normal stress along ``axis`` in each cell with that of its column."""
+    """Compare the normal stress along ``axis`` in each cell with the closed form of its column."""
     centres, stresses = written(folder, problem, stress)
     expected = np.zeros_like(stresses)
     expected[:, :, axis, axis] = np.where(centres[:, :1] < middle, left, right)

@@ -17,7 +17,7 @@ FILES = {
 
 
 def check(folder, summary, friction=0.4):
-    """What holds for every run: the state, the files and what they say of each other."""
+    """Assert the state, the files and their agreement for any run."""
     assert summary["converged"]
     assert summary["ranks"] == COMM.size
     assert min(summary["open"], summary["stick"], summary["slip"]) > 0

@@ -170,10 +170,10 @@ def test_a_demo_is_one_narrated_file(demo):
 
 
 def test_which_solution(folder):
-    """Three solutions of the element: every one is some algorithm's, and what ends nowhere says so.
+    """Every algorithm returns one of the three solutions of the element or names its failure.
 
-    The free body is a solution: what begins with it stays. The corners of the grid of starts end in
-    two solutions at least, and Lemke's method in one whatever the start.
+    The free body is a solution, so a start there stays. Starts at the corners of the grid lead to
+    at least two solutions. Lemke's method leads to the same one from every start.
     """
     words = ["--n=2", "--friction=1.7", "--grid=3"]
     summary = cases.which_solution.main([*words, f"--output={folder}"])

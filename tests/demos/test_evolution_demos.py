@@ -65,7 +65,7 @@ def test_the_bar_to_one_percent(folder):
 @pytest.mark.long
 @pytest.mark.chatty
 def test_the_two_blocks_demo_costs_little_friction(folder, no_pictures):
-    """Other nodes below cost as much friction, to some percent; what is written is there."""
+    """Other nodes on the lower block change the cost of friction by a few percent only."""
     spent = []
     for ratio in (1, 2):
         words = ["--n=4", f"--ratio={ratio}", f"--output={folder}"]
@@ -229,7 +229,7 @@ def test_peeling(folder):
     aspects=("2D",),
 )
 def test_peeling_as_a_beam(folder):
-    """The load turns where that of a beam does, to 1 %, on meshes of two and four elements."""
+    """The load reaches its maximum within 1 % of beam theory on meshes of two and four elements."""
     for n in (2, 4):
         names = peeling(folder, n=n, peeled_length=6.0)
         late = names["at_fold"]
@@ -321,7 +321,7 @@ def test_steel_in_concrete(folder, no_pictures):
 
 
 def indenter(folder, *words):
-    """Forces of an indenter that is drawn off, in those of Johnson, Kendall and Roberts."""
+    """Return pull-off forces of an indenter relative to Johnson, Kendall and Roberts."""
     summary = cases.indenter.main([*words, f"--output={folder}"])
     bare = summary["without_recovery"]
     sticky = summary["with_recovery"]
@@ -357,7 +357,7 @@ def at_rest(problem):
 
 
 def gives(*words):
-    """What a stiff pile gives way by, over a slip all along and cylinders of soil."""
+    """Return the settlement of a stiff pile that slips along its length in cylinders of soil."""
     args = cases.pile.arguments(list(words))
     problem, drawn = cases.pile.pile_in_soil(args, MPI.COMM_WORLD)
     problem.solve()

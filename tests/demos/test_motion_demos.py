@@ -25,7 +25,6 @@ def no_pictures(monkeypatch):
     aspects=("2D",),
 )
 def test_the_bouncing_bar(folder):
-    """Two impacts and the energy, coarsely; what is written is there."""
     found = cases.bouncing_bar.main(["--elements=12", f"--output={folder}"])
     exact = ((1.0, 5 / 3, 800 / 3), (11 / 3, 13 / 3, 800 / 3))
     np.testing.assert_allclose(found["impacts"], exact, rtol=0.04)
@@ -106,7 +105,7 @@ def test_the_sliding_block_as_it_is(folder):
     aspects=("3D",),
 )
 def test_a_thrown_body(folder):
-    """Momentum is what forces give, angular momentum their moments to first order in the step."""
+    """Momentum is the impulse, angular momentum the moment to first order in the step."""
     words = ["--n=2", "--dt=0.004", "--end=0.12", f"--output={folder}"]
     found = cases.thrown_body.main(words)
     assert found["momentum_error"] < 1e-9
@@ -128,7 +127,7 @@ def test_a_thrown_body(folder):
     ),
 )
 def test_two_thrown_bodies(folder):
-    """Equal bodies get the same spin, and exchange what they have along the normal in part."""
+    """Equal bodies receive the same spin and exchange part of their normal velocities."""
     found = cases.thrown_body.main(["--n=2", "--two", f"--output={folder}"])
     assert found["momentum_error"] < 1e-9
     first, second = found["momenta"]
@@ -144,7 +143,7 @@ def test_two_thrown_bodies(folder):
     "NSCD motion", reference="closed form: an oscillator of one degree of freedom", aspects=("2D",)
 )
 def test_stick_slip(folder):
-    """Begin and end of sticking, and the swing, as those of the oscillator of one degree."""
+    """Sticking phases and amplitude agree with the oscillator of one degree of freedom."""
     names = run("stick_slip", folder, n=1, periods=1.6)
     sticks(names)
     assert names["amplitude"] == pytest.approx(0.1 / names["omega"], rel=0.02)

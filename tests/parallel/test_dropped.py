@@ -1,4 +1,4 @@
-"""What is dropped while an exception travels, in processes of their own, which might hang."""
+"""Objects destroyed while an exception propagates, in separate processes that might hang."""
 
 import subprocess
 import sys

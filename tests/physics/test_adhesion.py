@@ -242,10 +242,10 @@ def test_a_field_of_bonds():
     aspects=("2D",),
 )
 def test_a_bar_that_snaps_back(n, times):
-    """A spring E = 50 in series with a bond: its whole strength goes at once where the bond yields.
+    """A spring E = 50 in series with a bond: the bond loses all its strength when it yields.
 
-    Beyond the jump R = w^2/(C u^3), and u + R/E is what is prescribed. The jump is a third of what
-    happens in the longest steps.
+    Beyond the jump R = w^2/(C u^3), and u + R/E is the prescribed displacement. The jump is a third
+    of the longest steps.
     """
     young = 50.0
     problem, top = bonded(law=RCCM(C, C, W, 0.2), young=young, n=n)

@@ -123,7 +123,6 @@ def test_friction_with_compliance(exponent):
     ],
 )
 def test_the_energy_residue_of_recovering_bonds_falls_with_the_steps(given):
-    """What is left falls with the steps: springs and the surface are counted once each."""
     left = []
     for n in (12, 24):
         law = RCCM(C, C, W, 0.3, viscosity=0.2, **given)

@@ -1,4 +1,4 @@
-"""Bodies of revolution: areas, patch tests, closed forms, what is refused."""
+"""Bodies of revolution: areas, patch tests, closed forms and refused input."""
 
 from mpi4py import MPI
 
@@ -242,7 +242,7 @@ def test_uniform_pressure_between_discs(sizes, degree, method):
 )
 @pytest.mark.parametrize("sizes", [(4, 4), (5, 7)])
 def test_the_tip_of_a_cone(sizes):
-    """On the axis the normal is the mean of those of opposite meridians: it is along the axis."""
+    """The normal on the axis is the mean of the normals of opposite meridians, along the axis."""
     table = stacked(sizes, 1, "nodal", cone=0.1).solve().tables["contact"]
     tip = table.x[:, 0] < 1e-9
     assert tip.sum() == 1
@@ -338,7 +338,7 @@ def test_a_press_fit_of_revolution_has_lames_pressure(ratio, method, degree):
     aspects=("2D",),
 )
 def test_energy_of_a_history():
-    """A disc that slips outwards as it is pressed and back: what is put in is stored or rubbed."""
+    """A disc that slips outwards and back stores or dissipates the external work."""
     residues = []
     for steps in (4, 8):
         domain = section(4, "quad")

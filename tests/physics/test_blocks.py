@@ -146,7 +146,6 @@ PROBLEMS = {
     ),
 )
 def test_ranks_and_ghost_modes(name, ghosts):
-    """Every rank count gives what one rank gives."""
     options = dict(PROBLEMS[name])
     if ghosts is None:
         result = block(**options).solve()
@@ -311,7 +310,7 @@ def test_two_surfaces_with_their_own_laws():
     ),
 )
 def test_large_displacement_on_a_plane_is_exact():
-    """A neo-Hookean bar moved by its own size: gap and slip as those of the moved nodes."""
+    """A neo-Hookean bar moves by its own size; gap and slip agree with the moved nodes."""
     shift = 1.7
     press = 0.2
     problem = block(
@@ -354,7 +353,7 @@ def test_methods_converge_to_one_another(method, cell, levels):
 @pytest.mark.ranks(2)
 @pytest.mark.verifies("mixed contact", reference="closed form: uniform pressure", aspects=("3D",))
 def test_mixed_contact_on_facets_that_are_no_parallelograms():
-    """Averages reproduce constants, and forces are those of the body: uniform to round-off."""
+    """Averages reproduce constants, and the forces are uniform to round-off."""
     domain = box(COMM, 4, "hex")
     x = domain.geometry.x
     x[:, 0] += 0.1 * np.sin(2 * np.pi * x[:, 0]) * np.sin(np.pi * x[:, 1])
@@ -478,7 +477,7 @@ def test_without_a_load(algorithm):
     "algorithm", [Lemke(), InteriorPoint(), ProjectedGradient(), Uzawa(on="points")]
 )
 def test_on_the_points(algorithm):
-    """Forces as they must be, the scale of lengths being that of the body without contact."""
+    """Forces are exact; the scale of lengths comes from the body without contact."""
     problem, carried = one_row()
     points = problem.reduced()
     outcome = algorithm.run(points)

@@ -144,7 +144,7 @@ def test_penalised_coulomb(dim):
     aspects=("2D",),
 )
 def test_limits():
-    """Forces tend to those of the true law as C grows and eps falls, at the rate of theory."""
+    """Forces converge to the exact law at the theoretical rate as C grows and eps falls."""
     options = {"snes_rtol": 1e-12}
     true = block(n=6, cell="quad", top=(0.02, -0.03), options=options).solve().tables["contact"]
     assert 0 < true.count("k") < 7
@@ -242,7 +242,7 @@ def test_width_and_stiffness_as_parameter():
     ),
 )
 def test_a_branch_by_pivoting():
-    """Springs and Coulomb friction are piecewise linear in 2D: the events are those of steps."""
+    """Springs and friction are piecewise linear in 2D; pivoting finds the events of steps."""
     law = NormalCompliance(3e4, 1.0, Coulomb(0.15), tangential=2e4)
     events = []
     for route in ("pivoting", "steps"):

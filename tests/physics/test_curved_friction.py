@@ -152,7 +152,7 @@ TURNED = {2: {"rz": 0.3}, 3: {"rx": 0.2, "ry": -0.3, "rz": 0.4}}
 
 
 def on_turned(dim, shape, **given):
-    """Of a body about (0.4, ..., -1) that is pressed, and turned as prescribed."""
+    """Return a body pressed on an obstacle that rotates about (0.4, ..., -1)."""
     motion = TURNED[dim] | {"x": 0.02} | ({"y": -0.01} if dim == 3 else {})
     about = [0.4, *[0.5] * (dim - 2), -1.0]
     return RigidBody(shape, about=about, motion=motion, load={"y" if dim == 2 else "z": 5.0})
@@ -360,7 +360,7 @@ def test_led_around(dim, cell, shape):
     aspects=("2D", "large sliding"),
 )
 def test_motion():
-    """A block led around a drum, by steps that dissipate: what is nowhere falls with the steps."""
+    """A block moves around a drum, and the energy residue falls with the steps."""
     rests = []
     for steps in (40, 80):
         on_drum = OnBody(2, Sphere((0.4, -1.0), 1.0), Coulomb(0.3), n=4)

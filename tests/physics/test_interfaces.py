@@ -1,4 +1,4 @@
-"""Interfaces by an energy and a dissipation: what they are instances of, and closed forms."""
+"""Interfaces defined by an energy and a dissipation: special cases and closed forms."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -87,7 +87,7 @@ class Creeping(Interface):
 @pytest.mark.parametrize(("dim", "end"), [(2, None), (2, 0.0), (3, None)])
 @pytest.mark.parametrize("viscosity", [0.0, 0.3])
 def test_adhesion_at_a_point(dim, end, viscosity):
-    """Statuses, intensity, answers and derivatives are those of the direct law at any state."""
+    """Statuses, intensity, answers and derivatives agree with the direct law at any state."""
     given = dict(normal=100.0, tangential=60.0, work=1.0, friction=0.4, viscosity=viscosity)
     laws = RCCM(**given), adhesion(end)(**given)
     points = [Point(law, dim, r=1000.0) for law in laws]
@@ -142,7 +142,7 @@ def senses(table):
     ),
 )
 def test_adhesion_of_a_block(cell, given):
-    """A history of all statuses is that of the direct law; what damage costs is stored."""
+    """A history with all statuses agrees with the direct law, and the cost of damage is stored."""
     aside = [0.0] * (cell == "tet")
     corners = (0.0, *aside, -0.02), (0.2, *aside, -0.02), (0.1, *aside, 0.3), (0.1, *aside, -0.01)
     histories = []
@@ -242,7 +242,7 @@ def test_maxwell_layer(dim):
     "bilinear cohesion", reference="closed form: traction, secant and cost", aspects=("2D",)
 )
 def test_cohesion_at_a_point():
-    """Rises, falls, unloads along the secant, breaks, and has cost what it says."""
+    """The traction rises, falls, unloads along the secant and vanishes; its work is the energy."""
     strength = 2.0
     a = 0.1
     b = 0.3
@@ -274,7 +274,7 @@ def test_cohesion_at_a_point():
     aspects=("2D",),
 )
 def test_a_bar_on_cohesion(k):
-    """By arc length, back where the bond softens faster than the bar, to where it is broken."""
+    """The path turns back where the bond softens faster than the bar, until the bond is broken."""
     strength = 2.0
     a = 0.1
     b = 0.3

@@ -201,7 +201,7 @@ def test_the_jacobian_of_large_sliding_passes_taylors_test(obstacle, cell, law, 
     ),
 )
 def test_a_plane_is_a_plane(cell):
-    """As a level set it goes the way of curved obstacles, and gives the numbers of a half-space."""
+    """As a level set it uses the code of curved obstacles and gives the numbers of a half-space."""
     dim = 2 if cell == "tri" else 3
     normal = np.array([0.1, *[0.0] * (dim - 2), 1.0])
     point = np.array([0.3, *[0.0] * (dim - 1)])
@@ -244,9 +244,9 @@ def test_which_sliding():
 
 
 def orbiting(cell, n, angle, press=0.08):
-    """A block pressed on a cylinder, and then led around it by its top: the parameter is the part.
+    """Press a block on a cylinder and lead its top around it; gamma is the part of the way.
 
-    Nothing but the frame changes on the way, so that what is pressed is the solution everywhere.
+    Only the frame changes on the way, so that the pressed state is the solution everywhere.
     """
     domain = box(COMM, n, cell)
     dim = domain.geometry.dim
@@ -285,7 +285,7 @@ def orbiting(cell, n, angle, press=0.08):
     ),
 )
 def test_led_around_a_cylinder(cell, n):
-    """By far more than the contact is long, by Newton's method and along the branch."""
+    """The way is much longer than the contact; Newton solves and the branch agree."""
     angle = 1.2
     system = orbiting(cell, n, 1.2)
     problem = system.problem

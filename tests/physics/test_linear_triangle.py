@@ -1,6 +1,6 @@
 """All branches of a triangle on a floor, against independent codes.
 
-The numbers are those of GetFEM and of an enumeration of all statuses in numpy, on the same mesh.
+The references are GetFEM and an enumeration of all statuses in numpy, on the same mesh.
 """
 
 from mpi4py import MPI

@@ -15,7 +15,7 @@ LONG = [name for name, case in CASES.items() if case.long]
 
 
 def as_tabled(name):
-    """Whether orders are those of theory, or more, and those of the table in the manual."""
+    """Assert that orders reach the theory and agree with the table in the manual."""
     case = CASES[name]
     orders, errors = case.measured()
     with TABLE.open(newline="") as file:

@@ -50,7 +50,7 @@ def energy_of(material, u, kind):
 
 
 def symmetry(V, tol=1e-9):
-    """No motion across the planes x = 0 and y = 0, and in 3D across those of the layer."""
+    """Return symmetry conditions on x = 0 and y = 0, and in 3D on both ends of the layer."""
     domain = V.mesh
     tdim = domain.topology.dim
     planes = [(0, 0.0), (1, 0.0), (2, 0.0), (2, 0.5)][: 2 if tdim == 2 else 4]
@@ -70,7 +70,7 @@ def at_radius(domain, radius):
 
 
 def under_pressure(domain, poisson, kind, degree=1):
-    """Displacement of the quarter under a pressure inside; that of the closed form at a node."""
+    """Return the displacement of the quarter under inner pressure, and its closed form."""
     dim = domain.geometry.dim
     V = fem.functionspace(domain, ("Lagrange", degree, (dim,)))
     u = fem.Function(V)
@@ -263,7 +263,7 @@ def test_of_revolution():
     aspects=("2D", "3D", "multigrid"),
 )
 def test_contact_pressure(cell, solver):
-    """A shaft that is too thick by a little: the pressure on it is that of the closed form."""
+    """The pressure on a shaft with interference agrees with the closed form."""
     poisson = 0.4999
     overlap = 1e-3
     pressure = overlap / closed_form(poisson, INNER, 1.0)
@@ -328,7 +328,7 @@ def test_what_it_is_not_for():
 
 
 class Stiffer(NeoHookean):
-    """A user's energy, three times that of its base."""
+    """User-defined energy, three times the energy of its base."""
 
     def energy(self, u):
         return 3.0 * super().energy(u)

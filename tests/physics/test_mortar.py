@@ -36,7 +36,7 @@ COMM = MPI.COMM_WORLD
     ),
 )
 def test_mortar_forces_are_exact_integrals_of_uniform_tractions(case, slave, master, angle):
-    """Forces on both faces are integrals over what they have in common, node by node."""
+    """Forces on both faces are integrals over their intersection, node by node."""
     both = stacked(*case, angle=angle)
     u = displacement(both.mesh)
     pair = discretise(ContactPair(u, both, slave=slave, master=master, law=Frictionless()))
@@ -184,7 +184,7 @@ def test_a_linear_displacement_over_different_meshes_in_space_is_exact(case, sla
     ),
 )
 def test_a_branch_between_bodies(folder):
-    """By pivoting and by steps, cut short and resumed: the same events, and a solve at its end."""
+    """Pivoting and steps, interrupted and resumed, have the same events and agree with a solve."""
     system, x = sheared()
     seen = {"energy": system.problem.energy, "force": records.total("rt")}
     paths = []

@@ -164,7 +164,7 @@ def test_a_bar_thrown_at_a_wall():
 
 
 def shaken(problem, size=1.0):
-    """A velocity that is no rigid motion, none where the body is held."""
+    """Return a velocity that is no rigid motion and vanishes at supports."""
     v = fem.Function(problem.V)
     dim = problem.V.mesh.geometry.dim
 
@@ -189,7 +189,7 @@ def viscous(problem, velocity):
     aspects=("2D",),
 )
 def test_restitution_of_a_stiff_block(e):
-    """It comes back with e times its speed, in the step in which it hits."""
+    """The block rebounds with e times its speed in the step of the impact."""
     problem, _ = block(material=LinearElastic.from_young(1e9, 0.3), height=0.1)
     how = dict(scheme="theta-euler", theta=1.0, level="velocity", mass="lumped", restitution=e)
     motion = NSCD(problem, 2.0, dt=0.01, velocity=at_speed(problem, 0.0, -3.0), **how)
@@ -257,7 +257,7 @@ def test_a_stiff_block_slides_and_stops():
     ),
 )
 def test_energy_is_kept(cell, n, degree, damping):
-    """theta = 1/2, linear, nothing hits: to 1e-10 of the total, with loads and what is held."""
+    """With theta = 1/2, a linear body and no impact the energy is constant to 1e-10."""
     problem, top = block(cell, n, degree=degree, weight=3.0, height=1.0, held=True)
     velocity = shaken(problem)
     if damping == "form":
@@ -305,7 +305,7 @@ def test_drag_takes_what_the_body_loses(theta):
     "energies of motions", "hyperelastic bodies", reference="itself: half the step", aspects=("2D",)
 )
 def test_energy_of_a_hyperelastic_body():
-    """What does not close falls with the square of the steps."""
+    """The energy error falls with the square of the steps."""
     found = []
     for dt in (0.02, 0.01):
         problem, _ = block("tri", 2, material=NeoHookean(60.0, 40.0), height=1.0)
@@ -358,7 +358,7 @@ def test_schemes_have_their_order():
 @pytest.mark.chatty
 @pytest.mark.parametrize(("cell", "degree"), [("tri", 1), ("quad", 2), ("tet", 1), ("hex", 1)])
 def test_mass_matrices_have_the_mass_of_the_body(cell, degree):
-    """All have the mass of the body; none is at what may touch, and it is positive elsewhere."""
+    """Nodes that may touch have no redistributed mass, and all other masses are positive."""
     problem, _ = block(cell, 2, degree=degree, comm=MPI.COMM_SELF)
     V = problem.V
     dim = problem.V.mesh.geometry.dim

@@ -129,7 +129,7 @@ def test_a_surface_that_gives_way():
     aspects=("2D",),
 )
 def test_a_bond_that_breaks():
-    """A block that flies off loses what its bond costs: w of its kinetic energy."""
+    """A block that flies off loses the work w of its bond from its kinetic energy."""
     w = 0.1
     C = 1e3
     problem = block(RCCM(C, C, w), young=1e7, weight=0.0)

@@ -136,7 +136,7 @@ def floor_normal(dim):
     ),
 )
 def test_constant_pressure(dim, cell):
-    """It stays constant, and friction is local; of the plain convolution the bound is known."""
+    """The pressure remains constant; the bound of the plain convolution has a closed form."""
     pressed = 0.05
     s = 0.03
     F = 0.2
@@ -192,7 +192,7 @@ def spread_share(problem, x):
     ),
 )
 def test_the_jacobian_of_nonlocal_friction_passes_taylors_test(cell, degree, method, law):
-    """Of pieces that are smooth the remainder falls as h^2."""
+    """The remainder falls as h^2 within smooth pieces."""
     problem = block(n=4 if cell == "quad" else 2, cell=cell, degree=degree, method=method, law=law)
     x = randomise(problem, 1, 0.02, 10.0)
     assert spread_share(problem, x) > 1.0
@@ -222,7 +222,7 @@ def between_bodies(law, solver="direct", cell="tet"):
     ),
 )
 def test_nonlocal_friction_between_bodies_averages_the_slaves_pressure():
-    """The slave's points see each other: the bound is that of their pressures; by both solvers."""
+    """Both solvers average the pressures of the slave points."""
     law = NonlocalCoulomb(0.25, 0.5)
     tables = []
     for solver in ("direct", "amg"):

@@ -111,8 +111,9 @@ def pressed(dim, *, whole, overlap=0.0, slave=SLAVE, plane=0.0, **start):
     aspects=("2D", "pairs", "large sliding"),
 )
 def test_half_is_the_whole(start):
-    """Gaps, slips and tractions of the half are those of the whole, as are Newton's steps; also
-    where the bodies start in each other, and what is opposite lies behind the plane.
+    """Gaps, slips, tractions and Newton steps of the half agree with the whole body.
+
+    This includes bodies that overlap at the start with opposing faces behind the plane.
     """
     dim = 2
     whole, steps = pressed(dim, whole=True, **start)

@@ -74,7 +74,7 @@ def resultant(t, about):
     ),
 )
 def test_a_punch_under_a_force(dim, method, degree):
-    """The resultant is the force, and the field that of the motion which is found."""
+    """The resultant is the force; the field agrees with that of the resulting motion."""
     up = "xyz"[dim - 1]
     n = 3 if dim == 3 or degree == 2 else 5
     options = {"snes_rtol": 1e-13}  # as exact as the comparison
@@ -184,7 +184,7 @@ def test_a_sphere_under_a_force(dim, method, degree):
 
 @pytest.mark.parametrize("dim", [2, 3])
 def test_a_punch_that_is_dragged(dim):
-    """Below F P it holds; above there is no static solution, and an error says what is free."""
+    """Below F P the punch sticks; above it the error names the free motion."""
     up = "xyz"[dim - 1]
     free = ("x", "xyz"[dim - 1])
     body = punch(dim, load={up: -10.0, "x": 2.5}, held=others(dim, *free))

@@ -507,7 +507,7 @@ class Thrown:
         self.motion = NSCD(self.problem, 1.0, **given)
 
     def distance(self):
-        """By which the block has moved."""
+        """Return the distance that the block has moved."""
         x = ufl.SpatialCoordinate(self.u.function_space.mesh)
         moved = fem.form(ufl.conditional(x[1] > 0, self.u[0], 0.0) * ufl.dx)
         return COMM.allreduce(fem.assemble_scalar(moved)) / (0.3 * 0.15)
@@ -533,7 +533,7 @@ def above(x):
     aspects=("2D", "pairs", "large sliding"),
 )
 def test_a_block_that_is_thrown_comes_to_rest(slave, mass):
-    """It slides by 1.2 facets; it is elastic, so that it comes to rest a little elsewhere."""
+    """It slides by 1.2 facets and, being elastic, comes to rest near the rigid position."""
     thrown = Thrown(slave, mass)
     history = thrown.motion.run([0.0, 0.25])
     wanted = thrown.speed**2 / (2 * thrown.friction * thrown.gravity)
@@ -607,12 +607,12 @@ def disc_on_a_block(cell, slave, n=4, law=None):
 
 
 def torque_of_a_punch(n, angle, pressure):
-    """Torque of friction by the normal force on a disc of the radius 1 that spins in one step.
+    """Return frictional torque over normal force of a disc of radius 1 that spins in one step.
 
     Args:
-        n: cells across it.
-        angle: by which it turns.
-        pressure: of the distance from the axis, taken to the nodes by their means.
+        n: number of cells across the disc.
+        angle: rotation angle.
+        pressure: function of the distance from the axis, averaged at the nodes.
     """
     friction = 0.2
     both, u, pair = disc_on_a_block("hex", 2, n)

@@ -49,7 +49,7 @@ PRESSURE = STIFF * (1 / SHRINK - SHRINK)
 
 
 def shaft_and_tube(shaft, tube, cell, slope):
-    """Of the radii 0 (or 1, of a cone) to 2 and 2 to 3, with the given nodes along the axis."""
+    """Return a shaft of radius 2 (with a hole, for a cone) in a tube of radius 2 to 3."""
     inner = 1.0 if slope else 0.0
     bodies = []
     tags = []

@@ -121,7 +121,7 @@ def test_every_point_by_its_way(cell, given):
     aspects=("2D",),
 )
 def test_a_stiff_block():
-    """T = mu(s) N against the way s, to the elastic slip; back and forth, what was lost stays."""
+    """T = mu(s) N against the way s beyond the elastic slip, forwards and backwards."""
     residues = []
     for n in (6, 12):
         problem, top = dragged(n=1, young=1e6)
@@ -141,7 +141,7 @@ def test_a_stiff_block():
 
 @pytest.mark.ranks(2)
 def test_a_static_start_has_slipped(folder):
-    """What has slipped under the static law counts: friction goes on where it was."""
+    """Slip under the static law counts, and friction continues from there."""
     problem, top = dragged()
     put(top, (0.02, -0.01))
     before = problem.solve().tables["contact"]

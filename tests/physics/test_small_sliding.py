@@ -1,4 +1,4 @@
-"""Between bodies sliding and turning are small: what says that they were not."""
+"""Indicators that sliding and rotation between bodies were not small."""
 
 import logging
 
@@ -86,10 +86,10 @@ def stacked(
     material=None,
     size=1.0,
 ):
-    """A block on another, each held on its far side, by Functions.
+    """Return two blocks on each other, clamped on their far sides by Functions.
 
     Returns:
-        The problem, what moves it: `move(slide, degrees)`, and the Function of the upper one.
+        Problem, function ``move(slide, degrees)``, and the Function of the upper block.
     """
     body = boxes(cell, n)
     body.mesh.geometry.x[:] *= size
@@ -170,7 +170,7 @@ def test_far_and_turned(options, log):
 
 
 def test_a_history_says_it_once(log):
-    """Of accepted steps, each of which has its numbers; so do paths."""
+    """Accepted steps of histories and paths have their numbers; the warning appears once."""
     problem, move, _ = stacked(n=(3, 3), law=Coulomb(0.05))
     evolution = QuasiStatic(problem, lambda t: move(0.8 * t, down=0.01 + 0 * t))
     move(0.0)

@@ -185,7 +185,7 @@ def test_the_continuation_knows_petsc_alone():
 
 
 def test_the_checker_stands_alone():
-    """It imports the standard library and numpy, so that it runs where there is nothing else."""
+    """It imports the standard library and numpy only."""
     found = set()
     for node in ast.walk(ast.parse(MODULES[CHECKER].read_text())):
         if isinstance(node, ast.Import):
@@ -221,7 +221,7 @@ def test_what_one_rank_skips_runs_on_several():
 
 
 def test_modules_of_tests_do_not_import_each_other():
-    """What several of them need is in `tests/support`."""
+    """Shared helpers are in `tests/support`."""
     for file, tree in trees():
         for node in ast.walk(tree):
             if isinstance(node, ast.Import):

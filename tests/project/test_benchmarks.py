@@ -1,4 +1,4 @@
-"""What the benchmarks divide by what: warm runs in turns, and the elastic solve as a yardstick."""
+"""Ratios in the benchmarks: warm runs take turns, and the elastic solve is the yardstick."""
 
 import json
 import sys
@@ -69,7 +69,6 @@ def test_settings_by_name():
 
 
 def test_step_of_a_motion(folder):
-    """Both cases, their energies, and ratios of what stands beside them."""
     file = folder / "motion.json"
     motion_step.main(["--n", "6", "--steps", "6", "--output", str(file)])
     COMM.barrier()

@@ -1,4 +1,4 @@
-"""The judge of the codes passes what is right, and finds each way in which an answer is wrong."""
+"""The judge of the codes passes correct answers and finds each kind of wrong answer."""
 
 import sys
 from dataclasses import fields, replace
@@ -157,7 +157,7 @@ def test_a_roller_is_judged_by_hertz():
 
 @pytest.fixture(scope="module")
 def pressed():
-    """The die of the ironing on a coarse mesh, pressed in to t = 0.4, and what the package says."""
+    """Return the pressed die of the ironing problem on a coarse mesh at t = 0.4."""
     problem = replace(problems.ironing(0.4, until=0.4), window=np.array([7]))
     u, forces, record = with_ours.solve(problem, {})
     assert record["converged"]

@@ -70,7 +70,6 @@ def code_of(page):
 @pytest.mark.ranks(2)
 @pytest.mark.parametrize("page", [p for p in [*THEORY, TOUR] if code_of(p)], ids=name_of)
 def test_formulas_of_theory_pages_hold(page, tmp_path, monkeypatch):
-    """The formulas that a page checks are those of the package, on any number of ranks."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(str(DOCS / "recipes"))
     code = code_of(page)
@@ -118,7 +117,7 @@ def test_every_script_is_on_a_page():
 
 
 def test_every_recipe_is_asked_for():
-    """By other words than those of its title; `make docs-questions` looks them up in the site."""
+    """The questions use other words than titles; `make docs-questions` searches the site."""
     with (DOCS / "questions.csv").open() as file:
         asked = {row["question"]: row["page"] for row in csv.DictReader(file)}
     assert len(asked) >= 40
@@ -170,7 +169,7 @@ def docstrings(text):
 
 
 def private_words(text):
-    """Lines of docstrings, the words in them that are listed, and what to write instead."""
+    """Return lines of docstrings with private words, these words, and their replacements."""
     found = []
     for line, doc in docstrings(text):
         prose = " ".join(re.sub(r"``.*?``|`[^`]*`", "", doc).split())
@@ -257,7 +256,6 @@ def places(file):
 
 @pytest.mark.skipif(COMM.size > 1, reason="looks at files")
 def test_links_lead_to_files():
-    """Of the README and the guide, as they are read in the repository."""
     pages = [README, *(README.parent / "docs" / "guide").glob("*.md")]
     count = 0
     for page in [*pages, README.parent / "docs" / "limits.md"]:
@@ -282,7 +280,7 @@ def cells():
 @pytest.mark.long
 @pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="a notebook is one process")
 def test_the_code_of_the_notebook(folder, monkeypatch):
-    """It solves, finds all of three solutions, and shows a picture and a diagram."""
+    """The notebook solves, finds three solutions, and shows a picture and a diagram."""
     shown = []
     display = types.ModuleType("IPython.display")
     display.Image = shown.append

@@ -177,7 +177,6 @@ def test_states():
 
 @pytest.mark.skipif(COMM.size > 1, reason="starts a process of its own")
 def test_the_log():
-    """What the page says of the log switches it on."""
     *_, code = examples("solving.md")
     solve = "from support.blocks import block\nblock(n=2).solve()\n"
     done = subprocess.run(

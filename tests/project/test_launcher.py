@@ -61,7 +61,7 @@ def stubs(tmp_path):
 
 @pytest.fixture
 def launch(stubs, tmp_path):
-    """Call docker/run without what the launcher around these tests has set, and with the stubs."""
+    """Call docker/run with the stubs and without the variables of the outer launcher."""
     taken = ("DEBIAN", "DOLFINX_CONTACT_", "OMPI_", "PRTE_", "PMIX_", "PYTHONPATH")
     clean = {k: v for k, v in os.environ.items() if not k.startswith(taken)}
     clean["PATH"] = f"{stubs}:{clean['PATH']}"

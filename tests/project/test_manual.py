@@ -67,7 +67,6 @@ def test_every_feature_has_a_test(tests):
 
 
 def test_what_is_read_of_a_test():
-    """Marks and comparisons, what has a tolerance first; docstring, cases and ranks."""
     cases = '@pytest.mark.parametrize(("n", "tolerance"), [(1, 1e-9), (2, 1e-6)])\n'
     body = f'\n    """As in print."""{BODY}'
     (test,) = manual.marked_tests(file_of(SHOWN + RANKS + cases, body))
@@ -92,7 +91,7 @@ def test_the_comparison_that_is_asked_for():
 
 
 def test_comparisons_of_helpers():
-    """Those of functions that the test calls, in its file and in others beside it."""
+    """Comparisons in functions that the test calls count, in its file and in imported files."""
     helpers = {
         "blocks.py": "def check(x):\n    assert abs(x) < 1e-8\n",
         "test_one.py": f"{HEAD}from blocks import check as right\n\n\n{SHOWN}"

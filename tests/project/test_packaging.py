@@ -1,4 +1,4 @@
-"""What the package says of itself, what it says where something is missing, and the Makefile."""
+"""Metadata of the package, messages about missing dependencies, and the Makefile."""
 
 import ast
 import os
@@ -153,7 +153,7 @@ def missing(monkeypatch, *packages):
 
 @serial
 def test_the_command_that_pip_installs(monkeypatch, capsys):
-    """It is `python3 -m dolfinx_contact`, with the words of its command line."""
+    """It is `python3 -m dolfinx_contact` with the same command line."""
     project = tomllib.loads((TREE / "pyproject.toml").read_text())["project"]
     module, _, function = project["scripts"]["dolfinx_contact"].partition(":")
     command = getattr(import_module(module), function)
@@ -180,7 +180,7 @@ def test_a_missing_package_is_named(monkeypatch, package, extra, do):
 
 
 def test_states_without_matplotlib(monkeypatch):
-    """One rank draws; all of them say what is missing."""
+    """One rank draws, and all ranks raise the error about the missing library."""
     missing(monkeypatch, "matplotlib")
     u = block(n=2).u
     problem = type("Problem", (), {"V": u.function_space})

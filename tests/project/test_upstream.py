@@ -1,4 +1,4 @@
-"""What changes in versions to come, tried on those that are here: see docs/upstream.md."""
+"""Changes of coming versions, tested on the installed ones: see docs/upstream.md."""
 
 import os
 import subprocess

@@ -1,7 +1,7 @@
 """Properties of all solutions, on random bodies, laws, obstacles and places.
 
-What fails is shrunk to the simplest case, which prints a script that runs by itself. By default few
-cases are drawn, always the same; with --long many, others every day.
+A failure is reduced to the simplest case, and printed as a script that runs by itself. By default a
+few cases are drawn, always the same; with --long many, which differ from day to day.
 """
 
 import pytest
@@ -68,7 +68,6 @@ def test_new_data(request):
     "all solutions", reference="itself: a solve beside an enumeration", aspects=("2D", "3D")
 )
 def test_a_solve_finds_one_of_all_solutions(request):
-    """What a solve finds is among all solutions, which follow the law."""
     examine(is_among_all, request)
 
 
@@ -86,7 +85,6 @@ def test_one_step(request):
     aspects=("2D", "3D"),
 )
 def test_a_history_accounts_for_its_energies(request):
-    """What a history dissipates, and what its account leaves."""
     examine(accounts_for_energies, request)
 
 
@@ -115,7 +113,6 @@ def test_refinement_of_a_body_that_slides_as_a_whole():
 @pytest.mark.ranks(2, 3)
 @pytest.mark.skipif(COMM.size == 1, reason="one rank and all ranks are the same")
 def test_all_ranks_find_what_one_rank_finds():
-    """All ranks together find what one of them finds alone."""
     some = [kind for kind in FEW if kind[1] in ("Coulomb", "Tresca")]
     drawn = st.tuples(cases(some, friction=(0.1, 0.1)))
     holds(on_every_rank(stays_on_ranks), drawn, examples=5)
@@ -125,7 +122,7 @@ def test_all_ranks_find_what_one_rank_finds():
 @pytest.mark.long
 @pytest.mark.parametrize("name", seeded_faults.FAULTS)
 def test_a_seeded_fault_is_seen(name):
-    """Of a sign, a weight and a stale array a property fails, within 200 examples."""
+    """A property fails within 200 examples."""
     assert " fails with example " in seeded_faults.seen(name)
 
 

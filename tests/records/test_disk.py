@@ -126,7 +126,7 @@ def test_something_is_in_the_way_of_fields(folder, format, name, make, number):
 @pytest.mark.ranks(2)
 @pytest.mark.parametrize("theirs", [b"print(1)\n", b"", None])
 def test_a_script_of_the_users_own_stays(folder, caplog, theirs):
-    """It is left with a warning; one of ours is replaced without."""
+    """A script of the user remains, with a warning; a script of the package is replaced."""
     problem = block(cell="tri")
     script = folder / "paraview.py"
     write_fields(folder, problem)
@@ -234,7 +234,6 @@ def test_a_record_on_a_full_disk_is_resumed(folder, every, room, name):
 
 @pytest.mark.ranks(2)
 def test_a_record_that_cannot_begin(folder):
-    """It leaves nothing that a second attempt would take for a record."""
     system, functionals = moved_block(COMM)
     with full(1000), fails(folder / "new" / FILE_NAME):
         BranchRecord(folder / "new", system, functionals)

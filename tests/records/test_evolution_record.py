@@ -98,7 +98,7 @@ def test_the_journal_says_what_was_run(folder):
     ),
 )
 def test_an_interrupted_history_resumes(case, whole, folder):
-    """By an observer; then between the files of a step and its line, and in a line."""
+    """Interruptions by an observer, between the files of a step and its line, and within a line."""
     with pytest.raises(Stop):
         record(CASES[case](COMM), folder, observer=stopping(5))
     assert len(read_journal(folder).states) == 6

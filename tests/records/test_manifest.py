@@ -29,7 +29,7 @@ RULE = {"quadrature_degree": 2}
 
 
 class Stop(Exception):
-    """What ends a run that is to be resumed."""
+    """Exception that ends a run before it is resumed."""
 
 
 def stop(step):
@@ -255,7 +255,7 @@ def test_an_honest_resume_on_other_ranks(make, folder):
 
 
 def rewritten(path, change):
-    """Change lines of a journal, whose ends are the CRC-32 of what is before."""
+    """Change lines of a journal and their checksums, the CRC-32 of the text before."""
     if COMM.rank == 0:
         lines = []
         for line in path.read_text().splitlines():
@@ -269,7 +269,6 @@ def rewritten(path, change):
 
 
 def test_the_format_of_another_version(folder):
-    """It is refused, with the version that wrote it, and stays as it is."""
     recorded(history(), folder / "record")
 
     def as_before(entry):

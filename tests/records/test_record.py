@@ -190,7 +190,7 @@ def parsed(data, folder):
 
 @pytest.mark.ranks(2)
 def test_a_torn_last_line_is_dropped(whole, folder):
-    """Cut at any byte: complete lines count, what follows the last of them does not."""
+    """The file may end at any byte: only complete lines count."""
     data = (whole[0] / FILE_NAME).read_bytes()
     lines = data.splitlines(keepends=True)
     start = len(b"".join(lines[:8]))

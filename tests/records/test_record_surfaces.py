@@ -115,7 +115,7 @@ def test_on_another_number_of_ranks(folder):
 
 
 def same_table(found, table):
-    """Whether columns of a record are those of a `ContactTable`, to the last bit."""
+    """Return whether columns of a record equal a `ContactTable` exactly."""
     for name, values in found.items():
         wanted = (
             table.internal[name.removeprefix("internal.")]
@@ -136,7 +136,7 @@ def same_table(found, table):
     aspects=("records",),
 )
 def test_tables_of_contact_points(folder):
-    """Those of the points of a branch, of steps and of a motion are kept in all their digits."""
+    """Tables of branches, steps and motions are stored exactly."""
     system, functionals = moved_block(COMM)
     record(system, functionals, folder / "branch", every=2, max_steps=3, **KEPT)
     journal = read_journal(folder / "branch")

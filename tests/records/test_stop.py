@@ -14,18 +14,18 @@ COMM = MPI.COMM_WORLD
 
 
 class Killed(Exception):
-    """What an observer raises."""
+    """Exception of an observer."""
 
 
 def made(case):
-    """An evolution, its times, and what makes it short."""
+    """Return an evolution, its times, and a function that shortens it."""
     if case == "motion":
         return recorded_evolution.moving(COMM), TIMES[:2], {}
     return recorded_evolution.pair(COMM, n=2), TIMES[:3], {"longest": 0.5}
 
 
 def after(number, asked):
-    """Stops with a step; keeps what it is asked of, and how many contact points are closed then."""
+    """Stop criterion after a step, which stores its arguments and the numbers of closed points."""
 
     def stop(step):
         asked.append(step.number)
@@ -53,7 +53,7 @@ def of(history):
     ),
 )
 def test_a_run_that_is_stopped(case):
-    """It has the steps of one that is not, and so has the run that goes on."""
+    """A stopped run and its continuation have the steps of an uninterrupted run."""
     evolution, times, steps = made(case)
     asked = []
     whole = evolution.run(times, stop=after(-1, asked), **steps)

@@ -78,7 +78,7 @@ def solved_start(system: Any, gamma: float | None = None) -> Any:
 
     Args:
         system: parametric problem.
-        gamma: parameter; by default that of the problem as it is.
+        gamma: parameter; default: the present value.
     """
     if gamma is not None:
         system.set_parameter(gamma)

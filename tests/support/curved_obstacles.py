@@ -94,9 +94,9 @@ def remembering(problem):
 
 
 def errors_of_differences(problem, x, v, sizes):
-    """Of J v against central differences of these sizes at x, over its size. Collective.
+    """Return errors of J v against central differences of several sizes at x, relative to J v.
 
-    Every status is somewhere, the same at x and beside it; of the rows of contact alone.
+    Collective. Only contact rows are compared. Every status occurs, and no status changes.
     """
     eq = problem.equations
     (s,) = problem.surfaces
@@ -181,4 +181,4 @@ def pressed_and_led(t, X, press=0.06, shear=0.04):
 
 
 class Stopped(Exception):
-    """What an observer raises."""
+    """Exception of an observer."""

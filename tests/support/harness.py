@@ -1,6 +1,6 @@
 """Cases of the benchmarks with other steps, augmentation parameters, numberings and units.
 
-What is found must not depend on any of that. From the command line:
+Results must not depend on any of these. From the command line:
 
     python3 tests/support/harness.py linear_triangle --step-factor 0.1 -- --n 16
 """
@@ -28,14 +28,14 @@ _MESHES = ("create_rectangle", "create_submesh")
 
 @contextmanager
 def varied(*, step_factor=None, r=None, seed=None, mm=None, MPa=None):
-    """Change imported cases while the context lasts.
+    """Context manager that changes imported cases.
 
     Args:
-        step_factor: by which steps are longer than by default.
+        step_factor: factor of the step lengths.
         r: augmentation parameter.
-        seed: renumbers the nodes and cells of the block and of the triangle at random; serially.
-        mm: a millimetre in the units of the hyperelastic block.
-        MPa: and a megapascal.
+        seed: seed of a random numbering of nodes and cells of the block and the triangle; serial.
+        mm: millimetre in the units of the hyperelastic block.
+        MPa: megapascal in the units of the hyperelastic block.
     """
     with ExitStack() as stack:
         found = []

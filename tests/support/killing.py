@@ -16,7 +16,7 @@ TREE = Path(__file__).resolve().parents[2]
 
 
 def launch(ranks, script, *arguments):
-    """Start a script of the tests on ranks of its own, without what this process has from its."""
+    """Start a script of the tests on its own ranks, without the MPI environment of this process."""
     taken = ("OMPI_", "PRTE_", "PMIX_", "PETSC_OPTIONS")
     clean = {k: v for k, v in os.environ.items() if not k.startswith(taken)}
     # As a module: next to a script of this folder, its numbers.py would hide Python's.
@@ -44,9 +44,9 @@ def family(pid):
 
 
 def kill(process):
-    """SIGKILL for a process and all that it has started, and wait until they are gone.
+    """Send SIGKILL to a process and its descendants, and wait until they have ended.
 
-    Every rank of mpirun is in a process group of its own: there is no group to kill.
+    Every rank of mpirun is in its own process group, so that a group cannot be killed.
     """
     pids = family(process.pid)
     for pid in pids:
@@ -68,18 +68,18 @@ def alive(pid):
 
 
 def killed_and_resumed(script, arguments, first, folder, known, kills):
-    """Sessions of a script with a record that are killed at random moments, and one that ends.
+    """Kill sessions of a recording script at random moments, and let the last one end.
 
-    Every one is on another number of ranks, records something, and loses or changes nothing of
-    what was recorded before.
+    Every session uses another number of ranks, records at least one point, and neither loses nor
+    changes earlier points.
 
     Args:
-        script: of the tests, with the folder as its first argument.
-        arguments: of all sessions.
-        first: further ones of the first; all others have ``--resume``.
-        folder: of the record.
-        known: folder of a record of the same, of which nothing was killed.
-        kills: number of them.
+        script: script of the tests, whose first argument is the folder.
+        arguments: arguments of all sessions.
+        first: further arguments of the first session; the others have ``--resume``.
+        folder: folder of the record.
+        known: folder of a record of the same run without kills.
+        kills: number of kills.
     """
     random.seed(5)
     path = folder / "journal.jsonl"
@@ -118,7 +118,7 @@ ENERGIES = ("external", "stored", "dissipated", "residue", "kinetic", "contact")
 
 
 def require_same(folder, other, tolerance=1e-10):
-    """The same states, in the journals and in what was kept of the points."""
+    """Assert that journals and stored points of two records have the same states."""
     a, b = (read_journal(path) for path in (folder, other))
     assert [s.status for s in a.states] == [s.status for s in b.states]
     rows = a.rows(), b.rows()
@@ -153,7 +153,7 @@ def kept_of(folder, journal):
 
 
 class Stop(Exception):
-    """What an observer raises."""
+    """Exception of an observer."""
 
 
 def stopping(number):

@@ -87,10 +87,10 @@ class Exact:
 
     Attributes:
         u: displacement.
-        pressure: p on the face.
-        gap: of the obstacle.
+        pressure: pressure p on the face.
+        gap: gap of the obstacle.
         friction: coefficient F.
-        bound: g of Tresca's law, 0 where the face is open.
+        bound: bound g of Tresca's law, 0 where the face is open.
     """
 
     u: object
@@ -101,9 +101,9 @@ class Exact:
 
 
 def exact(x, law, *, axisymmetric=False, below=False, way=1.0, slope=0.2):
-    """What is prescribed for a law; or of the lower body of a pair, with the same tractions.
+    """Return the data of a law, or of the lower body of a pair with the same tractions.
 
-    All slips the same way, with ``way`` -1 the opposite one. The coefficient of friction grows by
+    All points slip in one direction; ``way`` -1 reverses it. The friction coefficient grows by
     ``slope`` along the face.
     """
     dim = len(x)
@@ -159,10 +159,10 @@ def sides(domain):
 
 
 def loads(stress, v, side=1.0):
-    """Minus the virtual work of body force and tractions at the sides, by Green's formula.
+    """Return minus the virtual work of body force and tractions at the sides, by Green's formula.
 
-    It is that of the stress less that of the traction on the face, which contact has to give, of
-    what is above the face (``side`` 1) or below (-1).
+    It is the work of the stress minus the work of the contact traction on the face, of the body
+    above the face (``side`` 1) or below it (-1).
     """
     domain = extract_unique_domain(v)
     height = side * ufl.SpatialCoordinate(domain)[len(v) - 1]
@@ -335,12 +335,12 @@ STRETCH = 1.0  # of the slip, over the cube of the distance from SLIPS
 
 
 def slid(x, last, *, below):
-    """A body of two in large sliding, and its displacement; in the first stage all slips.
+    """Return a body of a pair in large sliding, and its displacement; at first all slips.
 
-    The upper body has slid by SLIDE, and then by STRETCH (s - SLIPS)^3 more where s > SLIPS; the
-    lower one has what lies opposite to s at the place s + slide, by Cardano's formula. The face of
-    both is a wave, of which the normal is that of the law. Tractions are per length of the upper
-    face in the mesh.
+    The upper body has slid by SLIDE, and then by STRETCH (s - SLIPS)^3 more where s > SLIPS. The
+    point of the lower body opposite to s is at s + slide, by Cardano's formula. The face of both is
+    a wave, whose normal is the normal of the law. Tractions are per length of the upper face in the
+    mesh.
     """
     s = x[0]
     place = x[0]
@@ -572,7 +572,7 @@ class Turning:
         self.shear.value = self.motion(time)[1]
 
     def error(self, time):
-        """Of the displacement, over the slip; and of the shear on the face, over the bound."""
+        """Return the error of the displacement over the slip, and of the shear over the bound."""
         found = self.u.x.array - self.field(time)
         largest = COMM.allreduce(float(np.abs(found).max(initial=0.0)), op=max)
         table = self.problem.table(self.problem.surfaces[0])
@@ -635,15 +635,15 @@ def motion(n):
 
 @dataclass(frozen=True)
 class Manufactured:
-    """A row of tables: what is solved, on which meshes or in how many steps.
+    """A row of tables: problem, meshes or numbers of steps, and expected orders.
 
     Attributes:
-        feature: as the manual has it.
-        words: what it is, for readers.
-        solve: called with each of ``n``; relative errors by name.
+        feature: name of the feature in the manual.
+        words: description for readers.
+        solve: function of each of ``n`` that returns relative errors by name.
         n: numbers of cells along an edge, or of steps.
-        orders: those of theory, by the names of errors.
-        long: whether it takes more than some seconds.
+        orders: theoretical orders by the names of errors.
+        long: whether it takes more than a few seconds.
     """
 
     feature: str

@@ -84,7 +84,7 @@ TILT = Rotation.from_rotvec([0.3, -0.5, 0.8]).as_matrix()
 
 
 def solids(below, above, x_below, x_above, cells, *, comm=COMM):
-    """As `stacked`, in 3D and turned: the interface is tilted; tags 7 and 8 aside as well."""
+    """Return `stacked` bodies in 3D, rotated, with the tags 7 and 8 at the sides."""
     bodies = []
     tags = []
     for i, (n, reach) in enumerate([(below, x_below), (above, x_above)]):
@@ -129,7 +129,7 @@ def pair_of(u, both, degrees, sides=(3, 2), law=Coulomb(0.5), **options):  # noq
 
 
 def largest_sum(pair):
-    """Of the weights of a contact point, all of which are to be zero."""
+    """Return the largest sum of the weights of a contact point; all sums should vanish."""
     ones, sums = pair.points.operator.B.createVecs()
     ones.set(1.0)
     pair.points.operator.B.mult(ones, sums)

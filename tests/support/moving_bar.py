@@ -12,7 +12,7 @@ from scipy.linalg import cho_solve_banded, cholesky_banded
 
 
 class Tridiagonal:
-    """A symmetric tridiagonal matrix, by its diagonal and what is beside it."""
+    """A symmetric tridiagonal matrix with its diagonal and off-diagonal."""
 
     def __init__(self, diagonal, beside):
         self.diagonal = np.asarray(diagonal, float)
@@ -66,9 +66,9 @@ class Bar:
         self.load = -self.weight * part / 2 * ends
 
     def run(self, times, scheme="theta", theta=0.5, level="position", restitution=0.0):
-        """Mean forces of the steps between times, gaps and total energies at their ends.
+        """Return mean forces of the steps between times, and gaps and total energies at their ends.
 
-        The energy is that of motion, of strain, and of the height over the undeformed start.
+        The energy contains motion, strain, and height over the undeformed start.
         """
         n = self.n
         e = restitution

@@ -135,7 +135,7 @@ def held_of_revolution(V, i, domain, axis, place, value):
 
 
 def section(n=5, cell="tri", size=1.0):
-    """Of a disc of unit radius and height, cells of all shapes."""
+    """Return a disc of unit radius and height with cells of all shapes."""
     domain = box(COMM, n, cell)
     x = domain.geometry.x
     x[:, 0] = x[:, 0] ** 1.3

@@ -108,9 +108,9 @@ def same(a, b, tolerance=TOLERANCE):
 
 
 def the_only(model, found):
-    """Whether a solution is the only one: proved, or there is no proof for such laws.
+    """Return whether a solution is unique: by a proof, or by assumption for laws without proofs.
 
-    Of these friction is little: no case with several solutions was found.
+    The laws without proofs have little friction; no case with several solutions was found.
     """
     return model.case.law in ("compliance", "own") or model.problem.uniqueness().verdict == "proved"
 
@@ -127,9 +127,9 @@ def stays_under_places(case, place):
 
 
 def is_a_solution(model, found):
-    """Equilibrium, gap, cone, slip and its direction, by the displacement and without the package.
+    """Assert equilibrium, gap, cone and slip direction from displacements, without the package.
 
-    On several ranks gaps and slips are those of the package, and equilibrium its own.
+    On several ranks gaps and slips come from the package, and only equilibrium is independent.
     """
     case = model.case
     if model.comm.size == 1:
@@ -156,7 +156,7 @@ def is_a_solution(model, found):
 
 
 def _fits_the_body(model, found):
-    """Contact as the nodes have moved, its forces in equilibrium with what the body has there."""
+    """Assert gaps of the moved nodes and equilibrium of contact forces with the body."""
     case = model.case
     nodes = np.argmin(((found.x[:, None] - case.points[None]) ** 2).sum(axis=-1), axis=1)
     moved = model.displacement()
@@ -178,7 +178,7 @@ def _fits_the_body(model, found):
 
 
 def balances(case):
-    """Resultants and energies are those of forces and displacements at the nodes."""
+    """Resultants and energies agree with forces and displacements at the nodes."""
     model = Model(case, Place(parts=0))
     found = model.solve()
     is_a_solution(model, found)
@@ -221,7 +221,7 @@ def solves_again(case, other):
 
 
 def stays_on_ranks(case):
-    """All ranks together find what one rank finds."""
+    """A solve on all ranks agrees with a solve on one rank."""
     alone = Model(case).solve()
     together = Model(case, comm=COMM).solve()
     same(together, alone)
@@ -229,7 +229,7 @@ def stays_on_ranks(case):
 
 
 def is_among_all(case):
-    """What a solve finds is among all solutions, each of which follows the law."""
+    """The solution of a solve is among all solutions, and each satisfies the law."""
     model = Model(case)
     solved = model.solve()
     system = ParametricContact(model.problem, fem.Constant(model.mesh, 0.0))
@@ -268,10 +268,10 @@ def is_a_history_of_one_step(case):
 
 
 def accounts_for_energies(case):
-    """What a history dissipates, and what its account leaves, from forces and slips of its steps.
+    """Dissipation and energy residue of a history agree with forces and slips of its steps.
 
-    The body is linear: its work by the trapezoidal rule is exact, and what is left in a step is
-    that of contact by this rule, less friction at its end.
+    The body is linear, so that the trapezoidal rule of its work is exact. The residue of a step is
+    the contact work by this rule minus friction at the end of the step.
     """
     seen = []
     _, run = history(
@@ -318,9 +318,9 @@ def resumes(case):
 
 
 def falls_under_refinement(case):
-    """Finer bodies have the displacements of coarser ones, so that the least energy falls.
+    """The minimum of the energy falls under refinement, because finer spaces contain coarser ones.
 
-    Of a bound given in advance, or without friction: solutions are minima there.
+    Solutions are minima without friction and with a given bound.
     """
     energies = []
     for factor in (1, 2, 4):
@@ -351,13 +351,13 @@ def script(check, data):
 
 
 def holds(check, drawn, *, examples, random=False):
-    """Check a property of drawn data; what fails is shrunk and printed as a script. Collective.
+    """Check a property of drawn data; a failure is reduced and printed as a script. Collective.
 
     Args:
-        check: raises AssertionError, or anything else, where the property does not hold.
+        check: function that raises an exception where the property does not hold.
         drawn: strategy of its arguments.
-        examples: how many are tried.
-        random: whether they are others every time; else they are the same on all ranks.
+        examples: number of examples.
+        random: whether examples differ in every run; otherwise they are equal on all ranks.
     """
 
     @settings(

@@ -1,9 +1,9 @@
-"""Contact problems as a few numbers, and the many ways in which one of them can be put.
+"""Contact problems defined by a few numbers, and equivalent formulations of each problem.
 
-A `Case` is a block over an obstacle, held and moved at its top, of height 1 and modulus 1.
-A `Place` is how it is put: turned, mirrored, in other units, with its nodes and cells in another
-order, its face as one surface or two. `Model` is the problem; what it finds comes back in the units
-and axes of the case, so that all places can be compared. `test_properties.py` draws them.
+A `Case` is a block of height 1 and modulus 1 over an obstacle, moved at its top. A `Place` rotates
+or mirrors it, changes units, renumbers nodes and cells, or splits its face into two surfaces.
+`Model` is the problem; its results are returned in the units and axes of the case, so that all
+places can be compared. `test_properties.py` draws both.
 """
 
 import itertools
@@ -55,19 +55,19 @@ class Saturating(FrictionLaw):
 
 @dataclass(frozen=True)
 class Case:
-    """A block that is pressed on an obstacle and dragged; lengths over its height.
+    """A block that is pressed on an obstacle and dragged; lengths are relative to its height.
 
     Attributes:
-        cell: kind of its cells.
-        cells: how many along each axis, the last one upwards.
-        slant, bend: how much the block leans, and how far its nodes are off a grid.
+        cell: cell type.
+        cells: numbers of cells along each axis, the last one upwards.
+        slant, bend: inclination of the block, and distance of its nodes from a grid.
         poisson: Poisson's ratio.
-        law: of the face below.
+        law: contact law of the lower face.
         friction: coefficients at the left and at the right end.
         obstacle: plane, wave or sphere.
         tilt: slopes of the obstacle along the axes of the face.
-        lift: gap below the node that is nearest to it.
-        push, drag: how far the top is moved down and along the face.
+        lift: gap below the node nearest to it.
+        push, drag: displacements of the top downwards and along the face.
         load: body force.
     """
 
@@ -129,7 +129,7 @@ class Case:
 
     @property
     def normal(self):
-        """Of the obstacle, towards the block."""
+        """Return the normal of the obstacle, towards the block."""
         n = np.append(-np.array(self.tilt), 1.0)
         return n / np.linalg.norm(n)
 
@@ -165,7 +165,7 @@ class Case:
         return phi / size, -slope / size[:, None]
 
     def areas(self, nodes, parts):
-        """What nodes of the face have of its facets, by the vertex rule."""
+        """Return areas of the nodes of the face by the vertex rule."""
         n = self.cells[:-1]
         grid = self.grid.reshape(*(k + 1 for k in self.cells), self.dim)
         face = np.arange(len(self.points)).reshape(grid.shape[:-1])[..., 0]
@@ -180,7 +180,7 @@ class Case:
         return found[nodes]
 
     def bound(self, x, pressure):
-        """Of the shear at points (n, dim) under a pressure (n,), without the package."""
+        """Return the bound of the shear at points (n, dim) under a pressure (n,), independently."""
         left, right = self.friction
         F = left + (right - left) * x[:, 0]
         if self.law == "frictionless":
@@ -192,7 +192,7 @@ class Case:
         return F * pressure
 
     def __repr__(self):
-        """What differs from the defaults."""
+        """Return the fields that differ from the defaults."""
         given = ", ".join(
             f"{f.name}={getattr(self, f.name)!r}"
             for f in fields(self)
@@ -208,7 +208,7 @@ def _halves(corners):
 
 
 def _weights(x):
-    """Of a segment, a triangle or a bilinear facet (2, 2, 3) the vertex rule, node by node."""
+    """Return weights of a segment, a triangle or a bilinear facet (2, 2, 3) by the vertex rule."""
     if len(x) == 3:
         return np.full(3, np.linalg.norm(np.cross(x[1] - x[0], x[2] - x[0])) / 6)
     if x.ndim == 2:
@@ -220,15 +220,15 @@ def _weights(x):
 
 @dataclass(frozen=True)
 class Place:
-    """How a case is put.
+    """An equivalent formulation of a case.
 
     Attributes:
-        turn: angles, one in 2D and three in 3D, degrees.
+        turn: rotation angles in degrees, one in 2D and three in 3D.
         mirrored: whether left and right are exchanged.
-        moved: by how many lengths along every axis.
-        length, stress: what units are in those of the problem that is solved.
-        order: seed for another order of nodes and cells.
-        parts: number of surfaces that the face is; of two, one row of facets between them is none.
+        moved: translation along every axis, relative to the height.
+        length, stress: units of the case in units of the solved problem.
+        order: seed of another order of nodes and cells.
+        parts: number of surfaces of the face; one row of facets between two surfaces is left out.
     """
 
     turn: tuple = ()
@@ -252,12 +252,12 @@ class Place:
 
 @dataclass(frozen=True)
 class Found:
-    """A solution in the units and axes of its case, point by point in the order of their places.
+    """A solution in the units and axes of its case, point by point in the order of their positions.
 
     Attributes:
-        x, area, n, un, ut, force, pressure, shear, bound: of the points, as tables have them.
-        u: displacement at the nodes, in the order of `Case.points`; of a whole mesh alone.
-        result: as the package has it.
+        x, area, n, un, ut, force, pressure, shear, bound: columns of the contact table.
+        u: displacement at the nodes in the order of `Case.points`; serial only.
+        result: result of the package.
     """
 
     x: np.ndarray
@@ -284,8 +284,8 @@ class Model:
     """The contact problem of a case at a place; all its numbers are Constants.
 
     Args:
-        case, place: what it is, and how it is put.
-        comm: ranks that share it.
+        case, place: case and place.
+        comm: communicator.
     """
 
     def __init__(self, case, place=Place(), comm=MPI.COMM_SELF):
@@ -437,7 +437,7 @@ class Model:
     # -- what it finds ---------------------------------------------------------------------------
 
     def solve(self):
-        """Solve, and what was found."""
+        """Solve and return the solution."""
         return self.found(self.problem.solve(progress=False))
 
     def found(self, result):
@@ -465,11 +465,11 @@ class Model:
         )
 
     def displacement(self):
-        """Of the nodes in the order of `Case.points` (n, dim); serially."""
+        """Return nodal displacements in the order of `Case.points`, shape (n, dim); serial."""
         return self.of_nodes(self.u.x.array) / self.place.length
 
     def forces(self):
-        """Of the body and its loads on the nodes, in the order of `Case.points`; serially."""
+        """Return nodal forces of the body and its loads in the order of `Case.points`; serial."""
         rows = fem.assemble_vector(fem.form(ufl.derivative(self.energy, self.u)))
         return self.of_nodes(rows.array) / (
             self.place.stress * self.place.length ** (self.case.dim - 1)

@@ -25,7 +25,7 @@ LONGEST = 0.5
 
 
 def motion(time, way=0.012):
-    """Of the top, at a time."""
+    """Return the displacement of the top at a time."""
     across = (0.0, 0.0, way, -way, -0.3 * way)
     up = (0.0, -0.01, -0.01, -0.01, -0.002)
     return np.array([np.interp(time, TIMES, values) for values in (across, up)])
@@ -45,7 +45,7 @@ def pair(comm, friction=0.25, way=0.012, n=4):
 
 
 def cracked_block(comm, friction, n=4):
-    """A block with a crack from its left side to its middle, and what moves its top."""
+    """Return a block with a crack from its left side to its middle, and the Function of its top."""
     domain = box(comm, n, "tri")
     domain.topology.create_entities(1)
     inside = mesh.locate_entities(domain, 1, lambda x: np.isclose(x[1], 0.5) & (x[0] < 0.75 + 1e-9))

@@ -129,7 +129,7 @@ def record(case, folder, comm=MPI.COMM_WORLD, **more):
 
 
 def resume(case, folder, comm=MPI.COMM_WORLD, **more):
-    """What is left of them."""
+    """Return the remaining arguments."""
     path = made(case, comm, anew=False)
     with PathRecord(folder, path, resume=True) as kept:
         return on(case, path, kept, **more)

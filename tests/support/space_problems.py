@@ -7,7 +7,7 @@ from dolfinx_contact.proofs.starts import many_solutions
 
 
 def random_stiffness(n, rng, condition=10.0):
-    """Of n points, symmetric and positive definite."""
+    """Return a symmetric positive definite stiffness of n points."""
     Q = np.linalg.qr(rng.normal(size=(3 * n, 3 * n)))[0]
     values = np.exp(rng.uniform(0, np.log(condition), 3 * n))
     return (Q * values) @ Q.T

@@ -25,5 +25,5 @@ def read_grid(file, time=-1):
 
 
 def number_of_colours(pixels):
-    """Of whole numbers up to 255 in three channels, as one number a pixel, which is sorted soon."""
+    """Return the number of colours; the three channels of a pixel are packed into a number."""
     return len(np.unique(pixels.astype(np.int32) @ np.array([1, 256, 65536], np.int32)))

@@ -1,4 +1,4 @@
-"""The classical algorithms on reduced problems: random ones, closed forms, and what they report."""
+"""Classical algorithms on reduced problems: random problems, closed forms, and reports."""
 
 import numpy as np
 import pytest
@@ -38,7 +38,7 @@ def random_contact(rng, dim, m=None, *, friction=0.4, bound=0.0):
 
 
 def violation(contact, a, r):
-    """Of equilibrium, Signorini's conditions and friction, written independently."""
+    """Return the violation of equilibrium, Signorini's conditions and friction, independently."""
     force = max(np.abs(r).max(), contact.force)
     length = max(np.abs(a).max(), contact.length)
     un = a[:, -1]
@@ -143,7 +143,7 @@ def test_one_node_with_one_solution(algorithm):
 
 @pytest.mark.parametrize("algorithm", [*EVERY, Lemke()], ids=lambda a: a.described())
 def test_beyond_the_critical_friction_nothing_is_hidden(algorithm):
-    """F = 3: three solutions. What is called converged is one of them, else there is a reason."""
+    """With F = 3 a converged state is one of three solutions, and a failure has a reason."""
     for g in (2.2, 2.5, 2.9, 4.0):
         contact = PointProblem(NODE, np.array([-g, -1.0]), np.array([3.0]))
         known = solutions_of_one_node(2.0, 1.0, 2.0, -g, -1.0, 3.0)

@@ -70,7 +70,7 @@ def check(problem, algorithm, accuracy=1e-8):
 
 
 def check_stored(case, algorithm, accuracy=1e-8):
-    """As `check`, and forces and statuses are those of an independent code."""
+    """Like `check`, with forces and statuses of an independent code."""
     data = STORED[case]
     dim = data["dim"]
     friction = data["F"]

@@ -59,7 +59,7 @@ def random_problem(rng):
     alone=True,
 )
 def test_lemke_solves_random_problems():
-    """Friction up to 20: no ray, no cycle, and what comes out is a solution."""
+    """With friction up to 20 there is neither a ray nor a cycle, and the result is a solution."""
     rng = np.random.default_rng(7)
     for number in range(1000):
         S, p, friction = random_problem(rng)

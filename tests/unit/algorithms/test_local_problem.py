@@ -143,7 +143,7 @@ def test_a_problem_of_siconos_in_space(name):
 
 @pytest.mark.parametrize("algorithm", ["gauss-seidel", "lemke"])
 def test_a_rigid_block_at_rest_has_one_free_self_stress(algorithm):
-    """It presses each point with half its momentum; opposite shears do not move it."""
+    """It presses each point with half the momentum; opposite shears do not move the block."""
     problem = rigid_block([0.0, -1.0, 0.0], 0.5)
     assert problem.rank == 3
     solution = problem.solve(algorithm)

@@ -179,7 +179,7 @@ def test_any_direction_in_3d():
 
 @pytest.mark.ranks(2, 3)
 def test_critical_friction_takes_the_directions_of_a_solution():
-    """Of a solution in full slip to the right: the uniform field, and F of the other sign."""
+    """In full slip to the right the field is uniform, and F has the other sign."""
     problem = leaning(4)
     uniform = critical_friction(problem)
     restore_statuses(problem, 2)

@@ -75,7 +75,7 @@ def test_figures_of_the_seed_example(F):
 
 
 def test_more_elements():
-    """All changes are across curves, and the solutions are those of any multiple of the load."""
+    """All changes are across curves, and the solutions hold for any multiple of the load."""
     curves, regions = regions_of(3, 3.0)
     assert regions.proved
     assert regions.explained

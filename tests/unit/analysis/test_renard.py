@@ -1,4 +1,4 @@
-"""Renard's criterion: closed forms, an independent condensation, and what it is not about."""
+"""Renard's criterion: closed forms, an independent condensation, and its limits."""
 
 from mpi4py import MPI
 
@@ -62,7 +62,7 @@ def test_against_the_form_in_3d(dense):
 
 @pytest.mark.ranks(2, 3)
 def test_renards_criterion_takes_the_directions_of_a_solution():
-    """The directions are those of slips and of the shear of stuck points."""
+    """Directions are slips, or the shear of stuck points."""
     problem = linear_triangle(8, 0.5, load=(14.0, -20.0)).problem
     problem.solve()
     table = problem.table(problem.surfaces[0])
@@ -85,7 +85,7 @@ def test_renards_criterion_takes_the_directions_of_a_solution():
     "Renard's criterion", reference="itself: the body in plane strain", aspects=("3D",)
 )
 def test_guided_points():
-    """Where the support holds a tangent there is no friction along it: plane strain in 3D."""
+    """There is no friction along a clamped tangent: plane strain in 3D."""
     flat = mesh.create_rectangle(
         COMM, [[0.0, 0.0], [1.0, 0.5]], [4, 3], mesh.CellType.quadrilateral
     )
@@ -168,7 +168,7 @@ def test_the_weighted_form_in_space_is_definite():
 
 
 def solutions(S, p, F, random, starts=40):
-    """What a search from random starts finds: jumps and forces (m, 6) of each."""
+    """Return jumps and forces (m, 6) of each solution found from random starts."""
     m = len(S)
     flat = S.reshape(3 * m, 3 * m)
     found = []

@@ -107,7 +107,7 @@ def test_one_point_shakes_down_to_its_closed_form(F):
 )
 @pytest.mark.parametrize("F", [0.6, 0.7])
 def test_a_point_without_friction_beside_it(F):
-    """It makes the point softer: its critical friction falls from 2.0/1.8 to 1.2/1.8."""
+    """It softens the other point, whose critical friction falls from 2.0/1.8 to 1.2/1.8."""
     S = np.array([[2.0, -1.8, 1.0], [-1.8, 4.0, 0.0], [1.0, 0.0, 1.25]])
     steady = np.array([0.0, -1.0, 0.0, -1.0])
     change = np.array([0.3, 0.1, 0.0, 0.0])

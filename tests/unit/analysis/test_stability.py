@@ -207,7 +207,7 @@ class Column:
         return self.problem
 
     def loaded(self, by):
-        """By a multiple of EI/L^2."""
+        """Apply a multiple of EI/L^2."""
         self.P.value = by * 1000.0 / 12.0 / 100.0
         assert self.problem.solve().converged
         assert set(self.problem.table(self.surface).letters) <= {"k"}

@@ -291,7 +291,6 @@ def chart_of_few():
 @pytest.mark.ranks(2)
 @pytest.mark.verifies("charts", reference="itself: the chart that was saved")
 def test_a_chart_in_a_file(folder):
-    """It comes back to the last bit, on every rank."""
     family = replace(random_family(1), comm=COMM)
     counted = count_solutions(
         family, mu_range=(0.2, 4.0), gamma_range=(-8.0, 8.0), cells=(2, 3), depth=1

@@ -1,4 +1,4 @@
-"""What a result says of other solutions, against proofs of all, enumeration and theorems."""
+"""Uniqueness of a result, against proofs of all solutions, enumeration and theorems."""
 
 import json
 import re
@@ -49,7 +49,7 @@ def greco(n):
 
 
 def all_solutions(problem):
-    """All solutions, with a proof that there are no others."""
+    """Return all solutions with a proof of completeness."""
     system = ParametricContact(problem, fem.Constant(problem.V.mesh, 0.0))
     found = find_solutions(system, [system.create_vector()], 0.0)
     system.destroy()
@@ -273,7 +273,7 @@ def test_what_is_on_no_branch():
 
 @pytest.mark.ranks(2)
 def test_where_branches_meet():
-    """Unloaded: all branches begin in the one solution, whose size is no measure of it."""
+    """Without load all branches begin in one solution, whose size is no scale."""
     system, diagram = explored(2, 3.0)
     (count,) = prove_counts(system, diagram, gammas=[0.0])
     assert count.number == 1

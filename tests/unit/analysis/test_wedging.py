@@ -180,7 +180,7 @@ def test_the_wedging_demo_moves_above_its_coefficient(folder):
 
 
 def load_over_force(friction, points, closed):
-    """Of the state in which all closed points slip to the left, rt = F rn: load 1 over sum rn."""
+    """Return load over force where all closed points slip to the left: load 1 over sum rn."""
     at = np.kron(np.diag(closed.astype(float)), [[0.0, friction], [0.0, 1.0]])
     free = np.kron(np.diag(1.0 - closed), np.eye(2)) + np.kron(np.diag(closed), [[1, 0], [0, 0]])
     # S a = r + p with a = free z, r = at z.

@@ -98,7 +98,7 @@ def test_other_types_of_snes_are_refused_for_corrections(options):
 @pytest.mark.parametrize("route", ["auto", "steps"])
 @pytest.mark.parametrize("gamma", [-1.0, 1.0, 1.0 - 1e-15])
 def test_a_start_at_an_end_of_the_range(route, gamma):
-    """Outwards there is no branch; `explore` follows the one inwards to the other end."""
+    """There is no branch outwards; `explore` follows the inner one to the other end."""
     system = one_node(2.0, 2.0, 1.0, 3.0, (0.0, -1.0), (-1.0, 0.0))
     x = start(system, [gamma / 2, 0, gamma, 1.0])
     ways = dict(gamma_range=(-1.0, 1.0), route=route)

@@ -35,7 +35,7 @@ def test_closed_branch():
 
 
 def test_a_diagram_with_a_branch_that_was_cut_off():
-    """It is not complete, and says which branch, and by what."""
+    """The diagram is incomplete and names the branch and the reason."""
     system = smooth(
         1, lambda x, g: x**2 + g**2 - 1, lambda x, g: [[2 * x[0]]], lambda x, g: [2 * g]
     )
@@ -326,7 +326,7 @@ def test_linear_vee():
     ),
 )
 def test_hyperelastic_vee():
-    """A curve of folds of a body in large displacements passes through those of other branches."""
+    """A curve of folds in large displacements passes through folds of other branches."""
     system, branch = vee("--friction=1.4", "--law=neo-hookean")
     (surface,) = system.problem.surfaces
     F = surface.law.friction

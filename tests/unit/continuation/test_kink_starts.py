@@ -123,7 +123,7 @@ def test_the_range_ends_where_branches_meet(route):
 @pytest.mark.parametrize("route", ["pivoting", "steps"])
 @pytest.mark.parametrize("direction", ["increasing", "decreasing"])
 def test_a_branch_from_a_state_without_load(direction, route):
-    """It goes in the direction asked for, in the piece of its first step."""
+    """The branch takes the requested direction, in the piece of its first step."""
     system = square()
     x = system.create_vector()
     branch = follow(system, x, 0.0, gamma_range=(-1.0, 1.0), direction=direction, route=route)

@@ -18,7 +18,7 @@ COMM = MPI.COMM_WORLD
 
 
 class Killed(Exception):
-    """What an observer raises."""
+    """Exception of an observer."""
 
 
 class Looks(Observer):
@@ -54,7 +54,7 @@ def table_of(system):
 
 
 def seen(system):
-    """What stands in the problem, the same on every rank."""
+    """Return the state in the problem, equal on every rank."""
     problem = system.problem
     status, un, rn = table_of(system)
     given = [bc.g for bc in problem.bcs if hasattr(bc.g, "x")]
@@ -70,7 +70,7 @@ def same(a, b):
 
 
 def expected(system, point):
-    """What stands there once the point is put there by hand."""
+    """Return the state in the problem after the point is restored explicitly."""
     system.result_at(point)
     return seen(system)
 
@@ -98,7 +98,7 @@ def check(system, looks):
     ),
 )
 def test_every_point_stands_in_the_problem(kind):
-    """By steps: the load, the obstacle or Dirichlet data have the gamma of the point as well."""
+    """Load, obstacle and Dirichlet data have the gamma of the point, also with steps."""
     system = driven_block(kind, n=3)
     x = start_of(system)
     looks = Looks(system)
@@ -146,7 +146,7 @@ def start_of(system):
     ),
 )
 def test_a_record_comes_first(folder):
-    """What is observed has been recorded, also where the observer raises."""
+    """A point is recorded before an observer sees it, also if the observer raises."""
     system, functionals = moved_block(COMM, n=3)
     x = start(system)
 
@@ -166,7 +166,7 @@ def test_a_record_comes_first(folder):
 
 
 class Notes(Observer):
-    """What one observer is called with, whatever is followed."""
+    """Observer that stores its arguments."""
 
     def __init__(self):
         self.told = []

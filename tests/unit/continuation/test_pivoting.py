@@ -471,7 +471,7 @@ def test_slip_under_a_constant_load(load, rate, vertices):
 
 
 def test_a_branch_ends_where_its_range_does():
-    """A branch ends at the end of its range, also at a vertex, which is no special point then."""
+    """The end may be a vertex, which is then no special point."""
     points = FewPoints(Oracle([[2.0, 1.0], [1.0, 2.0]], (0.0, -1.0), (1.0, 0.0), 0.5))
     pivoting = points.pivoting()
     x = points.vector(np.zeros((1, 4)), 0.0)

@@ -87,7 +87,7 @@ def test_three_solutions_of_a_triangle(n, vertical, deflation):
     ids=str,
 )
 def test_what_a_solve_finds_in_space_is_found(options):
-    """From zero, where so few steps of Newton's method lead nowhere; what stood there stays."""
+    """The search starts at zero with few Newton steps, and the Functions stay unchanged."""
     first = block(n=2, **options)
     friction = fem.Constant(first.V.mesh, 0.3)
     problem = block(**options, law=Coulomb(friction), domain=first.V.mesh)

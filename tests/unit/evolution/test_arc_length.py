@@ -77,7 +77,6 @@ def test_bar_in_series(k, n):
 @pytest.mark.long
 @pytest.mark.chatty
 def test_the_energy_residue_of_a_path_falls_with_the_steps():
-    """What the account lacks falls with the steps."""
     residues = []
     for part in (1, 4):
         cosine = 1 - 0.1 / part**2

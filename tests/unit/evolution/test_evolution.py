@@ -141,7 +141,6 @@ def test_tried_steps_leave_nothing():
     "energies of histories", "quasi-static", reference="itself: shorter steps", aspects=("2D",)
 )
 def test_the_energy_residue_of_a_history_falls_with_the_steps():
-    """What is neither stored nor dissipated falls with the steps."""
     residues = []
     for n in (4, 8, 16):
         problem, top = dragged()

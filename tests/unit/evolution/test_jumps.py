@@ -1,4 +1,4 @@
-"""Jumps of histories that no mean over a body shows, and what is stated of them."""
+"""Jumps of histories that means over a body do not show, and their indicators."""
 
 import logging
 
@@ -102,7 +102,7 @@ def test_columns_that_come_off_one_by_one(stiffness, steps, degree):
     "jumps", "RCCM adhesion", reference="closed form: columns snap at 1 + 1/k", aspects=("2D",)
 )
 def test_a_step_in_which_the_state_may_jump_gives_a_warning(caplog):
-    """By default a history takes the given times; the step of a jump is named once."""
+    """By default a history takes the given times, and one warning names the step of a jump."""
     times = np.linspace(0.0, 4.0, 24)
     history = pulled((0.5, 4.0)).run(times)
     assert [s.time for s in history.steps] == times[1:].tolist()

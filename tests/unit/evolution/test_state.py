@@ -82,7 +82,7 @@ def test_statuses_are_those_of_the_last_write():
 
 @pytest.mark.ranks(2)
 def test_evaluators_at_a_state():
-    """They agree with those of the Functions, and leave the Functions as they were."""
+    """Evaluations at a state agree with those of the Functions and do not change them."""
     problem, move = moved_block()
     (s,) = problem.surfaces
     move(0.01, -0.02)
@@ -109,7 +109,7 @@ def test_evaluators_at_a_state():
 
 
 def test_a_table_in_an_observer_has_the_law_of_the_step():
-    """Increments and bonds are those of the step, and after the run those of the last step."""
+    """Increments and bonds belong to the step; after the run they belong to the last step."""
     law = RCCM(normal=1e3, tangential=1e3, work=0.005, friction=0.2, viscosity=1e-2)
     problem = block(law=law, top=(0.0, 0.0))
     top = problem.bcs[0].g.value
@@ -234,7 +234,6 @@ TIMES = [0.0, 1.0, 2.0, 3.0, 4.0]
 
 @pytest.mark.ranks(2)
 def test_steps_one_by_one_are_a_history():
-    """The same displacements as those of a run, step by step."""
     problem, top = dragged()
     load = cycle(top)
     found = []

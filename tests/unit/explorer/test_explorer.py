@@ -1,4 +1,4 @@
-"""Pages of records: what they hold is what was recorded; they are written once, or refused."""
+"""Pages of records: their content, and refused overwriting."""
 
 import base64
 import html.parser
@@ -80,7 +80,7 @@ class Scripts(html.parser.HTMLParser):
 
 
 class Page:
-    """What a page holds."""
+    """A page and its data."""
 
     def __init__(self, text):
         scripts = Scripts(text)
@@ -225,7 +225,6 @@ def round_tool(cell):
     aspects=("2D", "3D", "records"),
 )
 def test_a_page_shows_the_vertices_of_a_rigid_surface(cell, folder):
-    """The obstacle has vertices of its own, not those of the contact face."""
     system, functionals = moved_block(COMM, cell=cell, n=3, obstacle=round_tool(cell))
     record(system, functionals, folder / "branch", max_steps=4, **KEPT)
     explorer(folder / "page.html", folder / "branch")

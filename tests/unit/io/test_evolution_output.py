@@ -1,4 +1,4 @@
-"""What histories leave on the disk: series, tables, animations."""
+"""Files of histories: series, tables, animations."""
 
 import itertools
 
@@ -19,7 +19,7 @@ TIMES = [0.0, 1.0, 2.0, 3.0]
 
 
 class Stop(Exception):
-    """What an observer raises."""
+    """Exception of an observer."""
 
 
 def lines(file):
@@ -27,7 +27,7 @@ def lines(file):
 
 
 def names(folder):
-    """What is in a folder, on every rank at the same time."""
+    """Return the names in a folder, synchronised over the ranks."""
     COMM.barrier()
     found = sorted(p.name for p in folder.iterdir())
     COMM.barrier()
@@ -69,7 +69,7 @@ def test_a_series_step_by_step(folder, format):
 
 
 def test_a_series_that_is_stopped(folder):
-    """Of the steps before it has table and fields, and of the run before nothing."""
+    """Steps before the stop have tables and fields; steps of an earlier run have none."""
     for ends in (3.0, 2.0):
         evolution = pair(COMM, n=2)
         with EvolutionSeries(folder, evolution.problem, format="vtk") as series:
@@ -124,7 +124,7 @@ def recorded(tmp_path_factory):
     ),
 )
 def test_an_animation_has_a_picture_of_each_state(folder, recorded):
-    """As many pictures as steps, of one size, that differ and are no blanks."""
+    """The pictures have one size, differ, and are not blank."""
     from imageio import v2 as imageio
     from PIL import Image, ImageSequence
 

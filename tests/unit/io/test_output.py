@@ -1,4 +1,4 @@
-"""What is written: fields for ParaView, the table, pictures; read back and compared."""
+"""Written fields for ParaView, tables and pictures, read back and compared."""
 
 import csv
 import re
@@ -182,7 +182,7 @@ def test_nodal_fields_are_the_table(cell, method):
 @pytest.mark.ranks(2, 3)
 @pytest.mark.parametrize("cell", ["tri", "quad", "tet", "hex"])
 def test_pressure_as_a_function(cell):
-    """Its integral is the sum of the normal forces, its mean over a part that of the table."""
+    """Its integral is the sum of normal forces, and its mean over a part agrees with the table."""
     problem = dragged(cell, n=8 if cell in ("tri", "quad") else 4)
     result = problem.solve()
     (s,) = problem.surfaces

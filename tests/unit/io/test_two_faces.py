@@ -46,7 +46,7 @@ def gathered(f):
 
 
 def total(problem, face, name):
-    """Of a field per area, the sum over the vertices of a face."""
+    """Return the sum of a field per area over the vertices of a face."""
     n = face.vertices.dofmap.index_map.size_local
     f = face.fields(problem)[name]
     values = f.x.array.reshape(-1, f.function_space.dofmap.index_map_bs)

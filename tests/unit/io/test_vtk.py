@@ -151,7 +151,7 @@ def test_series_as_vtk(folder):
 
 
 def test_the_script_needs_paraview_alone(folder):
-    """It parses, imports nothing of ours, and does not import itself."""
+    """It parses, imports nothing of the package, and does not import itself."""
     write_fields(folder, block(cell="tri"))
     tree = ast.parse((folder / "paraview.py").read_text())
     names = {a.name for n in ast.walk(tree) if isinstance(n, ast.Import) for a in n.names}

@@ -29,7 +29,7 @@ N = 6
 
 @dataclass(frozen=True)
 class RoughNonlocal(NonlocalCoulomb):
-    """A law of two fields, and what is around: the third."""
+    """Law of two fields and a third nonlocal one."""
 
     roughness: float = 1.5
 
@@ -136,7 +136,7 @@ def test_derivatives(name, dim):
 
 @pytest.mark.parametrize(("name", "dim"), [("Coulomb", 2), ("RCCM", 2), ("power", 3)])
 def test_derivatives_where_normals_turn(name, dim):
-    """By a displacement that jump and normal follow, each in its way."""
+    """Jump and normal depend on the displacement in their own ways."""
     known, jump, traction, data, _ = at_points(name, dim)
     rng = np.random.default_rng(4)
     turn, shift = rng.normal(size=(2, N, dim, dim))
@@ -159,7 +159,7 @@ def test_derivatives_where_normals_turn(name, dim):
 
 @pytest.mark.parametrize("name", ["nonlocal", "rough"])
 def test_what_spreads(name):
-    """The pressure that others see, and the answer by what they send."""
+    """The pressure is averaged over other points, and so is the answer."""
     known, jump, traction, data, _ = at_points(name, 2)
     q, by_jump, by_traction = known(jump, traction, data).pressure
     for i, e in enumerate(np.eye(2)):

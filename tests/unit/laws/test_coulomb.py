@@ -1,4 +1,4 @@
-"""The laws of Coulomb and Tresca on numpy arrays are those of their UFL."""
+"""Coulomb's and Tresca's laws on numpy arrays agree with their UFL."""
 
 import numpy as np
 import pytest
@@ -74,7 +74,7 @@ def test_cones(law):
 
 
 def test_borders():
-    """What is on a border is in both cones, at an inequality of each that names the other."""
+    """A state on a border is in both cones, and an inequality of each names the other."""
     F = 0.4
     for number, pair in enumerate(coulomb.BORDERS):
         constant, slope = coulomb.BASES[coulomb.FIRST_BORDER + number]

@@ -198,7 +198,7 @@ def test_friction_that_begins_at_a_pressure(cell, units):
     ids=["weakening", "tresca"],
 )  # fmt: skip
 def test_friction_never_pushes_along(method, n, law, floor, top):
-    """Steep weakening, and bounds that act on open points: what is found obeys the law."""
+    """Solutions satisfy the law for steep weakening and for bounds that act on open points."""
     domain = mesh.create_unit_square(COMM, *n)
     result = block(
         domain=domain, law=law, obstacle=HalfSpace(*floor), method=method, top=top

@@ -1,4 +1,4 @@
-"""Statuses: what contact, friction and bonds do, with one letter for each."""
+"""Statuses: contact, friction and bonds, with one letter for each combination."""
 
 import itertools
 
@@ -54,7 +54,7 @@ def test_statuses_are_spelled_by_their_letters():
 @pytest.mark.parametrize("cell", ["quad", "hex"])
 @pytest.mark.parametrize("law", [BilinearCohesive(2.0, 0.002, 0.01, 0.5), Tresca(1.0)])
 def test_pieces_are_known_by_their_letters(cell, law):
-    """Whatever a law has: what was recorded of a branch is what it goes on with."""
+    """Resumption uses the recorded letters of a branch for any law."""
     problem = block(n=2, cell=cell, law=law)
     system = ParametricContact(problem, fem.Constant(problem.V.mesh, 0.0))
     codes = sorted(problem.surfaces[0].law_at_points.codes)
@@ -69,7 +69,7 @@ def test_pieces_are_known_by_their_letters(cell, law):
 
 
 def test_what_friction_does_under_every_bond():
-    """Numbers of the three parts are found in that of the whole."""
+    """Numbers of the three parts follow from the number of the combination."""
     for contact, bond in itertools.product(FRICTION, BONDS):
         code = np.array([contact + bond], dtype=np.int8)
         assert status.without_damage(code) == contact

@@ -1,4 +1,4 @@
-"""The table in the docstring of the laws says what is so."""
+"""The table in the docstring of the laws agrees with the laws."""
 
 from mpi4py import MPI
 
@@ -101,7 +101,7 @@ def parameters():
 
 @pytest.mark.parametrize(("text", "symbol", "varies"), parameters())
 def test_what_is_needed(text, symbol, varies):
-    """A parameter that is not allowed is refused; a number is no Constant; others may be gamma."""
+    """Parameters out of range are refused; numbers are not Constants; others may be gamma."""
     for bad in (-1.0, np.nan):
         assert refused(lambda bad=bad: problem_of(law_of(text, **{symbol: bad})), ValueError)
     domain = box(COMM, 4, "quad")
@@ -130,7 +130,7 @@ def test_what_is_inside_a_compliant_surface():
 
 @pytest.mark.long
 def test_algorithms_that_take_any_law():
-    """What they find is the solution, or they say that they found none."""
+    """They find the solution or report a failure."""
     for row in ROWS:
         law = law_of(row[0])
         known = problem_of(law).solve().tables["contact"]

@@ -1,4 +1,4 @@
-"""Laws that know the time: what they are without one, and what is refused."""
+"""Laws that depend on time: behaviour without time, and refused combinations."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -130,7 +130,7 @@ class Dragged:
 
 
 def test_the_static_law_of_a_speed():
-    """It gave Q/P above every coefficient of friction there is."""
+    """It gave Q/P above every friction coefficient."""
     for law in (OfSpeed(), NormalCompliance(1e6, friction=OfSpeed()), Sticky()):
         dragged = Dragged(law)
         with pytest.raises(ValueError, match=rf"{REFUSED} .*evolution\.QuasiStatic .*conditional"):

@@ -26,17 +26,17 @@ SIDES = ((0, -1.0), (0, 1.0), (1, -1.0), (1, 1.0), (2, -1.0))
 
 
 def crossing(groups, *, reach=0.5, cells=8, comm=COMM, cell="quadrilateral"):
-    """A square or cube [-1, 1]^dim with a crack along each axis.
+    """Return a square or cube [-1, 1]^dim with a crack along each axis.
 
     Args:
         groups: tags of the arms.
-        reach: of the arms; 1 for cracks through the body.
-        cells: along a side.
+        reach: half length of the arms; 1 for cracks through the body.
+        cells: number of cells along a side.
         comm: communicator.
-        cell: type.
+        cell: cell type.
 
     Returns:
-        The body in which the crack is.
+        Body with the cracks.
     """
     kind = mesh.CellType[cell]
     dim = mesh.cell_dim(kind)

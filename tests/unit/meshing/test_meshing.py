@@ -1,4 +1,4 @@
-"""Meshes from gmsh: physical groups by name, and what is wrong with a file said on every rank."""
+"""Meshes from gmsh: physical groups by name, and errors in files on every rank."""
 
 from mpi4py import MPI
 
@@ -91,7 +91,7 @@ def surface(body, facets, tag):
 
 @pytest.mark.parametrize("version", [4.1, 2.2])
 def test_a_partitioned_file(folder, version):
-    """The partition is dropped: cells, groups and their sizes are those of the whole."""
+    """The partition is dropped: cells, groups and their sizes are those before partitioning."""
     body = read_mesh(COMM, saved(folder, version=version, parts=3), groups=("top",))
     sizes = [measure(body, name) for name in (None, "contact", "top")]
     assert sizes == pytest.approx([2.0, 2.0, 2.0])
@@ -189,7 +189,7 @@ def halves_with_seam(*, seam):
 
 @pytest.mark.parametrize(("seam", "inside", "count"), [("inside", 5, 5), ("both", 5, 10)])
 def test_no_ds_inside_of_a_body(seam, inside, count):
-    """It would be 0 there without a word; `dS` has the length, and dofs are known."""
+    """`ds` would silently be 0 there; `dS` has the length, and dofs are available."""
     body = mesh_from_gmsh(COMM, lambda: halves_with_seam(seam=seam))
     match = rf"the group 'seam' has {inside} of {count} facets inside of the body, .*dS\(7\)"
     refused(match, lambda: body.ds("seam"))
@@ -262,7 +262,7 @@ def refused(match, do):
 
 @pytest.mark.ranks(2)
 def test_unknown_names():
-    """The names there are, the same on every rank; the body is no facet."""
+    """The error lists the names on every rank; the body is not a facet group."""
     body = mesh_from_gmsh(COMM, lambda: box(dim=2))
     V = fem.functionspace(body.mesh, ("Lagrange", 1, (2,)))
     for name in ("side", "body"):
@@ -323,7 +323,6 @@ def test_files_read_differently(folder, match, options):
 @pytest.mark.ranks(2)
 @pytest.mark.parametrize("error", [SystemExit, KeyboardInterrupt])
 def test_a_drawing_that_ends_the_run(error):
-    """It ends on every rank, whatever it is."""
 
     def draw():
         raise error(4)

@@ -1,4 +1,4 @@
-"""How bodies and contact faces are drawn: what is shown of them, and from where."""
+"""Pictures of bodies and contact faces: content and camera."""
 
 import shutil
 
@@ -88,7 +88,7 @@ def test_bonds_are_seen(strength):
 
 @pytest.mark.ranks(2)
 def test_a_floor_under_the_body():
-    """It reaches from one end of the body to the other wherever the body is."""
+    """It spans the body at any position."""
     problem = block(n=4, top=(0.0, -0.01))
     problem.u.interpolate(lambda x: np.stack([np.full_like(x[0], 5.0), np.zeros_like(x[0])]))
     figure = plot.picture_of_body(None, problem)
@@ -162,7 +162,7 @@ def test_arrows_have_a_reference_length():
 @pytest.mark.parametrize("law", [Coulomb(0.3), Frictionless()])
 @pytest.mark.parametrize("way", [-0.01, 0.01])
 def test_senses_of_slip_are_those_of_the_table(law, way):
-    """Also where there is no friction, and the status has no sense of its own."""
+    """This includes frictionless points, whose status has no sense."""
     problem = block(law=law, top=(way, -0.002))
     table = problem.solve().tables["contact"]
     figure = plot.picture_of_contact(None, problem)

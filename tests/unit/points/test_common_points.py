@@ -1,4 +1,4 @@
-"""Integral contact between faces of different meshes: Gauss points on what these have in common."""
+"""Integral contact between non-matching faces: Gauss points on their intersections."""
 
 from itertools import pairwise
 
@@ -60,7 +60,7 @@ def integrals(points, a, b, degree):
     ],
 )
 def test_gauss_point_forces_are_exact_integrals_of_uniform_tractions(case, sides, degrees):
-    """Forces on both faces are integrals over what they have in common, node by node."""
+    """Forces on both faces are integrals over their intersection, node by node."""
     angle = 0.7
     both = stacked(*case, angle=angle)
     u = displacement(both.mesh, degrees[0])
@@ -216,9 +216,9 @@ def pressed(*args, **options):
 
 @pytest.mark.parametrize(("law", "n"), [(Coulomb(0.4), 15), (Frictionless(), 30)])
 def test_no_pressure_of_its_own(law, n):
-    """The pressures at an end that is held are those of matching meshes.
+    """The pressures at a clamped end agree with matching meshes.
 
-    With a multiplier of its own the end had up to a hundred times the pressure beside it.
+    With its own multiplier the end had up to a hundred times the pressure of its neighbours.
     """
     matching, other = (pressed(below, n, law).solve() for below in (n, n + 1))
     a, b = (r.tables["contact"] for r in (matching, other))

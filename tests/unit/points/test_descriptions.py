@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Descriptions of contact: what they refuse, and that problems do not share discretisations."""
+"""Descriptions of contact: refused arguments, and separate discretisations of problems."""
 
 from dataclasses import FrozenInstanceError
 

@@ -152,7 +152,7 @@ def tubes(inside, outside):
 
 
 def pressure(both, degree, **options):
-    """Of the contact points, over that of Lame for two tubes of one material in plane strain."""
+    """Return the contact pressure over Lame's for two tubes of one material in plane strain."""
     u = displacement(both.mesh, degree)
     V = u.function_space
     ends = [

@@ -33,16 +33,16 @@ PLANE = LevelSet(lambda x: x[2])
 
 
 class Disc:
-    """A disc of the radius 1 on an obstacle, that is moved at its top.
+    """A disc of radius 1 on an obstacle, moved at its top.
 
     Args:
-        obstacle: below it, or what makes it of the mesh.
-        cell: of the mesh.
-        n: cells across it.
-        law: of contact.
-        degree: of the displacement.
-        comm: of the mesh.
-        given: to the surface.
+        obstacle: obstacle, or function of the mesh that returns it.
+        cell: cell type.
+        n: number of cells across the disc.
+        law: contact law.
+        degree: degree of the displacement.
+        comm: communicator.
+        given: further arguments of the surface.
     """
 
     def __init__(self, obstacle, cell="hex", n=4, law=None, degree=1, comm=COMM, **given):
@@ -84,7 +84,7 @@ def plate():
 
 
 def torques(disc):
-    """Torque of friction about z, and that of friction coefficient and pressures. Collective."""
+    """Return the torque of shears about z, and of friction times pressures. Collective."""
     s = disc.problem.surfaces[0]
     found = disc.problem.evaluate().surfaces[0]
     n = s.owned_nodes
@@ -155,7 +155,7 @@ def test_a_linear_body_does_not_turn():
     aspects=("3D", "large sliding"),
 )
 def test_a_face_that_spins(obstacle, cell, given):
-    """By 45 degrees in a step: friction acts along chords, which gives a warning."""
+    """A rotation of 45 degrees in one step gives a warning, because friction acts along chords."""
     disc = Disc(obstacle, cell, **given)
     before, last = disc.run(spinning(disc, 45.0))[-2:]
     angle = 45.0 * (last.time - before.time)
@@ -189,11 +189,11 @@ def test_short_steps_give_no_warning(angle, warned):
 
 
 def on_a_body(sliding, together=0.0):
-    """A disc that is pressed on a rigid body, which turns below it by 60 degrees in a step.
+    """Return a disc pressed on a rigid body, which rotates below it by 60 degrees in one step.
 
     Args:
-        sliding: of the surface.
-        together: part of the turn that the disc makes as well.
+        sliding: sliding of the surface.
+        together: part of the rotation that the disc follows.
     """
     turned = {}
 

@@ -195,7 +195,7 @@ def doubled(table):
 
 
 def alone(make):
-    """What rank 0 makes by itself; on every rank."""
+    """Return on every rank the value that rank 0 computes."""
     gc.collect()  # what other ranks have a part in goes now: they wait below
     return COMM.bcast(make(MPI.COMM_SELF) if COMM.rank == 0 else None)
 

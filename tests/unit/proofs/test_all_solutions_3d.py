@@ -1,4 +1,4 @@
-"""All solutions of bodies in space: the demo against a table, and what is proved of which."""
+"""All solutions of bodies in space: the case against a table, and its proofs."""
 
 from mpi4py import MPI
 
@@ -189,7 +189,7 @@ def test_friction_as_the_parameter_is_proved():
     aspects=("3D",),
 )
 def test_a_proof_that_has_no_time():
-    """It is said to be open; what starts in the open region find is reported, each once."""
+    """The verdict is open, and solutions from starts in the open region are reported once."""
     words = ["--cells", "4", "2", "--load", "-1", ".2", "-.3", "--friction", "3.5"]
     system = cases.proofs_3d.body(cases.proofs_3d.arguments(words), COMM)
     few = dict(lengths=(0.5,), max_iterations=3)
@@ -211,7 +211,6 @@ def test_a_proof_that_has_no_time():
     aspects=("3D", "proofs"),
 )
 def test_another_solution_comes_with_a_solution_in_space(caplog):
-    """Of three solutions one is found, and another one beside it."""
     system = cases.proofs_3d.body(cases.proofs_3d.arguments([]), COMM)
     problem = system.problem
     problem.solve()

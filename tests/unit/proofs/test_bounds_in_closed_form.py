@@ -1,8 +1,8 @@
-"""Bounds of the checker of proofs where they are known in closed form, and the smallest lies.
+"""Bounds of the proof checker in closed form, and the smallest false claims.
 
-Data have errors far above round-off, so that what is asked of a bound is a number: the worst case
-over all data within the errors. A step that claims a little more than is true is refused, beside
-one that claims a little less, which is taken.
+Data have errors far above round-off, so that the exact bound is a number: the worst case over all
+data within the errors. A step that claims slightly more than is true is refused. A step that claims
+slightly less is accepted.
 """
 
 import itertools
@@ -79,7 +79,7 @@ def test_least_eigenvalues():
 
 
 def test_intervals_hold_their_ends():
-    """Ends are outside those of real numbers, by units in the last place."""
+    """Computed ends enclose the real ones within units in the last place."""
     x = Ball(np.array([0.1, -0.7]), np.array([1e-17, 0.2]))
     assert (x.low < x.value - x.radius * 0.9999).all()
     assert (x.high > x.value + x.radius * 0.9999).all()
@@ -87,7 +87,7 @@ def test_intervals_hold_their_ends():
 
 
 def test_a_bound_is_taken_down_to_the_truth():
-    """Of one decoupled node pressed down: rn = 4, no more, and any bound from there on is one."""
+    """One decoupled node pressed down has rn = 4, and any larger bound is accepted."""
     problem = ReducedProblem(np.diag([2.0, 4.0]), np.array([0.0, -4.0]), np.array([0.0]))
     scaled = problem.scaled
     rn = 4.0 / problem.units[1]
@@ -128,7 +128,7 @@ def test_data_with_errors_at_one_node():
 
 
 def test_what_has_a_solution_is_not_excluded():
-    """Of three solutions none is excluded by any vector, and the leaf of their pieces has three."""
+    """No vector excludes any of three solutions, and the leaf of their pieces has three."""
     problem = ReducedProblem(*THREE)
     pieces = {"do": "pieces", "singular": []}
     assert sorted(q.codes[0] for q in taken(problem, [pieces]).inside) == [0, 1, 3]

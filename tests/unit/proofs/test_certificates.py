@@ -1,4 +1,4 @@
-"""Proofs of what all solutions are, against the enumeration of all statuses."""
+"""Proofs of all solutions, against the enumeration of all statuses."""
 
 from mpi4py import MPI
 
@@ -52,7 +52,6 @@ def compare(seed, number):
     alone=True,
 )
 def test_proofs_of_random_problems_agree_with_enumeration():
-    """100 problems: what is proved is what the enumeration finds."""
     verdicts = compare(0, 100)
     assert sum(v == "complete" for v, _ in verdicts) > 95
     assert any(count == 3 for _, count in verdicts)
@@ -97,7 +96,6 @@ def test_bounds_hold_every_solution():
 
 
 def test_a_proof_in_the_plane_holds_for_all_data_within_their_errors():
-    """What is proved for data with errors holds for all data within them."""
     rng = np.random.default_rng(8)
     proved = 0
     for _ in range(30):
@@ -160,7 +158,7 @@ def test_trescas_law_in_the_plane_has_one_proved_solution():
 
 
 def test_rest_in_the_plane_is_the_only_solution_without_load():
-    """Nothing but rest, where every point is at every border; little load is no such thing."""
+    """Every point is at every border; a small load has other solutions."""
     S, _, F = random_problem(np.random.default_rng(10))
     found = prove_solutions(ReducedProblem(S, np.zeros(len(S)), F))
     assert found.verdict == "complete"

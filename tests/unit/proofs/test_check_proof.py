@@ -91,7 +91,7 @@ def stored(tmp_path):
     alone=True,
 )
 def test_one_file_and_numpy(stored, tmp_path):
-    """A copy of the file by itself says what is proved, of what, and what is not."""
+    """A copy of the file alone prints the claim, its data, and its limits."""
     script = shutil.copy(CHECKER, tmp_path / "copied.py")
     done = alone(script, stored)
     assert (done.returncode, done.stderr) == (0, "")
@@ -202,12 +202,11 @@ def mutated(steps, rng):
 
 
 def says(proved):
-    """What is said of the solutions, without what is left open."""
+    """Return the statements about solutions, without the open part."""
     return sorted(tuple(piece.codes.tolist()) for piece in proved.inside)
 
 
 def test_a_changed_file_is_refused(proofs, tmp_path):
-    """Whatever is changed in what is stored, the digests beside it say so."""
     rng = np.random.default_rng(6)
     for proof in proofs:
         path = tmp_path / "proof.npz"
@@ -233,10 +232,10 @@ def test_a_changed_file_is_refused(proofs, tmp_path):
 
 @pytest.mark.parametrize("tries", [15, pytest.param(1500, marks=pytest.mark.long)])
 def test_a_forged_proof_proves_nothing_that_is_false(proofs, tries):
-    """With the digests put right as well: refused, or another proof of the same solutions.
+    """With corrected digests it is refused, or proves the same solutions.
 
-    A change may leave a proof: of weights that are larger than they must be, of a bound or an
-    exclusion that is weaker, of an order of parts. What it says is then still true.
+    A changed proof may remain valid: with larger weights, a weaker bound or exclusion, or another
+    order of parts. Its claim is then still true.
     """
     rng = np.random.default_rng(7)
     taken = 0
@@ -320,7 +319,7 @@ def certificate_of(stored):
 
 
 def said(proved):
-    """What a proof says: numbers of statuses, and the states of the solutions."""
+    """Return the claim of a proof: numbers of statuses, and states of the solutions."""
     regions = [getattr(r, "statuses", r) for r in proved.open_regions]
     return {
         "verdict": proved.verdict,
@@ -335,7 +334,6 @@ def said(proved):
 
 @pytest.mark.parametrize("number", range(len(STORED)))
 def test_stored_proofs_hold(number):
-    """They are taken, and say what they said."""
     stored = STORED[number]
     now = said(cp.check(certificate_of(stored)))
     then = stored["says"]
@@ -347,7 +345,7 @@ def test_stored_proofs_hold(number):
 
 
 def told(certificate, folder):
-    """What the command says of a stored proof, but for numbers, and its status; the digests."""
+    """Return the output of the command without numbers, its exit code, and the digests."""
     certificate.save(Path(folder) / "proof.npz")
     out = io.StringIO()
     with contextlib.redirect_stdout(out):
@@ -376,7 +374,7 @@ def test_a_bound_holds_within_its_rounding_error(number):
 
 @pytest.mark.parametrize("number", range(len(STORED)))
 def test_the_command_says_what_it_said(number, tmp_path):
-    """Digests do not depend on the machine, and what is read is what was written."""
+    """Digests do not depend on the machine."""
     certificate = certificate_of(STORED[number])
     assert told(certificate, tmp_path) == STORED[number]["told"]
 

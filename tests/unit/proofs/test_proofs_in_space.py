@@ -1,4 +1,4 @@
-"""All solutions of reduced problems in space: what is proved, and what the checker takes."""
+"""All solutions of reduced problems in space: proofs and the checker."""
 
 from mpi4py import MPI
 
@@ -220,7 +220,7 @@ def test_trescas_law_in_space_has_one_proved_solution():
 
 @pytest.mark.parametrize("tries", [2, pytest.param(5, marks=pytest.mark.long)])
 def test_a_proof_in_space_holds_for_all_data_within_their_errors(tries):
-    """Solutions of every problem within the errors are within those of the solutions."""
+    """Solutions of all problems within the errors are within the bounds of the solutions."""
     rng = np.random.default_rng(7)
     for problem in (three_solutions(), two_far_nodes(rng)):
         S_error, p_error = 1e-6 * np.abs(problem.S), 1e-6 * np.ones_like(problem.p)
@@ -289,7 +289,7 @@ def says(proved):
 
 
 def test_stored_proofs(proofs, tmp_path):
-    """What is written is what is read, says the same, and does not prove other data."""
+    """A stored proof is read unchanged and does not prove other data."""
     for proof in proofs:
         proof.save(tmp_path / "proof.npz")
         again = Certificate.load(tmp_path / "proof.npz")

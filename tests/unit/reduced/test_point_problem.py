@@ -22,7 +22,7 @@ ERRORS = ("S_error", "p_error", "rate_error")
 
 
 def tilted(comm, cell):
-    """A block above a tilted floor, so that frames are no axes and gaps are not 0."""
+    """Return a block above a tilted floor, with frames off the axes and gaps that are not 0."""
     dim = 2 if cell in ("tri", "quad") else 3
     floor = HalfSpace((*[0.0] * (dim - 1), -0.002), (0.1, *[0.05] * (dim - 2), 1.0))
     return block(comm, n=3, cell=cell, obstacle=floor)
@@ -95,7 +95,7 @@ def test_what_is_saved_is_the_problem(cell, tmp_path):
     ),
 )
 def test_errors_hold(cell):
-    """What a factorisation leaves bounds the difference from the compliance by unit forces."""
+    """The bound covers the difference from the compliance by unit forces."""
     points, W, q, _ = compliance(cell)
     order = local_order(points)
     S = np.linalg.inv(W)[np.ix_(order, order)]
@@ -138,9 +138,9 @@ def local_order(points):
 
 
 def compliance(cell):
-    """A problem, and W and q of FCLib by unit forces on the body's stiffness, on one rank alone.
+    """Return a problem, and W and q of FCLib by unit forces on the stiffness, on one rank.
 
-    The normal into the body comes first; the gap is that of the floor, from positions.
+    The normal into the body comes first; the gap is computed from positions.
     """
     problem = tilted(MPI.COMM_SELF, cell)
     points = problem.reduced()
@@ -308,7 +308,6 @@ def test_save_points_leaves_other_files_unchanged(tmp_path):
 
 
 def test_a_point_problem_converts_between_units():
-    """The problem in the units of the input, and in those of the condensed numbers."""
     with Reduction.of(block(n=2, law=Coulomb(0.5)).equations) as reduction:
         unit = reduction.force_unit
         a, b = reduction.problem(), reduction.problem(unit=unit)

@@ -1,4 +1,4 @@
-"""What is to be doubted in a state, a mesh or an obstacle is measured and said."""
+"""Indicators of doubtful states, meshes and obstacles, with their warnings."""
 
 import logging
 
@@ -117,7 +117,7 @@ def test_open_points_in_the_obstacle_are_found(log):
     ),
 )
 def test_smallest_jacobian(dim, cell, degree):
-    """Of a homogeneous state everywhere; of one bad vertex, where it is; NaN of one value."""
+    """It is that of a homogeneous state, of one bad vertex, and NaN for one NaN."""
     problem = block(n=2, cell=cell, degree=degree)
     G = np.array([[0.3, -0.2, 0.1], [0.1, -0.4, 0.2], [0.0, 0.3, 0.2]])[:dim, :dim]
     problem.u.interpolate(lambda x: G @ x[:dim])
@@ -209,7 +209,7 @@ def strip(order):
 @pytest.mark.ranks(2)
 @pytest.mark.parametrize("order", [[0, 1, 2, 3], [2, 3, 1, 0], [3, 0, 1, 2]])
 def test_an_empty_cell_is_named(order):
-    """By its number in the input, on every rank, when a problem is made."""
+    """The error has its number in the input, on every rank, when the problem is made."""
     domain = strip(order)
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
     u = fem.Function(V)
@@ -270,7 +270,7 @@ def test_obstacle_on_the_right_side(name, log):
 
 @pytest.mark.parametrize("what", ["normal", "centre"])
 def test_obstacle_that_data_bring_to_the_wrong_side(what, log):
-    """By Constants that change between two solves: nothing touches, and a warning says why."""
+    """Constants change between two solves; nothing touches, and a warning gives the reason."""
     domain = box(COMM, 4, "tri")
     before, after = {"normal": ([0, 1], [0, -1]), "centre": ([0.5, -1.0], [0.5, 1.3])}[what]
     value = fem.Constant(domain, np.array(before, dtype=np.float64))
@@ -285,7 +285,6 @@ def test_obstacle_that_data_bring_to_the_wrong_side(what, log):
 
 
 def test_reversed_floor_that_pulls():
-    """It touches, on the wrong side."""
     domain = box(COMM, 4, "tri")
     normal = fem.Constant(domain, (0.0, 1.0))
     problem = block(domain=domain, obstacle=HalfSpace((0, -0.1), normal))

@@ -132,7 +132,6 @@ def test_pressed_block_in_closed_form(degree, method):
 
 
 def test_an_imbalance_is_measured_and_said(caplog):
-    """Contact forces that are not those of the solution are found out."""
     problem = block(n=4, cell="tri")
     assert problem.solve().imbalance < 1e-9
     assert not caplog.records

@@ -67,7 +67,7 @@ def two(u, dx):
     ),
 )
 def test_of_each_tag(folder, dim, format):
-    """What ParaView and pictures are given is the pressure in both bodies."""
+    """ParaView and pictures receive the pressure in both bodies."""
     problem, tags = pressed(dim, two)
     problem.solve()
     stress = {tag: part.full_stress(problem.u) for tag, part in PARTS.items()}

@@ -105,9 +105,9 @@ def off_pair(cell, friction, n=8):
     aspects=("2D", "pairs", "large sliding"),
 )
 def test_as_from_a_meshed_tool(friction, cell, method):
-    """Forces fall with what is left on the tool, as between a pair, down to zero.
+    """Forces fall with the contact that remains on the tool to zero, as between a pair.
 
-    Across a force that is not turned nothing is put in, whatever is lost.
+    Without a rotating force no energy is added.
     """
     found, work = off_surface(2, cell, friction, method=method)
     wanted = off_pair(cell, friction)

@@ -67,7 +67,7 @@ def places(dim, number=400):
     aspects=("2D", "3D"),
 )
 def test_distances_are_those_of_all_facets_one_by_one(name, monkeypatch):
-    """The search finds what all facets one by one give; derivatives are those of differences."""
+    """The search agrees with all facets one by one, and derivatives agree with differences."""
     surface = RigidSurface(*SURFACES[name])
     dim = surface.points.shape[1]
     x = np.concatenate([places(dim), 20 * places(dim)[:20], 1e-3 * places(dim)[:20]])
@@ -130,7 +130,7 @@ def test_closest_of_slivers(width):
     aspects=("2D", "3D"),
 )
 def test_normals_of_points():
-    """Averages at points are those of a circle and a sphere through these, however they lie."""
+    """Averages at points on a circle and a sphere are the exact normals, however the points lie."""
     rng = np.random.default_rng(2)
     angle = np.sort(rng.uniform(0, 2 * np.pi, 40))
     circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
@@ -220,7 +220,7 @@ def test_the_jacobian_on_rigid_surfaces_agrees_with_differences(kind, given):
 
 
 def force_of(shape, dim, law=None, **given):
-    """Of a block pressed on a shape and pulled over it."""
+    """Return the force of a block pressed on a shape and pulled over it."""
     on_body = OnBody(dim, shape, law or Coulomb(0.3), n=4, **given)
 
     def motion(t, X):
@@ -291,7 +291,7 @@ def test_against_exact_shapes(kind, method):
     aspects=("2D", "large sliding"),
 )
 def test_flat_punch_and_ranks():
-    """A punch with sharp corners is that of its distance function, on any number of ranks."""
+    """A punch with sharp corners agrees with its distance function on any number of ranks."""
 
     def box(x):
         over = [abs(x[0] - 0.51) - 0.21, abs(x[1] + 0.5) - 0.5]
@@ -452,12 +452,12 @@ PLATE = brick((-1.0, -0.07), (2.0, -0.02))
 
 
 def thrown_at_a_thin_tool(law, speed, tool=None):
-    """A motion of a block towards a tool of which a step may be longer than it is thick.
+    """Return a motion of a block towards a tool that is thinner than the way of a step.
 
     Args:
-        law: of contact.
-        speed: downwards, or a velocity.
-        tool: below it; a plate if none is given.
+        law: contact law.
+        speed: downward speed, or velocity.
+        tool: tool below the block; default: a plate.
     """
     domain = blocks.box(COMM, 3, "quad")
     u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (2,))))
@@ -504,7 +504,7 @@ def test_truncated_stl_files_are_refused(folder):
     "surfaces of facets", reference="closed form: what was written", aspects=("2D", "3D")
 )
 def test_rigid_surfaces_read_and_write_files(folder):
-    """STL in words and binary, groups of gmsh in 2D and 3D; errors are those of all ranks."""
+    """STL in text and binary, gmsh groups in 2D and 3D; errors are equal on all ranks."""
     points, cells = ball(2)
     if COMM.rank == 0:
         for name, binary in (("words.stl", False), ("binary.stl", True)):

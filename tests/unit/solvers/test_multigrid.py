@@ -194,7 +194,7 @@ def test_options(options):
 
 @pytest.mark.ranks(2)
 def test_choice():
-    """By size, unless the user says which; options of a KSP mean the assembled Jacobian."""
+    """The size decides unless the user chooses; options of a KSP select the assembled Jacobian."""
     assert block(cell="tri", n=4).linear_solver.name == "direct"
     assert block(cell="tri", n=4, options=AMG).linear_solver.name == "amg"
     own = block(cell="tri", n=4, options={"ksp_type": "gmres", "pc_type": "lu"})

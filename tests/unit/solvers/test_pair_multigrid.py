@@ -60,7 +60,7 @@ def between(options):
 
 
 def clamped_slave(options):
-    """All nodes of the slave are held, those of the master are free."""
+    """Return a pair whose slave nodes are clamped and whose master nodes are free."""
     both = stacked(2, "quad", 4)
     u = displacement(both.mesh)
     V = u.function_space
@@ -177,7 +177,6 @@ def test_pairs_by_multigrid_have_the_solution_of_mumps(name):
     ),
 )
 def test_a_branch_by_multigrid_has_the_events_of_mumps():
-    """By multigrid and by MUMPS: the same events, and the same end."""
     branches = []
     for options in (AMG, {}):
         system, x = sheared(options)

@@ -52,7 +52,7 @@ def test_gaps_of_round_off_are_no_contact(cell, linear_solver):
 
 
 def test_another_linear_solver_between_two_solves():
-    """It is made anew when its options change, and kept while they do not."""
+    """The solver is made anew only if its options change."""
     problem = block(n=4, options={"linear_solver": "direct"})
     forces = [problem.solve().tables["contact"].force]
     first = problem.linear_solver
@@ -142,7 +142,7 @@ def from_zero(problem):
 )
 @pytest.mark.parametrize("factor", [1e-9, 1e9])
 def test_material_that_changes(cell, material, solver, factor):
-    """As a problem that is made with the new material, iteration by iteration."""
+    """Iterations agree with a new problem of the new material."""
     options = {"linear_solver": solver, "snes_rtol": 1e-11}
     problem, E = soft_block(1.0, cell, material, options=options)
     problem.solve()
@@ -184,7 +184,7 @@ def test_what_stays():
 @pytest.mark.parametrize("cell", ["tri", "hex"])
 @pytest.mark.parametrize("ratio", [0.2, 0.45])
 def test_the_integral_method_after_another_material(cell, ratio):
-    """Its solutions contain r: they are those of a new problem, whatever was solved before."""
+    """Its solutions contain r and agree with those of a new problem."""
     domain = box(COMM, 4, cell)
     poisson = fem.Constant(domain, 0.3)
     dim = domain.geometry.dim

@@ -29,7 +29,7 @@ RUBBER = NeoHookean(600.0, 400.0)
     aspects=("2D",),
 )
 def test_a_block_pressed_to_a_third_of_its_height(cell):
-    """One solve does what eight by hand do."""
+    """One solve reaches the state of eight increments."""
     problem = block(n=8, cell=cell, material=RUBBER, top=(0.3, -0.7))
     result = problem.solve()
     assert result.reason == "load increments"
@@ -109,7 +109,7 @@ def arch(depth):
 
 @pytest.mark.parametrize("depth", [0.1, 0.5])
 def test_a_seal(depth):
-    """A soft body that starts deep in the obstacle: what failed first was not dear."""
+    """A soft body starts deep in the obstacle, and the first attempts fail quickly."""
     result = arch(depth).solve()
     assert sum(a.cost for a in result.attempts) < 150
     assert result.min_det_F > 0

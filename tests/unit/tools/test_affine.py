@@ -1,4 +1,4 @@
-"""Data that are affine by what they are made of, and what becomes of those that are not."""
+"""Data that are affine by construction, and the treatment of others."""
 
 from mpi4py import MPI
 

@@ -24,7 +24,7 @@ def lines(capsys):
 
 
 def on_root(found):
-    """What rank 0 has; nothing may be found elsewhere."""
+    """Return the value of rank 0; other ranks must have none."""
     assert COMM.rank == 0 or not found
     return COMM.bcast(found)
 
@@ -43,7 +43,7 @@ def test_progress_when_wanted(capsys):
 
 
 def test_progress_of_a_solve_that_fails(capsys):
-    """The last line is no success."""
+    """The last line does not report success."""
     problem = block(options={"snes_max_it": 0})
     with pytest.raises(ConvergenceError):
         problem.solve(progress=True)

@@ -1,4 +1,4 @@
-"""What scripts are made of: the parser of their options, journals in memory, plain pictures."""
+"""Parts of scripts: option parser, journals in memory, plain pictures."""
 
 import argparse
 import csv
