@@ -75,12 +75,17 @@ def crack(
     the order of coordinates (x, then y, then z). Where the crack ends inside the body, both sides
     keep their common nodes. The mesh is rebuilt on rank 0, as when it is read.
 
+    A group that crosses itself or branches is divided into its arms, which need pairs of their own
+    (`ContactPair` describes contact where they meet). They are named ``"fault_1"``, ``"fault_2"``
+    and so on, in the order of the coordinates of their middles (x, then y, then z), and their
+    opposite sides ``"fault_1_opposite"``. The first arm keeps the tag, and the name of the whole
+    group is removed.
+
     Args:
         body: mesh, or mesh with physical groups.
-        groups: names or tags of groups of facets. Each must have two sides, so that the arms of
-            crossing or branching cracks need groups and pairs of their own (`ContactPair` describes
-            contact where they meet). If a crack ends on another one, its arm is a group, and the
-            side divided by it must be the slave of the other crack.
+        groups: names or tags of groups of facets. If cracks of different groups cross, each arm
+            must be a group. If a crack ends on another one, its arm is a group, and the side
+            divided by it must be the slave of the other crack.
         facet_tags: facet tags of a mesh without groups.
         cell_tags: cell tags of a mesh without groups; default: none.
 
@@ -89,7 +94,7 @@ def crack(
 
     Raises:
         ValueError: on every rank, if there is no such group, one of its facets lies on the
-            boundary, a group does not have two sides, no node of a group can be doubled, the cells
+            boundary, an arm does not have two sides, no node of an arm can be doubled, the cells
             are curved, or tags are missing or belong to another mesh or to other entities.
     """
     domain = _mesh_of(body)
@@ -105,18 +110,27 @@ def crack(
 
     result: list[WholeMesh] = []
 
-    def split() -> dict[int, int]:
+    def split() -> tuple[dict[int, list[int]], dict[int, int]]:
         assert whole is not None
-        new, others = _split(whole, cell, list(dict.fromkeys(tags.values())))
+        divided, arms = _divided(whole, list(dict.fromkeys(tags.values())))
+        new, others = _split(divided, cell, [arm for each in arms.values() for arm in each])
         result.append(new)
-        return others
+        return arms, others
 
-    others = on_root(comm, split)
+    arms, others = on_root(comm, split)
     element = domain.ufl_domain().ufl_coordinate_element()
     new, cells, facets = distributed(comm, result[0] if result else None, element)
-    opposite = {f"{g}_opposite": others[t] for g, t in tags.items()}
-    names = names | {name: (tdim - 1, t) for name, t in opposite.items()}
-    named = NamedTags(cells, of_cells), NamedTags(facets, known | opposite)
+    sides: dict[str, int] = {}
+    for g, t in tags.items():
+        if len(arms[t]) > 1:
+            known = {name: tag for name, tag in known.items() if name != g}
+            names = {name: item for name, item in names.items() if name != g}
+            sides |= {f"{g}_{i}": arm for i, arm in enumerate(arms[t], 1)}
+            sides |= {f"{g}_{i}_opposite": others[arm] for i, arm in enumerate(arms[t], 1)}
+        else:
+            sides[f"{g}_opposite"] = others[t]
+    names = names | {name: (tdim - 1, t) for name, t in sides.items()}
+    named = NamedTags(cells, of_cells), NamedTags(facets, known | sides)
     return GmshMesh(new, *named, names)
 
 
@@ -248,19 +262,39 @@ def _split(
     return new, others
 
 
-def _check_groups(whole: WholeMesh, tags: list[int], opens: Mask) -> None:
-    """Raise ``ValueError`` if a group branches or does not open; warn of facets that do not."""
+def _divided(whole: WholeMesh, tags: list[int]) -> tuple[WholeMesh, dict[int, list[int]]]:
+    """Return the mesh with a tag for every arm of the groups, and the tags of the arms by group."""
     rims = {2: [[0], [1]], 3: [[0, 1], [1, 2], [2, 0]], 4: [[0, 1], [1, 3], [3, 2], [2, 0]]}
     rim = np.array(rims[whole.facets.shape[1]])
+    values = whole.facet_values.copy()
+    arms: dict[int, list[int]] = {}
+    for tag in tags:
+        arms[tag] = [tag]
+        here = np.flatnonzero(whole.facet_values == tag)
+        every = np.sort(whole.facets[here][:, rim].reshape(-1, rim.shape[1]))
+        _, number, meeting = np.unique(every, axis=0, return_inverse=True, return_counts=True)
+        if not (meeting > 2).any():
+            continue
+        # facets of an arm are connected through rims at which two facets meet
+        number = number.reshape(-1)
+        inner = meeting[number] == 2
+        facet = np.repeat(np.arange(len(here)), len(rim))[inner]
+        arm = _parts(len(here) + len(meeting), facet, len(here) + number[inner])[: len(here)]
+        middles = whole.x[whole.facets[here]].mean(axis=1)
+        parts = np.unique(arm)
+        centres = np.array([middles[arm == part].mean(axis=0) for part in parts])
+        order = np.lexsort(np.round(centres - centres.min(axis=0), 12).T[::-1])
+        first = int(values.max()) + 1
+        arms[tag] += range(first, first + len(parts) - 1)
+        for new, part in zip(arms[tag], parts[order], strict=True):
+            values[here[arm == part]] = new
+    return replace(whole, facet_values=values), arms
+
+
+def _check_groups(whole: WholeMesh, tags: list[int], opens: Mask) -> None:
+    """Raise ``ValueError`` if an arm does not open; warn of facets that do not."""
     for tag in tags:
         here = whole.facet_values == tag
-        every = np.sort(whole.facets[here][:, rim].reshape(-1, rim.shape[1]))
-        meeting = np.unique(every, axis=0, return_counts=True)[1]
-        if (meeting > 2).any():
-            raise ValueError(
-                f"more than two facets with the tag {tag} meet at {int((meeting > 2).sum())} "
-                "places: a branched or crossing crack needs a group for each arm"
-            )
         if not opens[here].any():
             raise ValueError(
                 f"no node can be doubled along the {int(here.sum())} facets with the tag {tag}: at "

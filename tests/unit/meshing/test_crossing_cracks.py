@@ -1,4 +1,4 @@
-"""Cracks that cross: groups of their own for the arms, or a refusal that says so."""
+"""Cracks that cross: groups of their own for the arms, one group, or a clear refusal."""
 
 from mpi4py import MPI
 
@@ -102,10 +102,14 @@ def squeezed(groups, strain=(-0.01, -0.02), **options):
 def loaded(groups, load, cell="quadrilateral", degree=1, order=None, cells=4, **options):
     """Blocks between cracks, on rollers on two sides (three in space), under pressures on two."""
     body = crossing(groups, reach=1.0, cells=cells, cell=cell)
-    u = displacement(body, degree)
+    return pressed(body, displacement(body, degree), order or groups, load, **options)
+
+
+def pressed(body, u, groups, load, **options):
+    """The problem of `loaded` with a displacement on a body with cracks."""
     V = u.function_space
     dim = body.mesh.geometry.dim
-    pairs = pairs_of(u, body, order or groups, **options)
+    pairs = pairs_of(u, body, groups, **options)
     ds = ufl.Measure("ds", body.mesh, subdomain_data=body.facet_tags)
     energy = STEEL.energy(u) * ufl.dx + load[0] * u[0] * ds(12) + load[1] * u[1] * ds(14)
     bcs = []
@@ -124,6 +128,31 @@ def check_pressures(result, pressures, *, carrying=None):
         assert on.sum() == (carrying or on.sum()) > 0
         np.testing.assert_allclose(table.pressure[on], pressures[across], rtol=1e-9)
         np.testing.assert_allclose(table.shear[on], 0.0, atol=1e-9 * max(pressures))
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize("cell", ["quadrilateral", "tetrahedron"])
+@pytest.mark.parametrize("groups", [TEE, CROSS], ids=["T", "X"])
+@pytest.mark.verifies(
+    "cracks that cross",
+    reference="closed form: two pressures",
+    aspects=("2D", "3D", "pairs"),
+)
+def test_one_group_is_divided_into_its_arms(groups, cell):
+    number = len(groups)
+    body = crossing((1,) * number, reach=1.0, cells=4, cell=cell)
+    arms = [f"1_{i}" for i in range(1, number + 1)]
+    assert set(body.names) == {*arms, *(f"{arm}_opposite" for arm in arms)}
+    assert body.tag("1_1") == 1
+    result = pressed(body, displacement(body), arms, (1.0, 3.0)).solve()
+    check_pressures(result, (1.0, 3.0))
+    middles = [result.tables[f"arm {arm}"].x.mean(axis=0) for arm in arms]
+    assert [tuple(np.sign(np.round(m[:2], 9))) for m in middles] == [
+        (-1, 0),
+        *([(0, -1)] if number == 4 else []),
+        (0, 1),
+        (1, 0),
+    ]
 
 
 @pytest.mark.parametrize("groups", [(1, 1, 2), (1, 1, 2, 2)], ids=["T", "X"])
