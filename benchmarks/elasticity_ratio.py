@@ -74,6 +74,7 @@ def arguments(argv=None, defaults=None, **more):
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     parser.add_argument("--n", type=int, default=24, help="cells along an edge")
     parser.add_argument("--cell", choices=CELLS, default="tet")
+    parser.add_argument("--degree", type=int, choices=[1, 2], default=1, help="of displacements")
     parser.add_argument("--friction", type=float, default=0.3)
     parser.add_argument("--obstacle", choices=["plane", "sphere"], default="plane")
     parser.add_argument("--press", type=float, default=0.02, help="downward motion of the top")
@@ -108,7 +109,7 @@ def block(args, n, comm):
     domain = mesh.create_box(
         comm, [[0, 0, 0], [args.aspect, args.aspect, 1]], [n, n, n], CELLS[args.cell]
     )
-    V = fem.functionspace(domain, ("Lagrange", 1, (3,)))
+    V = fem.functionspace(domain, ("Lagrange", args.degree, (3,)))
     ends = [
         mesh.locate_entities_boundary(domain, 2, lambda x, z=z: np.isclose(x[2], z)) for z in (0, 1)
     ]

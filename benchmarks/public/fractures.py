@@ -12,7 +12,8 @@ centre of a horizontal fracture of 50 m, which the remote vertical stress of -10
 horizontal fracture slips to both sides and opens near the intersection. The references are normal
 traction, slip and aperture of Phan et al. by symmetric-Galerkin boundary elements, at the points
 that GEOS tabulates ("Fracture Intersection Problem", read off a figure with about 0.3 % of the
-largest value).
+largest value). `one group` is the same problem with all facets in one group, which `crack` divides
+into three arms.
 
 The remote stress is prescribed as the displacement of a uniform strain at the distance of
 `--reach` fracture lengths; a finite body changes the results by about the square of its inverse.
@@ -55,7 +56,7 @@ APERTURE += [(42.099, 280.388), (50.442, 282.227), (59.292, 275.485), (68.268, 2
 APERTURE += [(80.025, 224.311), (90.898, 163.023)]
 
 
-def lines_in_square(lines, reach, h, growth):
+def lines_in_square(lines, reach, h, growth, group=None):
     """Mesh of a square with inner lines that become fractures; call it for gmsh.
 
     Args:
@@ -63,6 +64,7 @@ def lines_in_square(lines, reach, h, growth):
         reach: half the edge of the square, in m.
         h: edge of the cells at the ends of the lines, in m.
         growth: increase of the edge of the cells with the distance from these points.
+        group: name of one group for all lines; default: a group for each line.
     """
     occ = gmsh.model.occ
     field = gmsh.model.mesh.field
@@ -72,8 +74,12 @@ def lines_in_square(lines, reach, h, growth):
     occ.synchronize()
     gmsh.model.addPhysicalGroup(2, [tag for _, tag in pieces[0]], name="body")
     points = set()
+    if group:
+        every = [tag for parts in pieces[1:] for _, tag in parts]
+        gmsh.model.addPhysicalGroup(1, every, name=group)
     for name, parts in zip(lines, pieces[1:], strict=True):
-        gmsh.model.addPhysicalGroup(1, [tag for _, tag in parts], name=name)
+        if not group:
+            gmsh.model.addPhysicalGroup(1, [tag for _, tag in parts], name=name)
         points |= {tag for _, tag in gmsh.model.getBoundary(parts, combined=False)}
     distance = field.add("Distance")
     field.setNumbers(distance, "PointsList", sorted(points))
@@ -97,7 +103,7 @@ def compressed(body, moduli, stress, slipping, pressurised=None, pressure=0.0):
         body: mesh with fractures.
         moduli: bulk and shear modulus, in Pa.
         stress: remote stress in the plane, shape (2, 2), in Pa.
-        slipping: name of the fracture with friction.
+        slipping: names of the fractures with friction.
         pressurised: name of the fracture under pressure; None for none.
         pressure: fluid pressure in it, in Pa.
     """
@@ -117,7 +123,7 @@ def compressed(body, moduli, stress, slipping, pressurised=None, pressure=0.0):
         tags = [body.names[pressurised][1], body.names[f"{pressurised}_opposite"][1]]
         ds = ufl.Measure("ds", body.mesh, subdomain_data=body.facet_tags)
         energy += pressure * ufl.inner(u, ufl.FacetNormal(body.mesh)) * ds(tuple(tags))
-    pairs = [pair(u, body, slipping, Coulomb(FRICTION))]
+    pairs = [pair(u, body, name, Coulomb(FRICTION)) for name in slipping]
     if pressurised:
         pairs.append(pair(u, body, pressurised, Frictionless()))
     problem = ContactProblem(energy, u, pairs, bcs=[fem.dirichletbc(far, edges)])
@@ -132,7 +138,7 @@ def single(h, reach, growth):
         COMM, lambda: lines_in_square({"fracture": (-end, end)}, 2 * reach, h, growth)
     )
     problem, young, nu = compressed(
-        crack(body, ["fracture"]), (50e9 / 3, 10e9), np.diag([-100e6, 0.0]), "fracture"
+        crack(body, ["fracture"]), (50e9 / 3, 10e9), np.diag([-100e6, 0.0]), ["fracture"]
     )
     result = problem.solve()
     (table,) = result.tables.values()
@@ -152,33 +158,38 @@ def single(h, reach, growth):
     }
 
 
-def intersection(h, reach, growth):
+def intersection(h, reach, growth, group=None):
     """Differences from the tables, relative to the largest value of each."""
     lines = {
         "horizontal": ((-25.0, 50.0), (25.0, 50.0)),
         "vertical": ((0.0, -50.0), (0.0, 50.0)),
     }
-    body = mesh_from_gmsh(COMM, lambda: lines_in_square(lines, 100 * reach, 50 * h, growth))
-    body = crack(body, ["horizontal", "vertical"])
+    body = mesh_from_gmsh(COMM, lambda: lines_in_square(lines, 100 * reach, 50 * h, growth, group))
+    # Arms are numbered from left to right.
+    slipping = [f"{group}_1", f"{group}_3"] if group else ["horizontal"]
+    pressurised = f"{group}_2" if group else "vertical"
+    body = crack(body, [group] if group else list(lines))
     problem, _, _ = compressed(
-        body, (38.89e9, 29.17e9), np.diag([0.0, -100e6]), "horizontal", "vertical", 100e6
+        body, (38.89e9, 29.17e9), np.diag([0.0, -100e6]), slipping, pressurised, 100e6
     )
     result = problem.solve()
     tables = result.tables
-    horizontal = tables["horizontal"]
-    order = np.argsort(horizontal.x[:, 0])
-    x = horizontal.x[order, 0]
+    x, pressure, slip = (
+        np.concatenate([column(tables[name]) for name in slipping])
+        for column in (
+            lambda table: table.x[:, 0],
+            lambda table: 1e-6 * table.pressure,
+            lambda table: 1e3 * np.abs(table.ut[:, 0]),
+        )
+    )
+    order = np.argsort(x)
     differences = {}
-    columns = {
-        "pressure": (PRESSURE, 1e-6 * horizontal.pressure[order]),
-        "slip": (SLIP, 1e3 * np.abs(horizontal.ut[order, 0])),
-    }
-    for name, (reference, values) in columns.items():
+    for name, reference, values in (("pressure", PRESSURE, pressure), ("slip", SLIP, slip)):
         place, expected = np.array(reference).T
         # Both halves of the fracture have the same values by symmetry.
-        ours = [np.interp(side * (place - 25.0), x, values) for side in (1, -1)]
+        ours = [np.interp(side * (place - 25.0), x[order], values[order]) for side in (1, -1)]
         differences[name] = (np.mean(ours, axis=0) - expected) / np.max(expected)
-    vertical = tables["vertical"]
+    vertical = tables[pressurised]
     order = np.argsort(vertical.x[:, 1])
     place, expected = np.array(APERTURE).T
     ours = np.interp(50.0 - place, vertical.x[order, 1], 1e3 * vertical.un[order])
@@ -188,6 +199,11 @@ def intersection(h, reach, growth):
         record[f"{name}_rms"] = rms(values)
         record[f"{name}_largest"] = float(np.abs(values).max())
     return record
+
+
+def one_group(h, reach, growth):
+    """Differences from the tables with all fractures in one group."""
+    return intersection(h, reach, growth, "fractures")
 
 
 def rms(values):
@@ -200,9 +216,10 @@ def main(argv=None):
     parser.add_argument("--reach", type=float, default=30.0, help="fracture lengths to the edge")
     parser.add_argument("--output", type=Path)
     args = parser.parse_args(argv)
-    records = {"single": [], "intersection": []}
+    runs = {"single": single, "intersection": intersection, "one group": one_group}
+    records = {name: [] for name in runs}
     for h in args.levels:
-        for name, run in (("single", single), ("intersection", intersection)):
+        for name, run in runs.items():
             record = {"h": h, **run(h, args.reach, 2.5 * h)}
             records[name].append(record)
             if COMM.rank == 0:

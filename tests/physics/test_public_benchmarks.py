@@ -8,6 +8,7 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "benchmarks" / "public"))
 
+import curved_beams
 import fractures
 import half_space
 import slope
@@ -36,6 +37,32 @@ def test_intersecting_fractures_agree_with_the_boundary_elements():
     assert record["pressure_rms"] < 0.004
     assert record["slip_rms"] < 0.01
     assert record["aperture_rms"] < 0.01
+
+
+@pytest.mark.verifies(
+    "cracks that cross", reference="itself: a group for each fracture", aspects=("2D", "pairs")
+)
+def test_intersecting_fractures_of_one_group_are_those_of_two_groups():
+    one, two = (run(0.1, 10.0, 0.25) for run in (fractures.one_group, fractures.intersection))
+    assert one["unknowns"] == two["unknowns"]
+    for name in ("pressure_rms", "slip_rms", "aperture_rms"):
+        assert one[name] == pytest.approx(two[name], rel=1e-6)
+
+
+@pytest.mark.verifies(
+    "sliding pairs",
+    "hyperelastic bodies",
+    reference="paper: Neto et al. (2016), digitised by solids4foam",
+    aspects=("2D", "pairs", "large sliding"),
+)
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+def test_curved_beams_react_as_those_of_neto(friction):
+    """Differences relative to the largest published reaction, 39.0 N, before the beams yield."""
+    record = curved_beams.compare(friction, 4, 0.1, 2.0)
+    for name in "xy":
+        assert len(record[name]) == 3
+        for row in record[name]:
+            assert abs(row["here"] - row["reference"]) < 0.012 * 39.0
 
 
 @pytest.mark.verifies(
