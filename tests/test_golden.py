@@ -18,7 +18,7 @@ def case(number, name):
 
 
 @pytest.mark.parametrize("name", [case(*pair) for pair in enumerate(golden.CASES)])
-def test_the_record(name):
+def test_results_agree_with_the_record(name):
     kept = golden.in_record(RECORD, name, golden.COMM.size)
     assert golden.differences(golden.computed(name), kept) == []
 

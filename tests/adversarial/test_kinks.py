@@ -521,7 +521,7 @@ def test_loads_that_are_not_affine_are_right_by_every_route():
         follow(system, start, 0.5, gamma_range=(0.5, 1.5), route="pivoting")
 
 
-def test_floor_and_friction_with_kinks_in_gamma():
+def test_kinks_of_floor_and_friction_in_gamma_are_passed():
     """All slips: Q/P is the friction max(0.1, 20 gamma); the floor is at 0.01 - |gamma - 0.01|."""
     body = block((2, 1), cell="tri")
     body.move_top(0.5, 0.0)

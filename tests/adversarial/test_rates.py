@@ -147,7 +147,7 @@ def test_friction_that_knows_rest_has_its_static_coefficient(law):
 
 
 @pytest.mark.parametrize(("law", "refused"), [(OfSpeed, True), (OfSpeedOrRest, False)])
-def test_friction_of_the_speed_below_a_compliance(law, refused):
+def test_friction_of_the_speed_acts_below_a_compliance(law, refused):
     _, problem = dragged(NormalCompliance(1e5, friction=law(0.5, 0.1, 0.02)))
     if refused:
         with pytest.raises(ValueError, match="step"):

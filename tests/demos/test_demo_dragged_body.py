@@ -33,7 +33,7 @@ def check(folder, summary, friction=0.4):
         assert abs(total - summary[key]) < 1e-9 * summary["sum_rn"]
 
 
-def test_default_body(folder, capsys):
+def test_dragged_body_demo_writes_every_named_file(folder, capsys):
     """Partly open, stuck and slipping; every file that is named exists."""
     capsys.readouterr()
     summary = cases.dragged_body.main(["--size", "0.15", "--output", str(folder)])
@@ -80,7 +80,7 @@ def barrel(file, names=("body", "contact", "top")):
 
 
 @pytest.mark.ranks(2)
-def test_mesh_without_the_top(folder):
+def test_dragged_body_refuses_a_mesh_without_its_top(folder):
     file = folder / "barrel.msh"
     if COMM.rank == 0:
         barrel(file, names=("body", "contact"))
@@ -92,7 +92,7 @@ def test_mesh_without_the_top(folder):
 
 
 @pytest.mark.ranks(2)
-def test_unwritable_output(folder):
+def test_demo_names_an_unwritable_folder_before_meshing(folder):
     """Said at once, on every rank, before the mesh is made."""
     blocked = folder / "file"
     if COMM.rank == 0:
@@ -105,6 +105,6 @@ def test_unwritable_output(folder):
 
 @pytest.mark.ranks(2)
 @pytest.mark.parametrize("option", ["--size=0", "--size=nan", "--degree=3", "--size=9"])
-def test_bad_option(option, capsys):
+def test_dragged_body_refuses_bad_options(option, capsys):
     with pytest.raises(SystemExit):
         cases.dragged_body.main([option])

@@ -72,7 +72,7 @@ def test_steps_do_not_matter(reference, folder, factor):
         np.testing.assert_allclose(a["ut_left"], b["ut_left"], atol=1e-9)
 
 
-def test_hyperelastic_vee_driven_by_its_top(folder):
+def test_hyperelastic_vee_reaches_its_driven_end(folder):
     """Large displacements, a smooth curve: the driven end is reached and the law holds there."""
     options = ["--size=0.12", "--law=neo-hookean", "--friction=0.8", f"--output={folder}"]
     summary = demo.main([*options, "--drive-top", "0.4", "-0.05"])

@@ -52,7 +52,7 @@ def test_line_contact_converges(folder):
 
 
 @pytest.mark.ranks(2)
-def test_line_contact_numbers(folder):
+def test_line_contact_agrees_with_hertz(folder):
     """The mesh is the same on any number of ranks, so the numbers are."""
     summary = run(folder, "--levels", 5, 10)
     assert summary["radius"] == pytest.approx(0.9847365469, rel=1e-6)
@@ -74,7 +74,7 @@ def test_point_contact_converges(folder):
 @pytest.mark.verifies(
     "Coulomb", reference="independent code: integral equations of the half-plane", aspects=("2D",)
 )
-def test_line_contact_with_friction(folder):
+def test_line_contact_with_friction_agrees_with_integral_equations(folder):
     """The half-plane with this static law, by its integral equations: c/a = 0.30, p0 + 6.4 %."""
     summary = run(folder, "--friction", 0.3, "--levels", 5, 20)
     assert summary["strategy"] == "full steps"
@@ -94,7 +94,7 @@ def test_line_contact_with_friction(folder):
 
 
 @pytest.mark.long
-def test_point_contact_with_friction(folder):
+def test_point_contact_with_friction_agrees_with_the_static_law(folder):
     summary = run(folder, "--dim", 3, "--friction", 0.3, "--levels", 4)
     assert summary["stick"] > 2
     assert summary["slip"] > 2

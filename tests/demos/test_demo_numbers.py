@@ -28,7 +28,7 @@ def test_every_demo_has_a_number():
 @pytest.mark.parametrize(
     "name", [n if n in QUICK else pytest.param(n, marks=pytest.mark.long) for n in NUMBERS]
 )
-def test_numbers_of_a_demo(name, tmp_path):
+def test_demo_has_its_verified_numbers(name, tmp_path):
     names = run(name, tmp_path)
     shown = {row["quantity"]: row for row in table() if row["demo"] == name}
     for number in NUMBERS[name]:

@@ -32,7 +32,7 @@ HILD = json.loads((Path(__file__).parents[1] / "data" / "hild_triangle.json").re
         "multigrid",
     ),
 )
-def test_greco_block(accuracy, folder):
+def test_greco_block_agrees_with_code_aster(accuracy, folder):
     """Code_Aster SSNV128: QUAD8 values to 0.3 %, and the known status of the 32 x 32 mesh."""
     summary = cases.greco_block.main(["--output", str(folder)])
     assert summary["status"] == "ooo" + 21 * "+" + 8 * "k" + "d"
@@ -44,7 +44,7 @@ def test_greco_block(accuracy, folder):
 
 @pytest.mark.chatty
 @pytest.mark.long
-def test_greco_block_in_other_units(folder):
+def test_greco_block_does_not_depend_on_units(folder):
     runs = [
         cases.greco_block.main([f"--units={units}", f"--output={folder / units}"])
         for units in cases.greco_block.UNITS
@@ -69,7 +69,7 @@ STATES = {"open": "o", "stick": "k", "slip+": "+", "slip-": "-"}
     reference="enumeration: all statuses, confirmed with GetFEM",
     aspects=("2D",),
 )
-def test_hild_triangle_all_solutions(friction):
+def test_hild_triangle_has_the_enumerated_solutions(friction):
     """Every record of an independent enumeration: the same solutions, and no others."""
     for record in (r for r in HILD if r["F"] == friction):
         load = record["F1"], record["F2"]
@@ -86,7 +86,7 @@ def test_hild_triangle_all_solutions(friction):
 @pytest.mark.verifies(
     "all solutions", reference="closed form: three solutions of Hild's element", aspects=("2D",)
 )
-def test_hild_triangle_instance(folder):
+def test_hild_triangle_has_three_closed_form_solutions(folder):
     """lambda = mu = l = 1, F = 3, load (-2.4, -1): three solutions in closed form."""
     summary = cases.hild_triangle.main(["--output", str(folder)])
     found = summary["solutions"]
@@ -100,7 +100,7 @@ def test_hild_triangle_instance(folder):
     assert (folder / "states.png").stat().st_size > 10_000
 
 
-def test_hild_triangle_continuum(folder):
+def test_hild_triangle_passes_a_continuum_of_solutions(folder):
     """At the critical coefficient: from stick, along states that slip, to separation."""
     options = ["--friction=2", "--load", "-2", "-1", f"--output={folder}"]
     (continuum,) = cases.hild_triangle.main(options)["solutions"]
@@ -115,7 +115,7 @@ def test_hild_triangle_continuum(folder):
 @pytest.mark.verifies(
     "all solutions", "charts", reference="paper: Hild (2002), Proposition 2", aspects=("2D",)
 )
-def test_hild_triangle_diagram(folder):
+def test_hild_triangle_diagram_agrees_with_proposition_2(folder):
     """Proposition 2 of Hild (2002), cell by cell, and the lines that carry sets of their own."""
     summary = cases.hild_triangle.main(["--diagram", "--grid=24", "--output", str(folder)])
     critical = 2.0
@@ -169,7 +169,7 @@ def test_a_demo_is_one_narrated_file(demo):
     assert "plot." in text
 
 
-def test_which_solution(folder):
+def test_every_algorithm_returns_a_solution_or_names_its_failure(folder):
     """Every algorithm returns one of the three solutions of the element or names its failure.
 
     The free body is a solution, so a start there stays. Starts at the corners of the grid lead to
@@ -192,7 +192,7 @@ def test_which_solution(folder):
 
 @pytest.mark.long
 @pytest.mark.chatty
-def test_sliding_solution(folder):
+def test_newton_alone_reaches_the_sliding_solution(folder):
     """Beyond F = 3 Newton's method alone reaches the sliding solution, from starts around it."""
     summary = cases.sliding_solution.main(["--n=2", "--grid=2", f"--output={folder}"])
     element = summary["problems"]["element"]
@@ -237,7 +237,7 @@ def keep(name, seconds):
 @pytest.mark.long
 @pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="it starts its own processes")
 @pytest.mark.parametrize("case", CASES, ids=lambda path: path.stem)
-def test_case_at_its_defaults(case, tmp_path):
+def test_case_runs_at_its_defaults(case, tmp_path):
     # The process must not count as a rank of the tests.
     foreign = ("OMPI_", "PMIX_", "PRTE_", "PMI_")
     kept = {k: v for k, v in os.environ.items() if not k.startswith(foreign)}

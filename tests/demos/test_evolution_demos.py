@@ -48,7 +48,7 @@ def bar(folder, n, thin, steps):
     reference="closed form: slip length, end and dissipation of a bar",
     aspects=("2D",),
 )
-def test_the_bar_on_a_floor(folder):
+def test_bar_on_a_floor_agrees_to_first_order(folder):
     """To first order in the thickness over the slip length."""
     coarse, fine = (bar(folder / str(n), n, n // 2, 2) for n in (40, 80))
     for a, b in zip(coarse[:2], fine[:2], strict=True):
@@ -58,7 +58,7 @@ def test_the_bar_on_a_floor(folder):
 
 
 @pytest.mark.long
-def test_the_bar_to_one_percent(folder):
+def test_bar_on_a_floor_converges_to_one_percent(folder):
     assert max(bar(folder, 200, 100, 10)) < 0.01
 
 
@@ -101,7 +101,7 @@ def mindlin(folder, n, steps):
         "pairs",
     ),
 )
-def test_mindlin(folder):
+def test_mindlin_demo_agrees_with_cattaneo_and_mindlin(folder):
     """Cattaneo and Mindlin, there and back, to 2 % of mu p0."""
     assert max(mindlin(folder, 20, 2)) < 0.02
 
@@ -117,7 +117,7 @@ def test_mindlin_converges(folder):
 @pytest.mark.verifies(
     "RCCM adhesion", reference="closed form: a bond that opens, and its snap-back", aspects=("2D",)
 )
-def test_adhesion(folder):
+def test_adhesion_case_has_the_folds_of_its_snap_back(folder):
     """A bond opened to 6 u0, without viscosity and with; the folds of its snap-back."""
     words = ["--steps=2", f"--output={folder}"]
     summary = cases.adhesion.main([*words, "--spring=1"])
@@ -186,7 +186,7 @@ def test_a_fibre_is_pulled_out(folder, no_pictures):
 
 
 @pytest.mark.long
-def test_the_energies_of_a_fibre(folder, no_pictures):
+def test_fibre_residue_falls_with_the_steps(folder, no_pictures):
     """The energy residue before the jump decreases as fast as the steps."""
     shares = []
     for steps in (4, 8):
@@ -215,7 +215,7 @@ def peeling(folder, **parameters):
 
 @pytest.mark.long
 @pytest.mark.chatty
-def test_peeling(folder):
+def test_peeling_has_its_benchmark_numbers(folder):
     names = peeling(folder)
     assert 3 < names["area"][-1] < 3.5
     assert (folder / "output" / "peeling" / "peeling.png").exists()
@@ -228,7 +228,7 @@ def test_peeling(folder):
     reference="closed form: a beam that is peeled",
     aspects=("2D",),
 )
-def test_peeling_as_a_beam(folder):
+def test_peeling_agrees_with_beam_theory(folder):
     """The load reaches its maximum within 1 % of beam theory on meshes of two and four elements."""
     for n in (2, 4):
         names = peeling(folder, n=n, peeled_length=6.0)
@@ -249,7 +249,7 @@ def test_peeling_as_a_beam(folder):
     reference="closed form: the velocity of the creep",
     aspects=("2D",),
 )
-def test_the_refrigerator(folder):
+def test_refrigerator_creeps_at_the_closed_form_velocity(folder):
     """Creeps at the velocity of the closed form; Coulomb's friction holds it for a year."""
     names = run("regularised", folder, cells=(2, 6))
     year, share, creep = (names[k] for k in ("year", "share", "metres_in_a_year"))
@@ -272,7 +272,7 @@ def test_the_refrigerator(folder):
     reference="closed form: a long bar on a ductile glue",
     aspects=("2D",),
 )
-def test_an_interface_of_ones_own(folder, no_pictures):
+def test_own_interface_peels_with_the_force_of_a_long_bar(folder, no_pictures):
     """A sheet is drawn off a ductile glue with the force of a long bar; errors fall by four."""
     off = []
     for n in (60, 120):
@@ -296,7 +296,7 @@ def test_an_interface_of_ones_own(folder, no_pictures):
         "pairs",
     ),
 )
-def test_steel_in_concrete(folder, no_pictures):
+def test_steel_bond_breaks_and_leaves_friction(folder, no_pictures):
     """The bond breaks and leaves friction; of the work nothing is lost but by the steps."""
     left = []
     for steps in (4, 8):
@@ -337,7 +337,7 @@ def indenter(folder, *words):
 
 
 @pytest.mark.long
-def test_indenter(folder):
+def test_indenter_needs_more_than_the_inviscid_force(folder):
     """Above the force without viscosity, which a coarse mesh adds to (in 96 steps: 1.44)."""
     assert 1.35 < indenter(folder, "--n=12", "--steps=24", "--rest=0.1") < 1.45
 
@@ -377,7 +377,7 @@ def gives(*words):
         "pairs",
     ),
 )
-def test_the_earth_pressure_at_rest():
+def test_earth_pressure_at_rest_displaces_nothing():
     """Stresses, weight and the pressure from below leave nothing displaced: K0 g z on the shaft."""
     args = cases.pile.arguments(["--n=8"])
     table, left = at_rest(cases.pile.pile_in_soil(args, MPI.COMM_WORLD)[0])

@@ -24,7 +24,7 @@ def no_pictures(monkeypatch):
     reference="closed form: two impacts of a bar",
     aspects=("2D",),
 )
-def test_the_bouncing_bar(folder):
+def test_bouncing_bar_agrees_with_the_closed_form(folder):
     found = cases.bouncing_bar.main(["--elements=12", f"--output={folder}"])
     exact = ((1.0, 5 / 3, 800 / 3), (11 / 3, 13 / 3, 800 / 3))
     np.testing.assert_allclose(found["impacts"], exact, rtol=0.04)
@@ -38,7 +38,7 @@ def test_the_bouncing_bar(folder):
 
 
 @pytest.mark.long
-def test_the_bouncing_bar_to_one_percent(folder):
+def test_bouncing_bar_converges_to_one_percent(folder):
     """400 elements, dt = h/c."""
     found = cases.bouncing_bar.main(["--elements=400", f"--output={folder}"])
     impacts = np.array(found["impacts"])
@@ -65,13 +65,13 @@ def two_bars(folder, *words):
         "pairs",
     ),
 )
-def test_two_bars(folder):
+def test_two_bars_exchange_their_velocities(folder):
     """Velocities are exchanged, after 2 L/c under rho c V/2."""
     np.testing.assert_allclose(two_bars(folder, "--elements=16"), 1.0, rtol=0, atol=0.07)
 
 
 @pytest.mark.long
-def test_two_bars_to_one_percent(folder):
+def test_two_bars_converge_to_one_percent(folder):
     np.testing.assert_allclose(two_bars(folder, "--elements=400"), 1.0, rtol=0, atol=0.01)
 
 
@@ -80,7 +80,7 @@ def test_two_bars_to_one_percent(folder):
 @pytest.mark.verifies(
     "NSCD motion", "Coulomb", reference="closed form: time and way to the stop", aspects=("2D",)
 )
-def test_the_sliding_block(folder):
+def test_sliding_block_stops_at_the_closed_form(folder):
     """Time and way to the stop, to 1 %; friction has taken nearly all of the energy."""
     words = ["--elements=4", "--width=1", "--dt=0.01"]
     found = cases.sliding_block.main([*words, f"--output={folder}"])
@@ -104,7 +104,7 @@ def test_the_sliding_block_as_it_is(folder):
     reference="theorem: momentum and angular momentum are what forces give",
     aspects=("3D",),
 )
-def test_a_thrown_body(folder):
+def test_thrown_body_has_the_impulse_of_its_forces(folder):
     """Momentum is the impulse, angular momentum the moment to first order in the step."""
     words = ["--n=2", "--dt=0.004", "--end=0.12", f"--output={folder}"]
     found = cases.thrown_body.main(words)
@@ -126,7 +126,7 @@ def test_a_thrown_body(folder):
         "pairs",
     ),
 )
-def test_two_thrown_bodies(folder):
+def test_two_thrown_bodies_exchange_normal_velocities(folder):
     """Equal bodies receive the same spin and exchange part of their normal velocities."""
     found = cases.thrown_body.main(["--n=2", "--two", f"--output={folder}"])
     assert found["momentum_error"] < 1e-9
@@ -142,7 +142,7 @@ def test_two_thrown_bodies(folder):
 @pytest.mark.verifies(
     "NSCD motion", reference="closed form: an oscillator of one degree of freedom", aspects=("2D",)
 )
-def test_stick_slip(folder):
+def test_stick_slip_agrees_with_the_oscillator(folder):
     """Sticking phases and amplitude agree with the oscillator of one degree of freedom."""
     names = run("stick_slip", folder, n=1, periods=1.6)
     sticks(names)
@@ -152,7 +152,7 @@ def test_stick_slip(folder):
 
 
 @pytest.mark.long
-def test_stick_slip_for_long(folder):
+def test_stick_slip_repeats_its_cycle(folder):
     names = run("stick_slip", folder)
     sticks(names)
     omega = names["omega"]

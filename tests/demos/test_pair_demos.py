@@ -42,7 +42,7 @@ def pressed(problem, hertz, size, *, ratio=1.0, friction=0.0):
         "pairs",
     ),
 )
-def test_two_spheres(folder):
+def test_two_spheres_agree_with_code_aster(folder):
     """Code_Aster SSNV104 as it converges: 660.7 kN, 2912 MPa; Hertz at the force within 1 %."""
     words = ["--case=spheres", "--levels", "1", "0.5", f"--output={folder}"]
     summary = cases.two_cylinders.main(words)
@@ -79,7 +79,7 @@ def test_two_spheres(folder):
         "pairs",
     ),
 )
-def test_cylinder_on_a_block(friction):
+def test_cylinder_on_a_block_agrees_with_nafems(friction):
     """NAFEMS CB-1: the same nodes and others agree better than either does with Hertz."""
     peaks = []
     for ratio in (1.0, 0.8, 1.25):
@@ -103,7 +103,7 @@ def test_cylinder_on_a_block(friction):
         "pairs",
     ),
 )
-def test_a_crack_in_the_plane(folder, words, no_pictures):
+def test_plane_crack_has_the_slip_of_a_long_crack(folder, words, no_pictures):
     """The slip of a long crack by two meshes, and the pressure on it, to 2 %, whatever its dip."""
     words = ["--dim=2", *words, f"--output={folder}"]
     summary = cases.crack.main([*words, "--levels", "0.1", "0.05"])
@@ -124,7 +124,7 @@ def test_a_crack_in_the_plane(folder, words, no_pictures):
         "pairs",
     ),
 )
-def test_a_crack_in_space(folder):
+def test_disc_crack_has_the_closed_form_slip(folder):
     """A disc slips as the closed form says, where its front is fine enough."""
     words = ["--levels", "0.2", "0.14", "--friction=0.2", f"--output={folder}"]
     summary = cases.crack.main(words)
@@ -166,7 +166,7 @@ def test_the_press_fit_demo_has_lames_pressure_and_torque(folder, ratio, no_pict
     np.testing.assert_allclose(table.pressure, found, rtol=5e-3)
 
 
-def test_a_drawn_press_fit():
+def test_drawn_press_fit_has_the_overlap_of_its_drawing():
     """Matching nodes overlap as drawn; chords of different meshes do so by half of it or less."""
     given = dict(n=12, overlap=0.02, friction=0.2, drawn=True)
     exact = cases.press_fit.lame(0.02)
@@ -181,7 +181,7 @@ def test_a_drawn_press_fit():
 
 
 @pytest.mark.long
-def test_an_elastic_base(folder):
+def test_stiff_base_approaches_the_rigid_floor(folder):
     """The stiffer the base, the nearer the forces are to those on a rigid floor, in proportion."""
     off = []
     for young in (1e4, 1e5):

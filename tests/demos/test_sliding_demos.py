@@ -23,7 +23,7 @@ def no_picture(monkeypatch):
     reference="closed form: Carter's creepage of a rolling wheel",
     aspects=("2D", "pairs", "large sliding"),
 )
-def test_rolling_wheel(folder, no_picture):
+def test_rolling_wheel_creeps_like_carter(folder, no_picture):
     """A driven and a braked wheel creep as Carter says, with ten cells on the width."""
     found = cases.rolling_wheel.main(["--n=10", "--way=1", f"--output={folder}"])
     runs = found["runs"]
@@ -38,7 +38,7 @@ def test_rolling_wheel(folder, no_picture):
 
 
 @pytest.mark.long
-def test_rolling_wheel_with_forty_cells(folder, no_picture):
+def test_rolling_wheel_converges_to_carter(folder, no_picture):
     """Forty cells on the width that touches: creepages to five per cent, one by one."""
     found = cases.rolling_wheel.main(["--n=40", f"--output={folder}"])
     for name in ("driven", "braked"):
@@ -54,7 +54,7 @@ def test_rolling_wheel_with_forty_cells(folder, no_picture):
     reference="paper: Sauer, De Lorenzis (2015), beside FEBio: force and torque to 180 degrees",
     aspects=("3D", "pairs", "large sliding"),
 )
-def test_twisting_hemisphere(folder, no_picture):
+def test_twisting_hemisphere_has_the_published_torque(folder, no_picture):
     """Torque and force of a half-sphere that is pressed into a block and turned, on 1000 cells."""
     found = cases.twisting_hemisphere.main([f"--output={folder}"])
     papers = cases.twisting_hemisphere.PUBLISHED
@@ -78,7 +78,7 @@ def test_twisting_hemisphere(folder, no_picture):
     reference="differences: half of the body on a plane",
     aspects=("2D", "large sliding"),
 )
-def test_flattened_ring(folder, no_picture):
+def test_flattened_ring_has_the_force_of_its_half(folder, no_picture):
     """A ring pressed into itself has the force of its half on a plane."""
     found = cases.flattened_ring.main(["--n=64", "--press=1.65", f"--output={folder}"])
     assert found["inside_force"] > 0.5 * found["plate_force"]  # it is pressed into itself
@@ -95,7 +95,7 @@ def test_flattened_ring(folder, no_picture):
     reference="paper: Puso, Laursen (2004), and three other published curves of the force",
     aspects=("3D", "pairs", "large sliding"),
 )
-def test_half_spheres(folder, no_picture):
+def test_half_spheres_have_the_published_force(folder, no_picture):
     """Two shells pressed by a plane: the published force, and the same one on the way back."""
     words = ["--n=3", "--step=0.625", "--until=2.5", "--back=1", f"--output={folder}"]
     found = cases.half_spheres.main(words)
@@ -113,7 +113,7 @@ def test_half_spheres(folder, no_picture):
     reference="closed form: stiffness of a clamped arc of two layers",
     aspects=("2D", "pairs", "large sliding"),
 )
-def test_double_arc(folder, no_picture):
+def test_double_arc_begins_with_its_bending_stiffness(folder, no_picture):
     """Two arcs begin on a block with their stiffness in bending, if cells are small."""
     words = ["--n=120", "--until=1.5", f"--output={folder}"]
     found = cases.double_arc.main(words)

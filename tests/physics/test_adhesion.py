@@ -60,7 +60,7 @@ def weakest(table, before):
     reference="closed form: intensity, adhesion and friction from the jumps so far",
     aspects=("2D",),
 )
-def test_closed_form_at_every_point(cell, given):
+def test_rccm_follows_its_closed_form_at_every_point(cell, given):
     """Pressed, dragged, lifted and let down: intensity, adhesion and friction from the jumps."""
     problem, top = bonded(cell, law=RCCM(C, C, W, 0.4), **given)
     aside = [0.0] if cell in ("hex", "tet") else []
@@ -110,7 +110,7 @@ def test_closed_form_at_every_point(cell, given):
         "pairs",
     ),
 )
-def test_opening(cell, pair):
+def test_rccm_opening_follows_its_closed_form(cell, pair):
     """R = C u, peak at u0, then w^2/(C u^3); the secant back; work up to 6 u0."""
     problem, top = bonded(cell, law=RCCM(C, C, W), young=1e4, pair=pair)
     aside = [0.0] * (1 if cell != "hex" else 2)
@@ -149,7 +149,7 @@ def test_opening(cell, pair):
     reference="closed form: R_T = w^2/(C u^3) + mu P (1 - w/(C u^2))",
     aspects=("2D",),
 )
-def test_shear_under_pressure(m):
+def test_rccm_shear_under_pressure_follows_its_closed_form(m):
     """R_T = w^2/(C u^3) + mu P (1 - w/(C u^2)); it softens after the peak if mu P < 1.5 sqrt(w C).
 
     The minimum is then m - 4 m^3/27 at 3/(2 m) u0.
@@ -214,7 +214,7 @@ def test_the_jacobian_of_bonds_passes_taylors_test(cell, method, viscosity):
 
 
 @pytest.mark.ranks(2)
-def test_a_field_of_bonds():
+def test_field_of_bonds_holds_the_right_half():
     """Bonded on the right half alone; a static solve begins with that."""
     domain = box(COMM, 4, "quad")
     x = ufl.SpatialCoordinate(domain)
@@ -241,7 +241,7 @@ def test_a_field_of_bonds():
     reference="closed form: a spring in series with the bond",
     aspects=("2D",),
 )
-def test_a_bar_that_snaps_back(n, times):
+def test_bond_in_series_with_a_spring_breaks_at_once(n, times):
     """A spring E = 50 in series with a bond: the bond loses all its strength when it yields.
 
     Beyond the jump R = w^2/(C u^3), and u + R/E is the prescribed displacement. The jump is a third

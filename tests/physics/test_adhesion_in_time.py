@@ -63,7 +63,7 @@ def test_steps_of_damage_have_their_orders(b, order):
     "RCCM adhesion", reference="closed form: the slope of a parabola through three states"
 )
 @pytest.mark.parametrize("ratio", [0.25, 1.0, 1.7, 2.0, 6.0])
-def test_second_order_by_the_parabola(ratio):
+def test_rccm_is_of_second_order_in_time(ratio):
     """b beta' = w - E beta with the slope at the end of steps of any lengths, as far as 2 to 1."""
     before, now, step, w, b, energy = 0.95, 0.8, 0.3, 1.0, 0.7, 4.0
     length = step / ratio

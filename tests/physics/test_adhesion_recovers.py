@@ -35,7 +35,7 @@ def test_grows_at_rest(order):
 @pytest.mark.verifies(
     "RCCM adhesion", reference="closed form: exponentially to w/(C u^2)", alone=True
 )
-def test_at_a_fixed_jump(start, u, order, most):
+def test_rccm_relaxes_exponentially_at_a_fixed_jump(start, u, order, most):
     """Exponentially to w/(C u^2), from above and from below; orders of the steps."""
     b = 0.5
     errors = []
@@ -86,7 +86,7 @@ def test_a_new_bond_begins_where_it_is():
     reference="closed form: pressures of springs and surface, and the bound of friction",
     aspects=("2D",),
 )
-def test_friction_with_compliance(exponent):
+def test_rccm_friction_takes_the_pressure_of_the_surface(exponent):
     """The bound is mu (1 - beta) times the pressure of the surface; springs resist as well."""
     k = 2e3 if exponent == 1 else 1e5
     slipped = []

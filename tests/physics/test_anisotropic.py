@@ -32,7 +32,7 @@ def test_mirrored_fibres_hold_slip_to_the_left():
     aspects=("2D",),
     alone=True,
 )
-def test_threshold():
+def test_anisotropic_threshold_agrees_with_a_thick_layer():
     """Against waves on a thick layer: minus the ratio of its compliances, by Fourier in x."""
     C = demo.elasticity(20.0, 45.0)
     Q = C[:, 0, :, 0]
@@ -126,7 +126,7 @@ def end_of_branch(start, end):
     return problem, records.journal_of(system, [branch], {}).rows()
 
 
-def test_no_friction():
+def test_frictionless_anisotropic_body_has_its_statuses():
     problem, rows = end_of_branch(0.5, 1e-8)
     assert {row["status"] for row in rows} == {"o++++++", "+++++++"}
     smooth = body(0.0)
@@ -135,7 +135,7 @@ def test_no_friction():
 
 
 @pytest.mark.ranks(2)
-def test_infinite_friction():
+def test_infinite_friction_stops_slip_but_not_opening():
     """Nothing slips in the end, and then nothing changes; but the body still lifts off."""
     problem, rows = end_of_branch(0.5, 20.0)
     assert rows[-1]["status"] == "ookkkkk"

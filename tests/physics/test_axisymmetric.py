@@ -56,7 +56,7 @@ KINDS = [
     reference="closed form: uniform pressure, hoop strain and energy of a disc",
     aspects=("2D",),
 )
-def test_uniform_pressure_on_a_disc(cell, degree, method):
+def test_uniform_pressure_on_a_disc_is_exact(cell, degree, method):
     """Exact to round-off: pressure, areas, forces of the circumference, hoop strain, energy."""
     problem = disc(section(5, cell), degree, method)
     result = problem.solve()
@@ -122,7 +122,7 @@ LOAD = HERTZ.load(1.0)
     reference="closed form: Hertz",
     aspects=("2D",),
 )
-def test_hertz_rigid_sphere():
+def test_axisymmetric_rigid_sphere_agrees_with_hertz():
     """A rigid sphere on a half-space: peak and radius at the given force, to 1 %."""
     problem = indented(Sphere((0.0, 50.0), 50.0), 1.0)
     result = problem.solve()
@@ -144,7 +144,7 @@ def test_hertz_rigid_sphere():
     reference="independent code: Code_Aster, SSNV104",
     aspects=("2D",),
 )
-def test_hertz_sphere_on_a_plane():
+def test_axisymmetric_sphere_on_a_plane_agrees_with_hertz():
     """SSNV104 by symmetry: one sphere pressed by half, as two: 660.7 kN, 2912 MPa, 10.2 mm."""
     size = 0.5
     body = mesh_from_gmsh(COMM, lambda: draw({"upper": quarter(size, 1, 50.0)}))
@@ -215,7 +215,7 @@ def stacked(sizes, degree, method, *, cell="tri", law=None, gap=None, cone=0.0):
         "pairs",
     ),
 )
-def test_uniform_pressure_between_discs(sizes, degree, method):
+def test_uniform_pressure_between_discs_is_exact(sizes, degree, method):
     """Exact to round-off on any meshes, up to the axis."""
     problem = stacked(sizes, degree, method)
     result = problem.solve()
@@ -241,7 +241,7 @@ def test_uniform_pressure_between_discs(sizes, degree, method):
     "bodies of revolution", reference="closed form: the normals of a cone", aspects=("2D", "pairs")
 )
 @pytest.mark.parametrize("sizes", [(4, 4), (5, 7)])
-def test_the_tip_of_a_cone(sizes):
+def test_normal_at_the_tip_of_a_cone_is_along_the_axis(sizes):
     """The normal on the axis is the mean of the normals of opposite meridians, along the axis."""
     table = stacked(sizes, 1, "nodal", cone=0.1).solve().tables["contact"]
     tip = table.x[:, 0] < 1e-9
@@ -337,7 +337,7 @@ def test_a_press_fit_of_revolution_has_lames_pressure(ratio, method, degree):
     reference="itself: half the step",
     aspects=("2D",),
 )
-def test_energy_of_a_history():
+def test_axisymmetric_history_balances_its_energies():
     """A disc that slips outwards and back stores or dissipates the external work."""
     residues = []
     for steps in (4, 8):
@@ -371,7 +371,7 @@ def refused(reason, make):
 
 
 @pytest.mark.refuses("bodies of revolution", aspects=("3D",))
-def test_surfaces_that_cannot_be():
+def test_axisymmetry_refuses_surfaces_across_the_axis():
     def surface(domain, where, **given):
         u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (domain.geometry.dim,))))
         given = dict(obstacle=FLOOR, law=Frictionless(), axisymmetric=True) | given
@@ -395,7 +395,7 @@ def test_surfaces_that_cannot_be():
     refused("meshed in 2D", lambda: surface(cube, facets(cube, 2, 0.0), obstacle=ground))
 
 
-def test_materials_that_cannot_be():
+def test_axisymmetry_refuses_materials_without_hoop_stress():
     plane = LinearElastic.from_young(1.0, 0.3, plane_stress=True)
     refused("plane stress", lambda: Axisymmetric(plane))
     for wrong in (STEEL, 1.0):

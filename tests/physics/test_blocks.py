@@ -48,7 +48,7 @@ CASES = [k for k in ORACLE if k != "source"]
         "multigrid",
     ),
 )
-def test_oracle_forces(case, accuracy, folder):
+def test_block_has_the_forces_of_the_oracle(case, accuracy, folder):
     oracle = ORACLE[case]
     dim = oracle["dim"]
     options = {
@@ -145,7 +145,7 @@ PROBLEMS = {
         "3D",
     ),
 )
-def test_ranks_and_ghost_modes(name, ghosts):
+def test_block_does_not_depend_on_ranks_and_ghosts(name, ghosts):
     options = dict(PROBLEMS[name])
     if ghosts is None:
         result = block(**options).solve()
@@ -237,7 +237,7 @@ def interpolated(domain, table):
 
 
 @pytest.mark.ranks(2)
-def test_friction_as_number_constant_and_field():
+def test_friction_may_be_number_constant_or_field():
     domain = box(COMM, 6, "tri")
     field = fem.Function(fem.functionspace(domain, ("Lagrange", 1)))
     field.x.array[:] = 0.3
@@ -272,7 +272,7 @@ def test_level_set_is_the_sphere():
 @pytest.mark.verifies(
     "several laws at once", reference="itself: each face has the shear of its law", aspects=("2D",)
 )
-def test_two_surfaces_with_their_own_laws():
+def test_two_surfaces_have_their_own_friction():
     """A block between two plates, pulled through its middle: each face has its own friction."""
     domain = box(COMM, 8, "quad")
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
@@ -440,14 +440,14 @@ def check(problem, carried, algorithm):
     reference="closed form: contact forces are the loads on the lower nodes",
     aspects=("2D",),
 )
-def test_every_algorithm(algorithm):
+def test_every_algorithm_solves_the_block(algorithm):
     for young, size, strain in UNITS:
         check(*one_row(young=young, size=size, strain=strain), algorithm)
 
 
 @pytest.mark.parametrize("algorithm", ["newton", "gauss-seidel", "interior-point"])
 @pytest.mark.parametrize("cell", ["quad", "hex"])
-def test_other_cells(cell, algorithm):
+def test_block_agrees_on_other_cells(cell, algorithm):
     check(*one_row(cell, 3), algorithm)
 
 
@@ -465,7 +465,7 @@ def test_a_given_bound():
 
 @pytest.mark.ranks(2)
 @pytest.mark.parametrize("algorithm", ALGORITHMS)
-def test_without_a_load(algorithm):
+def test_block_without_load_has_no_forces(algorithm):
     problem, _ = one_row(push=(0.0, 0.0))
     result = problem.solve(algorithm=algorithm)
     assert np.abs(problem.u.x.array).max(initial=0.0) == 0.0
@@ -476,7 +476,7 @@ def test_without_a_load(algorithm):
 @pytest.mark.parametrize(
     "algorithm", [Lemke(), InteriorPoint(), ProjectedGradient(), Uzawa(on="points")]
 )
-def test_on_the_points(algorithm):
+def test_algorithms_on_points_have_exact_forces(algorithm):
     """Forces are exact; the scale of lengths comes from the body without contact."""
     problem, carried = one_row()
     points = problem.reduced()

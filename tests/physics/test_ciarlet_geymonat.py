@@ -73,7 +73,7 @@ def check(summary, length=1.0, force=1.0):
         "branches",
     ),
 )
-def test_six_branches(folder, r):
+def test_ciarlet_geymonat_block_has_six_branches(folder, r):
     """With the automatic augmentation parameter (about E / L, 4) and 10 and 100 times off."""
     with varied(r=r):
         summary = demo.main([*COARSE, "--output", str(folder)])
@@ -95,7 +95,7 @@ def test_six_branches(folder, r):
         "branches",
     ),
 )
-def test_steps_and_units(folder):
+def test_ciarlet_geymonat_branches_do_not_depend_on_steps_and_units(folder):
     """Ten times longer and shorter steps; lengths times 1e3, stresses times 1e6: the same points.
 
     A length of 1 mm is 1e3 units of a micrometre, 1 MPa is 1e6 Pa; the force per width scales with

@@ -51,7 +51,7 @@ MODULUS = 1000.0 * 0.7 / (1.3 * 0.4)  # of uniaxial strain
         "3D",
     ),
 )
-def test_uniform_compression(dim, cell, exponent):
+def test_compliant_compression_has_its_closed_form(dim, cell, exponent):
     """MODULUS (d - penetration) = C penetration^m, nodal and integral."""
     stiffness = 4000.0
     pressed = 0.1
@@ -94,7 +94,7 @@ def test_uniform_compression(dim, cell, exponent):
         "3D",
     ),
 )
-def test_simple_shear(dim, cell, shape):
+def test_compliant_shear_has_its_closed_form(dim, cell, shape):
     """A block of height 1 and shear modulus 500, drawn by s: 500 (s - u) = b phi(u/eps)."""
     s = 0.03
     eps = 0.004
@@ -121,7 +121,7 @@ def test_simple_shear(dim, cell, shape):
         "3D",
     ),
 )
-def test_penalised_coulomb(dim):
+def test_shear_springs_hold_up_to_the_bound(dim):
     """Shear springs hold up to the bound: stuck points move by shear / C_t, others slip."""
     law = NormalCompliance(1e4, 1.0, Coulomb(0.3), tangential=2e4)
     top = (0.02, *[0.0] * (dim - 2), -0.03)
@@ -212,7 +212,7 @@ def test_a_compliant_interface_is_a_spring_between_two_bodies(solver):
         "branches",
     ),
 )
-def test_width_and_stiffness_as_parameter():
+def test_branches_in_width_and_stiffness_end_in_solutions():
     """Branches in eps and in C end in the solutions there."""
     for law in (
         lambda g: Regularised(Coulomb(0.3), 0.01 * 10 ** (-3 * g), "tanh"),
@@ -241,7 +241,7 @@ def test_width_and_stiffness_as_parameter():
         "branches",
     ),
 )
-def test_a_branch_by_pivoting():
+def test_compliant_branch_by_pivoting_has_the_events_of_steps():
     """Springs and friction are piecewise linear in 2D; pivoting finds the events of steps."""
     law = NormalCompliance(3e4, 1.0, Coulomb(0.15), tangential=2e4)
     events = []

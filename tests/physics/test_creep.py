@@ -88,7 +88,7 @@ def dragged(problem, force, way, times, **given):
         "3D",
     ),
 )
-def test_creep(cell, shape, method):
+def test_regularised_friction_creeps_at_its_closed_form(cell, shape, method):
     """For ever at the velocity eps phi^-1(q), in steps of any length; Coulomb holds the block."""
     way = np.array([0.6, -0.8]) if cell == "hex" else np.array([1.0])
     times = np.array([0.0, 1.0, 3.0, 5.0, 10.0, 20.0, 30.0, 31.0])
@@ -104,7 +104,7 @@ def test_creep(cell, shape, method):
         assert after.residue == pytest.approx(before.residue, abs=1e-8 * spent + 1e-12)
 
 
-def test_an_increment_at_its_velocity():
+def test_increment_at_a_velocity_is_a_static_law():
     """A step of the length dt is the static law of the width eps dt, as `width` has it."""
     dt = 0.25
     tables = []

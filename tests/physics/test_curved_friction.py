@@ -93,7 +93,7 @@ def test_a_point_led_along_a_circle_slips_by_the_arc(step):
     reference="closed form: great circles and helices",
     aspects=("3D", "large sliding"),
 )
-def test_space(kind):
+def test_friction_follows_great_circles_and_helices(kind):
     """Great circles on a sphere, helices on a cylinder."""
     start, angle, along = 0.2, 1.3, 0.7
     frame = Rotation.from_rotvec([0.4, -0.3, 0.8]).as_matrix()
@@ -121,7 +121,7 @@ def test_space(kind):
     reference="closed form: the arc of an ellipse",
     aspects=("2D", "large sliding"),
 )
-def test_ellipse():
+def test_steps_on_an_ellipse_err_by_the_fifth_power():
     """Where curvature changes a step is off by the fifth power of its length."""
     obstacle = LevelSet(lambda x: x[0] ** 2 / 4 + x[1] ** 2 - 1.0)
     number = block(obstacle, n=2).surfaces[0].points.number
@@ -318,7 +318,7 @@ def around(t, X, dim, press=0.08, angle=0.5):
     reference="closed form: slip around an axis, friction against it",
     aspects=("2D", "3D", "large sliding"),
 )
-def test_led_around(dim, cell, shape):
+def test_friction_around_curved_obstacles_balances(dim, cell, shape):
     """A block led around a cylinder or over a ball: forces balance, friction is mu p."""
     centre = (0.4, *[0.5] * (dim - 2), -1.0)
     obstacle = Sphere(centre, 1.0)
@@ -359,7 +359,7 @@ def test_led_around(dim, cell, shape):
     reference="closed form: the balance of energy",
     aspects=("2D", "large sliding"),
 )
-def test_motion():
+def test_motion_around_a_drum_loses_its_residue():
     """A block moves around a drum, and the energy residue falls with the steps."""
     rests = []
     for steps in (40, 80):

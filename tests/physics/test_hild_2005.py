@@ -95,7 +95,7 @@ def body(xc, n, friction, **kind):
 @pytest.mark.verifies(
     "critical friction", reference="paper: Hild (2005), sqrt((1 + xc)/(1 - xc))", aspects=("2D",)
 )
-def test_critical_friction(xc, n, uneven):
+def test_hild_2005_has_its_critical_friction(xc, n, uneven):
     """F_c to 1e-10 on any mesh; its slip is the linear one, 1 - x, against +x."""
     problem, *_ = body(xc, n, 1.0, uneven=uneven)
     found = critical_friction(problem)
@@ -118,7 +118,7 @@ def distance(problem, state):
     reference="paper: Hild (2005), a stick and a grazing state in closed form",
     aspects=("2D",),
 )
-def test_two_solutions(xc):
+def test_hild_2005_has_two_solutions_beyond_the_critical_friction(xc):
     """Below F_c only the grazing state; beyond it that and stick, each found from its own start."""
     critical = np.sqrt((1 + xc) / (1 - xc))
     for part, ends in ((0.9, "gg"), (1.1, "gs")):

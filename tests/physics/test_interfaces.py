@@ -86,7 +86,7 @@ class Creeping(Interface):
 @pytest.mark.skipif(COMM.size > 1, reason="one point")
 @pytest.mark.parametrize(("dim", "end"), [(2, None), (2, 0.0), (3, None)])
 @pytest.mark.parametrize("viscosity", [0.0, 0.3])
-def test_adhesion_at_a_point(dim, end, viscosity):
+def test_interface_adhesion_agrees_with_rccm_at_a_point(dim, end, viscosity):
     """Statuses, intensity, answers and derivatives agree with the direct law at any state."""
     given = dict(normal=100.0, tangential=60.0, work=1.0, friction=0.4, viscosity=viscosity)
     laws = RCCM(**given), adhesion(end)(**given)
@@ -141,7 +141,7 @@ def senses(table):
         "pairs",
     ),
 )
-def test_adhesion_of_a_block(cell, given):
+def test_interface_adhesion_agrees_with_rccm_on_a_block(cell, given):
     """A history with all statuses agrees with the direct law, and the cost of damage is stored."""
     aside = [0.0] * (cell == "tet")
     corners = (0.0, *aside, -0.02), (0.2, *aside, -0.02), (0.1, *aside, 0.3), (0.1, *aside, -0.01)
@@ -178,7 +178,7 @@ def test_adhesion_of_a_block(cell, given):
         "3D",
     ),
 )
-def test_given_friction(cell):
+def test_interface_friction_agrees_with_tresca(cell):
     """Tresca's law, at open points too: static, and in a history."""
     found = []
     for law in (Tresca(2.0), Given(2.0)):
@@ -213,7 +213,7 @@ def test_given_friction(cell):
         "3D",
     ),
 )
-def test_maxwell_layer(dim):
+def test_maxwell_layer_relaxes_as_implicit_euler(dim):
     """Relaxation of a jump that is held: implicit Euler's to round-off, of first order."""
     k = 3.0
     b = 0.6
@@ -241,7 +241,7 @@ def test_maxwell_layer(dim):
 @pytest.mark.verifies(
     "bilinear cohesion", reference="closed form: traction, secant and cost", aspects=("2D",)
 )
-def test_cohesion_at_a_point():
+def test_cohesion_spends_its_fracture_energy():
     """The traction rises, falls, unloads along the secant and vanishes; its work is the energy."""
     strength = 2.0
     a = 0.1
@@ -273,7 +273,7 @@ def test_cohesion_at_a_point():
     reference="closed form: a bar in series with the bond",
     aspects=("2D",),
 )
-def test_a_bar_on_cohesion(k):
+def test_bar_on_cohesion_turns_back(k):
     """The path turns back where the bond softens faster than the bar, until the bond is broken."""
     strength = 2.0
     a = 0.1
@@ -302,7 +302,7 @@ def test_a_bar_on_cohesion(k):
         "3D",
     ),
 )
-def test_coupled_variables(dim):
+def test_coupled_variables_minimise_energy_and_dissipation(dim):
     """Each step is the least of energy and dissipation, that a minimiser finds."""
     stiffness = 40.0
     flows = 3.0

@@ -104,7 +104,7 @@ def quadratic(history):
         "large sliding",
     ),
 )
-def test_around_a_cylinder(solid):
+def test_law_holds_at_points_displaced_around_a_cylinder(solid):
     """The law at displaced points, from nothing but nodal values and the definition of the disc."""
     radius = 0.4
     problem = strip(n=3 if solid else 6, solid=solid)
@@ -227,7 +227,7 @@ def test_a_plane_is_a_plane(cell):
             )
 
 
-def test_which_sliding():
+def test_sliding_is_large_by_default_for_nonlinear_bodies_only():
     """Large by default for bodies that are not linear, and for these alone."""
     disc = Sphere((0.4, -3.0), 3.0)
     for material, sliding, follows in (
@@ -284,7 +284,7 @@ def orbiting(cell, n, angle, press=0.08):
         "branches",
     ),
 )
-def test_led_around_a_cylinder(cell, n):
+def test_branch_around_a_cylinder_agrees_with_solves(cell, n):
     """The way is much longer than the contact; Newton solves and the branch agree."""
     angle = 1.2
     system = orbiting(cell, n, 1.2)

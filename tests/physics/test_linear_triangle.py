@@ -28,7 +28,7 @@ def start_of(system):
 @pytest.mark.verifies(
     "Coulomb", "Newton's method", reference="independent code: GetFEM, and numpy", aspects=("2D",)
 )
-def test_seed_example_at_its_start():
+def test_linear_triangle_starts_with_one_solution():
     """n = 64, F = 1.7, gamma = -1: one solution, known from two codes (GetFEM and numpy)."""
     system = demo.linear_triangle(64, 1.7)
     table = system.problem.solve().tables["contact"]
@@ -51,7 +51,7 @@ def test_seed_example_at_its_start():
         "proofs",
     ),
 )
-def test_all_rays_of_the_degenerate_point(route):
+def test_three_rays_leave_the_degenerate_point(route):
     """n = 64, F = 1.7: one ray comes to (0, 0), where all nodes are at a kink, three leave it."""
     system = demo.linear_triangle(64, 1.7)
     branch = follow(system, start_of(system), -1.0, gamma_range=(-1.0, 1.0), route=route)
@@ -111,7 +111,7 @@ def test_the_demo_finds_four_solutions_of_the_triangle(folder):
         "proofs",
     ),
 )
-def test_complete_set_on_a_coarse_mesh(folder):
+def test_coarse_triangle_has_the_enumerated_solutions(folder):
     """n = 4, F = 1.8: enumeration of the 256 pieces proves that there are 3 + 1 solutions."""
     summary = run(folder, "--n", "4", "--friction", "1.8", "--load", "26", "9.05")
     assert summary["complete"] is True
@@ -147,7 +147,7 @@ def test_friction_decides_on_the_number_of_solutions():
         "branches",
     ),
 )
-def test_units_numbering_and_augmentation(folder, route):
+def test_linear_triangle_does_not_depend_on_units_and_numbering(folder, route):
     """Lengths times 1e3, stiffness and load times 1e9, another numbering, r times 0.1 to 100.
 
     The points of all branches have the same gamma to 1e-8; statuses are the same.

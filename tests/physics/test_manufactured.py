@@ -132,7 +132,7 @@ def test_errors_of_manufactured_solutions_have_their_orders(name):
     ),
     figure="order >",
 )
-def test_orders_of_other_kinds(name):
+def test_orders_of_other_laws_and_cells_reach_theory(name):
     """The same of other laws, cells and bodies."""
     as_tabled(name)
 

@@ -184,7 +184,7 @@ def test_a_uniform_strain_of_distorted_cells_is_exact(cell, kind):
     reference="closed form: Lame's thick cylinder",
     aspects=("2D", "3D"),
 )
-def test_no_locking(cell):
+def test_mean_dilatation_does_not_lock(cell):
     """Under pressure inside the error does not depend on nu, has order 2, and pressures are even.
 
     The mean stress of the cylinder is the same everywhere.
@@ -213,7 +213,7 @@ def test_no_locking(cell):
     reference="closed form: Lame's thick cylinder",
     aspects=("2D",),
 )
-def test_of_revolution():
+def test_mean_dilatation_works_in_revolution():
     """A section of the same cylinder, held at its ends, whose cells are rectangles."""
     poisson = 0.4999
     errors = {}
@@ -262,7 +262,7 @@ def test_of_revolution():
     reference="closed form: Lame's thick cylinder",
     aspects=("2D", "3D", "multigrid"),
 )
-def test_contact_pressure(cell, solver):
+def test_shaft_with_interference_has_the_closed_form_pressure(cell, solver):
     """The pressure on a shaft with interference agrees with the closed form."""
     poisson = 0.4999
     overlap = 1e-3

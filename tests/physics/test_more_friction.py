@@ -40,7 +40,7 @@ def by_hand():
         "branches",
     ),
 )
-def test_folds(folder):
+def test_branch_with_more_friction_turns_back_twice(folder):
     """The branch turns back at F = 7 and at F = 1.78, and ends alone."""
     names = run("friction_parameter", folder)
     folds = [special.gamma for special in names["branch"].folds]
@@ -52,7 +52,7 @@ def test_folds(folder):
 
 
 @serial
-def test_numbers_on_either_side_of_the_folds():
+def test_folds_separate_numbers_of_solutions():
     """The enumeration of 16 pieces confirms the numbers one part in 10^7 below and above."""
     S, p = by_hand()
     for fold, below, above in ((1.7812751263, 1, 3), (7.0, 3, 1)):
@@ -62,7 +62,7 @@ def test_numbers_on_either_side_of_the_folds():
 
 
 @serial
-def test_a_continuum_and_then_less():
+def test_hild_element_passes_a_continuum_to_two_solutions():
     """Hild's element at pt = -(kt/k) |pn|: one solution, infinitely many at kt/k, then two."""
     S = np.array([[2.0, 1.0], [1.0, 2.0]])
     p = np.array([-2.0, -1.0])

@@ -183,7 +183,7 @@ def test_a_linear_displacement_over_different_meshes_in_space_is_exact(case, sla
         "records",
     ),
 )
-def test_a_branch_between_bodies(folder):
+def test_branch_between_bodies_has_the_events_of_steps(folder):
     """Pivoting and steps, interrupted and resumed, have the same events and agree with a solve."""
     system, x = sheared()
     seen = {"energy": system.problem.energy, "force": records.total("rt")}
@@ -223,7 +223,7 @@ def test_a_branch_between_bodies(folder):
         "pairs",
     ),
 )
-def test_steel_on_aluminium(folder):
+def test_steel_on_aluminium_agrees_with_nafems(folder):
     """NAFEMS CB-1: the peak within 2 %, the radius within 2 % or a cell, and the force carried."""
     levels = ["0.5"] if COMM.size > 1 else ["1", "0.5", "0.25"]
     words = ["--output", str(folder), "--levels", *levels]

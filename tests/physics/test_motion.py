@@ -69,7 +69,7 @@ def times(history):
     reference="independent code: a bar in numpy, scheme by scheme",
     aspects=("2D",),
 )
-def test_a_bar_step_by_step(scheme, theta, level, mass, restitution, damping):
+def test_impact_of_a_bar_agrees_with_another_code(scheme, theta, level, mass, restitution, damping):
     """Forces, gaps and energies of a bar that hits the floor and leaves it, as another code's."""
     n = 6
     a, b = damping or (0.0, 0.0)
@@ -99,7 +99,7 @@ def test_a_bar_step_by_step(scheme, theta, level, mass, restitution, damping):
     reference="closed form: rests on (1, 2), pressed by 1/2",
     aspects=("2D",),
 )
-def test_the_rod_of_a_unit_length():
+def test_rod_rests_on_the_floor_for_one_period():
     """E = rho = 1, held at 1, u(x, 0) = (1 - x)/2, u(0) >= 0: rests on (1, 2), pressed by 1/2."""
     errors = []
     for n in (8, 16):
@@ -140,7 +140,7 @@ def thrown(n, **how):
 
 @pytest.mark.chatty
 @pytest.mark.verifies("NSCD motion", reference="closed form: rho c v0 for 2 L/c", aspects=("2D",))
-def test_a_bar_thrown_at_a_wall():
+def test_bar_rebounds_with_its_speed():
     """Pressed by rho c v0 for 2L/c it comes back with v0: to 1 % on 400 cells, 5 % on 16."""
     history = thrown(16)
     t = times(history)
@@ -188,7 +188,7 @@ def viscous(problem, velocity):
     reference="closed form: the speed after, the impulse and the loss",
     aspects=("2D",),
 )
-def test_restitution_of_a_stiff_block(e):
+def test_stiff_block_rebounds_with_its_restitution(e):
     """The block rebounds with e times its speed in the step of the impact."""
     problem, _ = block(material=LinearElastic.from_young(1e9, 0.3), height=0.1)
     how = dict(scheme="theta-euler", theta=1.0, level="velocity", mass="lumped", restitution=e)
@@ -304,7 +304,7 @@ def test_drag_takes_what_the_body_loses(theta):
 @pytest.mark.verifies(
     "energies of motions", "hyperelastic bodies", reference="itself: half the step", aspects=("2D",)
 )
-def test_energy_of_a_hyperelastic_body():
+def test_hyperelastic_energy_error_is_of_second_order():
     """The energy error falls with the square of the steps."""
     found = []
     for dt in (0.02, 0.01):
@@ -384,7 +384,7 @@ def test_mass_matrices_have_the_mass_of_the_body(cell, degree):
 # -- bad input -------------------------------------------------------------------------------------
 
 
-def test_a_start_within_the_floor():
+def test_motion_refuses_a_start_within_the_floor():
     problem, _ = block("tri", 2, height=-0.01)
     with pytest.raises(ValueError, match=r"within the obstacle, by up to 0.01") as info:
         NSCD(problem, 1.0, dt=0.1).run([0.0, 1.0])

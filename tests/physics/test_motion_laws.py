@@ -64,7 +64,7 @@ def velocity(problem, x, y):
     reference="closed form: sinh(v/eps) falls as an exponential",
     aspects=("2D",),
 )
-def test_friction_of_the_velocity(scheme, theta, mass):
+def test_friction_of_the_velocity_decays_as_its_closed_form(scheme, theta, mass):
     """v' = -mu g tanh(v/eps): sinh(v/eps) falls as an exponential of time."""
     eps = 0.5
     mu = 0.3
@@ -128,7 +128,7 @@ def test_a_surface_that_gives_way():
     reference="closed form: the cost of the bond",
     aspects=("2D",),
 )
-def test_a_bond_that_breaks():
+def test_broken_bond_costs_its_work():
     """A block that flies off loses the work w of its bond from its kinetic energy."""
     w = 0.1
     C = 1e3
@@ -153,7 +153,7 @@ def test_a_bond_that_breaks():
     reference="closed form: the cost of the interface",
     aspects=("2D",),
 )
-def test_an_interface_that_breaks():
+def test_broken_interface_costs_its_work():
     """The same of an interface by energy and dissipation, whose cost is exact."""
     problem = block(BilinearCohesive(10.0, 0.005, 0.015), young=1e7, weight=0.0)
     motion = NSCD(problem, 1.0, dt=5e-4, velocity=velocity(problem, 0.0, 1.0), mass="lumped")
@@ -184,7 +184,7 @@ def test_what_differs_between_ranks(what):
     reference="closed form: the kinetic energy of a cylinder",
     aspects=("2D",),
 )
-def test_a_body_of_revolution():
+def test_falling_body_of_revolution_has_all_its_mass():
     """A cylinder of radius and height 1 that falls has the mass of all of it."""
     domain = box(COMM, 3, "quad")
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
@@ -262,7 +262,7 @@ def slides(friction):
     reference="itself: the eigenvalue of steady sliding, from a motion",
     aspects=("2D",),
 )
-def test_squeal(friction):
+def test_perturbed_motion_grows_as_the_squeal_mode(friction):
     """A perturbed motion has the eigenvalue of largest growth of steady sliding.
 
     The theta method with 1/2 maps exp(lambda h) to (1 + lambda h/2)/(1 - lambda h/2).
@@ -308,7 +308,7 @@ def test_squeal(friction):
 @pytest.mark.verifies(
     "jumps", "NSCD motion", reference="closed form: Klarbring's node beyond g = 3", aspects=("2D",)
 )
-def test_klarbring_by_dynamics():
+def test_klarbring_node_opens_in_a_motion():
     """Beyond g = 3 no equilibrium continues; the motion from there ends open, and goes on so."""
     problem, g = klarbring()
     problem.solve()

@@ -61,7 +61,7 @@ def averages(x, areas, radius, kernel="mollifier", *, normalised=True):
         "3D",
     ),
 )
-def test_against_dense_numpy(dim, cell, kernel, normalised):
+def test_nonlocal_friction_agrees_with_dense_numpy(dim, cell, kernel, normalised):
     """Compliance of the block, and a projection repeated until nothing changes."""
     n, F, radius = (8, 0.2, 0.3) if dim == 2 else (4, 0.4, 0.6)
     top = np.array([0.005, *[0.0025] * (dim - 2), -0.02])
@@ -135,7 +135,7 @@ def floor_normal(dim):
         "3D",
     ),
 )
-def test_constant_pressure(dim, cell):
+def test_nonlocal_average_keeps_a_constant_pressure(dim, cell):
     """The pressure remains constant; the bound of the plain convolution has a closed form."""
     pressed = 0.05
     s = 0.03
@@ -241,7 +241,7 @@ def test_nonlocal_friction_between_bodies_averages_the_slaves_pressure():
 @pytest.mark.verifies(
     "nonlocal friction", reference="itself: the local law, as the radius falls", aspects=("2D",)
 )
-def test_limit_of_the_local_law():
+def test_nonlocal_friction_converges_to_the_local_law():
     """On a patch inside the surface: forces at order 4/3 or so (the pressure ends like a root),
     resultants and slips at order 2."""
     n = 64

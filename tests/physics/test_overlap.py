@@ -83,7 +83,7 @@ def pressed(dim, sliding, **given):
     reference="closed form: uniaxial strain by half the overlap, or none where it is removed",
     aspects=("2D", "3D", "pairs", "large sliding"),
 )
-def test_two_strips(dim, sliding):
+def test_press_fit_has_the_pressure_of_half_the_overlap(dim, sliding):
     """A press fit has the pressure of half the overlap in each strip; removed it leaves nothing."""
     modulus = LMBDA + 2 * MU
     fit = pressed(dim, sliding, interference=1.01 * OVERLAP).solve()

@@ -149,7 +149,7 @@ def test_what_sticks_everywhere_is_one_body(dim, cell, degree, method):
         "pairs",
     ),
 )
-def test_mirrored_bodies(dim, cell):
+def test_mirrored_bodies_carry_the_forces_of_a_rigid_plane(dim, cell):
     """Without friction they carry the forces of one body on a rigid plane."""
     press = np.zeros(dim)
     press[-1] = -0.02
@@ -245,7 +245,7 @@ def test_a_given_overlap_is_the_displacement_of_a_press_fit():
         "branches",
     ),
 )
-def test_branches_on_a_held_body(route):
+def test_branches_on_a_clamped_body_agree_with_the_triangle(route):
     """All three solutions of the linear triangle, at the same forces."""
     ends = []
     seen = cases.linear_triangle.FUNCTIONALS
@@ -281,7 +281,7 @@ def test_branches_on_a_held_body(route):
         "pairs",
     ),
 )
-def test_crack(dim, cell, reach):
+def test_crack_doubles_nodes_but_not_its_front(dim, cell, reach):
     """Nodes inside a crack and where it comes to the surface are doubled, its front is not."""
     domain, tags = cracked(dim, cell, reach)
     body = crack(domain, [5], facet_tags=tags)

@@ -38,7 +38,7 @@ BALL = {2: Sphere((0.5, -5.0), 5.0), 3: Sphere((0.4, 0.5, -5.0), 5.0)}
 @pytest.mark.verifies(
     "mixed contact", "Coulomb", reference="theorem: the contact law", aspects=("2D", "3D")
 )
-def test_law_at_the_vertices(cell, n, curved):
+def test_quadratic_contact_satisfies_the_law_at_vertices(cell, n, curved):
     """Complementarity and friction to round-off by default; the solution is independent of r."""
     dim = 2 if cell in ("tri", "quad") else 3
     given = dict(
@@ -65,7 +65,7 @@ def test_law_at_the_vertices(cell, n, curved):
 @pytest.mark.verifies(
     "mixed contact", reference="itself: every rank alone", aspects=("2D", "3D", "pairs")
 )
-def test_pairs_of_different_meshes(dim):
+def test_quadratic_pairs_of_different_meshes_satisfy_the_law(dim):
     """Bodies that are pressed and drawn over each other, on any number of ranks."""
     tables = []
     for comm in [COMM, MPI.COMM_SELF] if COMM.size > 1 else [COMM]:
@@ -87,7 +87,7 @@ def test_pairs_of_different_meshes(dim):
 @pytest.mark.verifies(
     "mixed contact", reference="closed form: a linear displacement", aspects=("2D", "pairs")
 )
-def test_patch(sides, cell, degree):
+def test_quadratic_contact_passes_the_patch_test(sides, cell, degree):
     c, s = np.cos(0.7), np.sin(0.7)
     both = stacked(*CASES[0], cell=cell, angle=0.7)
     frame = np.array([[c, -s], [s, c]])
@@ -100,7 +100,7 @@ def test_patch(sides, cell, degree):
 @pytest.mark.verifies(
     "mixed contact", reference="closed form: a linear displacement", aspects=("3D", "pairs")
 )
-def test_patch_in_space(case, sides, cells, degree):
+def test_quadratic_contact_passes_the_patch_test_in_space(case, sides, cells, degree):
     base = np.array([[0.3, -0.1, 0.02], [0.07, 0.1, -0.03], [0.01, 0.04, -0.5]])
     both = solids(*SOLID_CASES[case], cells)
     solved_patch(both, TILT, base, SIDES[sides], (degree, 1), (4, 5, 6, 7, 8), method="mixed")
@@ -128,7 +128,7 @@ def test_held_ends_of_different_meshes():
     assert errors[1] < 0.5 * errors[0] < 0.005
 
 
-def test_default_methods():
+def test_quadratic_contact_chooses_its_default_method():
     """Gauss points only where gap and normal of a curved obstacle follow the displacement."""
     rubber = NeoHookean(400.0, 600.0)
     for material, obstacle, sliding, method in (
@@ -145,7 +145,7 @@ def test_default_methods():
 
 
 @pytest.mark.verifies("mixed contact", "Coulomb", reference="independent code: Lemke's method")
-def test_reduced_problem():
+def test_quadratic_contact_has_a_reduced_problem():
     """Proofs and algorithms on contact points apply to quadratic displacements."""
     problem = block(n=3, cell="tri", degree=2, law=Coulomb(0.3), options=TIGHT)
     force = problem.solve().tables["contact"].force
@@ -225,7 +225,7 @@ def own_solution(domain, lower, top, height, young, poisson):
     reference="independent code: assembly in numpy",
     aspects=("2D",),
 )
-def test_own_assembly():
+def test_quadratic_contact_agrees_with_an_own_assembly():
     """Gaps and pressures of a few lines of numpy that share nothing with the package."""
     domain = box(COMM, 6, "tri")
     floor = GapField((ufl.SpatialCoordinate(domain)[0] - 0.4) ** 2 / 2)

@@ -73,7 +73,7 @@ def resultant(t, about):
         "3D",
     ),
 )
-def test_a_punch_under_a_force(dim, method, degree):
+def test_punch_carries_the_prescribed_force(dim, method, degree):
     """The resultant is the force; the field agrees with that of the resulting motion."""
     up = "xyz"[dim - 1]
     n = 3 if dim == 3 or degree == 2 else 5
@@ -118,7 +118,7 @@ class Tilted(Obstacle):
 
 
 @pytest.mark.parametrize("method", ["nodal", "integral", "mixed"])
-def test_a_tilting_punch(method):
+def test_tilting_punch_balances_its_moments(method):
     """A punch under a force aside: moments balance, and an obstacle moved by hand is the same."""
     body = punch(load={"y": -10.0, "rz": 2.5}, held=["x"])
     problem = block(body, law=Frictionless(), method=method)
@@ -135,7 +135,7 @@ def test_a_tilting_punch(method):
 
 @pytest.mark.ranks(2)
 @pytest.mark.parametrize("method", ["nodal", "integral"])
-def test_tilting_in_three_dimensions(method):
+def test_free_punch_in_space_balances_its_moments(method):
     """Free in all components, under a force and moments about all axes, with friction."""
     given = {"x": 1.0, "y": -0.5, "z": -20.0, "rx": -2.0, "ry": 3.0, "rz": 0.2}
     body = punch(3, load=given)
@@ -162,7 +162,7 @@ def test_tilting_in_three_dimensions(method):
         "3D",
     ),
 )
-def test_a_sphere_under_a_force(dim, method, degree):
+def test_sphere_under_a_force_has_the_prescribed_approach(dim, method, degree):
     """Pressed by a force it goes where the same approach, prescribed, has that force."""
     up = "xyz"[dim - 1]
     n = 3 if dim == 3 else 8 // degree
@@ -241,7 +241,7 @@ def small():
     aspects=("2D",),
     alone=True,
 )
-def test_against_active_sets_by_hand():
+def test_free_punch_agrees_with_all_active_sets():
     """Frictionless, free to sink and to tilt: all active sets tried with matrices of numpy."""
     K, x, top, free = small()
     load = np.array([-10.0, 3.2])  # force, moment about (0.5, 1)
@@ -286,7 +286,7 @@ def test_against_active_sets_by_hand():
     aspects=("2D",),
     alone=True,
 )
-def test_a_glued_punch_by_hand():
+def test_stuck_punch_agrees_with_one_linear_system():
     """All points stick: one linear system, with a reference point far off."""
     K, x, top, free = small()
     about = np.array([2.0, 3.0])
@@ -330,7 +330,7 @@ def test_a_glued_punch_by_hand():
         "3D",
     ),
 )
-def test_the_jacobian(dim, method, degree):
+def test_jacobian_with_rigid_motions_agrees_with_differences(dim, method, degree):
     """Against differences of H, at random unknowns and statuses held."""
     up = "xyz"[dim - 1]
     middle = np.append(0.55 * np.ones(dim - 1), 1.6)
@@ -397,7 +397,7 @@ def parametric(method=None, law=None, about=(0.5, 1)):
         "branches",
     ),
 )
-def test_a_branch_under_a_growing_force(method, route):
+def test_branch_under_a_growing_force_meets_a_solve(method, route):
     """Gamma is the force; both routes, against a solve at the end."""
     problem, body, system = parametric(method)
     problem.solve()
@@ -435,7 +435,7 @@ def test_all_solutions_carry_the_motion_of_a_rigid_body():
 
 @pytest.mark.chatty
 @pytest.mark.verifies("Lemke", "rigid bodies", reference="itself: Newton's method", aspects=("2D",))
-def test_lemke():
+def test_lemke_solves_with_a_prescribed_rigid_motion():
     """Lemke's method solves for a body whose motion is prescribed, and says where it cannot."""
     body = punch(motion={"x": 0.001, "y": -0.01, "rz": 0.01})
     problem = block(body)

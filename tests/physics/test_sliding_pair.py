@@ -226,7 +226,7 @@ def test_a_stuck_pair_that_turns_keeps_sticking(dim, cell, slave, angle):
     reference="itself: the pair of small sliding",
     aspects=("2D", "3D", "pairs", "large sliding"),
 )
-def test_small_slide_on_matching_faces(dim, cell):
+def test_small_slide_is_the_limit_of_large_sliding(dim, cell):
     """Linear bodies whose nodes match: mixed contact of small sliding is the limit."""
     both = stacked(6, 6, (0.0, 1.0), (0.0, 1.0), cell) if dim == 2 else cubes(3, 3, cell)
     differences = []
@@ -260,7 +260,7 @@ def test_small_slide_on_matching_faces(dim, cell):
     reference="closed form: friction at every point that slips; an account of energies",
     aspects=("2D", "pairs", "large sliding"),
 )
-def test_history(slave):
+def test_sliding_history_balances_forces_and_energies(slave):
     """To and fro over two facets: shear at its bound, a balance of forces, energies."""
     bodies = Bodies(stacked(10, 7, (-1.0, 2.0), (0.0, 1.0), "quad"), slave, Coulomb(0.3))
     history = sliding_history(bodies).run(TIMES)
@@ -297,7 +297,7 @@ def test_history(slave):
     reference="closed form: F/G = (tan a + mu)/(1 - mu tan a)",
     aspects=("2D", "pairs", "large sliding"),
 )
-def test_wedge(friction, slave):
+def test_wedge_is_pushed_up_an_incline(friction, slave):
     """A wedge with its weight, pushed up an incline by more than a facet."""
     slope = 0.1
     both = stacked(12, 5, (0.0, 3.0), (0.2, 1.2), "quad")
@@ -339,7 +339,7 @@ def test_wedge(friction, slave):
     reference="itself: solves at single loads",
     aspects=("2D", "pairs", "large sliding", "branches"),
 )
-def test_branch():
+def test_sliding_branch_meets_single_solutions():
     """A branch under a growing load meets the solutions at single loads."""
     bodies = Bodies(stacked(6, 5, (-0.5, 1.5), (0.0, 1.0), "quad"), 3, Coulomb(0.3))
     gamma = fem.Constant(bodies.both.mesh, 0.0)
@@ -379,7 +379,7 @@ def test_branch():
     reference="independent code: a prototype of its own, and five published curves of V and H",
     aspects=("2D", "pairs", "large sliding"),
 )
-def test_ironing(folder):
+def test_ironing_agrees_with_another_code(folder):
     """The forces of another code on the same mesh (to its quadrature), at the published level."""
     summary = cases.ironing.main(["--size=0.2", "--until=1.1", f"--output={folder}"])
     V = summary["V_at"]
@@ -561,7 +561,7 @@ def test_a_block_that_is_thrown_comes_to_rest(slave, mass):
         pytest.param(0.3, 205.1, 0.4, marks=pytest.mark.long),
     ],
 )
-def test_self_contact(friction, force, accuracy):
+def test_self_contact_of_a_u_balances(friction, force, accuracy):
     """The arms of a U pressed together, with friction; each place is looked at from one side."""
     domain, tags = hairpin()
     u = displacement(domain)
@@ -649,7 +649,7 @@ def torque_of_a_punch(n, angle, pressure):
     reference="closed form: the torque of a flat punch",
     aspects=("3D", "pairs", "large sliding"),
 )
-def test_torque_of_a_flat_punch(pressure, angle):
+def test_flat_punch_has_its_closed_form_torque(pressure, angle):
     """2/3 mu P a of a uniform pressure, of the second order in the mesh size; pi/4 mu P a of that
     of a rigid punch without friction, of the first, since it has no bound at its rim.
     """
@@ -728,7 +728,7 @@ def pressed_hairpin(domain, inner):
     reference="itself: plane strain in the plane",
     aspects=("3D", "large sliding"),
 )
-def test_a_hairpin_in_plane_strain():
+def test_hairpin_in_plane_strain_agrees_with_the_plane():
     """A U drawn out along y and held there: force and contact are those in the plane."""
     flat, _ = hairpin(0.25)
     found = []

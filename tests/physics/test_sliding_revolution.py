@@ -129,7 +129,7 @@ def test_a_uniform_strain_of_sliding_rings_is_exact(shape, cell, slave):
     reference="closed form: uniform pressure between discs",
     aspects=("2D", "pairs", "large sliding"),
 )
-def test_discs():
+def test_sliding_discs_of_revolution_are_exact():
     """Exact up to the axis."""
     both = stacked(5, 7, (0.0, 1.0), (0.0, 1.0), "tri")
     u = displacement(both.mesh)

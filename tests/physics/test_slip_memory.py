@@ -90,7 +90,7 @@ PATH = (
         "pairs",
     ),
 )
-def test_every_point_by_its_way(cell, given):
+def test_shear_of_every_point_follows_its_way(cell, given):
     """The shear of every point against the sum of its slips so far, which is found from tables."""
     problem, top = dragged(cell, **given)
     history = QuasiStatic(problem, along(top, *PATH)).run(np.linspace(0.0, 7.0, 22))
@@ -120,7 +120,7 @@ def test_every_point_by_its_way(cell, given):
     reference="closed form: mu(s) N against the way, and its work",
     aspects=("2D",),
 )
-def test_a_stiff_block():
+def test_stiff_block_follows_slip_weakening():
     """T = mu(s) N against the way s beyond the elastic slip, forwards and backwards."""
     residues = []
     for n in (6, 12):

@@ -135,7 +135,7 @@ def stacked(
     ],
     ids=str,
 )
-def test_far_and_turned(options, log):
+def test_small_sliding_warns_of_far_and_rotated_bodies(options, log):
     """Two per cent of a facet give no warning; most of one, beyond the edge, and degrees do."""
     problem, move, _ = stacked(**options)
     facet = 1 / options.get("n", (4, 4))[1]
@@ -186,7 +186,7 @@ def test_a_history_says_it_once(log):
     assert sum(line.startswith("slip of") for line in log) == (COMM.rank == 0)
 
 
-def test_large_rotations_of_both(log):
+def test_common_large_rotations_keep_the_forces(log):
     """Hyperelastic bodies turned together by 90 degrees have their forces in the old direction."""
     problem, move, _ = stacked(n=(2, 2), material=NeoHookean(*lame(1000.0, 0.3)))
     for angle in (0.0, 30.0, 60.0, 90.0):

@@ -91,7 +91,7 @@ def test_every_module_has_a_layer():
 
 @pytest.mark.ranks(2)
 @pytest.mark.parametrize("name", sorted(n for n in MODULES if layer(n) is not None))
-def test_layers(name):
+def test_no_module_imports_from_a_higher_layer(name):
     """No module imports from a higher layer, and tools import only tools."""
     for other in imports(name):
         if other == PACKAGE:
@@ -151,7 +151,7 @@ def test_extensions_use_public_names(name):
             assert ast.unparse(node.value).split(".")[0] in classes, ast.unparse(node)
 
 
-def test_no_import_cycle():
+def test_imports_have_no_cycle():
     left = {name: imports(name) for name in MODULES}
     while True:
         free = [name for name, needs in left.items() if not needs & set(left)]
@@ -177,7 +177,7 @@ def test_public_classes_have_names_of_their_own():
 
 
 @pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="starts a process of its own")
-def test_the_continuation_knows_petsc_alone():
+def test_continuation_imports_neither_ufl_nor_dolfinx():
     """Importing it loads neither UFL nor DOLFINx."""
     loaded = loaded_by(f"import {PACKAGE}.continuation")
     assert "petsc4py.PETSc" in loaded
@@ -210,7 +210,7 @@ def trees():
         yield path.relative_to(TESTS).as_posix(), ast.parse(path.read_text())
 
 
-def test_what_one_rank_skips_runs_on_several():
+def test_tests_of_several_ranks_are_marked():
     """A test that needs several ranks is marked `ranks`, or is in a file of which all are."""
     several = r"^((?:@.*\n)*@pytest\.mark\.skipif\(COMM\.size == 1,.*\n(?:@.*\n)*)def test_"
     for path in TESTS.rglob("test_*.py"):

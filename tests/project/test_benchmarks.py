@@ -53,7 +53,7 @@ def test_a_run_that_fails_is_no_median():
 
 
 @pytest.mark.ranks(2)
-def test_settings_by_name():
+def test_benchmarks_select_settings_by_name():
     names = [s.name for s in elastic_solve.SETTINGS]
     assert len(set(names)) == len(names)
     assert elastic_solve.chosen(["all"]) == elastic_solve.SETTINGS
@@ -68,7 +68,7 @@ def test_settings_by_name():
         elastic_solve.chosen(["few", "sor3"])
 
 
-def test_step_of_a_motion(folder):
+def test_benchmark_of_a_motion_has_its_ratios(folder):
     file = folder / "motion.json"
     motion_step.main(["--n", "6", "--steps", "6", "--output", str(file)])
     COMM.barrier()

@@ -48,7 +48,7 @@ def run(script, tmp_path, monkeypatch):
 
 @pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="recipes write to a folder of one rank")
 @pytest.mark.parametrize("recipe", scripts(RECIPES), ids=name_of)
-def test_recipe(recipe, tmp_path, monkeypatch, capsys):
+def test_recipe_runs(recipe, tmp_path, monkeypatch, capsys):
     run(recipe, tmp_path, monkeypatch)
     pictures = [f for f in tmp_path.rglob("*") if f.suffix in (".png", ".gif")]
     assert capsys.readouterr().out or pictures  # the page has something to show
@@ -56,7 +56,7 @@ def test_recipe(recipe, tmp_path, monkeypatch, capsys):
 
 @pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="tutorials write to a folder of one rank")
 @pytest.mark.parametrize("tutorial", scripts(TUTORIALS), ids=name_of)
-def test_tutorial(tutorial, tmp_path, monkeypatch):
+def test_tutorial_runs(tutorial, tmp_path, monkeypatch):
     run(tutorial, tmp_path, monkeypatch)
     assert any(f.suffix == ".png" for f in tmp_path.rglob("*"))
 
@@ -207,7 +207,7 @@ EXAMPLES = re.findall(r"```python\n(.*?)```", README.read_text(), flags=re.DOTAL
 
 
 @pytest.mark.ranks(2)
-def test_readme_example(folder, monkeypatch):
+def test_readme_example_runs(folder, monkeypatch):
     monkeypatch.chdir(folder)
     names: dict = {}
     exec(EXAMPLES[0], names)
@@ -279,7 +279,7 @@ def cells():
 
 @pytest.mark.long
 @pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="a notebook is one process")
-def test_the_code_of_the_notebook(folder, monkeypatch):
+def test_notebook_shows_its_pictures(folder, monkeypatch):
     """The notebook solves, finds three solutions, and shows a picture and a diagram."""
     shown = []
     display = types.ModuleType("IPython.display")

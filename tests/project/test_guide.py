@@ -78,7 +78,7 @@ def write_tools(folder):
 
 
 @pytest.mark.ranks(2)
-def test_an_indenter(folder, monkeypatch):
+def test_indenter_of_the_guide_carries_its_force(folder, monkeypatch):
     """On a cube that is held below; the force that the page gives arrives."""
     write_tools(folder)
     monkeypatch.chdir(folder)
@@ -102,7 +102,7 @@ def test_an_indenter(folder, monkeypatch):
 
 
 @pytest.mark.ranks(2)
-def test_a_motion():
+def test_motion_of_the_guide_keeps_its_energy():
     """A cube that falls onto a floor, and keeps its energy."""
     cube = mesh.create_unit_cube(COMM, 2, 2, 2)
     V = fem.functionspace(cube, ("Lagrange", 1, (3,)))
@@ -122,7 +122,7 @@ def test_a_motion():
     assert abs(history.energies.residue) < 1e-6 * before
 
 
-def test_steps_and_histories():
+def test_histories_of_the_guide_continue():
     """A step from a snapshot, and histories that continue and begin again."""
     square = mesh.create_unit_square(COMM, 2, 2)
     V = fem.functionspace(square, ("Lagrange", 1, (2,)))
@@ -146,7 +146,7 @@ def test_steps_and_histories():
 
 
 @pytest.mark.long
-def test_a_recorded_branch(folder, monkeypatch, capsys):
+def test_recorded_branch_of_the_guide_resumes(folder, monkeypatch, capsys):
     """Followed, cut short, resumed and drawn, on any number of ranks."""
     monkeypatch.chdir(folder)
     names = run("records.md")
@@ -166,7 +166,7 @@ def test_a_recorded_branch(folder, monkeypatch, capsys):
     assert "branch 0: the budget of 10 steps is exhausted" in said
 
 
-def test_states():
+def test_two_solves_start_from_the_same_state():
     """Two solves from the same state."""
     problem = block(n=2, law=Coulomb(0.2))
     names = {"problem": problem, "surface": problem.surfaces[0]}
@@ -176,7 +176,7 @@ def test_states():
 
 
 @pytest.mark.skipif(COMM.size > 1, reason="starts a process of its own")
-def test_the_log():
+def test_log_of_the_guide_appears():
     *_, code = examples("solving.md")
     solve = "from support.blocks import block\nblock(n=2).solve()\n"
     done = subprocess.run(

@@ -133,7 +133,7 @@ def test_without_dolfinx_an_engine_is_used(launch, stubs):
     assert launch("true", DOLFINX_CONTACT_ENV="direct").returncode == 0
 
 
-def test_container_arguments(launch, stubs, tmp_path):
+def test_launcher_passes_arguments_to_the_container(launch, stubs, tmp_path):
     result = launch("echo", "a b", DEBIAN="sid")
     assert result.returncode == 5
     *_, build, _, run = calls(stubs / "docker")

@@ -90,7 +90,7 @@ def test_the_comparison_that_is_asked_for():
     assert test.comparisons == ('assert found.status == "o"',)
 
 
-def test_comparisons_of_helpers():
+def test_comparisons_of_helpers_count():
     """Comparisons in functions that the test calls count, in its file and in imported files."""
     helpers = {
         "blocks.py": "def check(x):\n    assert abs(x) < 1e-8\n",
@@ -110,7 +110,7 @@ def test_comparisons_of_helpers():
         RANKS + '@pytest.mark.skipif(COMM.size > 1, reason="one point")\n',
     ],
 )
-def test_a_test_that_runs_on_one_rank(marks):
+def test_manual_marks_tests_on_one_rank(marks):
     (test,) = manual.marked_tests(file_of(SHOWN + marks))
     assert test.aspects == ("2D",)
 
@@ -125,7 +125,7 @@ def test_a_test_that_runs_on_one_rank(marks):
         ("shared = pytest.mark.ranks(2)\n", "@shared\n"),
     ],
 )
-def test_a_test_that_runs_on_two_ranks(head, marks):
+def test_manual_marks_tests_on_two_ranks(head, marks):
     text = file_of(SHOWN + marks)["test_one.py"].replace(HEAD, HEAD + head)
     (test,) = manual.marked_tests({"test_one.py": text})
     assert test.aspects == ("2D", "ranks")
@@ -156,7 +156,7 @@ def test_marks_that_are_none(marks, body, message):
         manual.marked_tests(file_of(marks, body))
 
 
-def test_cells():
+def test_cells_of_the_matrix_tell_what_works():
     """Works, refused, both, or not yet."""
     refused = '@pytest.mark.refuses("mortar", aspects=("2D", "3D"))\n'
     raising = "\n    with pytest.raises(ValueError, match='no'):\n        pressed(3)\n"

@@ -152,7 +152,7 @@ def missing(monkeypatch, *packages):
 
 
 @serial
-def test_the_command_that_pip_installs(monkeypatch, capsys):
+def test_installed_command_is_the_module(monkeypatch, capsys):
     """It is `python3 -m dolfinx_contact` with the same command line."""
     project = tomllib.loads((TREE / "pyproject.toml").read_text())["project"]
     module, _, function = project["scripts"]["dolfinx_contact"].partition(":")
@@ -179,7 +179,7 @@ def test_a_missing_package_is_named(monkeypatch, package, extra, do):
         do()
 
 
-def test_states_without_matplotlib(monkeypatch):
+def test_plots_name_the_missing_matplotlib(monkeypatch):
     """One rank draws, and all ranks raise the error about the missing library."""
     missing(monkeypatch, "matplotlib")
     u = block(n=2).u
@@ -211,7 +211,7 @@ def test_dolfinx_that_is_missing_is_named(monkeypatch):
 
 @serial
 @pytest.mark.parametrize("output", ["out put", 'it\'s "here"'])
-def test_demo_into_a_folder_with_blanks(tmp_path, output):
+def test_demo_works_in_a_folder_with_blanks(tmp_path, output):
     """Also in a checkout whose path has blanks."""
     tree = tmp_path / "a check out"
     (tree / "docker").mkdir(parents=True)

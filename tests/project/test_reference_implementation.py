@@ -188,7 +188,7 @@ def test_static_solve(case):
     check_solution(case, case.problem.solve(), u, t, statuses)
 
 
-def test_incremental_step(case):
+def test_reference_step_opposes_the_increment(case):
     """Friction opposes the increment since the static solution, not the total slip."""
     case.prescribe(0.02)
     u, t, _ = case.reference.solve(case.discrete, *case.start())

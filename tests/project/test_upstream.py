@@ -52,7 +52,7 @@ print(*np.ravel(found).tolist())
 
 @pytest.mark.long
 @pytest.mark.skipif(COMM.size > 1, reason="one process is enough")
-def test_the_rule_of_tetrahedra(tmp_path):
+def test_quadrature_of_tetrahedra_is_pinned(tmp_path):
     """Basix after 0.11 has another default rule from degree 4 to 8."""
     forces = []
     for rule in ("Xiao-Gimbutas", "default"):

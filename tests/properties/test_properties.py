@@ -58,7 +58,7 @@ def test_forces_balance_node_by_node(request):
 
 
 @serial
-def test_new_data(request):
+def test_solution_for_new_data_is_that_of_a_new_problem(request):
     """A problem that is solved again with other data is as good as new."""
     examine(solves_again, request)
 
@@ -73,7 +73,7 @@ def test_a_solve_finds_one_of_all_solutions(request):
 
 @serial
 @pytest.mark.verifies("quasi-static", reference="itself: the static problem", aspects=("2D", "3D"))
-def test_one_step(request):
+def test_history_of_one_step_is_a_solve(request):
     """A history of one step from rest is a solve."""
     examine(is_a_history_of_one_step, request)
 
@@ -99,7 +99,7 @@ def test_an_interrupted_history_resumes_to_the_same_end(request):
 
 @serial
 @pytest.mark.verifies("Tresca", reference="theorem: minima over nested sets", aspects=("2D", "3D"))
-def test_refinement(request):
+def test_energy_falls_under_refinement(request):
     """The least energy falls under refinement, twice."""
     examine(falls_under_refinement, request)
 

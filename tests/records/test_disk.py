@@ -85,7 +85,7 @@ FORMATS = ["vtx", "vtk"] if COMM.size == 1 else ["vtk"]
 
 @pytest.mark.ranks(2)
 @pytest.mark.parametrize("format", FORMATS)
-def test_fields_on_a_full_disk(folder, format):
+def test_full_disk_keeps_the_last_fields(folder, format):
     """The state of before is still there, whole, and nothing else."""
     problem = block(n=6, cell="tri")
     problem.solve()
@@ -145,7 +145,7 @@ def test_a_script_of_the_users_own_stays(folder, caplog, theirs):
 
 
 @pytest.mark.ranks(2)
-def test_table_and_summary(folder):
+def test_full_disk_keeps_table_and_summary(folder):
     result = block(cell="tri").solve()
     writers = {
         "contact.csv": lambda f: write_contact_table(COMM, f, result.tables.values()),
@@ -255,7 +255,7 @@ def test_a_record_that_cannot_begin(folder):
 
 @pytest.mark.ranks(2)
 @pytest.mark.parametrize("format", FORMATS)
-def test_a_series_on_a_full_disk(folder, format):
+def test_full_disk_keeps_the_last_series(folder, format):
     system, functionals = moved_block(COMM)
     record(system, functionals, folder / "record", max_steps=8)
     with BranchRecord(folder / "record", system, functionals, resume=True) as r:
@@ -313,7 +313,7 @@ def state(thread):
     find_spec("dolfinx_solver") is not None,
     reason="MPICH of the wheel has processes between mpiexec and its ranks",
 )
-def test_ranks_that_outlive_a_killed_mpirun(folder):
+def test_surviving_ranks_hold_the_record(folder):
     """They hold the record, which says who they are; it is free when they have ended."""
     taken = ("OMPI_", "PRTE_", "PMIX_", "PETSC_OPTIONS")
     clean = {k: v for k, v in os.environ.items() if not k.startswith(taken)}

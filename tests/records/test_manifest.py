@@ -237,7 +237,7 @@ def test_other_masses_are_refused(other, message, stopped):
         "records",
     ),
 )
-def test_an_honest_resume_on_other_ranks(make, folder):
+def test_record_resumes_on_other_ranks(make, folder):
     """Written on all ranks but one, resumed on one and on all; data differ in their last bits."""
     few = COMM.Split(int(COMM.rank >= max(COMM.size - 1, 1)), COMM.rank)
     warp = {"warp": 1e-3}
@@ -268,7 +268,7 @@ def rewritten(path, change):
     COMM.barrier()
 
 
-def test_the_format_of_another_version(folder):
+def test_format_of_another_version_is_refused(folder):
     recorded(history(), folder / "record")
 
     def as_before(entry):

@@ -160,7 +160,7 @@ def test_an_interrupted_path_resumes(case, whole, folder):
         pytest.param("the turn", marks=pytest.mark.long),
     ],
 )
-def test_killed_between_two_points(after, whole, folder):
+def test_path_killed_between_points_resumes(after, whole, folder):
     """When a run has begun there or back; when it is over, and the journal does not say so yet."""
     known = whole("crack")
     if COMM.rank == 0:

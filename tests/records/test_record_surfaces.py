@@ -49,7 +49,7 @@ def nodal_values(u):
         "records",
     ),
 )
-def test_the_displacement_of_every_point(cell, degree, folder):
+def test_record_keeps_the_displacement_of_every_point(cell, degree, folder):
     n = 4 if cell in ("tri", "quad") else 2
     options = {"cell": cell, "degree": degree, "n": n}
     system, functionals = moved_block(COMM, **options)
@@ -89,7 +89,7 @@ def test_the_displacement_of_every_point(cell, degree, folder):
 
 
 @pytest.mark.ranks(2)
-def test_on_another_number_of_ranks(folder):
+def test_record_keeps_the_order_of_vertices_on_other_ranks(folder):
     """A record that goes on on one rank has the vertices in the order in which it began."""
     record(*moved_block(COMM), folder / "parts", max_steps=3, **KEPT)
     if COMM.rank == 0:
@@ -135,7 +135,7 @@ def same_table(found, table):
     reference="itself: the tables of the run",
     aspects=("records",),
 )
-def test_tables_of_contact_points(folder):
+def test_record_keeps_tables_exactly(folder):
     """Tables of branches, steps and motions are stored exactly."""
     system, functionals = moved_block(COMM)
     record(system, functionals, folder / "branch", every=2, max_steps=3, **KEPT)
@@ -159,7 +159,7 @@ def test_tables_of_contact_points(folder):
                 same_table(found[surface], table)
 
 
-def test_surfaces_that_cannot_be_read(folder):
+def test_unreadable_surfaces_are_refused(folder):
     system, functionals = moved_block(COMM)
     record(system, functionals, folder / "none", max_steps=2)
     record(system, functionals, folder / "all", max_steps=2, **KEPT)

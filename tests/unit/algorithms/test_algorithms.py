@@ -132,7 +132,7 @@ NODE = np.array([[2.0, 1.0], [1.0, 2.0]])
     aspects=("2D",),
     alone=True,
 )
-def test_one_node_with_one_solution(algorithm):
+def test_algorithms_find_the_solution_of_one_node(algorithm):
     for pt, pn in ((-0.4, -1.0), (-1.5, -1.0), (0.8, -1.0), (0.3, 0.5)):
         contact = PointProblem(NODE, np.array([pt, pn]), np.array([0.5]))
         ((ut, un, rt, rn),) = solutions_of_one_node(2.0, 1.0, 2.0, pt, pn, 0.5)
@@ -156,7 +156,7 @@ def test_beyond_the_critical_friction_nothing_is_hidden(algorithm):
             assert outcome.residuals[-1] > 1e-10
 
 
-def test_tresca_beyond_the_critical_friction():
+def test_tresca_leaves_a_steep_fixed_point():
     """S(g) = F (g - 1 + ...) has a slope beyond 1 at the slip: the fixed point leaves it."""
     contact = PointProblem(NODE, np.array([-2.5, -1.0]), np.array([3.0]))
     assert TrescaFixedPoint().run(contact).converged

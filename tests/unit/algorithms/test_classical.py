@@ -108,7 +108,7 @@ def check_stored(case, algorithm, accuracy=1e-8):
     reference="independent code: GetFEM, every nodal force",
     aspects=("2D",),
 )
-def test_in_the_plane(algorithm):
+def test_classical_algorithms_agree_in_the_plane(algorithm):
     check_stored("b2d_n8", algorithm)
 
 
@@ -139,13 +139,13 @@ def test_classical_algorithms_solve_in_space(algorithm):
     reference="itself: Newton's method",
     aspects=("2D",),
 )
-def test_greco():
+def test_classical_algorithms_agree_on_the_greco_block():
     for algorithm in ("sor", "lemke", "interior-point", "tresca"):
         check(greco(8), algorithm)
 
 
 @pytest.mark.ranks(2)
-def test_uzawa_without_augmentation():
+def test_plain_uzawa_converges_at_first_order():
     """Every iteration is a solve with the stiffness alone; first order, and so many of them."""
     PETSc.Options()["contact_snes_rtol"] = 1e-5
     found = check(block(n=2, cell="quad"), "uzawa", 1e-3)
@@ -172,7 +172,7 @@ def test_uzawa_without_augmentation():
         "multigrid",
     ),
 )
-def test_uzawa_with_a_hierarchy(kind):
+def test_uzawa_keeps_its_hierarchy(kind):
     """The body by conjugate gradients with a hierarchy that is kept."""
     options = PETSc.Options()
     options["contact_linear_solver"] = "amg"
@@ -193,7 +193,7 @@ def test_uzawa_with_a_hierarchy(kind):
         "3D",
     ),
 )
-def test_penalty(dim, on):
+def test_penalty_extrapolates_to_its_accuracy(dim, on):
     """Extrapolated to 1e-4 and better, at first order."""
     found = check(block(n=3, cell="quad" if dim == 2 else "hex"), Penalty(on=on), 1e-4)
     assert abs(found.attempts[0].series["order"][-1] - 1) < 0.1
@@ -232,7 +232,7 @@ def test_classical_algorithms_keep_a_node_on_its_symmetry_plane():
     reference="itself: Newton's method",
     aspects=("2D",),
 )
-def test_a_tilted_plane_and_mixed_contact():
+def test_classical_algorithms_solve_mixed_contact_on_a_tilted_plane():
     tilted = HalfSpace((0.5, 0.0), (0.03, 1))
     problem = block(n=4, cell="tri", obstacle=tilted, method="mixed")
     for algorithm in ("sor", "tresca", Uzawa(augmented=True)):
@@ -279,7 +279,7 @@ def test_what_fails_is_told_and_leaves_the_functions():
         "3D",
     ),
 )
-def test_acceptance(algorithm, case):
+def test_algorithms_meet_stored_forces(algorithm, case):
     """Stored forces and Newton's solution to 1e-8 from zero, extrapolated penalties to 1e-4."""
     plane_only = isinstance(algorithm, Lemke) or algorithm == "lemke"
     if plane_only and case.startswith("b3d"):

@@ -104,7 +104,7 @@ def test_lemke_finds_the_solutions_of_hilds_element():
     assert min(np.abs(w - np.array(k)).max() for k in known) < 1e-12
 
 
-def test_no_load_and_open_loads():
+def test_lemke_solves_without_contact():
     S = np.array([[2.0, 1.0], [1.0, 2.0]])
     for p in (np.zeros(2), S @ np.array([0.3, 0.2])):
         (w,), _ = coulomb_by_lemke(S, p, np.array([3.0]))
@@ -190,12 +190,12 @@ def check_random_body(seed):
 
 @pytest.mark.chatty
 @pytest.mark.parametrize("first", [0, pytest.param(15, marks=pytest.mark.long)])
-def test_random_bodies(first):
+def test_lemke_solves_random_bodies(first):
     found = [check_random_body(seed) for seed in range(first, first + 15)]
     assert sum(reason != "refused" for reason in found) > 9
 
 
-def test_an_unloaded_answer_up_to_round_off():
+def test_lemke_accepts_round_off_without_contact():
     """The load lifts the body without a tangential motion: no ray, no force."""
     S = np.array(
         [[5.535226292127968, 0.24491892261131346], [0.24491892261131346, 1.0476883877824614]]

@@ -132,7 +132,7 @@ def test_a_plane_problem_of_siconos_has_one_proved_solution(name, points):
 
 
 @pytest.mark.parametrize("name", ["FC3D_Example1_SBM", "Rover4396"])
-def test_a_problem_of_siconos_in_space(name):
+def test_siconos_problem_in_space_is_solved(name):
     problem = load_local(SICONOS / f"{name}.dat")
     solution = problem.solve()
     assert solution.violation < 1e-10

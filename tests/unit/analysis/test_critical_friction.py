@@ -66,7 +66,7 @@ def by_hand(problem, xi=None):
     reference="closed form: kt/k of one element, and known coefficients of finer meshes",
     aspects=("2D",),
 )
-def test_critical_friction_of_hilds_triangle(lame):
+def test_hilds_triangle_has_its_critical_friction(lame):
     for n, expected in zip((1, 2, 4, 8), LAME[lame], strict=True):
         problem = linear_triangle(n, 0.3, lame=lame).problem
         for dense in (True, False):
@@ -93,7 +93,7 @@ def test_large_mesh_converges():
     reference="independent code: a dense condensation in numpy",
     aspects=("2D",),
 )
-def test_against_a_condensation_by_hand(cell, offset):
+def test_critical_friction_agrees_with_an_own_condensation(cell, offset):
     problem = leaning(5, offset=offset, cell=cell)
     values, vectors = by_hand(leaning(5, offset=offset, cell=cell, comm=MPI.COMM_SELF))
     real = np.abs(values.imag) < 1e-9 * np.abs(values)
@@ -141,7 +141,7 @@ def test_critical_friction_does_not_depend_on_units():
 @pytest.mark.verifies(
     "critical friction", reference="itself: the body in plane strain", aspects=("3D",)
 )
-def test_slice_in_3d():
+def test_slice_has_the_critical_friction_of_the_plane():
     """A slice in plane strain has the coefficients of the plane body; slip along y is held."""
     domain = mesh.create_box(COMM, [[0, 0, 0], [1, 0.3, 2]], [4, 1, 8], mesh.CellType.hexahedron)
     domain.geometry.x[:, 0] += 0.5 * domain.geometry.x[:, 2]
@@ -160,7 +160,7 @@ def test_slice_in_3d():
     reference="independent code: a dense condensation in numpy",
     aspects=("3D",),
 )
-def test_any_direction_in_3d():
+def test_critical_friction_works_in_any_direction():
     problem = block(4)
     angle = 0.4
     xi = np.array([np.cos(angle), np.sin(angle), 0.0])
@@ -292,7 +292,7 @@ LARGE = {
     reference="itself: all eigenvalues, by a factorisation",
     aspects=("2D", "3D", "pairs", "multigrid"),
 )
-def test_by_multigrid(body):
+def test_critical_friction_by_multigrid_agrees(body):
     make, direction = LARGE[body]
     whole = critical_friction(make(), direction, dense=True, solver="direct")
     assert (whole.solver, whole.solves, whole.iterations) == ("direct", 0, 0)

@@ -37,7 +37,7 @@ def by_reduction(S, frames, d):
     reference="independent code: eigenvalues of the stiffness of the contact points, by scipy",
     aspects=("3D",),
 )
-def test_a_leaning_prism():
+def test_leaning_prism_has_its_worst_direction():
     problem = leaning()
     found = critical_friction_by_direction(problem, number=12)
     points = problem.reduced()
@@ -62,7 +62,7 @@ def test_critical_friction_by_direction_refuses_numbers():
             critical_friction_by_direction(leaning(), number=number)
 
 
-def test_the_demo_and_the_picture(folder):
+def test_critical_friction_demo_draws_its_picture(folder):
     summary = main(["--shape", "prism", "--n", "2", "--height", "2", "--output", str(folder)])
     assert summary["critical_friction"] == min(summary["friction"])
     assert (folder / "directions.png").stat().st_size > 10_000

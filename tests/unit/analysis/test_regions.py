@@ -47,7 +47,7 @@ def of_one_node(F, F1, F2, kt=2.0, kn=2.0, k=1.0):
     reference="paper: Hild (2002), Proposition 2 and figures 2 to 4",
     aspects=("2D",),
 )
-def test_figures_of_the_seed_example(F):
+def test_regions_agree_with_hilds_figures(F):
     """Proposition 2 and figures 2 to 4 of Hild (2002), from curves, region by region."""
     curves, regions = regions_of(1, F)
     lines = {("k", "+"): -1 / F, ("k", "-"): 1 / F, ("o", "+"): 0.5, ("o", "-"): 0.5}
@@ -74,7 +74,7 @@ def test_figures_of_the_seed_example(F):
     assert several == ({("-", "k", "o"): pytest.approx(4.5 * (1 / 2 - 1 / 3))} if F == 3 else {})
 
 
-def test_more_elements():
+def test_regions_of_more_elements_agree_with_solutions():
     """All changes are across curves, and the solutions hold for any multiple of the load."""
     curves, regions = regions_of(3, 3.0)
     assert regions.proved

@@ -25,7 +25,7 @@ COMM = MPI.COMM_WORLD
     reference="closed form: 2 sqrt(kt^2 - k^2)/kt of one element, and known coefficients",
     aspects=("2D",),
 )
-def test_renards_coefficient_of_hilds_triangle(dense):
+def test_hilds_triangle_has_renards_coefficient(dense):
     """Coefficients of the benchmark; of one element the closed form."""
     lmbda = 100.0
     mu = 82.0
@@ -47,7 +47,7 @@ def test_renards_coefficient_of_hilds_triangle(dense):
     reference="independent code: eigenvalues of the form, in numpy",
     aspects=("3D",),
 )
-def test_against_the_form_in_3d(dense):
+def test_renards_coefficient_is_sharp_for_the_form_in_3d(dense):
     """At F_R the form of the points is about to become indefinite, and not before."""
     factor = renard_criterion(block(4, friction=0.25), swirl, dense=dense).factor
     S, x = stiffness_of_points(block(4, comm=MPI.COMM_SELF))
@@ -84,7 +84,7 @@ def test_renards_criterion_takes_the_directions_of_a_solution():
 @pytest.mark.verifies(
     "Renard's criterion", reference="itself: the body in plane strain", aspects=("3D",)
 )
-def test_guided_points():
+def test_renards_criterion_skips_guided_points():
     """There is no friction along a clamped tangent: plane strain in 3D."""
     flat = mesh.create_rectangle(
         COMM, [[0.0, 0.0], [1.0, 0.5]], [4, 3], mesh.CellType.quadrilateral
@@ -131,7 +131,7 @@ def test_one_point_has_its_weighted_coefficient():
     reference="itself: critical friction of the same triangle",
     aspects=("2D",),
 )
-def test_weighted_renard_coefficient_of_hilds_triangle(n, critical):
+def test_weights_raise_renards_coefficient(n, critical):
     """More than without weights, and never more than the coefficient of a second solution."""
     problem = linear_triangle(n, 0.4, lame=(100.0, 82.0)).problem
     plain = renard_criterion(problem, to_the(-1)).friction
@@ -257,7 +257,7 @@ def test_no_second_solution_where_there_is_proof():
         "proofs",
     ),
 )
-def test_result_of_a_body():
+def test_weights_decide_where_the_plain_criterion_fails():
     """Weights reach a friction at which the criterion without them fails."""
     problem = body(n=4, cell="hex", law=Coulomb(1.5), top=(0.05, 0.0, -0.01))
     problem.solve()

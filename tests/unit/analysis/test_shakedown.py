@@ -60,7 +60,7 @@ def random_case(rng, *, coupled=True, most=3):
     alone=True,
 )
 @pytest.mark.parametrize("c", [0.0, 0.5, -0.5])
-def test_two_points_by_hand(c):
+def test_two_points_shake_down_as_by_hand(c):
     """A slip w of either presses the other by c w; a shear +-d acts on the first.
 
     k |w0| + f d <= F (N + c w1) and k |w1| <= F (N + c w0): w0 = 0, |w1| = F N / k.
@@ -106,7 +106,7 @@ def test_one_point_shakes_down_to_its_closed_form(F):
     alone=True,
 )
 @pytest.mark.parametrize("F", [0.6, 0.7])
-def test_a_point_without_friction_beside_it(F):
+def test_frictionless_neighbour_lowers_the_critical_friction(F):
     """It softens the other point, whose critical friction falls from 2.0/1.8 to 1.2/1.8."""
     S = np.array([[2.0, -1.8, 1.0], [-1.8, 4.0, 0.0], [1.0, 0.0, 1.25]])
     steady = np.array([0.0, -1.0, 0.0, -1.0])
@@ -128,7 +128,7 @@ def test_a_point_without_friction_beside_it(F):
     aspects=("3D",),
     alone=True,
 )
-def test_three_shears_in_space():
+def test_shears_in_space_shake_down_to_their_circle():
     """Slips move the centre of the shears: the least circle about them, of a scalene triangle."""
     S = random_stiffness(1, np.random.default_rng(1), 5.0)
     S[:2, 2] = S[2, :2] = 0.0
@@ -245,7 +245,7 @@ def by_displacements(given, loads, steady):
     aspects=("2D",),
     alone=True,
 )
-def test_another_program():
+def test_shakedown_agrees_with_another_program():
     rng = np.random.default_rng(2)
     for _ in range(12):
         given, loads, steady = random_case(rng)
@@ -298,7 +298,7 @@ def pressed(friction, shear=0.002):
     reference="itself: cycles of the points are histories of the body",
     aspects=("2D",),
 )
-def test_a_body():
+def test_body_shakes_down_like_its_points():
     problem, loads, steady = pressed(0.3)
     found = shakedown(problem, loads, steady=steady, factor=1.0, cycles=4, starts=0)
     (cycle,) = found.cycles

@@ -31,7 +31,7 @@ COMM = MPI.COMM_WORLD
 @pytest.mark.verifies(
     "stability at rest", reference="closed form: the growth of one node", aspects=("2D",)
 )
-def test_labels_of_one_node(damping):
+def test_one_node_has_its_labels(damping):
     """kt = kn = 2, k = 1, F = 3, p = (-2.5, -1): stick and open stay, slip to the left grows."""
     density = 6.0
     m = 6.0 / 12  # mass of the node of a linear triangle of area 1/2
@@ -105,7 +105,7 @@ def pressed(*args, **given):
 @pytest.mark.verifies(
     "stability at rest", reference="itself: critical friction, and steady sliding", aspects=("2D",)
 )
-def test_slip_of_one_sign():
+def test_slipping_points_leave_beyond_the_critical_friction():
     """All points at the bound: they leave where friction exceeds the critical one."""
     critical = critical_friction(leaning(3)).friction
     for part, label in ((0.98, "stable"), (1.02, "unstable")):
@@ -117,20 +117,20 @@ def test_slip_of_one_sign():
     assert found.growth == pytest.approx(real.max(), rel=1e-8)
 
 
-def test_other_way():
+def test_reversed_shear_stays():
     """The same pressure with the shear of the other sense stays."""
     problem = pressed(leaning(3), 2.0, PLUS, 1.0)
     assert stability_at_rest(problem, density=1.0).label == "stable"
 
 
-def test_inside_the_cone():
+def test_sticking_points_are_stable():
     """With the shear below its bound all points stick, and nothing can grow."""
     problem = pressed(leaning(3), 2.0, STICK, -1.0, part=0.9)
     found = stability_at_rest(problem, density=1.0)
     assert (found.label, found.border, found.pieces) == ("stable", 0, 0)
 
 
-def test_just_touching():
+def test_just_touching_point_is_stable():
     """Without load a node may do anything, and a pressure that would fall keeps it: stable."""
     system = linear_triangle(1, 3.0, (0.0, 0.0), (1.0, 1.0))
     system.problem.solve()
@@ -140,7 +140,7 @@ def test_just_touching():
 
 @pytest.mark.ranks(2)
 @pytest.mark.verifies("stability at rest", reference="itself: critical friction", aspects=("3D",))
-def test_3d():
+def test_stability_in_space_leaves_touching_points_open():
     """Slip against the shear in 3D; points that just touch are not decided."""
     critical = critical_friction(block(1), (1.0, 0.0, 0.0)).friction
     sense = -np.sign(critical)
@@ -220,7 +220,7 @@ class Column:
     reference="independent code: an eigenvalue by a dense solver",
     aspects=("2D",),
 )
-def test_buckled_column():
+def test_buckled_column_has_its_negative_eigenvalue():
     """All points stick, and the constrained stiffness has the eigenvalue -0.0535."""
     column = Column(0.3)
     found = stability_at_rest(column.pressed(0.05), density=1.0)
@@ -255,7 +255,7 @@ def test_buckled_column():
     reference="closed form: Euler's and Beck's columns",
     aspects=("2D",),
 )
-def test_euler_and_beck():
+def test_columns_buckle_as_euler_and_flutter_as_beck():
     """pi^2/4 under a dead load; 20.05 under one that follows, by flutter, never by divergence."""
     column = Column(0.0, load="dead")
     assert stability_at_rest(column.loaded(2.3), density=1.0).label == "stable"

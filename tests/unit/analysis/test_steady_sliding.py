@@ -35,7 +35,7 @@ ONSET = {
 
 @pytest.mark.ranks(2)
 @pytest.mark.parametrize("n", ONSET)
-def test_onset(n):
+def test_squeal_has_its_onset(n):
     for damping, (friction, frequency) in ONSET[n].items():
         sliding = SteadySliding(pad(n), (-1.0, 0.0), density=1.0, damping=damping)
         onset = sliding.onset()
@@ -46,7 +46,7 @@ def test_onset(n):
 
 
 @pytest.mark.parametrize("n", FASTEST)
-def test_growth(n):
+def test_squeal_has_its_growth_rates(n):
     sliding = SteadySliding(pad(n), (-1.0, 0.0), density=1.0, damping=0.02)
     for friction, expected in zip((0.5, 1.0), FASTEST[n], strict=True):
         modes = sliding.modes(friction)
@@ -80,7 +80,7 @@ def test_one_sliding_node_grows_at_its_closed_form(dense):
     reference="closed form: (lambda + 3 mu)/(lambda + mu)",
     aspects=("2D",),
 )
-def test_onset_of_one_node():
+def test_one_node_squeals_at_its_closed_form():
     problem = linear_triangle(1, 0.3).problem
     onset = SteadySliding(problem, (-1.0, 0.0), density=1.0).onset()
     critical = (100 + 3 * 82) / (100 + 82)
@@ -142,7 +142,7 @@ def rubbing(V, along):
     reference="independent code: a dense quadratic eigenproblem in scipy",
     aspects=("3D",),
 )
-def test_against_the_quadratic_problem_in_3d(quadratic):
+def test_squeal_agrees_with_the_quadratic_eigenproblem(quadratic):
     """Block that leans, slip in a skew direction; damping by stiffness and of another kind."""
     slip = np.array([np.cos(0.7), np.sin(0.7), 0.0])
     alone = block(3, comm=MPI.COMM_SELF)

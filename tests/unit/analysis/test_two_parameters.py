@@ -90,7 +90,7 @@ def test_stick_and_separation_of_one_element_end_on_their_curves(unit):
         "branches",
     ),
 )
-def test_two_loads():
+def test_one_element_folds_at_its_closed_forms():
     """One element under (-gamma, -mu): folds at gamma = F mu and gamma = kt / k mu."""
     body = element((1.0, 1.0), 3.0, 1.0, (-2.0, 0.0), (0.0, 0.0)).problem
     domain = body.V.mesh
@@ -221,7 +221,7 @@ def test_curves_of_random_families_pass_all_borders(seed):
     ),
     alone=True,
 )
-def test_chart_of_a_random_family(seed):
+def test_chart_counts_solutions_of_all_pieces(seed):
     """Numbers of solutions as by solving all pieces; the chart is fine where they change."""
     family = random_family(seed)
     span = (0.2, 4.0)
@@ -242,7 +242,7 @@ def test_chart_of_a_random_family(seed):
             assert min(np.ptp(a.mu) * np.ptp(a.gamma), np.ptp(b.mu) * np.ptp(b.gamma)) < 1.01 * size
 
 
-def test_demo_of_one_element(folder):
+def test_chart_of_one_element_has_crossing_lines(folder):
     """Three solutions between gamma = 2 and gamma = F, else one; the two lines cross at F = 2."""
     summary = cases.chart.main(["--at", "3", "2.5", "--cells=4", "--depth=1", f"--output={folder}"])
     assert summary["folds_at"]["3"] == pytest.approx([3.0, 2.0], abs=1e-10)
@@ -290,7 +290,7 @@ def chart_of_few():
 
 @pytest.mark.ranks(2)
 @pytest.mark.verifies("charts", reference="itself: the chart that was saved")
-def test_a_chart_in_a_file(folder):
+def test_chart_is_stored_exactly(folder):
     family = replace(random_family(1), comm=COMM)
     counted = count_solutions(
         family, mu_range=(0.2, 4.0), gamma_range=(-8.0, 8.0), cells=(2, 3), depth=1
@@ -308,7 +308,7 @@ def test_a_chart_in_a_file(folder):
         COMM.barrier()
 
 
-def test_curves_of_folds_that_cross():
+def test_crossing_curves_of_folds_agree_with_enumeration():
     """Where they do two borders of all that enumeration finds have one gamma."""
     family = random_family(20)
     span = (3.0, 4.0)

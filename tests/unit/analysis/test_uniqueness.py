@@ -71,7 +71,7 @@ def all_solutions(problem):
         "proofs",
     ),
 )
-def test_the_only_solution(make):
+def test_only_solution_is_proved_twice(make):
     """The certificate of one point and the proof of all solutions say the same."""
     problem = make()
     problem.solve()
@@ -95,7 +95,7 @@ def test_the_only_solution(make):
         "proofs",
     ),
 )
-def test_the_only_solution_in_space(case):
+def test_only_solution_in_space_is_proved_twice(case):
     """The certificate of one point, which is proved with round-off, and the criterion agree."""
     problem = oracle_block(case)
     problem.solve()
@@ -116,7 +116,7 @@ def test_no_proof_in_space_of_a_body_that_gives_way():
 
 
 @pytest.mark.ranks(2)
-def test_summary_with_and_without_a_verdict():
+def test_summary_contains_the_verdict():
     problem = block(n=4)
     result = problem.solve()
     assert "unique" not in result.summary()
@@ -175,7 +175,7 @@ def test_theory_proves_in_space(law):
 
 
 @pytest.mark.ranks(2)
-def test_of_a_point_of_a_branch():
+def test_uniqueness_works_at_a_point_of_a_branch():
     system = linear_triangle(4, 1.7)
     found = find_solutions(system, [system.create_vector()], 1.0)
     system.set_parameter(1.0)
@@ -209,7 +209,7 @@ def explored(n, friction, unit=1.0):
     reference="enumeration: one solution under a load, three under the opposite one",
     aspects=("2D", "proofs", "branches"),
 )
-def test_one_solution_and_three(folder):
+def test_uniqueness_distinguishes_one_solution_from_three(folder):
     system, diagram = explored(2, 3.0)
     before = float(system.constant.value)
     counts = prove_counts(system, diagram)
@@ -243,7 +243,7 @@ def test_one_solution_and_three(folder):
 
 
 @pytest.mark.ranks(2)
-def test_the_page(folder):
+def test_page_contains_the_verdict(folder):
     system, diagram = explored(2, 3.0)
     counts = prove_counts(system, diagram, gammas=[0.5])
     journal = records.journal_of(system, diagram.branches, TOTAL)
@@ -272,7 +272,7 @@ def test_what_is_on_no_branch():
 
 
 @pytest.mark.ranks(2)
-def test_where_branches_meet():
+def test_uniqueness_is_decided_where_branches_meet():
     """Without load all branches begin in one solution, whose size is no scale."""
     system, diagram = explored(2, 3.0)
     (count,) = prove_counts(system, diagram, gammas=[0.0])

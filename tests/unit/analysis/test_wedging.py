@@ -112,7 +112,7 @@ def is_wedged(S, closed, friction):
     aspects=("2D", "proofs"),
     alone=True,
 )
-def test_random_stiffnesses(number):
+def test_random_stiffnesses_wedge_as_enumerated(number):
     rng = np.random.default_rng(1)
     several = 0
     for _ in range(number):
@@ -132,7 +132,7 @@ def test_random_stiffnesses(number):
     reference="independent code: the triangle of Hild with 1, 2 and 4 contact nodes",
     aspects=("2D", "proofs"),
 )
-def test_the_table_of_the_triangle(lame):
+def test_triangle_wedges_as_tabulated(lame):
     for n, expected in TABLE[lame].items():
         problem = linear_triangle(n, 0.5, lame=lame).problem
         found = wedging_friction(problem)
@@ -196,7 +196,7 @@ def load_over_force(friction, points, closed):
     aspects=("2D", "3D", "proofs"),
     alone=True,
 )
-def test_points_of_unlike_stiffness(contrast):
+def test_wedging_does_not_depend_on_scales_of_points(contrast):
     """Cones have no unit: D S D has the coefficient of S; closed forms of one point and two."""
     one = np.array([[2.0, 0.5], [0.5, 2.0]])
     other = contrast * np.array([[2.0, 1.0], [1.0, 2.0]])

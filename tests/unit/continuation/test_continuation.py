@@ -180,7 +180,7 @@ def corner(sign):
     return Textbook(1, H, J, c, distances, codes, (0, 1))
 
 
-def test_corner_over_gamma():
+def test_branch_passes_a_corner_over_gamma():
     system = corner(1)
     branch = follow(system, start(system, [1.0]), -1.0, gamma_range=(-1.0, 2.0))
     assert [s.kind for s in branch.special] == ["event"]
@@ -255,7 +255,7 @@ def test_correctors_agree():
     aspects=("branches",),
     alone=True,
 )
-def test_smooth_bifurcations(name, H, J, c, other):
+def test_smooth_bifurcations_are_located(name, H, J, c, other):
     """From the trivial branch: found, located to 1e-8, and branched off both ways."""
     system = smooth(1, H, J, c)
     with Follower(system, StepControl(), gamma_scale=2.0) as follower:
@@ -283,7 +283,7 @@ def test_smooth_bifurcations(name, H, J, c, other):
     aspects=("branches",),
     alone=True,
 )
-def test_bratu():
+def test_bratu_has_its_fold():
     """-u'' = g exp(u) on (0, 1): the fold at 3.513830719, and no bifurcation."""
     system = bratu(200)
     x = system.create_vector()

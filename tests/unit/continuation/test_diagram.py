@@ -22,7 +22,7 @@ def gammas(branch):
 @pytest.mark.verifies(
     "branches", reference="closed form: a circle", aspects=("branches",), alone=True
 )
-def test_closed_branch():
+def test_closed_branch_ends_at_its_start():
     """The circle inside the range: the branch ends where it began, having folded twice."""
     system = smooth(
         1, lambda x, g: x**2 + g**2 - 1, lambda x, g: [[2 * x[0]]], lambda x, g: [2 * g]
@@ -34,7 +34,7 @@ def test_closed_branch():
     assert branch.points[-1].y.equal(branch.points[0].y)
 
 
-def test_a_diagram_with_a_branch_that_was_cut_off():
+def test_diagram_names_an_unfinished_branch():
     """The diagram is incomplete and names the branch and the reason."""
     system = smooth(
         1, lambda x, g: x**2 + g**2 - 1, lambda x, g: [[2 * x[0]]], lambda x, g: [2 * g]
@@ -77,7 +77,7 @@ def test_stop_on_a_functional():
     aspects=("branches",),
     alone=True,
 )
-def test_pitchfork_as_a_graph():
+def test_pitchfork_has_one_node_and_four_rays():
     """x (g - x^2) = 0: one node with four rays; two ends at g = 1, one at -1, one arch cut off."""
     system = smooth(
         1,
@@ -93,7 +93,7 @@ def test_pitchfork_as_a_graph():
     assert [edge.start for edge in diagram.edges] == [None, 0, 0, 0]
 
 
-def test_transcritical_from_both_sides():
+def test_transcritical_branches_merge_at_one_node():
     """x (g - x) = 0 from two starts: four edges and one node; neither branch is found twice."""
     system = smooth(1, lambda x, g: x * (g - x), lambda x, g: [[g - 2 * x[0]]], lambda x, g: [x[0]])
     starts = [(start(system, [0.0]), -1.0), (start(system, [-1.0]), -1.0)]
@@ -150,7 +150,7 @@ def test_three_pieces_that_meet_are_a_node():
     assert diagram.complete
 
 
-def test_two_starts_on_one_branch():
+def test_two_starts_on_one_branch_merge():
     """Both starts lie on the S path of one node: one of them is merged."""
     system = one_node(2.0, 2.0, 1.0, 3.0, (0.0, -1.0), (-1.0, 0.0))
     stuck = (start(system, [0, 0, 0, 1.0]), 0.0)
@@ -169,7 +169,7 @@ COMM = MPI.COMM_WORLD
     aspects=("branches",),
     alone=True,
 )
-def test_cusp():
+def test_curves_of_folds_meet_in_a_cusp():
     """g + m x - x^3 = 0: smooth folds at g = -+ 2 (m / 3)^(3/2), which meet in a cusp at 0."""
     m = SimpleNamespace(value=3.0)
 
@@ -216,7 +216,7 @@ def one_node_with(set_other, derivative):
     aspects=("branches",),
     alone=True,
 )
-def test_one_node_with_the_friction_coefficient():
+def test_one_node_folds_along_friction():
     """Folds at g = F, where stick ends, and at g = kt / k = 2, where the pressure vanishes."""
 
     def by_friction(x, _g, codes):
@@ -295,7 +295,7 @@ def branch_of(system):
         "branches",
     ),
 )
-def test_linear_vee():
+def test_linear_vee_has_the_folds_of_the_condensed_problem():
     """Both folds as found exactly on the condensed problem, through changes of status."""
     system, branch = vee("--friction=1.4")
     (surface,) = system.problem.surfaces
@@ -325,7 +325,7 @@ def test_linear_vee():
         "branches",
     ),
 )
-def test_hyperelastic_vee():
+def test_hyperelastic_vee_has_a_curve_of_folds():
     """A curve of folds in large displacements passes through folds of other branches."""
     system, branch = vee("--friction=1.4", "--law=neo-hookean")
     (surface,) = system.problem.surfaces

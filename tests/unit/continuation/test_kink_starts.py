@@ -81,7 +81,7 @@ def number_of_solutions(system, gamma):
 @pytest.mark.each_value
 @pytest.mark.parametrize("route", ["pivoting", "steps"])
 @pytest.mark.parametrize("load", [(20.0, 5.0), (-20.0, -5.0), (5.0, -20.0), (0.0, -1.0)])
-def test_a_diagram_from_a_state_without_load(load, route):
+def test_diagram_from_an_unloaded_state_has_both_branches(load, route):
     """Every point touches and none is pressed: both branches are found, and nothing else."""
     system = square(load)
     diagram = explore(system, [(system.create_vector(), 0.0)], gamma_range=(-1.0, 1.0), route=route)
@@ -122,7 +122,7 @@ def test_the_range_ends_where_branches_meet(route):
 @pytest.mark.ranks(2)
 @pytest.mark.parametrize("route", ["pivoting", "steps"])
 @pytest.mark.parametrize("direction", ["increasing", "decreasing"])
-def test_a_branch_from_a_state_without_load(direction, route):
+def test_branch_from_an_unloaded_state_has_the_requested_direction(direction, route):
     """The branch takes the requested direction, in the piece of its first step."""
     system = square()
     x = system.create_vector()
@@ -172,7 +172,7 @@ def at(system, value):
     return x
 
 
-def test_from_a_fold_at_a_kink():
+def test_both_rays_of_a_fold_at_a_kink_are_followed():
     """Gamma decreases on both rays: each is followed once, and none in the other direction."""
     system = diamond()
     span = {"gamma_range": (-2.0, 2.0)}

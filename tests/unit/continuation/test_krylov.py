@@ -20,7 +20,7 @@ COMM = MPI.COMM_WORLD
 @pytest.mark.verifies(
     "Krylov branches", reference="independent code: determinants of numpy", aspects=("branches",)
 )
-def test_sign_of_the_determinant(monkeypatch):
+def test_krylov_sign_agrees_with_the_determinant(monkeypatch):
     """The sign and the solution agree with numpy for sixty random matrices of ten rows.
 
     With a known tangent the preconditioner is not applied to the column of gamma. With a wrong one

@@ -190,7 +190,7 @@ class Notes(Observer):
         "records",
     ),
 )
-def test_one_observer_for_all(folder):
+def test_one_observer_serves_branches_histories_and_paths(folder):
     """Branches, histories and paths call the same methods; a run that goes on begins again."""
     system = driven_block("load", n=3)
     notes = Notes()

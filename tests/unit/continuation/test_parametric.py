@@ -45,7 +45,7 @@ COMM = MPI.COMM_WORLD
         "branches",
     ),
 )
-def test_derivative_by_gamma(kind, material):
+def test_derivative_by_gamma_agrees_with_differences(kind, material):
     """dH/dgamma against central differences on a held piece, second order in the step."""
     system = driven_block(kind, material=material)
     problem = system.problem
@@ -86,7 +86,7 @@ def test_derivative_by_gamma(kind, material):
         "branches",
     ),
 )
-def test_single_element(folder):
+def test_single_element_folds_at_its_closed_form(folder):
     """Hild's triangle along a load: folds where the closed form has them, and no bifurcation."""
     summary = cases.single_element.main(["--output", str(folder)])
     folds = [f["gamma"] for f in summary["folds"]]
@@ -107,7 +107,7 @@ def test_single_element(folder):
         "branches",
     ),
 )
-def test_friction_as_parameter(folder):
+def test_stick_and_slip_begin_at_their_closed_form(folder):
     """Stick and slip are born together where the closed form has it."""
     summary = cases.friction_parameter.main(["--output", str(folder)])
     (fold,) = summary["folds"]
@@ -119,7 +119,7 @@ def test_friction_as_parameter(folder):
 
 
 @pytest.mark.parametrize("factor", [pytest.param(f, marks=pytest.mark.long) for f in (0.1, 10.0)])
-def test_single_element_with_other_steps_and_units(factor, folder):
+def test_single_element_does_not_depend_on_steps_and_units(factor, folder):
     options = ["--output", str(folder), "--route", "steps"]
     other = [
         "--lame",
@@ -152,7 +152,7 @@ def test_single_element_with_other_steps_and_units(factor, folder):
         "branches",
     ),
 )
-def test_first_contact_and_slip_of_a_block(cell):
+def test_block_branch_has_first_contact_and_slip(cell):
     """A block moved down by gamma until it touches: every event, and the solution at the end."""
     dim = 2 if cell == "quad" else 3
     branches = []
@@ -208,7 +208,7 @@ def test_gamma_must_be_a_scalar_constant():
     assert isinstance(system.piece_at(x, 0.5), Piece)
 
 
-def test_a_singular_piece_and_a_continuum():
+def test_singular_piece_is_a_continuum():
     """Hild's element at the critical friction: more solutions than the two that are found."""
     system = linear_triangle(1, 2.0, (4.0, 2.0), (1.0, 1.0), comm=MPI.COMM_SELF)
     x = system.create_vector()
@@ -263,7 +263,7 @@ def pushed(law, push, cell, friction, n=2):
         ("soft bonds", -0.004, "tri", "exact"),
     ],
 )
-def test_from_zero_and_back(law, push, cell, kinks):
+def test_branches_up_and_down_have_the_same_events(law, push, cell, kinks):
     """Up and down the branch ends in the solutions there, and its events are the same."""
     events = []
     for start, end in ((0.0, END), (END, 0.0)):

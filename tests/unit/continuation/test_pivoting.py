@@ -136,7 +136,7 @@ def meeting(seed, m, F):
 
 @pytest.mark.parametrize("seed", range(10))
 @pytest.mark.parametrize("most", [65536, 0])
-def test_rays_out_of_states_at_which_pieces_meet(seed, most, monkeypatch):
+def test_all_rays_out_of_a_kink_are_listed(seed, most, monkeypatch):
     """Enumeration and unfolding find all rays, and a known ray once."""
     monkeypatch.setattr(rays_module, "MOST_PIECES", most)
     oracle, w = meeting(seed, 3, (0.4, 2.5)[seed % 2])
@@ -261,7 +261,7 @@ def started(name, seed, which=0, gamma=0.0, **options):
 
 @pytest.mark.parametrize("direction", ["increasing", "decreasing"])
 @pytest.mark.parametrize("name", BRANCHES)
-def test_branches_from_vertex_to_vertex(name, direction):
+def test_segments_of_pivoting_consist_of_solutions(name, direction):
     """Every segment consists of solutions and ends at the first border of its piece."""
     kinds = set()
     for seed in range(6):
@@ -320,7 +320,7 @@ def test_branches_from_vertex_to_vertex(name, direction):
     assert kinds <= {"event", "fold"}
 
 
-def test_states_of_a_branch_at_a_gamma():
+def test_branch_lists_its_states_at_a_gamma():
     """All points of a branch with folds at one gamma, vertices included."""
     most = 0
     for seed in range(6):
@@ -442,7 +442,7 @@ def test_branches_meet_where_two_points_change_at_once(F, load, rate, kinds, dir
         ((-1.0, -1.0), (-1.0, -1.0), [(-1.0, OPEN, -1), (-8.0, OPEN, -1)]),
     ],
 )
-def test_slip_under_a_constant_load(load, rate, vertices):
+def test_point_slips_under_constant_load_at_the_critical_friction(load, rate, vertices):
     """At the critical F = kt / k = 2 a point slips under constant load until it opens."""
     points = FewPoints(Oracle([[2.0, 1.0], [1.0, 2.0]], load, rate, 2.0))
     pivoting = points.pivoting()
@@ -524,7 +524,7 @@ def test_unfolding_finds_what_enumeration_proves(seed, monkeypatch):
 @pytest.mark.verifies(
     "rays out of a kink", reference="closed form: the rays of one node", aspects=("2D",), alone=True
 )
-def test_one_point_against_the_closed_form():
+def test_one_point_has_three_rays_in_its_closed_form_range():
     """kt = kn = 2, k = 1, F = 3 > kt / k: three rays iff -F |pn| < pt < -(kt / k) |pn|, pn < 0."""
     S = np.array([[2.0, 1.0], [1.0, 2.0]])
     for pt, expected in ((-2.5, {"o", "k", "-"}), (-1.5, {"k"}), (-3.5, {"o"})):
@@ -554,7 +554,7 @@ def test_rays_along_which_gamma_stands_still():
     np.testing.assert_allclose(S @ first[0, :2], first[0, 2:], atol=1e-12)
 
 
-def test_signs_of_determinants():
+def test_signs_of_determinants_agree_with_the_law():
     """det (M B) has the sign of det [M; rows of the law], for every piece of two points."""
     random = np.random.default_rng(3)
     ut, un, rt, rn = np.eye(4)

@@ -24,7 +24,7 @@ def whole(system, x):
 @pytest.mark.verifies(
     "all solutions", reference="closed form: three points of Gould's nonconvex problem", alone=True
 )
-def test_gould():
+def test_goulds_problem_has_three_solutions():
     """Three KKT points from one guess (Gould's nonconvex problem)."""
     system = gould()
     solutions = find_solutions(system, [state(system, [0.2, 0.2, 0, 0])], 0.0)
@@ -64,7 +64,7 @@ def test_open_stick_and_slip_of_one_element_are_found(deflation):
         pytest.param(4, 9.05, True, marks=[serial, pytest.mark.long]),
     ],
 )
-def test_three_solutions_of_a_triangle(n, vertical, deflation):
+def test_triangle_has_three_solutions(n, vertical, deflation):
     """F = 1.8: three solutions at gamma = 1; the enumeration of 4^n pieces is a proof."""
     system = linear_triangle(n, 1.8, load=(26.0, vertical))
     x = system.create_vector()

@@ -72,14 +72,14 @@ def written_out(b):
 
 
 @pytest.mark.parametrize("bulk", [as_energy, as_residual, written_out])
-def test_loads_in_the_volume_and_on_the_boundary(bulk):
+def test_loads_of_revolution_are_weighted(bulk):
     """A weight of 3 per volume and a pressure of 2 on the upper end press a ring on a floor."""
     b = Ring()
     result = b.problem(bulk(b)).solve()
     np.testing.assert_allclose(result.resultants["contact"][1], 5.0 * VOLUME, rtol=1e-9)
 
 
-def test_mass_and_damping():
+def test_mass_and_damping_of_revolution_are_weighted():
     """Drag c v per volume slows a ring by the share c dt / (rho + c dt / 2) in a step."""
     b = Ring(floor=-1.0)
     velocity = b.velocity()
@@ -91,7 +91,7 @@ def test_mass_and_damping():
     np.testing.assert_allclose(kinetic, VOLUME * (1 - 0.3 / (2 + 0.15)) ** 4, rtol=1e-9)
 
 
-def test_surfaces_and_materials_that_disagree():
+def test_axisymmetry_refuses_surfaces_and_materials_that_disagree():
     b = Ring()
     with pytest.raises(ValueError, match=r"surfaces are plane, .* that of a body of revolution"):
         b.problem(b.energy(), axisymmetric=False)

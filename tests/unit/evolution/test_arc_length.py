@@ -46,7 +46,7 @@ def opening(step):
     reference="closed form: a bar in series with a bond, with both folds",
     aspects=("2D",),
 )
-def test_bar_in_series(k, n):
+def test_bar_in_series_snaps_back(k, n):
     """Snap-back: a nonsmooth fold where damage begins, a smooth one at 4/3 u0 (3/k)^(1/4)."""
     # Longer steps than by default where there are no more than two bonds, which break alike.
     control = StepControl(maximum=0.02) if n == 1 else None
@@ -124,7 +124,7 @@ def test_going_back_unloads():
 @pytest.mark.verifies(
     "arc length paths", reference="closed form: the stiffness of the pressed bar", aspects=("2D",)
 )
-def test_back_through_nothing(k, n):
+def test_path_passes_the_state_without_forces(k, n):
     """Beyond the state without forces the bar is pressed, as hard as its stiffness says."""
     path = ArcLength(bar(k, n))
     ends = (-0.5 * U0, ENDS[1])
@@ -145,7 +145,7 @@ def test_back_through_nothing(k, n):
     reference="closed form: Klarbring's node, folds at g = 3 and 2",
     aspects=("2D",),
 )
-def test_klarbring():
+def test_arc_length_passes_klarbrings_end():
     """Where load control finds no continuation: back by slip to g = 2, and on without contact."""
     system = element((1.0, 1.0), 3.0, 1.0, (-2.0, 0.0), (0.0, -2.0))
     system.set_parameter(0.0)
@@ -171,7 +171,7 @@ def test_klarbring():
     reference="independent code: folds of another condensation",
     aspects=("2D",),
 )
-def test_two_bonds_one_after_the_other():
+def test_two_bonds_break_in_turn():
     """A lid that tilts as it rises breaks two bonds: folds of an independent condensation."""
     domain = mesh.create_unit_square(MPI.COMM_SELF, 1, 1, mesh.CellType.quadrilateral)
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))

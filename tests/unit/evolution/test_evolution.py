@@ -45,7 +45,7 @@ PATHS = json.loads((DATA / "two_blocks_path.json").read_text())
         "pairs",
     ),
 )
-def test_the_path_of_two_blocks(case):
+def test_two_blocks_follow_the_path_of_another_code(case):
     """Step by step as another code has it, which condenses both bodies onto their jumps."""
     given = BLOCKS[case]
     path = PATHS[case]
@@ -77,7 +77,7 @@ def test_the_path_of_two_blocks(case):
     reference="itself: Newton's method",
     aspects=("2D",),
 )
-def test_other_algorithms(algorithm):
+def test_other_algorithms_agree_in_a_step(algorithm):
     """A step by them, from the state that Newton's method left."""
     problem, top = dragged()
     QuasiStatic(problem, cycle(top)).run([0.0, 1.0, 3.0])
@@ -98,7 +98,7 @@ def test_other_algorithms(algorithm):
         "branches",
     ),
 )
-def test_a_branch_within_a_step():
+def test_branch_within_a_step_starts_at_the_border():
     """Followed from the state before, where all that slips is at a border, it ends as the step."""
     problem, top = dragged()
     history = QuasiStatic(problem, cycle(top)).run([0.0, 1.0, 2.2, 2.4])
@@ -209,7 +209,7 @@ def test_a_floor_that_moves():
     reference="closed form: Klarbring's node, without equilibrium beyond g = 3",
     aspects=("2D",),
 )
-def test_where_nothing_continues(folder, at_jump):
+def test_klarbrings_node_jumps_open_at_its_end(folder, at_jump):
     """Klarbring: stick until g = 3, where the next solution is open, at (-5/3, 1/3)."""
     problem, g = klarbring()
 
@@ -268,7 +268,7 @@ def test_a_neo_hookean_history_balances_energy():
     assert rows[1][1] == pytest.approx(rows[0][1], rel=1e-6)
 
 
-def test_lengths_of_steps():
+def test_given_times_are_hit_exactly():
     """Given times are hit exactly; longer intervals are divided equally."""
     problem, top = dragged(n=2)
     evolution = QuasiStatic(problem, cycle(top))
@@ -288,7 +288,7 @@ def test_lengths_of_steps():
     reference="closed form: Klarbring's node, two rates",
     aspects=("2D",),
 )
-def test_several_solutions_of_the_rate_problem():
+def test_rate_problem_has_several_solutions():
     """Klarbring's node is drawn to the border of slip, at g = 3, and relieved.
 
     There stick has rates rn' = 0, rt' = g' inside |rt| <= 3 rn for g' < 0. And a slip to the left
@@ -319,7 +319,7 @@ def test_several_solutions_of_the_rate_problem():
         "proofs",
     ),
 )
-def test_no_solution_of_the_rate_problem():
+def test_rate_problem_without_solution_is_proved():
     """At g = 3 and rising no direction leads out, which is proved by all of them."""
     problem, g = klarbring()
     evolution = QuasiStatic(problem, lambda t: setattr(g, "value", t))

@@ -168,7 +168,7 @@ def test_the_duration_of_a_step_is_a_nonnegative_number(step):
 
 
 @pytest.mark.ranks(2)
-def test_files_of_a_state(tmp_path):
+def test_files_of_a_state_contain_the_state(tmp_path):
     problem, move = moved_block()
     move(0.01, -0.02)
     problem.solve()
@@ -215,7 +215,7 @@ def test_a_mesh_that_has_moved():
 
 
 @pytest.mark.ranks(2)
-def test_a_monitor_that_fails_on_one_rank():
+def test_monitor_that_fails_on_one_rank_ends_all():
     problem, move = moved_block()
     move(0.01, -0.02)
     values = functions(problem)
@@ -298,7 +298,7 @@ class Column:
 
 
 @pytest.mark.ranks(2)
-def test_a_step_answers_what_a_problem_answers():
+def test_step_supports_branches_and_all_solutions():
     """Branches, all solutions and solves of a step agree, and differ from the static law."""
     column = Column()
     problem = column.problem

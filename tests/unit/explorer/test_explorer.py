@@ -273,7 +273,7 @@ def record_a_linear_block(folder, route):
         "records",
     ),
 )
-def test_a_history(kind, folder):
+def test_page_of_a_history_opens(kind, folder):
     evolution = getattr(recorded_evolution, kind)(COMM)
     with EvolutionRecord(folder / kind, evolution, **KEPT) as kept:
         history = evolution.run(np.linspace(0, 1, 5), record=kept)
@@ -345,7 +345,7 @@ def chart_of_a_wedge():
 @pytest.mark.verifies(
     "explorer", "charts", reference="closed form: areas of the regions of a wedge", aspects=("2D",)
 )
-def test_a_chart(tmp_path):
+def test_page_of_a_chart_has_numbered_regions(tmp_path):
     """Regions end at the curves and not at cells, and are numbered; the file keeps the curves."""
     chart = chart_of_a_wedge()
     chart.save(tmp_path / "chart.json")
@@ -430,7 +430,7 @@ def test_records_that_are_damaged(folder):
 
 
 @pytest.mark.ranks(2)
-def test_the_command(branch, folder, capsys):
+def test_explorer_command_writes_a_page(branch, folder, capsys):
     file = folder / "page.html"
     words = ["explore", str(branch), "-o", str(file), "--title", "Block", "--label", "gamma=load"]
     assert main([*words, "--unit", "length=mm"]) == 0

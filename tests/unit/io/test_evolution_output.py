@@ -36,7 +36,7 @@ def names(folder):
 
 @pytest.mark.ranks(2)
 @pytest.mark.parametrize("format", [None, "vtk"])
-def test_a_series_step_by_step(folder, format):
+def test_series_is_on_disk_after_each_step(folder, format):
     """Rows are on the disk at once; other runs go on with the numbers; nothing old is left."""
     evolution = pair(COMM, n=2)
     seen = []
@@ -89,7 +89,7 @@ def test_a_series_that_is_stopped(folder):
 
 
 @pytest.mark.ranks(2)
-def test_numbers_in_a_record(folder):
+def test_second_run_continues_the_numbers(folder):
     """A second run goes on with them, also from a record that was closed."""
     evolution = pair(COMM, n=2)
     with EvolutionRecord(folder, evolution) as record:

@@ -73,7 +73,7 @@ def von_mises_of(domain, gradient, material, degree=1):
         "3D",
     ),
 )
-def test_von_mises_of_uniaxial_stress(degree):
+def test_uniaxial_stress_has_its_von_mises_stress(degree):
     """Stretch e with free sides has von Mises stress E e, in 3D and in plane stress."""
     E = 7.0
     nu = 0.25
@@ -87,7 +87,7 @@ def test_von_mises_of_uniaxial_stress(degree):
 
 
 @pytest.mark.verifies("stresses", reference="closed form: plane strain", aspects=("2D",))
-def test_von_mises_of_plane_strain():
+def test_plane_strain_has_its_von_mises_stress():
     """Stress s along x and nothing across: the plane carries nu s, so (1 - nu + nu^2)^(1/2) s."""
     E = 7.0
     nu = 0.25
@@ -110,7 +110,7 @@ def recipe():
     reference="closed form: the stress of an energy",
     aspects=("2D",),
 )
-def test_energy_of_ones_own():
+def test_own_energy_has_its_stress():
     """The recipe in 2D gives the stress of the closed form, and the energy that belongs to it."""
     gradient = np.array([[0.1, 0.05, 0.0], [-0.02, -0.08, 0.0], [0.0, 0.0, 0.0]])
     plane = linear_displacement(box(COMM, 1, "tri"), gradient[:2, :2])
@@ -181,7 +181,7 @@ def test_nodal_fields_are_the_table(cell, method):
 
 @pytest.mark.ranks(2, 3)
 @pytest.mark.parametrize("cell", ["tri", "quad", "tet", "hex"])
-def test_pressure_as_a_function(cell):
+def test_pressure_function_has_the_contact_force(cell):
     """Its integral is the sum of normal forces, and its mean over a part agrees with the table."""
     problem = dragged(cell, n=8 if cell in ("tri", "quad") else 4)
     result = problem.solve()
@@ -240,7 +240,7 @@ def read_back(file):
         "3D",
     ),
 )
-def test_files_read_back(folder, cell, degree):
+def test_files_read_back_are_equal(folder, cell, degree):
     problem = dragged(cell, n=6 if cell == "tri" else 3, degree=degree)
     result = problem.solve()
     files = write_fields(folder, problem, stress=MATERIAL.full_stress(problem.u))
@@ -287,7 +287,7 @@ def two_surfaces(names=("floor", "wall"), degree=1):
 
 
 @pytest.mark.ranks(2)
-def test_unwritable_folder(folder):
+def test_unwritable_folder_raises_on_every_rank(folder):
     """A file where the folder should be: the same error on every rank, before anything else."""
     blocked = folder / "file"
     if COMM.rank == 0:
@@ -307,7 +307,7 @@ def test_unwritable_folder(folder):
 
 @pytest.mark.ranks(2)
 @pytest.mark.parametrize("cell", ["tri", "hex"])
-def test_contact_table(folder, cell):
+def test_contact_table_satisfies_the_law_row_by_row(folder, cell):
     """Columns, signs and the friction law, row by row."""
     problem = dragged(cell, n=8 if cell == "tri" else 4)
     result = problem.solve()
@@ -385,7 +385,7 @@ def drawn(file):
         "3D",
     ),
 )
-def test_pictures(folder, cell, degree):
+def test_pictures_are_written(folder, cell, degree):
     three_d = cell in ("tet", "hex")
     if three_d and shutil.which("xvfb-run") is None:
         pytest.skip("VTK may need a display")
@@ -400,7 +400,7 @@ def test_pictures(folder, cell, degree):
 
 
 @pytest.mark.ranks(2)
-def test_no_picture_in_a_missing_folder(folder):
+def test_picture_in_a_missing_folder_is_refused(folder):
     with pytest.raises(FileNotFoundError) as info:
         picture_of_contact(folder / "missing" / "contact.png", two_surfaces())
     assert info.value.filename == str(folder / "missing" / "contact.png")

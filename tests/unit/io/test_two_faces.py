@@ -65,7 +65,7 @@ def total(problem, face, name):
         "pairs",
     ),
 )
-def test_uniform_pressure(case):
+def test_uniform_pressure_is_equal_on_both_faces(case):
     """The same on both faces, whichever nodes they have, and minus that as a traction."""
     problem = pressed(*case)
     pair = problem.surfaces[0]

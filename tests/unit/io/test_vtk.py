@@ -47,7 +47,7 @@ def bent(x):
         "3D",
     ),
 )
-def test_geometry_and_displacement(folder, cell, degree, kind):
+def test_vtk_files_have_geometry_and_displacement(folder, cell, degree, kind):
     """Each cell, its Lagrange kind, and values at the nodes and between them."""
     problem = block(n=2, cell=cell, degree=degree)
     u = problem.u
@@ -88,7 +88,7 @@ def test_geometry_and_displacement(folder, cell, degree, kind):
         "3D",
     ),
 )
-def test_fields_as_vtk(folder, cell, degree):
+def test_vtk_fields_equal_the_functions(folder, cell, degree):
     """The same numbers as the Functions have, on any number of ranks."""
     problem = block(n=3, cell=cell, degree=degree)
     problem.solve()
@@ -127,7 +127,7 @@ def test_fields_as_vtk(folder, cell, degree):
         np.testing.assert_allclose(found, expected, rtol=2e-15, atol=1e-300)
 
 
-def test_series_as_vtk(folder):
+def test_vtk_series_has_the_gamma_of_each_point(folder):
     """A .pvd names the points of the journal, and their gamma is in the files."""
     system, functionals = moved_block(COMM)
     record(system, functionals, folder / "record", max_steps=8)

@@ -106,7 +106,7 @@ def moved(data, rates, h):
     reference="differences: answers and borders by jump, traction, normal, gap and fields",
     aspects=("2D", "3D"),
 )
-def test_derivatives(name, dim):
+def test_derivatives_of_a_compiled_law_agree_with_differences(name, dim):
     known, jump, traction, data, rates = at_points(name, dim)
     found = known(jump, traction, data)
     pushed = np.cos(np.arange(N * dim)).reshape(N, dim)
@@ -158,7 +158,7 @@ def test_derivatives_where_normals_turn(name, dim):
 
 
 @pytest.mark.parametrize("name", ["nonlocal", "rough"])
-def test_what_spreads(name):
+def test_averaged_pressure_and_answer_agree(name):
     """The pressure is averaged over other points, and so is the answer."""
     known, jump, traction, data, _ = at_points(name, 2)
     q, by_jump, by_traction = known(jump, traction, data).pressure

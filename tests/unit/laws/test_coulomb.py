@@ -33,7 +33,7 @@ def reduced(law):
     aspects=("2D",),
     alone=True,
 )
-def test_statuses(law):
+def test_coulomb_statuses_follow_their_inequalities(law):
     system, found, F, g, k = reduced(law)
     rng = np.random.default_rng(1)
     seen = set()
@@ -53,7 +53,7 @@ def test_statuses(law):
 
 
 @pytest.mark.parametrize("law", LAWS[:2], ids=lambda law: type(law).__name__)
-def test_cones(law):
+def test_coulomb_cones_agree_with_the_compiled_law(law):
     """Planes and inequalities of the table, against those that the compiled law gives."""
     system, found, F, _, _ = reduced(law)
     affine = found.system
@@ -73,7 +73,7 @@ def test_cones(law):
     system.destroy()
 
 
-def test_borders():
+def test_states_on_borders_are_in_both_cones():
     """A state on a border is in both cones, and an inequality of each names the other."""
     F = 0.4
     for number, pair in enumerate(coulomb.BORDERS):
@@ -87,7 +87,7 @@ def test_borders():
             assert min(slacks) == pytest.approx(0.0, abs=1e-15)
 
 
-def test_violation():
+def test_violation_vanishes_for_slips_that_obey_the_law():
     """None of a slip that obeys the law; of every number that does not, as much as it is off."""
     one = np.ones(1)
     slip = {"ut": one, "un": 0 * one, "rt": -0.3 * one, "rn": one}
@@ -101,7 +101,7 @@ def test_violation():
 @pytest.mark.verifies(
     "Coulomb", "Tresca", reference="differences: of the projection", aspects=("2D", "3D")
 )
-def test_derivative_of_the_projection(dim):
+def test_derivative_of_the_projection_agrees_with_differences(dim):
     """Away from its kinks; points that stick, slip and are open, with a bound and without."""
     rng = np.random.default_rng(4)
     m = 300

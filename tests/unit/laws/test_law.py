@@ -130,7 +130,7 @@ def asked(law, dim, p, s):
 
 
 @pytest.mark.ranks(2)
-def test_classification():
+def test_laws_are_classified():
     p = np.array([-1.0, 0.0, 2.0, 2.0, 2.0])
     s = np.array([0.1, 0.0, 0.5, 0.7, -0.7])
     assert asked(Coulomb(0.3), 2, p, s) == "ook-+"

@@ -35,7 +35,7 @@ def dragged(law, **options):
     reference="closed form: the shear of the most dissipation",
     aspects=("3D",),
 )
-def test_orthotropic_friction(angle):
+def test_orthotropic_friction_dissipates_the_most(angle):
     """Every slipping point dissipates the most: rt = -rn A (A ut)/|A ut|, axes of the grain."""
     along = 0.1
     across = 0.4

@@ -170,7 +170,7 @@ def test_nothing_else_takes_it():
     reference="closed form: the friction of the speed",
     aspects=("2D",),
 )
-def test_in_a_history(law):
+def test_friction_of_a_speed_acts_in_a_history(law):
     """Steps of 0.02 in times of 0.1 and of 1: the friction of that speed."""
     found = {}
     for time in (0.1, 1.0):
@@ -238,7 +238,7 @@ def test_velocity_weakening_in_exactly_the_given_steps():
 
 
 @pytest.mark.long
-def test_in_a_motion():
+def test_friction_of_a_speed_acts_in_a_motion():
     dragged = Dragged(OfSpeed(), 0.0)
     dragged.u.interpolate(lambda x: np.stack([0 * x[0], -0.01 * x[1]]))  # as its top is held
     history = NSCD(dragged.problem, 1.0, dt=1e-3).run([0.0, 2e-3])
@@ -261,7 +261,7 @@ def test_laws_that_say_what_holds_without_time(law):
 
 
 @pytest.mark.ranks(2)
-def test_a_speed_alone():
+def test_speed_alone_gives_no_static_law():
     dragged = Dragged(Regularised(Coulomb(STATIC), speed=1.0))
     with pytest.raises(ValueError, match="lacks a width"):
         dragged.problem.solve()

@@ -212,7 +212,7 @@ def test_closed_arms_carry_uniform_compression(groups, caplog):
         "pairs",
     ),
 )
-def test_blocks_under_unequal_pressures(groups, options, friction):
+def test_crossing_cracks_carry_unequal_pressures(groups, options, friction):
     problem = loaded(groups, (1.0, 3.0), law=Coulomb(friction), **options)
     check_pressures(problem.solve(), (1.0, 3.0))
 
@@ -234,7 +234,7 @@ def test_blocks_under_unequal_pressures(groups, options, friction):
         "pairs",
     ),
 )
-def test_planes_that_cross(groups, options):
+def test_crossing_planes_meet_in_a_line(groups, options):
     """In space pairs meet in a line of nodes."""
     result = loaded(groups, (1.0, 3.0), **options).solve()
     check_pressures(result, (1.0, 3.0))
@@ -242,7 +242,7 @@ def test_planes_that_cross(groups, options):
         assert all(table.count("d") == 5 for table in result.tables.values())
 
 
-def test_a_through_crack_of_one_group():
+def test_through_crack_of_one_group_divides_a_stem():
     """A stem that ends on it: the side that the stem divides is the slave."""
     result = loaded((1, 1, 2), (1.0, 3.0), exchanged=(1,)).solve()
     check_pressures(result, (1.0, 3.0))
@@ -259,7 +259,7 @@ def test_a_through_crack_of_one_group():
         "pairs",
     ),
 )
-def test_slip_on_one_of_them(groups):
+def test_slip_on_one_crack_moves_a_half(groups):
     """Along a crack without friction one half moves; stresses and slip are uniform."""
     body = crossing(groups, reach=1.0, cells=4)
     u = displacement(body)

@@ -90,7 +90,7 @@ def surface(body, facets, tag):
 
 
 @pytest.mark.parametrize("version", [4.1, 2.2])
-def test_a_partitioned_file(folder, version):
+def test_partitioned_file_is_read_as_a_whole(folder, version):
     """The partition is dropped: cells, groups and their sizes are those before partitioning."""
     body = read_mesh(COMM, saved(folder, version=version, parts=3), groups=("top",))
     sizes = [measure(body, name) for name in (None, "contact", "top")]
@@ -108,7 +108,7 @@ def without_elements():
 
 
 @pytest.mark.ranks(2)
-def test_surface_by_name():
+def test_names_and_numbers_select_the_same_facets():
     """A name and its number are the same facets, of the mesh and of its MeshTags."""
     body = mesh_from_gmsh(COMM, lambda: box(dim=2))
     facets = discretise(surface(body, body.facet_tags, 5)).submesh.parent_facets
@@ -146,7 +146,7 @@ def halves():
 
 
 @pytest.mark.ranks(2)
-def test_cells_by_name():
+def test_names_select_cells():
     """Areas of groups of cells, and their energies; a name of facets is none of cells."""
     body = mesh_from_gmsh(COMM, halves)
     one = fem.Constant(body.mesh, 1.0)
@@ -188,7 +188,7 @@ def halves_with_seam(*, seam):
 
 
 @pytest.mark.parametrize(("seam", "inside", "count"), [("inside", 5, 5), ("both", 5, 10)])
-def test_no_ds_inside_of_a_body(seam, inside, count):
+def test_ds_is_refused_inside_a_body(seam, inside, count):
     """`ds` would silently be 0 there; `dS` has the length, and dofs are available."""
     body = mesh_from_gmsh(COMM, lambda: halves_with_seam(seam=seam))
     match = rf"the group 'seam' has {inside} of {count} facets inside of the body, .*dS\(7\)"
@@ -227,7 +227,7 @@ def same_names():
     gmsh.model.addPhysicalGroup(1, floor, name="left")
 
 
-def test_cells_and_facets_of_one_name():
+def test_cells_and_facets_may_have_one_name():
     """Each measure knows its own, also after a crack."""
     whole = mesh_from_gmsh(COMM, same_names)
     for body in (whole, crack(whole, ["seam"])):
@@ -240,7 +240,7 @@ def test_cells_and_facets_of_one_name():
         refused("no group of cells is named 'seam'", lambda body=body: body.cell_tags.tag("seam"))
 
 
-def test_dofs_by_name():
+def test_names_select_dofs():
     body = mesh_from_gmsh(COMM, lambda: box(dim=2))
     V = fem.functionspace(body.mesh, ("Lagrange", 1, (2,)))
     W, _ = V.sub(1).collapse()
@@ -314,7 +314,7 @@ def test_names_that_differ():
         ("groups differs between ranks", {"groups": (["top"], [])}),
     ],
 )
-def test_files_read_differently(folder, match, options):
+def test_files_that_differ_between_ranks_are_refused(folder, match, options):
     mine = {k: v[min(COMM.rank, 1)] for k, v in options.items()}
     file = saved(folder).with_name(mine.pop("file", "box.msh"))
     fails(ValueError, match, file, **mine)
@@ -333,7 +333,7 @@ def test_a_drawing_that_ends_the_run(error):
     assert not gmsh.isInitialized()
 
 
-def test_body_without_named_facets(folder):
+def test_body_without_named_facets_is_read(folder):
     body = read_mesh(COMM, saved(folder, groups=("body",)))
     assert COMM.allreduce(len(body.facet_tags.values)) == 0
     np.testing.assert_allclose(measure(body), 2.0)
@@ -347,21 +347,21 @@ def fails(error, match, file, **options):
 
 
 @pytest.mark.ranks(2)
-def test_missing_file(folder):
+def test_missing_file_is_named(folder):
     fails(FileNotFoundError, "there is no mesh file", folder / "nothing.msh")
 
 
-def test_no_physical_groups(folder):
+def test_file_without_physical_groups_is_refused(folder):
     fails(ValueError, "no physical groups: name the body", saved(folder, groups=()))
 
 
-def test_body_in_no_group(folder):
+def test_body_in_no_group_is_refused(folder):
     """Gmsh then saves the named faces alone."""
     file = saved(folder, groups=("contact", "top"))
     fails(ValueError, "not in a plane of constant z; if it has a volume", file)
 
 
-def test_missing_group(folder):
+def test_missing_group_is_named(folder):
     file = saved(folder, groups=("body", "top"))
     fails(
         ValueError,
@@ -384,7 +384,7 @@ def test_not_a_gmsh_file(folder, text):
     fails(ValueError, "gmsh made no mesh", file)
 
 
-def test_file_without_a_mesh(folder):
+def test_file_without_a_mesh_is_refused(folder):
     file = folder / "box.geo"
     if COMM.rank == 0:
         file.write_text('SetFactory("OpenCASCADE");\nBox(1) = {0, 0, 0, 1, 1, 1};\n')

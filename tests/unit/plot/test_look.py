@@ -87,7 +87,7 @@ def test_bonds_are_seen(strength):
 
 
 @pytest.mark.ranks(2)
-def test_a_floor_under_the_body():
+def test_floor_spans_the_body():
     """It spans the body at any position."""
     problem = block(n=4, top=(0.0, -0.01))
     problem.u.interpolate(lambda x: np.stack([np.full_like(x[0], 5.0), np.zeros_like(x[0])]))

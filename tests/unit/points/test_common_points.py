@@ -215,7 +215,7 @@ def pressed(*args, **options):
 
 
 @pytest.mark.parametrize(("law", "n"), [(Coulomb(0.4), 15), (Frictionless(), 30)])
-def test_no_pressure_of_its_own(law, n):
+def test_clamped_end_has_the_pressure_of_matching_meshes(law, n):
     """The pressures at a clamped end agree with matching meshes.
 
     With its own multiplier the end had up to a hundred times the pressure of its neighbours.

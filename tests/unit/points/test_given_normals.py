@@ -87,7 +87,7 @@ def down(dim):
         "pairs",
     ),
 )
-def test_mirrored_bulges(dim, cell):
+def test_mirrored_bulges_match_along_the_given_normal(dim, cell):
     """They match along the given normal, and carry the forces of one body on the plane between.
 
     By symmetry they do so with friction, too.
@@ -123,7 +123,7 @@ def test_without_it_the_slave_says_where():
         ((2.0, -1.0), "more than 60 degrees off"),
     ],
 )
-def test_bad_normals(normal, reason):
+def test_given_normals_refuse_bad_input(normal, reason):
     with pytest.raises(ValueError, match=reason):
         pressed(2, "quad", (6, 6), Frictionless(), normal=normal)
 

@@ -190,7 +190,7 @@ def largest(values):
         "3D",
     ),
 )
-def test_derivatives_by_taylor(name):
+def test_derivatives_of_kinematics_pass_taylors_test(name):
     """Central differences fall as the square of the step, or are exact where B and n stay."""
     case = Case(name)
     at = case.at(0.0)

@@ -154,7 +154,7 @@ def test_a_linear_body_does_not_turn():
     reference="closed form: an angle, and the torque of the pressures that are found",
     aspects=("3D", "large sliding"),
 )
-def test_a_face_that_spins(obstacle, cell, given):
+def test_face_that_spins_gives_a_warning(obstacle, cell, given):
     """A rotation of 45 degrees in one step gives a warning, because friction acts along chords."""
     disc = Disc(obstacle, cell, **given)
     before, last = disc.run(spinning(disc, 45.0))[-2:]

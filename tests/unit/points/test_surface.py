@@ -85,7 +85,7 @@ def test_gap_and_normal_are_those_of_the_obstacle(obstacle, distance):
 
 
 @pytest.mark.ranks(2, 3)
-def test_facets_named_on_one_rank_only():
+def test_facets_may_be_named_on_one_rank_only():
     """Owned facets alone, without ghosts, give the same surface."""
     domain = box(COMM, 4, "tet")
     u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (3,))))
@@ -102,7 +102,7 @@ def test_facets_named_on_one_rank_only():
 
 
 @pytest.mark.ranks(2)
-def test_reaction_of_a_clamped_contact_node():
+def test_clamped_contact_node_belongs_to_the_support():
     """The clamped corner belongs to the support: status d, and its reaction balances the rest."""
     domain = box(COMM, 4, "quad")
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))

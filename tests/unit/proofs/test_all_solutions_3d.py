@@ -57,7 +57,7 @@ TABLE = {
     reference="independent code: tetrahedra condensed by numpy, Newton's method from many starts",
     aspects=("3D", "proofs"),
 )
-def test_the_table_of_several_solutions(case, folder):
+def test_several_solutions_agree_with_the_table(case, folder):
     cells, load, friction, forces = TABLE[case]
     words = ["--cells", *cells, "--load", *load, "--friction", friction]
     summary = cases.proofs_3d.main([*words, "--output", str(folder)])
@@ -73,7 +73,7 @@ def test_the_table_of_several_solutions(case, folder):
 
 
 @pytest.mark.parametrize("friction", ["0.3", pytest.param("1", marks=pytest.mark.long)])
-def test_a_block_of_the_demo(friction, folder):
+def test_block_in_space_has_one_solution(friction, folder):
     """49 points under an oblique load: one solution, at once."""
     words = ["--shape", "block", "--cells", "6", "6", "2", "--load", ".5", ".2", "-1"]
     summary = cases.proofs_3d.main([*words, "--friction", friction, "--output", str(folder)])
@@ -231,7 +231,7 @@ def test_another_solution_comes_with_a_solution_in_space(caplog):
 
 
 @serial
-def test_unique_by_search():
+def test_uniqueness_is_proved_by_search():
     """Where the certificate does not hold and no other solution is found, time helps."""
     words = ["--cells", "4", "2", "--load", "-1", ".2", "-.3", "--friction", "2"]
     problem = cases.proofs_3d.body(cases.proofs_3d.arguments(words), COMM).problem

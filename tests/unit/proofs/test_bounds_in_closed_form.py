@@ -52,7 +52,7 @@ def test_one_equation_is_solved_sharply(A, b, dA, db):
 
 
 @pytest.mark.parametrize("scale", [1.0, 2.0**-20, 2.0**28])
-def test_definite_up_to_the_least_eigenvalue(scale):
+def test_definiteness_is_proved_up_to_the_least_eigenvalue(scale):
     """[[1, c], [c, 1]] within e of its entries has eigenvalues from 1 - |c| - 2 e on."""
     D = np.diag([1.0, scale])
     full = np.ones((2, 2))
@@ -68,7 +68,7 @@ def test_definite_up_to_the_least_eigenvalue(scale):
     assert not positive_definite(np.diag([1.0, -1.0]), np.zeros((2, 2)))
 
 
-def test_least_eigenvalues():
+def test_least_eigenvalues_are_bounded():
     S = np.array([[2.0, 1.0], [1.0, 2.0]])
     assert 0.8 < least_eigenvalue(S, np.zeros((2, 2))) < 1.0
     assert least_eigenvalue(S, np.full((2, 2), 0.6)) == 0.0
@@ -103,7 +103,7 @@ def test_a_bound_is_taken_down_to_the_truth():
         assert proved is None or len(proved.inside) == 1
 
 
-def test_data_with_errors_at_one_node():
+def test_bounds_of_one_node_are_its_worst_cases():
     """A stick carries the load with its error; an open gap is p / S, at worst of all data."""
     S, dS = np.diag([2.0, 4.0]), np.diag([0.125, 0.25])
     p, dp = np.array([1.0, 3.0]), np.array([0.25, 0.4375])
@@ -207,7 +207,7 @@ def test_cells_with_a_solution_are_not_excluded():
     assert not excluded & {0, 1, 5}
 
 
-def test_a_slip_of_data_with_errors():
+def test_ball_contains_the_slips_of_all_data():
     """The ball grows until it holds the slip of all data within the errors."""
     z = np.array([[0.5, 3.1, 0.5]])
     exact = solve_in_space(node_in_space().scaled, np.array([2], dtype=np.int8), z)

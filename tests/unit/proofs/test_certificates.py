@@ -58,7 +58,7 @@ def test_proofs_of_random_problems_agree_with_enumeration():
 
 
 @pytest.mark.long
-def test_many_random_problems():
+def test_many_random_problems_agree_with_enumeration():
     verdicts = compare(1, 2000)
     assert sum(v == "complete" for v, _ in verdicts) > 1900
 

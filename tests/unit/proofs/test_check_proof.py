@@ -90,7 +90,7 @@ def stored(tmp_path):
     ),
     alone=True,
 )
-def test_one_file_and_numpy(stored, tmp_path):
+def test_checker_needs_one_file_and_numpy(stored, tmp_path):
     """A copy of the file alone prints the claim, its data, and its limits."""
     script = shutil.copy(CHECKER, tmp_path / "copied.py")
     done = alone(script, stored)
@@ -110,7 +110,7 @@ def test_one_file_and_numpy(stored, tmp_path):
     assert letters == {"o", "k", "-"}
 
 
-def test_without_numpy(stored):
+def test_checker_names_the_missing_numpy(stored):
     done = alone(CHECKER, stored, modules="")
     assert done.returncode == 2
     assert done.stderr == "check_proof needs numpy, which this Python does not have\n"

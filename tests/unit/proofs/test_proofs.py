@@ -55,7 +55,7 @@ def words(system, solutions):
         "proofs",
     ),
 )
-def test_all_solutions_of_a_triangle(gamma, count):
+def test_all_solutions_of_a_triangle_are_proved(gamma, count):
     """16 nodes, F = 1.9: three solutions, one under the opposite load, and none but rest."""
     system = linear_triangle(16, 1.9)
     solutions = found_at(system, gamma)
@@ -136,7 +136,7 @@ def test_the_seed_example_is_complete(n, friction):
 
 
 @serial
-def test_a_vee():
+def test_all_solutions_of_a_vee_are_proved():
     """13 nodes at a gamma between the folds."""
     args = cases.followed_mesh.arguments(["--size", "0.03"])
     system = cases.followed_mesh.system(args, COMM)
@@ -163,7 +163,7 @@ ARMS += [(0.3, 0.15 + 0.15 * 2**0.5), (0.3, 0.8), (0, 0.8)]
         "proofs",
     ),
 )
-def test_the_vee_of_the_literature(gamma, count, monkeypatch):
+def test_vee_of_the_literature_has_its_solutions(gamma, count, monkeypatch):
     """Their data, F = 1.8, in 1 s; the mesh decides from which load on there are three."""
     monkeypatch.setattr(cases.followed_mesh, "VEE", ARMS)
     force = ("--body-force", "-5", "1", "-5", "-8")
@@ -178,7 +178,7 @@ def test_the_vee_of_the_literature(gamma, count, monkeypatch):
     assert found == ["-" + rest, "k" + rest, "o" + rest][-count:]
 
 
-def test_without_a_proof():
+def test_missing_proof_is_reported():
     system = linear_triangle(10, 1.9)
     solutions = found_at(system, 1.0, proof_seconds=0)
     assert not solutions.complete
@@ -230,7 +230,7 @@ def plate(left, right, *, gap=0.0, push=(0.01, -0.02), n=10):
         "proofs",
     ),
 )
-def test_several_surfaces(left, right, gap):
+def test_several_surfaces_have_a_proved_solution(left, right, gap):
     """Different coefficients, gaps, none: the solution is the only one, and both proofs say so."""
     problem = plate(left, right, gap=gap)
     problem.solve()
@@ -316,7 +316,7 @@ def test_another_solution_comes_with_a_solution_in_the_plane(caplog):
 
 
 @pytest.mark.ranks(2)
-def test_a_proof_by_search():
+def test_open_triangle_is_proved_by_search():
     """F = 1.7: lifted off, with no other solution; that takes more than one point."""
     problem = triangle(16, 1.7, 1.0)
     problem.solve()
@@ -347,7 +347,7 @@ def test_data_that_have_changed():
         (partial(block, method="integral"), "nodal or mixed contact"),
     ],
 )
-def test_where_no_certificate_applies(make, reason):
+def test_problems_without_certificates_are_reported(make, reason):
     problem = make()
     problem.solve()
     found = problem.uniqueness()
@@ -391,7 +391,7 @@ def random_cone(rng, m, codes, friction):
     ),
     alone=True,
 )
-def test_against_enumeration(seed):
+def test_rays_at_the_apex_agree_with_enumeration(seed):
     """Three points at their apex, one open and one stuck: the rays of 4^3 pieces."""
     rng = np.random.default_rng(seed)
     friction = rng.uniform(0.2, 4.0)
@@ -432,7 +432,7 @@ def rays_at(system, gamma):
         "proofs",
     ),
 )
-def test_a_hyperelastic_block():
+def test_hyperelastic_block_has_its_proved_rays():
     """The 20 x 40 block of the seed: 21 points at their apex, three rays to either side."""
     found = rays_at(cases.ciarlet_geymonat.block(20, 40, 1.0), 0.0)
     assert found.complete
@@ -440,7 +440,7 @@ def test_a_hyperelastic_block():
     assert sorted(ray.rate for ray in found.rays) == 3 * [-1.0] + 3 * [1.0]
 
 
-def test_no_time_no_proof():
+def test_proof_without_time_is_open():
     system = linear_triangle(16, 1.9)
     assert rays_at(system, 0.0).complete
     system.proof_seconds = 0.0

@@ -288,7 +288,7 @@ def says(proved):
     )
 
 
-def test_stored_proofs(proofs, tmp_path):
+def test_stored_proofs_are_read_unchanged(proofs, tmp_path):
     """A stored proof is read unchanged and does not prove other data."""
     for proof in proofs:
         proof.save(tmp_path / "proof.npz")

@@ -45,7 +45,7 @@ def write(file, problem):
 
 @pytest.mark.ranks(2)
 @pytest.mark.parametrize("cell", ["tri", "hex"])
-def test_round_trip(cell, tmp_path):
+def test_point_problem_is_stored_exactly(cell, tmp_path):
     file = shared(tmp_path) / "points.npz"
     problem = tilted(COMM, cell)
     problem.u.x.array[:] = 1e-3
@@ -106,7 +106,7 @@ def test_errors_hold(cell):
     assert (np.abs(points.p - p) <= points.p_error + slack * np.abs(q).max()).all()
 
 
-def test_the_rate_of_the_load():
+def test_rate_of_the_load_is_a_difference():
     """The difference of the loads of two problems without a parameter, within its error."""
     system = linear_triangle(4, 0.5)
     condensed = system.condensed(system.create_vector(), 0.0)
@@ -178,7 +178,7 @@ def compliance(cell):
         "3D",
     ),
 )
-def test_the_conventions_of_fclib(cell):
+def test_fclib_conventions_agree_with_unit_forces(cell):
     """u = W r + q, the normal first, W by unit forces on the body's own stiffness."""
     points, W, q, gaps = compliance(cell)
     local = fclib_local(points)
@@ -230,7 +230,7 @@ def test_the_conventions_of_fclib(cell):
         "3D",
     ),
 )
-def test_the_file_of_fclib(cell, tmp_path):
+def test_fclib_file_is_read_by_h5py(cell, tmp_path):
     import h5py
 
     file = shared(tmp_path) / "points.hdf5"

@@ -116,7 +116,7 @@ def test_open_points_in_the_obstacle_are_found(log):
         "3D",
     ),
 )
-def test_smallest_jacobian(dim, cell, degree):
+def test_smallest_jacobian_is_measured(dim, cell, degree):
     """It is that of a homogeneous state, of one bad vertex, and NaN for one NaN."""
     problem = block(n=2, cell=cell, degree=degree)
     G = np.array([[0.3, -0.2, 0.1], [0.1, -0.4, 0.2], [0.0, 0.3, 0.2]])[:dim, :dim]
@@ -176,7 +176,7 @@ def turned(degrees, material):
     return ContactProblem(material.energy(u) * ufl.dx, u, [face], bcs=bcs).solve()
 
 
-def test_a_linear_body_that_rotates(log):
+def test_rotating_linear_body_gives_a_warning(log):
     """Linear strains grow with the square of a rotation; the tangent of the angle is measured."""
     linear = LinearElastic.from_young(1.0, 0.0)
     result = turned(5.0, linear)
@@ -254,7 +254,7 @@ RIGHT = {
 
 @pytest.mark.ranks(2)
 @pytest.mark.parametrize("name", WRONG)
-def test_obstacle_on_the_wrong_side(name, log):
+def test_obstacle_on_the_wrong_side_gives_a_warning(name, log):
     cell, options, place = WRONG[name]
     block(n=4, cell=cell, **options)
     message = said(log, "wrong side")
@@ -262,14 +262,14 @@ def test_obstacle_on_the_wrong_side(name, log):
 
 
 @pytest.mark.parametrize("name", RIGHT)
-def test_obstacle_on_the_right_side(name, log):
+def test_obstacle_on_the_right_side_gives_no_warning(name, log):
     cell, options = RIGHT[name]
     block(n=4, cell=cell, **options)
     assert not log.records
 
 
 @pytest.mark.parametrize("what", ["normal", "centre"])
-def test_obstacle_that_data_bring_to_the_wrong_side(what, log):
+def test_obstacle_moved_to_the_wrong_side_gives_a_warning(what, log):
     """Constants change between two solves; nothing touches, and a warning gives the reason."""
     domain = box(COMM, 4, "tri")
     before, after = {"normal": ([0, 1], [0, -1]), "centre": ([0.5, -1.0], [0.5, 1.3])}[what]
@@ -284,7 +284,7 @@ def test_obstacle_that_data_bring_to_the_wrong_side(what, log):
     assert said(log, "the obstacle is on the wrong side")
 
 
-def test_reversed_floor_that_pulls():
+def test_reversed_floor_that_pulls_gives_a_warning():
     domain = box(COMM, 4, "tri")
     normal = fem.Constant(domain, (0.0, 1.0))
     problem = block(domain=domain, obstacle=HalfSpace((0, -0.1), normal))
@@ -296,7 +296,7 @@ def test_reversed_floor_that_pulls():
     assert "across of 'contact'" in result.warnings
 
 
-def test_reversed_floor_under_a_round_foot(log):
+def test_reversed_floor_under_a_round_foot_gives_a_warning(log):
     """The points deepest in it are the rims of the foot, which face neither way."""
     domain = box(COMM, 8, "tri")
     x = domain.geometry.x

@@ -60,7 +60,7 @@ def arch(n, degree, lift=0.01):
         "3D",
     ),
 )
-def test_balance_of_all_forces(dim, cell, material):
+def test_all_forces_balance(dim, cell, material):
     """Body force, traction, clamped and half-fixed nodes: contact + support + external = 0."""
     domain = box(COMM, 4 if dim == 2 else 2, cell)
     V = fem.functionspace(domain, ("Lagrange", 1, (dim,)))
@@ -110,7 +110,7 @@ def test_balance_of_all_forces(dim, cell, material):
     reference="closed form: a pressed block",
     aspects=("2D",),
 )
-def test_pressed_block_in_closed_form(degree, method):
+def test_pressed_block_has_its_closed_form(degree, method):
     """A pressure of 3 on a block of width 1 without lateral strain: contact 3, support 0."""
     domain = box(COMM, 4, "tri")
     V = fem.functionspace(domain, ("Lagrange", degree, (2,)))
@@ -144,7 +144,7 @@ def test_an_imbalance_is_measured_and_said(caplog):
     assert len(said) == (COMM.rank == 0)
 
 
-def test_support_in_the_contact_table(folder):
+def test_clamped_points_are_in_the_contact_table(folder):
     table = arch(12, 1).solve().tables["contact"]
     write_contact_table(COMM, folder, [table])
     with open(folder / "contact.csv") as stream:
@@ -185,7 +185,7 @@ def test_a_prescribed_slip_is_no_violation(aside, letter):
 @pytest.mark.parametrize(
     "material", [NeoHookean(600.0, 400.0), CiarletGeymonat(4000.0, 120.0, 30.0)]
 )
-def test_a_body_without_load(material):
+def test_body_without_load_has_no_forces(material):
     """Nothing touches it: the stresses are round-off, also after it was pressed and lifted."""
     problem = block(material=material, obstacle=HalfSpace((0.0, -0.1), (0.0, 1.0)), top=(0.0, 0.0))
     result = problem.solve()

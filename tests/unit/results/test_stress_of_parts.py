@@ -66,7 +66,7 @@ def two(u, dx):
         "3D",
     ),
 )
-def test_of_each_tag(folder, dim, format):
+def test_each_tag_has_its_stress(folder, dim, format):
     """ParaView and pictures receive the pressure in both bodies."""
     problem, tags = pressed(dim, two)
     problem.solve()
@@ -103,7 +103,7 @@ def test_stress_by_tags_refuses_incomplete_parts(folder):
 
 
 @pytest.mark.parametrize("cell", ["quad", "tri"])
-def test_of_a_modulus_by_place(cell):
+def test_corners_have_the_stress_of_their_cells(cell):
     """Corners of cells between two moduli have the stress of their own cell."""
     domain = box(COMM, 2, cell)
     x = ufl.SpatialCoordinate(domain)

@@ -104,7 +104,7 @@ def off_pair(cell, friction, n=8):
     reference="itself: the same tool as a body that is held; closed form: Coulomb's force",
     aspects=("2D", "pairs", "large sliding"),
 )
-def test_as_from_a_meshed_tool(friction, cell, method):
+def test_open_tool_agrees_with_a_meshed_tool(friction, cell, method):
     """Forces fall with the contact that remains on the tool to zero, as between a pair.
 
     Without a rotating force no energy is added.

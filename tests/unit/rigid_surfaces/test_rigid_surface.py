@@ -105,7 +105,7 @@ def test_distances_are_those_of_all_facets_one_by_one(name, monkeypatch):
     "surfaces of facets", reference="closed form: the distance from a box", aspects=("3D",)
 )
 @pytest.mark.parametrize("width", [1e-5, 1e-7, 1e-9])
-def test_closest_of_slivers(width):
+def test_closest_points_of_slivers_are_exact(width):
     """Points above and below a fan of facets that thin are as far from it as from its plane."""
     rng = np.random.default_rng(4)
     corners = np.zeros((200, 3, 3))
@@ -129,7 +129,7 @@ def test_closest_of_slivers(width):
     reference="closed form: normals of spheres and circles",
     aspects=("2D", "3D"),
 )
-def test_normals_of_points():
+def test_normals_at_points_of_spheres_are_exact():
     """Averages at points on a circle and a sphere are the exact normals, however the points lie."""
     rng = np.random.default_rng(2)
     angle = np.sort(rng.uniform(0, 2 * np.pi, 40))
@@ -149,7 +149,7 @@ def test_normals_of_points():
 @pytest.mark.verifies(
     "surfaces of facets", reference="closed form: distances from a segment", aspects=("2D",)
 )
-def test_rim():
+def test_rim_is_equally_far_from_both_sides():
     """Behind its rim an open surface is as far away as it is in front of it."""
     plate = RigidSurface([[0.0, 0.0], [1.0, 0.0]], [[1, 0]])
     assert not plate.closed
@@ -267,7 +267,7 @@ CURVED = {
     reference="itself: exact spheres and cylinders",
     aspects=("2D", "3D", "large sliding"),
 )
-def test_against_exact_shapes(kind, method):
+def test_facets_converge_to_exact_shapes(kind, method):
     """A block pulled over a sphere and a cylinder: facets are off by the square of their size."""
     dim = 2 if kind == "disc" else 3
     exact, made, sagitta = CURVED[kind]
@@ -290,7 +290,7 @@ def test_against_exact_shapes(kind, method):
     reference="itself: on one rank, and the distance of a rectangle as a level set",
     aspects=("2D", "large sliding"),
 )
-def test_flat_punch_and_ranks():
+def test_flat_punch_agrees_with_its_distance_function():
     """A punch with sharp corners agrees with its distance function on any number of ranks."""
 
     def box(x):
@@ -313,7 +313,7 @@ def test_flat_punch_and_ranks():
     reference="closed form: a face without friction carries along its normal",
     aspects=("3D", "large sliding"),
 )
-def test_frictionless():
+def test_tractions_follow_averaged_normals():
     """Tractions are along the averaged normals."""
     shape = RigidSurface(*ball(6, 1.0, (0.4, 0.45, -1.0)))
     result = force_of(shape, 3, Frictionless())
@@ -610,7 +610,7 @@ def _punch(dim, angles, radius=0.1):
 @pytest.mark.verifies(
     "surfaces of facets", reference="closed form: a plane has one normal", aspects=("2D", "3D")
 )
-def test_normals_of_flat_parts(dim, angles):
+def test_narrow_facets_do_not_tilt_flat_parts(dim, angles):
     """Narrow facets of edges that are rounded or cut do not tilt a flat part beside them."""
     punch = RigidSurface(*_punch(dim, angles))
     x = np.zeros((50, dim))

@@ -130,7 +130,7 @@ def same(a, b, accuracy):
         np.testing.assert_allclose(a.un, b.un, rtol=accuracy)
 
 
-def test_contact_of_one_node():
+def test_multigrid_solves_contact_of_one_node():
     table = block(**PROBLEMS["one node"], options=AMG).solve().tables["contact"]
     assert table.count("ks") == 1
 
@@ -154,7 +154,7 @@ def test_product_is_that_of_the_assembled_jacobian(name):
 
 
 @pytest.mark.ranks(2)
-def test_preconditioner_for_other_systems():
+def test_multigrid_preconditions_bordered_systems():
     """A bordered system, say, may use operator and preconditioner of H_x as blocks of its own."""
     problem = block(cell="tet", n=5, options=AMG)
     problem.solve()
@@ -182,7 +182,7 @@ without_hypre = pytest.mark.skipif(not HYPRE, reason="PETSc without hypre")
     ],
     ids=str,
 )
-def test_options(options):
+def test_multigrid_takes_options(options):
     database = PETSc.Options()
     for key, value in options.items():
         database[f"contact_{key}"] = value
@@ -193,7 +193,7 @@ def test_options(options):
 
 
 @pytest.mark.ranks(2)
-def test_choice():
+def test_solver_is_chosen_by_size():
     """The size decides unless the user chooses; options of a KSP select the assembled Jacobian."""
     assert block(cell="tri", n=4).linear_solver.name == "direct"
     assert block(cell="tri", n=4, options=AMG).linear_solver.name == "amg"
@@ -235,7 +235,7 @@ def test_stagnation_says_what_to_try():
         "multigrid",
     ),
 )
-def test_nested_iteration(name):
+def test_nested_iteration_reaches_the_same_solution(name):
     """From the solution on a coarser mesh, not nested: the same solution in no more steps."""
     options = dict(PROBLEMS[name])
     n = options.pop("n")

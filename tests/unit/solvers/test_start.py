@@ -183,7 +183,7 @@ def test_what_stays():
 
 @pytest.mark.parametrize("cell", ["tri", "hex"])
 @pytest.mark.parametrize("ratio", [0.2, 0.45])
-def test_the_integral_method_after_another_material(cell, ratio):
+def test_integral_method_follows_another_material(cell, ratio):
     """Its solutions contain r and agree with those of a new problem."""
     domain = box(COMM, 4, cell)
     poisson = fem.Constant(domain, 0.3)
@@ -207,7 +207,7 @@ def test_the_integral_method_after_another_material(cell, ratio):
     same_tables(*(p.table(p.surfaces[0]) for p in (problem, new)))
 
 
-def test_material_that_vanishes():
+def test_vanishing_material_is_refused():
     problem, E = soft_block(1.0, "tri")
     E.value = 0.0
     with pytest.raises(ValueError, match="need mu > 0 and 3 lambda"):
@@ -216,7 +216,7 @@ def test_material_that_vanishes():
     assert problem.solve().counts["open"] >= 0
 
 
-def test_an_energy_of_ones_own_that_vanishes():
+def test_vanishing_own_energy_is_refused():
     """Its moduli are not known to the package, its stiffness is seen."""
     domain = box(COMM, 4, "tri")
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))

@@ -28,7 +28,7 @@ RUBBER = NeoHookean(600.0, 400.0)
     reference="itself: eight solves by hand",
     aspects=("2D",),
 )
-def test_a_block_pressed_to_a_third_of_its_height(cell):
+def test_one_solve_presses_a_block_to_a_third(cell):
     """One solve reaches the state of eight increments."""
     problem = block(n=8, cell=cell, material=RUBBER, top=(0.3, -0.7))
     result = problem.solve()
@@ -108,7 +108,7 @@ def arch(depth):
 
 
 @pytest.mark.parametrize("depth", [0.1, 0.5])
-def test_a_seal(depth):
+def test_soft_seal_is_solved_from_a_deep_start(depth):
     """A soft body starts deep in the obstacle, and the first attempts fail quickly."""
     result = arch(depth).solve()
     assert sum(a.cost for a in result.attempts) < 150

@@ -74,7 +74,7 @@ def pull(p):
     "bulk with kinks", reference="itself: springs that act always, or never", aspects=("2D",)
 )
 @pytest.mark.refuses("bulk with kinks", aspects=("branches",))
-def test_a_bulk_with_kinks(sense, degree, cell):
+def test_bulk_with_kinks_is_classified(sense, degree, cell):
     """Springs on the side that only hold it back: as ever, or never, as the pull has it."""
 
     def springs(p, stretch):
@@ -119,7 +119,7 @@ def _motion(damping, **options):
 
 
 @pytest.mark.verifies("NSCD motion", reference="closed form: v' = 3 (w - v)", aspects=("2D",))
-def test_damping_in_a_wind():
+def test_damping_in_a_wind_carries_the_body():
     """v' = 3 (w - v): the body takes the speed of the wind, which blows the other way later."""
     motion, v, wind = _motion(lambda v, w, t, u: 3.0 * ufl.inner(v - w, t) * ufl.dx)
     mean = fem.form(v[0] * ufl.dx)

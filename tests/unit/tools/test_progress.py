@@ -35,7 +35,7 @@ def test_quick_solves_say_nothing(capsys):
     assert out.out == out.err == ""
 
 
-def test_progress_when_wanted(capsys):
+def test_progress_appears_when_wanted(capsys):
     block().solve(progress=True)
     found = on_root(lines(capsys))
     assert re.fullmatch(LINE, found[0])
@@ -53,7 +53,7 @@ def test_progress_of_a_solve_that_fails(capsys):
 
 
 @pytest.mark.ranks(2)
-def test_progress_of_branches(capsys):
+def test_progress_of_branches_names_the_end(capsys):
     """From the beginning, or never; the end is said as well."""
     system = smooth(
         1,
@@ -77,7 +77,7 @@ def test_progress_of_branches(capsys):
     assert not said_with(False)
 
 
-def test_progress_of_a_history(capsys):
+def test_progress_of_a_history_names_the_end(capsys):
     """Where it is, and how it ended, of a run that is stopped."""
     evolution = recorded_evolution.pair(COMM, n=2)
     evolution.run([0.0, 1.0, 2.0], stop=lambda _: "enough", progress=True)
@@ -112,7 +112,7 @@ def test_log_of_a_solve(caplog):
 
 
 @pytest.mark.ranks(2)
-def test_log_of_failures(caplog):
+def test_failures_are_logged(caplog):
     problem = block(options={"snes_max_it": 0})
     with caplog.at_level(logging.WARNING), pytest.raises(ConvergenceError):
         problem.solve()
@@ -120,7 +120,7 @@ def test_log_of_failures(caplog):
 
 
 @pytest.mark.ranks(2)
-def test_log_of_branches(caplog):
+def test_branches_are_logged(caplog):
     system = smooth(
         1,
         lambda x, g: x * (g - x**2),

@@ -67,7 +67,7 @@ def parser():
     return made
 
 
-def test_options_with_their_defaults():
+def test_options_have_their_defaults():
     args = parser().parse(["--n", "7", "--lame", "3", "4", "-contact_snes_max_it", "9"])
     assert (args.n, args.lame, args.part, args.cell, args.output) == (
         7,
@@ -96,7 +96,7 @@ def test_options_with_their_defaults():
         ("--wheels 4", "unknown options"),
     ],
 )
-def test_bad_options(words, message, capsys):
+def test_bad_options_end_the_script(words, message, capsys):
     with pytest.raises(SystemExit):
         parser().parse(words.split())
     said = capsys.readouterr().err
@@ -140,7 +140,7 @@ def test_journal_in_memory_is_that_of_a_record(followed, folder):
 
 
 @pytest.mark.parametrize("route", ["pivoting", "steps"])
-def test_points_of_a_branch_at_one_gamma(route):
+def test_points_of_a_branch_are_interpolated_at_a_gamma(route):
     system = pushed(n=2)
     x = system.create_vector()
     way = dict(gamma_range=(0.0, 1.0), route=route)
@@ -178,7 +178,7 @@ def test_report_speaks_on_one_rank(capsys):
 
 
 @pytest.mark.ranks(2)
-def test_rows_as_csv(folder):
+def test_rows_are_written_as_csv(folder):
     rows = [{"a": 1, "b": 0.1}, {"a": 2, "b": 0.2, "c": 3}]
     io.write_rows(COMM, folder / "rows.csv", rows)
     with open(folder / "rows.csv", newline="") as file:
@@ -191,7 +191,7 @@ def test_rows_as_csv(folder):
 
 
 @pytest.mark.parametrize("dim", [2, 3])
-def test_closed_forms_of_hertz(dim):
+def test_hertz_pressure_carries_the_load(dim):
     """The pressure carries the load, and its radius gives the load back."""
     hertz = Hertz(dim, 50.0, 2e5)
     load = 300.0
