@@ -26,7 +26,7 @@ from dolfinx_contact.materials import LinearElastic
 
 comm = MPI.COMM_WORLD
 n = 8  # cells along an edge
-along, across, angle = 0.1, 0.4, 0.5  # friction coefficients, and the angle of the grain
+along, across, angle = 0.2, 0.4, 0.5  # friction coefficients, and the angle of the grain
 shift, press = 0.01, 0.01  # of the top
 
 # ## Static and kinetic friction
