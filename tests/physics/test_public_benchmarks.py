@@ -13,6 +13,7 @@ import fractures
 import half_space
 import slope
 import spence
+import third_medium
 
 
 @pytest.mark.verifies(
@@ -90,3 +91,18 @@ def test_block_on_a_slope_rests_or_slides():
     moved, rigid = slope.run(0.49)
     assert moved == pytest.approx(rigid, rel=0.02)
     assert np.sign(moved) == 1
+
+
+@pytest.mark.verifies(
+    "sliding pairs",
+    "hyperelastic bodies",
+    reference="independent code: third medium of FElupe",
+    aspects=("2D", "pairs", "large sliding"),
+)
+def test_a_closing_c_carries_the_forces_of_a_third_medium():
+    """The medium pulls before contact and yields afterwards, by some per cent."""
+    rows = third_medium.forces(1, np.linspace(0.0, 0.5, 26))
+    forces = {round(time, 6): force for time, force, _, _ in rows}
+    for time, medium in ((0.2, 1.498e-4), (0.3, 2.352e-4), (0.42, 4.485e-4), (0.5, 6.718e-4)):
+        assert -forces[time] == pytest.approx(medium, rel=0.08)
+    assert min(gap for _, _, gap, _ in rows) > -1e-12
