@@ -13,7 +13,7 @@ from contextlib import chdir
 from dataclasses import dataclass
 from pathlib import Path
 
-from mpi4py import MPI  # noqa: F401
+from mpi4py import MPI
 
 ROOT = Path(__file__).resolve().parents[2]
 TABLE = ROOT / "tests" / "data" / "verified.csv"
@@ -249,6 +249,7 @@ def run(name, folder, **parameters):
     Path(folder).mkdir(parents=True, exist_ok=True)
     with chdir(folder):
         exec(compile(ast.fix_missing_locations(tree), str(file), "exec"), names)
+    MPI.COMM_WORLD.barrier()  # rank 0 writes the files
     return names
 
 
