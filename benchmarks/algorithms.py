@@ -35,7 +35,7 @@ FRICTION = [0.1, 0.3, 0.6, 1.0, 2.0, 3.0]
 ALGORITHMS = {
     "tresca": TrescaFixedPoint(),
     "tresca, Aitken": TrescaFixedPoint(aitken=True),
-    "uzawa": Uzawa(on="points", max_iterations=10000),
+    "uzawa": Uzawa(max_iterations=10000),
     "uzawa, augmented": Uzawa(augmented=True),
     "penalty": "penalty",
     "gauss-seidel": GaussSeidel(max_iterations=1500),

@@ -830,7 +830,7 @@ class ContactProblem(ReadOnly):
                     )
                 else:
                     validate(eq, x0)
-                    x, attempts = _classical().solve_by(algorithm, eq, linear, x0, **notified)
+                    x, attempts = _classical().solve_by(algorithm, eq, x0, **notified)
                 with self.restored():
                     state = attempts[-1].state or self._evaluated(x)
                     result = self._collected(x, attempts, state, shown)

@@ -1603,7 +1603,6 @@ CASES: dict[str, Callable[[], dict[str, Any]]] = {
     "algorithms on points": algorithms_on_points,
     "distances from facets": distances,
     "disc by other methods": other_sections,
-    "Uzawa": lambda: by_algorithm("uzawa"),
     "Lemke": lambda: by_algorithm("lemke"),
     "RCCM": lambda: bonded_block(RCCM(100.0, 100.0, 0.1, friction=0.3)),
     "RCCM that breaks": lambda: bonded_block(

@@ -8,7 +8,7 @@ import pytest
 RECORD = json.loads(golden.RECORD.read_text())
 #: Cases that take several times as long on ranks, for hundreds of small linear systems; other tests
 #: cover their mechanisms on ranks.
-LONG_ON_RANKS = ("path with a record", "path that snaps back", "Uzawa", "history of a crack")
+LONG_ON_RANKS = ("path with a record", "path that snaps back", "history of a crack")
 
 
 def case(number, name):

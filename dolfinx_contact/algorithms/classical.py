@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Solve contact problems by the classical algorithms, with the measures of Newton's method.
 
-For algorithms on the contact points, the body is condensed onto them once (`reduced.Reduction`) and
-rank 0 runs the algorithm. By default, Tresca's fixed point, Uzawa's method and the penalty method
-work on the finite element problem (`on_body`). All algorithms begin with the tractions of the
-caller's Functions. Their solutions are not corrected by Newton's method.
+The body is condensed onto its contact points once (`reduced.Reduction`), and rank 0 runs the
+algorithm, which begins with the tractions of the caller's Functions. Its solution is not corrected
+by Newton's method.
 """
 
 from __future__ import annotations
@@ -26,17 +25,13 @@ from dolfinx_contact.algorithms import (
     Algorithm,
     Penalty,
     RayTermination,
-    TrescaFixedPoint,
-    Uzawa,
     coulomb_by_lemke,
 )
-from dolfinx_contact.algorithms.on_body import OnBody
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.parametric import ParametricEquations
 from dolfinx_contact.equations.validation import diverged
 from dolfinx_contact.reduced.reduction import Reduction, scaled, scales_at
 from dolfinx_contact.reduced.scope import can_condense
-from dolfinx_contact.solvers.body_solver import BodySolver
 from dolfinx_contact.solvers.history import (
     Attempt,
     ConvergenceError,
@@ -73,7 +68,6 @@ def algorithm_named(wanted: object) -> Algorithm:
 def solve_by(
     algorithm: Algorithm,
     equations: ContactEquations,
-    linear: Callable[[], LinearSolver],
     x0: PETSc.Vec,
     *,
     monitor: Callable[[Step], None] | None,
@@ -84,7 +78,6 @@ def solve_by(
     Args:
         algorithm: algorithm with its options.
         equations: contact problem.
-        linear: function that returns the linear solver of the problem.
         x0: initial unknowns.
         monitor: function called with every iterate, on every rank.
         progress: progress line.
@@ -111,25 +104,15 @@ def solve_by(
         progress.step(step)
 
     tolerance = float(equations.options.value("snes_rtol") or _TOLERANCE)
-    whole = _on_whole_body(algorithm)
-    _require_scope(algorithm, equations, on_body=whole is not None)
-    body: BodySolver | None = None
+    _require_scope(equations)
     try:
-        if whole is not None:
-            body = BodySolver(equations, direct=linear().name == "direct")
-            on_body = OnBody(equations, linear(), body, tolerance, notify, attempt)
-            attempt.converged = on_body.run(whole, x)
-        else:
-            _on_points(algorithm, equations, x, attempt, tolerance)
-            for step in attempt.steps:
-                notify(step)
+        _on_points(algorithm, equations, x, attempt, tolerance)
+        for step in attempt.steps:
+            notify(step)
     except (FloatingBodyError, LinearSolverError) as error:
         attempt.converged = False
         attempt.reason = str(error)
         failure = FloatingBodyError if isinstance(error, FloatingBodyError) else failure
-    finally:
-        if body is not None:
-            body.destroy()
     if attempt.converged and (reason := diverged(equations, x)):
         attempt.converged = False
         attempt.reason = reason
@@ -137,24 +120,6 @@ def solve_by(
         x.destroy()
         raise failure(_what_failed(attempt), [attempt])
     return x, [attempt]
-
-
-def _on_whole_body(algorithm: Algorithm) -> TrescaFixedPoint | Uzawa | Penalty | None:
-    """Return the algorithm if it works on the finite element problem, otherwise None."""
-    if isinstance(algorithm, TrescaFixedPoint | Uzawa | Penalty) and algorithm.on != "points":
-        return algorithm
-    return None
-
-
-def _require_scope(algorithm: Algorithm, eq: ContactEquations, *, on_body: bool) -> None:
-    """Raise ``ValueError`` on every rank if the algorithm does not support the problem."""
-    raises_tractions = on_body and isinstance(algorithm, Uzawa) and not algorithm.augmented
-    if raises_tractions or not on_body:
-        _require_held(eq)
-    if raises_tractions:
-        _require_nodes(eq)
-    if isinstance(algorithm, TrescaFixedPoint):
-        _require_bounds(eq)
 
 
 def _what_failed(attempt: Attempt) -> str:
@@ -166,8 +131,8 @@ def _what_failed(attempt: Attempt) -> str:
     )
 
 
-def _require_held(eq: ContactEquations) -> None:
-    """Raise ``ValueError`` if the body is not supported without contact."""
+def _require_scope(eq: ContactEquations) -> None:
+    """Raise ``ValueError`` on every rank if algorithms do not support the problem."""
     for s in eq.surfaces:
         if s.slides:
             raise ValueError(
@@ -177,27 +142,6 @@ def _require_held(eq: ContactEquations) -> None:
         raise ValueError(
             'this algorithm needs a linear body without free rigid motions; use algorithm="newton"'
         )
-
-
-def _require_nodes(eq: ContactEquations) -> None:
-    """Raise ``ValueError`` for integral contact, whose multipliers are not at contact points."""
-    for s in eq.surfaces:
-        if s.method == "integral":
-            raise ValueError(
-                f"{s.name}: Uzawa's method updates tractions at contact points, which in integral "
-                "contact are not unknowns (the multipliers are at nodes): it needs nodal or mixed "
-                'contact; use algorithm="newton"'
-            )
-
-
-def _require_bounds(eq: ContactEquations) -> None:
-    """Raise ``ValueError`` for a law that is not unilateral contact with a friction bound."""
-    for s in eq.surfaces:
-        if s.law.bound_kind is None:
-            raise ValueError(
-                f"{s.name}: Tresca's fixed point needs unilateral contact and a friction bound, as "
-                f'in Coulomb friction, not {s.law.name}; use algorithm="newton"'
-            )
 
 
 def _on_points(

@@ -10,10 +10,10 @@ statuses no longer change.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import ClassVar, Literal
+from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -22,12 +22,11 @@ from dolfinx_contact.algorithms.iteration import Algorithm, Iteration, check
 from dolfinx_contact.algorithms.semismooth import solve_yielding
 from dolfinx_contact.reduced.point_problem import PointProblem
 
-__all__ = ["Extrapolation", "Penalty"]
+__all__ = ["Penalty"]
 
 Array = npt.NDArray[np.float64]
 
-#: Number of solutions that determine the order.
-LEAST = 3
+_LEAST = 3  # number of solutions that determine the order
 _MOST = 4  # largest number of solutions in an extrapolation
 
 
@@ -40,30 +39,23 @@ class Penalty(Algorithm):
         stiffness: first stiffness k_0, relative to the augmentation of Newton's method.
         accuracy: measure of the extrapolated solution at which the method stops. A smaller
             tolerance has no effect, since extrapolation does not reach it.
-        on: ``body`` for the finite element problem, ``points`` for the reduced problem.
     """
 
     name: ClassVar[str] = "penalty"
     max_iterations: int = 30
     stiffness: float = 1000.0
     accuracy: float = 1e-6
-    on: Literal["points", "body"] = "body"
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check(
-            self,
-            stiffness=self.stiffness > 0,
-            accuracy=0 < self.accuracy < 1,
-            on=self.on in ("points", "body"),
-        )
+        check(self, stiffness=self.stiffness > 0, accuracy=0 < self.accuracy < 1)
 
     def _iterate(self, contact: PointProblem, r: Array, iteration: Iteration) -> None:
         iteration.trend.tolerance = max(self.accuracy, iteration.trend.tolerance)
         none = np.zeros_like(r)
         k = self.stiffness * contact.augmentation
         a = contact.displacements(r)
-        sequence = Extrapolation()
+        sequence = _Extrapolation()
         stops = iteration.stops(a, r)
         while not stops:
             cold = not sequence.states
@@ -74,7 +66,7 @@ class Penalty(Algorithm):
             state = np.stack([a, contact.forces(a)])
             sequence.add(state)
             k = 2.0 * k
-            if len(sequence.states) < LEAST:
+            if len(sequence.states) < _LEAST:
                 continue
             limit = sequence.limit()
             penetration = float(np.maximum(-a[:, -1], 0.0).max())
@@ -83,23 +75,17 @@ class Penalty(Algorithm):
             )
 
 
-class Extrapolation:
-    """Extrapolation of states for the stiffnesses k_0, 2 k_0, 4 k_0, ... Collective.
+class _Extrapolation:
+    """Extrapolation of states for the stiffnesses k_0, 2 k_0, 4 k_0, ..."""
 
-    Args:
-        total: function that sums an array over all ranks.
-    """
-
-    def __init__(self, total: Callable[[Array], Array] = lambda v: v):
-        self._total = total
+    def __init__(self) -> None:
         self.states: list[Array] = []
         self._changes: list[float] = []
 
     def add(self, state: Array) -> None:
         """Add the next state."""
         if self.states:
-            change = (state - self.states[-1]).reshape(-1)
-            self._changes.append(float(self._total(np.array([change @ change]))[0]) ** 0.5)
+            self._changes.append(float(np.linalg.norm(state - self.states[-1])))
         self.states = [*self.states[-_MOST + 1 :], state]
 
     def limit(self) -> Array:

@@ -13,9 +13,8 @@ bounds may repeat in a cycle, which is reported as the reason.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import ClassVar, Literal
+from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -24,7 +23,7 @@ from dolfinx_contact.algorithms.iteration import Algorithm, Iteration, check
 from dolfinx_contact.algorithms.semismooth import solve_semismooth
 from dolfinx_contact.reduced.point_problem import PointProblem
 
-__all__ = ["BoundRelaxation", "TrescaFixedPoint"]
+__all__ = ["TrescaFixedPoint"]
 
 Array = npt.NDArray[np.float64]
 _SHARE = 0.01  # tolerance of the convex problems, relative to the tolerance
@@ -37,21 +36,19 @@ class TrescaFixedPoint(Algorithm):
     Attributes:
         relaxation: relaxation factor omega, between 0 and 2; the first factor if ``aitken``.
         aitken: whether Aitken's method determines the following factors.
-        on: ``body`` for the finite element problem, ``points`` for the reduced problem.
     """
 
     name: ClassVar[str] = "tresca"
     max_iterations: int = 200
     relaxation: float = 1.0
     aitken: bool = False
-    on: Literal["points", "body"] = "body"
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check(self, relaxation=0 < self.relaxation < 2, on=self.on in ("points", "body"))
+        check(self, relaxation=0 < self.relaxation < 2)
 
     def _iterate(self, contact: PointProblem, r: Array, iteration: Iteration) -> None:
-        relaxed = BoundRelaxation(self.relaxation, aitken=self.aitken)
+        relaxed = _BoundRelaxation(self.relaxation, aitken=self.aitken)
         g = contact.radius(r[:, -1])
         a = contact.displacements(r)
         steps = 0
@@ -66,21 +63,17 @@ class TrescaFixedPoint(Algorithm):
             g = relaxed(g, contact.radius(r[:, -1]))
 
 
-class BoundRelaxation:
+class _BoundRelaxation:
     """Relaxation of a fixed-point iteration on nonnegative bounds.
 
     Args:
         omega: relaxation factor of all steps, or of the first step if ``aitken``.
         aitken: whether Aitken's method determines the following factors.
-        total: function that sums an array over all ranks.
     """
 
-    def __init__(
-        self, omega: float, *, aitken: bool, total: Callable[[Array], Array] = lambda v: v
-    ):
+    def __init__(self, omega: float, *, aitken: bool):
         self._omega = omega
         self._aitken = aitken
-        self._total = total
         self._before: Array | None = None
 
     def __call__(self, g: Array, image: Array) -> Array:
@@ -88,9 +81,9 @@ class BoundRelaxation:
         off = image - g
         if self._aitken and self._before is not None:
             change = off - self._before
-            products = self._total(np.array([self._before @ change, change @ change]))
-            if products[1] > 0:
-                omega = -self._omega * float(products[0] / products[1])
+            square = float(change @ change)
+            if square > 0:
+                omega = -self._omega * float(self._before @ change) / square
                 self._omega = float(np.clip(omega, 0.05, 2.0))
         self._before = off
         return np.maximum(g + self._omega * off, 0.0)

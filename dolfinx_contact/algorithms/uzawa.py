@@ -12,7 +12,7 @@ l by Newton's method (`semismooth`). It converges for any rho > 0, in few iterat
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar, Literal
+from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -24,10 +24,10 @@ from dolfinx_contact.reduced.point_problem import PointProblem
 __all__ = ["Uzawa"]
 
 Array = npt.NDArray[np.float64]
-#: Step relative to 2/|A|, the limit of convergence of the gradient method without friction.
-SHARE = 0.8
-#: Stiffness of the augmented method, relative to the augmentation of Newton's method.
-STIFF = 100.0
+# Step relative to 2/|A|, the limit of convergence of the gradient method without friction.
+_SHARE = 0.8
+# Stiffness of the augmented method, relative to the augmentation of Newton's method.
+_STIFF = 100.0
 
 
 @dataclass(frozen=True)
@@ -38,28 +38,25 @@ class Uzawa(Algorithm):
         step: step length relative to the automatic one, which is 0.8 * 2/|A|, or 100 times the
             augmentation of Newton's method if ``augmented``.
         augmented: whether to use the augmented Lagrangian method.
-        on: ``body`` for the finite element problem, ``points`` for the reduced problem. Integral
-            contact requires the augmented method on the body.
     """
 
     name: ClassVar[str] = "uzawa"
     max_iterations: int = 20000
     step: float = 1.0
     augmented: bool = False
-    on: Literal["points", "body"] = "body"
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check(self, step=self.step > 0, on=self.on in ("points", "body"))
+        check(self, step=self.step > 0)
 
     def _iterate(self, contact: PointProblem, r: Array, iteration: Iteration) -> None:
         k = contact.augmentation
         if self.augmented:
-            rho = self.step * STIFF * k
+            rho = self.step * _STIFF * k
         else:
             root = np.repeat(np.sqrt(k), contact.dim)
             largest = float(np.linalg.eigvalsh(root[:, None] * contact.A * root)[-1])
-            rho = self.step * SHARE * 2.0 / largest * k
+            rho = self.step * _SHARE * 2.0 / largest * k
         a = contact.displacements(r)
         while not iteration.stops(a, r):
             if self.augmented:

@@ -4,18 +4,18 @@ r"""Contact laws: relations at one contact point, written once in UFL.
 All laws work in 2D and 3D, against obstacles and between bodies, with every discretisation, with
 direct solvers and multigrid, and along branches; some work with more:
 
-| law                           | needs                     | pivoting | proofs | points | bounds |
-|-------------------------------|---------------------------|----------|--------|--------|--------|
-| `Frictionless()`              |                           | 2D       | 2D     | yes    | yes    |
-| `Coulomb(F)`                  | F >= 0                    | 2D       | 2D     | yes    | yes    |
-| `Tresca(g)`                   | g >= 0                    | no       | 2D     | yes    | yes    |
-| `NonlocalCoulomb(F, rho)`     | F >= 0, number rho > 0    | no       | no     | no     | yes    |
-| `NormalCompliance(C, 1, law)` | C > 0                     | 2D       | no     | no     | no     |
-| `NormalCompliance(C, m, law)` | C > 0, number m > 1       | no       | no     | no     | no     |
-| `Regularised(law, eps)`       | eps > 0                   | no       | no     | no     | no     |
-| `RCCM(K, K, w, F)`            | K, F >= 0, w > 0          | no       | no     | no     | no     |
-| `BilinearCohesive(t, a, b)`   | t, a, b > 0               | no       | no     | no     | no     |
-| `MaxwellLayer(k, eta, K)`     | k, eta > 0, K >= 0        | no       | no     | no     | no     |
+| law                           | needs                     | pivoting | proofs | points |
+|-------------------------------|---------------------------|----------|--------|--------|
+| `Frictionless()`              |                           | 2D       | 2D     | yes    |
+| `Coulomb(F)`                  | F >= 0                    | 2D       | 2D     | yes    |
+| `Tresca(g)`                   | g >= 0                    | no       | 2D     | yes    |
+| `NonlocalCoulomb(F, rho)`     | F >= 0, number rho > 0    | no       | no     | no     |
+| `NormalCompliance(C, 1, law)` | C > 0                     | 2D       | no     | no     |
+| `NormalCompliance(C, m, law)` | C > 0, number m > 1       | no       | no     | no     |
+| `Regularised(law, eps)`       | eps > 0                   | no       | no     | no     |
+| `RCCM(K, K, w, F)`            | K, F >= 0, w > 0          | no       | no     | no     |
+| `BilinearCohesive(t, a, b)`   | t, a, b > 0               | no       | no     | no     |
+| `MaxwellLayer(k, eta, K)`     | k, eta > 0, K >= 0        | no       | no     | no     |
 
 - *pivoting*: a linear body with nodal or mixed contact is condensed onto its contact points, and
   branches are followed from vertex to vertex. A compliant surface needs frictionless contact or
@@ -23,15 +23,12 @@ direct solvers and multigrid, and along branches; some work with more:
 - *proofs*: of uniqueness, and of completeness of a set of solutions (`analysis`); for the same
   bodies.
 - *points*: `ContactProblem.reduced` and the classical algorithms that work on it.
-- *bounds*: Tresca's fixed point, which needs unilateral contact and a bound of the shear. Uzawa's
-  method and penalisation take any law, and fail with the reason where they do not converge.
 
 A parameter that the table does not call a number may be a Constant, a Function or a UFL expression
 of these. It may also be the parameter of a branch, which is then followed in steps. A user-defined
-law has pivoting in 2D if its answers are linear and all its borders meet at zero, and *bounds* if
-it is a `FrictionLaw` that defines only `bound`. A user-defined bond, with or without memory, is an
-`Interface`: an energy and a potential of dissipation. In histories `Regularised` needs a ``speed``,
-and `NormalCompliance` supports no tangential springs.
+law has pivoting in 2D if its answers are linear and all its borders meet at zero. A user-defined
+bond, with or without memory, is an `Interface`: an energy and a potential of dissipation. In
+histories `Regularised` needs a ``speed``, and `NormalCompliance` supports no tangential springs.
 """
 
 from importlib import import_module

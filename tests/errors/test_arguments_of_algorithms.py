@@ -25,12 +25,8 @@ COMM = MPI.COMM_WORLD
     [
         *((algorithm, {}, "unknown algorithm") for algorithm in ("magic", None, 3, GaussSeidel)),
         ("lemke", {"method": "integral"}, "at the nodes"),
-        ("uzawa", {"method": "integral"}, r"contact: Uzawa.* needs nodal or mixed contact"),
-        (
-            "uzawa",
-            {"method": "integral", "degree": 2},
-            r"contact: Uzawa.* needs nodal or mixed contact",
-        ),
+        ("uzawa", {"method": "integral"}, "at the nodes"),
+        ("tresca", {"method": "integral", "degree": 2}, "at the nodes"),
     ],
 )
 def test_solve_refuses_algorithms(algorithm, options, message):

@@ -473,9 +473,7 @@ def test_block_without_load_has_no_forces(algorithm):
 
 
 @pytest.mark.ranks(2)
-@pytest.mark.parametrize(
-    "algorithm", [Lemke(), InteriorPoint(), ProjectedGradient(), Uzawa(on="points")]
-)
+@pytest.mark.parametrize("algorithm", [Lemke(), InteriorPoint(), ProjectedGradient(), Uzawa()])
 def test_algorithms_on_points_have_exact_forces(algorithm):
     """Forces are exact; the scale of lengths comes from the body without contact."""
     problem, carried = one_row()

@@ -193,7 +193,7 @@ def test_lemke_solves_everything(number):
 def test_options_are_checked():
     for kind, bad in (
         (GaussSeidel, {"relaxation": 2.0}),
-        (TrescaFixedPoint, {"on": "air"}),
+        (TrescaFixedPoint, {"relaxation": 2.0}),
         (Uzawa, {"step": 0.0}),
         (Penalty, {"accuracy": 2.0}),
         (Lemke, {"facets": 2}),

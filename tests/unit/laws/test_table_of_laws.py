@@ -64,12 +64,12 @@ def test_every_law_is_in_the_table():
         and kind not in (Law, FrictionLaw, Interface)
     }
     assert named == known
-    assert COLUMNS == ["law", "needs", "pivoting", "proofs", "points", "bounds"]
+    assert COLUMNS == ["law", "needs", "pivoting", "proofs", "points"]
 
 
 @pytest.mark.parametrize("row", ROWS, ids=lambda row: row[0].strip("`"))
 def test_what_works(row):
-    text, _, pivoting, proofs, points, bounds = row
+    text, _, pivoting, proofs, points = row
     law = law_of(text)
     problem = problem_of(law)
     result = problem.solve()
@@ -82,7 +82,7 @@ def test_what_works(row):
     def by_tresca():
         same_tables(problem_of(law).solve(algorithm="tresca").tables["contact"], known, 1e-7)
 
-    assert refused(by_tresca, ValueError) == (bounds == "no")
+    assert refused(by_tresca, ValueError) == (points == "no")
     same_tables(problem_of(law, options={"linear_solver": "amg"}).solve().tables["contact"], known,
                 1e-6)  # fmt: skip
     in_space = problem_of(law, dim=3)
