@@ -7,7 +7,7 @@
 from dolfinx_contact.algorithms.exchange import load_local, load_points, save_points
 from dolfinx_contact.algorithms.gauss_seidel import GaussSeidel
 from dolfinx_contact.algorithms.interior_point import InteriorPoint
-from dolfinx_contact.algorithms.iteration import Algorithm, Outcome, Trend
+from dolfinx_contact.algorithms.iteration import Algorithm, Outcome
 from dolfinx_contact.algorithms.lemke import Lemke, RayTermination, coulomb_by_lemke, lemke
 from dolfinx_contact.algorithms.local_problem import LocalProblem, LocalSolution
 from dolfinx_contact.algorithms.penalty import Penalty
@@ -31,7 +31,6 @@ __all__ = [
     "ProjectedGradient",
     "RayTermination",
     "SemismoothNewton",
-    "Trend",
     "TrescaFixedPoint",
     "Uzawa",
     "coulomb_by_lemke",

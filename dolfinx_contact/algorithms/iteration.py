@@ -69,13 +69,11 @@ class Trend:
     Args:
         limit: maximum number of iterations.
         tolerance: measure at which an algorithm has converged.
-        total: function that sums an array over all ranks.
     """
 
-    def __init__(self, limit: int, tolerance: float, total: Callable[[Array], Array] = lambda v: v):
+    def __init__(self, limit: int, tolerance: float):
         self.limit = limit
         self.tolerance = tolerance
-        self._total = total
         self.count = -1
         self.converged = False
         self.reason = ""
@@ -84,7 +82,7 @@ class Trend:
         self._suspicion = 0
 
     def stops(self, iterate: Array, worst: float) -> bool:
-        """Return True if this iterate is the last one, and set `reason`. Collective.
+        """Return True if this iterate is the last one, and set `reason`.
 
         Args:
             iterate: state of the algorithm, any shape.
@@ -105,10 +103,8 @@ class Trend:
 
     def _repeats(self, x: Array, worst: float) -> bool:
         """Return True if the iterates stagnate or repeat for a period without improvement."""
-        squares = [x @ x, *((x - y) @ (x - y) for y, _ in self._before)]
-        norms: list[float] = [float(v) for v in np.sqrt(self._total(np.array(squares)))]
-        size = norms[0]
-        away = norms[1:]
+        size = float(np.linalg.norm(x))
+        away = [float(np.linalg.norm(x - y)) for y, _ in self._before]
         if away and away[-1] <= _STILL * size:
             return self._end(f"stands still at a residual of {worst:.1e}")
         period = next(
