@@ -547,21 +547,6 @@ def with_a_gap():
     return static(pair(both, law=Coulomb(0.2), **given).problem)
 
 
-def all_algorithms():
-    """The solutions of all algorithms on the contact points, in 2D and 3D, on every rank alone."""
-    found = {"solved": {}, "counts": {}}
-    for cell, n in (("quad", 3), ("tet", 2)):
-        for name, algorithm in ALGORITHMS.items():
-            if cell == "tet" and name == "lemke":
-                continue  # an approximation by polygons
-            domain = box(n, cell, MPI.COMM_SELF)
-            problem = block(domain=domain, motion=oblique(domain.geometry.dim)).problem
-            result = problem.solve(algorithm=algorithm)
-            found["solved"][f"{cell} {name}"] = state(problem)
-            found["counts"][f"{cell} {name}"] = [result.reason, result.iterations]
-    return found
-
-
 def algorithms_on_points():
     """Where all algorithms end on the points of a condensed body, in 2D and 3D."""
     found = {"solved": {}, "exact": {}, "counts": {}}
@@ -1599,7 +1584,6 @@ CASES: dict[str, Callable[[], dict[str, Any]]] = {
     "given gap": with_a_gap,
     "laws in space": laws_in_space,
     "materials": materials_and_shapes,
-    "all algorithms": all_algorithms,
     "algorithms on points": algorithms_on_points,
     "distances from facets": distances,
     "disc by other methods": other_sections,
