@@ -93,17 +93,6 @@ class Kinematics:
         by_jump = np.einsum("nij,ni->nj", data.moved, data.n)
         return np.asarray(-by_jump - np.einsum("nij,ni->nj", data.turn, self.jump))
 
-    def jump_rate(self, v: Array) -> Array:
-        """Return the derivative of the jumps along a displacement, shape (n, dim). Collective.
-
-        Args:
-            v: as for `gap_rate`.
-        """
-        step = self.operator.rate(v)
-        if self.data.moved is None:
-            return step
-        return np.einsum("nij,nj->ni", self.data.moved, step)
-
     def gap_rate(self, v: Array) -> Array:
         """Return the derivative of the gaps along a displacement, shape (n,). Collective.
 
