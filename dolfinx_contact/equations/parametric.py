@@ -356,18 +356,19 @@ class ParametricEquations(System):
         if self._body_rate is not None:
             body = self.equations.bulk.assembled(self._body_rate, state.u)
         answers = [r(s) for r, s in zip(self._rates, state.surfaces, strict=True)]
-        given = self._dirichlet_rates(), *self._rates_of_rigid_bodies()
-        c.array[:] = self.equations.rates(state, body, answers, *given)
+        c.array[:] = self.equations.rates(state, body, answers, *self._data_rates())
 
-    def _dirichlet_rates(self) -> Array:
-        """Derivatives of Dirichlet values by gamma at the local displacement dofs, 0 elsewhere."""
-        if not self._driven:
-            return np.zeros_like(self.equations.bulk.displacement.x.array)
-        return dirichlet_rates(self.equations.constraints, self._driven)
+    def _data_rates(self) -> tuple[Array, Array, Array]:
+        """Return the derivatives of prescribed data by gamma.
 
-    def _rates_of_rigid_bodies(self) -> tuple[Array, Array]:
-        """Return the derivatives of loads and of prescribed motions of rigid bodies by gamma."""
-        return self._rigid_rates()
+        Returns:
+            Derivatives of the Dirichlet values at the local displacement dofs (0 at free dofs), of
+            the loads on rigid bodies, and of their prescribed motions.
+        """
+        dirichlet = np.zeros_like(self.equations.bulk.displacement.x.array)
+        if self._driven:
+            dirichlet = dirichlet_rates(self.equations.constraints, self._driven)
+        return dirichlet, *self._rigid_rates()
 
     def metric(self, x: PETSc.Vec, out: PETSc.Vec) -> None:
         if self._metric is None:

@@ -82,21 +82,14 @@ class Loaded(ParametricEquations):
         super().parameter_derivative(x, gamma, c, piece)
         c.axpy(1.0, self._rest)
 
-    def _dirichlet_rates(self) -> Array:
+    def _data_rates(self) -> tuple[Array, Array, Array]:
         prescribed = self.equations.prescribed
         part = prescribed.part
         prescribed.part = 1.0
-        rates = prescribed.values() - self._start
+        displacements = prescribed.values() - self._start
+        motions = self.equations.prescribed_motions() - self._motions
         prescribed.part = part
-        return rates.reshape(-1)
-
-    def _rates_of_rigid_bodies(self) -> tuple[Array, Array]:
-        prescribed = self.equations.prescribed
-        part = prescribed.part
-        prescribed.part = 1.0
-        rates = self.equations.prescribed_motions() - self._motions
-        prescribed.part = part
-        return np.zeros_like(rates), rates
+        return displacements.reshape(-1), np.zeros_like(motions), motions
 
     def destroy(self) -> None:
         super().destroy()
