@@ -277,7 +277,7 @@ class ContactEquations:
         motion = self.prescribed_motions()
         du = np.where(self.fixed, prescribed - u, 0.0)
         dq = np.where(self.rigid.fixed, motion - q, 0.0)
-        steps = self._any(du, dq)
+        (steps,) = anywhere(self.comm, bool(du.any() or dq.any()))
         # body, and contact forces on it; for a linear body K (u + du) + f needs no assembly
         affine = self.bulk.affine_residual(u + du)
         body = self.bulk.residual_at(u) if affine is None else affine
@@ -385,10 +385,6 @@ class ContactEquations:
         """Return the prescribed motions of the rigid bodies, zero where they are free."""
         return np.zeros(0) if not self.rigid.size else self.rigid.prescribed(self.prescribed.part)
 
-    def _any(self, *values: npt.ArrayLike) -> bool:
-        """Whether any value is nonzero on any rank. Collective."""
-        return any(anywhere(self.comm, *[bool(np.any(v)) for v in values]))
-
     def _with_removed(self, i: int, rows: Array, x: PETSc.Vec | None) -> Array:
         """Insert the rows of removed multipliers into the contact rows of surface ``i``."""
         removed = self.constraints.removed[i].reshape(-1)[: self.owned_sizes[i + 1]]
@@ -417,7 +413,7 @@ class ContactEquations:
         """
         n = self.owned_sizes[0]
         u = state.u
-        moving = self._any(dirichlet, motions)
+        (moving,) = anywhere(self.comm, bool(dirichlet.any() or motions.any()))
         rows = body.copy()
         if moving:
             product = self.bulk.product(dirichlet)
