@@ -84,7 +84,7 @@ def main(argv=None):
     sent = []
     searching._exchanged = counting(sent)
     clean(comm)
-    timed("search", lambda: faces._search(faces._X + faces.spread(moved), None))
+    timed("search", lambda: faces._search(faces._X + faces.nodes.from_owners(moved), None))
     sizes = [moved.size, 3 * pair.points.number]
     equations = SimpleNamespace(comm=comm, surfaces=[pair], units=[1.0, 1.0], owned_sizes=sizes)
     terms = SlidingTerms(equations, 0, Places(comm, sizes))

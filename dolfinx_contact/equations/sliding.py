@@ -213,10 +213,10 @@ class SlidingTerms:
         counts = areas * nodal.share[:n]
         by_weight = np.divide(counts, weight, out=np.zeros_like(areas), where=weight > 0)
         by_jump = by_weight[:, None, None] * state.by_jump
-        by_gap = faces.ghosted(np.einsum("nij,nj->ni", by_jump, nodal.normal[:n]))
-        by_slip = faces.ghosted(-by_jump @ nodal.rotation[:n]) * faces.kept[:, None]
+        by_gap = faces.vertices.from_owners(np.einsum("nij,nj->ni", by_jump, nodal.normal[:n]))
+        by_slip = faces.vertices.from_owners(-by_jump @ nodal.rotation[:n]) * faces.kept[:, None]
         by_spin = -np.einsum("nij,nj->ni", by_jump, nodal.by_spin[:n])
-        by_spin = faces.ghosted(by_spin) * faces.free_to_spin[:, None]
+        by_spin = faces.vertices.from_owners(by_spin) * faces.free_to_spin[:, None]
         at = faces.corners[facing.facet]
         places, gaps = facing.slopes()
         of_law = _of_law(facing, by_gap[at], by_slip[at], places, gaps)
@@ -235,7 +235,8 @@ class SlidingTerms:
         of_normal = -counts[:, None, None] * (turned @ nodal.by_normal[:n])
         around = nodal.around[:n]
         by_around = np.divide(areas - counts, around, out=np.zeros_like(areas), where=around > 0)
-        means = -faces.ghosted(by_around)[at][:, :, None] * facing.mass * alive[:, None]
+        by_around = faces.vertices.from_owners(by_around)
+        means = -by_around[at][:, :, None] * facing.mass * alive[:, None]
         parts = (
             facing.facet,
             facing.master_nodes,

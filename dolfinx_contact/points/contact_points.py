@@ -250,7 +250,7 @@ class ContactPoints(ABC):
         if self.removed_overlap is None or self.removed_at_vertices is None:
             self.removed_overlap = fem.Function(self.space)
             self.removed_at_vertices = fem.Function(self.vertices)
-        self.removed_overlap.x.array[:] += self.with_ghosts(np.maximum(-gaps, 0.0))
+        self.removed_overlap.x.array[:] += self.exchange.from_owners(np.maximum(-gaps, 0.0))
         self.removed_at_vertices.x.array[:] += np.maximum(-vertex_gaps, 0.0)
         self.update()
 
@@ -386,12 +386,9 @@ class ContactPoints(ABC):
         return weighted.reshape(-1) if self.E is None else multiplied_transposed(self.E, weighted)
 
     @cached_property
-    def _at_places(self) -> SharedValues:
+    def exchange(self) -> SharedValues:
+        """Exchange of values at the points and their ghosts between ranks. Collective."""
         return SharedValues(self.space.dofmap.index_map)
-
-    def with_ghosts(self, values: Array) -> Array:
-        """Return values at the points of this rank, followed by its ghosts. Collective."""
-        return self._at_places.from_owners(values)
 
     def give(self, given: Mask, idle: Mask) -> Mask:
         """Give the functions of vertices to those around them, once; see `held_ends`. Collective.

@@ -236,9 +236,9 @@ class DisplacedPoints:
 
     def _place(self, place: Array, before: Array | None) -> None:
         """Set present and earlier displacements of the points, shape (n, dim)."""
-        self._moved.x.array[:] = self._points.with_ghosts(place).reshape(-1)
+        self._moved.x.array[:] = self._points.exchange.from_owners(place).reshape(-1)
         there = np.zeros_like(place) if before is None else before
-        self._moved_before.x.array[:] = self._points.with_ghosts(there).reshape(-1)
+        self._moved_before.x.array[:] = self._points.exchange.from_owners(there).reshape(-1)
 
     def at(
         self, place: Array, memory: Memory | None, frame: Array | None

@@ -53,7 +53,7 @@ class NodePoints(ContactPoints):
         return values[: self.number]
 
     def at_vertices(self, values: Array) -> Array:
-        return self.with_ghosts(values)
+        return self.exchange.from_owners(values)
 
     @property
     def cells(self) -> npt.NDArray[np.int32]:
@@ -72,7 +72,7 @@ class NodePoints(ContactPoints):
 
     def _give(self, given: Mask, idle: Mask) -> Mask:
         D, self.areas, given = shared(self.vertices, given, idle, self.areas)
-        self.vertex_areas = self.with_ghosts(self.areas)
+        self.vertex_areas = self.exchange.from_owners(self.areas)
         plain = self._weights.scalar_matrix(self.comm, self._owned_nodes)
         means = self._each_alone(*rows_of(D.matMult(plain), np.ones(self.number)))
         plain.destroy()
@@ -125,7 +125,7 @@ class AveragedPoints(NodePoints):
         points.array[:] = areas
         self._means.diagonalScale(vertices, points)
         vertices.destroy(), points.destroy()
-        self.vertex_areas = self.with_ghosts(self.areas)
+        self.vertex_areas = self.exchange.from_owners(self.areas)
         if opposite is not None and opposite.areas is not None:
             self._covered_areas = self.vertex_areas
         sections = self.vertex_areas if self._weight is None else self._evaluate.areas

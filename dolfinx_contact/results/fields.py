@@ -112,7 +112,7 @@ def vertex_state(eq: ContactEquations, number: int, evaluation: Evaluation) -> d
     if s.method == "integral":
         values |= _interpolated(eq, s, evaluation, state)
     else:
-        values |= {k: points.with_ghosts(state[k]) for k in kept}
+        values |= {k: points.exchange.from_owners(state[k]) for k in kept}
     for name in _FORCES:
         values[name] = (points.covered * values[name].T).T
     return values

@@ -72,6 +72,8 @@ class SlidingFaces:
         axisymmetric: whether the bodies are bodies of revolution.
 
     Attributes:
+        nodes: exchange of values at the local nodes of `V` between ranks.
+        vertices: exchange of values at the local vertices between ranks.
         corners: local vertices of the slave facets of this rank, shape (n, k).
         found: candidates of the last search.
         searches: number of searches.
@@ -106,8 +108,8 @@ class SlidingFaces:
         self._direction = direction
         # nodes and mirror images
         self._trace = trace
-        self._nodes = SharedValues(V.dofmap.index_map)
-        self._vertices = SharedValues(vertices.dofmap.index_map)
+        self.nodes = SharedValues(V.dofmap.index_map)
+        self.vertices = SharedValues(vertices.dofmap.index_map)
         self.kept: Array = np.where(across[trace], 0.0, 1.0)
         self.images: Array = self.kept * 2.0 ** across[trace].sum(axis=1, keepdims=True)
         if axisymmetric:
@@ -143,23 +145,15 @@ class SlidingFaces:
 
     def of_slave(self, values: Array) -> Array:
         """Return values of the owned nodes (n, dim) at the corners of the slave (n, k, dim)."""
-        return self._of_slave(self.spread(values))
-
-    def spread(self, u: Array) -> Array:
-        """Return values at all local nodes from those at the owned ones, shape (n, dim)."""
-        return self._nodes.from_owners(u)
+        return self._of_slave(self.nodes.from_owners(values))
 
     def sums(self, facet: Nodes, values: Array) -> Array:
         """Return sums at the local vertices (n, ...) of values of facet corners (p, k, ...)."""
-        return self._vertices.sums(self.corners[facet], values)
-
-    def ghosted(self, values: Array) -> Array:
-        """Return values at the local vertices from those at the owned ones, shape (n, ...)."""
-        return self._vertices.from_owners(values)
+        return self.vertices.sums(self.corners[facet], values)
 
     def positions(self, u: Array) -> Array:
         """Return the corners of the slave facets at a displacement, shape (n, k, dim)."""
-        return self._of_slave(self._X + self.spread(u))
+        return self._of_slave(self._X + self.nodes.from_owners(u))
 
     @property
     def slave_nodes(self) -> Nodes:
@@ -169,7 +163,7 @@ class SlidingFaces:
     @property
     def slave_vertices(self) -> Nodes:
         """Global vertices at the corners of the slave facets, shape (n, k)."""
-        return _numbers(self._vertices.index_map, self.corners)
+        return _numbers(self.vertices.index_map, self.corners)
 
     @cached_property
     def whole(self) -> Candidates | None:
@@ -376,7 +370,7 @@ class SlidingFaces:
             before: displacement of the owned nodes at the last accepted state; None for the mesh.
             areas: areas of the local vertices in the reference configuration.
         """
-        x = self._X + self.spread(u)
+        x = self._X + self.nodes.from_owners(u)
         self._search(x, self._direction)
         mine = self._of_slave(x)
         theirs = self._found_before + self.master.vectors(u, self.found)
@@ -390,7 +384,7 @@ class SlidingFaces:
         # spins and slips since the last accepted state
         old, old_theirs = self._reference, self._found_before
         if before is not None:
-            old = self._of_slave(self._X + self.spread(before))
+            old = self._of_slave(self._X + self.nodes.from_owners(before))
             old_theirs = self._found_before + self.master.vectors(before, self.found)
         old_m = self.at_nodes(self._area_vectors(old))
         mine_spun, by_mine = spins(old, mine, self._sense)

@@ -71,7 +71,8 @@ class SlidingOperator(Operator):
     def _at_corners(self, tractions: Array) -> Array:
         """Return tractions at corners of pieces (p, a, dim) from those at the owned points."""
         alive = np.where(self.absent[:, None], 0.0, tractions)
-        return np.asarray(self.faces.ghosted(alive)[self.faces.corners[self.facing.facet]])
+        alive = self.faces.vertices.from_owners(alive)
+        return np.asarray(alive[self.faces.corners[self.facing.facet]])
 
     def _parts(self, v: Array) -> tuple[Array, Array, Array]:
         """Return displacements of slave and master at pieces, and changes of nodal vectors m."""
