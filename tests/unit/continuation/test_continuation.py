@@ -86,6 +86,15 @@ def test_snes_max_it_limits_the_corrections(options):
         follow(system, start(system, [1.1]), 0.0, gamma_range=(-0.5, 0.5))
 
 
+def test_snes_converged_reason_names_the_cause_of_a_failed_correction(options, capfd):
+    options["continuation_snes_max_it"] = 1
+    options["continuation_snes_converged_reason"] = ""
+    system = circle()
+    with pytest.raises(ValueError, match="no solution near"):
+        follow(system, start(system, [1.1]), 0.0, gamma_range=(-0.5, 0.5))
+    assert "did not converge due to DIVERGED_MAX_IT" in capfd.readouterr().out
+
+
 def test_other_types_of_snes_are_refused_for_corrections(options):
     options["continuation_snes_type"] = "newtonls"
     system = circle()
