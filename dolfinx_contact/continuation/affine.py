@@ -43,8 +43,8 @@ class AffineSystem:
         matrix: M, shape (N, m, k) for m points, N = m d.
         load: p, shape (N,).
         rate: q, shape (N,).
-        bases: B, shape (m, statuses, k, d), oriented so that the determinants of the pieces have
-            the signs of those of the piecewise smooth system.
+        bases: B, shape (m, statuses, k, d), oriented so that the determinant of each piece has the
+            same sign as the corresponding determinant of the piecewise smooth system.
         inequalities: C, shape (m, statuses, e, k), padded with zero rows.
         classify: function from a state (m, k) outside the cones to the statuses (m,) of the next
             iteration of Newton's method.

@@ -6,10 +6,10 @@ With J = [grad H; t^T] and constant borders B and C, tau in
     [ J   B ] [ V   ]   [ 0 ]
     [ C^T 0 ] [ tau ] = [ 1 ]
 
-has the sign of det J over that of the whole matrix, which is regular at a simple bifurcation. So
-tau vanishes there, and V tends to the kernel of J, the direction of the other branch that is
-orthogonal to t. With J^{-1} from the computation of the tangent, tau = -1/(C^T J^{-1} B) costs one
-solve.
+has the sign of det J divided by the determinant of the whole matrix, which is regular at a simple
+bifurcation. Hence tau vanishes there, and V tends to the kernel of J, the direction of the other
+branch that is orthogonal to t. With the factorisation of J from the computation of the tangent,
+tau = -1/(C^T J^{-1} B) costs one solve.
 
 Where the whole matrix is singular, tau changes its sign through infinity; together with a
 bifurcation in the same step, the two changes of sign would cancel. Hence there are three pairs of

@@ -5,7 +5,7 @@ r"""The bordered system: H(x, gamma) = 0 with an additional row, regular at fold
         [ w^T  w_gamma ]
 
 J is factorised (`factorised`), or, if the system has a preconditioner of H_x, used in a Krylov
-method (`krylov`). Lengths are those of the inner product
+method (`krylov`). Lengths are defined by the inner product
 
     <y, z> = x_y . M x_z / (2 x_scale) + gamma_y gamma_z / (2 gamma_scale^2),
 

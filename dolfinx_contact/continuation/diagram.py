@@ -106,11 +106,16 @@ def explore(
         max_steps: largest number of steps of a branch.
         max_branches: largest number of branches.
         max_seconds: time after which no branch is begun.
-        route: see `follower_for`.
-        stop: see `follow`; a branch that is stopped leaves the diagram incomplete.
-        observer: observer of all branches, as in `follow`; an `Observer` is given their numbers.
-        record: see `follow`.
-        progress: see `follow`.
+        route: ``"pivoting"`` from vertex to vertex of affine pieces; ``"steps"`` by predictor and
+            corrector; ``"auto"`` by pivoting where possible.
+        stop: function of every accepted step that returns the reason to end the branch there, or ""
+            to continue. A stopped branch leaves the diagram incomplete.
+        observer: function of every step of all branches, or an `Observer`. `BranchStep.branch` is
+            the number of the branch.
+        record: observer that stores every point before ``observer`` is called, such as a
+            `records.BranchRecord`.
+        progress: True to show the progress on the standard error stream of rank 0; by default after
+            some seconds.
 
     Returns:
         The diagram; it is partial if a budget is exhausted, which `Diagram.reason` then names.

@@ -190,7 +190,7 @@ class _RowUpdate:
         return np.concatenate(V.comm.tompi4py().allgather(local))
 
     def solve(self, b: PETSc.Vec, x: PETSc.Vec) -> bool:
-        """Solve with A_1, or with A_0 if there is no A_1; False if that fails."""
+        """Solve with A_1, or with A_0 before an update; return False if that fails."""
         solved = self._factor.solve(b, x)
         if solved and self._W:
             x.maxpy(-np.linalg.solve(self._S, self._products([x])[:, 0]), self._W)

@@ -106,7 +106,8 @@ def follow(
         direction: direction of gamma at the start, ``"increasing"`` or ``"decreasing"``.
         control: step lengths.
         max_steps: largest number of steps, after which the incomplete branch is returned.
-        route: method, see `follower_for`.
+        route: ``"pivoting"`` from vertex to vertex of affine pieces; ``"steps"`` by predictor and
+            corrector; ``"auto"`` by pivoting where possible.
         stop: function of every accepted step that returns the reason to end the branch there, or ""
             to continue. During the call the problem is in the state of the point: Functions,
             statuses, gamma and data driven by gamma (`System.put`). It is not called for the last
@@ -190,7 +191,8 @@ class Follower(Walker):
         system: system H.
         control: step lengths, and the policy for kinks.
         gamma_scale: size of gamma that counts as 1.
-        locate: see `BatchedSteps`.
+        locate: selection of the changes that batched steps locate, in addition to folds and changes
+            of parity; default: none.
     """
 
     def __init__(
@@ -223,7 +225,7 @@ class Follower(Walker):
 
     @property
     def largest_distance(self) -> float:  # type: ignore[override]
-        """The largest distance to a border so far."""
+        """Largest distance to a border so far."""
         return self._steps.largest_distance
 
     @largest_distance.setter
@@ -498,8 +500,8 @@ def points_at(
 def require_solutions(system: System, branch: Branch) -> None:
     """Raise ``ValueError`` if a branch does not solve the present system. Collective.
 
-    The residual is that of H itself: a recorded piece satisfies its own rows even if the friction
-    coefficient has changed since.
+    The residual of H itself is used, because a recorded piece satisfies its own rows even if the
+    friction coefficient has changed since.
     """
     layout = Layout(system)
     b = system.create_vector()

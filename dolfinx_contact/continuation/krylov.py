@@ -52,7 +52,7 @@ _NEAR = 0.5  # largest |A v - c| / |c| of a v from a tangent; measured for v = P
 
 
 class ModelTest:
-    """Criterion to end a linear solve below the remainder of the linear model, see `Forcing`.
+    """Criterion to end a linear solve whose residual is below the remainder of the linear model.
 
     Args:
         forcing: rule for the relative tolerance of linear solves.
@@ -201,7 +201,7 @@ class Krylov:
             rhs: right-hand side.
             out: receives the solution.
             rtol: sufficient relative residual.
-            near: initial guess; default: that of the block elimination.
+            near: initial guess; default: the result of the block elimination.
             model: test that may end the solve earlier.
         """
         if not self._regular:

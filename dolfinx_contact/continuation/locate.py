@@ -200,8 +200,9 @@ class Locator:
             s: distance from the point along its tangent.
             piece: piece of the branch; None for H itself.
             reach: largest distance of the result from the tangent.
-            polish: see `Corrector.pseudo_arclength`.
-            keep: see `Corrector.pseudo_arclength`.
+            polish: whether to add a correction after the tolerance has been reached.
+            keep: whether to begin with the matrix of the previous correction, which must have had
+                the same tangent and piece.
         """
         t = point.tangent
         if not self.corrector.pseudo_arclength(y, point.y, t, s, piece, polish=polish, keep=keep):

@@ -2,9 +2,9 @@
 """Parametric pivoting: branches with affine pieces, traced from vertex to vertex by ratio tests.
 
 On a piece the state is affine in gamma. The smallest ratio determines the first point that changes
-its status, and a change of status costs the inverse of a dense matrix of the size of the condensed
-points. There is no predictor, no Newton iteration and no step length. If several points change
-simultaneously, the branch continues along a ray of the tangent cone (`rays.py`).
+its status. A change of status costs the inverse of a dense matrix of the size of the condensed
+problem. Pivoting needs neither a predictor nor Newton's method nor a step length. If several points
+change simultaneously, the branch continues along a ray of the tangent cone (`rays.py`).
 """
 
 from __future__ import annotations

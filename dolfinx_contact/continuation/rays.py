@@ -222,7 +222,7 @@ def _enumerate(cone: AffineSystem, choices: Choices) -> tuple[list[AffineRay], l
 
 
 def _solve_all(A: Array, q: Array) -> tuple[npt.NDArray[np.bool_], Array]:
-    """Flags of the regular matrices A_i, and A_i^{-1} q (zeros for the singular ones)."""
+    """Return flags of the regular matrices A_i, and A_i^{-1} q, zero for singular matrices."""
     sizes = np.abs(A).max(axis=(1, 2), initial=0.0) * A.shape[1]
     inverse = _inverses(A)
     regular = np.abs(inverse).max(axis=(1, 2), initial=0.0) * sizes < 1e10
@@ -230,7 +230,7 @@ def _solve_all(A: Array, q: Array) -> tuple[npt.NDArray[np.bool_], Array]:
 
 
 def _inverses(A: Array) -> Array:
-    """A_i^{-1}; infinite where a pivot vanishes."""
+    """Return A_i^{-1}; infinite where a pivot vanishes."""
     try:
         return np.asarray(np.linalg.inv(A))
     except np.linalg.LinAlgError:
@@ -241,9 +241,9 @@ def _inverses(A: Array) -> Array:
 
 
 def _kernel(A: Array, q: Array) -> tuple[int, tuple[Array, float] | None]:
-    """Dimension of the kernel of [A, -q], and its vector (z, dgamma) if the dimension is 1.
+    """Return the dimension of the kernel of [A, -q], and its vector (z, dgamma) if that is 1.
 
-    The dimension is -1 if round-off does not allow to distinguish A from a regular matrix.
+    The dimension is -1 if round-off makes it impossible to decide whether A is regular.
     """
     values = np.linalg.svd(A, compute_uv=False)
     if _SINGULAR * values[0] < values[-1] <= TOLERANCE * values[0]:
@@ -330,7 +330,7 @@ def _unfold(cone: AffineSystem, known: Sequence[AffineRay], choices: Choices) ->
 def _random_state(
     cone: AffineSystem, choices: Choices, random: np.random.Generator
 ) -> tuple[Codes, Array]:
-    """Random statuses, and a random state inside their cones."""
+    """Return random statuses, and a random state inside their cones."""
     codes = np.array([random.choice(c) for c in choices], dtype=np.int8)
     B = cone.bases[np.arange(cone.points), codes]
     w: Array = np.zeros(cone.matrix.shape[1:])
@@ -402,7 +402,7 @@ def same_direction(a: AffineRay, b: AffineRay) -> bool:
 
 
 def distinct(items: Iterable[Item], same: Callable[[Item, Item], bool]) -> list[Item]:
-    """Items without those that are the same as an earlier one."""
+    """Return the items without repetitions; the first of equal items is kept."""
     kept: list[Item] = []
     for item in items:
         if not any(same(item, other) for other in kept):

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Several solutions at one gamma, on the same branch or not.
+r"""Search for several solutions at one gamma, on one branch or on several.
 
 1. If the pieces are affine cones, a solution at gamma is a ray of the cones under the total load.
    `rays.py` computes the rays by enumeration, which proves that there are no others, or by
    unfolding.
 2. If there are too many pieces, or affine pieces that are not cones, the system may provide a proof
    (`System.prove`).
-3. Otherwise known solutions x_k are deflated (Farrell, Birkisson and Funke, SIAM J. Sci. Comput.
+3. Otherwise computed solutions x_k are deflated (Farrell, Birkisson and Funke, SIAM J. Sci. Comput.
    37, 2015): Newton's method is applied to m(x) H(x) with
 
        m(x) = prod_k (1 / |x - x_k|^2 + 1),
@@ -157,7 +157,7 @@ def find_solutions(
     deflation: bool = False,
     proof_seconds: float = 60.0,
 ) -> Solutions:
-    """Compute solutions at ``gamma``, if possible all of them. Collective.
+    """Compute several solutions at ``gamma``, all of them where possible. Collective.
 
     The data of the system (Functions, statuses and gamma of a contact problem) are restored. If the
     pieces are not affine, the first solution is computed from a guess by the solver of the system
@@ -167,10 +167,10 @@ def find_solutions(
 
     Args:
         system: H with its pieces.
-        guesses: initial states, at least one. Newton's method starts from them, and from states
-            next to the solutions, until there is no new solution.
+        guesses: initial states, at least one. Newton's method starts from them and from states next
+            to the solutions, until a round of starts yields no new solution.
         gamma: parameter.
-        known: solutions that are already known; the search excludes them. Default: none.
+        known: solutions computed before, from which the deflated search is repelled; default: none.
         lengths: distances at which a solution repels the iteration, relative to its distance from
             the guess.
         max_iterations: largest number of iterations of a run of Newton's method.

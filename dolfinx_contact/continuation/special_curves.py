@@ -337,7 +337,7 @@ class _Extended(System):
         return self.layout.vector()
 
     def _set(self, X: PETSc.Vec, mu: float, piece: Piece | None) -> tuple[PETSc.Vec, float, Piece]:
-        """Set mu, and return a copy of x, gamma, and the piece, by default that of the state."""
+        """Set mu; return a copy of x, gamma, and the piece, by default the piece of the state."""
         x, gamma = self.layout.split(X)
         x.copy(self._x)
         self.other.set_parameter(mu)

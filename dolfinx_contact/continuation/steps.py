@@ -114,7 +114,7 @@ class ExactSteps(Locator):
         return self._over_kink(point)
 
     def _attempt(self, point: BranchPoint, h: float, attempt: int) -> Advance | float:
-        """Try a step of the length ``h``; the length of the next attempt if it fails."""
+        """Try a step of length ``h``; return the length of the next attempt if it fails."""
         shorter = h * self.control.decrease
         y = self.corrected_step(point, h, point.piece)
         new = None if y is None else self.new_point(point, h, y, point.piece)
@@ -158,7 +158,7 @@ class ExactSteps(Locator):
             h: length of the step.
             y: corrected state.
             piece: piece of the corrected state.
-            factorise: see `Corrector.tangent`.
+            factorise: whether to factorise the matrix of the tangent in any case.
             precise: False if the tangent only serves as the direction of the next step.
         """
         corrections = self.corrector.iterations
@@ -173,7 +173,11 @@ class ExactSteps(Locator):
         return BranchPoint(y, tangent, piece, self.bordered.gamma(y), h, corrections, tau)
 
     def lands(self, point: BranchPoint, h: float, y: PETSc.Vec, tangent: PETSc.Vec) -> bool:
-        """Return True if a corrected state continues the branch, see the top of the module.
+        """Return True if a corrected state continues the branch.
+
+        The advance along the tangent, the angles between the chord and both tangents, and the
+        distance from the prediction are bounded, because the corrector may converge to another part
+        of the solution set.
 
         Args:
             point: start of the step.

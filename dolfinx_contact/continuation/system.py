@@ -284,7 +284,7 @@ class System:
     # -- optional connection to the user's problem -----------------------------------------------
 
     def solution_from(self, x: PETSc.Vec, gamma: float) -> tuple[PETSc.Vec | None, str]:
-        """Solve at gamma using the solver of the system; default: the system has no solver.
+        """Solve at gamma using the solver of the system. Default: no solver is available.
 
         Args:
             x: initial guess, not changed.
@@ -351,7 +351,7 @@ class Condensed(Protocol):
 
     #: Pieces at the points.
     system: AffineSystem
-    #: Whether the pieces are those of H everywhere, not only of its linearisation at a state.
+    #: Whether the pieces are exact pieces of H, not only pieces of its linearisation at a state.
     exact: bool
 
     @property
@@ -401,7 +401,7 @@ class Proof(Protocol):
 
     @property
     def verdict(self) -> str:
-        """Verdict of the proof; "complete" if there are no other solutions."""
+        """Verdict of the proof; "complete" if other solutions are excluded."""
 
     @property
     def solutions(self) -> Sequence[FoundState]:
@@ -417,7 +417,7 @@ class RayProof(Protocol):
 
     @property
     def verdict(self) -> str:
-        """Verdict of the proof; "complete" if there are no other rays."""
+        """Verdict of the proof; "complete" if other rays are excluded."""
 
     @property
     def rays(self) -> Sequence[tuple[Codes, float]]:

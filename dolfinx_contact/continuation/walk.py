@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The loop over the points of a branch, common to predictor-corrector steps and pivoting."""
+"""Loop over the points of a branch, shared by predictor-corrector steps and pivoting."""
 
 from __future__ import annotations
 
@@ -96,8 +96,9 @@ class Walker(ABC):
             direction: direction of gamma at the start.
 
         Raises:
-            ValueError: if there is no solution, gamma does not appear in H, the tangent is not
-                unique, gamma provably does not change in the direction, or it is unknown.
+            ValueError: on every rank, if no solution is found near the state, gamma does not appear
+                in H, the tangent is not unique, or gamma provably changes in the opposite direction
+                along every outgoing ray.
         """
         sign = sign_of(direction)
         point = self._point_at(x, gamma, sign)
@@ -125,9 +126,13 @@ class Walker(ABC):
     def departures(self, x: PETSc.Vec, gamma: float) -> FoundRays[BranchPoint]:
         """Return the rays out of the solution near (x, gamma), in both senses of gamma.
 
+        Args:
+            x: approximate solution.
+            gamma: parameter.
+
         Raises:
-            ValueError: on every rank, if there is no solution, gamma does not appear in H, or the
-                tangent is not unique.
+            ValueError: on every rank, if no solution is found near the state, gamma does not appear
+                in H, or the tangent is not unique.
         """
         passing = []
         smooth = True
@@ -198,7 +203,7 @@ class Walker(ABC):
         stepping: Stepping | None = None,
         origin: BranchPoint | None = None,
     ) -> Branch:
-        """Trace a branch from ``start`` along its tangent; see `follow`.
+        """Trace a branch from ``start`` along its tangent.
 
         The user's data are left at the end of the branch.
 
@@ -207,10 +212,12 @@ class Walker(ABC):
             gamma_range: range of gamma; the branch ends at either end.
             max_steps: largest number of steps from the first point of the branch.
             to_node: True to end at the first bifurcation, as in a diagram.
-            stop: see `follow`.
+            stop: function of every accepted step that returns the reason to end the branch there,
+                or "" to continue; default: the branch is not stopped.
             observer: observer of every accepted point, ``start`` included; called after ``stop``.
-            record: see `follow`.
-            progress: see `follow`; default: no progress is shown.
+            record: observer that stores every point before ``observer`` is called; default: none.
+            progress: True to show the progress on the standard error stream of rank 0, None to show
+                it after some seconds; default: False.
             branch_id: number of the branch, for the observer.
             stepping: data with which a branch is resumed at ``start``; default: a new branch.
             origin: first point of a resumed branch, at which a closed branch ends; default:
