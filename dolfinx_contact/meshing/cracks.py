@@ -78,8 +78,8 @@ def crack(
     A group that crosses itself or branches is divided into its arms, which need pairs of their own
     (`ContactPair` describes contact where they meet). They are named ``"fault_1"``, ``"fault_2"``
     and so on, in the order of the coordinates of their middles (x, then y, then z), and their
-    opposite sides ``"fault_1_opposite"``. The first arm keeps the tag, and the name of the whole
-    group is removed.
+    opposite sides ``"fault_1_opposite"``. The first arm keeps the tag. All names of the whole group
+    are removed.
 
     Args:
         body: mesh, or mesh with physical groups.
@@ -93,9 +93,10 @@ def crack(
         New mesh with all tags and names.
 
     Raises:
-        ValueError: on every rank, if there is no such group, one of its facets lies on the
-            boundary, an arm does not have two sides, no node of an arm can be doubled, the cells
-            are curved, or tags are missing or belong to another mesh or to other entities.
+        ValueError: on every rank, if there is no such group, a new name is the name of another
+            group, a facet lies on the boundary, an arm does not have two sides, no node of an arm
+            can be doubled, the cells are curved, or tags are missing or belong to another mesh or
+            to other entities.
     """
     domain = _mesh_of(body)
     names = body.names if isinstance(body, GmshMesh) else {}
@@ -123,12 +124,15 @@ def crack(
     sides: dict[str, int] = {}
     for g, t in tags.items():
         if len(arms[t]) > 1:
-            known = {name: tag for name, tag in known.items() if name != g}
-            names = {name: item for name, item in names.items() if name != g}
+            known = {name: tag for name, tag in known.items() if tag != t}
+            names = {name: item for name, item in names.items() if item != (tdim - 1, t)}
             sides |= {f"{g}_{i}": arm for i, arm in enumerate(arms[t], 1)}
             sides |= {f"{g}_{i}_opposite": others[arm] for i, arm in enumerate(arms[t], 1)}
         else:
             sides[f"{g}_opposite"] = others[t]
+    taken = sorted(known.keys() & sides.keys())
+    if taken:
+        raise ValueError(f"the crack names its sides {', '.join(taken)}: rename these groups")
     names = names | {name: (tdim - 1, t) for name, t in sides.items()}
     named = NamedTags(cells, of_cells), NamedTags(facets, known | sides)
     return GmshMesh(new, *named, names)

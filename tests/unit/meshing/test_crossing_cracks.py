@@ -10,7 +10,7 @@ from dolfinx import fem, mesh
 
 from dolfinx_contact import ContactPair, ContactProblem, Coulomb
 from dolfinx_contact.materials import LinearElastic
-from dolfinx_contact.meshing import crack
+from dolfinx_contact.meshing import GmshMesh, crack
 
 COMM = MPI.COMM_WORLD
 NEAR = 1e-9
@@ -153,6 +153,36 @@ def test_one_group_is_divided_into_its_arms(groups, cell):
         (0, 1),
         (1, 0),
     ]
+
+
+def named_cross(**names):
+    """Return a square with groups of facets 1 (a cross of cracks) and 2 (left side), by names."""
+    domain = mesh.create_rectangle(COMM, [(-1, -1), (1, 1)], [4, 4])
+    domain.topology.create_entities(1)
+    arms = [mesh.locate_entities(domain, 1, lambda x, i=i: np.abs(x[i]) < NEAR) for i in range(2)]
+    side = mesh.locate_entities(domain, 1, lambda x: np.abs(x[0] + 1) < NEAR)
+    facets = np.concatenate([*arms, side])
+    values = np.repeat([1, 1, 2], [len(arms[0]), len(arms[1]), len(side)]).astype(np.int32)
+    order = np.argsort(facets)
+    tags = mesh.meshtags(domain, 1, facets[order], values[order])
+    cells = np.arange(domain.topology.index_map(2).size_local, dtype=np.int32)
+    of_cells = mesh.meshtags(domain, 2, cells, np.ones(len(cells), dtype=np.int32))
+    return GmshMesh(domain, of_cells, tags, names)
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize("group", ["fault", 1])
+def test_names_of_a_divided_group_are_removed(group):
+    body = crack(named_cross(fault=(1, 1), slip=(1, 1), left=(1, 2), rock=(2, 1)), [group])
+    arms = [f"{group}_{i}" for i in range(1, 5)]
+    assert set(body.names) == {*arms, *(f"{arm}_opposite" for arm in arms), "left", "rock"}
+    assert len({body.tag(name) for name in body.names if name != "rock"}) == 9
+
+
+@pytest.mark.ranks(2)
+def test_crack_refuses_new_names_that_exist():
+    with pytest.raises(ValueError, match="the crack names its sides fault_1: rename these groups"):
+        crack(named_cross(fault=(1, 1), fault_1=(1, 2)), ["fault"])
 
 
 @pytest.mark.parametrize("groups", [(1, 1, 2), (1, 1, 2, 2)], ids=["T", "X"])
