@@ -31,7 +31,7 @@ Array = npt.NDArray[np.float64]
 __all__ = ["Measures", "Scales", "held_back", "least_scales", "require_solution"]
 
 _SOLVED = 1e-6  # residual up to which a state counts as a solution
-_STILL = 1e-3  # the same for a body without displacement, whose residual is round-off
+_AT_REST = 1e-3  # the same for a body without displacements and forces: 1e-15 of its stiffness
 _NOTHING = 1e-12  # displacement that counts as zero, relative to the size of the body
 
 
@@ -137,8 +137,8 @@ def require_solution(problem: Any, hint: str = "") -> None:
     allowed = max(_SOLVED, 10.0 * float(tolerance or 0.0))
     scales = Scales(equations, settled=True)
     residual = scales.measure(state).worst
-    if least_scales(equations, scales.length)[1] > 0.0:
-        allowed = max(allowed, _STILL)
+    if (scales.force, scales.length) == least_scales(equations, scales.length):
+        allowed = max(allowed, _AT_REST)
     if not residual <= allowed:
         raise ValueError(
             f"not a solution of the problem as it is now: residual {residual:.1e} "

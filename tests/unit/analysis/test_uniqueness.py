@@ -11,10 +11,10 @@ import cases.greco_block
 import numpy as np
 import pytest
 from cases._triangle import linear_triangle
-from support.blocks import block
+from support.blocks import block, facets
 
 import ufl
-from dolfinx import fem
+from dolfinx import fem, mesh
 
 from dolfinx_contact import (
     ContactProblem,
@@ -46,6 +46,39 @@ def oracle_block(case):
 
 def greco(n):
     return cases.greco_block.problem(cases.greco_block.arguments(["--n", str(n)]), COMM)
+
+
+UNITS = [1e-9, 1.0, 1e9]
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize("unit", UNITS)
+def test_uniqueness_accepts_round_off_of_a_body_at_rest(unit):
+    problem = block(n=4, cell="quad", top=(0.0, 0.0), young=1000.0 * unit)
+    problem.solve()
+    problem.u.interpolate(lambda x: 1e-17 * np.stack([x[0] - x[1], x[0] * (1 - x[1])]))
+    problem.u.x.array[problem.bcs[0].dof_indices()[0]] = 0.0
+    assert "at a border of its statuses" in problem.uniqueness().reason
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize("unit", UNITS)
+def test_uniqueness_refuses_an_unsolved_state_beside_large_reactions(unit):
+    """The load on the clamped face only causes reactions; the load on the side is smaller."""
+    empty = block(n=4, cell="quad", top=(0.0, 0.0), young=1000.0 * unit)
+    u, domain = empty.u, empty.V.mesh
+    side, top = (facets(domain, axis, 1.0) for axis in (0, 1))
+    faces = np.concatenate([side, top])
+    values = np.repeat([1, 2], [len(side), len(top)]).astype(np.int32)
+    order = np.argsort(faces)
+    tags = mesh.meshtags(domain, 1, faces[order], values[order])
+    ds = ufl.Measure("ds", domain, subdomain_data=tags)
+    load = unit * (1e-4 * u[0] * ds(1) + u[1] * ds(2))
+    problem = ContactProblem(empty.energy + load, u, empty.contacts, bcs=empty.bcs)
+    with pytest.raises(ValueError, match="not a solution of the problem as it is now"):
+        problem.uniqueness()
+    problem.solve()
+    assert problem.uniqueness().verdict == "proved"
 
 
 def all_solutions(problem):
