@@ -26,7 +26,7 @@ from dolfinx_contact.materials import LinearElastic
 
 comm = MPI.COMM_WORLD
 n = 8  # cells along an edge
-along, across, angle = 0.2, 0.4, 0.5  # friction coefficients, and the angle of the grain
+along, across, angle = 0.1, 0.4, 0.5  # friction coefficients, and the angle of the grain
 shift, press = 0.01, 0.01  # of the top
 
 # ## Static and kinetic friction
@@ -119,6 +119,10 @@ def block(law):
 # Orthotropic friction pushes the block sideways although the motion is along $x$. A law that is
 # wrongly implemented would violate the residual of the contact law, which is evaluated
 # independently of Newton's method.
+#
+# Newton's method with full steps does not converge from zero to the orthotropic solution, because
+# the coefficient along the grain is small. The first solve therefore takes twice this coefficient,
+# and the second one begins with its solution. A number in a law is a Constant of the problem.
 
 say = io.Report(comm)
 folder = io.output_folder(comm, "output/own_law")
@@ -129,6 +133,10 @@ laws = {
 results = {}
 for name, law in laws.items():
     problem = block(law)
+    if name == "orthotropic":
+        problem.surfaces[0].law.along.value = 2 * along
+        problem.solve()
+        problem.surfaces[0].law.along.value = along
     results[name] = result = problem.solve()
     force = result.resultants["contact"]
     say(f"{name}: force of the floor {np.round(force, 4)}, {result.counts}")
