@@ -5,9 +5,11 @@ OUTPUT = output
 export OUTPUT
 # A virtual environment where pip has installed DOLFINx, with an MPI of its own.
 WHEEL = DEBIAN="$${DEBIAN:-trixie}" $(RUN) docker/wheel solver,pictures,records,gmsh,test
-# What runs there, and `-rs` lists what is skipped and why: `make test-long` takes all of it.
+# Tests that run there (`make test-long`: all quick tests) and processes of those on one rank; `-rs`
+# lists skipped tests with the reason.
 WHEEL_TESTS = tests/records/test_manifest.py tests/physics/test_blocks.py \
 	tests/physics/test_linear_triangle.py
+WHEEL_PROCESSES = 0
 WHEEL_PYTEST = python3 -m pytest --color=no -rs $(WHEEL_TESTS)
 # mpirun gives its ranks a terminal, so that pytest would colour what goes to a log.
 PYTEST = python3 -m pytest --color=no --durations=40 --durations-min=1 tests
@@ -27,8 +29,9 @@ help:
 	@echo "make test       lint, types, quick tests serially, those marked ranks on two and three ranks,"
 	@echo "                and test-pip"
 	@echo "make test-pip   three test files where pip has installed DOLFINx, on one and two ranks"
-	@echo "make test-long  all tests in all cases, on one and two ranks, those by pip among them,"
-	@echo "                test-paraview and test-browser"
+	@echo "make test-long  all tests in all cases serially, those marked ranks in all cases on two and three"
+	@echo "                ranks, the quick ones also where pip has installed DOLFINx, test-paraview and"
+	@echo "                test-browser; about an hour"
 	@echo "make test-paraview  results opened in ParaView (an environment of its own, 3 GB more);"
 	@echo "                pictures in OUTPUT=$$OUTPUT/paraview"
 	@echo "make test-browser   pages of records, and those of the site, opened in Chromium (an"
@@ -62,7 +65,7 @@ test: style
 # Wheels are for x86_64 alone.
 test-pip:
 ifeq ($(shell uname -m),x86_64)
-	$(WHEEL) $(WHEEL_PYTEST)
+	$(WHEEL) $(WHEEL_PYTEST) --numprocesses $(WHEEL_PROCESSES) --dist worksteal
 	$(WHEEL) mpiexec -n 2 $(WHEEL_PYTEST)
 endif
 
@@ -79,8 +82,8 @@ attacks:
 test-long:
 	$(RUN) $(PYTEST) --long --numprocesses 2 --dist worksteal
 	$(RUN) mpirun -n 2 $(PYTEST) --long
-	$(RUN) mpirun -n 3 $(PYTEST)/test_golden.py --long
-	$(MAKE) test-pip WHEEL_TESTS="tests --long"
+	$(RUN) mpirun -n 3 $(PYTEST) --long
+	$(MAKE) test-pip WHEEL_TESTS=tests WHEEL_PROCESSES=2
 	$(MAKE) test-paraview
 	$(MAKE) test-browser
 

@@ -37,7 +37,7 @@ def pytest_ignore_collect(collection_path, config):
     """Skip files of which several ranks run nothing, without importing them."""
     if ADVERSARIAL in collection_path.parents:
         return None if COMM.size <= 2 else True
-    if COMM.size == 1 or config.getoption("--long") or collection_path.suffix != ".py":
+    if COMM.size == 1 or collection_path.suffix != ".py":
         return None
     if not collection_path.stem.startswith("test_"):
         return None
@@ -47,30 +47,31 @@ def pytest_ignore_collect(collection_path, config):
 def pytest_collection_modifyitems(config, items):
     """Select the tests of the run.
 
-    Without ``--long`` tests marked `long` are left out, and `each_value` reduces products of cases
-    to a few in which every value occurs. On several ranks only tests marked `ranks` run, without
-    those that send many messages. Unless it is marked with `every_case`, a test with several cases
-    runs in one of them: the last on two ranks, the first on more.
+    On several ranks only tests marked `ranks` run. ``--long`` runs all of their cases, also on the
+    ranks that the mark lists as `long`. Without it, tests marked `long` are left out, `each_value`
+    reduces products of cases to a few in which every value occurs, and several ranks leave out
+    tests that send many messages. They run a test with several cases in one of them (the last on
+    two ranks, the first on more), unless it is marked with `every_case`.
     """
     _select_sample(config, items)
-    if config.getoption("--long"):
-        return
+    in_all_cases = config.getoption("--long")
     cases = {}
-    left_out = _beside_each_value(items)
+    left_out = set() if in_all_cases else _beside_each_value(items)
     for item in items:
         if ADVERSARIAL in item.path.parents:
             continue
-        if item in left_out:
+        if not _on_ranks(item, in_all_cases):
+            item.add_marker(pytest.mark.skip(reason="runs on fewer ranks"))
+        elif in_all_cases:
+            continue
+        elif item in left_out:
             item.add_marker(
                 pytest.mark.skip(reason="its values are in other cases: --long runs it")
             )
-            continue
-        if item.get_closest_marker("long"):
+        elif item.get_closest_marker("long"):
             item.add_marker(pytest.mark.skip(reason="takes long: --long runs it"))
         elif COMM.size > 1 and item.get_closest_marker("chatty"):
             item.add_marker(pytest.mark.skip(reason="sends many messages"))
-        elif not _on_ranks(item):
-            item.add_marker(pytest.mark.skip(reason="runs on fewer ranks"))
         elif COMM.size > 1 and not _every_case(item):
             cases.setdefault(item.nodeid.partition("[")[0], []).append(item)
     for repeated in cases.values():
@@ -114,11 +115,15 @@ def _beside_each_value(items):
     return left_out
 
 
-def _on_ranks(item):
+def _on_ranks(item, in_all_cases):
     """Return whether a test runs on this number of ranks; above three, tests for three run."""
     if COMM.size == 1:
         return True
-    return any(min(COMM.size, 3) in mark.args for mark in item.iter_markers("ranks"))
+    marks = list(item.iter_markers("ranks"))
+    sizes = [size for mark in marks for size in mark.args]
+    if in_all_cases:
+        sizes += [size for mark in marks for size in mark.kwargs.get("long", ())]
+    return min(COMM.size, 3) in sizes
 
 
 def _every_case(item):

@@ -12,9 +12,12 @@ LONG_ON_RANKS = ("path with a record", "path that snaps back", "history of a cra
 
 
 def case(number, name):
-    """A case of the record: every second one runs on two ranks too, every third one on three."""
+    """A case of the record: every second one runs on two ranks too, every third one on three.
+
+    With ``--long`` all cases run on one, two and three ranks.
+    """
     sizes = [size for size in (2, 3) if number % size == 0 and name not in LONG_ON_RANKS]
-    return pytest.param(name, marks=pytest.mark.ranks(*sizes, every_case=True))
+    return pytest.param(name, marks=pytest.mark.ranks(*sizes, long=(2, 3), every_case=True))
 
 
 @pytest.mark.parametrize("name", [case(*pair) for pair in enumerate(golden.CASES)])
