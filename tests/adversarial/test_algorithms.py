@@ -150,25 +150,6 @@ def test_lemkes_method_solves_random_points(decades):
         assert violation(S, p, F, outcome.a.ravel()) < 1e-6
 
 
-@pytest.mark.parametrize("rows", [1, 2, 3])
-def test_lemkes_method_solves_bodies_under_random_loads(rows):
-    rng = np.random.default_rng(rows)
-    body = block((3, rows), (1.0, 0.2 * rows))
-    young = fem.Constant(body.domain, 1.0)
-    load = fem.Constant(body.domain, (0.0, 0.0))
-    problem = loaded(body, load, young, friction=0.1)
-    for _ in range(4):
-        friction = float(rng.choice([0.2, 1.7, 20.0]))
-        problem.surfaces[0].law.friction.value = friction
-        young.value = 10.0 ** rng.uniform(-6, 6)
-        load.value[:] = rng.standard_normal(2)
-        table = problem.solve(algorithm="lemke").tables["contact"]
-        reduced = problem.reduced()
-        a = np.stack([table.ut[:, 0], table.un], 1).ravel()
-        F = np.full(len(table.un), friction)
-        assert violation(np.asarray(reduced.S), np.ravel(reduced.p), F, a) < 1e-6
-
-
 def test_two_rows_that_stick_are_the_body_in_one_piece():
     both = two_blocks((3, 1), (3, 1), depth=1.0)
     force = (0.2, -1.0)

@@ -1,14 +1,11 @@
-"""Assumption: a stored proof is whole and belongs to its numbers, and its checker is alone.
+"""Assumption: a stored proof is whole and belongs to its numbers.
 
 Proofs are compared with an enumeration of all 4^m statuses in numpy, from the law alone. Files are
-damaged, changed in one number, forged under other numbers, and set with traps; the checker is
-copied to where only Python and numpy can be imported.
+damaged and contain traps.
 """
 
-import copy
 import itertools
 import os
-import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -29,7 +26,6 @@ from dolfinx_contact.proofs import (
     Certificate,
     InvalidCertificate,
     ReducedProblem,
-    check,
     check_proof,
     prove_solutions,
 )
@@ -101,8 +97,8 @@ def number_of(S, p, F):
     return len(enumerated(S, p, F))
 
 
-def proved(*problem, seconds=5.0, **errors):
-    return prove_solutions(ReducedProblem(*problem, **errors), proof_seconds=seconds)
+def proved(*problem):
+    return prove_solutions(ReducedProblem(*problem), proof_seconds=5.0)
 
 
 def several():
@@ -112,34 +108,6 @@ def several():
 
 
 # --- numbers of solutions ---
-
-
-@pytest.mark.parametrize("unit", [pytest.param(1.0, marks=pytest.mark.sample), 1e-9, 1e9])
-def test_all_solutions_of_random_problems_are_proved(unit):
-    numbers = []
-    for seed in (*range(8), *range(20, 28)):
-        S, p, F = random_problem(seed)
-        answer = proved(S * unit, p * unit, F)
-        assert answer.verdict == check(answer.certificate).verdict == "complete"
-        numbers.append(number_of(S, p, F))
-        assert len(answer.solutions) == numbers[-1]
-    assert max(numbers) > 1
-
-
-def test_a_continuum_is_not_a_number_of_solutions(folder):
-    """At F = S_tt / |S_nt| = 2 and p_t = -F p_n every slip solves."""
-    S = np.array([[2.0, -1.0], [-1.0, 3.0]])
-    answer = proved(S, np.array([2.0, -1.0]), np.array([2.0]))
-    assert answer.verdict != "complete"
-    assert check(answer.certificate).verdict != "complete"
-
-    def checked():
-        answer.certificate.save(folder / "proof.npz")
-        return run(folder / "proof.npz")
-
-    _, text = on_rank_0(checked)
-    assert "they are all" not in text
-    assert "Traceback" not in text
 
 
 @pytest.mark.parametrize("friction", [1.9, 2.1])
@@ -155,30 +123,7 @@ def test_next_to_a_continuum_all_solutions_are_proved(friction, shear):
     assert len(answer.solutions) == number_of(*problem)
 
 
-def test_a_proof_with_errors_holds_for_all_problems_within_them():
-    """An S that is not symmetric has its other half as an error."""
-    rng = np.random.default_rng(1)
-    complete = 0
-    for seed in range(8):
-        S, p, F = random_problem(seed)
-        for size in (1e-3, 1e-2, 0.3):
-            errors = {"S_error": size * 0.05 * np.ones_like(S), "p_error": size * np.ones_like(p)}
-            skew = size * 0.02 * np.triu(np.ones_like(S), 1)
-            try:
-                answer = check(proved(S + skew, p, F, seconds=2.0, **errors).certificate)
-            except ValueError:  # not certainly positive definite
-                continue
-            if answer.verdict != "complete":
-                continue
-            complete += 1
-            for _ in range(6):
-                dS = rng.uniform(-1, 1, S.shape) * errors["S_error"]
-                dp = rng.uniform(-1, 1, p.shape) * errors["p_error"]
-                assert number_of(S + (dS + dS.T) / 2, p + dp, F) == len(answer.inside)
-    assert complete > 4
-
-
-@pytest.mark.parametrize("pull", [1.0, 4.0, -4.0])
+@pytest.mark.parametrize("pull", [pytest.param(1.0, marks=pytest.mark.sample), 4.0, -4.0])
 def test_the_proof_of_a_mesh_is_that_of_its_dense_stiffness(pull):
     """On any number of ranks: S and p are a Schur complement assembled here on one."""
 
@@ -211,59 +156,6 @@ def test_the_proof_of_a_mesh_is_that_of_its_dense_stiffness(pull):
     assert min(np.abs(state - a).max() for _, a in right) < 1e-8 * np.abs(state).max()
 
 
-# --- forged proofs ---
-
-
-def test_steps_of_one_proof_do_not_prove_another_problem():
-    """``Certificate(problem, steps, vectors)`` has valid hashes."""
-    given = [random_problem(seed, m=2 + seed % 2) for seed in range(10)]
-    numbers = [number_of(*g) for g in given]
-    assert np.unique(numbers).size > 1
-    proofs = [proved(*g).certificate for g in given]
-    for i, problem in enumerate([ReducedProblem(*g) for g in given]):
-        for j, proof in enumerate(proofs):
-            if problem.points != proof.problem.points or i == j:
-                continue
-            try:
-                answer = check(Certificate(problem, proof.steps, proof.vectors))
-            except InvalidCertificate:
-                continue
-            assert answer.verdict != "complete" or len(answer.inside) == numbers[i]
-
-
-def variants(steps):
-    """Return lists of steps that do not belong to the proof."""
-    yield []
-    for k in range(min(len(steps), 12)):
-        yield steps[:k] + steps[k + 1 :]
-        yield steps[: k + 1] + steps[k:]
-        yield steps[k:] + steps[:k]
-        for key, value in steps[k].items():
-            others = []
-            if isinstance(value, int) and not isinstance(value, bool):
-                others = [value + 1, value - 1, -value, 10**6]
-            elif isinstance(value, list):
-                others = [value[1:], value[::-1], value + value, []]
-            for other in others:
-                yield [*steps[:k], steps[k] | {key: other}, *steps[k + 1 :]]
-
-
-@pytest.mark.parametrize("seed", range(6))
-def test_a_proof_with_other_steps_proves_no_other_number(seed):
-    problem = random_problem(seed, m=3)
-    number = number_of(*problem)
-    whole = proved(*problem)
-    assert len(whole.solutions) == number
-    proof = whole.certificate
-    for steps in variants(proof.steps):
-        changed = Certificate(proof.problem, copy.deepcopy(steps), proof.vectors)
-        try:
-            answer = check(changed)
-        except InvalidCertificate:
-            continue
-        assert answer.verdict != "complete" or len(answer.inside) == number
-
-
 # --- files ---
 
 
@@ -291,34 +183,6 @@ def test_a_stored_proof_holds_under_another_name(folder):
     for status, text in on_rank_0(checked):
         assert status == 0
         assert "the proof holds" in text
-
-
-def changed(data):
-    """The content of a file with one thing changed, by name."""
-    for key in ("S", "p", "friction", "bound", "S_error", "p_error"):
-        other = data[key].copy()
-        other.flat[0] = np.nextafter(other.flat[0], np.inf)
-        yield data | {key: other}
-    yield data | {"steps": np.array(str(data["steps"]).replace("]", ", 0]", 1))}
-    if data["vectors"].size:
-        yield data | {"vectors": data["vectors"] + 1.0}
-    yield data | {"digests": data["digests"][::-1]}
-
-
-def test_a_proof_with_one_number_changed_does_not_hold(folder):
-    """The exit status shows it, also with ``python3 -O``, which drops every ``assert``."""
-
-    def checked():
-        answers = []
-        for number, content in enumerate(changed(stored(folder))):
-            np.savez(folder / "proof.npz", **content)
-            answers.append(run(folder / "proof.npz", *(["-O"] if number % 2 else [])))
-        return answers
-
-    for status, text in on_rank_0(checked):
-        assert status == 1
-        assert "Traceback" not in text
-        assert "the proof holds" not in text
 
 
 def damaged(folder):
@@ -408,45 +272,3 @@ def test_objects_in_a_file_are_not_unpickled(folder):
     assert status == 1
     assert "Traceback" not in text
     assert not sprung
-
-
-MODULES = """
-import runpy, sys
-sys.argv = ["check_proof.py", {proof!r}]
-status = None
-try:
-    runpy.run_path({checker!r}, run_name="__main__")
-except SystemExit as end:
-    status = end.code
-known = {{*sys.stdlib_module_names, "sitecustomize"}}
-tops = {{name.partition(".")[0] for name in sys.modules}}
-print("OUTSIDE", sorted(t for t in tops if t not in known and not t.startswith("_")), status)
-"""
-
-
-def test_the_checker_alone_imports_numpy_only_and_says_the_same(folder):
-    """The output contains the hash of the data and says that the mesh is not part of the proof."""
-
-    def checked():
-        proof = several().certificate
-        proof.save(folder / "proof.npz")
-        copied = shutil.copy(CHECKER, folder / "alone.py")
-        # No variable of MPI or Python: a child of mpirun is a process of its own.
-        clean = ("PATH", "HOME", "LC_ALL", "XDG_CACHE_HOME")
-        env = {k: os.environ[k] for k in clean if k in os.environ}
-        code = MODULES.format(proof=str(folder / "proof.npz"), checker=str(copied))
-        options = dict(capture_output=True, text=True, timeout=100, cwd=folder)
-        alone = subprocess.run([sys.executable, "-I", "-c", code], env=env, **options)
-        env["PYTHONPATH"] = str(CHECKER.parents[2])
-        env["OMPI_ALLOW_RUN_AS_ROOT"] = env["OMPI_ALLOW_RUN_AS_ROOT_CONFIRM"] = "1"
-        command = [sys.executable, "-m", "dolfinx_contact", "check", "proof.npz"]
-        package = subprocess.run(command, env=env, **options)
-        return alone.stdout, package.stdout, package.returncode, proof.problem.digest
-
-    alone, package, status, digest = on_rank_0(checked)
-    said, _, outside = alone.partition("OUTSIDE")
-    assert outside.strip() == "['numpy'] 0"
-    assert said.strip() == package.strip()
-    assert status == 0
-    assert digest in said
-    assert "mesh" in said

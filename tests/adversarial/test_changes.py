@@ -258,15 +258,6 @@ def test_attributes_that_would_be_ignored_cannot_be_set():
             setattr(thing, name, value)
 
 
-@pytest.mark.sample
-def test_a_mesh_that_moved_is_refused():
-    body, problem, _ = lowered()
-    assert_close(normal_force(problem.solve()), 10.0)
-    body.domain.geometry.x[:, 0] *= 2.0
-    with pytest.raises(ValueError, match="the mesh has moved"):
-        problem.solve()
-
-
 def test_the_load_of_a_history_may_be_set_between_runs():
     """Q/P is +-F where all slips; P is E times the way of the top."""
     body, problem, contact = lowered(Coulomb(0.2))

@@ -23,9 +23,8 @@ from dolfinx_contact import (
     HalfSpace,
     NormalCompliance,
     ParametricContact,
-    algorithms,
 )
-from dolfinx_contact.continuation import StepControl, find_solutions, follow
+from dolfinx_contact.continuation import StepControl, follow
 from dolfinx_contact.evolution import NSCD, ArcLength, QuasiStatic
 from dolfinx_contact.laws import FrictionLaw, Interface
 
@@ -156,27 +155,12 @@ def test_friction_of_the_speed_acts_below_a_compliance(law, refused):
         assert_close(friction_ratio(problem.solve().tables["contact"]), 0.5)
 
 
-@pytest.mark.parametrize("algorithm", [algorithms.Uzawa(), algorithms.Penalty()])
-def test_other_algorithms_refuse_friction_of_the_speed(algorithm):
-    _, problem = dragged(OfSpeed(0.5, 0.1, 0.02), cells=(1, 1, 1))
-    with pytest.raises(ValueError, match="step"):
-        problem.solve(algorithm=algorithm)
-
-
 def driven(law):
     """The dragged block as a system whose parameter is the share of the way."""
     body, problem = dragged(law)
     gamma = fem.Constant(body.domain, 1.0)
     way = ufl.as_vector((0.05 * gamma, -0.01))
     return ParametricContact(problem, gamma, driven=[(body.moved, way)])
-
-
-def test_branches_and_searches_refuse_friction_of_the_speed():
-    system = driven(OfSpeed(0.5, 0.1, 0.02))
-    with pytest.raises(ValueError, match="step"):
-        follow(system, system.create_vector(), 1.0, gamma_range=(0.9, 1.0))
-    with pytest.raises(ValueError, match="step"):
-        find_solutions(system, [system.create_vector()], 1.0, proof_seconds=1.0)
 
 
 def test_branches_of_friction_that_knows_rest_have_its_static_coefficient():
@@ -188,16 +172,6 @@ def test_branches_of_friction_that_knows_rest_have_its_static_coefficient():
     assert len(branch.points) > 1
     for point in branch.points:
         assert_close(friction_ratio(system.result_at(point).tables["contact"]), 0.5)
-
-
-@pytest.mark.parametrize("speed", [1.0, -3.0])
-def test_steady_sliding_has_the_coefficient_of_its_speed(speed):
-    law = OfSpeed(0.5, 0.1, 2.0)
-    body, problem = pressed(law)
-    evolution = QuasiStatic(problem, lambda t: body.move_top(speed * t, -0.01))
-    history = evolution.run([0.05 * k for k in range(10)])
-    found = friction_ratio(history.steps[-1].result.tables["contact"])
-    assert_close(found, np.sign(speed) * coefficient(law, abs(speed)))
 
 
 def test_two_faces_with_other_coefficients_have_their_own_friction():

@@ -17,7 +17,6 @@ import numpy as np
 import pytest
 from support.bodies import block, floor, two_blocks
 from support.checks import assert_close
-from support.recorded_run import resume
 
 import basix.ufl
 import ufl
@@ -25,22 +24,14 @@ from dolfinx import fem, mesh
 from dolfinx.fem.petsc import LinearProblem
 
 from dolfinx_contact import (
-    RCCM,
     ContactPair,
     ContactProblem,
     Coulomb,
-    ParametricContact,
     RigidBody,
     materials,
 )
-from dolfinx_contact.continuation import Observer, StepControl, follow
-from dolfinx_contact.evolution import NSCD, ArcLength, QuasiStatic
-from dolfinx_contact.records import (
-    BranchRecord,
-    EvolutionRecord,
-    PathRecord,
-    read_journal,
-)
+from dolfinx_contact.evolution import NSCD, QuasiStatic
+from dolfinx_contact.records import EvolutionRecord
 
 COMM = MPI.COMM_WORLD
 
@@ -54,18 +45,16 @@ class Killed(Exception):
     """The end of a run."""
 
 
-class Killer(Observer):
-    """Observer that ends a run, or a branch, after some points."""
+class Killer:
+    """Observer that ends a run after some steps."""
 
     def __init__(self, after):
         self.left = after
 
-    def __call__(self, *_):
+    def __call__(self, _):
         self.left -= 1
         if not self.left:
             raise Killed
-
-    step = __call__
 
 
 def dragged(body, energy, friction=0.3, *, factor=1.0, solve=False):
@@ -345,103 +334,6 @@ def test_the_memory_before_a_record_is_in_it(folder):
     whole = another_load(1.0)
     whole.run(first)
     assert_same_end(resumed(folder / "record", another_load(1.0)), whole.run(second))
-
-
-# --- branches and paths ---
-
-CONTROL = StepControl(initial=0.2, maximum=0.5)
-
-
-def branch(mirrored):
-    """A stiffness of degree 2 that differs at the middles of edges alone."""
-    body = block()
-    young = fem.Function(fem.functionspace(body.domain, ("Lagrange", 2)))
-    young.interpolate(
-        lambda x: (
-            300.0 + 4000.0 * np.abs(np.sin(2 * np.pi * x[0])) * (1.0 - x[0] if mirrored else x[0])
-        )
-    )
-    rubber = materials.NeoHookean(*materials.lame(1.0, 0.2))
-    problem = body.problem(Coulomb(0.3), young * rubber.energy(body.u) * ufl.dx)
-    gamma = fem.Constant(body.domain, 0.0)
-    way = ufl.as_vector((0.02 * gamma, -0.02 * (1 + gamma)))
-    system = ParametricContact(problem, gamma, driven=[(body.moved, way)])
-    system.set_parameter(0.0)
-    problem.solve()
-    x = system.create_vector()
-    problem.write(x)
-    return system, x, {"energy": problem.energy}
-
-
-def recorded_branch(where, after, mirrored=False):
-    system, x, work = branch(mirrored)
-    with BranchRecord(where, system, work, every=1) as record, contextlib.suppress(Killed):
-        follow(
-            system,
-            x,
-            0.0,
-            gamma_range=(0.0, 1.0),
-            control=CONTROL,
-            record=record,
-            observer=Killer(after),
-        )
-
-
-def test_a_branch_is_not_resumed_with_another_stiffness(folder):
-    recorded_branch(folder / "branch", 3)
-    system, _, work = branch(True)
-    with pytest.raises(ValueError, match=REFUSED):
-        resume(folder / "branch", system, work, every=1)
-
-
-def test_a_killed_branch_resumed_is_the_whole_branch(folder):
-    recorded_branch(folder / "branch", 3)
-    system, _, work = branch(False)
-    resume(folder / "branch", system, work, every=1)
-    recorded_branch(folder / "whole", 1000)
-    found, expected = (read_journal(folder / n).columns() for n in ("branch", "whole"))
-    for name in ("gamma", "energy"):
-        assert_close(found[name], expected[name])
-
-
-def path(left, right):
-    """A lifted block on bonds whose work is a field."""
-    body = block((2, 1), (1.0, 0.5))
-    bond = RCCM(100.0, 100.0, linear(body.domain, left, right), 0.0, 0.0)
-    lift = fem.Constant(body.domain, 0.0)
-    problem = body.problem(bond, body.elastic(200.0))
-    way = ufl.as_vector((0.0, lift))
-    return ArcLength(ParametricContact(problem, lift, driven=[(body.moved, way)]))
-
-
-def recorded_path(where, after, *work):
-    arc = path(*work)
-    with PathRecord(where, arc) as record, contextlib.suppress(Killed):
-        arc.run(
-            gamma_range=(0.0, 0.03),
-            record=record,
-            control=StepControl(initial=0.02, maximum=0.1),
-            observer=Killer(after),
-        )
-
-
-def test_a_path_is_not_resumed_with_another_work(folder):
-    recorded_path(folder / "path", 3, 0.05, 0.1)
-    with (
-        pytest.raises(ValueError, match=REFUSED),
-        PathRecord(folder / "path", path(0.1, 0.05), resume=True) as record,
-    ):
-        record.go_on()
-
-
-def test_a_killed_path_resumed_is_the_whole_path(folder):
-    recorded_path(folder / "path", 3, 0.05, 0.1)
-    with PathRecord(folder / "path", path(0.05, 0.1), resume=True) as record:
-        record.go_on()
-    recorded_path(folder / "whole", 1000, 0.05, 0.1)
-    found, expected = (read_journal(folder / n).rows() for n in ("path", "whole"))
-    assert_close([r["gamma"] for r in found], [r["gamma"] for r in expected])
-    assert_close(found[-1]["damage"], expected[-1]["damage"], 1e-4)
 
 
 # --- another number of ranks ---

@@ -37,23 +37,6 @@ def slid(t):
     return 0.05 * min(t, 2.0 - t), -0.01
 
 
-@pytest.mark.sample
-def test_a_state_put_back_is_the_state_that_was_taken():
-    body, problem = dragged()
-    problem.solve()
-    state, table = problem.snapshot(), table_of(problem)
-    body.move_top(-0.05, -0.02)
-    problem.solve()
-    other = table_of(problem)
-    assert_close(np.sum(other.rn), 20.0)
-    surface = problem.surfaces[0]
-    assert_close(problem.table(surface, state=state).force, table.force)
-    assert_close(table_of(problem).force, other.force)
-    problem.restore(state)
-    assert_close(table_of(problem).force, table.force, 0.0)
-    assert table_of(problem).status == table.status
-
-
 def test_a_state_survives_pickling_and_cannot_be_written_to():
     _, problem = dragged()
     problem.solve()
@@ -67,18 +50,6 @@ def test_a_state_survives_pickling_and_cannot_be_written_to():
     problem.u.x.array[:] = 0.0
     problem.restore(again)
     assert_close(table_of(problem).force, table.force, 0.0)
-
-
-@pytest.mark.sample
-def test_the_state_of_another_problem_is_refused():
-    _, problem = dragged()
-    problem.solve()
-    _, other = dragged(cells=(3, 1))
-    with pytest.raises(ValueError, match="state"):
-        other.restore(problem.snapshot())
-    with pytest.raises(ValueError, match="state"):
-        other.table(other.surfaces[0], state=problem.snapshot())
-    assert np.all(other.u.x.array == 0.0)
 
 
 @pytest.mark.sample
@@ -124,14 +95,6 @@ def opening_and_bond(step):
     table = step.result.tables["contact"]
     k = free_row(table)
     return table.un[k], table.beta[k]
-
-
-def test_a_second_history_says_where_it_starts():
-    """Otherwise bonds would heal silently; the error names the way."""
-    _, _, history_to = lifted_bond()
-    with pytest.raises(ValueError, match="start=") as error:
-        history_to([1.0, 2.0], [0.3, 0.15]).run([1.0, 2.0])
-    assert "start=history.steps[-1].state" in str(error.value)
 
 
 def test_a_history_from_the_end_of_another_keeps_its_damage():

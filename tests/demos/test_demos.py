@@ -42,23 +42,6 @@ def test_greco_block_agrees_with_code_aster(accuracy, folder):
     assert summary["kkt_violation"] < 0.1 * accuracy
 
 
-@pytest.mark.chatty
-@pytest.mark.long
-def test_greco_block_does_not_depend_on_units(folder):
-    runs = [
-        cases.greco_block.main([f"--units={units}", f"--output={folder / units}"])
-        for units in cases.greco_block.UNITS
-    ]
-    for run in runs[1:]:
-        assert run["status"] == runs[0]["status"]
-        for point in "ABCDE":
-            np.testing.assert_allclose(run[f"ux_{point}"], runs[0][f"ux_{point}"], rtol=1e-8)
-        assert run["newton_iterations"] == runs[0]["newton_iterations"]
-        np.testing.assert_allclose(
-            run["residual_history"], runs[0]["residual_history"], rtol=1e-8, atol=1e-10
-        )
-
-
 STATES = {"open": "o", "stick": "k", "slip+": "+", "slip-": "-"}
 
 

@@ -59,14 +59,3 @@ def test_folds_separate_numbers_of_solutions():
         for side, count in ((-1e-7, below), (1e-7, above)):
             found, _ = enumerated(S, 1e4 * p, np.full(2, fold * (1 + side)))
             assert len(found) == count
-
-
-@serial
-def test_hild_element_passes_a_continuum_to_two_solutions():
-    """Hild's element at pt = -(kt/k) |pn|: one solution, infinitely many at kt/k, then two."""
-    S = np.array([[2.0, 1.0], [1.0, 2.0]])
-    p = np.array([-2.0, -1.0])
-    assert enumerated(S, p, np.array([1.5]))[0] == [(0,), (3,)]  # one state, grazing: two words
-    found, near = enumerated(S, p, np.array([3.0]))
-    assert near
-    assert found == [(0,), (1,), (3,)]  # stick, and the grazing state

@@ -16,7 +16,6 @@ from dolfinx_contact import (
     Coulomb,
     meshing,
 )
-from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.materials import LinearElastic, NeoHookean, lame
 
 COMM = MPI.COMM_WORLD
@@ -167,23 +166,6 @@ def test_small_sliding_warns_of_far_and_rotated_bodies(options, log):
         # Linear strains are off by the square of the angle: blocks swell.
         turn = result.indicators.surfaces["contact"].turn
         assert turn == pytest.approx(angle, rel=0.35 if angle < 45 else 0.6)
-
-
-def test_a_history_says_it_once(log):
-    """Accepted steps of histories and paths have their numbers; the warning appears once."""
-    problem, move, _ = stacked(n=(3, 3), law=Coulomb(0.05))
-    evolution = QuasiStatic(problem, lambda t: move(0.8 * t, down=0.01 + 0 * t))
-    move(0.0)
-    problem.solve()
-    history = evolution.run([0.0, 0.01, 0.5, 0.8, 1.0])
-    ways = [step.result.indicators.surfaces["contact"].slip for step in history.steps]
-    assert ways == sorted(ways)
-    assert ways[0] < 0.05
-    assert ways[-1] > 2.0
-    assert sum(line.startswith("slip of") for line in log) == (COMM.rank == 0)
-    assert said(log) >= 1
-    evolution.run([1.0, 1.1])
-    assert sum(line.startswith("slip of") for line in log) == (COMM.rank == 0)
 
 
 def test_common_large_rotations_keep_the_forces(log):

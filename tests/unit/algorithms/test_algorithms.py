@@ -83,28 +83,6 @@ def test_every_algorithm_solves_random_problems(algorithm, dim):
         assert outcome.residuals[-1] <= 1e-10
 
 
-@pytest.mark.parametrize("dim", [2, 3])
-@pytest.mark.verifies(
-    "penalty",
-    reference="itself: the interior point method",
-    aspects=(
-        "2D",
-        "3D",
-    ),
-    alone=True,
-)
-def test_penalty_extrapolates(dim):
-    """First order in the penetration; the extrapolation is far better than the last of them."""
-    contact = random_contact(np.random.default_rng(11), dim, 4)
-    exact = InteriorPoint().run(contact)
-    outcome = Penalty().run(contact)
-    assert outcome.converged
-    assert abs(outcome.series["order"][-1] - 1) < 0.1
-    off = np.abs(outcome.a - exact.a).max() / np.abs(exact.a).max()
-    assert off < 1e-4
-    assert off < 0.1 * outcome.series["penetration"][-1] / np.abs(exact.a).max()
-
-
 def solutions_of_one_node(kt, k, kn, pt, pn, F):
     """Closed form (Klarbring 1990, Hild 2002): (ut, un, rt, rn) of every status that holds."""
     u = np.linalg.solve([[kt, k], [k, kn]], [pt, pn])
@@ -170,23 +148,6 @@ def test_tresca_leaves_a_steep_fixed_point():
 # -- Lemke --------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("number", [60, pytest.param(1000, marks=pytest.mark.long)])
-@pytest.mark.verifies(
-    "Lemke",
-    reference="independent code: the violation of the law, in numpy",
-    aspects=("2D",),
-    alone=True,
-)
-def test_lemke_solves_everything(number):
-    """Friction up to 20, up to 12 points."""
-    rng = np.random.default_rng(7)
-    for _ in range(number):
-        contact = random_contact(rng, 2, int(rng.integers(1, 13)), friction=20.0)
-        outcome = Lemke().run(contact)
-        assert outcome.converged, outcome.reason
-        assert violation(contact, outcome.a, outcome.r) < 1e-10
-
-
 # -- parts ---------------------------------------------------------------------------------------
 
 
@@ -204,12 +165,3 @@ def test_options_are_checked():
     assert all(
         ALGORITHMS[name].described().startswith(ALGORITHMS[name].name) for name in ALGORITHMS
     )
-
-
-@pytest.mark.parametrize("dim", [2, 3])
-def test_projected_gradients_solve_trescas_problem_in_one_run(dim):
-    """Bounds given in advance at all points: a convex problem."""
-    contact = random_contact(np.random.default_rng(dim), dim, bound=0.5)
-    outcome = ProjectedGradient().run(contact)
-    assert outcome.converged
-    assert violation(contact, outcome.a, outcome.r) < 1e-8

@@ -130,19 +130,6 @@ def test_classical_algorithms_solve_in_space(algorithm):
     check_stored("b3d_n4", algorithm)
 
 
-@pytest.mark.verifies(
-    "SOR",
-    "Lemke",
-    "interior point",
-    "Tresca's fixed point",
-    reference="itself: Newton's method",
-    aspects=("2D",),
-)
-def test_classical_algorithms_agree_on_the_greco_block():
-    for algorithm in ("sor", "lemke", "interior-point", "tresca"):
-        check(greco(8), algorithm)
-
-
 @pytest.mark.ranks(2)
 def test_plain_uzawa_converges_at_first_order():
     PETSc.Options()["contact_snes_rtol"] = 1e-5

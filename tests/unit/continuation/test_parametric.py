@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from cases._triangle import linear_triangle
 from support.blocks import block, box, facets
-from support.harness import varied
 from support.histories import driven_block
 
 import ufl
@@ -116,28 +115,6 @@ def test_stick_and_slip_begin_at_their_closed_form(folder):
     assert summary["slip_error"] < 1e-10
     assert summary["gamma_end"] == pytest.approx(5.0, abs=1e-12)
     assert (folder / "branch.png").stat().st_size > 10_000
-
-
-@pytest.mark.parametrize("factor", [pytest.param(f, marks=pytest.mark.long) for f in (0.1, 10.0)])
-def test_single_element_does_not_depend_on_steps_and_units(factor, folder):
-    options = ["--output", str(folder), "--route", "steps"]
-    other = [
-        "--lame",
-        "100e9",
-        "82e9",
-        "--load-direction",
-        "-4e9",
-        "0",
-        "--load-start",
-        "0",
-        "-1e9",
-    ]
-    for extra in ([], [*other, "--length", "1e3"]):
-        with varied(step_factor=factor):
-            summary = cases.single_element.main([*options, *extra])
-        assert (summary["points"] > 30) == (factor < 1)
-        folds = [f["gamma"] for f in summary["folds"]]
-        np.testing.assert_allclose(folds, [0.625, 346 / 182 / 4], atol=1e-10)
 
 
 @pytest.mark.long

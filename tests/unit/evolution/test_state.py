@@ -330,17 +330,6 @@ def test_step_supports_branches_and_all_solutions():
     assert COMM.allreduce(float(np.abs(y.array_r - x.array_r).max(initial=0.0)), max) > 1e-5
 
 
-def test_a_step_leaves_the_static_law_of_the_problem():
-    problem, top = dragged()
-    put(top, (0.006, -0.01))
-    before = problem.solve().tables["contact"].rt
-    state = problem.snapshot()
-    problem.step_from(state).solve()
-    problem.restore(state)
-    after = problem.solve().tables["contact"].rt
-    np.testing.assert_allclose(after, before, rtol=0, atol=1e-12 * np.abs(before).max())
-
-
 EVOLUTIONS = [QuasiStatic, NSCD]
 
 
@@ -417,22 +406,6 @@ def test_another_evolution_of_a_problem_needs_a_start(kind):
     np.testing.assert_allclose(force(again.steps[-1]), expected, rtol=1e-8)
 
 
-def test_bonds_are_those_of_the_start():
-    """Broken in the state of a history, intact in a snapshot."""
-    glued = Glued()
-    first = glued.history().run(np.linspace(0.0, 2.0, 11))
-    intact = max(np.abs(force(s)).max() for s in first.steps)
-    state = first.steps[-1].state
-    broken = glued.history().run(np.linspace(2.0, 3.0, 6), start=state)
-    assert max(np.abs(force(s)).max() for s in broken.steps) < 0.05 * intact
-    glued.u.x.array[:] = 0.0
-    glued.problem.surfaces[0].multiplier.x.array[:] = 0.0
-    glued.load(2.0)
-    start = glued.problem.snapshot()
-    again = glued.history().run(np.linspace(2.0, 3.0, 6), start=start)
-    assert max(np.abs(force(s)).max() for s in again.steps) == pytest.approx(intact, rel=1e-6)
-
-
 def test_a_path_starts_from_the_state_of_a_history():
     """With the bonds of that state, and with intact ones from a snapshot."""
     glued = Glued()
@@ -455,9 +428,6 @@ def test_a_path_starts_from_the_state_of_a_history():
         peaks.append(max(np.abs(force(s)).max() for s in steps))
         assert steps[-1].state.gamma == steps[-1].gamma
     assert peaks[0] < 0.1 * peaks[1]
-
-
-# -- states ----------------------------------------------------------------------------------------
 
 
 # -- data ------------------------------------------------------------------------------------------

@@ -30,7 +30,7 @@ from dolfinx_contact.analysis import (
     stability_at_rest,
 )
 from dolfinx_contact.continuation import explore, find_solutions, follow
-from dolfinx_contact.evolution import NSCD, ArcLength, QuasiStatic
+from dolfinx_contact.evolution import ArcLength, QuasiStatic
 from dolfinx_contact.laws import (
     OPEN,
     PLUS,
@@ -235,14 +235,6 @@ def test_velocity_weakening_in_exactly_the_given_steps():
         table = step.result.tables["contact"]
         np.testing.assert_allclose(np.abs(table.ut[:, 0]), slip, rtol=1e-8, atol=1e-12)
     assert slip > 0.7
-
-
-@pytest.mark.long
-def test_friction_of_a_speed_acts_in_a_motion():
-    dragged = Dragged(OfSpeed(), 0.0)
-    dragged.u.interpolate(lambda x: np.stack([0 * x[0], -0.01 * x[1]]))  # as its top is held
-    history = NSCD(dragged.problem, 1.0, dt=1e-3).run([0.0, 2e-3])
-    assert history.complete
 
 
 @pytest.mark.parametrize(

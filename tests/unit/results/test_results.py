@@ -196,10 +196,3 @@ def test_body_without_load_has_no_forces(material):
         result = problem.solve()
         assert result.kkt_violation < 1e-8
         assert (result.counts["open"] == 5) == (height > 0)
-
-
-def test_a_mesh_that_moves_after_the_problem_was_made():
-    problem = block()
-    problem.V.mesh.geometry.x[:] *= 2.0
-    with pytest.raises(ValueError, match="the mesh has moved"):
-        problem.solve()
