@@ -132,7 +132,7 @@ def _every_case(item):
 
 @pytest.hookimpl(hookwrapper=True)
 def pytest_runtest_makereport(item, call):
-    """A test that fails on one rank fails on rank 0 as well, with that rank's traceback."""
+    """A test failing on one rank fails on rank 0 as well, with that rank's traceback."""
     outcome = yield
     if COMM.size == 1 or call.when != "call":
         return

@@ -128,7 +128,7 @@ TILT = Rotation.from_rotvec([0.3, -0.5, 0.8]).as_matrix()
 
 @dataclass(frozen=True)
 class SlipWeakening(FrictionLaw):
-    """Friction that falls from a static to a kinetic coefficient with the distance slipped."""
+    """Friction falling from a static to a kinetic coefficient with the distance slipped."""
 
     static: Any
     kinetic: Any
@@ -403,7 +403,7 @@ def new_folder():
 
 
 def oblique(dim):
-    """A motion of the top under which points stick and slip."""
+    """A motion of the top with sticking and slipping points."""
     return (0.008, *[0.003] * (dim - 2), -0.01)
 
 
@@ -614,7 +614,7 @@ def step_by_step():
 
 
 def stable_slip():
-    """The stability of states in which points stick and slip, in 2D and 3D."""
+    """The stability of states with sticking and slipping points, in 2D and 3D."""
     found = {"solved": {}, "exact": {}}
     for cell, n in (("quad", 3), ("tet", 1)):
         problem = block(n, cell, motion=oblique(2 if cell == "quad" else 3)).problem
@@ -656,7 +656,7 @@ def history_in_space():
 
 
 def laws_in_histories():
-    """A cycle of a block with laws that have a memory or see rates."""
+    """A cycle of a block with laws having a memory or depending on rates."""
     laws = {
         "Tresca": Tresca(2.0),
         "compliance": NormalCompliance(1e5, 1.5, Coulomb(0.3)),
@@ -692,7 +692,7 @@ def options_of_histories():
 
 
 def settled():
-    """A damped block that falls on a floor and comes to rest."""
+    """A damped block falling on a floor and coming to rest."""
 
     def energy(u):
         return elastic()(u) + 5.0 * u[1] * ufl.dx
@@ -805,7 +805,7 @@ class Interrupted(Exception):
 
 
 def interrupt_at(number):
-    """An observer that interrupts a run after a step."""
+    """An observer interrupting a run after a step."""
 
     def observer(step):
         if step.number == number:
@@ -905,7 +905,7 @@ def recorded_path(interrupted=0):
 
 
 def snapping_bar():
-    """A bar that snaps back on a bond, by arc length."""
+    """A bar snapping back on a bond, by arc length."""
     system = bar(2, 50.0, RCCM(100.0, 100.0, 1.0))
     history = ArcLength(system).run(
         gamma_range=(0.0, 0.4), control=StepControl(maximum=0.05), stop=broken(0.4)
@@ -914,7 +914,7 @@ def snapping_bar():
 
 
 def falling_block(cell="tri", n=2, law=Coulomb(0.3), end=0.1, **given):  # noqa: B008
-    """A block that falls on a floor, with friction."""
+    """A block falling on a floor, with friction."""
 
     def energy(u):
         dim = u.function_space.mesh.geometry.dim
@@ -936,7 +936,7 @@ def falling_block(cell="tri", n=2, law=Coulomb(0.3), end=0.1, **given):  # noqa:
 
 
 def schemes():
-    """A few steps of a block that hits a floor, by all schemes of integration."""
+    """A few steps of a block hitting a floor, by all schemes of integration."""
     kinds = {
         "theta": {"theta": 0.6, "mass": "lumped"},
         "theta-euler": {"scheme": "theta-euler", "theta": 0.7},
@@ -1108,7 +1108,7 @@ def pressed_on_a_disc(dim):
 
 
 def branches_by_kinks():
-    """Branches that pass kinks in batches, or by steps."""
+    """Branches passing kinks in batches, or by steps."""
     found = {"solved": {}, "exact": {}, "counts": {}}
     kinds = {
         "batched": (pressed_on_a_disc(2), {"control": StepControl(kinks="batched")}),

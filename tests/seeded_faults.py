@@ -90,7 +90,7 @@ def seen(name):
 
 
 class Kept:
-    """Function that stores its arguments in a list."""
+    """Function storing its arguments in a list."""
 
     __name__ = "stays_under_places"
 

@@ -1,7 +1,7 @@
 """Assumption: contact nodes can move, loads have a size, and classical algorithms converge.
 
-The problems are rows of stiff cells that stick everywhere, gaps and loads of round-off, and random
-points. Each algorithm returns the solution in closed form, or a state that satisfies the law as it
+The problems are rows of stiff cells sticking everywhere, gaps and loads of round-off, and random
+points. Each algorithm returns the solution in closed form, or a state satisfying the law as it
 is written in this file.
 """
 

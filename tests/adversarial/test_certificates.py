@@ -242,7 +242,7 @@ def test_damaged_files_are_refused_without_a_traceback(folder):
 
 
 class Trap:
-    """An object that makes a folder where it is unpickled."""
+    """An object making a folder where it is unpickled."""
 
     def __init__(self, path):
         self.path = str(path)

@@ -276,7 +276,7 @@ def test_the_load_of_a_history_may_be_set_between_runs():
 
 
 def falling():
-    """A block that falls freely: after the time t its mean velocity is -g t, g = 10."""
+    """A block falling freely: after the time t its mean velocity is -g t, g = 10."""
     body = block((2, 1))
     weight = fem.Constant(body.domain, (0.0, -10.0))
     bulk = body.elastic() - ufl.dot(weight, body.u) * ufl.dx

@@ -1,6 +1,6 @@
 """Assumption: bulk, laws and loads are smooth in the displacement and in the parameter gamma.
 
-Stiffnesses with kinks, thresholds that jump, and loads that turn or set in at some gamma have exact
+Stiffnesses with kinks, jumping thresholds, and loads turning or setting in at some gamma have exact
 answers here: columns with Poisson's ratio 0 are springs in a row.
 """
 
@@ -79,7 +79,7 @@ def test_a_sign_in_the_residual_is_not_solved_silently():
 
 
 def lowest(factor):
-    """Gap of a column that hangs under a load ``factor(u)`` at its end, 0.1 above the floor."""
+    """Gap of a column hanging under a load ``factor(u)`` at its end, 0.1 above the floor."""
     body = block()
     body.move_top(0.0, -D)
     v = ufl.TestFunction(body.V)
@@ -145,7 +145,7 @@ def test_a_bimodular_column_is_pressed_and_hangs(compressed, pulled):
 
 
 def one_sided(body):
-    """Energy of a spring at the lower face that acts beyond a way of 0.002."""
+    """Energy of a spring at the lower face acting beyond a way of 0.002."""
     return body.at_bottom() * 1500.0 * ufl.max_value(-body.u[1] - C, 0.0) ** 2 * ufl.ds
 
 
@@ -237,7 +237,7 @@ def test_a_spring_beside_a_pair_begins_to_act_after_some_way():
 
 @dataclass(frozen=True)
 class Straps(Interface):
-    """Straps that are slack up to an opening."""
+    """Straps remaining slack up to an opening."""
 
     stiffness: Any
     slack: Any
@@ -502,7 +502,7 @@ def test_solutions_behind_a_step_of_the_load_are_right():
 
 
 def test_loads_that_are_not_affine_are_right_by_every_route():
-    """A load exp(gamma) and a top that comes down with gamma^3: E d gamma^3 + exp(gamma)."""
+    """A load exp(gamma) and a top coming down with gamma^3: E d gamma^3 + exp(gamma)."""
     body = block()
     gamma = fem.Constant(body.domain, 0.0)
     energy = body.elastic() + ufl.exp(gamma) * body.u[1] * body.at_bottom() * ufl.ds
@@ -613,7 +613,7 @@ def test_a_chart_of_an_affine_load_counts_one_and_three():
 
 
 def kinetic(form, *, density=lambda u: 2.0, speed=1.0, dt=0.05, steps=4):
-    """Kinetic energy of a body that slides freely under a damping form after some steps."""
+    """Kinetic energy of a body sliding freely under a damping form after some steps."""
     body = block()
     problem = body.problem(obstacle=floor(-1.0), bcs=[])
     velocity = fem.Function(body.V)

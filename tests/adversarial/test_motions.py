@@ -378,7 +378,7 @@ def test_a_floor_that_rises_pushes_a_body_at_rest(whole):
 
 
 def meet(length, mass):
-    """A block that meets a floor, in units of length and mass; results in those units."""
+    """A block meeting a floor, in units of length and mass; results in those units."""
     body = block((2, 2), (length, length))
     # Of unit thickness: density is mass / length^2, modulus mass, force mass / length.
     force = fem.Constant(body.domain, (0.0, -10.0 * mass / length))

@@ -246,7 +246,7 @@ class Rows(Observer):
 
 @pytest.mark.parametrize("kind", ["floor", "plate"])
 def test_data_of_gamma_other_than_displacements_stand_when_a_point_is_told(kind):
-    """A floor that rises by 0.01 gamma, and a plate pressed by 10 gamma."""
+    """A floor rising by 0.01 gamma, and a plate pressed by 10 gamma."""
     body = block((2, 1))
     gamma = fem.Constant(body.domain, 0.0)
     obstacle = LevelSet(lambda x: x[1] - 0.01 * gamma)

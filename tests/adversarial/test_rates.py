@@ -31,7 +31,7 @@ from dolfinx_contact.laws import FrictionLaw, Interface
 
 @dataclass(frozen=True)
 class OfSpeed(FrictionLaw):
-    """Friction that falls with the speed of slip and takes the length of the step as known."""
+    """Friction falling with the speed of slip, treating the length of the step as known."""
 
     static: Any
     kinetic: Any

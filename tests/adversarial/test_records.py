@@ -1,6 +1,6 @@
 """Assumption: a record is resumed with the data that it was written with.
 
-A second script that resumes a killed run has other materials, loads, meshes, tags or numbers, often
+A second script resuming a killed run has other materials, loads, meshes, tags or numbers, often
 with the same mean values. It is refused. With the same data it ends as the run that was never
 killed.
 """
@@ -46,7 +46,7 @@ class Killed(Exception):
 
 
 class Killer:
-    """Observer that ends a run after some steps."""
+    """Observer ending a run after some steps."""
 
     def __init__(self, after):
         self.left = after

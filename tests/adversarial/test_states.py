@@ -2,7 +2,7 @@
 
 States are values that can be taken, put back, stored and compared; a problem alone means the static
 law; questions about a state refer to the data as they are now. A question that has no answer for
-them raises an error that gives the residual or names the way.
+them raises an error giving the residual or naming the way.
 """
 
 import pickle

@@ -99,7 +99,7 @@ def test_hild_triangle_passes_a_continuum_of_solutions(folder):
     "all solutions", "charts", reference="paper: Hild (2002), Proposition 2", aspects=("2D",)
 )
 def test_hild_triangle_diagram_agrees_with_proposition_2(folder):
-    """Proposition 2 of Hild (2002), cell by cell, and the lines that carry sets of their own."""
+    """Proposition 2 of Hild (2002), cell by cell, and the lines carrying sets of their own."""
     summary = cases.hild_triangle.main(["--diagram", "--grid=24", "--output", str(folder)])
     critical = 2.0
     for name, found in summary["diagram"].items():

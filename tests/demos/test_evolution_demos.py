@@ -198,7 +198,7 @@ def test_fibre_residue_falls_with_the_steps(folder, no_pictures):
 
 
 def peeling(folder, **parameters):
-    """A strip is peeled: conditions that hold on every mesh."""
+    """A strip is peeled: conditions holding on every mesh."""
     names = run("peeling", folder, **parameters)
     # A machine that opens the crack and returns does the work of fracture, up to the steps.
     assert names["work_ratio"] == pytest.approx(1.0, abs=0.003)
@@ -357,7 +357,7 @@ def at_rest(problem):
 
 
 def gives(*words):
-    """Return the settlement of a stiff pile that slips along its length in cylinders of soil."""
+    """Return the settlement of a stiff pile slipping along its length in cylinders of soil."""
     args = cases.pile.arguments(list(words))
     problem, drawn = cases.pile.pile_in_soil(args, MPI.COMM_WORLD)
     problem.solve()

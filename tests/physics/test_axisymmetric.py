@@ -338,7 +338,7 @@ def test_a_press_fit_of_revolution_has_lames_pressure(ratio, method, degree):
     aspects=("2D",),
 )
 def test_axisymmetric_history_balances_its_energies():
-    """A disc that slips outwards and back stores or dissipates the external work."""
+    """A disc slipping outwards and back stores or dissipates the external work."""
     residues = []
     for steps in (4, 8):
         domain = section(4, "quad")

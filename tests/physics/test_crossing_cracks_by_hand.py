@@ -56,7 +56,7 @@ def cross(cells, friction, strain):
 
 
 def forces(x, u, triangles):
-    """Return the forces that hold the nodes of linear triangles, shape (nodes, 2)."""
+    """Return the forces holding the nodes of linear triangles, shape (nodes, 2)."""
     lame = YOUNG * POISSON / ((1 + POISSON) * (1 - 2 * POISSON))
     shear = YOUNG / (2 * (1 + POISSON))
     result = np.zeros_like(x)

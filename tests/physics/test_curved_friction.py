@@ -152,7 +152,7 @@ TURNED = {2: {"rz": 0.3}, 3: {"rx": 0.2, "ry": -0.3, "rz": 0.4}}
 
 
 def on_turned(dim, shape, **given):
-    """Return a body pressed on an obstacle that rotates about (0.4, ..., -1)."""
+    """Return a body pressed on an obstacle rotating about (0.4, ..., -1)."""
     motion = TURNED[dim] | {"x": 0.02} | ({"y": -0.01} if dim == 3 else {})
     about = [0.4, *[0.5] * (dim - 2), -1.0]
     return RigidBody(shape, about=about, motion=motion, load={"y" if dim == 2 else "z": 5.0})
@@ -224,7 +224,7 @@ def test_the_jacobian_on_curved_obstacles_agrees_with_differences(
     aspects=("2D", "3D", "large sliding"),
 )
 def test_a_stuck_block_that_turns_with_its_body_keeps_sticking(shape, method, angle):
-    """A stuck block that turns with the body under it in one step sticks, its tractions turned."""
+    """A stuck block turning with the body under it in one step sticks, its tractions turned."""
     dim = 2 if shape in ("disc", "ellipse") else 3
     about = np.array([0.4, *[0.5] * (dim - 2), -1.0])
     names = ("x", "y", "rz") if dim == 2 else ("x", "y", "z", "rx", "ry", "rz")

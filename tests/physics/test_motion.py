@@ -70,7 +70,7 @@ def times(history):
     aspects=("2D",),
 )
 def test_impact_of_a_bar_agrees_with_another_code(scheme, theta, level, mass, restitution, damping):
-    """Forces, gaps and energies of a bar that hits the floor and leaves it, as another code's."""
+    """Forces, gaps and energies of a bar hitting the floor and leaving it, as another code's."""
     n = 6
     a, b = damping or (0.0, 0.0)
     problem = cases.bouncing_bar.bar(n, COMM, height=0.3)

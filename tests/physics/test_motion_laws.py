@@ -129,7 +129,7 @@ def test_a_surface_that_gives_way():
     aspects=("2D",),
 )
 def test_broken_bond_costs_its_work():
-    """A block that flies off loses the work w of its bond from its kinetic energy."""
+    """A block flying off loses the work w of its bond from its kinetic energy."""
     w = 0.1
     C = 1e3
     problem = block(RCCM(C, C, w), young=1e7, weight=0.0)
@@ -185,7 +185,7 @@ def test_what_differs_between_ranks(what):
     aspects=("2D",),
 )
 def test_falling_body_of_revolution_has_all_its_mass():
-    """A cylinder of radius and height 1 that falls has the mass of all of it."""
+    """A falling cylinder of radius and height 1 has the mass of its whole volume."""
     domain = box(COMM, 3, "quad")
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
     u = fem.Function(V)
@@ -244,7 +244,7 @@ def test_what_a_compliant_floor_holds(moves):
 
 
 def slides(friction):
-    """The pad of 2 x 2 squares on a floor that goes to the right, and the floor's way."""
+    """The pad of 2 x 2 squares on a floor going to the right, and the floor's way."""
     domain = mesh.create_unit_square(COMM, 2, 2, mesh.CellType.quadrilateral)
     way = fem.Constant(domain, 0.0)
     given = {"x": way, "y": 0.02}

@@ -1,4 +1,4 @@
-"""Obstacles that start in the body, and obstacles that are moved by Constants."""
+"""Obstacles starting in the body, and obstacles that are moved by Constants."""
 
 from mpi4py import MPI
 

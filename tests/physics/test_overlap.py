@@ -1,4 +1,4 @@
-"""Bodies that start in each other: refused, a press fit, or removed without stress."""
+"""Bodies starting in each other: refused, a press fit, or removed without stress."""
 
 from mpi4py import MPI
 

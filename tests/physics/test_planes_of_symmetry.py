@@ -1,4 +1,4 @@
-"""Half a model of bodies that slide over each other, beside the whole one."""
+"""Half a model of bodies sliding over each other, beside the whole one."""
 
 from mpi4py import MPI
 

@@ -107,7 +107,7 @@ def test_quadratic_contact_passes_the_patch_test_in_space(case, sides, cells, de
 
 
 def test_held_ends_of_different_meshes():
-    """Friction that holds everything makes two blocks, held together at their sides, one body."""
+    """Friction preventing all slip makes two blocks, held together at their sides, one body."""
     errors = []
     for n in (4, 8):
         energies = []

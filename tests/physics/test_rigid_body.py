@@ -201,7 +201,7 @@ def test_a_punch_that_is_dragged(dim):
 @pytest.mark.ranks(2)
 @pytest.mark.parametrize("method", ["nodal", "integral"])
 def test_bodies_that_nothing_holds(method):
-    """A load that pulls away, or a motion that no contact resists."""
+    """A load pulling away, or a motion that no contact resists."""
     away = punch(load={"y": 10.0}, held=["x", "rz"])
     with pytest.raises(FloatingBodyError, match="translation y of punch"):
         block(away, method=method).solve()

@@ -156,7 +156,7 @@ def pair_searches(bodies):
 
 
 def pressed_and_sheared(bodies, shear=0.03):
-    """A history that presses the blocks on each other and shears them without slip."""
+    """A history pressing the blocks on each other and shearing them without slip."""
     axis = bodies.dim - 1
 
     def load(t):
@@ -607,7 +607,7 @@ def disc_on_a_block(cell, slave, n=4, law=None):
 
 
 def torque_of_a_punch(n, angle, pressure):
-    """Return frictional torque over normal force of a disc of radius 1 that spins in one step.
+    """Return frictional torque over normal force of a disc of radius 1 spinning in one step.
 
     Args:
         n: number of cells across the disc.
@@ -686,7 +686,7 @@ def extruded(flat, width, layers):
 
 
 def pressed_hairpin(domain, inner):
-    """Force that closes the arms, per width, and the result."""
+    """Force closing the arms, per width, and the result."""
     dim = domain.geometry.dim
     u = displacement(domain)
     V = u.function_space

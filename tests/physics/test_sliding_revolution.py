@@ -1,4 +1,4 @@
-"""Bodies of revolution that slide over each other without friction."""
+"""Bodies of revolution sliding over each other without friction."""
 
 from mpi4py import MPI
 
@@ -201,7 +201,7 @@ def pressure_of_fit(d):
     aspects=("2D", "pairs", "large sliding"),
 )
 def test_a_sliding_press_fit_has_lames_pressure():
-    """A hub that widens in a ring with other nodes: to the square of the mesh size."""
+    """A hub widening in a ring with other nodes: to the square of the mesh size."""
     d = 1e-4
     errors = []
     for n in (4, 8):

@@ -1,4 +1,4 @@
-"""Friction that depends on the distance slipped, in histories: it is remembered, and grows."""
+"""Friction depending on the distance slipped, in histories: it is remembered, and grows."""
 
 from mpi4py import MPI
 

@@ -211,7 +211,7 @@ def trees():
 
 
 def test_tests_of_several_ranks_are_marked():
-    """A test that needs several ranks is marked `ranks`, or is in a file of which all are."""
+    """A test needing several ranks is marked `ranks`, or is in a file of which all are."""
     several = r"^((?:@.*\n)*@pytest\.mark\.skipif\(COMM\.size == 1,.*\n(?:@.*\n)*)def test_"
     for path in TESTS.rglob("test_*.py"):
         text = path.read_text()

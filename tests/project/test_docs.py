@@ -105,7 +105,7 @@ def test_recipes_are_numbered():
 
 
 def test_every_script_is_on_a_page():
-    """Recipes, tutorials, demos and theory are in the tables of contents that lead to them."""
+    """Recipes, tutorials, demos and theory are in the tables of contents leading to them."""
     recipes = (DOCS / "recipes" / "index.md").read_text().split()
     assert {path.stem for path in RECIPES} <= set(recipes)
     tutorials = (DOCS / "tutorials" / "index.md").read_text().split()

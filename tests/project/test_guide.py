@@ -103,7 +103,7 @@ def test_indenter_of_the_guide_carries_its_force(folder, monkeypatch):
 
 @pytest.mark.ranks(2)
 def test_motion_of_the_guide_keeps_its_energy():
-    """A cube that falls onto a floor, and keeps its energy."""
+    """A cube falling onto a floor and keeping its energy."""
     cube = mesh.create_unit_cube(COMM, 2, 2, 2)
     V = fem.functionspace(cube, ("Lagrange", 1, (3,)))
     u = fem.Function(V, name="displacement")

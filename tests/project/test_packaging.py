@@ -190,7 +190,7 @@ def test_plots_name_the_missing_matplotlib(monkeypatch):
 
 
 def test_dolfinx_that_is_missing_is_named(monkeypatch):
-    """At import, before anything that needs it."""
+    """At import, before anything needing it."""
     every = ("mpi4py", "petsc4py", "dolfinx")
     require_dolfinx(*every)
     there = _install.find_spec

@@ -1,6 +1,6 @@
 """Properties of all solutions, on random bodies, laws, obstacles and places.
 
-A failure is reduced to the simplest case, and printed as a script that runs by itself. By default a
+A failure is reduced to the simplest case, and printed as a script running by itself. By default a
 few cases are drawn, always the same; with --long many, which differ from day to day.
 """
 

@@ -33,7 +33,7 @@ serial = pytest.mark.skipif(COMM.size > 1, reason="one process, or processes of 
 
 @pytest.fixture(autouse=True)
 def no_hang():
-    """A call that hangs ends the run, with the traceback."""
+    """A hanging call ends the run, with the traceback."""
     faulthandler.dump_traceback_later(120, exit=True)
     yield
     faulthandler.cancel_dump_traceback_later()

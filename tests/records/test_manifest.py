@@ -29,7 +29,7 @@ RULE = {"quadrature_degree": 2}
 
 
 class Stop(Exception):
-    """Exception that ends a run before it is resumed."""
+    """Exception ending a run before it is resumed."""
 
 
 def stop(step):
@@ -158,7 +158,7 @@ def motion(comm=COMM, *, heavy=lambda x: 1.0 + (x[0] > 0.5), drag=lambda x: x[0]
 
 
 def recorded(evolution, folder):
-    """A run with a record that ends after two steps of four."""
+    """A run with a record ending after two steps of four."""
     times = [0.0, 0.25, 0.5, 0.75, 1.0]
     with EvolutionRecord(folder, evolution) as kept, pytest.raises(Stop):
         evolution.run(times, record=kept, observer=stop)

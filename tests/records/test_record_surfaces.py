@@ -90,7 +90,7 @@ def test_record_keeps_the_displacement_of_every_point(cell, degree, folder):
 
 @pytest.mark.ranks(2)
 def test_record_keeps_the_order_of_vertices_on_other_ranks(folder):
-    """A record that goes on on one rank has the vertices in the order in which it began."""
+    """A record continuing on one rank has the vertices in the order in which it began."""
     record(*moved_block(COMM), folder / "parts", max_steps=3, **KEPT)
     if COMM.rank == 0:
         alone = MPI.COMM_SELF

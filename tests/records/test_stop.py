@@ -18,7 +18,7 @@ class Killed(Exception):
 
 
 def made(case):
-    """Return an evolution, its times, and a function that shortens it."""
+    """Return an evolution, its times, and a function shortening it."""
     if case == "motion":
         return recorded_evolution.moving(COMM), TIMES[:2], {}
     return recorded_evolution.pair(COMM, n=2), TIMES[:3], {"longest": 0.5}

@@ -280,7 +280,7 @@ def table_of(problem: ContactProblem) -> Any:
 
 @dataclass(frozen=True)
 class SlipWeakening(FrictionLaw):
-    """Friction that falls with the distance slipped, from ``static`` to ``kinetic``."""
+    """Friction falling with the distance slipped, from ``static`` to ``kinetic``."""
 
     static: Any
     kinetic: Any

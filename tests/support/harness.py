@@ -28,7 +28,7 @@ _MESHES = ("create_rectangle", "create_submesh")
 
 @contextmanager
 def varied(*, step_factor=None, r=None, seed=None, mm=None, MPa=None):
-    """Context manager that changes imported cases.
+    """Context manager changing imported cases.
 
     Args:
         step_factor: factor of the step lengths.

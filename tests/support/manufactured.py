@@ -369,7 +369,7 @@ def slid(x, last, *, below):
 
 
 def sliding(n, cell, other=0.75):
-    """Two blocks of different meshes that have slid far, and slip and stick in a second step."""
+    """Two blocks of different meshes after a long slide, slipping and sticking in a second step."""
     from support.mortars import stacked
 
     both = stacked(int(2 * other * n), n, (-0.25, 1.75), (0.0, 1.0), cell)

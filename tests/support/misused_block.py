@@ -187,7 +187,7 @@ class Telling(Observer):
 
 
 class WorseLaw(FrictionLaw):
-    """Law that raises on some ranks only."""
+    """Law raising on some ranks only."""
 
     def __init__(self, raises):
         self.raises = raises

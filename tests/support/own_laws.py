@@ -1,4 +1,4 @@
-"""Two laws of `demo_own_law.py`: friction that weakens with the slip, and orthotropic friction."""
+"""Two laws of `demo_own_law.py`: friction weakening with the slip, and orthotropic friction."""
 
 from dataclasses import dataclass
 from typing import Any

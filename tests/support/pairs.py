@@ -104,7 +104,7 @@ def triangle_on_a_body(n, friction):
 
 
 def cracked(dim, cell, reach, n=4):
-    """A box with a crack at mid height that reaches from -1 to ``reach``; tags as `stacked`."""
+    """A box with a crack at mid height reaching from -1 to ``reach``; tags as `stacked`."""
     domain = box(COMM, n, cell)
     fdim = dim - 1
     up = dim - 1

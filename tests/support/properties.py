@@ -354,7 +354,7 @@ def holds(check, drawn, *, examples, random=False):
     """Check a property of drawn data; a failure is reduced and printed as a script. Collective.
 
     Args:
-        check: function that raises an exception where the property does not hold.
+        check: function raising an exception where the property does not hold.
         drawn: strategy of its arguments.
         examples: number of examples.
         random: whether examples differ in every run; otherwise they are equal on all ranks.

@@ -38,7 +38,7 @@ UNIT = (0.0, 1.0)
 
 @dataclass
 class Body:
-    """A contact problem and the Function that prescribes the displacement of its moved end."""
+    """A contact problem and the Function prescribing the displacement of its moved end."""
 
     problem: ContactProblem
     top: fem.Function | None = None

@@ -12,7 +12,7 @@ from dolfinx_contact.reduced.gathered import PointLaws
 
 
 class SymmetricGuess:
-    """A preconditioner that knows nothing of the system: symmetric, positive, and not diagonal."""
+    """A preconditioner knowing nothing of the system: symmetric, positive, and not diagonal."""
 
     def apply(self, r, z):
         total = r.sum()

@@ -232,7 +232,7 @@ def unlike_pair():
 
 
 def two_on_a_floor(left, right, lowest=-1.0):
-    """Two bodies that touch above a height, their nodes not opposite, with a floor below the left.
+    """Two bodies touching above a height, their nodes not opposite, with a floor below the left.
 
     With the first height slave and floor share a corner; the clamped end of the slave weakens the
     row of the node beside it.

@@ -61,7 +61,7 @@ def test_one_node_has_its_labels(damping):
 
 
 class Pressed:
-    """A body at rest under a load that balances a uniform pressure and a shear at the bound.
+    """A body at rest under a load balancing a uniform pressure and a shear at the bound.
 
     The undeformed body is a solution; statuses are those that are given.
 
@@ -158,9 +158,9 @@ def test_stability_in_space_leaves_touching_points_open():
 
 
 class Column:
-    """A column 1 x 10 that stands on its contact points with much friction, E = 1000.
+    """A column 1 x 10 standing on its contact points with much friction, E = 1000.
 
-    With a load P it is pressed at its free top, by a force that keeps its direction or follows the
+    With a load P it is pressed at its free top, by a force keeping its direction or following the
     body; else the top is held.
     """
 

@@ -59,7 +59,7 @@ def test_squeal_has_its_growth_rates(n):
     "steady sliding", reference="closed form: growth and frequency of one node", aspects=("2D",)
 )
 def test_one_sliding_node_grows_at_its_closed_form(dense):
-    """A node that slips to the left grows at sqrt((F k - kt)/m), and oscillates before that."""
+    """A node slipping to the left grows at sqrt((F k - kt)/m), and oscillates before that."""
     lmbda = 1.0
     mu = 1.0
     density = 3.0

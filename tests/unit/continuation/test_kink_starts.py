@@ -189,7 +189,7 @@ def test_both_rays_of_a_fold_at_a_kink_are_followed():
 @pytest.mark.parametrize("beyond", [0.0, 1e-15, -1e-15, -1e-13])
 @pytest.mark.parametrize(("x", "gamma"), [(0.0, 1.0), (0.5, 0.5), (1.0, 0.0)])
 def test_the_range_ends_at_a_fold_at_a_kink(x, gamma, beyond):
-    """Both halves of the diamond are found in a range that ends at its tip, wherever it begins.
+    """Both halves of the diamond are found in a range ending at its tip, wherever it begins.
 
     The end is at the tip to round-off, which may be on either side of it.
     """

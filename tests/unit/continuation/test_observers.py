@@ -166,7 +166,7 @@ def test_a_record_comes_first(folder):
 
 
 class Notes(Observer):
-    """Observer that stores its arguments."""
+    """Observer storing its arguments."""
 
     def __init__(self):
         self.told = []
@@ -191,7 +191,7 @@ class Notes(Observer):
     ),
 )
 def test_one_observer_serves_branches_histories_and_paths(folder):
-    """Branches, histories and paths call the same methods; a run that goes on begins again."""
+    """Branches, histories and paths call the same methods; a continuing run begins again."""
     system = driven_block("load", n=3)
     notes = Notes()
     branch = follow(system, start_of(system), 0.5, gamma_range=(0.4, 0.6), observer=notes)

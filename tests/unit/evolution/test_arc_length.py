@@ -172,7 +172,7 @@ def test_arc_length_passes_klarbrings_end():
     aspects=("2D",),
 )
 def test_two_bonds_break_in_turn():
-    """A lid that tilts as it rises breaks two bonds: folds of an independent condensation."""
+    """A lid tilting as it rises breaks two bonds: folds of an independent condensation."""
     domain = mesh.create_unit_square(MPI.COMM_SELF, 1, 1, mesh.CellType.quadrilateral)
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
     u = fem.Function(V)

@@ -155,7 +155,7 @@ def test_what_is_proved_of_a_coarse_step():
     aspects=("2D",),
 )
 def test_a_jump_from_which_no_solution_is_near(stiffness, law, pressed, times):
-    """Friction that weakens by slip snaps once, at mu p / k; the state beyond is far off."""
+    """Friction weakening with slip snaps once, at mu p / k; the state beyond is far off."""
     static, kinetic, distance = law
     problem, top = columns([stiffness], SlipWeakening(*law))
 
@@ -278,7 +278,7 @@ def test_a_fall_of_the_smallest_det_is_refused():
     aspects=("2D", "pairs", "large sliding"),
 )
 def test_facets_that_a_step_passes(caplog):
-    """A block that slides without friction over a plate: the way, and a word about it, once."""
+    """A block sliding without friction over a plate: the way, and a word about it, once."""
     bodies = Bodies(stacked(40, 5, (-1.0, 2.0), (0.0, 1.0), "quad"), 3, Frictionless())
 
     def load(t):

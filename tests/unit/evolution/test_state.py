@@ -30,7 +30,7 @@ COMM = MPI.COMM_WORLD
 
 
 def moved_block():
-    """A block on a floor, and a function that moves its top."""
+    """A block on a floor, and a function moving its top."""
     problem, top = dragged()
 
     def move(x, y):

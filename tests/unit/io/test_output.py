@@ -34,7 +34,7 @@ MATERIAL = LinearElastic.from_young(1000.0, 0.3)
 
 
 def sphere(dim):
-    """A ball that touches the middle of the bottom of the unit block."""
+    """A ball touching the middle of the bottom of the unit block."""
     centre = np.full(dim, 0.5)
     centre[-1] = -2.0
     return Sphere(centre, 2.0)
@@ -111,7 +111,7 @@ def recipe():
     aspects=("2D",),
 )
 def test_own_energy_has_its_stress():
-    """The recipe in 2D gives the stress of the closed form, and the energy that belongs to it."""
+    """The recipe in 2D gives the stress of the closed form, and the corresponding energy."""
     gradient = np.array([[0.1, 0.05, 0.0], [-0.02, -0.08, 0.0], [0.0, 0.0, 0.0]])
     plane = linear_displacement(box(COMM, 1, "tri"), gradient[:2, :2])
     names = {"ufl": ufl, "u": plane, "mu": 1.0, "kappa": 2.0}

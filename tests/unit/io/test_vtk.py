@@ -1,4 +1,4 @@
-"""VTK files read by PyVista, and the script that shows results in ParaView."""
+"""VTK files read by PyVista, and the script showing results in ParaView."""
 
 import ast
 import os

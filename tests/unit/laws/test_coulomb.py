@@ -102,7 +102,7 @@ def test_violation_vanishes_for_slips_that_obey_the_law():
     "Coulomb", "Tresca", reference="differences: of the projection", aspects=("2D", "3D")
 )
 def test_derivative_of_the_projection_agrees_with_differences(dim):
-    """Away from its kinks; points that stick, slip and are open, with a bound and without."""
+    """Away from its kinks; sticking, slipping and open points, with a bound and without."""
     rng = np.random.default_rng(4)
     m = 300
     s = rng.normal(size=(m, dim))

@@ -151,7 +151,7 @@ def test_the_demo_of_an_own_law_runs(folder):
 
 @dataclass(frozen=True)
 class Offset(FrictionLaw):
-    """Friction that begins at a pressure."""
+    """Friction beginning at a pressure."""
 
     friction: Any
     onset: Any

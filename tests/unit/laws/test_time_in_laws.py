@@ -1,4 +1,4 @@
-"""Laws that depend on time: behaviour without time, and refused combinations."""
+"""Laws depending on time: behaviour without time, and refused combinations."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -56,7 +56,7 @@ def mu(v, exp=np.exp):
 
 @dataclass(frozen=True)
 class OfSpeed(FrictionLaw):
-    """Friction that falls with the speed, which nothing says at rest."""
+    """Friction falling with the speed, which nothing says at rest."""
 
     scale: Any = 1.0
 
@@ -193,7 +193,7 @@ def test_friction_of_a_speed_acts_in_a_history(law):
 
 
 class Weakening(FrictionLaw):
-    """Friction that weakens with the speed: F(v) = 0.27 + 0.03 / (1 + v / 0.4)."""
+    """Friction weakening with the speed: F(v) = 0.27 + 0.03 / (1 + v / 0.4)."""
 
     def bound(self, a, p):
         speed = ufl.conditional(ufl.gt(a.step, 0.0), (a.slid - a.slid_before) / a.step, 0.0)

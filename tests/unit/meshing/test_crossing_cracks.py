@@ -121,7 +121,7 @@ def pressed(body, u, groups, load, **options):
 
 
 def check_pressures(result, pressures, *, carrying=None):
-    """Pressures on planes across x and y, and no shear, at every point that carries contact."""
+    """Pressures on planes across x and y, and no shear, at every point carrying contact."""
     for table in result.tables.values():
         on = table.letters != "d"
         across = int(abs(table.n[0, 1]) > 0.5)
@@ -273,7 +273,7 @@ def test_crossing_planes_meet_in_a_line(groups, options):
 
 
 def test_through_crack_of_one_group_divides_a_stem():
-    """A stem that ends on it: the side that the stem divides is the slave."""
+    """A stem ending on it: the side that the stem divides is the slave."""
     result = loaded((1, 1, 2), (1.0, 3.0), exchanged=(1,)).solve()
     check_pressures(result, (1.0, 3.0))
     assert result.tables["arm 1"].status == "kkddkk"

@@ -30,7 +30,7 @@ BULGE = 0.2
 
 
 def bulging(dim, cell, n, sign, first=1):
-    """A box of height 1 that rests on its bulge, or hangs from it; tags of face and far end."""
+    """A box of height 1 resting on its bulge, or hanging from it; tags of face and far end."""
     body = box(COMM, n, cell)
     tags = tagged(body, **{f"t{first}": (dim - 1, 0.0), f"t{first + 1}": (dim - 1, 1.0)})
     x = body.geometry.x

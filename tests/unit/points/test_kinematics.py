@@ -62,7 +62,7 @@ def crossing_floor(dim, **given):
 
 
 def round_floor(obstacle, cell, **given):
-    """A block that goes far over a curved floor."""
+    """A block going far over a curved floor."""
     return block(n=3, cell=cell, obstacle=obstacle, material=RUBBER, law=Frictionless(), **given)
 
 
@@ -75,7 +75,7 @@ def rigid(dim, degree=1):
 
 
 def ball():
-    """A sphere that comes and does not turn, over a block that is not linear."""
+    """A sphere moving without rotating, over a nonlinear block."""
     about = (0.3, 0.5, 1.6)
     held = ("y", "rx", "ry", "rz")
     body = RigidBody(

@@ -1,4 +1,4 @@
-"""Faces that turn over rigid obstacles in a step, about their normals."""
+"""Faces turning over rigid obstacles in a step, about their normals."""
 
 from mpi4py import MPI
 
@@ -36,7 +36,7 @@ class Disc:
     """A disc of radius 1 on an obstacle, moved at its top.
 
     Args:
-        obstacle: obstacle, or function of the mesh that returns it.
+        obstacle: obstacle, or function of the mesh returning it.
         cell: cell type.
         n: number of cells across the disc.
         law: contact law.
@@ -179,7 +179,7 @@ def test_face_that_spins_gives_a_warning(obstacle, cell, given):
 )
 @pytest.mark.parametrize(("angle", "warned"), [(20.0, False), (25.0, True)])
 def test_short_steps_give_no_warning(angle, warned):
-    """The torque of a disc that spins by 20 degrees in a step is 1.5 % low, by 25 2.4 %."""
+    """The torque of a disc spinning by 20 degrees in a step is 1.5 % low, by 25 2.4 %."""
     disc = Disc(FLOOR)
     last = disc.run(spinning(disc, angle))[-1]
     assert spin(last) == pytest.approx(angle, rel=2e-2)

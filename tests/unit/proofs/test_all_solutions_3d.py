@@ -108,7 +108,7 @@ def cube(law, *, held=None, gap=0.0, n=2, energy=None):
 
 
 def field(domain):
-    """Friction that vanishes on a half, and differs on the other."""
+    """Friction vanishing on one half and varying on the other."""
     x = ufl.SpatialCoordinate(domain)
     return Coulomb(ufl.conditional(ufl.lt(x[0], 0.4), 0.0, 0.4 + 0.3 * x[1]))
 

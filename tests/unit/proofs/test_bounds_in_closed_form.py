@@ -1,7 +1,7 @@
 """Bounds of the proof checker in closed form, and the smallest false claims.
 
 Data have errors far above round-off, so that the exact bound is a number: the worst case over all
-data within the errors. A step that claims slightly more than is true is refused. A step that claims
+data within the errors. A step claiming slightly more than is true is refused. A step that claims
 slightly less is accepted.
 """
 

@@ -55,7 +55,7 @@ def alone(script, *arguments, modules="numpy"):
 
 @pytest.fixture(scope="module")
 def proofs():
-    """Proofs that together hold every kind of step, with problems that have several solutions."""
+    """Proofs containing every kind of step, of problems with several solutions."""
     rng = np.random.default_rng(5)
     found = []
     kinds = set()

@@ -406,7 +406,7 @@ def test_rays_at_the_apex_agree_with_enumeration(seed):
 
 
 def test_where_nothing_is_proved():
-    """A point that slips does work along a ray, of any sign."""
+    """A slipping point does work along a ray, of any sign."""
     rng = np.random.default_rng(4)
     whole, system, cone = random_cone(rng, 3, {1: SLIP}, 1.0)
     assert "1 points slip" in apex_problem(whole, system, cone)

@@ -1,4 +1,4 @@
-"""Faces that slide off the rim of an open rigid surface."""
+"""Faces sliding off the rim of an open rigid surface."""
 
 from mpi4py import MPI
 
@@ -45,7 +45,7 @@ def led_off(u, surface, held, top, *, at_sides=()):
 
 
 def off_surface(dim, cell, friction, *, method="nodal", n=8, overlap=0.0, end=END):
-    """Forces on a block that leaves an open rigid surface, and the work of its loads.
+    """Forces on a block leaving an open rigid surface, and the work of its loads.
 
     In space the block is a slice. It starts in the surface by an overlap that is removed.
     """

@@ -1,4 +1,4 @@
-"""The first step from a body that touches nothing."""
+"""The first step from a body touching nothing."""
 
 import subprocess
 import sys
