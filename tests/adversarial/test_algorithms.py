@@ -96,7 +96,7 @@ def test_loads_that_come_and_go_and_loads_of_round_off_have_their_forces(algorit
 
 
 def half_held(mirrored):
-    """Tables of all algorithms for a row whose friction holds one half and lets the other go."""
+    """Tables of all algorithms for a row sticking on one half and slipping on the other."""
     body = block((4, 1), (1.0, 0.25))
     friction = fem.Function(fem.functionspace(body.domain, ("Lagrange", 1)))
     friction.interpolate(lambda x: 20.0 * (x[0] > 0.4 if mirrored else x[0] < 0.6))

@@ -72,7 +72,7 @@ def sizes(values):
 
 
 def assert_all_found(found, lists):
-    """Assert that all coefficients are found, and that this is said."""
+    """Assert that all coefficients are found, with a message saying so."""
     one, mixed, unreal = lists
     assert_close(sorted(found.one_signed), sorted(one))
     assert_close(sorted(found.mixed), sorted(mixed))

@@ -139,7 +139,7 @@ def test_a_damping_changed_by_the_load_is_refused(later):
 
 
 def test_rayleighs_damping_by_a_constant_is_refused():
-    """Its factors are numbers, which a load cannot change."""
+    """Its factors are numbers, so a load cannot change them during a run."""
     body = flying((0.0, 0.0))
     damping = (body.constant(0.0), 0.0)
     with pytest.raises(ValueError, match="damping must be a form or a pair of numbers"):
@@ -273,7 +273,7 @@ def test_a_ring_in_free_flight_has_the_mass_of_its_circumference():
 
 
 def at_rest(solved):
-    """Largest kinetic energy of a body under data that stay."""
+    """Largest kinetic energy of a body under unchanging data."""
     body = block()
     body.move_top(0.0, -0.01)
     problem = body.problem(bulk=body.elastic(1000.0, 0.2))

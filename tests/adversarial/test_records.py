@@ -171,7 +171,7 @@ def held_in_nanometres(left, right):
 
 
 def centre_of_a_tilt(about):
-    """The point about which a rigid floor tilts is a number that occurs in no form."""
+    """The centre of a tilting rigid floor is a number without a place in any form."""
     body = block((4, 2))
     tilt = fem.Constant(body.domain, 0.0)
     obstacle = RigidBody(floor(), about=(about, 0.0), motion={"rz": tilt}, held=["x", "y"])
@@ -209,7 +209,7 @@ def tags_of_sides(left, right):
 
 
 def pushed(cells=(4, 2), height=0.0):
-    """A block that its weight and a side force push along a floor, for motions."""
+    """A block sliding along a floor under its weight and a side force, for motions."""
     body = block(cells)
     force = fem.Constant(body.domain, (30.0, -100.0))
     energy = body.elastic(1000.0, 0.2) - ufl.dot(force, body.u) * ufl.dx

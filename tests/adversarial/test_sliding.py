@@ -257,7 +257,7 @@ def test_blocks_turned_together_by_half_a_degree_are_right(caplog):
 
 
 def twisted(degrees, press):
-    """Share of the force of two cubes that is left where one is twisted on the other."""
+    """Remaining share of the force between two cubes after twisting one on the other."""
     both = two_blocks((2, 2, 1), (3, 3, 1), cell="hex")
     problem = pressed(both, 0.0)
     c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))

@@ -17,7 +17,7 @@ from dolfinx_contact.continuation import find_solutions
 
 
 def tables_found(system, gamma, guesses=None, lengths=(0.5,)):
-    """A search, which leaves the displacement as it is, and the tables of its solutions."""
+    """A search leaving the displacement unchanged, and the tables of its solutions."""
     guesses = guesses or [system.create_vector()]
     u = system.problem.u.x.array
     before = u.copy()

@@ -93,7 +93,7 @@ def test_dragged_body_refuses_a_mesh_without_its_top(folder):
 
 @pytest.mark.ranks(2)
 def test_demo_names_an_unwritable_folder_before_meshing(folder):
-    """Said at once, on every rank, before the mesh is made."""
+    """The error is raised on every rank before meshing."""
     blocked = folder / "file"
     if COMM.rank == 0:
         blocked.write_text("")

@@ -84,7 +84,7 @@ def test_hild_triangle_has_three_closed_form_solutions(folder):
 
 
 def test_hild_triangle_passes_a_continuum_of_solutions(folder):
-    """At the critical coefficient: from stick, along states that slip, to separation."""
+    """At the critical coefficient: from stick, along slipping states, to separation."""
     options = ["--friction=2", "--load", "-2", "-1", f"--output={folder}"]
     (continuum,) = cases.hild_triangle.main(options)["solutions"]
     assert continuum["continuum"] is True

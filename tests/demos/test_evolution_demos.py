@@ -155,7 +155,7 @@ def test_adhesion_case_has_the_folds_of_its_snap_back(folder):
 )
 @pytest.mark.long
 def test_a_fibre_is_pulled_out(folder, no_pictures):
-    """Against a bar in a rigid matrix; after the jump friction alone remains."""
+    """Against a bar in a rigid matrix; after the jump only friction is holding it."""
     names = run("pull_out", folder)
     force, bar, foot, mouth, u0 = (names[k] for k in ("force", "bar", "foot", "mouth", "u0"))
     steps = names["history"].steps
@@ -350,7 +350,7 @@ def test_indenter_converges(folder):
 
 
 def at_rest(problem):
-    """Tables of the shaft, and the displacement that is left of a balance of stresses."""
+    """Tables of the shaft, and the remaining displacement under balanced stresses."""
     result = problem.solve()
     left = np.linalg.norm(problem.u.x.array, ord=np.inf)
     return result.tables["contact"], problem.u.function_space.mesh.comm.allreduce(left, op=MPI.MAX)

@@ -153,7 +153,7 @@ def test_cracks_that_do_not_slip(capsys):
     ),
 )
 def test_the_press_fit_demo_has_lames_pressure_and_torque(folder, ratio, no_pictures):
-    """Lame's pressure, and the torque that it holds, with errors that fall like the squares."""
+    """Lame's pressure and the corresponding torque, with errors decreasing quadratically."""
     summary = cases.press_fit.main(["--n=8", f"--ratio={ratio}", f"--output={folder}"])
     off = [summary[k] / summary[f"{k}_closed_form"] - 1 for k in ("pressure", "torque")]
     assert abs(off[0]) < 0.01

@@ -55,7 +55,7 @@ def test_rolling_wheel_converges_to_carter(folder, no_picture):
     aspects=("3D", "pairs", "large sliding"),
 )
 def test_twisting_hemisphere_has_the_published_torque(folder, no_picture):
-    """Torque and force of a half-sphere that is pressed into a block and turned, on 1000 cells."""
+    """Torque and force of pressing a half-sphere into a block and turning it, on 1000 cells."""
     found = cases.twisting_hemisphere.main([f"--output={folder}"])
     papers = cases.twisting_hemisphere.PUBLISHED
     torque = found["torque_at"]

@@ -174,7 +174,7 @@ def refused_integral(message, both, **options):
 @pytest.mark.ranks(2)
 @pytest.mark.refuses("rigid bodies", aspects=("2D", "large sliding"))
 def test_half_a_turn_in_a_step_is_refused():
-    """After a whole turn all positions are the same, so that the slip would be zero."""
+    """After a whole turn all positions are the same, making the slip zero."""
     turns = []
 
     def body(domain):

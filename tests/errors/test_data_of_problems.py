@@ -111,7 +111,7 @@ def test_problem_refuses_clamped_contact_facets():
 
 @pytest.mark.parametrize("depth", [0.01, -0.01])
 def test_solve_refuses_a_clamped_node_inside_the_obstacle(depth):
-    """The left side is clamped and moved down, so that its lowest node enters the obstacle."""
+    """The clamped left side is moved down, pushing its lowest node into the obstacle."""
     _, u = square()
     bcs = [clamp(u, 0, 0.0, (0.0, -depth))]
     problem = ContactProblem(MATERIAL.energy(u) * ufl.dx, u, [surface(u)], bcs=bcs)

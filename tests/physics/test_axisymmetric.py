@@ -93,7 +93,7 @@ def test_a_disc_in_other_units_has_the_same_iterates():
 
 
 def indented(shape, contact_radius, n=16):
-    """A cylinder of 40 contact radii that a rigid sphere of the radius 50 indents."""
+    """A rigid sphere of radius 50 indenting a cylinder of 40 contact radii."""
     a = contact_radius
     across = graded(40 * a, a / n, 2 * n, n)
     domain = create_grid(COMM, [across, across], mesh.CellType.quadrilateral)

@@ -390,7 +390,7 @@ UNITS = (100.0, 1.0, 0.01), (1e11, 1e-3, 1e-6), (1e-9, 1e9, 1e-3), (1e9, 1e-9, 1
 
 
 def one_row(cell="tri", n=4, *, young=100.0, size=1.0, strain=0.01, law=None, push=None):
-    """A row of cells, and the forces that its lower nodes are to carry (dim,)."""
+    """A row of cells, and the force expected at each of its lower nodes, shape (dim,)."""
     dim = 2 if cell in ("tri", "quad") else 3
     if dim == 2:
         domain = mesh.create_unit_square(COMM, n, 1, CELLS[cell])

@@ -70,7 +70,7 @@ def on_circle(angle, radius, number):
     aspects=("2D", "large sliding"),
 )
 def test_a_point_led_along_a_circle_slips_by_the_arc(step):
-    """A point that is led along a circle slips by the arc, in one step up to half a turn."""
+    """A point moving along a circle slips by the arc, in one step up to half a turn."""
     obstacle = Sphere((0.0, 0.0), 2.0)
     angles = [-0.3, -0.3 + step, -0.3 + step / 3]
     number = block(obstacle, n=2).surfaces[0].points.number
@@ -184,7 +184,7 @@ def on_turned(dim, shape, **given):
 def test_the_jacobian_on_curved_obstacles_agrees_with_differences(
     name, cell, given, turned, remembers
 ):
-    """Every status somewhere, normals, gaps and slips that follow the displacement."""
+    """Every status somewhere; normals, gaps and slips depending on the displacement."""
     dim = 2 if cell in ("tri", "quad") else 3
     shape = OBSTACLES[name]
     obstacle = on_turned(dim, shape) if turned else shape
@@ -273,7 +273,7 @@ def test_a_stuck_block_that_turns_with_its_body_keeps_sticking(shape, method, an
 
 
 def is_dry(table, friction):
-    """Whether the friction of points that slip is mu p, and against the slip."""
+    """Return whether friction at slipping points is mu p and opposes the slip."""
     slips = np.isin(table.letters, ["+", "-", "s"])
     assert slips.sum() > 1
     shear = table.shear[slips]
@@ -286,7 +286,7 @@ def is_dry(table, friction):
 
 
 def around(t, X, dim, press=0.08, angle=0.5):
-    """Pressed down until t = 1, then led around the axis y through (0.4, ., -1)."""
+    """Pressed down until t = 1, then moving around the axis y through (0.4, ., -1)."""
     moved = np.zeros_like(X)
     moved[:, -1] = -press * min(t, 1.0)
     turn = angle * max(t - 1.0, 0.0)

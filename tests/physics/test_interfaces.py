@@ -214,7 +214,7 @@ def test_interface_friction_agrees_with_tresca(cell):
     ),
 )
 def test_maxwell_layer_relaxes_as_implicit_euler(dim):
-    """Relaxation of a jump that is held: implicit Euler's to round-off, of first order."""
+    """Relaxation at a constant jump follows implicit Euler, converging at first order."""
     k = 3.0
     b = 0.6
     c = 0.5
@@ -303,7 +303,7 @@ def test_bar_on_cohesion_turns_back(k):
     ),
 )
 def test_coupled_variables_minimise_energy_and_dissipation(dim):
-    """Each step is the least of energy and dissipation, that a minimiser finds."""
+    """Each step minimises energy plus dissipation, according to a minimiser working on its own."""
     stiffness = 40.0
     flows = 3.0
     work = 0.1

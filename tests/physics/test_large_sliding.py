@@ -228,7 +228,7 @@ def test_a_plane_is_a_plane(cell):
 
 
 def test_sliding_is_large_by_default_for_nonlinear_bodies_only():
-    """Large by default for bodies that are not linear, and for these alone."""
+    """The default is large sliding for nonlinear bodies only."""
     disc = Sphere((0.4, -3.0), 3.0)
     for material, sliding, follows in (
         (STEEL, None, False),
@@ -244,9 +244,9 @@ def test_sliding_is_large_by_default_for_nonlinear_bodies_only():
 
 
 def orbiting(cell, n, angle, press=0.08):
-    """Press a block on a cylinder and lead its top around it; gamma is the part of the way.
+    """Press a block on a cylinder, moving its top around it; gamma is the fraction of the way.
 
-    Only the frame changes on the way, so that the pressed state is the solution everywhere.
+    Only the frame changes on the way, leaving the pressed state a solution everywhere.
     """
     domain = box(COMM, n, cell)
     dim = domain.geometry.dim

@@ -164,7 +164,7 @@ def test_bar_rebounds_with_its_speed():
 
 
 def shaken(problem, size=1.0):
-    """Return a velocity that is no rigid motion and vanishes at supports."""
+    """Return a deforming velocity vanishing at supports."""
     v = fem.Function(problem.V)
     dim = problem.V.mesh.geometry.dim
 
@@ -209,7 +209,7 @@ def test_stiff_block_rebounds_with_its_restitution(e):
     "NSCD motion", "Coulomb", reference="closed form: v0/(mu g), v0^2/(2 mu g)", aspects=("2D",)
 )
 def test_a_stiff_block_slides_and_stops():
-    """At v0/(mu g), after v0^2/(2 mu g), to a step; friction has taken all of the motion."""
+    """It stops at v0/(mu g), after v0^2/(2 mu g), up to one step, dissipating all energy."""
     stiff = LinearElastic.from_young(1e9, 0.3)
     problem, _ = block(material=stiff, weight=10.0, friction=0.25)
     stop = 1 / 2.5

@@ -63,7 +63,7 @@ ORACLE = json.loads((Path(__file__).parents[1] / "data" / "two_blocks.json").rea
     ),
 )
 def test_two_blocks_have_the_forces_of_another_code(folder, case):
-    """All nodal forces of another code, which condenses both bodies onto their jumps."""
+    """All nodal forces of another code, condensing both bodies onto their jumps."""
     given = ORACLE[case]
     wanted = given["static_end_of_shear"]
     words = ["--n", given["n"], "--friction", given["F"], "--upper", given["E1"], given["nu1"]]
@@ -208,7 +208,7 @@ def test_a_gap_that_closes():
     ),
 )
 def test_a_given_overlap_is_the_displacement_of_a_press_fit():
-    """An overlap is an error, unless it is meant: then it is the displacement that presses."""
+    """An overlap is an error; an intended overlap acts as the pressing displacement."""
     both = stacked(2, "quad", 2, gap=-0.02)
     u = displacement(both.mesh)
     with pytest.raises(ValueError, match=r"the bodies overlap by 0\.02; interference=True"):

@@ -151,7 +151,7 @@ def moved(x):
 @pytest.mark.ranks(2)
 @pytest.mark.refuses("sliding pairs", aspects=("2D", "pairs", "large sliding"))
 def test_planes_that_do_not_bound_a_half_are_refused():
-    """Planes that are none, do not end the face, have a master behind, or that nodes can leave."""
+    """Planes not bounding the face, having a master behind them, or not fixing their nodes."""
     body = bodies(2, whole=False)
     u = displacement(body.mesh)
     given = dict(law=Coulomb(0.3), slave=SLAVE, master=MASTER, sliding="large")
@@ -218,7 +218,7 @@ OFF = "move nodes by 0.01 off the plane of symmetry x = 0"
 @pytest.mark.parametrize(("dim", "itself"), [(2, False), (2, True), (3, False)])
 @pytest.mark.refuses("sliding pairs", aspects=("2D", "3D", "pairs", "large sliding"))
 def test_a_plane_that_moves(dim, itself):
-    """A value across it that is changed after the problem is made, or by a step of a history."""
+    """A displacement across it changing after construction, or in a step of a history."""
     problem, moved, _ = led(dim, "Constant", itself=itself)
     moved.value = 1e-12  # round-off
     problem.solve()

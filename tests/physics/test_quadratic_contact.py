@@ -66,7 +66,7 @@ def test_quadratic_contact_satisfies_the_law_at_vertices(cell, n, curved):
     "mixed contact", reference="itself: every rank alone", aspects=("2D", "3D", "pairs")
 )
 def test_quadratic_pairs_of_different_meshes_satisfy_the_law(dim):
-    """Bodies that are pressed and drawn over each other, on any number of ranks."""
+    """Bodies pressing on each other and sliding, on any number of ranks."""
     tables = []
     for comm in [COMM, MPI.COMM_SELF] if COMM.size > 1 else [COMM]:
         problem = pressed(comm, dim, (2, 1), law=Coulomb(0.2), method=None)

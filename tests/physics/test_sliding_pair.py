@@ -70,7 +70,7 @@ STIFF = 500.0  # mu of a material with nu = 0
     aspects=("2D", "pairs", "large sliding"),
 )
 def test_a_block_that_has_slid_presses_uniformly(cell, slave, part):
-    """A block that has slid by a part of a facet presses uniformly, a slave partly covered too."""
+    """A block presses uniformly after sliding by part of a facet, and on a partly covered slave."""
     low, high = (0.0, 2.0), (0.2, 1.2)
     n = 8
     shift = part * 2.0 / n
@@ -121,7 +121,7 @@ def test_a_block_that_has_slid_presses_uniformly(cell, slave, part):
     aspects=("3D", "pairs", "large sliding"),
 )
 def test_a_cube_that_has_turned_presses_uniformly(cell, slave):
-    """A cube that has turned by a right angle on another one presses uniformly."""
+    """After turning by a right angle on another cube, a cube presses uniformly."""
     both = cubes(3, 4, cell)
     bodies = Bodies(both, slave, Frictionless(), NeoHookean(0.0, STIFF))
     V = bodies.u.function_space

@@ -74,7 +74,7 @@ def shaft_and_tube(shaft, tube, cell, slope):
     aspects=("2D", "pairs", "large sliding"),
 )
 def test_a_uniform_strain_of_sliding_rings_is_exact(shape, cell, slave):
-    """Lengths shrink by a part: exact between cones, and of a tube that has slid along a shaft."""
+    """Lengths shrink by a factor: exact between cones, and for a tube sliding along a shaft."""
     slope = 0.3 if shape == "cone" else 0.0
     way = 0.37 * 0.25 if shape == "slid" else 0.0
     z = np.linspace(0, 2, 9)

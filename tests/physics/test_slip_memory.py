@@ -91,7 +91,7 @@ PATH = (
     ),
 )
 def test_shear_of_every_point_follows_its_way(cell, given):
-    """The shear of every point against the sum of its slips so far, which is found from tables."""
+    """The shear of every point against its accumulated slip, summing the slips of all tables."""
     problem, top = dragged(cell, **given)
     history = QuasiStatic(problem, along(top, *PATH)).run(np.linspace(0.0, 7.0, 22))
     slid = 0.0

@@ -111,7 +111,7 @@ def loaded_by(statement):
 
 @pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="starts a process of its own")
 def test_what_a_static_solve_does_not_need_is_not_loaded():
-    """Proofs, paths and other algorithms are loaded when they are used."""
+    """Proofs, paths and other algorithms are not loaded before using them."""
     loaded = loaded_by(f"from {PACKAGE} import ContactProblem")
     above = ("analysis", "proofs", "evolution", "io", "plot", "records")
     strategies = ("algorithms", "continuation", "reduced")

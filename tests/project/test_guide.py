@@ -37,7 +37,7 @@ def examples(page):
 
 
 def run(page, **names):
-    """Run the examples of a page one after the other; the names that they leave."""
+    """Run the examples of a page one after the other, returning their names."""
     for code in examples(page):
         exec(code, names)
     return names
@@ -123,7 +123,7 @@ def test_motion_of_the_guide_keeps_its_energy():
 
 
 def test_histories_of_the_guide_continue():
-    """A step from a snapshot, and histories that continue and begin again."""
+    """A step from a snapshot, and histories continuing and beginning again."""
     square = mesh.create_unit_square(COMM, 2, 2)
     V = fem.functionspace(square, ("Lagrange", 1, (2,)))
     u = fem.Function(V)

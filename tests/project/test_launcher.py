@@ -78,7 +78,7 @@ def launch(stubs, tmp_path):
 
 
 def calls(stub):
-    """The argument lists that a stub was called with."""
+    """The argument lists of calls to a stub, one list for each call."""
     log = stub.with_name(stub.name + ".log")
     return [c.split("\n") for c in log.read_text().split("\n\n")[:-1]] if log.exists() else []
 

@@ -314,7 +314,7 @@ def state(thread):
     reason="MPICH of the wheel has processes between mpiexec and its ranks",
 )
 def test_surviving_ranks_hold_the_record(folder):
-    """They hold the record, which says who they are; it is free when they have ended."""
+    """Surviving ranks hold the record, naming their processes; after they end it is free."""
     taken = ("OMPI_", "PRTE_", "PMIX_", "PETSC_OPTIONS")
     clean = {k: v for k, v in os.environ.items() if not k.startswith(taken)}
     program = ["python3", "-m", "support.recorded_run", str(folder)]

@@ -176,7 +176,7 @@ def test_a_history_record_refuses_other_problems_and_loads(whole, folder):
 
 @pytest.mark.ranks(2)
 def test_a_submesh_is_refused(folder):
-    """Its cells have no numbers by which they could be found again."""
+    """Its cells have no numbers identifying them on resumption."""
     square = box(COMM, 2, "tri")
     half = mesh.locate_entities(square, 2, lambda x: x[1] < 0.5 + 1e-9)
     problem = block(

@@ -161,7 +161,7 @@ def test_an_interrupted_path_resumes(case, whole, folder):
     ],
 )
 def test_path_killed_between_points_resumes(after, whole, folder):
-    """When a run has begun there or back; when it is over, and the journal does not say so yet."""
+    """After the start of a run there or back; after its end, with the closing line missing."""
     known = whole("crack")
     if COMM.rank == 0:
         lines = (known / FILE_NAME).read_bytes().splitlines(keepends=True)

@@ -125,7 +125,7 @@ def test_one_rank_alone_stops():
     ),
 )
 def test_a_record_of_a_run_that_is_stopped(folder):
-    """Killed when the observer is told of the last step, it stays stopped."""
+    """After killing it during the last call of the observer, it stays stopped."""
 
     def observer(step):
         if step.number == 2:

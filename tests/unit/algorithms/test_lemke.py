@@ -158,7 +158,7 @@ def random_body(rng, friction):
 
 
 def check_random_body(seed):
-    """Solve, and look for the solution among all that there are; which strategy it took."""
+    """Solve, looking for the solution among all solutions; return the successful strategy."""
     rng = np.random.default_rng(seed)
     problem = random_body(rng, friction=rng.choice([0.0, 0.5, 2.0, 5.0]))
     try:

@@ -78,7 +78,7 @@ def test_hilds_triangle_has_its_critical_friction(lame):
 
 
 def test_large_mesh_converges():
-    """n = 128, near the limit that smaller meshes lead to."""
+    """n = 128, approaching the limit of the sequence of meshes."""
     coarse, middle, fine = (
         critical_friction(linear_triangle(n, 0.3, lame=(100.0, 82.0)).problem).friction
         for n in (8, 32, 128)
@@ -118,7 +118,7 @@ def test_falls_with_the_height(folder):
 
 @pytest.mark.chatty
 def test_bound_of_theory(folder):
-    """For slips that alternate the criterion falls like h^(1/2); the critical friction does not."""
+    """For alternating slips the criterion falls like h^(1/2); the critical friction does not."""
     levels = demo(["--n=32", f"--output={folder}"])["levels"]
     last = levels[-1]
     before = levels[-2]

@@ -48,7 +48,7 @@ def test_hilds_triangle_has_renards_coefficient(dense):
     aspects=("3D",),
 )
 def test_renards_coefficient_is_sharp_for_the_form_in_3d(dense):
-    """At F_R the form of the points is about to become indefinite, and not before."""
+    """The form of the points is definite up to F_R, becoming indefinite beyond it."""
     factor = renard_criterion(block(4, friction=0.25), swirl, dense=dense).factor
     S, x = stiffness_of_points(block(4, comm=MPI.COMM_SELF))
     m = len(x)

@@ -186,7 +186,7 @@ def test_gamma_must_be_a_scalar_constant():
 
 
 def test_singular_piece_is_a_continuum():
-    """Hild's element at the critical friction: more solutions than the two that are found."""
+    """Hild's element at the critical friction: a continuum, including the two solutions."""
     system = linear_triangle(1, 2.0, (4.0, 2.0), (1.0, 1.0), comm=MPI.COMM_SELF)
     x = system.create_vector()
     found = find_solutions(system, [x], 1.0)

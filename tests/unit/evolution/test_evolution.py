@@ -46,7 +46,7 @@ PATHS = json.loads((DATA / "two_blocks_path.json").read_text())
     ),
 )
 def test_two_blocks_follow_the_path_of_another_code(case):
-    """Step by step as another code has it, which condenses both bodies onto their jumps."""
+    """Every step agrees with another code, condensing both bodies onto their jumps."""
     given = BLOCKS[case]
     path = PATHS[case]
     words = ["--n", given["n"], "--friction", given["F"], "--upper", given["E1"], given["nu1"]]
@@ -99,7 +99,7 @@ def test_other_algorithms_agree_in_a_step(algorithm):
     ),
 )
 def test_branch_within_a_step_starts_at_the_border():
-    """Followed from the state before, where all that slips is at a border, it ends as the step."""
+    """Starting at the previous state, with slipping points at a border, it ends as the step."""
     problem, top = dragged()
     history = QuasiStatic(problem, cycle(top)).run([0.0, 1.0, 2.2, 2.4])
     assert history.steps[-1].result.counts["slip"] > 0
@@ -119,7 +119,7 @@ def test_branch_within_a_step_starts_at_the_border():
 
 @pytest.mark.chatty
 def test_tried_steps_leave_nothing():
-    """A run that searches its steps for jumps is the run that does not, bit by bit."""
+    """Searching steps for jumps leaves the run unchanged, bit by bit."""
     runs = []
     for searches in (True, False):
         problem, top = dragged()

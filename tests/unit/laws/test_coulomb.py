@@ -88,7 +88,7 @@ def test_states_on_borders_are_in_both_cones():
 
 
 def test_violation_vanishes_for_slips_that_obey_the_law():
-    """None of a slip that obeys the law; of every number that does not, as much as it is off."""
+    """Zero for slips obeying the law; otherwise the distance of every number from the law."""
     one = np.ones(1)
     slip = {"ut": one, "un": 0 * one, "rt": -0.3 * one, "rn": one}
     given = {"friction": 0.3 * one, "bound": 0 * one}

@@ -124,7 +124,7 @@ CASES = {
 
 
 def wave(points, phase):
-    """Vectors at points (n, dim) that no symmetry keeps."""
+    """Vectors at points, shape (n, dim), breaking all symmetries."""
     dim = points.shape[1]
     k = np.array([[17.0, 5.0, 3.0], [20.0, 6.0, 2.0], [23.0, 7.0, 1.0]])[:dim, :dim]
     return np.sin(points @ k.T + phase + np.arange(dim))

@@ -101,7 +101,7 @@ def test_no_solution_is_excluded(number, starts, mixed):
     alone=True,
 )
 def test_no_proof_is_false_at_borders_and_continua(number, starts):
-    """None says that there is one solution where there is a line, or leaves out a state."""
+    """No proof claims one solution on a line of solutions, or is missing a state."""
     rng = np.random.default_rng(12)
     verdicts = []
     for k in range(number):

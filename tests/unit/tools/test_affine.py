@@ -102,7 +102,7 @@ def test_bulk_with_kinks_is_classified(sense, degree, cell):
 
 
 def _motion(damping, **options):
-    """A body that floats, with the velocity and the speed of a wind."""
+    """A floating body, with the velocity and the speed of a wind."""
     domain = mesh.create_unit_square(COMM, 2, 2)
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
     u = fem.Function(V, name="u")

@@ -78,7 +78,7 @@ def test_progress_of_branches_names_the_end(capsys):
 
 
 def test_progress_of_a_history_names_the_end(capsys):
-    """Where it is, and how it ended, of a run that is stopped."""
+    """The messages of a stopping run: its position and the reason of its end."""
     evolution = recorded_evolution.pair(COMM, n=2)
     evolution.run([0.0, 1.0, 2.0], stop=lambda _: "enough", progress=True)
     found = [x for x in capsys.readouterr().err.splitlines() if x.startswith("evolution")]
