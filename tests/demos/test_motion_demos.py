@@ -91,7 +91,7 @@ def test_sliding_block_stops_at_the_closed_form(folder):
 
 
 @pytest.mark.long
-def test_the_sliding_block_as_it_is(folder):
+def test_sliding_block_at_its_defaults_stops_at_the_closed_form(folder):
     found = cases.sliding_block.main([f"--output={folder}"])
     for name in ("stop_time", "distance"):
         assert found[name] == pytest.approx(found[f"{name}_closed_form"], rel=0.01)

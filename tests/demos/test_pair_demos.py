@@ -134,7 +134,7 @@ def test_disc_crack_has_the_closed_form_slip(folder):
     assert (folder / "crack.png").stat().st_size > 20_000
 
 
-def test_cracks_that_do_not_slip(capsys):
+def test_crack_case_refuses_data_without_slip(capsys):
     for words in (["--friction=2"], ["--shear=3", "--dip=60"], ["--levels", "0.2"]):
         with pytest.raises(SystemExit):
             cases.crack.main(words)

@@ -122,7 +122,7 @@ def test_double_arc_begins_with_its_bending_stiffness(folder, no_picture):
 
 
 @pytest.mark.long
-def test_double_arc_to_the_end(folder, no_picture):
+def test_double_arc_parts_from_the_block_and_buckles(folder, no_picture):
     """The middle sinks half as far as the published one, parts from the block and buckles."""
     found = cases.double_arc.main([f"--output={folder}"])
     assert found["lowest"] == pytest.approx(-3.04, abs=0.05)

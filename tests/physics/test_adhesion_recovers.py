@@ -14,7 +14,7 @@ PRESSED = (0.0, 5.0)
 
 @pytest.mark.parametrize("order", [1, 2])
 @pytest.mark.verifies("RCCM adhesion", reference="closed form: beta_0 + w t/b, up to 1", alone=True)
-def test_grows_at_rest(order):
+def test_recovering_bonds_grow_at_rest_up_to_one(order):
     """From beta_0 by w t/b, up to 1; exactly, with steps of any length."""
     law = RCCM(C, C, W, viscosity=2.0, beta=0.3, recovers=True, order=order)
     point = Point(law)

@@ -66,7 +66,7 @@ def test_anisotropic_threshold_agrees_with_a_thick_layer():
     reference="closed form: the threshold of the half-plane, halving the distance",
     aspects=("2D",),
 )
-def test_critical_coefficients_come_down_to_it():
+def test_critical_coefficients_converge_to_the_anisotropic_threshold():
     """Slips of both signs: without end beyond F*, and none below."""
     found = []
     for n in (8, 16, 32):
@@ -96,7 +96,7 @@ def test_finer_meshes_have_more_solutions(folder):
     assert (folder / "states.png").stat().st_size > 10_000
 
 
-def test_isotropic_bodies_do_not(folder):
+def test_isotropic_bodies_keep_their_number_of_solutions_on_finer_meshes(folder):
     cells = ("4", "5") if COMM.size == 1 else ("4",)
     (row,) = rows(folder, "--fibres", "0", "--frictions", "5", "--n", *cells, "--fine", "8", "16")
     assert row["negative"] == [1, 1]

@@ -446,7 +446,7 @@ def test_every_algorithm_solves_the_block(algorithm):
 
 
 @pytest.mark.parametrize("algorithm", ["newton", "lemke", "gauss-seidel", "interior-point"])
-def test_one_node_that_is_not_clamped(algorithm):
+def test_one_free_node_carries_its_load(algorithm):
     """All nodes but two are clamped, which is one cell; and bounds that are given in advance."""
     check(*one_row("tri", 1), algorithm)
     check(*one_row("quad", 1, law=Coulomb(0.5)), algorithm)

@@ -143,7 +143,7 @@ def test_shear_springs_hold_up_to_the_bound(dim):
     reference="theorem: rates at which forces tend to those of the true law",
     aspects=("2D",),
 )
-def test_limits():
+def test_compliant_and_regularised_forces_converge_to_the_exact_law():
     """Forces converge to the exact law at the theoretical rate as C grows and eps falls."""
     options = {"snes_rtol": 1e-12}
     true = block(n=6, cell="quad", top=(0.02, -0.03), options=options).solve().tables["contact"]
@@ -262,7 +262,7 @@ def test_compliant_branch_by_pivoting_has_the_events_of_steps():
     reference="closed form: the fold where a corner alone touches",
     aspects=("2D",),
 )
-def test_what_regularised_friction_loses(folder, shape):
+def test_regularised_friction_has_the_folds_of_its_formula(folder, shape):
     """Only the corner A touches: its forces are linear in its slip, and the fold has a formula."""
     words = ["--n", "8", "--friction", "2.5", "--shape", shape, "--output", folder]
     summary = cases.regularised.main([*map(str, words)])
@@ -294,7 +294,7 @@ def test_what_regularised_friction_loses(folder, shape):
     reference="theorem: the bound for one solution, eps^2/log h",
     aspects=("2D",),
 )
-def test_up_to_where_regularised_friction_has_one_solution(folder):
+def test_critical_friction_exceeds_the_bound_of_the_regularised_theorem(folder):
     """The bound of the theorem, eps^2/|log h|, falls by a hundred between these widths."""
     words = ["--n", "8", "--friction", "2.5", "--output", folder]
     summary = cases.only_solution.main([*map(str, words)])

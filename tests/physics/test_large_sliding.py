@@ -328,7 +328,7 @@ def test_branch_around_a_cylinder_agrees_with_solves(cell, n):
         "large sliding",
     ),
 )
-def test_an_obstacle_that_comes_and_turns():
+def test_moving_an_obstacle_is_moving_the_block_over_it():
     """An ellipse moved and turned under a block held still is a block moved over one that waits."""
     domain = box(COMM, 4, "quad")
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))

@@ -294,7 +294,7 @@ def shaft(dim, radius):
     return Cylinder((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), radius)
 
 
-def test_what_it_is_not_for():
+def test_mean_dilatation_refuses_simplices_and_other_degrees():
     """Simplices, a displacement of degree 2 and plane stress are refused by name."""
     material = LinearElastic.from_young(YOUNG, 0.4999)
     V = fem.functionspace(box(COMM, 2, "tri"), ("Lagrange", 1, (2,)))

@@ -102,7 +102,7 @@ def test_a_speed_is_needed():
     reference="closed form: half a period of an oscillator",
     aspects=("2D",),
 )
-def test_a_surface_that_gives_way():
+def test_stiff_block_on_springs_rebounds_after_half_a_period():
     """A stiff block on springs: half a period of an oscillator in contact, and away again."""
     C = 1e4
     v0 = 1.0
@@ -166,7 +166,7 @@ def test_broken_interface_costs_its_work():
 
 @pytest.mark.ranks(2)
 @pytest.mark.parametrize("what", ["velocity", "damping"])
-def test_what_differs_between_ranks(what):
+def test_motion_refuses_data_that_differ_between_ranks(what):
     problem = block(Coulomb(0.3))
     other = velocity(problem, 0.0, 0.0) if what == "velocity" else (1.0, 0.0)
     given = {what: other if COMM.rank > 0 else None}
@@ -212,7 +212,7 @@ def test_falling_body_of_revolution_has_all_its_mass():
     aspects=("2D",),
 )
 @pytest.mark.parametrize("moves", [True, False])
-def test_what_a_compliant_floor_holds(moves):
+def test_springs_of_a_compliant_floor_store_the_exact_energy(moves):
     """The mean force times the way is exact for linear springs, from where they are at rest."""
     C = 200.0
     domain = box(COMM, 2, "quad")

@@ -185,7 +185,7 @@ def test_mirrored_bodies_carry_the_forces_of_a_rigid_plane(dim, cell):
 
 
 @pytest.mark.ranks(2)
-def test_a_gap_that_closes():
+def test_a_given_gap_is_that_of_the_geometry():
     """The gap of the geometry, or one that is given, to the same solution."""
     tables = []
     for gap in (None, 0.01):

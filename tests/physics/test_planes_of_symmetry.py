@@ -217,7 +217,7 @@ OFF = "move nodes by 0.01 off the plane of symmetry x = 0"
 @pytest.mark.ranks(2)
 @pytest.mark.parametrize(("dim", "itself"), [(2, False), (2, True), (3, False)])
 @pytest.mark.refuses("sliding pairs", aspects=("2D", "3D", "pairs", "large sliding"))
-def test_a_plane_that_moves(dim, itself):
+def test_displacements_across_a_plane_of_symmetry_are_refused(dim, itself):
     """A displacement across it changing after construction, or in a step of a history."""
     problem, moved, _ = led(dim, "Constant", itself=itself)
     moved.value = 1e-12  # round-off

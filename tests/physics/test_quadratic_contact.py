@@ -106,7 +106,7 @@ def test_quadratic_contact_passes_the_patch_test_in_space(case, sides, cells, de
     solved_patch(both, TILT, base, SIDES[sides], (degree, 1), (4, 5, 6, 7, 8), method="mixed")
 
 
-def test_held_ends_of_different_meshes():
+def test_two_blocks_stuck_together_have_the_energy_of_one():
     """Friction preventing all slip makes two blocks, held together at their sides, one body."""
     errors = []
     for n in (4, 8):

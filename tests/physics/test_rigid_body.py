@@ -183,7 +183,7 @@ def test_sphere_under_a_force_has_the_prescribed_approach(dim, method, degree):
 
 
 @pytest.mark.parametrize("dim", [2, 3])
-def test_a_punch_that_is_dragged(dim):
+def test_a_dragged_punch_sticks_up_to_the_friction_bound(dim):
     """Below F P the punch sticks; above it the error names the free motion."""
     up = "xyz"[dim - 1]
     free = ("x", "xyz"[dim - 1])
@@ -200,7 +200,7 @@ def test_a_punch_that_is_dragged(dim):
 
 @pytest.mark.ranks(2)
 @pytest.mark.parametrize("method", ["nodal", "integral"])
-def test_bodies_that_nothing_holds(method):
+def test_floating_rigid_bodies_are_refused_with_their_motion(method):
     """A load pulling away, or a motion that no contact resists."""
     away = punch(load={"y": 10.0}, held=["x", "rz"])
     with pytest.raises(FloatingBodyError, match="translation y of punch"):

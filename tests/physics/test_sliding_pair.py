@@ -428,7 +428,7 @@ def test_overlap_is_refused(slave, distance, by):
 
 @pytest.mark.parametrize("slave", [2, pytest.param(3, marks=pytest.mark.long)])
 @pytest.mark.verifies("sliding pairs", reference="itself: shorter steps", aspects=("2D", "pairs"))
-def test_bodies_that_pass_through_each_other(slave, caplog):
+def test_a_step_beyond_the_search_distance_gives_a_warning(slave, caplog):
     """A step longer than the search distance gives a warning, which shorter steps do not."""
     both = lowered(-0.1)
     warnings = []
@@ -451,7 +451,7 @@ def test_bodies_that_pass_through_each_other(slave, caplog):
 
 @pytest.mark.parametrize("slave", [2, 3])
 @pytest.mark.verifies("sliding pairs", reference="closed form: no force", aspects=("2D", "pairs"))
-def test_bodies_that_are_pulled_apart(slave):
+def test_a_long_step_apart_gives_no_warning(slave):
     """A step away from each other that is longer than the search distance gives no warning."""
     bodies = Bodies(lowered(0.0), slave, Frictionless(), search_distance=0.02)
 

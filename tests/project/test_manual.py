@@ -66,7 +66,7 @@ def test_every_feature_has_a_test(tests):
         assert any(cell.works for cell in cells.values()), feature
 
 
-def test_what_is_read_of_a_test():
+def test_manual_reads_purpose_features_and_comparisons_of_a_test():
     cases = '@pytest.mark.parametrize(("n", "tolerance"), [(1, 1e-9), (2, 1e-6)])\n'
     body = f'\n    """As in print."""{BODY}'
     (test,) = manual.marked_tests(file_of(SHOWN + RANKS + cases, body))
@@ -84,7 +84,7 @@ def test_what_is_read_of_a_test():
         assert words in page
 
 
-def test_the_comparison_that_is_asked_for():
+def test_manual_shows_the_named_comparison():
     figure = SHOWN.replace('aspects=("2D",)', 'figure="status"')
     (test,) = manual.marked_tests(file_of(figure))
     assert test.comparisons == ('assert found.status == "o"',)
@@ -151,7 +151,7 @@ def test_manual_marks_tests_on_two_ranks(head, marks):
         (SHOWN.replace("verifies", "refuses"), BODY, "has no reference"),
     ],
 )
-def test_marks_that_are_none(marks, body, message):
+def test_manual_refuses_malformed_marks(marks, body, message):
     with pytest.raises(manual.MarkError, match=rf"tests/test_one.py:5: test_pressure: .*{message}"):
         manual.marked_tests(file_of(marks, body))
 

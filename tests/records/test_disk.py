@@ -115,7 +115,7 @@ def test_full_disk_keeps_the_last_fields(folder, format):
         ("vtk", "paraview.py", Path.mkdir, errno.EISDIR),
     ],
 )
-def test_something_is_in_the_way_of_fields(folder, format, name, make, number):
+def test_fields_do_not_replace_other_files(folder, format, name, make, number):
     on_root(lambda: make(folder / name))
     before = contents(folder)
     with fails(folder / name, number):
@@ -233,7 +233,7 @@ def test_a_record_on_a_full_disk_is_resumed(folder, every, room, name):
 
 
 @pytest.mark.ranks(2)
-def test_a_record_that_cannot_begin(folder):
+def test_a_record_that_cannot_begin_leaves_no_files(folder):
     system, functionals = moved_block(COMM)
     with full(1000), fails(folder / "new" / FILE_NAME):
         BranchRecord(folder / "new", system, functionals)

@@ -286,7 +286,7 @@ def test_the_journal_of_another_problem_is_refused(whole, options, message):
     require_same(read_journal(whole[0]), whole[2], tolerance=0)
 
 
-def test_what_else_is_refused(whole, folder):
+def test_branch_record_refuses_other_folders_and_functionals(whole, folder):
     system, functionals = moved_block(COMM)
     with pytest.raises(FileExistsError, match="nothing is overwritten"):
         BranchRecord(whole[0], system, functionals)
@@ -373,7 +373,7 @@ def test_a_damaged_checkpoint_of_a_branch_is_passed_over(whole, folder):
         resume(folder, system, functionals)
 
 
-def test_a_record_that_may_exist(whole, folder):
+def test_one_script_begins_and_continues_a_record(whole, folder):
     """With resume="if_exists" one script begins a record and continues it."""
     for steps in (2, 4):
         system, functionals = moved_block(COMM)

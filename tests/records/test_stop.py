@@ -52,7 +52,7 @@ def of(history):
         "pairs",
     ),
 )
-def test_a_run_that_is_stopped(case):
+def test_a_stopped_run_and_its_continuation_are_the_whole_run(case):
     """A stopped run and its continuation have the steps of an uninterrupted run."""
     evolution, times, steps = made(case)
     asked = []
@@ -80,7 +80,7 @@ def test_a_run_that_is_stopped(case):
 
 
 @pytest.mark.ranks(2)
-def test_what_is_in_the_problem_when_it_is_asked():
+def test_stop_criterion_sees_the_end_of_the_step():
     """The end of the step, as when the observer is told of it."""
     evolution, times, steps = made("pair")
     problem = evolution.problem
@@ -124,7 +124,7 @@ def test_one_rank_alone_stops():
         "records",
     ),
 )
-def test_a_record_of_a_run_that_is_stopped(folder):
+def test_a_killed_run_that_had_to_stop_stays_stopped(folder):
     """After killing it during the last call of the observer, it stays stopped."""
 
     def observer(step):

@@ -112,7 +112,7 @@ def test_lemke_solves_without_contact():
 
 
 @pytest.mark.ranks(2)
-def test_data_that_it_does_not_take():
+def test_lemke_refuses_indefinite_and_spatial_problems():
     S = np.eye(2)
     p = np.array([0.0, -1.0])
     F = np.array([0.3])

@@ -106,7 +106,7 @@ def test_critical_friction_agrees_with_an_own_condensation(cell, offset):
 
 
 @pytest.mark.chatty
-def test_falls_with_the_height(folder):
+def test_critical_friction_falls_with_the_height_of_a_leaning_body(folder):
     """A leaning body: F goes to zero like 2 W/H; an upright one: it does not."""
     options = ["--shape=parallelogram", "--width=1", "--height=4", "--offset=1", "--n=4"]
     found = demo([*options, "--young=1", "--poisson=0.3", f"--output={folder}"])
@@ -117,7 +117,7 @@ def test_falls_with_the_height(folder):
 
 
 @pytest.mark.chatty
-def test_bound_of_theory(folder):
+def test_criterion_falls_on_finer_meshes_and_critical_friction_does_not(folder):
     """For alternating slips the criterion falls like h^(1/2); the critical friction does not."""
     levels = demo(["--n=32", f"--output={folder}"])["levels"]
     last = levels[-1]

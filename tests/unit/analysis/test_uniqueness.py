@@ -291,7 +291,7 @@ def test_page_contains_the_verdict(folder):
     reference="enumeration: a solution on a branch that was left out",
     aspects=("2D", "proofs", "branches"),
 )
-def test_what_is_on_no_branch():
+def test_a_solution_on_no_branch_is_counted_as_missed():
     """One branch of the three is left out: its solution is named, on both ranks."""
     system, diagram = explored(2, 3.0)
     whole = prove_counts(system, diagram, gammas=[0.5])

@@ -106,7 +106,7 @@ def test_other_types_of_snes_are_refused_for_corrections(options):
 @pytest.mark.each_value
 @pytest.mark.parametrize("route", ["auto", "steps"])
 @pytest.mark.parametrize("gamma", [-1.0, 1.0, 1.0 - 1e-15])
-def test_a_start_at_an_end_of_the_range(route, gamma):
+def test_a_start_at_an_end_of_the_range_has_one_direction(route, gamma):
     """There is no branch outwards; `explore` follows the inner one to the other end."""
     system = one_node(2.0, 2.0, 1.0, 3.0, (0.0, -1.0), (-1.0, 0.0))
     x = start(system, [gamma / 2, 0, gamma, 1.0])
@@ -164,7 +164,7 @@ def test_the_path_does_not_depend_on_steps_and_units(factor, units, algebra):
 
 
 @pytest.mark.ranks(2)
-def test_slip_that_goes_on():
+def test_below_the_critical_friction_slip_goes_on_without_a_fold():
     """Below the critical coefficient: stick, then slip to the left, no fold."""
     system = one_node(2.0, 2.0, 1.0, 1.0, (0.0, -1.0), (-1.0, 0.0))
     branch = follow(system, start(system, [0, 0, 0, 1.0]), 0.0, gamma_range=(-1.0, 5.0))
@@ -198,7 +198,7 @@ def test_branch_passes_a_corner_over_gamma():
     assert x[0] == pytest.approx(2.0, abs=1e-10)
 
 
-def test_corner_that_is_a_fold():
+def test_branch_turns_back_at_a_corner():
     system = corner(-1)
     branch = follow(
         system, start(system, [1.0]), 1.0, gamma_range=(-1.0, 2.0), direction="decreasing"
@@ -429,7 +429,7 @@ def test_an_exhausted_budget_keeps_what_was_found():
 
 
 @pytest.mark.ranks(2)
-def test_a_branch_that_ends(algebra):
+def test_a_branch_without_continuation_says_so_and_is_kept(algebra):
     """x - g = 0 for g < 0, and twelve more rows that have no solution beyond: said, and kept."""
     if algebra == "krylov":
         pytest.skip("the matrix is singular, with the right-hand side in its range")

@@ -53,7 +53,7 @@ def test_diagram_names_an_unfinished_branch():
 @pytest.mark.verifies(
     "stops", "branches", reference="closed form: a circle", aspects=("branches",), alone=True
 )
-def test_stop_on_a_functional():
+def test_branch_stops_where_the_caller_says():
     """A branch ends where the caller says so, with the caller's reason."""
     system = smooth(
         1, lambda x, g: x**2 + g**2 - 1, lambda x, g: [[2 * x[0]]], lambda x, g: [2 * g]

@@ -132,7 +132,7 @@ def test_branch_from_an_unloaded_state_has_the_requested_direction(direction, ro
     assert branch.special == []
 
 
-def test_slip_whose_direction_nothing_shows():
+def test_rays_of_slip_in_space_are_followed_from_a_state_without_load():
     """In 3D no piece tells some rays of such a start: those led by H are followed."""
     system = body(mesh.create_unit_cube(COMM, 1, 1, 1), (10.0, 4.0, 12.0), 0.5)
     x = system.create_vector()

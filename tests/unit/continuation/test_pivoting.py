@@ -539,7 +539,7 @@ def test_one_point_has_three_rays_in_its_closed_form_range():
             )
 
 
-def test_rays_along_which_gamma_stands_still():
+def test_rays_at_constant_gamma_are_the_kernel_in_both_senses():
     """Slip to the left at the critical coefficient F = kt / k: the kernel, in both senses."""
     S = np.array([[2.0, 1.0], [1.0, 2.0]])
     system = condensed(S, np.zeros(2), [1.0, 0.0], 2.0)

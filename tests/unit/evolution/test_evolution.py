@@ -153,7 +153,7 @@ def test_the_energy_residue_of_a_history_falls_with_the_steps():
 
 
 @pytest.mark.ranks(2)
-def test_a_start_that_is_no_solution(caplog):
+def test_history_warns_of_a_start_without_equilibrium(caplog):
     problem, top = dragged(n=2)
     problem.u.x.array[:] = 0.1
     with caplog.at_level(logging.WARNING):
@@ -168,7 +168,7 @@ def test_a_start_that_is_no_solution(caplog):
     reference="itself: the block that moves over a floor at rest",
     aspects=("2D",),
 )
-def test_a_floor_that_moves():
+def test_moving_the_floor_is_moving_the_block_over_it():
     """The floor under a held block, as the block over a floor at rest: work and forces too."""
     histories = []
     for moving in (False, True):

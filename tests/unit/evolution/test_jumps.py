@@ -83,7 +83,7 @@ def jumps_of(history):
 @pytest.mark.verifies(
     "jumps", "RCCM adhesion", reference="closed form: columns snap at 1 + 1/k", aspects=("2D",)
 )
-def test_columns_that_come_off_one_by_one(stiffness, steps, degree):
+def test_columns_come_off_one_by_one_at_their_closed_form(stiffness, steps, degree):
     """A bond under a column of stiffness k C snaps at (1 + 1/k) times its opening, for k < 3.
 
     It is one of many, in steps as long as from one to the next.
@@ -126,7 +126,7 @@ def test_a_step_in_which_the_state_may_jump_gives_a_warning(caplog):
 
 
 @pytest.mark.ranks(2)
-def test_what_is_proved_of_a_coarse_step():
+def test_a_coarse_step_names_where_its_load_turns_back():
     """The load turns back in the step, not where it begins; shorter steps lead nearer."""
     evolution = pulled([1.0])
     history = evolution.run([0.0, 1.8, 2.1], locate_jumps=True, at_jump="stop", shortest=0.6)
@@ -154,7 +154,7 @@ def test_what_is_proved_of_a_coarse_step():
     reference="closed form: the load at which a column snaps, and where it ends",
     aspects=("2D",),
 )
-def test_a_jump_from_which_no_solution_is_near(stiffness, law, pressed, times):
+def test_a_jump_reaches_a_distant_state(stiffness, law, pressed, times):
     """Friction weakening with slip snaps once, at mu p / k; the state beyond is far off."""
     static, kinetic, distance = law
     problem, top = columns([stiffness], SlipWeakening(*law))
@@ -277,7 +277,7 @@ def test_a_fall_of_the_smallest_det_is_refused():
     reference="closed form: a way over the size of a facet",
     aspects=("2D", "pairs", "large sliding"),
 )
-def test_facets_that_a_step_passes(caplog):
+def test_facets_passed_in_a_step_are_counted_and_warned_of_once(caplog):
     """A block sliding without friction over a plate: the way, and a word about it, once."""
     bodies = Bodies(stacked(40, 5, (-1.0, 2.0), (0.0, 1.0), "quad"), 3, Frictionless())
 

@@ -81,7 +81,7 @@ def test_statuses_are_those_of_the_last_write():
 
 
 @pytest.mark.ranks(2)
-def test_evaluators_at_a_state():
+def test_evaluations_at_a_state_leave_the_functions_unchanged():
     """Evaluations at a state agree with those of the Functions and do not change them."""
     problem, move = moved_block()
     (s,) = problem.surfaces
@@ -187,7 +187,7 @@ def test_files_of_a_state_contain_the_state(tmp_path):
 
 
 @pytest.mark.ranks(2)
-def test_a_mesh_that_has_moved():
+def test_every_call_refuses_a_moved_mesh():
     """The next public call raises; a mesh that is moved back is the same mesh."""
     problem, move = moved_block()
     move(0.01, -0.02)

@@ -389,7 +389,7 @@ def branch(folder):
 
 
 @pytest.mark.ranks(2)
-def test_records_that_are_damaged(folder):
+def test_explorer_names_damaged_records(folder):
     system, functionals = moved_block(COMM)
     record(system, functionals, folder / "branch", max_steps=3, **KEPT)
     file = folder / "page.html"

@@ -68,7 +68,7 @@ def test_series_is_on_disk_after_each_step(folder, format):
     assert series.files == []
 
 
-def test_a_series_that_is_stopped(folder):
+def test_a_stopped_series_keeps_its_steps(folder):
     """Steps before the stop have tables and fields; steps of an earlier run have none."""
     for ends in (3.0, 2.0):
         evolution = pair(COMM, n=2)

@@ -151,7 +151,7 @@ def test_both_faces_have_files_of_their_own(format, case, folder):
 
 
 @pytest.mark.ranks(2)
-def test_names_that_make_the_same_file(folder):
+def test_surfaces_with_one_file_name_are_refused(folder):
     both, u, pair = blocks("quad", 2, 2, 1, "nodal", law=Frictionless())
     floor = ContactSurface(
         u, both, tag=1, obstacle=HalfSpace((0, 0), (0, 1)), law=Frictionless(), name="opposite"

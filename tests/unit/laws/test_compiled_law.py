@@ -135,7 +135,7 @@ def test_derivatives_of_a_compiled_law_agree_with_differences(name, dim):
 
 
 @pytest.mark.parametrize(("name", "dim"), [("Coulomb", 2), ("RCCM", 2), ("power", 3)])
-def test_derivatives_where_normals_turn(name, dim):
+def test_derivatives_of_laws_include_turning_normals(name, dim):
     """Jump and normal depend on the displacement in their own ways."""
     known, jump, traction, data, _ = at_points(name, dim)
     rng = np.random.default_rng(4)

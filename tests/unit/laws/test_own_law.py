@@ -171,7 +171,7 @@ class Offset(FrictionLaw):
         "3D",
     ),
 )
-def test_friction_that_begins_at_a_pressure(cell, units):
+def test_friction_beginning_at_a_pressure_has_its_bound(cell, units):
     """In any units of force; slipping points have the bound of their pressure, against the slip."""
     top = (0.01, *[0.0] * (cell == "hex"), -0.01)
     onset = 5.0 * units

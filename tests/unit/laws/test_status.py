@@ -68,7 +68,7 @@ def test_pieces_are_known_by_their_letters(cell, law):
     assert MPI.COMM_WORLD.allreduce(int((~system.clamped).sum())) > 2
 
 
-def test_what_friction_does_under_every_bond():
+def test_statuses_of_friction_and_bond_are_independent():
     """Numbers of the three parts follow from the number of the combination."""
     for contact, bond in itertools.product(FRICTION, BONDS):
         code = np.array([contact + bond], dtype=np.int8)

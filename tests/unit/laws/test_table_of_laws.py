@@ -68,7 +68,7 @@ def test_every_law_is_in_the_table():
 
 
 @pytest.mark.parametrize("row", ROWS, ids=lambda row: row[0].strip("`"))
-def test_what_works(row):
+def test_laws_support_the_features_of_the_table(row):
     text, _, pivoting, proofs, points = row
     law = law_of(text)
     problem = problem_of(law)
@@ -100,7 +100,7 @@ def parameters():
 
 
 @pytest.mark.parametrize(("text", "symbol", "varies"), parameters())
-def test_what_is_needed(text, symbol, varies):
+def test_parameters_of_laws_vary_as_in_the_table(text, symbol, varies):
     """Parameters out of range are refused; numbers are not Constants; others may be gamma."""
     for bad in (-1.0, np.nan):
         assert refused(lambda bad=bad: problem_of(law_of(text, **{symbol: bad})), ValueError)
@@ -122,14 +122,14 @@ def test_what_is_needed(text, symbol, varies):
     assert not can_condense(system)
 
 
-def test_what_is_inside_a_compliant_surface():
+def test_compliant_surfaces_pivot_with_frictionless_and_coulomb_laws():
     for law in (Frictionless(), Coulomb(0.3), Tresca(3.0), Regularised(Coulomb(0.3), 1e-3)):
         problem = problem_of(law_of("NormalCompliance(C, 1, law)", law=law))
         assert pivots(problem) == isinstance(law, Frictionless | Coulomb)
 
 
 @pytest.mark.long
-def test_algorithms_that_take_any_law():
+def test_uzawa_and_penalty_solve_any_law_or_report_failure():
     """They find the solution or report a failure."""
     for row in ROWS:
         law = law_of(row[0])

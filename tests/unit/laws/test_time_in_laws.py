@@ -129,7 +129,7 @@ class Dragged:
         return abs(fx) / fy
 
 
-def test_the_static_law_of_a_speed():
+def test_statics_refuses_friction_of_a_speed_unless_it_knows_rest():
     """It gave Q/P above every friction coefficient."""
     for law in (OfSpeed(), NormalCompliance(1e6, friction=OfSpeed()), Sticky()):
         dragged = Dragged(law)
@@ -141,7 +141,7 @@ def test_the_static_law_of_a_speed():
 
 
 @pytest.mark.refuses("friction of speed and time", aspects=("branches",))
-def test_nothing_else_takes_it():
+def test_branches_and_analyses_refuse_friction_of_a_speed():
     dragged = Dragged(OfSpeed())
     problem = dragged.problem
     system = ParametricContact(problem, dragged.gamma)
@@ -246,7 +246,7 @@ def test_velocity_weakening_in_exactly_the_given_steps():
         Viscous(50.0),
     ],
 )
-def test_laws_that_say_what_holds_without_time(law):
+def test_laws_with_a_static_limit_have_coulombs_friction_in_statics(law):
     """The width, no viscosity, no rates: all of them Coulomb's friction here."""
     dragged = Dragged(law)
     assert dragged.ratio(dragged.problem.solve()) == pytest.approx(STATIC, rel=1e-3)

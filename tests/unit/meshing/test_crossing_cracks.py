@@ -317,7 +317,7 @@ def test_slip_on_one_crack_moves_a_half(groups):
 
 
 @pytest.mark.ranks(2)
-def test_what_nobody_can_take():
+def test_crossing_pairs_refuse_arms_of_one_facet():
     """Arms of one facet from the crossing to where they end in the body."""
     body = crossing(CROSS, reach=0.5, cells=4)
     u = displacement(body)

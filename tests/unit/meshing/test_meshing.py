@@ -261,7 +261,7 @@ def refused(match, do):
 
 
 @pytest.mark.ranks(2)
-def test_unknown_names():
+def test_unknown_names_are_refused_with_the_known_ones():
     """The error lists the names on every rank; the body is not a facet group."""
     body = mesh_from_gmsh(COMM, lambda: box(dim=2))
     V = fem.functionspace(body.mesh, ("Lagrange", 1, (2,)))
@@ -286,7 +286,7 @@ def test_unknown_names():
 
 @pytest.mark.ranks(2)
 @pytest.mark.skipif(COMM.size == 1, reason="needs another rank")
-def test_names_that_differ():
+def test_names_that_differ_between_ranks_are_refused():
     body = mesh_from_gmsh(COMM, lambda: box(dim=2))
     tag = "contact" if COMM.rank == 0 else "top"
     refused(
@@ -322,7 +322,7 @@ def test_files_that_differ_between_ranks_are_refused(folder, match, options):
 
 @pytest.mark.ranks(2)
 @pytest.mark.parametrize("error", [SystemExit, KeyboardInterrupt])
-def test_a_drawing_that_ends_the_run(error):
+def test_exceptions_of_a_drawing_reach_the_caller(error):
 
     def draw():
         raise error(4)
@@ -376,7 +376,7 @@ def test_missing_group_is_named(folder):
 @pytest.mark.parametrize(
     "text", ["", "hello\nworld\n", "$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$Nodes\n1 8"]
 )
-def test_not_a_gmsh_file(folder, text):
+def test_a_file_without_gmsh_content_is_refused(folder, text):
     file = folder / "bad.msh"
     if COMM.rank == 0:
         file.write_text(text)
@@ -431,7 +431,7 @@ def broken():
         (lambda: None, "has no mesh"),
     ],
 )
-def test_model_that_does_not_fit(draw, match):
+def test_incomplete_gmsh_models_are_refused(draw, match):
     with pytest.raises(ValueError, match=match) as info:
         mesh_from_gmsh(COMM, draw)
     assert len(set(COMM.allgather(str(info.value)))) == 1

@@ -187,14 +187,14 @@ def test_senses_of_slip_are_those_of_the_table(law, way):
         ({"colour": "red"}, "unexpected keyword argument 'colour'"),
     ],
 )
-def test_looks_that_are_refused(look, words):
+def test_pictures_refuse_unknown_fields_and_options(look, words):
     problem = block(n=2)
     with pytest.raises((ValueError, TypeError), match=words) as info:
         plot.picture_of_body(None, problem, **{"field": "displacement", **look})
     assert len(set(COMM.allgather(str(info.value)))) == 1
 
 
-def test_directions_that_are_refused():
+def test_pictures_refuse_unknown_directions():
     problem = block(n=2, cell="hex")
     for look, words in (
         ({"view": "sideways"}, "view must be one of x, -x"),

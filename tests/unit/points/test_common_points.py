@@ -229,7 +229,7 @@ def test_clamped_end_has_the_pressure_of_matching_meshes(law, n):
     assert energies[1] == pytest.approx(energies[0], rel=1e-3)
 
 
-def test_an_end_opposite_to_what_moves():
+def test_an_end_opposite_to_a_moving_body_carries_pressure():
     """One body is held, the other not: their ends still push each other."""
     for hold, sides in (((2,), (3, 2)), ((1,), (3, 2)), ((1,), (2, 3))):
         table = pressed(16, 15, Coulomb(0.4), hold=hold, sides=sides).solve().tables["contact"]

@@ -104,7 +104,7 @@ BODY = RigidBody(Sphere((0.0, 0.0), 1.0), about=(0.0, 0.0), held=["x", "y", "rz"
         ({"name": ""}, "the name of a contact surface must be a word"),
     ],
 )
-def test_arguments_that_a_pair_refuses(arguments, message):
+def test_pair_refuses_arguments_out_of_range(arguments, message):
     given = {"facets": None, "law": Coulomb(0.3), **PAIR, **arguments}
     with pytest.raises(ValueError, match=message):
         ContactPair(displacement(), **given)
@@ -122,7 +122,7 @@ def test_arguments_that_a_pair_refuses(arguments, message):
         ({"u": displacement(degree=2)}, "displacements of degree 1"),
     ],
 )
-def test_arguments_that_self_contact_refuses(arguments, message):
+def test_self_contact_refuses_arguments_out_of_range(arguments, message):
     given = {"u": displacement(), "law": Coulomb(0.3), **arguments}
     with pytest.raises(ValueError, match=message):
         SelfContact(given.pop("u"), np.zeros(1, dtype=np.int32), **given)

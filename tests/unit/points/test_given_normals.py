@@ -103,7 +103,7 @@ def test_mirrored_bulges_match_along_the_given_normal(dim, cell):
     np.testing.assert_allclose(table.un, 2 * alone.un, atol=1e-9)
 
 
-def test_without_it_the_slave_says_where():
+def test_without_given_normals_the_slave_decides():
     """Round faces do not match along their own normals, and forces lean by the slope of one."""
     pair, table = pressed(2, "quad", (6, 6), Frictionless())
     assert not pair.obstacle.opposite.matching

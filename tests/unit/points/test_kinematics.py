@@ -254,7 +254,7 @@ def test_forces_do_the_work_of_pressure_and_shear(name):
 
 @pytest.mark.ranks(2)
 @pytest.mark.parametrize("dim", [2, 3])
-def test_slips_since_the_last_step(dim):
+def test_laws_see_the_slip_since_the_last_step(dim):
     """Laws see the increment; gap and its rate are those without a memory."""
     case = Case("pair, P1" if dim == 2 else "pair in space, P1")
     plain = case.at(0.0)

@@ -162,7 +162,7 @@ def hyperelastic(u):
         (dict(law=Coulomb(0.5), energy=hyperelastic), "not linear"),
     ],
 )
-def test_what_is_refused_by_name(options, reason):
+def test_problems_without_proofs_in_space_give_the_reason(options, reason):
     system = cube(n=1, **options)
     found = find_solutions(system, [system.create_vector()], 1.0, lengths=(0.5,), max_iterations=3)
     assert not found.complete
@@ -188,7 +188,7 @@ def test_friction_as_the_parameter_is_proved():
     reference="itself: all seven solutions, proved when there is time",
     aspects=("3D",),
 )
-def test_a_proof_that_has_no_time():
+def test_a_proof_without_time_leaves_regions_open():
     """The verdict is open, and solutions from starts in the open region are reported once."""
     words = ["--cells", "4", "2", "--load", "-1", ".2", "-.3", "--friction", "3.5"]
     system = cases.proofs_3d.body(cases.proofs_3d.arguments(words), COMM)

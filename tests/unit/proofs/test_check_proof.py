@@ -140,7 +140,7 @@ def test_the_command_is_the_same_code(stored, monkeypatch, capsys):
     assert run(["check", stored.with_name("none.npz")], monkeypatch, capsys)[0] == 2
 
 
-def test_files_that_are_no_proofs(stored, monkeypatch, capsys):
+def test_checker_refuses_other_files(stored, monkeypatch, capsys):
     def status():
         code, out, errors = run(["check", stored], monkeypatch, capsys)
         assert out == ""

@@ -283,7 +283,7 @@ def triangle(n, friction, gamma):
     return system.problem
 
 
-def test_a_solution_that_is_the_only_one():
+def test_one_point_has_its_certificate_of_uniqueness():
     problem = triangle(16, 1.7, -1.0)
     problem.solve()
     found = problem.uniqueness()
@@ -327,7 +327,7 @@ def test_open_triangle_is_proved_by_search():
 
 
 @pytest.mark.ranks(2)
-def test_data_that_have_changed():
+def test_uniqueness_refuses_a_state_under_another_load():
     system = linear_triangle(8, 1.7)
     system.problem.solve()
     system.set_parameter(1.0)
@@ -405,7 +405,7 @@ def test_rays_at_the_apex_agree_with_enumeration(seed):
     assert mine == sorted((ray.rate, ray.codes.tolist()) for ray in known.rays)
 
 
-def test_where_nothing_is_proved():
+def test_cones_without_proof_have_a_reason():
     """A slipping point does work along a ray, of any sign."""
     rng = np.random.default_rng(4)
     whole, system, cone = random_cone(rng, 3, {1: SLIP}, 1.0)

@@ -126,7 +126,7 @@ def test_no_proof_is_false_at_borders_and_continua(number, starts):
     assert sum(v == "complete" for family, v in verdicts if family == 4) > 0.15 * number
 
 
-def test_nodes_that_do_not_see_each_other():
+def test_decoupled_nodes_have_nine_proved_solutions():
     """Three solutions each: nine, with two different slips among the statuses."""
     found = prove_solutions(two_far_nodes(np.random.default_rng(2)))
     assert found.verdict == "complete"

@@ -94,7 +94,7 @@ def test_what_is_saved_is_the_problem(cell, tmp_path):
         "3D",
     ),
 )
-def test_errors_hold(cell):
+def test_error_bounds_cover_the_difference_from_unit_forces(cell):
     """The bound covers the difference from the compliance by unit forces."""
     points, W, q, _ = compliance(cell)
     order = local_order(points)
@@ -273,7 +273,7 @@ def test_a_missing_h5py_is_named(tmp_path, monkeypatch):
 
 
 @pytest.mark.skipif(COMM.size > 1, reason="one process is enough")
-def test_files_that_are_none(tmp_path):
+def test_load_points_refuses_other_files(tmp_path):
     file = tmp_path / "points.npz"
     with pytest.raises(FileNotFoundError):
         load_points(file)

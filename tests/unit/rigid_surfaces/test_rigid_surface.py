@@ -440,7 +440,7 @@ def test_rigid_surfaces_refuse_open_and_flat_facets():
 
 @pytest.mark.ranks(2)
 @REFUSED
-def test_bad_use():
+def test_rigid_surface_refuses_another_dimension():
     for shape, dim, given, message in (
         (disc(20), 3, {}, "is a surface of segments, for a 2D mesh"),
     ):

@@ -141,7 +141,7 @@ def from_zero(problem):
     ],
 )
 @pytest.mark.parametrize("factor", [1e-9, 1e9])
-def test_material_that_changes(cell, material, solver, factor):
+def test_another_material_takes_the_iterations_of_a_new_problem(cell, material, solver, factor):
     """Iterations agree with a new problem of the new material."""
     options = {"linear_solver": solver, "snes_rtol": 1e-11}
     problem, E = soft_block(1.0, cell, material, options=options)
@@ -158,7 +158,7 @@ def test_material_that_changes(cell, material, solver, factor):
 
 
 @pytest.mark.ranks(2, 3)
-def test_what_stays():
+def test_vectors_and_given_augmentation_stay_with_another_material():
     """The meaning of vectors, and r that is given."""
     problem, E = soft_block(1.0, "tri")
     problem.solve()

@@ -42,7 +42,7 @@ def test_progress_appears_when_wanted(capsys):
     assert re.fullmatch(r"contact solve: solved by full steps, \d+ iterations, \S+ s", found[-1])
 
 
-def test_progress_of_a_solve_that_fails(capsys):
+def test_progress_of_a_failed_solve_reports_no_success(capsys):
     """The last line does not report success."""
     problem = block(options={"snes_max_it": 0})
     with pytest.raises(ConvergenceError):
@@ -98,7 +98,7 @@ def said(caplog):
     return on_root(mine)
 
 
-def test_log_of_a_solve(caplog):
+def test_log_of_a_solve_lists_its_residuals(caplog):
     with caplog.at_level(logging.INFO):
         block().solve()
     found = said(caplog)

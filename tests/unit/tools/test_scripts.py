@@ -103,7 +103,7 @@ def test_bad_options_end_the_script(words, message, capsys):
     assert message in said if COMM.rank == 0 else said == ""
 
 
-def test_bounds_of_numbers():
+def test_numbers_of_options_keep_their_bounds():
     assert number(int, most=3)("3") == 3
     for kind, word in ((number(most=3), "3.1"), (number(above=2), "2"), (number(), "inf")):
         with pytest.raises(argparse.ArgumentTypeError):
