@@ -90,8 +90,8 @@ class LinearSolverChoice:
         needed = _gigabytes(sum(eq.global_sizes), eq.dim)
         free = _free_gigabytes(eq.comm)
         if eq.comm.rank == 0:
-            words = "a direct solver needs about %.2g GB, of which %.2g are free"
-            logger.warning(words, needed, free)
+            log = logger.warning if needed > free else logger.info
+            log("a direct solver needs about %.2g GB; %.2g GB are free", needed, free)
         if needed > free:
             return False
         self._leave()

@@ -253,7 +253,7 @@ class Newton:
                 return
             failure = self._explain()
             if self.comm.rank == 0:
-                logger.warning("%s; once more with a new preconditioner", failure)
+                logger.info("%s; repeated with a new preconditioner", failure)
             self._memo = None
             self.snes.solve(None, y)
 

@@ -163,9 +163,8 @@ def solve(
             x.copy(turned)
         progress.clear()
         if equations.comm.rank == 0:
-            starts = strategy in (_EXTRAPOLATED, _EXPECTED)  # which may well fail
-            log = logger.info if again or trial.brief or starts else logger.warning
-            log("%s failed: %s", strategy, again or attempt.reason)
+            # The error of a failed solve lists all attempts; a later success is not doubtful.
+            logger.info("%s failed: %s", strategy, again or attempt.reason)
     if objection and not trial.brief:
         # No other solution was found; the result contains a warning.
         attempts.append(Attempt(inverting, objection, converged=True))
