@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-# # Is my solution the only one (unique)?
+# # Is my solution unique, or is there another one?
 #
 # `problem.uniqueness()` answers "proved", "not proved" or "others exist" for the solution in the
 # Functions, with the reason. Certificates exist for linear bodies with nodal or mixed contact.
-# `proof_seconds=60` allows a longer search. If others exist, `problem.restore(found.other)` shows
-# one of them.
+# `proof_seconds=60` allows a longer search. If there is another solution,
+# `problem.restore(found.other)` writes it into the Functions.
 # See {doc}`the theory </theory/7_proofs>`.
 
 from common import Block, triangle
