@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-# # How much of the surface touches (contact area)?
+# # How much of the contact surface touches?
 #
 # The part of the surface that touches (without regard to asperities) is the sum of the areas of the
 # closed points. These have the letters k (stick), + and - (slip in 2D) and s (slip in 3D). In 2D

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-# # Is my solution unique, or is there another one?
+# # Is my solution a unique one, or does another exist?
 #
 # `problem.uniqueness()` answers "proved", "not proved" or "others exist" for the solution in the
 # Functions, with the reason. Certificates exist for linear bodies with nodal or mixed contact.
