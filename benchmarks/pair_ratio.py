@@ -13,6 +13,8 @@ pair.
 
 from __future__ import annotations
 
+from petsc4py import PETSc
+
 import elastic_solve
 import elasticity_ratio
 import numpy as np
@@ -91,15 +93,19 @@ def tie(args, u, tags):
     entries = Entries(rows, columns)
     T = matrix_of(comm, (n, bs * points.number), entries)
     entries.add(np.ones(len(rows)), T)
-    P = T.matMult(points.operator.B)
-    P.scale(-1.0)
-    P.shift(1.0)
+    product = T.matMult(points.operator.B)
+    # P.shift(1.0) would insert the missing diagonal without preallocation on several ranks.
+    own = np.arange(n) + T.getOwnershipRange()[0]
+    identity = Entries(own, own)
+    P = matrix_of(comm, (n, n), identity)
+    identity.add(np.ones(n), P)
+    P.axpy(-1.0, product, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
     marks = T.createVecLeft()
     ones = T.createVecRight()
     ones.set(1.0)
     T.mult(ones, marks)
     tied = np.flatnonzero(marks.array_r > 0).astype(np.int32)
-    for thing in (T, marks, ones):
+    for thing in (T, product, marks, ones):
         thing.destroy()
     return P, tied
 
