@@ -9,7 +9,9 @@ error of the resultants is that of the total force on the face over its size. Th
 
 `hertz` and `punch` compare elements at similar numbers of unknowns: a parabola pressed on a plane
 (`cases.hertz`, compared with the closed form), and a block under a punch that is flat with round
-edges (compared with a fine mesh of degree 2), with the seconds of the solve.
+edges (compared with a fine mesh of degree 2). `ball` presses a half-sphere on a plane.
+
+Seconds are processor times of a second solve from zero.
 
     docker/run python3 benchmarks/discretisations.py --output output/discretisations.json
 """
@@ -25,14 +27,16 @@ from pathlib import Path
 from mpi4py import MPI
 
 import cases.hertz
+import gmsh
 import numpy as np
 
 import ufl
 from dolfinx import fem, mesh
 
-from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, Frictionless
+from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, Frictionless, HalfSpace
 from dolfinx_contact.grids import create_grid, graded
 from dolfinx_contact.materials import LinearElastic
+from dolfinx_contact.meshing import mesh_from_gmsh
 from dolfinx_contact.obstacles import LevelSet
 
 ROOT = Path(__file__).parents[1]
@@ -57,6 +61,17 @@ MESHES = {"tri": (8, 16, 32), "quad": (8, 16, 32), "tet": (4, 8), "hex": (4, 8)}
 FRICTION = 0.3
 LOAD = 0.02  # depth of the punch
 FLAT, ROUND = 0.25, 1.0  # half of the flat part of the punch, and radius of its edges
+APPROACH = 0.05  # of the half-sphere, over its radius
+
+
+def timed(problem):
+    """Return the result of a second solve from zero, and its processor seconds."""
+    problem.solve(progress=False)
+    problem.u.x.array[:] = 0.0
+    problem.surfaces[0].multiplier.x.array[:] = 0.0
+    begun = time.process_time()
+    result = problem.solve(progress=False)
+    return result, time.process_time() - begun
 
 
 def manufactured(cell, n, degree, method, slope):
@@ -127,9 +142,14 @@ def hertz():
         words = ["--degree", str(degree), "--method", method]
         args = cases.hertz.arguments([*words, "--levels", *map(str, levels)])
         _, _, found = cases.hertz.solve(args, COMM)
+        a = args.hertz.radius(args.load)
+        delta = args.hertz.approach(args.load, args.size * a, args.poisson)
         for level in found:
+            n = level["cells_over_radius"]
+            _, seconds = timed(cases.hertz.problem(args, COMM, n, a, delta))
             row = {"contact": f"P{degree} {method}", "unknowns": level["dofs"]}
-            row |= {"cells in a": level["cells_over_radius"], "Newton": level["newton_iterations"]}
+            row |= {"cells in a": n, "Newton": level["newton_iterations"]}
+            row["seconds"] = f"{seconds:.2f}"
             for name in ("radius", "peak_pressure", "profile"):
                 row[name.replace("_", " ")] = f"{level[name + '_error']:.1e}"
             rows.append(row)
@@ -166,14 +186,10 @@ def pressed(n, degree, method, friction):
     ]
     steel = LinearElastic.from_young(1.0, 0.3)
     problem = ContactProblem(steel.energy(u) * ufl.dx, u, [surface], bcs=bcs)
-    problem.solve(progress=False)
-    u.x.array[:] = 0.0
-    problem.surfaces[0].multiplier.x.array[:] = 0.0
-    start = time.perf_counter()
-    result = problem.solve(progress=False)
+    result, seconds = timed(problem)
     return {
         "unknowns": result.dofs,
-        "seconds": time.perf_counter() - start,
+        "seconds": seconds,
         "Newton": result.iterations,
         "force": float(-result.resultants["contact"][1]),
         "energy": float(result.energies["bulk"]),
@@ -203,6 +219,79 @@ def punch():
     return rows
 
 
+def half_ball(h):
+    """Half of a unit ball above its pole at z = 0, with cells of size h at the pole."""
+    occ = gmsh.model.occ
+    field = gmsh.model.mesh.field
+    occ.addSphere(0, 0, 1, 1, angle1=-np.pi / 2, angle2=0)
+    occ.synchronize()
+    (ball,) = (tag for _, tag in gmsh.model.getEntities(3))
+    gmsh.model.addPhysicalGroup(3, [ball], name="ball")
+    for _, tag in gmsh.model.getEntities(2):
+        flat = gmsh.model.getType(2, tag) == "Plane"
+        gmsh.model.addPhysicalGroup(2, [tag], name="equator" if flat else "face")
+    away = "sqrt(x*x + y*y + z*z)"
+    growth = field.add("MathEval")
+    field.setString(growth, "F", f"{h} * (1 + 4 * max({away} - 0.3, 0))")
+    field.setAsBackgroundMesh(growth)
+    gmsh.option.setNumber("Mesh.MeshSizeExtendFromBoundary", 0)
+    gmsh.option.setNumber("Mesh.MeshSizeFromPoints", 0)
+    gmsh.model.mesh.generate(3)
+
+
+def entered(u, facets):
+    """Largest penetration of the plane z = 0 on a grid of points of straight triangles."""
+    domain = u.function_space.mesh
+    domain.topology.create_connectivity(2, 3)
+    domain.topology.create_connectivity(3, 2)
+    cells = domain.topology.connectivity(2, 3)
+    corners = mesh.entities_to_geometry(domain, 2, facets)
+    steps = np.linspace(0.0, 1.0, 21)
+    weights = np.array([(1 - a - b, a, b) for a in steps for b in steps if a + b < 1 + 1e-9])
+    points = np.einsum("pi,fij->fpj", weights, domain.geometry.x[corners]).reshape(-1, 3)
+    inside = np.repeat([cells.links(f)[0] for f in facets], len(weights))
+    return float(-(points + u.eval(points, inside))[:, 2].min())
+
+
+def ball():
+    """Rows of the half-sphere."""
+    rows = []
+    for degree, method, levels in (
+        (1, "nodal", (0.065, 0.03)),
+        (2, "mixed", (0.1, 0.06)),
+        (2, "integral", (0.1, 0.06)),
+    ):
+        for h in levels:
+            row = {"contact": f"P{degree} {method}"}
+            for friction in (0.0, FRICTION):
+                body = mesh_from_gmsh(COMM, lambda h=h: half_ball(h))
+                V = fem.functionspace(body.mesh, ("Lagrange", degree, (3,)))
+                u = fem.Function(V)
+                held = fem.dirichletbc(np.array([0.0, 0.0, -APPROACH]), body.dofs(V, "equator"), V)
+                surface = ContactSurface(
+                    u,
+                    body,
+                    tag="face",
+                    obstacle=HalfSpace((0, 0, 0), (0, 0, 1)),
+                    law=Coulomb(friction) if friction else Frictionless(),
+                    method=method,
+                )
+                energy = LinearElastic.from_young(1.0, 0.3).energy(u) * ufl.dx
+                result, seconds = timed(ContactProblem(energy, u, [surface], bcs=[held]))
+                if not friction:
+                    depth = entered(u, body.facets("face")) / APPROACH
+                    force = result.resultants["contact"][2]
+                    row |= {"unknowns": result.dofs, "force": f"{force:.5f}"}
+                    row["penetration"] = f"{depth:.1%}"
+                row |= {
+                    f"violation, F = {friction}": f"{result.kkt_violation:.0e}",
+                    f"Newton, F = {friction}": result.iterations,
+                    f"seconds, F = {friction}": f"{seconds:.2f}",
+                }
+            rows.append(row)
+    return rows
+
+
 def table(rows):
     """The rows as a table in Markdown."""
     head = list(rows[0])
@@ -212,7 +301,7 @@ def table(rows):
 
 
 def main(argv=None):
-    parts = {"orders": orders, "hertz": hertz, "punch": punch}
+    parts = {"orders": orders, "hertz": hertz, "punch": punch, "ball": ball}
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("parts", nargs="*", help=f"of {', '.join(parts)}; default: all")
     parser.add_argument("--output", type=Path, help="file for the rows, as JSON")
