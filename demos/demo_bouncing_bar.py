@@ -99,12 +99,6 @@ say = io.Report(comm)
 say(f"impulses of both impacts {impulses[0]:.2f}, {impulses[1]:.2f}, exact {800 / 3:.2f}")
 say(f"energy at the end over that at the start {energies[-1]:.5f}, exact 1")
 
-folder = io.output_folder(comm, "output/bouncing_bar")
-if comm.rank == 0:
-    curves = {"computed, mean over a step": (times[1:], force)}
-    dotted = {"exact": (times[1:], exact)}
-    plot.draw_curves(folder / "force.png", curves, dotted=dotted, labels=("time", "contact force"))
-
 # ## Two bars that collide
 #
 # A bar with the velocity $V$ hits an equal bar at rest. Waves run from the contact to the free ends
@@ -140,11 +134,25 @@ collided = motion.run([0.0, before, before + 2.5 * length / wave_speed])
 
 # The impulse of the contact force changes the momenta of both bars.
 
-times = np.array([0.0, *(step.time for step in collided.steps)])
+ends = np.array([0.0, *(step.time for step in collided.steps)])
 push = -np.array([step.result.resultants["contact"][0] for step in collided.steps])
-second_speed = float(push @ np.diff(times) / (density * length))
-inner = (times[1:] > before + 0.1) & (times[1:] < before + 0.5)
+second_speed = float(push @ np.diff(ends) / (density * length))
+inner = (ends[1:] > before + 0.1) & (ends[1:] < before + 0.5)
 contact_pressure = float(push[inner].mean())
 exact_pressure = density * wave_speed * speed / 2
 say(f"velocity of the second bar {second_speed:.3f}, exact {speed:g}")
 say(f"contact pressure {contact_pressure:.2f}, exact {exact_pressure:.2f}")
+
+# ## The picture
+#
+# The contact force of the bouncing bar, as a mean value over each step. The first impact follows
+# the exact force closely, except for a peak in its first steps. The second one begins with a jump
+# to its largest force, which the scheme answers with oscillations. Their mean value is correct: the
+# impulses of both impacts have errors of less than half a per cent. In between, the bar flies and
+# vibrates.
+
+folder = io.output_folder(comm, "output/bouncing_bar")
+if comm.rank == 0:
+    curves = {"computed, mean over a step": (times[1:], force)}
+    dotted = {"exact": (times[1:], exact)}
+    plot.draw_curves(folder / "force.png", curves, dotted=dotted, labels=("time", "contact force"))

@@ -9,8 +9,18 @@
 #
 # The rocker is a block that lies on a round face of radius 1. Its flat top is pressed down and
 # moved sideways like a rigid plate. The face sticks to the floor where the pressure is high. Around
-# this zone the shear reaches the bound $F p$ and the face slips; farther away it is open. This is
-# the problem of Cattaneo (1938) and Mindlin (1949) for a finite body, in its static form.
+# this zone the shear reaches the bound $F p$ and the face slips; farther away it is open. Cattaneo
+# (1938) and Mindlin (1949) solved the like for two similar bodies, whose normal load causes no
+# slip. Here the floor is rigid, so that the face slips a little already when it is pressed.
+#
+# At each contact point, the gap $u_n$ and the pressure $p$ satisfy the conditions of Signorini, and
+# the slip $u_t$ and the shear $t$ on the body the law of Coulomb:
+#
+# $$u_n \ge 0,\quad p \ge 0,\quad u_n\,p = 0,\qquad
+# |t| \le F p,\quad t = -F p\,\frac{u_t}{|u_t|}\ \text{ if }\ u_t \ne 0.$$
+#
+# They hold exactly at every point, without a penalty. `solve` uses the static law, in which $u_t$
+# is the total slip since the undeformed state.
 #
 # The demo runs on any number of MPI ranks: `mpirun -n 2 python3 demo_dragged_body.py`.
 
@@ -127,7 +137,13 @@ force = result.resultants["contact"]
 imbalance = np.linalg.norm(force + result.support) / np.linalg.norm(force)
 say(f"force of the floor {force}, imbalance {imbalance:.1e}")
 
-# The fields open in ParaView with the script `paraview.py` that is written beside them.
+# The fields open in ParaView with the script `paraview.py` that is written next to them.
+#
+# `body.png` shows the deformed rocker, whose von Mises stress is largest at the contact zone.
+# `contact.png` shows the pressure on the face, and its status with arrows of the shear. Look for
+# three things: the stick zone lies where the pressure is high; the arrows point to the left,
+# against the motion; and near both edges of the face they turn inwards, because the body bulges
+# sideways under pressure and friction opposes this slip too.
 
 stress = material.full_stress(u)
 io.write_fields(folder, problem, stress=stress)
@@ -156,12 +172,7 @@ bcs = [
     fem.dirichletbc(np.zeros(3), pair_of_bodies.dofs(W, "bottom"), W),
 ]
 contact = ContactPair(
-    v,
-    pair_of_bodies,
-    slave="contact",
-    master="face",
-    normal=(0, 0, -1),
-    law=Coulomb(friction),
+    v, pair_of_bodies, slave="contact", master="face", normal=(0, 0, -1), law=Coulomb(friction)
 )
 mu = modulus / (2 * (1 + poisson))
 two_materials = LinearElastic(2 * mu * poisson / (1 - 2 * poisson), mu)

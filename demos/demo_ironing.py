@@ -176,6 +176,14 @@ if until >= 1.1:
     H_dragged, V_dragged = force_on_die(history.at(1.1))
     say(f"dragged: V = {V_dragged:.2f}, converged 403.9; H = {H_dragged:.2f}, converged 128.8")
 
+# ## The pictures
+#
+# `ironing.png` shows both bodies at the end: the slab rises on both sides of the die and meets its
+# round edge, so that the contact normals turn along the face. `forces.png` shows both forces over
+# time. Contact begins at $t = 0.2$. The horizontal force is positive before the die slides: the die
+# is pressed near the free end of the slab, which moves to the left under it. At $t = 1$ the die
+# starts to slide: friction is mobilised within a few steps, and the vertical force rises as well.
+
 folder = io.output_folder(comm, "output/ironing")
 plot.picture_of_body(folder / "ironing.png", problem)
 if comm.rank == 0:

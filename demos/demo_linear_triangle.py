@@ -121,7 +121,11 @@ for title, row in zip(titles, solutions, strict=True):
 
 # ## The pictures
 #
-# The deformed body in each solution, and the normal force along the branches.
+# `states.png` shows the deformed body in each solution; displacements are magnified. For
+# $\gamma = -1$ the traction acts to the right and upwards, and $A$ opens. For $\gamma = 1$ it acts
+# to the left and downwards, and $A$ opens, sticks or slips. `diagram.png` shows three quantities
+# over $\gamma$: the four branches meet in the bifurcation at $\gamma = 0$. The labels at the top
+# are the proved numbers of solutions.
 
 folder = io.output_folder(comm, "output/linear_triangle")
 scale = 0.15 / max(abs(row["ut_A"]) for row in solutions)

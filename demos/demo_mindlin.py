@@ -154,6 +154,13 @@ for name, time in (("loaded", 2.0), ("unloaded", 3.0)):
     curves[name] = (x, q)
     exact_curves[f"closed form, {name}"] = (x, exact)
 
+# ## The picture
+#
+# The dotted curves are closed forms. Under load, the shear has peaks at the ends of the stick zone,
+# and equals $\mu p$ between there and the ends of contact. After unloading, the ends have slipped
+# back and their shear has the opposite sign. The middle sticks and keeps the slip of the loading:
+# the result depends on the history.
+
 folder = io.output_folder(comm, "output/mindlin")
 if comm.rank == 0:
     labels = ("x", r"shear traction over $\mu p_0$")

@@ -132,6 +132,12 @@ span = f"{constant.min():.4f} to {constant.max():.4f}"
 say(f"P^2 D over that of the beam at {at_fold.sum()} folds: {span}, closed form 1")
 say(f"work over the fracture energy of the peeled length: {work_ratio:.4f}, closed form 1")
 
+# ## The picture
+#
+# The force rises linearly while the bond is intact. Then each node that breaks causes a pair of
+# folds: at a nonsmooth fold the bond of a node begins to break, at a smooth fold it is broken. The
+# zigzag follows the curve of the beam, along which the machine moves back.
+
 folder = io.output_folder(comm, "output/peeling")
 if comm.rank == 0:
     a = np.linspace(crack, np.sqrt(D[-1] / D_a2), 100)

@@ -17,7 +17,12 @@
 # $$a = \sqrt{\frac{4PR}{\pi E^*}},\quad p_0 = \frac{2P}{\pi a}\quad\text{(cylinders)},\qquad
 # a = \sqrt[3]{\frac{3PR}{4E^*}},\quad p_0 = \frac{3P}{2\pi a^2}\quad\text{(spheres)}$$
 #
-# and the pressure $p(x) = p_0 \sqrt{1 - x^2/a^2}$.
+# and the pressure $p(x) = p_0 \sqrt{1 - x^2/a^2}$. $P$ is the force per length of the cylinders, or
+# the force on the spheres.
+#
+# Contact is enforced between the deformed faces of both bodies: the gap is nonnegative, the
+# pressure is nonnegative, and one of them is zero. The contact radius is a result, not a datum.
+# Its edge is known up to the distance between two contact points.
 
 from mpi4py import MPI
 
@@ -170,9 +175,12 @@ _, peak_of_spheres = fitted(of_spheres, hertz_radius_of_spheres)
 say(f"spheres: force {force / 1e3:.1f} kN; refined meshes converge to 660.7 kN")
 say(f"spheres: peak pressure {peak_of_spheres:.0f} MPa, Hertz {hertz_peak_of_spheres:.0f} MPa")
 
-# ## The picture
+# ## The pictures
 #
-# Pressure of the cylinder on the block, at the contact points and in Hertz's theory.
+# `pressure.png` compares the pressure of the cylinder on the block with Hertz's theory. The points
+# in the middle lie 1.5 per cent above the curve, which is the effect of friction. The last closed
+# point is inside the radius of Hertz, and the next one is open: this distance is the resolution of
+# the mesh. `spheres.png` shows the deformed spheres, which flatten each other.
 
 if comm.rank == 0:
     x = np.linspace(0.0, 1.25 * hertz_radius, 400)
