@@ -1,5 +1,6 @@
 """Tests run serial and under mpirun; only rank 0 reports, and any rank that fails fails the run."""
 
+import faulthandler
 import os
 from pathlib import Path
 
@@ -14,6 +15,8 @@ os.environ.setdefault("SCOTCH_PTHREAD_NUMBER", "1")
 COMM = MPI.COMM_WORLD
 #: Standard error as it was before pytest captured it, for reports of hangs.
 STDERR = os.fdopen(os.dup(2), "w")
+#: Seconds after which a hanging test ends the run: four times the longest on a busy machine.
+LIMIT = 400
 #: Folder of the adversarial tests, of which a sample runs by default.
 ADVERSARIAL = Path(__file__).parent / "adversarial"
 
@@ -142,6 +145,17 @@ def pytest_runtest_makereport(item, call):
     if others and not report.failed:
         report.outcome = "failed"
         report.longrepr = "failed on another rank:\n" + others[0]
+
+
+@pytest.fixture
+def nothing_hangs():
+    """End the run with the tracebacks of all threads if a test hangs, also in a call of MPI.
+
+    They go to the original standard error, because captured output is lost with the process.
+    """
+    faulthandler.dump_traceback_later(LIMIT, exit=True, file=STDERR)
+    yield
+    faulthandler.cancel_dump_traceback_later()
 
 
 @pytest.fixture(autouse=True)

@@ -1,6 +1,5 @@
 """Options, linear solvers, extreme data, and code of users: errors and correct answers."""
 
-import faulthandler
 import logging
 
 from mpi4py import MPI
@@ -26,17 +25,13 @@ from dolfinx_contact.solvers.history import Attempt
 from dolfinx_contact.solvers.newton import Newton
 
 # Every case runs on two ranks, because the errors must be the same on both.
-pytestmark = pytest.mark.ranks(2, every_case=True)
+pytestmark = [
+    pytest.mark.ranks(2, every_case=True),
+    pytest.mark.usefixtures("nothing_hangs"),
+]
 
 COMM = MPI.COMM_WORLD
 LAST = COMM.rank == COMM.size - 1
-
-
-@pytest.fixture(autouse=True)
-def nothing_hangs():
-    faulthandler.dump_traceback_later(60, exit=True)
-    yield
-    faulthandler.cancel_dump_traceback_later()
 
 
 def loaded(n=4, friction=0.3):

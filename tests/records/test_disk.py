@@ -1,7 +1,6 @@
 """Full disks, things in the way, locks, and ranks that lose mpirun: OSError everywhere, no harm."""
 
 import errno
-import faulthandler
 import os
 import resource
 import signal
@@ -28,15 +27,8 @@ from dolfinx_contact.records.journal import FILE_NAME
 COMM = MPI.COMM_WORLD
 TREE = Path(__file__).resolve().parents[2]
 MATERIAL = LinearElastic.from_young(1000.0, 0.3)
+pytestmark = pytest.mark.usefixtures("nothing_hangs")
 serial = pytest.mark.skipif(COMM.size > 1, reason="one process, or processes of its own")
-
-
-@pytest.fixture(autouse=True)
-def no_hang():
-    """A hanging call ends the run, with the traceback."""
-    faulthandler.dump_traceback_later(120, exit=True)
-    yield
-    faulthandler.cancel_dump_traceback_later()
 
 
 @contextmanager

@@ -1,6 +1,5 @@
 """A block, other objects, and calls with wrong arguments for the table of misuse."""
 
-import faulthandler
 from types import SimpleNamespace
 
 from mpi4py import MPI
@@ -45,14 +44,6 @@ MATERIAL = LinearElastic.from_young(1000.0, 0.3)
 
 
 several = pytest.mark.skipif(COMM.size == 1, reason="for ranks that differ")
-
-
-@pytest.fixture
-def nothing_hangs():
-    """End the run if a test takes longer than a minute, also inside a call of MPI."""
-    faulthandler.dump_traceback_later(60, exit=True)
-    yield
-    faulthandler.cancel_dump_traceback_later()
 
 
 class UsersError(Exception):
