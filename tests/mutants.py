@@ -198,7 +198,7 @@ def copied(folder):
     return folder
 
 
-def pytest_in(tree, *arguments, **options):
+def run_tests(tree, *arguments, **options):
     path = os.pathsep.join([str(tree), str(tree / "tests")])
     command = [sys.executable, "-m", "pytest", "-q", "--color=no", *arguments]
     env = os.environ | {"PYTHONPATH": path} | options.pop("env", {})
@@ -208,8 +208,9 @@ def pytest_in(tree, *arguments, **options):
 def functions_of_tests(tree, file):
     """Seconds and functions of all tests; measured if the file does not exist."""
     if not file.exists():
-        pytest_in(tree, "-p", "mutants", "tests", env={"MUTANTS_FUNCTIONS": str(file)})
-    collected = pytest_in(tree, "--collect-only", "tests").stdout.splitlines()
+        done = run_tests(tree, "-p", "mutants", "tests", env={"MUTANTS_FUNCTIONS": str(file)})
+        assert done.returncode < 2, done.stdout + done.stderr
+    collected = run_tests(tree, "--collect-only", "tests").stdout.splitlines()
     known = json.loads(file.read_text())
     return {test: known[test] for test in collected if test in known}
 
@@ -244,7 +245,7 @@ def verdict(mutant, tree, tests, limit):
     source = file.read_text()
     file.write_text(mutant.text(source))
     try:
-        done = pytest_in(tree, "-x", *tests, timeout=limit)
+        done = run_tests(tree, "-x", *tests, timeout=limit)
     except subprocess.TimeoutExpired:
         return "time"
     finally:
