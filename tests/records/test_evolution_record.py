@@ -193,16 +193,7 @@ def test_a_submesh_is_refused(folder):
 
 @pytest.mark.long
 @serial
-@pytest.mark.parametrize(
-    ("case", "kills"),
-    [
-        ("crack", 1),
-        *(
-            pytest.param(case, 20, marks=pytest.mark.long)
-            for case in ("crack", "pair", "fine motion")
-        ),
-    ],
-)
+@pytest.mark.parametrize("case", ["crack", "pair", "fine motion"])
 @pytest.mark.verifies(
     "records of histories",
     "cracks",
@@ -221,12 +212,12 @@ def test_a_submesh_is_refused(folder):
         "records",
     ),
 )
-def test_a_history_killed_at_random_moments_is_resumed(case, kills, whole, folder):
+def test_a_history_killed_at_random_moments_is_resumed(case, whole, folder):
     """Every session on another number of ranks; each is killed, but for the last."""
-    longest = LONGEST if kills == 1 else 0.05
+    longest = 0.05
     known = whole(case, longest)
     words = ("--case", case)
     script = "recorded_evolution.py"
     first = ("--longest", longest)
-    killed_and_resumed(script, words, first, folder, known, kills)
+    killed_and_resumed(script, words, first, folder, known, kills=20)
     require_same(folder, known)

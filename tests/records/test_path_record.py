@@ -229,13 +229,7 @@ def test_a_path_record_refuses_other_problems_and_ranges(whole, folder):
 
 
 @serial
-@pytest.mark.parametrize(
-    ("case", "kills"),
-    [
-        ("bonds", 1),
-        *(pytest.param(case, 20, marks=pytest.mark.long) for case in ("bonds", "crack", "pair")),
-    ],
-)
+@pytest.mark.parametrize("case", ["bonds", "crack", "pair"])
 @pytest.mark.verifies(
     "records of paths",
     "RCCM adhesion",
@@ -246,10 +240,10 @@ def test_a_path_record_refuses_other_problems_and_ranges(whole, folder):
     ),
 )
 @pytest.mark.long
-def test_a_path_killed_at_random_moments_is_resumed(case, kills, whole, folder):
+def test_a_path_killed_at_random_moments_is_resumed(case, whole, folder):
     """Every session on another number of ranks; each is killed, but for the last."""
-    longest = LONGEST if kills == 1 else LONGEST / 8
+    longest = LONGEST / 8
     known = whole(case, longest)
     words = ("--case", case, "--longest", longest)
-    killed_and_resumed("recorded_path.py", words, (), folder, known, kills)
+    killed_and_resumed("recorded_path.py", words, (), folder, known, kills=20)
     require_same_path(folder, known)

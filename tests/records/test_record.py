@@ -453,7 +453,6 @@ def test_a_journal_without_a_complete_line_starts_afresh(folder):
 
 
 @serial
-@pytest.mark.parametrize("kills", [2, pytest.param(10, marks=pytest.mark.long)])
 @pytest.mark.verifies(
     "records of branches",
     reference="itself: the branch that nothing ended",
@@ -464,9 +463,10 @@ def test_a_journal_without_a_complete_line_starts_afresh(folder):
     ),
 )
 @pytest.mark.long
-def test_a_branch_killed_at_random_moments_is_resumed(whole, folder, kills):
+def test_a_branch_killed_at_random_moments_is_resumed(whole, folder):
     """Every session on another number of ranks; each is killed, but for the last."""
     random.seed(3)
+    kills = 10
     path = folder / FILE_NAME
     total = len((whole[0] / FILE_NAME).read_bytes())
     moments = [0.05 + 0.9 / kills * (i + random.uniform(0.0, 0.8)) for i in range(kills)]
