@@ -94,7 +94,6 @@ def test_hild_triangle_passes_a_continuum_of_solutions(folder):
 
 
 @pytest.mark.long
-@pytest.mark.chatty
 @pytest.mark.verifies(
     "all solutions", "charts", reference="paper: Hild (2002), Proposition 2", aspects=("2D",)
 )
@@ -174,7 +173,6 @@ def test_every_algorithm_returns_a_solution_or_names_its_failure(folder):
 
 
 @pytest.mark.long
-@pytest.mark.chatty
 def test_newton_alone_reaches_the_sliding_solution(folder):
     """Beyond F = 3 Newton's method alone reaches the sliding solution, from starts around it."""
     summary = cases.sliding_solution.main(["--n=2", "--grid=2", f"--output={folder}"])

@@ -40,7 +40,6 @@ def bar(folder, n, thin, steps):
 
 
 @pytest.mark.long
-@pytest.mark.chatty
 @pytest.mark.verifies(
     "quasi-static",
     "Coulomb",
@@ -63,7 +62,6 @@ def test_bar_on_a_floor_converges_to_one_percent(folder):
 
 
 @pytest.mark.long
-@pytest.mark.chatty
 def test_the_two_blocks_demo_costs_little_friction(folder, no_pictures):
     """Other nodes on the lower block change the cost of friction by a few percent only."""
     spent = []
@@ -142,7 +140,6 @@ def test_adhesion_case_has_the_folds_of_its_snap_back(folder):
     assert (folder / "pull.png").exists()
 
 
-@pytest.mark.chatty
 @pytest.mark.verifies(
     "jumps",
     "RCCM adhesion",
@@ -214,7 +211,6 @@ def peeling(folder, **parameters):
 
 
 @pytest.mark.long
-@pytest.mark.chatty
 def test_peeling_has_its_benchmark_numbers(folder):
     names = peeling(folder)
     assert 3 < names["area"][-1] < 3.5
@@ -367,7 +363,6 @@ def gives(*words):
     return (1e-4 - slip) / -table.force[:, 1].sum() / cases.pile.closed_form(args, slip)[2]
 
 
-@pytest.mark.chatty
 @pytest.mark.verifies(
     "bodies of revolution",
     "Coulomb",
@@ -393,7 +388,6 @@ def test_earth_pressure_at_rest_displaces_nothing():
 
 
 @pytest.mark.long
-@pytest.mark.chatty
 @pytest.mark.verifies(
     "RCCM adhesion",
     "bodies of revolution",

@@ -17,7 +17,6 @@ def no_pictures(monkeypatch):
 
 
 @pytest.mark.long
-@pytest.mark.chatty
 @pytest.mark.verifies(
     "NSCD motion",
     "energies of motions",
@@ -56,7 +55,6 @@ def two_bars(folder, *words):
     return [found["velocities"][1] / 20, found["duration"] * 1.5, found["pressure"]]
 
 
-@pytest.mark.chatty
 @pytest.mark.verifies(
     "NSCD motion",
     reference="closed form: bars that exchange their velocities",
@@ -76,7 +74,6 @@ def test_two_bars_converge_to_one_percent(folder):
 
 
 @pytest.mark.long
-@pytest.mark.chatty
 @pytest.mark.verifies(
     "NSCD motion", "Coulomb", reference="closed form: time and way to the stop", aspects=("2D",)
 )
@@ -138,7 +135,6 @@ def test_two_thrown_bodies_exchange_normal_velocities(folder):
 
 
 @pytest.mark.long
-@pytest.mark.chatty
 @pytest.mark.verifies(
     "NSCD motion", reference="closed form: an oscillator of one degree of freedom", aspects=("2D",)
 )

@@ -16,7 +16,6 @@ def no_picture(monkeypatch):
 
 
 @pytest.mark.long
-@pytest.mark.chatty
 @pytest.mark.verifies(
     "sliding pairs",
     "Coulomb",
@@ -71,7 +70,6 @@ def test_twisting_hemisphere_has_the_published_torque(folder, no_picture):
 
 
 @pytest.mark.long
-@pytest.mark.chatty
 @pytest.mark.verifies(
     "self contact",
     "hyperelastic bodies",
@@ -106,7 +104,6 @@ def test_half_spheres_have_the_published_force(folder, no_picture):
     assert found["fall"] is None
 
 
-@pytest.mark.chatty
 @pytest.mark.verifies(
     "sliding pairs",
     "hyperelastic bodies",

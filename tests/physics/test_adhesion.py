@@ -23,7 +23,6 @@ def weakest(table, before):
     return np.minimum(before, W / np.maximum(energy, 1e-30))
 
 
-@pytest.mark.chatty
 @pytest.mark.parametrize(
     ("cell", "given"),
     [
@@ -225,7 +224,6 @@ def test_field_of_bonds_holds_the_right_half():
     np.testing.assert_allclose(t.pressure, -C * t.beta**2 * t.un, rtol=1e-8, atol=1e-12)
 
 
-@pytest.mark.chatty
 @pytest.mark.parametrize(
     ("n", "times"),
     [

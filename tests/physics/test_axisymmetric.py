@@ -330,7 +330,6 @@ def test_a_press_fit_of_revolution_has_lames_pressure(ratio, method, degree):
         np.testing.assert_allclose(u[at, 0], free, rtol=2e-3)
 
 
-@pytest.mark.chatty
 @pytest.mark.verifies(
     "bodies of revolution",
     "energies of histories",

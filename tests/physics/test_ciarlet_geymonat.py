@@ -62,7 +62,6 @@ def check(summary, length=1.0, force=1.0):
 @pytest.mark.parametrize(
     "r", [None, *(pytest.param(r, marks=[serial, pytest.mark.long]) for r in (0.3, 300.0))]
 )
-@pytest.mark.chatty
 @pytest.mark.verifies(
     "hyperelastic bodies",
     "all solutions",

@@ -385,7 +385,6 @@ def test_motion_around_a_drum_loses_its_residue():
 
 
 @pytest.mark.long
-@pytest.mark.chatty
 @pytest.mark.verifies(
     "spheres",
     "hyperelastic bodies",

@@ -265,7 +265,6 @@ def test_cohesion_spends_its_fracture_energy():
 
 
 @pytest.mark.long
-@pytest.mark.chatty
 @pytest.mark.parametrize("k", [pytest.param(1.0, marks=pytest.mark.long), 8.0])
 @pytest.mark.verifies(
     "bilinear cohesion",

@@ -359,7 +359,6 @@ def test_moving_an_obstacle_is_moving_the_block_over_it():
 
 
 @pytest.mark.long
-@pytest.mark.chatty
 @pytest.mark.verifies(
     "spheres",
     "hyperelastic bodies",

@@ -170,7 +170,6 @@ def test_a_linear_displacement_over_different_meshes_in_space_is_exact(case, sla
     assert largest(u.x.array - exact.x.array) < 1e-11 * largest(exact.x.array)
 
 
-@pytest.mark.chatty
 @pytest.mark.verifies(
     "pivoting",
     "mortar",

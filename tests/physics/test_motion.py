@@ -92,7 +92,6 @@ def test_impact_of_a_bar_agrees_with_another_code(scheme, theta, level, mass, re
         assert max(abs(e.residue) for e in account) < 1e-10 * 500
 
 
-@pytest.mark.chatty
 @pytest.mark.verifies(
     "NSCD motion",
     "energies of motions",
@@ -138,7 +137,6 @@ def thrown(n, **how):
     return motion.run([0.0, 0.8], progress=False)
 
 
-@pytest.mark.chatty
 @pytest.mark.verifies("NSCD motion", reference="closed form: rho c v0 for 2 L/c", aspects=("2D",))
 def test_bar_rebounds_with_its_speed():
     """Pressed by rho c v0 for 2L/c it comes back with v0: to 1 % on 400 cells, 5 % on 16."""
@@ -204,7 +202,6 @@ def test_stiff_block_rebounds_with_its_restitution(e):
     assert history.energies.contact == pytest.approx(9.0 * (1 - e**2), abs=1e-4)
 
 
-@pytest.mark.chatty
 @pytest.mark.verifies(
     "NSCD motion", "Coulomb", reference="closed form: v0/(mu g), v0^2/(2 mu g)", aspects=("2D",)
 )
@@ -300,7 +297,6 @@ def test_drag_takes_what_the_body_loses(theta):
     assert max(abs(s.energies.residue) for s in history.steps) < 1e-12
 
 
-@pytest.mark.chatty
 @pytest.mark.verifies(
     "energies of motions", "hyperelastic bodies", reference="itself: half the step", aspects=("2D",)
 )
@@ -319,7 +315,6 @@ def dense(matrix):
     return matrix.convert("dense").getDenseArray().copy()
 
 
-@pytest.mark.chatty
 @pytest.mark.verifies(
     "NSCD motion", reference="independent code: the matrix exponential of scipy", aspects=("2D",)
 )
@@ -355,7 +350,6 @@ def test_schemes_have_their_order():
         assert order - 0.25 < np.log2(errors[0] / errors[1]) < order + 0.25
 
 
-@pytest.mark.chatty
 @pytest.mark.parametrize(("cell", "degree"), [("tri", 1), ("quad", 2), ("tet", 1), ("hex", 1)])
 def test_mass_matrices_have_the_mass_of_the_body(cell, degree):
     """Nodes that may touch have no redistributed mass, and all other masses are positive."""

@@ -95,7 +95,6 @@ def test_a_speed_is_needed():
 
 
 @pytest.mark.long
-@pytest.mark.chatty
 @pytest.mark.verifies(
     "normal compliance",
     "NSCD motion",
@@ -120,7 +119,6 @@ def test_stiff_block_on_springs_rebounds_after_half_a_period():
     assert history.energies.residue == pytest.approx(lost, rel=0.02)
 
 
-@pytest.mark.chatty
 @pytest.mark.verifies(
     "RCCM adhesion",
     "NSCD motion",
@@ -146,7 +144,6 @@ def test_broken_bond_costs_its_work():
 
 
 @pytest.mark.long
-@pytest.mark.chatty
 @pytest.mark.verifies(
     "bilinear cohesion",
     "NSCD motion",
@@ -254,7 +251,6 @@ def slides(friction):
     return problem, way
 
 
-@pytest.mark.chatty
 @pytest.mark.parametrize("friction", [pytest.param(f, marks=pytest.mark.long) for f in (0.1, 0.5)])
 @pytest.mark.verifies(
     "steady sliding",
@@ -304,7 +300,6 @@ def test_perturbed_motion_grows_as_the_squeal_mode(friction):
 
 
 @pytest.mark.long
-@pytest.mark.chatty
 @pytest.mark.verifies(
     "jumps", "NSCD motion", reference="closed form: Klarbring's node beyond g = 3", aspects=("2D",)
 )

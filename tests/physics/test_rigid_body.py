@@ -433,7 +433,6 @@ def test_all_solutions_carry_the_motion_of_a_rigid_body():
     assert x.norm() < 1e-9 * found[0].x.norm()
 
 
-@pytest.mark.chatty
 @pytest.mark.verifies("Lemke", "rigid bodies", reference="itself: Newton's method", aspects=("2D",))
 def test_lemke_solves_with_a_prescribed_rigid_motion():
     """Lemke's method solves for a body whose motion is prescribed, and says where it cannot."""

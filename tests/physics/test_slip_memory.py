@@ -69,7 +69,6 @@ PATH = (
 )
 
 
-@pytest.mark.chatty
 @pytest.mark.parametrize(
     ("cell", "given"),
     [
@@ -113,7 +112,6 @@ def test_shear_of_every_point_follows_its_way(cell, given):
     assert {"o", "k"} < set(letters)
 
 
-@pytest.mark.chatty
 @pytest.mark.verifies(
     "friction of the slip",
     "energies of histories",

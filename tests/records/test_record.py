@@ -122,7 +122,6 @@ def test_fields_come_back_exactly(whole):
         ("tet", "nodal", 1),
     ],
 )
-@pytest.mark.chatty
 @pytest.mark.verifies(
     "records of branches",
     reference="itself: the branch at once",
@@ -346,7 +345,6 @@ def task(r, **changes):
 # -- resuming --------------------------------------------------------------------------------------
 
 
-@pytest.mark.chatty
 def test_a_damaged_checkpoint_of_a_branch_is_passed_over(whole, folder):
     """The run goes on from the checkpoint before; if all are damaged, an error says so."""
     system, functionals = moved_block(COMM)

@@ -188,7 +188,6 @@ def check_random_body(seed):
     return result.reason
 
 
-@pytest.mark.chatty
 @pytest.mark.parametrize("first", [0, pytest.param(15, marks=pytest.mark.long)])
 def test_lemke_solves_random_bodies(first):
     found = [check_random_body(seed) for seed in range(first, first + 15)]

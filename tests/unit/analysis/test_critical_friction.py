@@ -105,7 +105,6 @@ def test_critical_friction_agrees_with_an_own_condensation(cell, offset):
     np.testing.assert_allclose(every, np.sort_complex(values.round(6)), atol=3e-6)
 
 
-@pytest.mark.chatty
 def test_critical_friction_falls_with_the_height_of_a_leaning_body(folder):
     """A leaning body: F goes to zero like 2 W/H; an upright one: it does not."""
     options = ["--shape=parallelogram", "--width=1", "--height=4", "--offset=1", "--n=4"]
@@ -116,7 +115,6 @@ def test_critical_friction_falls_with_the_height_of_a_leaning_body(folder):
     np.testing.assert_allclose(upright, [1.95, 2.11], rtol=0.01)  # the positive one of a pair
 
 
-@pytest.mark.chatty
 def test_criterion_falls_on_finer_meshes_and_critical_friction_does_not(folder):
     """For alternating slips the criterion falls like h^(1/2); the critical friction does not."""
     levels = demo(["--n=32", f"--output={folder}"])["levels"]

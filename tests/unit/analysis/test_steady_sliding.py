@@ -173,7 +173,6 @@ def test_steady_sliding_takes_the_directions_of_a_solution():
 
 
 @pytest.mark.long
-@pytest.mark.chatty
 def test_the_squeal_demo_has_its_benchmark_numbers(folder):
     """Numbers of the benchmark, modes hidden by regularised friction, and the animation."""
     pad_options = ["--nx=2", "--ny=2", "--width=1", "--height=1", "--friction=0.5"]

@@ -286,7 +286,6 @@ def branch_of(system):
     return follow(system, x, 0.0, gamma_range=(0.0, 1.0), route="steps")
 
 
-@pytest.mark.chatty
 @pytest.mark.verifies(
     "curves of folds",
     reference="itself: the exact curves of the condensed body",

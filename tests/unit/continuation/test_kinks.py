@@ -36,9 +36,7 @@ def test_the_node_has_its_folds_in_batches_too(kinks):
             assert high - low < 6 * 16 * control.minimum
 
 
-@pytest.mark.parametrize(
-    "kinks", ["batched", pytest.param("stepping", marks=[pytest.mark.chatty, pytest.mark.long])]
-)
+@pytest.mark.parametrize("kinks", ["batched", pytest.param("stepping", marks=pytest.mark.long)])
 @pytest.mark.verifies(
     "branches",
     reference="itself: every event located",

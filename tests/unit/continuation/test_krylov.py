@@ -87,7 +87,6 @@ def follow_vee(solver, kinks, *options):
     return branch, letters, signs
 
 
-@pytest.mark.chatty
 @pytest.mark.parametrize(
     "kinks", [pytest.param(k, marks=pytest.mark.long) for k in ("exact", "batched")]
 )
@@ -122,7 +121,6 @@ def test_the_vee_by_krylov_has_the_folds_of_mumps(kinks):
 
 
 @pytest.mark.long
-@pytest.mark.chatty
 @pytest.mark.verifies(
     "Krylov branches",
     reference="independent code: MUMPS for the linear systems",

@@ -20,7 +20,6 @@ def whole(system, x):
     return np.concatenate(system.comm.allgather(x.array_r.copy()))
 
 
-@pytest.mark.chatty
 @pytest.mark.verifies(
     "all solutions", reference="closed form: three points of Gould's nonconvex problem", alone=True
 )

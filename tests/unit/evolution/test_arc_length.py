@@ -34,7 +34,6 @@ def opening(step):
     return t.un[t.letters != "d"] / U0
 
 
-@pytest.mark.chatty
 @pytest.mark.parametrize(
     ("k", "n"),
     [(1.0, 1), *(pytest.param(k, 8, marks=pytest.mark.long) for k in (0.3, 2.0))],
@@ -75,7 +74,6 @@ def test_bar_in_series_snaps_back(k, n):
 
 
 @pytest.mark.long
-@pytest.mark.chatty
 def test_the_energy_residue_of_a_path_falls_with_the_steps():
     residues = []
     for part in (1, 4):
@@ -89,7 +87,6 @@ def test_the_energy_residue_of_a_path_falls_with_the_steps():
 
 
 @pytest.mark.long
-@pytest.mark.chatty
 @pytest.mark.verifies(
     "arc length paths", "RCCM adhesion", reference="closed form: the secant", aspects=("2D",)
 )
@@ -164,7 +161,6 @@ def test_arc_length_passes_klarbrings_end():
 
 
 @pytest.mark.long
-@pytest.mark.chatty
 @pytest.mark.verifies(
     "arc length paths",
     "RCCM adhesion",

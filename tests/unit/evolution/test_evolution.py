@@ -34,7 +34,6 @@ PATHS = json.loads((DATA / "two_blocks_path.json").read_text())
 
 
 @pytest.mark.parametrize("case", ["two_n8", pytest.param("rigid_n8", marks=pytest.mark.long)])
-@pytest.mark.chatty
 @pytest.mark.verifies(
     "quasi-static",
     "Coulomb",
@@ -117,7 +116,6 @@ def test_branch_within_a_step_starts_at_the_border():
     assert found.status != history.steps[-1].status
 
 
-@pytest.mark.chatty
 def test_tried_steps_leave_nothing():
     """Searching steps for jumps leaves the run unchanged, bit by bit."""
     runs = []

@@ -68,7 +68,6 @@ def jumps_of(history):
 
 
 @pytest.mark.long
-@pytest.mark.chatty
 @pytest.mark.parametrize(
     ("stiffness", "steps", "degree"),
     [
@@ -139,7 +138,6 @@ def test_a_coarse_step_names_where_its_load_turns_back():
     assert jumps_of(later) == []
 
 
-@pytest.mark.chatty
 @pytest.mark.parametrize(
     ("stiffness", "law", "pressed", "times"),
     [

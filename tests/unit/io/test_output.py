@@ -367,7 +367,6 @@ def drawn(file):
     return COMM.bcast(count)
 
 
-@pytest.mark.chatty
 @pytest.mark.parametrize(
     ("cell", "degree"),
     [

@@ -191,7 +191,6 @@ def test_two_groups_are_refused(groups):
         squeezed(groups)
 
 
-@pytest.mark.chatty
 @pytest.mark.parametrize("groups", [LINE, TEE, CROSS], ids=["line", "T", "X"])
 @pytest.mark.verifies(
     "cracks that cross",

@@ -165,7 +165,6 @@ def test_pairs_by_multigrid_have_the_solution_of_mumps(name):
     problem.destroy()
 
 
-@pytest.mark.chatty
 @pytest.mark.verifies(
     "Krylov branches",
     reference="independent code: MUMPS for the linear systems",
