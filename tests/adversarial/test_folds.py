@@ -6,20 +6,17 @@ claims to be complete has all of them, whatever its longest step, its units and 
 
 import numpy as np
 import pytest
-from support.bodies import block, floor, free_row, one_point
+from support.bodies import block, free_row, one_point
 from support.checks import assert_close
 
 import ufl
-from dolfinx import fem, mesh
+from dolfinx import fem
 
 from dolfinx_contact import (
     RCCM,
     BilinearCohesive,
-    ContactProblem,
-    ContactSurface,
     Coulomb,
     ParametricContact,
-    meshing,
 )
 from dolfinx_contact.continuation import StepControl
 from dolfinx_contact.evolution import ArcLength
@@ -157,41 +154,6 @@ def test_folds_of_a_bilinear_bond_do_not_depend_on_units(force, length):
 )
 def test_folds_come_where_a_lift_that_is_not_affine_has_their_values(lift, inverse):
     bilinear(lift=lift, inverse=inverse)
-
-
-def test_two_columns_with_their_own_snap_backs_have_four_folds():
-    parts = [block((1, 1), cell="tri").domain for _ in range(2)]
-    parts[1].geometry.x[:, 0] += 2.0
-    domain = meshing.join(parts).mesh
-    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-    u, moved = fem.Function(V), fem.Function(V)
-    bottom, top = (
-        mesh.locate_entities_boundary(domain, 1, lambda x, y=y: np.isclose(x[1], y))
-        for y in (0.0, 1.0)
-    )
-    soft, stiff = 20.0, 40.0
-    k = ufl.conditional(ufl.SpatialCoordinate(domain)[0] < 1.5, soft, stiff)
-    s, a, b = 2.0, 0.01, 0.02
-    contact = ContactSurface(u, bottom, obstacle=floor(), law=BilinearCohesive(s, a, b))
-    others = fem.locate_dofs_geometrical(
-        V, lambda x: np.isclose(x[1], 0) & (np.isclose(x[0], 1) | np.isclose(x[0], 3))
-    )
-    bcs = [
-        fem.dirichletbc(moved, fem.locate_dofs_topological(V, 1, top)),
-        fem.dirichletbc(np.zeros(2), others, V),
-    ]
-    energy = k / 2 * ufl.dot(u.dx(1), u.dx(1)) * ufl.dx
-    gamma = fem.Constant(domain, 0.0)
-    driven = [(moved, ufl.as_vector((0, gamma)))]
-    system = ParametricContact(ContactProblem(energy, u, [contact], bcs=bcs), gamma, driven=driven)
-    control = StepControl(initial=0.05, maximum=0.1)
-    history = ArcLength(system).run(gamma_range=(0.0, 0.15), control=control)
-    assert history.complete
-    right = [a + s / stiff, a + b, a + s / soft, a + b]
-    assert_close([p.gamma for p in history.folds], right)
-    table = history.steps[-1].result.tables["contact"]
-    free = np.isclose(table.x[:, 0], 0) | np.isclose(table.x[:, 0], 2)
-    assert_close(table.un[free], [0.15] * 2)
 
 
 #: Stiffness of a point, way of its top along the tangents, friction, folds and longest step.

@@ -9,23 +9,18 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from support.bodies import SlipWeakening, block, floor, free_row, one_point, table_of
+from support.bodies import SlipWeakening, block, free_row, one_point, table_of
 from support.checks import assert_close, assert_warned
 
 import ufl
-from dolfinx import fem, mesh
 
 from dolfinx_contact import (
     RCCM,
-    ContactProblem,
-    ContactSurface,
     ConvergenceError,
     Coulomb,
     materials,
 )
 from dolfinx_contact.evolution import NoContinuation, QuasiStatic
-from dolfinx_contact.grids import create_grid
-from dolfinx_contact.meshing import join
 
 COMM = MPI.COMM_WORLD
 
@@ -168,44 +163,6 @@ def test_an_evolution_ends_where_a_bond_snaps():
     with pytest.raises(NoContinuation) as error:
         pulled(0.5, [0.0, 2.0, 5.0], "raise")
     assert_close(error.value.history.time, 3.0, 1e-3)
-
-
-@pytest.mark.parametrize(
-    ("ratios", "times"),
-    [((1.0, 0.5, 2.0, 0.7), np.linspace(0.0, 3.5, 8)), ((4.0, 6.0, 5.0), np.linspace(0.0, 2.0, 6))],
-)
-def test_columns_on_bonds_come_off_one_after_the_other(ratios, times):
-    """A mean over all of them hardly shows it."""
-    line = np.linspace(0.0, 1.0, 2)
-    grids = [
-        create_grid(COMM, (line + 2 * i, line), mesh.CellType.quadrilateral)
-        for i in range(len(ratios))
-    ]
-    both = join(grids)
-
-    def face(height):
-        return mesh.locate_entities_boundary(both.mesh, 1, lambda x: np.isclose(x[1], height))
-
-    V = fem.functionspace(both.mesh, ("Lagrange", 1, (2,)))
-    u = fem.Function(V)
-    top = fem.Constant(both.mesh, np.zeros(2))
-    contact = ContactSurface(u, face(0.0), obstacle=floor(), law=RCCM(100.0, 100.0, 1.0))
-    dx = ufl.Measure("dx", both.mesh, subdomain_data=both.cell_tags)
-    square = ufl.inner(ufl.grad(u), ufl.grad(u)) / 2
-    energy = sum(K * 100.0 * square * dx(i) for i, K in enumerate(ratios, 1))
-    held = fem.dirichletbc(top, fem.locate_dofs_topological(V, 1, face(1.0)), V)
-    problem = ContactProblem(energy, u, [contact], bcs=[held])
-
-    def load(time):
-        top.value[1] = time * 0.1
-
-    history = QuasiStatic(problem, load).run(times, locate_jumps=True, at_jump="jump")
-    right = sorted(1 + 1 / K for K in ratios if K < 3)
-    assert_close([s.time for s in jumps_of(history)], right, 1e-3)
-    for step in history.steps:
-        table = step.result.tables["contact"]
-        found = table.un[np.argsort(table.x[:, 0])][::2] / 0.1
-        assert_close(found, [bond(K, step.time) for K in ratios], 1e-3)
 
 
 WEAKENING = SlipWeakening(0.6, 0.2, 0.1)
