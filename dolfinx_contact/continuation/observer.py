@@ -98,7 +98,7 @@ class Observer:
     ================== ============ ================= ===============
     follow, explore    Task         BranchStep        Stepping
     QuasiStatic, NSCD  HistoryTask  EvolutionStep     RunState
-    ArcLength          PathTask     PathStep          PathState
+    ArcLength          PathTask     PathStep          RunState
     ================== ============ ================= ===============
 
     During a call the problem is in the state of the point or step (at the beginning of a branch or

@@ -2,9 +2,14 @@
 """Evolutions: contact problems with a memory, step by step in time or by arc length."""
 
 from dolfinx_contact.evolution.arc_length import ArcLength
-from dolfinx_contact.evolution.history import EvolutionStep, History, NoContinuation
+from dolfinx_contact.evolution.history import (
+    EvolutionStep,
+    History,
+    NoContinuation,
+    PathHistory,
+    PathStep,
+)
 from dolfinx_contact.evolution.nscd import NSCD
-from dolfinx_contact.evolution.path import PathHistory, PathStep
 from dolfinx_contact.evolution.quasi_static import QuasiStatic
 
 __all__ = [

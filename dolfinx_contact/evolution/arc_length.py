@@ -12,17 +12,24 @@ rises and falls such that the state changes slowly, for example where a structur
 friction opposes the slip as it happens, and damage is irreversible. The constraint was
 introduced by Riks (Int. J. Solids Struct. 15, 1979); here it is used on the pieces of H.
 
-Time has no meaning on a path: laws must not depend on it.
+The rule `ByArcLength` goes from one accepted point to the next in three steps:
+
+1. solve H(x_n+1, gamma_n+1; m_n) = 0 at arc length h or at an event before it (`arc_steps`),
+2. accept the memory m_n+1 = A(x_n+1; m_n), and account for the energies,
+3. solve the rate problem at x_n+1 with m_n+1 for the piece and the tangent t_n+1 of the next step.
+
+The time of a point is the arc length from the start of the path. Laws must not depend on it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import ClassVar
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, Literal, TypeAlias
 
 import numpy as np
 
-from dolfinx_contact._mpi import Arguments, collective, require
+from dolfinx_contact._mpi import Arguments, anywhere, collective, require
 from dolfinx_contact.continuation.arguments import (
     check_rays,
     check_steps,
@@ -31,31 +38,47 @@ from dolfinx_contact.continuation.arguments import (
     samples_of,
 )
 from dolfinx_contact.continuation.bordered import Bordered
+from dolfinx_contact.continuation.branch import BranchPoint, FoundRays, Ray
 from dolfinx_contact.continuation.corrector import Corrector
+from dolfinx_contact.continuation.ending import OTHER_CAUSE, Ending
 from dolfinx_contact.continuation.observer import Observer, ObserverLike, Stop
 from dolfinx_contact.continuation.parameters import StepControl
+from dolfinx_contact.continuation.walk import require_way
+from dolfinx_contact.equations.evaluation import Evaluation
 from dolfinx_contact.equations.state import State
 from dolfinx_contact.equations.validation import check_times
-from dolfinx_contact.evolution.arc_steps import ArcSteps
-from dolfinx_contact.evolution.by_arc_length import ByArcLength
-from dolfinx_contact.evolution.evolution import Runnable
-from dolfinx_contact.evolution.path import (
-    Known,
-    PathDirection,
-    PathHistory,
-    PathState,
-    PathStep,
-    PathStepper,
-    PathTask,
-    begun,
-)
-from dolfinx_contact.evolution.run import Listeners, Run
+from dolfinx_contact.evolution.arc_steps import ArcSteps, Arrival
+from dolfinx_contact.evolution.energy import Forces, forces_at
+from dolfinx_contact.evolution.history import EvolutionStep, PathEvent, PathHistory, PathStep
+from dolfinx_contact.evolution.run import Listeners, Rule, Runnable, RunState
+from dolfinx_contact.evolution.step import AcceptedState, Stepper
 from dolfinx_contact.parametric import ParametricContact
+from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.points.surface import DiscreteSurface
+from dolfinx_contact.results.result import Result
+from dolfinx_contact.results.tables import violation
 
-__all__ = ["ArcLength", "PathDirection"]
+__all__ = ["ArcLength", "PathDirection", "PathTask"]
+
+#: Direction in which a run leaves its start: increasing or decreasing load in a first run; onwards
+#: or back in a later one.
+PathDirection: TypeAlias = Literal["increasing", "decreasing", "onwards", "back"]
 
 _LONGEST = 0.005  # default step length, relative to the range of gamma and the first tangent
+_VIOLATION = 1e-6  # largest relative violation of the contact law at an accepted point
+_IDLE = 1e-6  # mean arc length of steps that make no progress
+_PATIENCE = 10  # number of such steps, in addition to two for each contact point
+
+
+@dataclass(frozen=True)
+class PathTask:
+    """Task of a run by arc length; see `ArcLength.run` for the attributes."""
+
+    gamma_range: tuple[float, float]
+    direction: PathDirection
+    control: StepControl
+    max_steps: int
+    rays: bool
 
 
 def _check_run(a: Arguments) -> None:
@@ -79,7 +102,7 @@ def _check_run(a: Arguments) -> None:
         raise ValueError(f"the direction of {run} must be one of {known}: {a.direction!r}")
 
 
-class ArcLength(Runnable[PathTask, PathState, PathHistory]):
+class ArcLength(Runnable[PathTask, PathHistory]):
     """Path of a contact problem with memory, under a load that is unknown beforehand.
 
     The first run starts from the state in the Functions of the problem, which must be a solution
@@ -187,38 +210,320 @@ class ArcLength(Runnable[PathTask, PathState, PathHistory]):
         assert direction is not None
         self._require_no_time()
         self.parametric.check_parameter(samples_of(*gamma_range))
-        run_state = self._run_state if start is None else None
-        if run_state is None:
-            self._require_start(start)
-            accepted = self.stepper(None).start(0.0, start)
-            run_state = PathState(accepted, 0.0, known=Known(scales=self.parametric.scales))
-        self._has_begun()
         task = PathTask(gamma_range, direction, control, max_steps, bool(rays))
-        listeners = Listeners(stop, observer, record, progress)
-        return self._run(task, begun(task, run_state), listeners)
+        return self._begin(task, Listeners(stop, observer, record, progress), start)
 
     @property
     def _gamma(self) -> float:
         """Load at the last accepted state; before the first run, the value of the parameter."""
         value = self.parametric.constant.value
-        return float(value) if self._run_state is None else self._run_state.gamma
+        return float(value) if self._accepted is None else self._accepted.gamma
 
-    def stepper(self, progress: bool | None) -> PathStepper:
-        return PathStepper(self.parametric)
+    def stepper(self, progress: bool | None) -> Stepper:
+        return _PathStepper(self.parametric)
 
-    def _run(self, task: PathTask, run_state: PathState, listeners: Listeners) -> PathHistory:
-        low, high = task.gamma_range
+    def history(self, run_state: RunState) -> PathHistory:
         accepted = run_state.accepted
-        bordered = Bordered(self.parametric, gamma_scale=high - low)
-        steps = ArcSteps(Corrector(bordered, task.control, chords=False))
-        stepper = self.stepper(listeners.progress)
-        rule = ByArcLength(self.parametric, stepper, steps, task, run_state)
-        history = PathHistory(accepted.time, accepted.energies, gamma=accepted.gamma)
-        try:
-            self._follow(Run(stepper, rule, listeners, history))
-        finally:
-            bordered.destroy()
-        return history
+        return PathHistory(accepted.time, accepted.energies, gamma=accepted.gamma)
+
+    def begun(self, task: PathTask, run_state: RunState) -> RunState:
+        known = {
+            "x_scale": run_state.known.get("x_scale", 0.0),
+            "largest_distance": 0.0,
+            "scales": run_state.known.get("scales", self.parametric.scales),
+            "signs": (),
+        }
+        return replace(
+            run_state,
+            length=task.control.initial,
+            known=known,
+            passed=(run_state.accepted.time,),
+            ending=None,
+            reason="",
+        )
+
+    def _rule(self, stepper: Stepper, task: PathTask, run_state: RunState) -> ByArcLength:
+        return ByArcLength(self.parametric, stepper, task, run_state)
+
+    def _accepted_start(
+        self, stepper: Stepper, task: PathTask, start: State | None
+    ) -> AcceptedState:
+        if start is None and self._accepted is not None:
+            return self._accepted
+        return stepper.start(0.0, start)
+
+
+class _PathStepper(Stepper):
+    """Puts accepted states of a path into the problem, with their load.
+
+    Args:
+        system: contact problem with its load parameter.
+    """
+
+    def __init__(self, system: ParametricContact):
+        super().__init__(system.problem, lambda _: None, None)
+        self._system = system
+
+    def start(self, time: float, given: State | None = None) -> AcceptedState:
+        accepted = super().start(time, given)
+        if given is None or None in given.previous:
+            return accepted
+        # keep the statuses of the last step: at borders the state does not determine them
+        return replace(accepted, statuses=given.statuses)
+
+    def _more(self) -> dict[str, Any]:
+        return {"gamma": float(self._system.constant.value)}
+
+    def _show_more(self, state: State) -> None:
+        gamma = self._system.constant.value if state.gamma is None else state.gamma
+        self._system._set(float(gamma))
+
+
+class ByArcLength(Rule[PathTask]):
+    """Rule of a path: the next point is at a given arc length; its load is unknown beforehand.
+
+    Args:
+        system: contact problem with its load parameter.
+        stepper: stepper of the problem.
+        task: task of the run.
+        state: state of the run where it starts or continues.
+    """
+
+    what = "path"
+    units = "points"
+
+    def __init__(
+        self, system: ParametricContact, stepper: Stepper, task: PathTask, state: RunState
+    ):
+        super().__init__(task, state)
+        self._system = system
+        self._stepper = stepper
+        low, high = task.gamma_range
+        bordered = Bordered(system, gamma_scale=high - low)
+        self._steps = ArcSteps(Corrector(bordered, task.control, chords=False))
+        #: Last point with the piece and tangent of the next step; None without a continuation.
+        self._leaves: BranchPoint | None = None
+        surfaces = stepper.problem.surfaces
+        self._weak = any(s.points.E is not None for s in surfaces)
+        points = system.comm.allreduce(sum(s.points.number for s in surfaces))
+        self._patience = 2 * points + _PATIENCE
+        self._use_memory(state.accepted.memory)
+        self._steps.restore(state.known)
+
+    def close(self) -> None:
+        self._steps.bordered.destroy()
+
+    def where(self, step: EvolutionStep) -> str:
+        assert isinstance(step, PathStep)
+        low, high = self.task.gamma_range
+        return (
+            f"gamma {step.gamma:.6g} in [{low:.6g}, {high:.6g}]  point {step.number}  {step.event}"
+        )
+
+    def _use_memory(self, memory: Sequence[Memory | None]) -> None:
+        """Continue with the memory of an accepted state. Collective."""
+        self._system = self._system.with_memory(memory)
+        self._steps.bordered.system = self._system
+
+    # -- the start -------------------------------------------------------------------------------
+
+    def begin(self) -> None:
+        """Find the direction in which the path leaves the state in the problem. Collective.
+
+        Raises:
+            ValueError: on every rank, if the start of a path is not a solution, or the load leaves
+                its range immediately.
+        """
+        if self.state.ending is not None:
+            return
+        steps = self._steps
+        task = self.task
+        is_new_run = len(self.state.passed) == 1
+        point = self.state.arrived
+        if point is None:
+            point = self._start_point(1.0 if task.direction == "increasing" else -1.0)
+            rates = steps.rate_problem(point.y, point.piece)
+            directions = rates.from_start(point.piece, point.tangent)
+        else:
+            if is_new_run:
+                # a run has its own unit of gamma and its own test for bifurcations
+                tangent = point.tangent.copy()
+                point = steps.rescaled(replace(point, tangent=tangent, tau=float("nan")))
+            rates = steps.rate_problem(point.y, point.piece)
+            if is_new_run and task.direction == "back":
+                directions = rates.back(point.piece, point.tangent)
+            else:
+                directions = rates.onwards(point.piece, point.tangent, every=task.rays)
+        self._leave(point, directions)
+        if self._leaves is not None:
+            require_way(steps.bordered, self._leaves, task.gamma_range)
+
+    def _start_point(self, sense: float) -> BranchPoint:
+        """Return the point of the start, whose tangent is the rate of the load.
+
+        Args:
+            sense: 1 for an increasing load, -1 for a decreasing one.
+        """
+        b = self._steps.bordered
+        accepted = self.state.accepted
+        gamma = accepted.gamma
+        x = self._stepper.problem.create_vector()
+        self._stepper.problem.write(x)
+        y = b.joined(x, gamma)
+        piece = (
+            self._system.piece_at(x, gamma)
+            if accepted.statuses is None
+            else self._system.piece(accepted.statuses)
+        )
+        x.destroy()
+        if not self._steps.corrector.natural(y, gamma, piece):
+            raise ValueError(f"the start is not a solution at gamma = {gamma:g}; solve() first")
+        t = b.last_unit()
+        t.scale(sense * b.gamma_scale)
+        return BranchPoint(y, t, piece, b.gamma(y), 0.0, 0)
+
+    # -- one step --------------------------------------------------------------------------------
+
+    def steps(self) -> Iterator[EvolutionStep]:
+        while len(self.state.passed) <= self.task.max_steps:
+            step = self._step()
+            if step is None:
+                return
+            yield step
+        self.end(Ending.BUDGET, f"the budget of {self.task.max_steps} steps is exhausted")
+
+    def _step(self) -> PathStep | None:
+        """Take and accept a step; end the path and return None if that is impossible. Collective.
+
+        The Functions receive the point.
+        """
+        # 1. solve
+        solution = self._solve()
+        if solution is None:
+            return None
+        (point, special, next_h, at_end), result, evaluation = solution
+        # 2. accept the memory, account for the energies
+        before = self.state.accepted
+        law = self._system.problem
+        forces = forces_at(law.equations, evaluation)
+        assert isinstance(before.forces, Forces)
+        energies = before.energies.advanced(before.forces, forces, result.energies["friction"])
+        if not np.isfinite(energies.residue):
+            self.end(
+                Ending.NOT_SOLVED,
+                f"beyond gamma = {before.gamma:.10g} a law gives a number that is not finite",
+            )
+            return None
+        memory = law.equations.advanced(evaluation)
+        time = before.time + point.step
+        after = self._stepper.accept(law, evaluation.statuses, memory, time, energies, forces)
+        self.state = RunState(
+            after,
+            next_h,
+            self.state.number + 1,
+            arrived=point,
+            passed=(*self.state.passed, time),
+        )
+        self._use_memory(memory)
+        # 3. find the next direction
+        self._leaves = None
+        directions: FoundRays[Ray] = FoundRays((), False, "")
+        event: PathEvent = ""
+        if at_end:
+            self.end(Ending.REACHED)
+        else:
+            rates = self._steps.rate_problem(point.y, point.piece)
+            directions = rates.onwards(point.piece, point.tangent, every=self.task.rays)
+            self._leave(point, directions)
+            is_fold = any(s.kind == "fold" for s in special)
+            event = "smooth fold" if is_fold else self._event(point)
+        self._end_if_idle()
+        self.state = replace(self.state, known=self._steps.known)
+        number = len(directions.rays) if directions.complete else None
+        method = directions.method
+        bifurcations = sum(s.kind == "bifurcation" for s in special)
+        if bifurcations:
+            number, method = 1 + 2 * bifurcations, "a bifurcation of one piece"
+        leaves = self._leaves or point
+        return PathStep(
+            self.state.number,
+            before.time,
+            time,
+            result,
+            energies,
+            gamma=point.gamma,
+            event=event,
+            before=self._system.letters(point.piece),
+            after=self._system.letters(leaves.piece),
+            directions=number,
+            method=method,
+            corrections=point.corrections,
+            state=after.state,
+        )
+
+    def _solve(self) -> tuple[Arrival, Result, Evaluation] | None:
+        """Solve the next point on the piece of the last one; end the path if that fails.
+
+        The Functions receive the point. If the assumption which bonds break turns out wrong, the
+        contact law is violated, and a shorter step is tried. Collective.
+        """
+        assert self._leaves is not None
+        system = self._system
+        length = self.state.length
+        while True:
+            arrival = self._steps.arrive(self._leaves, length, self.task.gamma_range)
+            if arrival is None:
+                reason = (
+                    f"no step of at least {self.task.control.minimum:g} succeeds beyond "
+                    f"gamma = {self._leaves.gamma:.10g}{OTHER_CAUSE}"
+                )
+                self.end(Ending.NOT_SOLVED, reason)
+                return None
+            point = arrival[0]
+            result = system.result_at(point)
+            evaluation = system.problem.evaluate()
+            if self._weak or self._violation(evaluation) <= _VIOLATION:
+                return arrival, result, evaluation
+            length = 0.5 * min(length, point.step)
+
+    def _violation(self, evaluation: Evaluation) -> float:
+        """Violation of the contact law relative to the largest forces so far. Collective."""
+        force, length = self._system.scales
+        return violation(self._system.equations, evaluation, force, length) if force > 0 else 0.0
+
+    def _leave(self, point: BranchPoint, directions: FoundRays[Ray]) -> None:
+        """Leave a point in the first direction; end the path if there is none. Collective."""
+        self._leaves = None
+        if directions.rays:
+            self._leaves = self._steps.leave(point, directions.rays[0])
+            return
+        self.end(
+            Ending.NOT_FOUND,
+            f"no continuation was found from gamma = {point.gamma:.10g}, by {directions.method}; "
+            "whether one exists is not decided",
+        )
+
+    def _event(self, point: BranchPoint) -> PathEvent:
+        """Return the event at an accepted point on a border, "" inside its piece. Collective."""
+        leaves = self._leaves
+        if leaves is None:
+            return "kink"
+        changed = bool(np.any(point.piece.codes != leaves.piece.codes))
+        if not anywhere(self._system.comm, changed)[0]:
+            return ""
+        return "nonsmooth fold" if self._steps.turned(point.tangent, leaves.tangent) else "kink"
+
+    def _end_if_idle(self) -> None:
+        """End the path if its last steps make no progress."""
+        number = self._patience
+        last = self.state.passed[-number - 1 :]
+        if self.state.ending or len(last) <= number or last[-1] - last[0] > number * _IDLE:
+            return
+        self.end(
+            Ending.NOT_FOUND,
+            f"statuses change endlessly at gamma = {self.state.accepted.gamma:.10g}, where no step "
+            f"longer than {_IDLE:g} succeeds",
+        )
 
 
 def _dependence(s: DiscreteSurface) -> str:

@@ -6,10 +6,9 @@ along the tangent t_n that solve its rate problem (`rate_problem`). It solves
 
     H(x, gamma; m_n) = 0  on the piece,        <y - y_n, t_n> = h,
 
-and ends at the first of: arc length h, border of the piece ("kink"), turning point of gamma
-("fold"), end of the range of gamma ("end"); all are located to round-off. The memory m_n of the
-start is used, so that a bond that breaks continues to break and a point that slips continues to
-slip.
+and ends at the first of: arc length h, border of the piece, turning point of gamma, end of the
+range of gamma; all are located to round-off. The memory m_n of the start is used, so that a bond
+that breaks continues to break and a point that slips continues to slip.
 
 A step is too long, and shortened, if
 
@@ -23,8 +22,8 @@ problem at its end; the resulting error is of second order in the step.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Literal, TypeAlias
+from collections.abc import Mapping
+from typing import Any, TypeAlias
 
 from petsc4py import PETSc
 
@@ -34,14 +33,14 @@ import numpy.typing as npt
 from dolfinx_contact.continuation.branch import BranchPoint, Ray, SpecialPoint
 from dolfinx_contact.continuation.steps import ExactSteps
 from dolfinx_contact.continuation.system import Piece, matched_distances
-from dolfinx_contact.evolution.path import Known
 from dolfinx_contact.evolution.rate_problem import RateProblem
 
 __all__ = ["ArcSteps", "Arrival"]
 
 Array = npt.NDArray[np.float64]
-#: Event at the end of a step; "" for a step of full length.
-EndOfStep: TypeAlias = Literal["", "kink", "fold", "end"]
+#: End of a step with its piece and tangent, folds and bifurcations within the step, length of the
+#: next step, and whether the end of the range of gamma is reached.
+Arrival: TypeAlias = tuple[BranchPoint, list[SpecialPoint], float, bool]
 
 # Distances to borders, relative to the largest distance of the run:
 _AT_BORDER = 1e-10  # distance up to which a point is at the border, and its rate decides
@@ -54,44 +53,36 @@ _PROBE = 1e-4  # arc length of central differences
 _SAMPLES = 17  # points at which the cubic of a step is sampled
 
 
-@dataclass(frozen=True)
-class Arrival:
-    """End of a step.
-
-    Attributes:
-        point: point with the piece and the tangent of the step.
-        at: event at the end of the step.
-        bifurcations: smooth bifurcations within the step.
-        next_h: length of the next step.
-    """
-
-    point: BranchPoint
-    at: EndOfStep
-    bifurcations: tuple[SpecialPoint, ...]
-    next_h: float
-
-
 class ArcSteps(ExactSteps):
     """Steps with the memory of their start; the caller accepts the memory at their ends."""
 
     @property
-    def known(self) -> Known:
-        """Scales and signs of the run so far."""
-        b = self.bordered
-        return Known(
-            x_scale=b.x_scale / b.gamma_scale**2,
-            largest_distance=self.largest_distance,
-            scales=tuple(self.system.scales),
-            signs=tuple(map(float, self.test.signs)),
-        )
+    def known(self) -> dict[str, Any]:
+        """Scales and signs that the steps of the run have determined, by name.
 
-    def restore(self, known: Known) -> None:
+        ================  =========================================================================
+        x_scale           square of the length of x that counts as much as one unit of gamma; 0
+                          before a tangent has moved x
+        largest_distance  largest distance to a border of a piece so far
+        scales            scales of the residuals (`System.scales`)
+        signs             signs of the test for bifurcations
+        ================  =========================================================================
+        """
+        b = self.bordered
+        return {
+            "x_scale": b.x_scale / b.gamma_scale**2,
+            "largest_distance": self.largest_distance,
+            "scales": tuple(self.system.scales),
+            "signs": tuple(map(float, self.test.signs)),
+        }
+
+    def restore(self, known: Mapping[str, Any]) -> None:
         """Restore the scales and signs of a run that is resumed."""
-        self.bordered.x_scale = known.x_scale * self.bordered.gamma_scale**2
-        self.largest_distance = known.largest_distance
-        self.system.scales = tuple(known.scales)
-        if len(known.signs) == len(self.test.signs):
-            self.test.signs[:] = known.signs
+        self.bordered.x_scale = known["x_scale"] * self.bordered.gamma_scale**2
+        self.largest_distance = known["largest_distance"]
+        self.system.scales = tuple(known["scales"])
+        if len(known["signs"]) == len(self.test.signs):
+            self.test.signs[:] = known["signs"]
 
     def rate_problem(self, y: PETSc.Vec, piece: Piece) -> RateProblem:
         """Return the rate problem at a state, with the present memory. Collective."""
@@ -116,7 +107,7 @@ class ArcSteps(ExactSteps):
             gamma_range: range of gamma.
 
         Returns:
-            The end of the step; None if no step of at least the shortest length succeeds.
+            End of the step; None if no step of at least the shortest length succeeds.
         """
         distances = self.bordered.events(point.y, point.piece).distance
         at_border = np.abs(distances) <= _AT_BORDER * self.unit(point.y, point.piece)
@@ -149,7 +140,6 @@ class ArcSteps(ExactSteps):
         if new is None or self._turns_twice(point, new):
             return None
         next_h = self._next_length(h, new)
-        at: EndOfStep = ""
         # the first border of the piece
         distances = self.bordered.events(new.y, new.piece).distance
         beyond = distances < -_BEYOND * self.unit(new.y, new.piece)
@@ -160,7 +150,7 @@ class ArcSteps(ExactSteps):
             border = None if crossing is None else self._point_at(point, *crossing)
             if border is None:
                 return None
-            new, at, next_h = border, "kink", h
+            new, next_h = border, h
         # folds and bifurcations on the piece
         special = self.smooth_points(point, new)
         if self.lacks_fold(point, new, special):
@@ -168,12 +158,12 @@ class ArcSteps(ExactSteps):
         folds = [s for s in special if s.kind == "fold"]
         if folds:
             new = self._point_at(point, self._distance(point, folds[0].y), folds[0].y) or new
-            at, next_h = "fold", h
+            next_h = h
         # the end of the range
         end = _reached_end(point.gamma, new.gamma, gamma_range)
         if end is not None:
-            new, at = self._at_end(point, new, end), "end"
-        return Arrival(new, at, tuple(s for s in special if s.kind == "bifurcation"), next_h)
+            new = self._at_end(point, new, end)
+        return new, special, next_h, end is not None
 
     def _corrected(self, point: BranchPoint, h: float) -> BranchPoint | None:
         """Predict and correct a point at arc length h on the piece; None on failure."""

@@ -9,7 +9,7 @@ variables of the laws, and the work of the solver.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
@@ -18,7 +18,17 @@ from dolfinx_contact.equations.state import State
 from dolfinx_contact.evolution.energy import Energies
 from dolfinx_contact.results.result import Result
 
-__all__ = ["EvolutionStep", "History", "NoContinuation"]
+__all__ = [
+    "EvolutionStep",
+    "History",
+    "NoContinuation",
+    "PathEvent",
+    "PathHistory",
+    "PathStep",
+]
+
+#: Event at a point of a path.
+PathEvent: TypeAlias = Literal["", "kink", "smooth fold", "nonsmooth fold"]
 
 
 @dataclass(frozen=True)
@@ -137,6 +147,72 @@ class History(Ends):
     def rows(self) -> list[dict[str, Any]]:
         """Return the table of steps, for `io.write_rows`."""
         return [step.row() for step in self.steps]
+
+
+@dataclass(frozen=True)
+class PathStep(EvolutionStep):
+    """An accepted point of a path; `start` and `time` are arc lengths from the start of the path.
+
+    If `method` says that all statuses that meet at the point were tried, `directions` is the number
+    of solutions of the rate problem, without the one that leads back. If a smooth bifurcation lies
+    on the step, `directions` counts the path and both senses of the other branch.
+
+    Attributes:
+        gamma: load parameter.
+        event: ``"smooth fold"`` if the load turns back while all statuses stay, ``"nonsmooth
+            fold"`` if it turns back because statuses change, ``"kink"`` if statuses change and the
+            load continues; otherwise "".
+        before: letters of the statuses on the step to the point, as in `status`, bonds included.
+        after: letters of the statuses on the next step.
+        method: method by which the direction of the next step was found.
+        corrections: Newton steps of the corrector.
+    """
+
+    gamma: float = 0.0
+    event: PathEvent = ""
+    before: str = ""
+    after: str = ""
+    method: str = ""
+    corrections: int = 0
+
+    @property
+    def is_fold(self) -> bool:
+        """Whether the load turns back at the point."""
+        return self.event.endswith("fold")
+
+    def row(self) -> dict[str, Any]:
+        """Return the scalars of a table of points."""
+        return {
+            **super().row(),
+            "newton_iterations": self.corrections,
+            "gamma": self.gamma,
+            "event": self.event,
+            "before": self.before,
+            "after": self.after,
+        }
+
+
+@dataclass
+class PathHistory(History):
+    """The accepted points of a run by arc length and its ending; times are arc lengths.
+
+    Attributes:
+        gamma: load parameter at the start.
+        steps: accepted points.
+    """
+
+    gamma: float = 0.0
+    steps: list[PathStep] = field(default_factory=list)  # type: ignore[assignment]
+
+    @property
+    def folds(self) -> list[PathStep]:
+        """Points at which the load turns back."""
+        return [p for p in self.steps if p.is_fold]
+
+    @property
+    def kinks(self) -> list[PathStep]:
+        """Points at which statuses change and the load continues."""
+        return [p for p in self.steps if p.event == "kink"]
 
 
 class NoContinuation(RuntimeError):

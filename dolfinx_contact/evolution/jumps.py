@@ -31,9 +31,10 @@ from mpi4py import MPI
 import numpy as np
 import numpy.typing as npt
 
+from dolfinx_contact._mpi import anywhere
 from dolfinx_contact.equations.data import data_of_surface
 from dolfinx_contact.evolution.energy import Forces
-from dolfinx_contact.evolution.step import AcceptedState, SolvedStep, Stepper
+from dolfinx_contact.evolution.step import AcceptedState, Stepper
 from dolfinx_contact.evolution.step_branch import StepBranch, branch_of_step
 from dolfinx_contact.laws.status import letters
 from dolfinx_contact.solvers import ConvergenceError
@@ -74,6 +75,10 @@ class StateChanges:
     def unknowns(self) -> float:
         """Change of all unknowns, a length."""
         return float(self.parts[1])
+
+    def rates(self, duration: float) -> Array:
+        """Return the rates of the parts and the largest changes, shape (2 + 3 n,)."""
+        return np.asarray(np.concatenate([self.parts, self.largest]) / duration)
 
 
 def changes(comm: MPI.Comm, a: AcceptedState, b: AcceptedState) -> StateChanges:
@@ -157,22 +162,24 @@ class Found:
     """Result of the search of a step.
 
     Attributes:
-        steps: steps that continue the evolution from the start of the step.
-        far: step from the end of `steps` in which the state jumps, so that its end does not
-            approach its start as the step shrinks; None if the evolution continues.
-        proved: whether it is proved that no path of solutions leads through `far`.
-        failure: error of shorter steps from the start of `far`; None if they were solved.
-        why: facts about the solutions beyond the start of `far`, for the message.
+        steps: ends of the steps that continue the evolution from the start of the step.
+        far: end of a step from the last of `steps` in which the state jumps, so that its end does
+            not approach its start as the step shrinks; None if the evolution continues.
+        proved: whether it is proved that no path of solutions leads to `far`.
+        failure: error of shorter steps from there; None if they were solved.
+        why: facts about the solutions beyond the last of `steps`, for the message.
     """
 
-    steps: Sequence[SolvedStep]
-    far: SolvedStep | None = None
+    steps: Sequence[AcceptedState]
+    far: AcceptedState | None = None
     proved: bool = False
     failure: ConvergenceError | None = None
     why: str = ""
 
 
-def find_jump(stepper: Stepper, step: SolvedStep, slow: Array, least: float) -> Found | None:
+def find_jump(
+    stepper: Stepper, before: AcceptedState, after: AcceptedState, slow: Array, least: float
+) -> Found | None:
     """Search a step in which the state changes suddenly for a jump. Collective.
 
     Halves are examined in turn, the earlier one first. A part does not contain a jump if the state
@@ -182,26 +189,34 @@ def find_jump(stepper: Stepper, step: SolvedStep, slow: Array, least: float) -> 
 
     Args:
         stepper: stepper of the problem; the Functions are left in any state.
-        step: step that is searched.
+        before: state at the start of the step.
+        after: state at its end.
         slow: rates of the parts of `StateChanges` up to which the state does not jump.
         least: shortest length of a step.
 
     Returns:
         None if the change of state is spread over the step.
     """
-    return _Search(stepper, step, slow, least).look([], step)
+    return _Search(stepper, before, after, slow, least).look([before], after)
 
 
 class _Search:
     """Search of a step; the arguments are those of `find_jump`."""
 
-    def __init__(self, stepper: Stepper, step: SolvedStep, slow: Array, least: float):
+    def __init__(
+        self,
+        stepper: Stepper,
+        before: AcceptedState,
+        after: AcceptedState,
+        slow: Array,
+        least: float,
+    ):
         self._stepper = stepper
         self._comm = stepper.problem.comm
         self._slow = slow
         self._least = least
-        self._end = step.after
-        whole = self._change(step)
+        self._end = after
+        whole = self._change(before, after)
         self._small = np.maximum(_SMALL * whole, _ROUND_OFF * whole.max())
         eq = stepper.problem.equations
         laws = [s.law_at_points.compiled for s in eq.surfaces]
@@ -210,54 +225,63 @@ class _Search:
         self._data = [*eq.bulk.stiffness_data, *at_points]
 
     def look(
-        self, path: Sequence[SolvedStep], step: SolvedStep, even: bool = False
+        self, path: Sequence[AcceptedState], end: AcceptedState, even: bool = False
     ) -> Found | None:
         """Examine a part of the step.
 
         Args:
-            path: solved steps from the start of the whole step to the start of the part.
-            step: the part.
+            path: solved states from the start of the whole step to the start of the part.
+            end: state at the end of the part.
             even: whether the part is a half of an even part.
         """
-        a = step.before.time
-        b = step.after.time
-        size = self._change(step)
+        start = path[-1]
+        a, b = start.time, end.time
+        size = self._change(start, end)
         fast = size > np.maximum(self._small, self._slow * (b - a))
-        if not fast.any() or self._is_straight(step):
+        if not fast.any() or self._is_straight(start, end):
             return None
         middle = 0.5 * (a + b)
         if b - a < 2 * self._least or not a < middle < b:
-            return None if even else self._decide(path, step)
+            return None if even else self._decide(path, end)
         # halve the part
-        first = self._first(step.before, middle)
+        first = self._first(start, middle)
         if isinstance(first, ConvergenceError):
-            return None if self._leads_to_end(step) else Found(path, step, failure=first)
-        before = [*path, first]
-        uneven = bool((self._change(first) > _EVEN * size)[fast].any())
+            return self._unsolved(path, end, first)
+        uneven = bool((self._change(start, first) > _EVEN * size)[fast].any())
         found = self.look(path, first) if uneven else None
         if found is not None:
             return found
-        if first.after.time < middle:
-            return Found(before)
-        second = self._first(first.after, b)
+        if first.time < middle:
+            return Found([*path, first][1:])
+        second = self._first(first, b)
         if isinstance(second, ConvergenceError):
-            return None if self._leads_to_end(step) else Found(path, step, failure=second)
-        halves = not uneven and bool((self._change(second) <= _EVEN * size)[fast].all())
+            return self._unsolved(path, end, second)
+        halves = not uneven and bool((self._change(first, second) <= _EVEN * size)[fast].all())
         if halves and even:
             return None
         # examine the halves
         if not uneven:
             found = self.look(path, first, halves)
         if found is None:
-            found = self.look(before, second, halves)
-        if found is None and (second.after.time < b or self._is_elsewhere(second, step)):
-            return Found([*before, second])
+            found = self.look([*path, first], second, halves)
+        if found is None and (second.time < b or self._is_elsewhere(second, start, end)):
+            return Found([*path, first, second][1:])
         return found
 
-    def _change(self, step: SolvedStep) -> Array:
-        return changes(self._comm, step.before, step.after).parts
+    def _unsolved(
+        self, path: Sequence[AcceptedState], end: AcceptedState, failure: ConvergenceError
+    ) -> Found | None:
+        """Return the result of a part one of whose halves was not solved. Collective."""
+        if self._leads_to_end(path[-1], end):
+            return None
+        return Found(path[1:], end, failure=failure)
 
-    def _is_elsewhere(self, second: SolvedStep, step: SolvedStep) -> bool:
+    def _change(self, before: AcceptedState, after: AcceptedState) -> Array:
+        return changes(self._comm, before, after).parts
+
+    def _is_elsewhere(
+        self, second: AcceptedState, start: AcceptedState, end: AcceptedState
+    ) -> bool:
         """Return whether the end of two halves replaces the end of the whole step. Collective.
 
         This is the case if the ends differ and the branch of the whole step does not lead to its
@@ -265,27 +289,28 @@ class _Search:
         on the steps.
 
         Args:
-            second: second half.
-            step: whole step.
+            second: end of the second half.
+            start: start of the whole step.
+            end: its end.
         """
-        much = np.maximum(_NEAR * self._change(step), self._small)
-        distance = changes(self._comm, second.after, step.after).parts
-        return bool((distance > much).any()) and not self._leads_to_end(step)
+        much = np.maximum(_NEAR * self._change(start, end), self._small)
+        different = self._change(second, end) > much
+        return bool(different.any()) and not self._leads_to_end(start, end)
 
-    def _leads_to_end(self, step: SolvedStep) -> bool:
+    def _leads_to_end(self, start: AcceptedState, end: AcceptedState) -> bool:
         """Return whether the branch of solutions from the start of a step leads to its end."""
-        branch = branch_of_step(self._stepper, step.before, step.after.time)
-        return branch.reaches_end and self._is_at(branch, step)
+        branch = branch_of_step(self._stepper, start, end.time)
+        return branch.reaches_end and self._is_at(branch, start, end)
 
-    def _is_at(self, branch: StepBranch, step: SolvedStep) -> bool:
+    def _is_at(self, branch: StepBranch, start: AcceptedState, end: AcceptedState) -> bool:
         """Return whether a branch leads to the end of a step. Collective."""
         assert branch.unknowns is not None
-        off = branch.unknowns - step.after.unknowns
-        way = step.after.unknowns - step.before.unknowns
+        off = branch.unknowns - end.unknowns
+        way = end.unknowns - start.unknowns
         squares = self._comm.allreduce(np.array([np.dot(off, off), np.dot(way, way)]))
         return bool(np.sqrt(squares[0]) <= _SAME * np.sqrt(squares[1]))
 
-    def _is_straight(self, step: SolvedStep) -> bool:
+    def _is_straight(self, start: AcceptedState, end: AcceptedState) -> bool:
         """Return whether all states on the line between the ends are solutions. Collective.
 
         This is the case if the statuses of both ends are the same, the problem is linear for fixed
@@ -293,15 +318,13 @@ class _Search:
         """
         if not self._linear:
             return False
-        a = step.before
-        b = step.after
-        same = a.statuses is not None and b.statuses is not None
-        same = same and all(map(np.array_equal, a.statuses or (), b.statuses or ()))
-        if not self._comm.allreduce(int(same), op=MPI.MIN):
+        a, b = start.statuses, end.statuses
+        same = a is not None and b is not None and all(map(np.array_equal, a, b))
+        if anywhere(self._comm, not same)[0]:
             return False
-        return self._stepper.keeps(self._data, a.time, b.time)
+        return self._stepper.keeps(self._data, start.time, end.time)
 
-    def _first(self, before: AcceptedState, time: float) -> SolvedStep | ConvergenceError:
+    def _first(self, before: AcceptedState, time: float) -> AcceptedState | ConvergenceError:
         """Take the longest step towards a time that is solved; return the error if none is."""
         likely = before.statuses, self._end.statuses
         while True:
@@ -314,28 +337,29 @@ class _Search:
                 return failure
             time = before.time + length
 
-    def _decide(self, path: Sequence[SolvedStep], step: SolvedStep) -> Found | None:
+    def _decide(self, path: Sequence[AcceptedState], end: AcceptedState) -> Found | None:
         """Decide a step of the shortest length by the branch of solutions from its start.
 
         If the branch leads to the end of the step, the state does not jump. If it leads elsewhere,
         it is followed, up to the end of the searched step if possible.
         """
-        size = self._change(step)
+        start = path[-1]
+        size = self._change(start, end)
         why = ""
         ends = False
-        for time in dict.fromkeys((self._end.time, step.after.time)):
-            branch = branch_of_step(self._stepper, step.before, time)
+        for time in dict.fromkeys((self._end.time, end.time)):
+            branch = branch_of_step(self._stepper, start, time)
             why = branch.why
             ends = branch.ends
             if not branch.reaches_end:
                 continue
-            if time == step.after.time and self._is_at(branch, step):
+            if time == end.time and self._is_at(branch, start, end):
                 return None
             try:
-                near = self._stepper.take(step.before, time, likely=(branch.statuses,))
+                near = self._stepper.take(start, time, likely=(branch.statuses,))
             except ConvergenceError as error:
-                return Found(path, step, failure=error)
-            if (self._change(near) <= np.maximum(_NEAR * size, self._small)).all():
-                return Found([*path, near])
+                return Found(path[1:], end, failure=error)
+            if (self._change(start, near) <= np.maximum(_NEAR * size, self._small)).all():
+                return Found([*path[1:], near])
             why = "solutions continue from the state, but no step led to them"
-        return Found(path, step, ends, why=why)
+        return Found(path[1:], end, ends, why=why)

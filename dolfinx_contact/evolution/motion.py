@@ -39,13 +39,13 @@ from dolfinx_contact._validate import is_number
 from dolfinx_contact.body.inertia import Mass
 from dolfinx_contact.body.moving import MovingBody, Scheme, TimeStep
 from dolfinx_contact.equations.contact import ContactEquations
-from dolfinx_contact.equations.evaluation import Evaluation, Statuses
+from dolfinx_contact.equations.evaluation import Evaluation
 from dolfinx_contact.equations.state import State
 from dolfinx_contact.equations.validation import require_obstacles
 from dolfinx_contact.evolution.mass_and_damping import Matrices
 from dolfinx_contact.evolution.motion_energy import Motion, MotionEnergies, account, motion_at
 from dolfinx_contact.evolution.prescribed_motion import PrescribedMotion
-from dolfinx_contact.evolution.step import AcceptedState, SolvedStep, Stepper
+from dolfinx_contact.evolution.step import AcceptedState, Stepper
 from dolfinx_contact.points.kinematics import Kinematics
 from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.problem import ContactProblem
@@ -154,13 +154,8 @@ class MotionStepper(Stepper):
     # -- one step --------------------------------------------------------------------------------
 
     def _taken(
-        self,
-        accepted: AcceptedState,
-        time: float,
-        likely: Sequence[Statuses | None],
-        guess: AcceptedState | None,
-        trial: Trial,
-    ) -> SolvedStep:
+        self, accepted: AcceptedState, time: float, trial: Trial, guess: AcceptedState | None
+    ) -> AcceptedState:
         """Solve a step; the solver starts from free flight. Collective."""
         assert isinstance(accepted.energies, MotionEnergies)
         problem = self.problem
@@ -200,8 +195,7 @@ class MotionStepper(Stepper):
         friction = energies.dissipated - accepted.energies.dissipated
         result = replace(result, energies=result.energies | {"friction": friction})
         b = replace(b, deviation=self._prescribed.deviation(a, b, step))
-        after = self.accept(law, solution.statuses, memory, time, energies, b)
-        return SolvedStep(accepted, after, result)
+        return self.accept(law, solution.statuses, memory, time, energies, b, result=result)
 
     def _begin(self, accepted: AcceptedState, time: float) -> TimeStep:
         """Put the start of a step into the Functions and the body. Collective."""
@@ -299,13 +293,14 @@ class MotionStepper(Stepper):
 
     # -- the start of a run ----------------------------------------------------------------------
 
-    def _begun(self, given: State | None) -> tuple[ContactProblem, Evaluation, tuple[Memory, ...]]:
+    def start(self, time: float, given: State | None = None) -> AcceptedState:
         self._matrices.update(self._body)
-        law, evaluation, memory = super()._begun(given)
-        continues = given is not None and all(m is not None for m in given.previous)
-        if not (continues and self._method.penetrates):
-            self._require_no_penetration(evaluation)
-        return law, evaluation, memory
+        with self.problem.restored():
+            accepted = super().start(time, given)
+            continues = given is not None and all(m is not None for m in given.previous)
+            if not (continues and self._method.penetrates):
+                self._require_no_penetration(_motion(accepted))
+        return accepted
 
     def _check_start(self) -> None:
         super()._check_start()
@@ -314,14 +309,13 @@ class MotionStepper(Stepper):
         require_obstacles(self.problem.equations)
         self._prescribed.require_displacement()
 
-    def _require_no_penetration(self, state: Evaluation) -> None:
+    def _require_no_penetration(self, motion: Motion) -> None:
         """Raise ``ValueError`` if a point is inside an obstacle at the start. Collective."""
         eq = self.problem.equations
-        for s, contact in zip(eq.surfaces, state.surfaces, strict=True):
+        for s, at in zip(eq.surfaces, motion.surfaces, strict=True):
             if s.law.compliant:
                 continue
-            least = float(np.min(contact.kinematics.gap, initial=np.inf))
-            least = eq.comm.allreduce(least, op=min)
+            least = eq.comm.allreduce(float(np.min(at.un, initial=np.inf)), op=min)
             require(
                 eq.comm,
                 least >= -_PENETRATION * eq.body_size,

@@ -35,11 +35,11 @@ from dolfinx_contact.body.inertia import Mass
 from dolfinx_contact.body.moving import Scheme, TimeStep
 from dolfinx_contact.continuation.observer import Observer, ObserverLike, Stop
 from dolfinx_contact.equations.state import State
-from dolfinx_contact.evolution.evolution import Evolution
 from dolfinx_contact.evolution.history import EvolutionStep, History
 from dolfinx_contact.evolution.mass_and_damping import Matrices
 from dolfinx_contact.evolution.motion import Level, Method, MotionStepper
 from dolfinx_contact.evolution.motion_energy import MotionEnergies
+from dolfinx_contact.evolution.quasi_static import Evolution
 from dolfinx_contact.evolution.run import Listeners
 from dolfinx_contact.evolution.through_times import HistoryTask, checked_times
 from dolfinx_contact.problem import ContactProblem

@@ -17,19 +17,88 @@ velocity, the slip divided by t_n+1 - t_n.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import ClassVar
 
-from dolfinx_contact._mpi import Arguments, collective
+from dolfinx import fem
+
+from dolfinx_contact._mpi import Arguments, collective, everywhere
 from dolfinx_contact.continuation.observer import Observer, ObserverLike, Stop
 from dolfinx_contact.equations.state import State
-from dolfinx_contact.evolution.evolution import Evolution
 from dolfinx_contact.evolution.history import EvolutionStep, History
-from dolfinx_contact.evolution.run import Listeners
-from dolfinx_contact.evolution.through_times import AtJump, HistoryTask, checked_times
+from dolfinx_contact.evolution.run import Listeners, Runnable, RunState
+from dolfinx_contact.evolution.step import AcceptedState, Stepper
+from dolfinx_contact.evolution.through_times import (
+    AtJump,
+    HistoryTask,
+    ThroughTimes,
+    checked_times,
+)
+from dolfinx_contact.problem import ContactProblem
 
-__all__ = ["QuasiStatic"]
+__all__ = ["Evolution", "QuasiStatic"]
 
 _HALVINGS = 20  # halvings from the whole time to the default shortest step
+
+
+class Evolution(Runnable[HistoryTask, History]):
+    """A contact problem in time, the base of quasi-static histories and motions.
+
+    Args:
+        problem: contact problem.
+        load: function of the time, called on every rank before each step, that sets Constants and
+            Functions of the data to their values at that time.
+
+    Attributes:
+        problem: contact problem as given.
+        load: load as given; it may be replaced between two runs.
+        kept: Functions of a state in addition to those of the problem, by name.
+
+    Raises:
+        ValueError: on every rank, if an argument is not admissible.
+    """
+
+    _may_be_set = ("load",)
+    _instead: ClassVar[Mapping[str, str]] = {
+        "": "the load sets values of Constants and Functions in time; for other changes make "
+        "another evolution"
+    }
+    _record = "a records.EvolutionRecord"
+    kept: Mapping[str, fem.Function] = {}
+
+    def __init__(self, problem: ContactProblem, load: Callable[[float], object]):
+        if not isinstance(problem, ContactProblem):
+            raise ValueError(f"a ContactProblem is needed, got {type(problem).__name__}")
+        with everywhere(problem.comm, "an evolution"):
+            if not callable(load):
+                raise ValueError(f"the load must be a function of the time, got {load!r}")
+            for s in problem.surfaces:
+                lack = s.law.lacks(history=True)
+                if lack:
+                    raise ValueError(f"{s.name}: the law {s.law.name} lacks {lack}")
+        self.problem = problem
+        self.load = load
+
+    def stepper(self, progress: bool | None) -> Stepper:
+        return Stepper(self.problem, self.load, False if progress is False else None)
+
+    def history(self, run_state: RunState) -> History:
+        return History(run_state.accepted.time, run_state.accepted.energies)
+
+    def begun(self, task: HistoryTask, run_state: RunState) -> RunState:
+        return replace(run_state, length=task.longest, settled=True, ending=None, reason="")
+
+    def _rule(self, stepper: Stepper, task: HistoryTask, run_state: RunState) -> ThroughTimes:
+        return ThroughTimes(stepper, task, run_state)
+
+    def _accepted_start(
+        self, stepper: Stepper, task: HistoryTask, start: State | None
+    ) -> AcceptedState:
+        stepper.require_repeatable(task.times[0], task.times[-1])
+        if start is None and self._accepted is not None:
+            return stepper.continued(self._accepted)
+        return stepper.start(task.times[0], start)
 
 
 def _check_run(a: Arguments) -> None:

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""The loop over the accepted steps of histories, motions and paths.
+r"""Runs of histories, motions and paths: the loop over their accepted steps.
 
-A `Rule` finds the steps: through given times, to rest, or by arc length. `Run.go` is the only place
-that handles accepted steps, in this order:
+A run goes from an accepted state to the next one, x_0 -> x_1 -> x_2 ... A `Rule` chooses the steps
+(through given times, to rest, or by arc length) and a `step.Stepper` takes them. `Run.go` is the
+only place that handles accepted steps, in this order:
 
     step = next(rule.steps())            the rule takes a step and accepts it
     stop(step)                           the user may end the run
@@ -12,35 +13,47 @@ that handles accepted steps, in this order:
 The accepted state is put into the problem before each call of the user, so that values written to
 the Functions reach neither the other listeners nor the next step. After an error the problem is at
 the last accepted state.
+
+`Runnable` is the base of the classes that users hold. A run starts from a given `State`, from the
+end of the last run, or, in the first run, from the Functions with virgin memory.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, Generic, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact._mpi import Arguments
+import ufl
+
+from dolfinx_contact._mpi import Arguments, collective, require
 from dolfinx_contact._progress import Progress
-from dolfinx_contact.continuation.arguments import (
-    check_listeners,
-    reason_to_stop,
-)
-from dolfinx_contact.continuation.ending import Ending, Ends
+from dolfinx_contact._validate import ReadOnly
+from dolfinx_contact.continuation.arguments import check_listeners, reason_to_stop
+from dolfinx_contact.continuation.branch import BranchPoint
+from dolfinx_contact.continuation.ending import Ending
 from dolfinx_contact.continuation.observer import (
     CollectiveObserver,
     Observer,
     ObserverLike,
     Stop,
 )
+from dolfinx_contact.equations.data import Datum
+from dolfinx_contact.equations.state import State
+from dolfinx_contact.evolution.energy import Energies
 from dolfinx_contact.evolution.history import EvolutionStep, History
 from dolfinx_contact.evolution.step import AcceptedState, Stepper
+from dolfinx_contact.points.memory import Memory
+from dolfinx_contact.problem import ContactProblem
 
-__all__ = ["Listeners", "Rule", "Run", "RunState"]
+__all__ = ["Listeners", "Rule", "Run", "RunState", "Runnable"]
+
+T = TypeVar("T")
+H = TypeVar("H", bound=History)
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,57 +63,56 @@ class RunState:
     Attributes:
         accepted: last accepted state.
         length: length of the next step, or an upper bound of it.
-        rate: rates of the state in the last step through times (`jumps.rates`); None before the
-            first step and by arc length.
         number: number of the last step, over all runs; 0 before the first.
         settled: whether the run can be resumed from the state; False between the steps of a search
             for a jump, which belong together.
         ending: ending of the run at the state; None if it continues.
         reason: reason of the ending, as a sentence.
+        rate: rates of the state in the last step through times (`jumps.rates`); None before the
+            first step and by arc length.
+        arrived: on a path, the point of the accepted state, with piece and tangent of the step that
+            ended there; None at the start.
+        known: on a path, scales and signs that the steps have determined (`ArcSteps.known`).
+        passed: on a path, arc lengths of the start of the run and of its accepted points.
     """
 
     accepted: AcceptedState
-    length: float
-    rate: npt.NDArray[np.float64] | None = None
+    length: float = 0.0
     number: int = 0
     settled: bool = True
     ending: Ending | None = None
     reason: str = ""
+    rate: npt.NDArray[np.float64] | None = None
+    arrived: BranchPoint | None = None
+    known: Mapping[str, Any] = field(default_factory=dict)
+    passed: Sequence[float] = ()
 
 
-T = TypeVar("T")
-S = TypeVar("S", bound=RunState)
-H = TypeVar("H", bound=History)
-
-
-class Rule(Ends, ABC, Generic[T, S]):
+class Rule(ABC, Generic[T]):
     """Rule by which a run finds its next step.
 
     Args:
         task: task of the run.
-        run_state: state of the run where it starts or continues.
+        state: state of the run where it starts or continues.
 
     Attributes:
         task: task as given.
         start: state of the run as given.
-        ending: ending of the run; None while it continues.
-        reason: reason of the ending, as a sentence.
+        state: state of the run after the last step.
     """
 
     #: Nouns for the run and for its steps, for messages.
     what: ClassVar[str]
     units: ClassVar[str]
 
-    def __init__(self, task: T, run_state: S):
+    def __init__(self, task: T, state: RunState):
         self.task = task
-        self.start = run_state
-        self.ending: Ending | None = run_state.ending
-        self.reason = run_state.reason
+        self.start = state
+        self.state = state
 
-    @property
-    @abstractmethod
-    def run_state(self) -> S:
-        """State of the run after the last step."""
+    def end(self, ending: Ending, reason: str = "") -> None:
+        """End the run at its present state; the default reason is the sentence of the kind."""
+        self.state = replace(self.state, ending=ending, reason=reason or ending.value)
 
     def begin(self) -> None:
         """Check the start, which is in the problem, before it is recorded. Collective.
@@ -113,8 +125,8 @@ class Rule(Ends, ABC, Generic[T, S]):
     def steps(self) -> Iterator[EvolutionStep]:
         """Yield the accepted steps until the run ends. Collective.
 
-        After each of them `run_state` is the state at its end, and `ending` is set if the run ends
-        there. The Functions are left in any state.
+        After each of them `state` is the state at its end, with an ending if the run ends there.
+        The Functions are left in any state.
         """
 
     @abstractmethod
@@ -123,6 +135,12 @@ class Rule(Ends, ABC, Generic[T, S]):
 
     def part(self, step: EvolutionStep) -> float | None:
         """Return the completed part of the run after a step, up to 1; None if it is unknown."""
+
+    def close(self) -> None:
+        """Free matrices and solvers of the rule. Collective."""
+
+    def require_continuation(self, history: History) -> None:
+        """Raise `NoContinuation` if the run must not end as it has. Not collective."""
 
 
 @dataclass(frozen=True)
@@ -152,16 +170,10 @@ class Listeners:
         Args:
             record: name of the class of the records, for the message.
         """
-        check_listeners(
-            observer=self.observer,
-            record=self.record,
-            progress=self.progress,
-            stop=self.stop,
-            of=record,
-        )
+        check_listeners(**vars(self), of=record)
 
 
-class Run(Generic[T, S, H]):
+class Run(Generic[T, H]):
     """Loop over the accepted steps of a run.
 
     Args:
@@ -171,11 +183,11 @@ class Run(Generic[T, S, H]):
         history: history to which steps and the ending are added.
 
     Attributes:
-        run_state: state of the run after the last accepted step; None before it has begun.
+        state: state of the run after the last accepted step; None before it has begun.
     """
 
-    def __init__(self, stepper: Stepper, rule: Rule[T, S], listeners: Listeners, history: H):
-        self.run_state: S | None = None
+    def __init__(self, stepper: Stepper, rule: Rule[T], listeners: Listeners, history: H):
+        self.state: RunState | None = None
         self._stepper = stepper
         self._rule = rule
         self._stop = listeners.stop
@@ -199,15 +211,15 @@ class Run(Generic[T, S, H]):
             rule.begin()
             self._record.begin(rule.task, rule.start)
             self._observer.begin(rule.task, rule.start)
-            self.run_state = rule.start
-            if rule.ending is None:
+            self.state = rule.start
+            if rule.state.ending is None:
                 with self._stepper.problem.warning_once():
                     for step in rule.steps():
                         self._handle(step)
-                        if rule.ending is not None:
+                        if rule.state.ending is not None:
                             break
-            assert rule.ending is not None
-            history.end(rule.ending, rule.reason)
+            assert rule.state.ending is not None
+            history.end(rule.state.ending, rule.state.reason)
         finally:
             self._put()
             number = len(history.steps)
@@ -221,22 +233,22 @@ class Run(Generic[T, S, H]):
 
     def _put(self) -> None:
         """Put the last accepted state into the problem. Collective."""
-        self._stepper.put((self.run_state or self._rule.start).accepted)
+        self._stepper.put((self.state or self._rule.start).accepted)
 
     def _handle(self, step: EvolutionStep) -> None:
         """Add an accepted step to the history and call the listeners. Collective."""
         rule = self._rule
         problem = self._stepper.problem
         self._history.steps.append(step)
-        self.run_state = rule.run_state
-        if self._stop is not None and rule.ending is None:
+        self.state = rule.state
+        if self._stop is not None and rule.state.ending is None:
             self._put()
             reason = reason_to_stop(problem.comm, rule.what, self._stop, step)
             if reason:
                 rule.end(Ending.STOPPED, reason)
-                self.run_state = rule.run_state
-        self._record.step(step, self.run_state)
-        self._observer.step(step, self.run_state)
+                self.state = rule.state
+        self._record.step(step, self.state)
+        self._observer.step(step, self.state)
         self._put()
         problem.log_warnings(step.result)
         self._show(step)
@@ -255,3 +267,137 @@ class Run(Generic[T, S, H]):
         if step.jump:
             self._progress.write(f"{rule.what}: the state jumps at the time {step.start:.10g}")
         self._progress.update(f"{rule.what}: {rule.where(step)}  {counts}  {time}")
+
+
+class Runnable(ReadOnly, Generic[T, H]):
+    """An evolution of a contact problem; each run starts where the last one has ended.
+
+    Attributes:
+        problem: contact problem, whose Functions follow the accepted steps.
+        account: class of the energies.
+        method: parameters of the method in words, for the manifest of a record.
+        data: Functions and Constants in addition to those of the problem, such as a density.
+        forms: forms in addition to those of the problem, such as damping.
+        driven: expressions by which a load drives Dirichlet data.
+    """
+
+    account: type[Energies] = Energies
+    method: Sequence[str] = ()
+    data: Sequence[Datum] = ()
+    forms: Sequence[ufl.Form] = ()
+    driven: Sequence[Any] = ()
+    problem: ContactProblem
+    #: Class of the records, for messages.
+    _record: ClassVar[str]
+    #: State of the last run at its end; None before the first run.
+    _run_state: RunState | None = None
+
+    # -- parts that differ between histories, motions and paths ----------------------------------
+
+    def stepper(self, progress: bool | None) -> Stepper:
+        """Return a stepper of the problem; ``progress`` is that of its solves."""
+        raise NotImplementedError
+
+    def history(self, run_state: RunState) -> H:
+        """Return an empty history that starts from a state of a run."""
+        raise NotImplementedError
+
+    def begun(self, task: T, run_state: RunState) -> RunState:
+        """Return the state of a new run that starts where another one has ended."""
+        raise NotImplementedError
+
+    def _rule(self, stepper: Stepper, task: T, run_state: RunState) -> Rule[T]:
+        """Return the rule of a run."""
+        raise NotImplementedError
+
+    def _accepted_start(self, stepper: Stepper, task: T, start: State | None) -> AcceptedState:
+        """Return the start of a run: a given state, the end of the last run, or the Functions.
+
+        Collective.
+        """
+        raise NotImplementedError
+
+    # -- runs ------------------------------------------------------------------------------------
+
+    @property
+    def memory(self) -> tuple[Memory | None, ...]:
+        """Memory from which the next step starts, one per surface; None before the first run."""
+        return self.problem.equations.memory if self._accepted is None else self._accepted.memory
+
+    @property
+    def _accepted(self) -> AcceptedState | None:
+        """Last accepted state; None before the first run."""
+        return None if self._run_state is None else self._run_state.accepted
+
+    @collective(
+        "a run that continues",
+        lambda a: a.listeners.check(a.self._record),
+        local=("task", "run_state", "listeners"),
+    )
+    def go_on(self, task: T, run_state: RunState, listeners: Listeners) -> H:
+        """Continue an interrupted run, as a record does. Collective.
+
+        Args:
+            task: task of the run.
+            run_state: state of the run where it was interrupted.
+            listeners: listeners of the remaining steps.
+
+        Returns:
+            History of the remaining steps. Errors are those of a run.
+        """
+        self._has_begun()
+        return self._run(task, run_state, listeners)
+
+    def put(self, run_state: RunState) -> None:
+        """Put the end of a run into the problem; the next run starts from it. Collective."""
+        self._has_begun()
+        self._run_state = run_state
+        self.stepper(None).put(run_state.accepted)
+
+    def _begin(self, task: T, listeners: Listeners, start: State | None) -> H:
+        """Run from a given state, the end of the last run, or the Functions. Collective.
+
+        Args:
+            task: task of the run.
+            listeners: listeners of the run; like the task they are checked.
+            start: state at the start, if given.
+
+        Raises:
+            ValueError: on every rank, if a first run must name its start and does not. Bonds would
+                heal silently if an evolution began with virgin memory where another has ended.
+        """
+        before = self._run_state if start is None else None
+        require(
+            self.problem.comm,
+            start is not None or before is not None or not self.problem.evolved,
+            "the problem has had another evolution: pass start=history.steps[-1].state to continue "
+            "from the end of that one, or start=problem.snapshot() to start from the Functions as "
+            "they are with virgin memory",
+        )
+        stepper = self.stepper(listeners.progress)
+        try:
+            accepted = self._accepted_start(stepper, task, start)
+        except BaseException:
+            if before is not None:
+                stepper.put(before.accepted)
+            raise
+        run_state = RunState(accepted) if before is None else replace(before, accepted=accepted)
+        self._has_begun()
+        return self._run(task, self.begun(task, run_state), listeners)
+
+    def _has_begun(self) -> None:
+        """Record in the problem that it has an evolution. Not collective."""
+        self.problem.evolved.append(type(self).__name__)
+
+    def _run(self, task: T, run_state: RunState, listeners: Listeners) -> H:
+        """Run from a state of a run to its end, and store the last accepted state. Collective."""
+        stepper = self.stepper(listeners.progress)
+        rule = self._rule(stepper, task, run_state)
+        run = Run(stepper, rule, listeners, self.history(run_state))
+        try:
+            history = run.go()
+        finally:
+            self._run_state = run.state or self._run_state
+            rule.close()
+        rule.require_continuation(history)
+        return history

@@ -9,11 +9,12 @@ variables of their laws (`points.memory`). A step to t_n+1 = t_n + h sets the lo
     2. advances      m_n+1 = A(x_n+1; m_n, h)        the memory (`ContactEquations.advanced`),
     3. accounts for  E_n+1 = E_n + work and dissipation between x_n and x_n+1 (`energy`).
 
-`Stepper.take` does this at rest. Motions (`motion`) and paths (`path`) override its parts:
+`Stepper.take` does this at rest. Motions (`motion`) and paths (`arc_length`) override its parts.
+All steppers have the same protocol:
 
-    take          the step                     start       the state at the start of a run
-    put           a state into the problem     continued   the end of a run, for the next run
-    accept        the state in the Functions   recalled    an earlier state, from a record
+    take      the step to a time, or raise       start      the state at the start of a run
+    put       a state into the problem           continued  the end of a run, for the next run
+    accept    the state in the Functions         recalled   an earlier state, from a record
 
 A step reads only the accepted state and the load, and writes only the Functions, which the next
 step overwrites. Hence a rejected step has no side effects.
@@ -43,7 +44,7 @@ from dolfinx_contact.problem import ContactProblem
 from dolfinx_contact.results.result import Result
 from dolfinx_contact.solvers.strategies import Trial
 
-__all__ = ["AcceptedState", "SolvedStep", "Stepper"]
+__all__ = ["AcceptedState", "Stepper"]
 
 logger = logging.getLogger(__name__)
 
@@ -53,7 +54,7 @@ _SOLVED = 1e-6  # largest relative residual of a start that counts as a solution
 
 @dataclass(frozen=True, eq=False)
 class AcceptedState:
-    """An accepted state with everything that the next step needs.
+    """The end of a step, or a start, with everything that the next step needs.
 
     Attributes:
         state: the state; the next step starts from its memory.
@@ -62,6 +63,9 @@ class AcceptedState:
         statuses: statuses with which the next step is tried first; None at a start.
         solved: whether the state is a solution under its load; a start need not be one.
         forces: forces at the state, for the energies of the next step; in dynamics the motion.
+        result: tables, resultants and checks of the step that ended there; None at a start.
+        directions: number of known solutions of the rate problem at the beginning of that step;
+            None if they were not computed.
     """
 
     state: State
@@ -70,6 +74,8 @@ class AcceptedState:
     statuses: Statuses | None
     solved: bool
     forces: Forces | Motion
+    result: Result | None = None
+    directions: int | None = None
 
     @property
     def time(self) -> float:
@@ -92,24 +98,6 @@ class AcceptedState:
     def shown(self) -> Statuses:
         """Statuses of the contact points at the state."""
         return self.state.statuses
-
-
-@dataclass(frozen=True, eq=False)
-class SolvedStep:
-    """A solved step.
-
-    Attributes:
-        before: state at its start.
-        after: state at its end.
-        result: result at its end.
-        rays: statuses of the known solutions of the rate problem at its start; None if they were
-            not computed.
-    """
-
-    before: AcceptedState
-    after: AcceptedState
-    result: Result
-    rays: tuple[Statuses, ...] | None = None
 
 
 class Stepper:
@@ -143,7 +131,7 @@ class Stepper:
         likely: Sequence[Statuses | None] = (),
         guess: AcceptedState | None = None,
         trial: Trial | None = None,
-    ) -> SolvedStep:
+    ) -> AcceptedState:
         """Step from an accepted state to a time; the Functions receive the end. Collective.
 
         Args:
@@ -159,26 +147,20 @@ class Stepper:
                 is in the Functions.
         """
         try:
-            return self._taken(accepted, time, likely, guess, trial or Trial())
+            expected = tuple(s for s in likely or (accepted.statuses,) if s is not None)
+            return self._taken(accepted, time, replace(trial or Trial(), expected=expected), guess)
         except BaseException:
             self._restore(accepted)
             raise
 
     def _taken(
-        self,
-        accepted: AcceptedState,
-        time: float,
-        likely: Sequence[Statuses | None],
-        guess: AcceptedState | None,
-        trial: Trial,
-    ) -> SolvedStep:
+        self, accepted: AcceptedState, time: float, trial: Trial, guess: AcceptedState | None
+    ) -> AcceptedState:
         """Take a step; see `take`. Collective."""
         assert isinstance(accepted.forces, Forces)
         step = self.begin(accepted, time)
         if guess is not None:
             self.problem.restore(guess.state)
-        expected = tuple(s for s in likely or (accepted.statuses,) if s is not None)
-        trial = replace(trial, expected=expected)
         # 1. solve the static problem of the increment
         result, end = step.solve_step(trial, progress=self._progress)
         # 2. advance the memory
@@ -187,8 +169,7 @@ class Stepper:
         forces = forces_at(step.equations, end)
         lost = result.energies["friction"]
         energies = accepted.energies.advanced(accepted.forces, forces, lost)
-        after = self.accept(step, end.statuses, memory, time, energies, forces)
-        return SolvedStep(accepted, after, result)
+        return self.accept(step, end.statuses, memory, time, energies, forces, result=result)
 
     def begin(self, accepted: AcceptedState, time: float) -> ContactProblem:
         """Put an accepted state into the Functions; return the problem of a step. Collective.
@@ -216,9 +197,6 @@ class Stepper:
         self.problem.show(accepted.state)
         self._show_more(accepted.state)
 
-    def _show_more(self, state: State) -> None:
-        """Put the items of `_more` into the Functions. Collective."""
-
     def keeps(self, data: Sequence[Any], start: float, end: float) -> bool:
         """Return whether data have the same values under the loads of two times. Collective.
 
@@ -231,7 +209,7 @@ class Stepper:
         before = [_values(f).copy() for f in data]
         self._set(end)
         same = all(np.array_equal(_values(f), v) for f, v in zip(data, before, strict=True))
-        return not self.problem.comm.allreduce(int(not same))
+        return not anywhere(self.problem.comm, not same)[0]
 
     def _set(self, time: float) -> None:
         """Set the load of a time. Collective."""
@@ -282,8 +260,16 @@ class Stepper:
         Raises:
             ValueError: on every rank, if the state or the Dirichlet data are not admissible.
         """
+        law = self.problem
         with self.problem.restored():
-            law, evaluation, memory = self._begun(given)
+            if given is not None:
+                law.restore(given)
+                self._show_more(given)
+                law = law.with_memory(given.previous)
+            law.equations.refresh()
+            self._check_start()
+            evaluation = self._evaluated(law)
+            memory = law.equations.advanced(evaluation) if given is None else given.memory
         residual = self._residual_of_start(law, evaluation, memory)
         solved = residual <= _SOLVED
         if not solved and law.comm.rank == 0:
@@ -295,59 +281,10 @@ class Stepper:
                 residual,
             )
         energies, forces = self._first_energies(law, evaluation)
+        statuses = evaluation.statuses
         return self.accept(
-            law, evaluation.statuses, memory, time, energies, forces, known=False, solved=solved
+            law, statuses, memory, time, energies, forces, known=False, solved=solved
         )
-
-    def _begun(self, given: State | None) -> tuple[ContactProblem, Evaluation, tuple[Memory, ...]]:
-        """Return the law, the evaluation and the memory of a start. Collective."""
-        law = self.problem
-        if given is not None:
-            law.restore(given)
-            self._show_more(given)
-            law = law.with_memory(given.previous)
-        law.equations.refresh()
-        self._check_start()
-        evaluation = self._evaluated(law)
-        memory = law.equations.advanced(evaluation) if given is None else given.memory
-        return law, evaluation, memory
-
-    def _first_energies(
-        self, law: ContactProblem, evaluation: Evaluation
-    ) -> tuple[Energies, Forces | Motion]:
-        """Return the energies at the start of an evolution, and the forces there. Collective."""
-        return Energies(), forces_at(law.equations, evaluation)
-
-    def _check_start(self) -> None:
-        """Raise ``ValueError`` if a start or its Dirichlet data are not admissible. Collective."""
-        eq = self.problem.equations
-        finite = bool(np.isfinite(self.problem.u.x.array).all())
-        require(eq.comm, finite, "the displacement at the start is not finite")
-        eq.constraints.check_values(eq.surfaces, eq.body_size, " at the start")
-
-    def _evaluated(self, law: ContactProblem) -> Evaluation:
-        """Evaluate a start. Collective."""
-        return law.evaluate()
-
-    def _residual_of_start(
-        self, law: ContactProblem, evaluation: Evaluation, memory: Sequence[Memory]
-    ) -> float:
-        """Return the relative residual of a start. Collective.
-
-        A start is a solution under the law by which it was found, or under the law of a step
-        without increment: in equilibrium, with friction within its bound.
-
-        Args:
-            law: problem with the law by which the state was found.
-            evaluation: evaluation of the state.
-            memory: memory from which the first step starts.
-        """
-        residual = _residual(law.equations, evaluation)
-        timed = any(s.law_at_points.compiled.needs_time(0.0) for s in law.surfaces)
-        if residual > _SOLVED and not timed:
-            still = law.with_memory(memory)
-            residual = min(residual, _residual(still.equations, still.evaluate()))
-        return residual
 
     def continued(self, accepted: AcceptedState) -> AcceptedState:
         """Return the end of a run under the present data, the start of a later run. Collective."""
@@ -372,16 +309,56 @@ class Stepper:
         evaluation = self._evaluated(law)
         solved = not first or self._residual_of_start(law, evaluation, memory) <= _SOLVED
         _, forces = self._first_energies(law, evaluation)
+        statuses = evaluation.statuses
         return self.accept(
-            law,
-            evaluation.statuses,
-            memory,
-            time,
-            energies,
-            forces,
-            known=not first,
-            solved=solved,
+            law, statuses, memory, time, energies, forces, known=not first, solved=solved
         )
+
+    def _residual_of_start(
+        self, law: ContactProblem, evaluation: Evaluation, memory: Sequence[Memory]
+    ) -> float:
+        """Return the relative residual of a start. Collective.
+
+        A start is a solution under the law by which it was found, or under the law of a step
+        without increment: in equilibrium, with friction within its bound.
+
+        Args:
+            law: problem with the law by which the state was found.
+            evaluation: evaluation of the state.
+            memory: memory from which the first step starts.
+        """
+        residual = _residual(law.equations, evaluation)
+        timed = any(s.law_at_points.compiled.needs_time(0.0) for s in law.surfaces)
+        if residual > _SOLVED and not timed:
+            still = law.with_memory(memory)
+            residual = min(residual, _residual(still.equations, still.evaluate()))
+        return residual
+
+    # -- parts that motions and paths override ---------------------------------------------------
+
+    def _check_start(self) -> None:
+        """Raise ``ValueError`` if a start or its Dirichlet data are not admissible. Collective."""
+        eq = self.problem.equations
+        finite = bool(np.isfinite(self.problem.u.x.array).all())
+        require(eq.comm, finite, "the displacement at the start is not finite")
+        eq.constraints.check_values(eq.surfaces, eq.body_size, " at the start")
+
+    def _evaluated(self, law: ContactProblem) -> Evaluation:
+        """Evaluate a start. Collective."""
+        return law.evaluate()
+
+    def _first_energies(
+        self, law: ContactProblem, evaluation: Evaluation
+    ) -> tuple[Energies, Forces | Motion]:
+        """Return the energies at the start of an evolution, and the forces there. Collective."""
+        return Energies(), forces_at(law.equations, evaluation)
+
+    def _more(self) -> dict[str, Any]:
+        """Return further items of the state in the Functions. Not collective."""
+        return {}
+
+    def _show_more(self, state: State) -> None:
+        """Put the items of `_more` into the Functions. Collective."""
 
     # -- accepted states -------------------------------------------------------------------------
 
@@ -396,6 +373,7 @@ class Stepper:
         *,
         known: bool = True,
         solved: bool = True,
+        result: Result | None = None,
     ) -> AcceptedState:
         """Return the state in the Functions as an accepted state. Collective.
 
@@ -408,6 +386,7 @@ class Stepper:
             forces: forces at the state.
             known: whether the next step is tried with its statuses first.
             solved: whether it is a solution under its load.
+            result: result of the step; None at a start.
         """
         problem = self.problem
         displacement, *multipliers = (f.x.array for f in problem.fields)
@@ -428,11 +407,7 @@ class Stepper:
         unknowns = x.array_r.copy()
         x.destroy()
         likely = state.statuses if known else None
-        return AcceptedState(state, unknowns, energies, likely, solved, forces)
-
-    def _more(self) -> dict[str, Any]:
-        """Return further items of the state in the Functions. Not collective."""
-        return {}
+        return AcceptedState(state, unknowns, energies, likely, solved, forces, result)
 
 
 def _residual(eq: ContactEquations, evaluation: Evaluation) -> float:

@@ -33,22 +33,22 @@ evolution: the smallest det F falls below half of its value, or of 1. Such a ste
 from __future__ import annotations
 
 import bisect
-import logging
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, TypeAlias, get_args
+from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 import numpy.typing as npt
 
+from dolfinx_contact._mpi import anywhere
 from dolfinx_contact._validate import listed, one_of, positive
 from dolfinx_contact.body.cells import smallest_jacobian
 from dolfinx_contact.continuation.arguments import check_rays
 from dolfinx_contact.continuation.ending import Ending
 from dolfinx_contact.equations.evaluation import Statuses, differs
 from dolfinx_contact.evolution.energy import Forces
-from dolfinx_contact.evolution.history import EvolutionStep
+from dolfinx_contact.evolution.history import EvolutionStep, History, NoContinuation
 from dolfinx_contact.evolution.jumps import (
     Found,
     StateChanges,
@@ -58,7 +58,7 @@ from dolfinx_contact.evolution.jumps import (
 )
 from dolfinx_contact.evolution.motion_energy import MotionEnergies
 from dolfinx_contact.evolution.run import Rule, RunState
-from dolfinx_contact.evolution.step import AcceptedState, SolvedStep, Stepper
+from dolfinx_contact.evolution.step import AcceptedState, Stepper
 from dolfinx_contact.evolution.step_branch import rays_of_step
 from dolfinx_contact.laws.status import closed
 from dolfinx_contact.results.indicators import StepIndicators
@@ -71,7 +71,7 @@ __all__ = ["AtJump", "HistoryTask", "ThroughTimes", "checked_times"]
 #: Action if no solution continues the evolution, or none is found that does.
 AtJump: TypeAlias = Literal["raise", "stop", "jump"]
 
-logger = logging.getLogger(__name__)
+Array = npt.NDArray[np.float64]
 
 _ROUND_OFF = 1e-9  # relative difference of equal times and lengths
 _SUDDEN = 2.0  # ratio to the previous rates above which a step may contain a jump
@@ -167,57 +167,39 @@ class _Ended(Exception):
         self.ending = ending
 
 
-class ThroughTimes(Rule[HistoryTask, RunState]):
+class ThroughTimes(Rule[HistoryTask]):
     """Rule of a run through given times.
 
     Args:
         stepper: stepper of the problem.
         task: task of the run.
-        run_state: state of the run where it starts or continues.
-
-    Attributes:
-        failed: whether the run ended because no step continues it.
-        failure: error of the last step; None if it was solved.
+        state: state of the run where it starts or continues.
     """
 
     what = "evolution"
     units = "steps"
 
-    def __init__(self, stepper: Stepper, task: HistoryTask, run_state: RunState):
-        super().__init__(task, run_state)
-        self.failed = False
-        self.failure: BaseException | None = None
+    def __init__(self, stepper: Stepper, task: HistoryTask, state: RunState):
+        super().__init__(task, state)
         self._stepper = stepper
         self._comm = stepper.problem.comm
-        self._accepted = run_state.accepted
-        self._length = run_state.length
-        self._rate = run_state.rate
-        self._number = run_state.number
-        self._settled = True
+        surfaces = stepper.problem.surfaces
+        at_rest = isinstance(state.accepted.forces, Forces)
+        self._slides = at_rest and any(s.slides for s in surfaces)
+        points = self._comm.allreduce(sum(s.points.number for s in surfaces))
+        self._rays_are_cheap = task.rays is None and points <= _FEW
+        #: Reason of a run that ends because no step continues it.
+        self._stuck: _Ended | None = None
+        #: Number of steps that were tried from the present state and not accepted.
+        self._rejected = 0
+        #: State before the present one, if the step between them may be extrapolated.
+        self._before: AcceptedState | None = None
+        #: Smallest det F of a state.
+        self._det: tuple[AcceptedState, float] | None = None
         # of a run to rest: largest kinetic energy, number of slow steps, time before these
         self._peak = 0.0
         self._quiet = 0
-        self._awake = run_state.accepted.time
-        self._rejected = 0
-        self._changed: tuple[SolvedStep, StateChanges] | None = None
-        self._det: tuple[AcceptedState, float] | None = None
-        self._last: SolvedStep | None = None
-        at_rest = isinstance(run_state.accepted.forces, Forces)
-        self._slides = at_rest and any(s.slides for s in stepper.problem.surfaces)
-        points = self._comm.allreduce(sum(s.points.number for s in stepper.problem.surfaces))
-        self._rays_are_cheap = task.rays is None and points <= _FEW
-
-    @property
-    def run_state(self) -> RunState:
-        return RunState(
-            self._accepted,
-            self._length,
-            self._rate,
-            self._number,
-            self._settled,
-            self.ending,
-            self.reason,
-        )
+        self._awake = state.accepted.time
 
     def where(self, step: EvolutionStep) -> str:
         return (
@@ -229,130 +211,140 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
         start = self.start.accepted.time
         return (step.time - start) / (self.task.times[-1] - start)
 
+    def require_continuation(self, history: History) -> None:
+        if self._stuck is not None and self.task.at_jump != "stop":
+            raise NoContinuation(history.reason, history) from self._stuck.__cause__
+
     # -- the steps -------------------------------------------------------------------------------
 
     def steps(self) -> Iterator[EvolutionStep]:
         try:
             for end in self.task.times:
-                while self._accepted.time < end:
+                while self.state.accepted.time < end:
                     yield from self._towards(end)
         except _Ended as ended:
             self.end(ended.ending, str(ended))
-            self.failed = True
-            self.failure = ended.__cause__
-        if self.ending is None:
+            self._stuck = ended
+        if self.state.ending is None:
             self.end(Ending.REACHED, _REACHED)
 
     def _towards(self, end: float) -> Iterator[EvolutionStep]:
         """Try a step towards a time; yield the accepted steps, or shorten the next one."""
-        goal = _aim(self._accepted.time, end, self._length)
-        length = goal - self._accepted.time
+        task = self.task
+        start = self.state.accepted
+        goal = _aim(start.time, end, self.state.length)
+        length = goal - start.time
         trial = self._trial(goal, end)
         try:
-            step = self._take(goal, trial)
+            after = self._take(goal, trial)
         except ConvergenceError as error:
             shorter = length / (2 if trial.brief else 4)
-            if self.task.halve and shorter >= self.task.shortest:
+            if task.halve and shorter >= task.shortest:
                 self._retry(shorter)
                 return
             beyond = self._beyond(goal)
             if beyond is None:
                 raise _Ended(Ending.NOT_SOLVED, self._not_solved(length, error)) from error
-            jump = self._slow_rates(beyond) is not None
-            yield self._accept(beyond, jump=jump)
+            yield self._accept(beyond, jump=self._slow_rates(beyond) is not None)
             return
-        found = self._search(step)
+        found = self._search(after)
         if found is not None:
-            for before in found.steps:
-                settled = found.far is None and before is found.steps[-1]
-                yield self._accept(before, settled=settled)
+            for state in found.steps:
+                settled = found.far is None and state is found.steps[-1]
+                yield self._accept(state, settled=settled)
             if found.far is not None:
-                if self.task.at_jump != "jump":
+                if task.at_jump != "jump":
                     raise self._end_before(found, found.far) from found.failure
                 yield self._accept(found.far, jump=True)
-        elif self.task.locate and length / 2 >= self.task.shortest and self._closes(step):
+        elif task.locate and length / 2 >= task.shortest and self._closes(after):
             self._retry(length / 2)
         else:
-            yield self._accept(step)
+            yield self._accept(after)
 
     def _retry(self, length: float) -> None:
         """Continue with a shorter step from the same state."""
-        self._length = length
+        self.state = replace(self.state, length=length)
         self._rejected += 1
 
     def _accept(
-        self, solved: SolvedStep, *, jump: bool = False, settled: bool = True
+        self, after: AcceptedState, *, jump: bool = False, settled: bool = True
     ) -> EvolutionStep:
-        """Make the end of a step the accepted state. Collective."""
-        step = self._step(solved, jump)
-        if not jump:
-            self._rate = self._rates(solved)
-        self._last = None if jump or not solved.before.solved else solved
-        self._accepted = solved.after
-        self._number = step.number
-        self._settled = settled
+        """Make the end of a step the accepted state; return the step for users. Collective."""
+        before = self.state.accepted
+        change = changes(self._comm, before, after)
+        step = self._step(after, change, jump)
+        self._before = None if jump or not before.solved else before
         self._rejected = 0
-        self._length = min(2 * self._length, self.task.longest)
-        self._end_if_reached(solved)
+        self.state = RunState(
+            after,
+            min(2 * self.state.length, self.task.longest),
+            step.number,
+            settled,
+            rate=self.state.rate if jump else change.rates(after.time - before.time),
+        )
+        self._end_if_reached()
         return step
 
-    def _end_if_reached(self, solved: SolvedStep) -> None:
-        """End the run if an accepted step leads to its end."""
+    def _end_if_reached(self) -> None:
+        """End the run if the accepted state is its end."""
+        time = self.state.accepted.time
         rest = self.task.rest
-        if rest and self._is_at_rest(solved):
+        if rest and self._is_at_rest():
             self.end(Ending.REACHED, "the body is at rest")
-        elif solved.after.time >= self.task.times[-1]:
-            duration = solved.after.time - self.task.times[0]
+        elif time >= self.task.times[-1]:
+            duration = time - self.task.times[0]
             self.end(
                 Ending.BUDGET if rest else Ending.REACHED,
                 f"not at rest after {duration:.6g}" if rest else _REACHED,
             )
 
-    def _is_at_rest(self, solved: SolvedStep) -> bool:
+    def _is_at_rest(self) -> bool:
         """Return whether a motion has been slow for long enough."""
-        energies = solved.after.energies
+        time = self.state.accepted.time
+        energies = self.state.accepted.energies
         assert isinstance(energies, MotionEnergies)
         self._peak = max(self._peak, energies.kinetic)
         self._quiet += 1
         if energies.kinetic > self.task.rest * self._peak:
             self._quiet = 0
-            self._awake = solved.after.time
-        duration = solved.after.time - self.task.times[0]
+            self._awake = time
+        duration = time - self.task.times[0]
         turning = _TURNING * math.sqrt(self.task.rest) * duration * (1 - _ROUND_OFF)
-        return self._quiet >= _QUIET and solved.after.time - self._awake >= turning
+        return self._quiet >= _QUIET and time - self._awake >= turning
 
-    def _step(self, solved: SolvedStep, jump: bool = False) -> EvolutionStep:
-        """Return a step as users see it. Collective."""
-        start = solved.before.time
-        end = solved.after.time
+    def _step(self, after: AcceptedState, change: StateChanges, jump: bool) -> EvolutionStep:
+        """Return the step from the accepted state to another one, for users."""
+        start = self.state.accepted.time
+        end = after.time
         shorter = end - start < (1 - _ROUND_OFF) * self.task.requested(end)
         return EvolutionStep(
-            self._number + 1,
+            self.state.number + 1,
             start,
             end,
-            self._with_indicators(solved),
-            solved.after.energies,
+            self._with_indicators(after, change),
+            after.energies,
             self._rejected,
             jump,
-            None if solved.rays is None else len(solved.rays),
+            after.directions,
             inserted=shorter and end not in self.task.times,
-            state=solved.after.state,
+            state=after.state,
         )
 
-    def _with_indicators(self, solved: SolvedStep) -> Result:
-        """Return the result of a step with its indicators of a jump. Collective."""
-        a, b = solved.before, solved.after
-        result = solved.result
-        if not (isinstance(a.forces, Forces) and a.solved) or self._rate is None:
+    def _with_indicators(self, after: AcceptedState, change: StateChanges) -> Result:
+        """Return the result of a step with its indicators of a jump."""
+        before = self.state.accepted
+        result = after.result
+        assert result is not None
+        if not (isinstance(before.forces, Forces) and before.solved) or self.state.rate is None:
             return result
-        rate = self._changes(solved).unknowns / (b.time - a.time)
-        before = float(self._rate[1])
+        rate = change.unknowns / (after.time - before.time)
+        last = float(self.state.rate[1])
         indicators = StepIndicators(
-            self._number + 1,
-            a.time,
-            b.time,
-            rate / before if before > 0 else (math.inf if rate > 0 else 0.0),
-            b.energies.residue_since(a.energies),
+            self.state.number + 1,
+            before.time,
+            after.time,
+            rate / last if last > 0 else (math.inf if rate > 0 else 0.0),
+            after.energies.residue_since(before.energies),
             searched=self.task.locate_jumps,
         )
         return replace(result, indicators=replace(result.indicators, step=indicators))
@@ -363,55 +355,54 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
         """Return the strategies for a step to a goal on the way to a given time."""
         if not self._slides:
             return Trial()
-        times = self.task.times
-        whole = end - times[max(bisect.bisect_left(times, end) - 1, 0)]
-        least = max(min(whole, self.task.longest) / _PARTS, self.task.shortest)
-        half = (goal - self._accepted.time) / 2
-        brief = self.task.halve and half >= least * (1 - _ROUND_OFF)
+        task = self.task
+        start = self.state.accepted
+        whole = end - task.times[max(bisect.bisect_left(task.times, end) - 1, 0)]
+        least = max(min(whole, task.longest) / _PARTS, task.shortest)
+        half = (goal - start.time) / 2
+        brief = task.halve and half >= least * (1 - _ROUND_OFF)
         extrapolated = None
-        last = self._last
-        if self.task.extrapolate and last is not None and last.after is self._accepted:
-            part = (goal - last.after.time) / (last.after.time - last.before.time)
-            way = last.after.unknowns - last.before.unknowns
-            extrapolated = last.after.unknowns + part * way
+        if task.extrapolate and self._before is not None:
+            part = (goal - start.time) / (start.time - self._before.time)
+            extrapolated = start.unknowns + part * (start.unknowns - self._before.unknowns)
         return Trial(extrapolated=extrapolated, brief=brief)
 
-    def _take(self, time: float, trial: Trial) -> SolvedStep:
+    def _take(self, time: float, trial: Trial) -> AcceptedState:
         """Step from the accepted state to a time. Collective.
 
         Raises:
             ConvergenceError: if nothing solves the step, or its end is folded.
         """
-        start = self._accepted
-        step: SolvedStep | None = None
+        start = self.state.accepted
+        after: AcceptedState | None = None
+        rays: Sequence[Statuses] | None = None
         try:
-            step = self._stepper.take(start, time, trial=trial)
+            after = self._stepper.take(start, time, trial=trial)
         except ConvergenceError:
             rays = None if trial.brief else self._rays(start, time)
             for statuses in rays or ():
                 if self._same(start.statuses, statuses):
                     continue  # these statuses have been tried
                 try:
-                    step = self._stepper.take(start, time, likely=(statuses,))
+                    after = self._stepper.take(start, time, likely=(statuses,))
+                    break
                 except ConvergenceError:
                     continue
-                step = replace(step, rays=rays)
-                break
-            if step is None:
+            if after is None:
                 raise
         else:
             every = self.task.rays
-            if every or (every is None and not self._same(start.statuses, step.after.statuses)):
-                step = replace(step, rays=self._rays(start, time))
-        self._require_unfolded(step)
-        return step
+            if every or (every is None and not self._same(start.statuses, after.statuses)):
+                rays = self._rays(start, time)
+        self._require_unfolded(after)
+        return after if rays is None else replace(after, directions=len(rays))
 
-    def _rays(self, start: AcceptedState, time: float) -> tuple[Statuses, ...] | None:
+    def _rays(self, start: AcceptedState, time: float) -> Sequence[Statuses] | None:
         """Return the statuses of all solutions of the rate problem; None if not computed."""
         if not (self.task.rays or self._rays_are_cheap) or start.statuses is None:
             return None
-        rays = rays_of_step(self._stepper.begin(start, time))
-        return None if rays is None else tuple(rays.rays)
+        found = rays_of_step(self._stepper.begin(start, time))
+        return None if found is None else found.rays
 
     def _same(self, a: Statuses | None, b: Statuses | None) -> bool:
         """Return whether two statuses are equal on all ranks, or unknown. Collective."""
@@ -420,75 +411,67 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
         number = sum(int(np.count_nonzero(d)) for d in differs(a, b))
         return not self._comm.allreduce(number)
 
-    def _require_unfolded(self, step: SolvedStep) -> None:
+    def _require_unfolded(self, after: AcceptedState) -> None:
         """Raise `ConvergenceError` if the smallest det F falls suddenly in a step. Collective."""
-        eq = self._stepper.problem.equations
-        if not self._slides or eq.bulk.linear or not step.before.solved:
+        start = self.state.accepted
+        if not self._slides or self._stepper.problem.equations.bulk.linear or not start.solved:
             return
-        before = self._smallest_det(step.before)
-        after = self._smallest_det(step.after)
-        if before <= 0 or after >= _FOLDS * min(before, 1.0):
-            self._det = step.after, after
-            return
-        raise ConvergenceError(
-            f"the smallest det F falls from {before:.3g} to {after:.3g} in one step: the solution "
-            "is folded and does not continue the state"
-        )
+        state, before = self._det or (None, 0.0)
+        if state is not start:
+            before = self._smallest_det(start)
+        smallest = self._smallest_det(after)
+        if before > 0 and not smallest >= _FOLDS * min(before, 1.0):  # NaN counts as folded
+            raise ConvergenceError(
+                f"the smallest det F falls from {before:.3g} to {smallest:.3g} in one step: the "
+                "solution is folded and does not continue the state"
+            )
+        self._det = after, smallest
 
     def _smallest_det(self, accepted: AcceptedState) -> float:
         """Return the smallest det F at a state. Collective."""
-        if self._det is not None and self._det[0] is accepted:
-            return self._det[1]
         eq = self._stepper.problem.equations
         u = accepted.state.displacement
         return smallest_jacobian(eq.V, u, vertices=False, axisymmetric=eq.axisymmetric)[0]
 
-    def _closes(self, solved: SolvedStep) -> bool:
+    def _closes(self, after: AcceptedState) -> bool:
         """Return whether a point closes in a step. Collective."""
-        pairs = zip(solved.before.shown, solved.after.shown, strict=True)
-        local = any(bool((closed(new) & ~closed(old)).any()) for old, new in pairs)
-        return bool(self._comm.allreduce(int(local)))
+        pairs = zip(self.state.accepted.shown, after.shown, strict=True)
+        here = any(bool((closed(new) & ~closed(old)).any()) for old, new in pairs)
+        return anywhere(self._comm, here)[0]
 
     # -- jumps -----------------------------------------------------------------------------------
 
-    def _changes(self, solved: SolvedStep) -> StateChanges:
-        """Return the changes in a step. Collective."""
-        if self._changed is None or self._changed[0] is not solved:
-            self._changed = solved, changes(self._comm, solved.before, solved.after)
-        return self._changed[1]
-
-    def _rates(self, solved: SolvedStep) -> npt.NDArray[np.float64]:
-        """Return the rates in a step of the parts and the largest changes. Collective."""
-        change = self._changes(solved)
-        length = solved.after.time - solved.before.time
-        return np.asarray(np.concatenate([change.parts, change.largest]) / length)
-
-    def _search(self, solved: SolvedStep) -> Found | None:
+    def _search(self, after: AcceptedState) -> Found | None:
         """Search a sudden step for a jump; None if it has none. Collective."""
-        if not self.task.locate_jumps or not solved.before.solved:
+        before = self.state.accepted
+        if not self.task.locate_jumps or not before.solved:
             return None
-        slow = self._slow_rates(solved)
-        return None if slow is None else find_jump(self._stepper, solved, slow, self.task.shortest)
+        slow = self._slow_rates(after)
+        if slow is None:
+            return None
+        return find_jump(self._stepper, before, after, slow, self.task.shortest)
 
-    def _slow_rates(self, solved: SolvedStep) -> npt.NDArray[np.float64] | None:
+    def _slow_rates(self, after: AcceptedState) -> Array | None:
         """Return rates of the parts without a jump; None if a step is not sudden. Collective.
 
         Args:
-            solved: the step.
+            after: end of the step from the accepted state.
         """
-        n = len(self._stepper.problem.surfaces)
+        before = self.state.accepted
+        change = changes(self._comm, before, after)
+        n = len(change.largest)
         means = slice(2, 2 + n)
         bonds = slice(2 + n, 2 + 2 * n)
         largest = slice(2 + 2 * n, None)
-        rate = self._rates(solved)
+        rate = change.rates(after.time - before.time)
         slow = np.zeros_like(rate)
-        if self._rate is not None:
-            slow = _SUDDEN * self._rate
+        if self.state.rate is not None:
+            slow = _SUDDEN * self.state.rate
             for points in (means, largest):
-                slow[points] = np.maximum(slow[points], _SLIPS * self._rate[0])
+                slow[points] = np.maximum(slow[points], _SLIPS * self.state.rate[0])
         fast = rate > slow
         fast[0] = False  # the largest displacement is the scale of the other rates
-        fast[bonds] = self._changes(solved).broken > _BREAKS
+        fast[bonds] = change.broken > _BREAKS
         if not fast.any():
             return None
         # If only single points or bonds are fast, every change counts as fast: a point hardly
@@ -498,40 +481,40 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
         parts[bonds] = 0.0
         return np.asarray(parts)
 
-    def _end_before(self, found: Found, far: SolvedStep) -> _Ended:
+    def _end_before(self, found: Found, far: AcceptedState) -> _Ended:
         """Return the end of a run before a step whose end is far."""
-        a = far.before
-        b = far.after
-        places = where_it_changes(self._stepper, a, b)
+        a = self.state.accepted.time
+        b = far.time
+        places = where_it_changes(self._stepper, self.state.accepted, far)
         if found.proved:
             return _Ended(
                 Ending.NO_SOLUTION,
-                f"no solution continues the evolution in the step from {a.time:.10g} to "
-                f"{b.time:.10g}, where {found.why}; at its end there is another solution, {places}",
+                f"no solution continues the evolution in the step from {a:.10g} to {b:.10g}, where "
+                f"{found.why}; at its end there is another solution, {places}",
             )
         if found.failure is not None:
             return _Ended(
                 Ending.NOT_SOLVED,
-                f"no step that continues the evolution beyond the time {a.time:.10g} was solved, "
-                f"down to the length {self.task.shortest:.2g}; in a more distant solution, at "
-                f"{b.time:.10g}, {places}. Whether a solution continues the evolution is not "
-                f"decided: {found.failure}",
+                f"no step that continues the evolution beyond the time {a:.10g} was solved, down "
+                f"to the length {self.task.shortest:.2g}; in a more distant solution, at {b:.10g}, "
+                f"{places}. Whether a solution continues the evolution is not decided: "
+                f"{found.failure}",
             )
         return _Ended(
             Ending.NOT_FOUND,
-            f"no solution beyond the time {a.time:.10g} was found that continues the evolution, in "
-            f"a step of {b.time - a.time:.2g}; at its end there is another solution, {places}. "
-            f"Whether a solution continues the evolution is not decided: {found.why}",
+            f"no solution beyond the time {a:.10g} was found that continues the evolution, in a "
+            f"step of {b - a:.2g}; at its end there is another solution, {places}. Whether a "
+            f"solution continues the evolution is not decided: {found.why}",
         )
 
     def _not_solved(self, length: float, error: ConvergenceError) -> str:
         """Return the reason of a run that ends because a step was not solved."""
         return (
-            f"no solution was found beyond the time {self._accepted.time:.10g}, in a step of "
+            f"no solution was found beyond the time {self.state.accepted.time:.10g}, in a step of "
             f"{length:.2g}, which was not solved: {error}{'' if self.task.halve else _HALVE}"
         )
 
-    def _beyond(self, goal: float) -> SolvedStep | None:
+    def _beyond(self, goal: float) -> AcceptedState | None:
         """Step to a time for which no solution was found, if the run may jump. Collective.
 
         Solutions at later times are searched, at growing distances. The solver then starts from the
@@ -539,10 +522,10 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
         """
         if self.task.at_jump != "jump":
             return None
-        start = self._accepted
+        start = self.state.accepted
         last = self.task.times[-1]
         ahead = (start.time + (goal - start.time) * _FURTHER**k for k in range(1, _MOST_FURTHER))
-        far: SolvedStep | None = None
+        far: AcceptedState | None = None
         for time in [*(t for t in ahead if t < last), last]:
             try:
                 far = self._stepper.take(start, time)
@@ -550,15 +533,15 @@ class ThroughTimes(Rule[HistoryTask, RunState]):
             except ConvergenceError:
                 continue
         while far is not None:
-            likely = (far.after.statuses,)
+            from_far: dict[str, Any] = {"likely": (far.statuses,), "guess": far}
             try:
-                return self._stepper.take(start, goal, likely=likely, guess=far.after)
+                return self._stepper.take(start, goal, **from_far)
             except ConvergenceError:
-                between = start.time + (far.after.time - start.time) / _FURTHER
-            if not goal < between < far.after.time:
+                between = start.time + (far.time - start.time) / _FURTHER
+            if not goal < between < far.time:
                 return None
             try:
-                far = self._stepper.take(start, between, likely=likely, guess=far.after)
+                far = self._stepper.take(start, between, **from_far)
             except ConvergenceError:
                 return None
         return None

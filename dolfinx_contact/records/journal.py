@@ -17,9 +17,9 @@ There are three sets of columns. Points of branches have `index`, `gamma`, `step
 unknowns in units of steps), `functionals`, and step data for resumption. States have `index`,
 `time` (of a path: arc length), `status`, `size`, `energies`, `data` (`manifest.values_of`), `row`
 (of the table of steps), and `run`, with which the run continues: `number`, `length`, `settled` and
-`rate` (`evolution.run.RunState`), on a path `gamma`, `arrived` and `known`
-(`evolution.path.PathState`). Both name their files `checkpoint` and `surface`, with the
-fingerprints `sum` and `surface_sum`, and have the `ending` and `reason` of a run that ends there.
+`rate`, on a path `gamma`, `arrived` and `known` (`evolution.run.RunState`). Both name their files
+`checkpoint` and `surface`, with the fingerprints `sum` and `surface_sum`, and have the `ending` and
+`reason` of a run that ends there.
 
 Every line contains its number and ends with the CRC-32 of the preceding text. A run may be killed
 at any time: an incomplete last line is ignored. Any other damaged or missing line is an error.

@@ -35,9 +35,9 @@ from dolfinx_contact.evolution import (
     NoContinuation,
     PathHistory,
 )
-from dolfinx_contact.evolution.evolution import Evolution, Runnable
-from dolfinx_contact.evolution.path import Known, PathState, PathTask, begun
-from dolfinx_contact.evolution.run import Listeners, RunState
+from dolfinx_contact.evolution.arc_length import PathTask
+from dolfinx_contact.evolution.quasi_static import Evolution
+from dolfinx_contact.evolution.run import Listeners, Runnable, RunState
 from dolfinx_contact.evolution.step import AcceptedState
 from dolfinx_contact.evolution.through_times import HistoryTask
 from dolfinx_contact.points.memory import Memory
@@ -55,13 +55,12 @@ from dolfinx_contact.records.record import Record, Resume
 __all__ = ["EvolutionRecord", "PathRecord", "StepsRecord"]
 
 J = TypeVar("J", bound=EvolutionJournal)
-S = TypeVar("S", bound=RunState)
 H = TypeVar("H", bound=History)
 
 _WITHOUT_CONTINUATION = (Ending.NO_SOLUTION, Ending.NOT_FOUND, Ending.NOT_SOLVED)
 
 
-class StepsRecord(Record[J], Generic[J, S, H]):
+class StepsRecord(Record[J], Generic[J, H]):
     """Base of the records of runs, with one entry per step. A collective context manager.
 
     Args:
@@ -86,7 +85,7 @@ class StepsRecord(Record[J], Generic[J, S, H]):
     def __init__(
         self,
         folder: str | os.PathLike[str],
-        runs: Runnable[Any, S, H],
+        runs: Runnable[Any, H],
         kind: type[J],
         *,
         surface_displacement: bool,
@@ -100,7 +99,7 @@ class StepsRecord(Record[J], Generic[J, S, H]):
         self._points = PointArrays(problem)
         self._index = -1  # number of the state where the runs are
         self._last: AcceptedState | None = None  # that state
-        self._resumed_state: S | None = None  # state from which a recorded run continues
+        self._resumed_state: RunState | None = None  # state from which a recorded run continues
         try:
             forms = {f"the form {i} of the motion": f for i, f in enumerate(runs.forms, 1)}
             now = manifest_of(problem, method=runs.method, forms=forms, driven=runs.driven)
@@ -128,7 +127,7 @@ class StepsRecord(Record[J], Generic[J, S, H]):
         """Put the load of a state into the data of the problem. Collective."""
         raise NotImplementedError
 
-    def _more(self, run_state: S | None) -> Mapping[str, npt.ArrayLike]:
+    def _more(self, run_state: RunState | None) -> Mapping[str, npt.ArrayLike]:
         """Return the owned values of the vectors of a state in addition to the unknowns.
 
         Args:
@@ -144,13 +143,13 @@ class StepsRecord(Record[J], Generic[J, S, H]):
             vectors: vectors of its checkpoint, by name.
         """
 
-    def _goes_on(self, run_state: S) -> dict[str, Any]:
+    def _goes_on(self, run_state: RunState) -> dict[str, Any]:
         """Return additional items needed to continue a run. Collective."""
         raise NotImplementedError
 
     def _recalled(
         self, state: Entry, accepted: AcceptedState, vectors: Mapping[str, PETSc.Vec]
-    ) -> S:
+    ) -> RunState:
         """Return the state of a run at a recorded state. Collective.
 
         Args:
@@ -164,17 +163,13 @@ class StepsRecord(Record[J], Generic[J, S, H]):
         """Return the task of a recorded run."""
         raise NotImplementedError
 
-    def _continued(self, run: EvolutionRun, task: Any, run_state: S) -> S:
+    def _continued(self, run: EvolutionRun, task: Any, run_state: RunState) -> RunState:
         """Return the state from which a run continues; `self._index` is its number."""
-        raise NotImplementedError
-
-    def _history(self, run_state: S) -> H:
-        """Return an empty history that starts from a state."""
         raise NotImplementedError
 
     # -- recording -------------------------------------------------------------------------------
 
-    def begin(self, task: Any, state: S) -> None:
+    def begin(self, task: Any, state: RunState) -> None:
         """Record the beginning of a new run; a resumed run is not recorded again. Collective.
 
         Raises:
@@ -207,7 +202,7 @@ class StepsRecord(Record[J], Generic[J, S, H]):
         require(self.comm, at_the_end, message)
         self._append({"type": "run", "task": asdict(task), "after": self._index})
 
-    def step(self, step: EvolutionStep, state: S) -> None:
+    def step(self, step: EvolutionStep, state: RunState) -> None:
         """Record a step, unless it was recorded before the run was killed. Collective."""
         if self._index + 1 < len(self.journal.states):
             self._index += 1
@@ -221,7 +216,9 @@ class StepsRecord(Record[J], Generic[J, S, H]):
             return  # more was recorded before, after which this is not the end
         self._append({"type": "end", "ending": ended.ending, "reason": ended.reason})
 
-    def _write_state(self, run_state: S, letters: str, row: dict[str, Any] | None = None) -> None:
+    def _write_state(
+        self, run_state: RunState, letters: str, row: dict[str, Any] | None = None
+    ) -> None:
         """Record a state, which is in the problem. Collective.
 
         Args:
@@ -261,7 +258,7 @@ class StepsRecord(Record[J], Generic[J, S, H]):
         self._index = index
         self._last = accepted
 
-    def _vectors(self, run_state: S | None = None) -> dict[str, PETSc.Vec]:
+    def _vectors(self, run_state: RunState | None = None) -> dict[str, PETSc.Vec]:
         """Return new vectors for a state, the unknowns last and 0. Collective."""
         vectors = {}
         for name, values in {**self._more(run_state), "x": ()}.items():
@@ -279,7 +276,7 @@ class StepsRecord(Record[J], Generic[J, S, H]):
             )
         return self.journal.runs[-1]
 
-    def _stand_in_run(self, run: EvolutionRun) -> S:
+    def _stand_in_run(self, run: EvolutionRun) -> RunState:
         """Go to the last state from which a recorded run can continue. Collective."""
         states = self.journal.states
         if run.ending is not None:
@@ -287,7 +284,7 @@ class StepsRecord(Record[J], Generic[J, S, H]):
         settled = [i for i in range(run.after + 1, len(states)) if states[i].run.settled]
         return self._stand_at([*reversed(settled), run.after])
 
-    def _stand_at(self, indices: Sequence[int]) -> S:
+    def _stand_at(self, indices: Sequence[int]) -> RunState:
         """Go to the first of several recorded states that is undamaged. Collective.
 
         Args:
@@ -297,7 +294,7 @@ class StepsRecord(Record[J], Generic[J, S, H]):
         self._last = run_state.accepted
         return run_state
 
-    def _run_state(self, index: int) -> S:
+    def _run_state(self, index: int) -> RunState:
         """Return the state of a run at a recorded state, put into the problem. Collective.
 
         Raises:
@@ -346,7 +343,7 @@ class StepsRecord(Record[J], Generic[J, S, H]):
         task = self._task(run.task)
         if run.ending is not None:
             self._runs.put(run_state)
-            history = self._history(run_state)
+            history = self._runs.history(run_state)
             history.end(run.ending, run.reason)
             if run.ending in _WITHOUT_CONTINUATION and getattr(task, "at_jump", "stop") != "stop":
                 raise NoContinuation(run.reason, history)
@@ -388,7 +385,7 @@ class StepsRecord(Record[J], Generic[J, S, H]):
             yield
 
 
-class EvolutionRecord(StepsRecord[EvolutionJournal, RunState, History]):
+class EvolutionRecord(StepsRecord[EvolutionJournal, History]):
     """Record of the runs of an evolution in a folder. Collective.
 
     An open record holds a file lock, so that no other process can write to it. If ``mpirun`` is
@@ -476,21 +473,18 @@ class EvolutionRecord(StepsRecord[EvolutionJournal, RunState, History]):
         run = state.run
         rate = None if run.rate is None else np.array(run.rate)
         ending = None if run.ending is None else Ending[run.ending]
-        return RunState(accepted, run.length, rate, run.number, ending=ending, reason=run.reason)
+        return RunState(
+            accepted, run.length, run.number, ending=ending, reason=run.reason, rate=rate
+        )
 
     def _task(self, words: Mapping[str, Any]) -> HistoryTask:
         return HistoryTask(**{**words, "times": tuple(words["times"])})
 
     def _continued(self, run: EvolutionRun, task: HistoryTask, run_state: RunState) -> RunState:
-        if self._index > run.after:
-            return run_state
-        return replace(run_state, length=task.longest, ending=None, reason="")
-
-    def _history(self, run_state: RunState) -> History:
-        return History(run_state.accepted.time, run_state.accepted.energies)
+        return run_state if self._index > run.after else self.evolution.begun(task, run_state)
 
 
-class PathRecord(StepsRecord[PathJournal, PathState, PathHistory]):
+class PathRecord(StepsRecord[PathJournal, PathHistory]):
     """Record of the runs of an arc-length path in a folder. Collective.
 
     An open record holds a file lock, so that no other process can write to it. If ``mpirun`` is
@@ -550,13 +544,13 @@ class PathRecord(StepsRecord[PathJournal, PathState, PathHistory]):
     def _load(self, state: Entry) -> None:
         self.path.parametric._set(state.run.gamma)
 
-    def _more(self, run_state: PathState | None) -> Mapping[str, npt.ArrayLike]:
+    def _more(self, run_state: RunState | None) -> Mapping[str, npt.ArrayLike]:
         if run_state is None or run_state.arrived is None:
             return {"tangent": ()}
         values = run_state.arrived.tangent.array_r
         return {"tangent": values[: len(values) - int(self._layout.last)]}
 
-    def _goes_on(self, run_state: PathState) -> dict[str, Any]:
+    def _goes_on(self, run_state: RunState) -> dict[str, Any]:
         point = run_state.arrived
         arrived = None
         if point is not None:
@@ -567,14 +561,14 @@ class PathRecord(StepsRecord[PathJournal, PathState, PathHistory]):
                 "corrections": point.corrections,
                 "tau": point.tau,
             }
-        return {"gamma": run_state.gamma, "arrived": arrived, "known": run_state.known}
+        return {"gamma": run_state.accepted.gamma, "arrived": arrived, "known": run_state.known}
 
     def _put_more(self, state: Entry, vectors: Mapping[str, PETSc.Vec]) -> None:
         self._load(state)
 
     def _recalled(
         self, state: Entry, accepted: AcceptedState, vectors: Mapping[str, PETSc.Vec]
-    ) -> PathState:
+    ) -> RunState:
         run = state.run
         arrived = None
         if (step := run.arrived) is not None:
@@ -587,14 +581,14 @@ class PathRecord(StepsRecord[PathJournal, PathState, PathHistory]):
                 step.corrections,
                 step.tau,
             )
-        return PathState(
+        return RunState(
             accepted,
             run.length,
             number=run.number,
             ending=None if run.ending is None else Ending[run.ending],
             reason=run.reason,
             arrived=arrived,
-            known=Known(**run.known),
+            known=dict(run.known),
             passed=(accepted.time,),
         )
 
@@ -603,16 +597,12 @@ class PathRecord(StepsRecord[PathJournal, PathState, PathHistory]):
         control = StepControl(**words["control"])
         return PathTask(**{**words, "gamma_range": (low, high), "control": control})
 
-    def _continued(self, run: EvolutionRun, task: PathTask, run_state: PathState) -> PathState:
+    def _continued(self, run: EvolutionRun, task: PathTask, run_state: RunState) -> RunState:
         passed = tuple(s.time for s in self.journal.states[run.after : self._index + 1])
         run_state = replace(run_state, passed=passed)
-        return begun(task, run_state) if self._index == run.after else run_state
+        return self.path.begun(task, run_state) if self._index == run.after else run_state
 
-    def _history(self, run_state: PathState) -> PathHistory:
-        accepted = run_state.accepted
-        return PathHistory(accepted.time, accepted.energies, gamma=run_state.gamma)
-
-    def begin(self, task: PathTask, state: PathState) -> None:
+    def begin(self, task: PathTask, state: RunState) -> None:
         """Record the beginning of a new run; a resumed run is not recorded again. Collective.
 
         Raises:

@@ -216,7 +216,7 @@ def test_one_observer_serves_branches_histories_and_paths(folder):
     notes = Notes()
     with PathRecord(folder, recorded_path.made("bonds"), resume=True) as record:
         rest = record.go_on(observer=notes)
-    expected = [("begin", "PathTask", "PathState")]
-    expected += [("step", "PathStep", "PathState")] * len(rest.steps)
+    expected = [("begin", "PathTask", "RunState")]
+    expected += [("step", "PathStep", "RunState")] * len(rest.steps)
     assert len(rest.steps) == 2
     assert notes.told == [*expected, ("end", rest.ending, rest.reason)]
