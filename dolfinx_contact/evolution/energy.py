@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Energy balance of an evolution: work of loads and supports, stored and dissipated energy.
+r"""Energy balances of a step at rest and of a step in motion.
 
-In a step from n to n+1, with dead loads f, reactions S of Dirichlet data, forces P on rigid bodies,
-contact pressures p and shear tractions t over areas W, gap u_N, jump j and normal n,
+**At rest.** In a step from n to n+1, with dead loads f, reactions S of Dirichlet data, forces P on
+rigid bodies, contact pressures p and shear tractions t over areas W, gap u_N, jump j and normal n,
 
     external    (f_n + f_n+1)/2 . du + (S_n + S_n+1)/2 . du - (P_n + P_n+1)/2 . dq
                 - sum W (p_n + p_n+1)/2 (d u_N + (n_n + n_n+1)/2 . dj)
@@ -24,20 +24,37 @@ Loads are defined by the rows of the undeformed body, R(0) = -f. In a body with 
 with loads that follow the body, the remainder counts as stored. If a problem is given by a
 residual, the stored energy is integrated from the forces by the trapezoidal rule, which is exact
 for a linear body.
+
+**In motion.** Over a step of length h from state 0 to state 1, with the mean velocity
+v = (v_0 + v_1)/2, loads f, mean forces S of supports, mean contact tractions t over areas W,
+tractions t' = t without adhesion, and velocity v_o of the obstacle, stored energy and damage are as
+above, and
+
+    kinetic     v_1^T M v_1 / 2 - v_0^T M v_0 / 2
+    external    ((f_0 + f_1)/2 + S) . (u_1 - u_0) + h sum W t . v_o
+    damping     h v^T C (theta v_1 + (1 - theta) v_0)
+    contact     - h sum W t'_n . (B v - v_o)_n      impulse times mean velocity (Moreau 1988), for
+                                                    surfaces that are not compliant
+    dissipated  - h sum W t'_t . (B v - v_o)_t      friction
+
+The residue is the external work minus all other terms. With theta = 1/2 it is zero for a linear
+body without adhesion and compliance, and of second order in h otherwise. With other schemes it is
+the energy dissipated or produced by the scheme.
 """
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, astuple, dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
+from dolfinx_contact.body.moving import MovingBody
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import ContactState, Evaluation
 from dolfinx_contact.points.surface import DiscreteSurface
 
-__all__ = ["Energies", "Forces", "forces_at"]
+__all__ = ["Energies", "Forces", "Motion", "MotionEnergies", "account", "forces_at", "motion_at"]
 
 Array = npt.NDArray[np.float64]
 
@@ -99,8 +116,7 @@ class Energies:
             if not p.at_rest:
                 moved = np.sum((p.n + q.n) / 2 * (q.jump - p.jump), axis=1)
                 outer -= np.dot((p.force + q.force) / 2, q.un - p.un + moved)
-            pressed += float(np.sum(q.bonds - p.bonds))
-            pressed -= np.dot((p.springs + q.springs) / 2, q.un - p.un)
+            pressed += q.stored_since(p)
             spent += float(np.sum(q.spent))
         comm = after.equations.comm
         outer, inner, pressed, spent = (
@@ -115,6 +131,29 @@ class Energies:
             self.dissipated + dissipated,
             self.damage + spent,
         )
+
+
+@dataclass(frozen=True)
+class MotionEnergies(Energies):
+    """Energies of a body in motion; all but the kinetic energy are summed since the start.
+
+    Attributes:
+        kinetic: kinetic energy.
+        at_start: kinetic energy at the start.
+        damping: dissipation by the damping of the body.
+        contact: energy lost in impacts; negative if they add energy.
+    """
+
+    kinetic: float = 0.0
+    at_start: float = 0.0
+    damping: float = 0.0
+    contact: float = 0.0
+
+    @property
+    def residue(self) -> float:
+        """External work minus all other energies."""
+        growth = self.kinetic - self.at_start
+        return super().residue - growth - self.damping - self.contact
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,6 +171,7 @@ class SurfaceForces:
         bonds: energies stored in bonds, shape (n,).
         spent: energies spent by bonds in the step, shape (n,).
         at_rest: whether the obstacle has no work of its own: another face, or facets.
+        obstacle: gaps between the undeformed body and the obstacle, lengths, shape (n,).
     """
 
     force: Array
@@ -142,6 +182,12 @@ class SurfaceForces:
     bonds: Array
     spent: Array
     at_rest: bool
+    obstacle: Array
+
+    def stored_since(self, before: SurfaceForces) -> float:
+        """Return the growth of the energy of bonds and of the compliance on this rank."""
+        bonds = float(np.sum(self.bonds - before.bonds))
+        return bonds - float(np.dot((before.springs + self.springs) / 2, self.un - before.un))
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,6 +216,32 @@ class Forces:
     energy: float | None
     surfaces: tuple[SurfaceForces, ...]
     covered: Array | None
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """State of motion with the forces and energies that a step needs.
+
+    Attributes:
+        u: displacement, all local values.
+        v: velocity, all local values.
+        rows: internal forces and loads R(u) + C v (owned).
+        load: loads -R(0) (owned).
+        inner: energy of the body without the load potential; None for a body given by a residual.
+        kinetic: kinetic energy.
+        surfaces: values at the contact points of each surface.
+    """
+
+    u: Array
+    v: Array
+    rows: Array
+    load: Array
+    inner: float | None
+    kinetic: float
+    surfaces: tuple[SurfaceForces, ...]
+
+
+# -- at rest --------------------------------------------------------------------------------------
 
 
 def forces_at(eq: ContactEquations, state: Evaluation) -> Forces:
@@ -219,9 +291,17 @@ def _at_surface(s: DiscreteSurface, contact: ContactState) -> SurfaceForces:
     if s.slides:
         # a point without an opposing point does not move relative to anything
         jump = _covered(s, contact)[:, None] * jump
-    at_rest = s.slides or s.obstacle.outline is not None
-    gap = contact.kinematics.gap
-    return SurfaceForces(force, gap, normal.copy(), jump, springs, stored, spent, at_rest)
+    return SurfaceForces(
+        force,
+        contact.kinematics.gap,
+        normal.copy(),
+        jump,
+        springs,
+        stored,
+        spent,
+        at_rest=s.slides or s.obstacle.outline is not None,
+        obstacle=s.points.data.gap.copy(),
+    )
 
 
 def _covered(s: DiscreteSurface, contact: ContactState) -> Array:
@@ -233,3 +313,114 @@ def _rows(eq: ContactEquations, u: Array) -> Array:
     """Return the owned rows of the body alone. Collective."""
     rows = eq.bulk.affine_residual(u)
     return np.array(eq.bulk.residual_at(u) if rows is None else rows)
+
+
+# -- in motion ------------------------------------------------------------------------------------
+
+
+def motion_at(eq: ContactEquations, state: Evaluation, u: Array, v: Array) -> Motion:
+    """Return the state of motion at the start or the end of a step. Collective.
+
+    Args:
+        eq: equations with the data of that time.
+        state: evaluation of the contact at that time.
+        u: displacement, all local values.
+        v: velocity, all local values.
+    """
+    body = eq.bulk
+    assert isinstance(body, MovingBody)
+    n = eq.owned_sizes[0]
+    load = body.load()
+    inner = body.body.energy_at(u)
+    products = np.array([load @ u[:n], 0.5 * v[:n] @ body.times(body.mass, v)])
+    potential, kinetic = eq.comm.allreduce(products).tolist()
+    surfaces = tuple(map(_at_surface, eq.surfaces, state.surfaces))
+    inner = None if inner is None else inner + potential
+    return Motion(u, v, body.forces(u, v), load, inner, kinetic, surfaces)
+
+
+def account(
+    energies: MotionEnergies,
+    eq: ContactEquations,
+    end: Evaluation,
+    a: Motion,
+    b: Motion,
+    dq: Array,
+) -> MotionEnergies:
+    """Return the energies after a step. Collective.
+
+    Args:
+        energies: energies before the step.
+        eq: equations of the step.
+        end: solution of the step, with reactions.
+        a: motion before the step.
+        b: motion after the step.
+        dq: increment of the unknowns of the rigid bodies.
+    """
+    body = eq.bulk
+    assert isinstance(body, MovingBody)
+    assert end.reactions is not None
+    step = body.step
+    n = eq.owned_sizes[0]
+    v = (a.v + b.v) / 2
+    du = (b.u - a.u)[:n]
+    # the body: work of loads and supports, damping, stored energy
+    support = np.where(eq.fixed[:n], end.reactions, 0.0)
+    external = float(((a.load + b.load) / 2 + support) @ du)
+    damping = stored = 0.0
+    if body.damping is not None:
+        mean = step.theta * b.v + (1 - step.theta) * a.v
+        damping = step.length * float(v[:n] @ body.times(body.damping, mean))
+    if a.inner is None or b.inner is None:
+        # the trapezoidal rule of the internal forces, exact for a linear body
+        stored = float((a.rows + a.load + b.rows + b.load) / 2 @ du) - damping
+    parts = [MotionEnergies(external=external, stored=stored, damping=damping)]
+    # the surfaces
+    parts += [_of_surface(eq, i, end, a, b, step.length * v, dq) for i in range(len(eq.surfaces))]
+    increments = eq.comm.allreduce(np.sum([astuple(part) for part in parts], axis=0))
+    after = MotionEnergies(*(np.array(astuple(energies)) + increments).tolist())
+    if a.inner is not None and b.inner is not None:
+        after = replace(after, stored=after.stored + b.inner - a.inner)
+    return replace(after, kinetic=b.kinetic)
+
+
+def _of_surface(
+    eq: ContactEquations, i: int, end: Evaluation, a: Motion, b: Motion, moved: Array, dq: Array
+) -> MotionEnergies:
+    """Increments of the energies at a surface on this rank.
+
+    Args:
+        eq: equations of the step.
+        i: number of the surface.
+        end: solution of the step.
+        a: motion before the step.
+        b: motion after the step.
+        moved: length of the step times the mean velocity, all local values.
+        dq: increment of the unknowns of the rigid bodies.
+    """
+    s = eq.surfaces[i]
+    contact = end.surfaces[i]
+    before, after = a.surfaces[i], b.surfaces[i]
+    operator = contact.kinematics.operator
+    normal = contact.data.n
+    force = operator.areas[:, None] * contact.traction
+    # relative displacements h (B v - v_o), and h v_o of a rigid body
+    place = s, end.u, end.q
+    relative = operator.apply(eq.relative_rate(*place, moved, dq))
+    dragged = -operator.apply(eq.relative_rate(*place, np.zeros_like(moved), dq))
+    # an obstacle that is moved by its data
+    risen = after.obstacle - before.obstacle
+    external = float(np.sum(force * dragged) + np.sum(force * normal, axis=1) @ risen)
+    # bonds
+    spent = impact = 0.0
+    if s.law_at_points.compiled.bonded:
+        force = force - operator.areas[:, None] * contact.answers.bond("traction")
+        spent = float(np.sum(operator.areas * contact.answers.bond("spent")))
+    # pressure and friction
+    pull = np.sum(force * normal, axis=1)
+    opening = np.sum(relative * normal, axis=1)
+    friction = float(pull @ opening - np.sum(force * relative))
+    if not s.law.compliant:
+        impact = -float(pull @ (opening - risen))
+    stored = after.stored_since(before)
+    return MotionEnergies(external, stored, friction, spent, contact=impact)

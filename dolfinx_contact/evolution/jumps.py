@@ -16,8 +16,12 @@ differs from a large change in one step: halving the step does not reduce it. Ch
 and faster changes after kinks, shrink with the step. `find_jump` searches a step by halves.
 
 A change that does not shrink is not a proof, because the solver may have passed over a solution.
-Therefore the branch of solutions is finally followed from the state (`step_branch`). A step that
-was not solved is not a proof either: shorter steps are tried from the same state.
+Therefore the branch of solutions H(x, gamma; m_n) = 0 that begins at the start of the step
+(gamma = 0, `rate_problem`) is finally followed from kink to kink. If it leads to gamma = 1, a
+solution continues the evolution. If gamma turns back at a smooth fold, or at a kink all of whose
+pieces were tried, on this branch and on all that leave it towards larger gamma, no solution
+continues the evolution. Otherwise nothing is proved, and the reason is given. A step that was not
+solved is not a proof either: shorter steps are tried from the same state.
 """
 
 from __future__ import annotations
@@ -27,17 +31,24 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from mpi4py import MPI
+from petsc4py import PETSc
 
 import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact._mpi import anywhere
+from dolfinx_contact.continuation import BranchStep, Follower, StepControl
+from dolfinx_contact.continuation.branch import BranchPoint, FoundRays, Ray, SpecialPoint
+from dolfinx_contact.continuation.ending import Ending
+from dolfinx_contact.continuation.ray_finder import KinkRays
 from dolfinx_contact.equations.data import data_of_surface
+from dolfinx_contact.equations.evaluation import Statuses
 from dolfinx_contact.evolution.energy import Forces
+from dolfinx_contact.evolution.rate_problem import loaded
 from dolfinx_contact.evolution.step import AcceptedState, Stepper
-from dolfinx_contact.evolution.step_branch import StepBranch, branch_of_step
 from dolfinx_contact.laws.status import letters
 from dolfinx_contact.solvers import ConvergenceError
+from dolfinx_contact.solvers.following import Loaded
 
 __all__ = ["Found", "StateChanges", "changes", "find_jump", "where_it_changes"]
 
@@ -50,6 +61,13 @@ _NEAR = 0.5  # largest change, relative to the jump, in a step that continues th
 _SAME = 1e-4  # largest distance of equal solutions, relative to the change in a step
 _SHORTER = 0.25  # length of the next step after a failed one, relative to the failed one
 _SHOWN = 5  # largest number of places in a message
+# on the branch of solutions within a step:
+_AT_BORDER = 1e-8  # fraction of the largest distance to a border that counts as zero
+_IDLE = 1e-9  # rate of gamma along a unit ray that counts as zero
+_MOST_STEPS = 400  # largest number of steps on a branch
+_MOST_PIECES = 256  # largest number of pieces that are enumerated
+_MOST_TURNS = 16  # largest number of turning points
+_TURNS = ("fold", "bifurcation")
 
 
 # -- changes ---------------------------------------------------------------------------------------
@@ -300,12 +318,11 @@ class _Search:
     def _leads_to_end(self, start: AcceptedState, end: AcceptedState) -> bool:
         """Return whether the branch of solutions from the start of a step leads to its end."""
         branch = branch_of_step(self._stepper, start, end.time)
-        return branch.reaches_end and self._is_at(branch, start, end)
+        return branch.unknowns is not None and self._is_at(branch.unknowns, start, end)
 
-    def _is_at(self, branch: StepBranch, start: AcceptedState, end: AcceptedState) -> bool:
-        """Return whether a branch leads to the end of a step. Collective."""
-        assert branch.unknowns is not None
-        off = branch.unknowns - end.unknowns
+    def _is_at(self, unknowns: Array, start: AcceptedState, end: AcceptedState) -> bool:
+        """Return whether a branch with given last unknowns leads to the end of a step."""
+        off = unknowns - end.unknowns
         way = end.unknowns - start.unknowns
         squares = self._comm.allreduce(np.array([np.dot(off, off), np.dot(way, way)]))
         return bool(np.sqrt(squares[0]) <= _SAME * np.sqrt(squares[1]))
@@ -351,9 +368,9 @@ class _Search:
             branch = branch_of_step(self._stepper, start, time)
             why = branch.why
             ends = branch.ends
-            if not branch.reaches_end:
+            if branch.unknowns is None:
                 continue
-            if time == end.time and self._is_at(branch, start, end):
+            if time == end.time and self._is_at(branch.unknowns, start, end):
                 return None
             try:
                 near = self._stepper.take(start, time, likely=(branch.statuses,))
@@ -363,3 +380,127 @@ class _Search:
                 return Found([*path[1:], near])
             why = "solutions continue from the state, but no step led to them"
         return Found(path[1:], end, ends, why=why)
+
+
+# -- solutions within a step -----------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class StepBranch:
+    """Result of following a branch within a step.
+
+    Attributes:
+        unknowns: owned unknowns at the load of the end of the step, as in `AcceptedState`; None if
+            the branch does not lead there.
+        statuses: statuses there, on this rank.
+        ends: whether it is proved that no branch leads there.
+        why: reason for the end of the branch.
+    """
+
+    unknowns: Array | None = None
+    statuses: Statuses | None = None
+    ends: bool = False
+    why: str = ""
+
+
+def branch_of_step(stepper: Stepper, accepted: AcceptedState, time: float) -> StepBranch:
+    """Follow the solutions of a step from its start to its end. Collective.
+
+    Args:
+        stepper: stepper of the problem.
+        accepted: state at the start.
+        time: time at the end.
+    """
+    with loaded(stepper.begin(accepted, time)) as (system, x):
+        try:
+            with Follower(system, StepControl(kinks="exact"), gamma_scale=1.0) as follower:
+                return _followed(follower, system, x)
+        except ValueError as error:
+            return StepBranch(why=f"the solutions were not followed in the step: {error}")
+
+
+def _followed(follower: Follower, system: Loaded, x: PETSc.Vec) -> StepBranch:
+    """Follow the branches from the start and from their turning points. Collective."""
+    departures = follower.departures(x, 0.0)
+    starts = _with_growing_load(follower, x, departures)
+    why = f"the load turns back at the start, by {departures.method}"
+    unknown = ""
+    if not departures.complete:
+        unknown = f"rays out of the start may be missing, {departures.method}"
+    turns = 0
+    while starts:
+        branch = follower.run(
+            starts.pop(), gamma_range=(0.0, 1.0), max_steps=_MOST_STEPS, stop=_turned
+        )
+        last = branch.points[-1]
+        if last.gamma >= 1.0:
+            x, _ = follower.bordered.split(last.y)
+            return StepBranch(x.array_r.copy(), system.statuses_of(last.piece))
+        special = [s for s in branch.special if s.kind in _TURNS]
+        if branch.ending is not Ending.STOPPED or not special:
+            unknown = f"the solutions were followed in the step: {branch.reason}"
+            continue
+        turn = special[-1]
+        more = _rays_at_turn(follower, turn)
+        why = f"{more.method}, at {turn.gamma:.4g} of its change"
+        turns += 1
+        if not more.complete:
+            unknown = more.method
+        elif turns > _MOST_TURNS:
+            return StepBranch(why=f"the load turns back on more than {_MOST_TURNS} branches")
+        for ray in more.rays:
+            try:
+                starts.append(follower.branch_off(turn, ray))
+            except ValueError as error:
+                unknown = f"other solutions with more load meet there: {error}"
+    return StepBranch(ends=not unknown, why=unknown or why)
+
+
+def _with_growing_load(
+    follower: Follower, x: PETSc.Vec, departures: FoundRays[BranchPoint]
+) -> list[BranchPoint]:
+    """Return the rays out of the start to follow, the straightest last. Collective.
+
+    These are the rays along which gamma grows, or, if there are none, the rays along which gamma is
+    constant. If there are none either and rays may be missing, the result is the start itself, and
+    its first step searches for a direction.
+    """
+    b = follower.bordered
+    rates = [(point, b.gamma(point.tangent)) for point in departures.rays]
+    chosen = [point for point, rate in rates if rate > _IDLE]
+    chosen = chosen or [point for point, rate in rates if abs(rate) <= _IDLE]
+    if len(chosen) == 1 or (not chosen and departures.complete):
+        return chosen
+    start = follower.start(x, 0.0)
+    chosen.sort(key=lambda point: b.inner(point.tangent, start.tangent))
+    return chosen or [start]
+
+
+def _turned(step: BranchStep) -> str:
+    """Return a reason to end a branch at a fold or bifurcation; "" elsewhere."""
+    return "the load turns back" if any(s.kind in _TURNS for s in step.special) else ""
+
+
+def _rays_at_turn(follower: Follower, turn: SpecialPoint) -> FoundRays[Ray]:
+    """Return the rays with growing gamma out of a fold or a bifurcation. Collective.
+
+    The method of the result states why the load turns back, or why this is unknown.
+    """
+    if turn.kind == "fold" and turn.smooth:
+        return FoundRays((), True, "the load turns back while all statuses stay")
+    if turn.smooth or turn.onwards is None:
+        return FoundRays((), False, "branches of solutions meet there")
+    b = follower.bordered
+    if turn.complete:
+        found = FoundRays((turn.onwards, *turn.others), True, turn.method)
+    else:
+        incoming = turn.incoming or turn.onwards
+        events = b.events(turn.y, incoming.piece)
+        largest = float(np.max(np.abs(events.distance), initial=0.0))
+        tolerance = _AT_BORDER * b.comm.allreduce(largest, op=max)
+        finder = KinkRays(follower.corrector, turn.y, incoming.piece, tolerance)
+        found = finder.enumerated(incoming.piece, finder.kinks, incoming.tangent, most=_MOST_PIECES)
+        if not found.complete:
+            return found
+    rays = tuple(ray for ray in found.rays if b.gamma(ray.tangent) > _IDLE)
+    return FoundRays(rays, True, f"the load turns back, by {found.method}")

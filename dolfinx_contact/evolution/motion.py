@@ -18,11 +18,20 @@ relative motions, v_o the velocity of the obstacle and e the coefficient of rest
 
 The velocity of a node without mass may alternate about the velocity of the body, and friction with
 it; therefore friction acts on its displacement. A step has the same three parts as at rest
-(`step`): solve, advance the memory, account for the energies (`motion_energy`).
+(`step`): solve, advance the memory, account for the energies (`energy`).
+
+Dirichlet data prescribe the displacement u_1 at the end of a step. With theta = 1/2 the velocity of
+a held node follows from it as
+
+    v_1 = 2 (u_1 - u_0)/h - v_0,
+
+so that a velocity v_0 different from the velocity of the data oscillates in all later steps
+(`HeldNodes`).
 """
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal, TypeAlias, get_args
@@ -34,7 +43,8 @@ import numpy.typing as npt
 
 from dolfinx import fem
 
-from dolfinx_contact._mpi import require
+from dolfinx_contact._geometry import node_positions
+from dolfinx_contact._mpi import largest, require
 from dolfinx_contact._validate import is_number
 from dolfinx_contact.body.inertia import Mass
 from dolfinx_contact.body.moving import MovingBody, Scheme, TimeStep
@@ -42,24 +52,30 @@ from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation
 from dolfinx_contact.equations.state import State
 from dolfinx_contact.equations.validation import require_obstacles
+from dolfinx_contact.evolution.energy import Motion, MotionEnergies, account, motion_at
 from dolfinx_contact.evolution.mass_and_damping import Matrices
-from dolfinx_contact.evolution.motion_energy import Motion, MotionEnergies, account, motion_at
-from dolfinx_contact.evolution.prescribed_motion import PrescribedMotion
 from dolfinx_contact.evolution.step import AcceptedState, Stepper
 from dolfinx_contact.points.kinematics import Kinematics
 from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.problem import ContactProblem
 from dolfinx_contact.solvers.strategies import Trial
 
-__all__ = ["Level", "Method", "MotionStepper"]
+__all__ = ["HeldNodes", "Level", "Method", "MotionStepper"]
+
+logger = logging.getLogger(__name__)
 
 Array = npt.NDArray[np.float64]
 #: Quantity in Signorini's law: the gap or its rate.
 Level: TypeAlias = Literal["position", "velocity"]
 
-_ROUND_OFF = 1e-9  # relative difference of equal step lengths
+_ROUND_OFF = 1e-9  # relative difference of equal step lengths; displacement that counts as zero
 _FAR = 1e6  # gap that never closes, relative to the body size
 _PENETRATION = 1e-9  # penetration that counts as zero, relative to the body size
+_SAME = 1e-6  # fraction of the largest displacement or velocity that counts as no deviation
+_DAMPED = 0.51  # theta above which an oscillation decays
+_REVERSED = 0.1  # relative change of a deviation with reversed sign
+_VISIBLE = 0.01  # fraction of the velocities above which an oscillation is reported
+_REVERSALS = 3  # number of successive reversals after which an oscillation is reported
 
 
 @dataclass(frozen=True)
@@ -130,6 +146,7 @@ class MotionStepper(Stepper):
         load: function of the time that sets Constants and Functions of the data.
         method: method of the steps.
         matrices: mass and damping of the body.
+        held: nodes of the body with Dirichlet data.
         progress: progress of the solves.
     """
 
@@ -140,6 +157,7 @@ class MotionStepper(Stepper):
         load: Callable[[float], object],
         method: Method,
         matrices: Matrices,
+        held: HeldNodes,
         progress: bool | None,
     ):
         super().__init__(problem, load, progress)
@@ -149,7 +167,7 @@ class MotionStepper(Stepper):
         self._velocity = velocity
         self._method = method
         self._matrices = matrices
-        self._prescribed = PrescribedMotion(problem)
+        self._held = held
 
     # -- one step --------------------------------------------------------------------------------
 
@@ -194,7 +212,7 @@ class MotionStepper(Stepper):
             eq.prescribed.unknowns = None
         friction = energies.dissipated - accepted.energies.dissipated
         result = replace(result, energies=result.energies | {"friction": friction})
-        b = replace(b, deviation=self._prescribed.deviation(a, b, step))
+        self._held.watch(a, b, step)
         return self.accept(law, solution.statuses, memory, time, energies, b, result=result)
 
     def _begin(self, accepted: AcceptedState, time: float) -> TimeStep:
@@ -209,7 +227,7 @@ class MotionStepper(Stepper):
         self.problem.equations.refresh()
         a = _motion(accepted)
         if accepted.statuses is None:
-            self._prescribed.require_velocity(a.v)
+            self._held.require_velocity(a.v)
         self._body.begin(step, a.u, a.v, a.rows)
         return step
 
@@ -307,7 +325,7 @@ class MotionStepper(Stepper):
         finite = bool(np.isfinite(self._velocity.x.array).all())
         require(self.problem.comm, finite, "the velocity at the start is not finite")
         require_obstacles(self.problem.equations)
-        self._prescribed.require_displacement()
+        self._held.require_displacement()
 
     def _require_no_penetration(self, motion: Motion) -> None:
         """Raise ``ValueError`` if a point is inside an obstacle at the start. Collective."""
@@ -379,3 +397,134 @@ def _evaluation_at(eq: ContactEquations, solution: Evaluation, u: Array) -> Eval
         for s, contact in zip(eq.surfaces, solution.surfaces, strict=True)
     ]
     return replace(solution, u=u, surfaces=surfaces)
+
+
+# -- Dirichlet data --------------------------------------------------------------------------------
+
+
+class HeldNodes:
+    """Checks that displacement and velocity of a motion agree with its Dirichlet data.
+
+    Args:
+        problem: contact problem of a time step.
+    """
+
+    def __init__(self, problem: ContactProblem):
+        eq = problem.equations
+        self._problem = problem
+        self._comm = problem.comm
+        self._held = np.asarray(eq.fixed[: eq.owned_sizes[0]])  # owned dofs with Dirichlet data
+        self._zero = _ROUND_OFF * eq.body_size
+        #: Velocity at the end of the last step, its deviation from the mean velocity in that step,
+        #: and number of successive steps in which the deviation has changed its sign.
+        self._last: tuple[Array | None, Array, int] = None, np.zeros(0), 0
+
+    def require_displacement(self) -> None:
+        """Raise ``ValueError`` if the displacement differs from the Dirichlet data. Collective."""
+        u, data = self._displacement_and_data()
+        (size,) = largest(self._comm, [max(_size(u), _size(data))])
+        place = self._deviation(u, data, self._held, _SAME * size + self._zero)
+        require(
+            self._comm,
+            not place,
+            f"at the start the displacement differs from the Dirichlet data: {place}; solve() "
+            "first, or copy the prescribed values into the displacement",
+        )
+
+    def require_velocity(self, v: Array) -> None:
+        """Raise ``ValueError`` if a node fixed by Dirichlet data has a velocity. Collective.
+
+        A node is fixed if its Dirichlet data are constant in the first step. On entry the Functions
+        must contain the start of the first step, and the data the values at its end.
+
+        Args:
+            v: initial velocity, all local values.
+        """
+        u, data = self._displacement_and_data()
+        fixed = self._held & (np.abs(data - u) <= self._zero)
+        (size,) = largest(self._comm, [_size(v)])
+        place = self._deviation(v[: len(u)], np.zeros_like(u), fixed, _SAME * size)
+        require(
+            self._comm,
+            not place,
+            "the velocity at the start is against Dirichlet data that are constant in the first "
+            f"step: {place}; it would change its sign in every step: set the velocity of held "
+            "nodes to the velocity of the data",
+        )
+
+    def watch(self, a: Motion, b: Motion, step: TimeStep) -> None:
+        """Log a warning on rank 0 if velocities of held nodes oscillate. Collective.
+
+        They oscillate if their deviation from the mean velocity in the step changes its sign, but
+        not its size, in three successive steps.
+
+        Args:
+            a: motion at the start of the step.
+            b: motion at the end of the step.
+            step: time step.
+        """
+        if step.scheme == "theta-euler" or step.theta >= _DAMPED:
+            return
+        n = len(self._held)
+        mean: Array = np.asarray((b.u - a.u)[:n] / step.length)
+        deviation = np.where(self._held, b.v[:n] - mean, 0.0)
+        end, before, reversals = self._last
+        if end is not a.v:  # the last step was rejected
+            before, reversals = deviation, 0
+        sizes = [_size(v) for v in (deviation, deviation + before, mean, b.v)]
+        size, change, *speeds = largest(self._comm, sizes)
+        reversed_ = change < _REVERSED * size and size > _VISIBLE * max(speeds)
+        reversals = reversals + 1 if reversed_ else 0
+        self._last = b.v, deviation, reversals
+        if reversals == _REVERSALS:
+            place = self._deviation(b.v[:n], mean, self._held, 0.5 * size)
+            if self._comm.rank == 0:
+                logger.warning(
+                    "velocities of nodes held by Dirichlet data change from step to step about the "
+                    "velocity of the data (%s according to the data): the motion started with "
+                    "another velocity than the data, or these have a kink in time; theta > 1/2 "
+                    "damps the oscillation",
+                    place,
+                )
+
+    def _displacement_and_data(self) -> tuple[Array, Array]:
+        """Return the owned values of the displacement and of the Dirichlet data."""
+        eq = self._problem.equations
+        n = len(self._held)
+        return self._problem.u.x.array[:n], eq.prescribed.values().reshape(-1)[:n]
+
+    def _deviation(
+        self, values: Array, data: Array, which: npt.NDArray[np.bool_], tolerance: float
+    ) -> str:
+        """Describe the largest deviation of values from data; "" if it is small. Collective.
+
+        Of equal deviations, the first in the order of coordinates is described.
+
+        Args:
+            values: owned values.
+            data: owned values prescribed by the data.
+            which: mask of the compared dofs.
+            tolerance: deviation that counts as small.
+        """
+        off = np.where(which, np.abs(values - data), 0.0)
+        (worst,) = largest(self._comm, [_size(off)])
+        if worst <= tolerance:
+            return ""
+        V = self._problem.V
+        bs = V.dofmap.index_map_bs
+        size = self._problem.equations.body_size
+        nodes = np.round(node_positions(V)[:, :bs] / size, 9) * size + 0.0
+        local = [
+            (nodes[i // bs].tolist(), int(i % bs), float(values[i]), float(data[i]))
+            for i in np.flatnonzero(off == worst)
+        ]
+        x, component, value, wanted = min(p for part in self._comm.allgather(local) for p in part)
+        return (
+            f"component {'xyz'[component]} at the node ({', '.join(f'{c:.6g}' for c in x)}) is "
+            f"{value:.6g}, prescribed is {wanted:.6g}"
+        )
+
+
+def _size(values: Array) -> float:
+    """Return the largest absolute value on this rank."""
+    return float(np.max(np.abs(values), initial=0.0))

@@ -7,7 +7,7 @@ Lectures 302, 1988; Jean, CMAME 177, 1999),
     M dv + (R(u) + C v) dt = B^T dr,        du = v dt,
 
 with Signorini's and Coulomb's laws at every contact point. Steps are implicit; their schemes are
-defined in `body.moving`, the laws in `motion`, the energies in `motion_energy`. Each step is a
+defined in `body.moving`, the laws in `motion`, the energies in `energy`. Each step is a
 static contact problem (`ContactProblem.step_from`).
 
 Choice of the method. The momentum of a node with mass that hits an obstacle returns as an
@@ -35,10 +35,10 @@ from dolfinx_contact.body.inertia import Mass
 from dolfinx_contact.body.moving import Scheme, TimeStep
 from dolfinx_contact.continuation.observer import Observer, ObserverLike, Stop
 from dolfinx_contact.equations.state import State
+from dolfinx_contact.evolution.energy import MotionEnergies
 from dolfinx_contact.evolution.history import EvolutionStep, History
 from dolfinx_contact.evolution.mass_and_damping import Matrices
-from dolfinx_contact.evolution.motion import Level, Method, MotionStepper
-from dolfinx_contact.evolution.motion_energy import MotionEnergies
+from dolfinx_contact.evolution.motion import HeldNodes, Level, Method, MotionStepper
 from dolfinx_contact.evolution.quasi_static import Evolution
 from dolfinx_contact.evolution.run import Listeners
 from dolfinx_contact.evolution.through_times import HistoryTask, checked_times
@@ -205,6 +205,7 @@ class NSCD(Evolution):
         self._matrices = Matrices(problem, self.velocity, density, mass, damping)
         body = self._matrices.body(TimeStep(dt, method.theta, scheme))
         super().__init__(problem.moving(body), load or (lambda _: None))
+        self._held = HeldNodes(self.problem)
         # for the manifest of a record
         self.kept = {"velocity": self.velocity}
         self.data = self._matrices.data
@@ -310,6 +311,7 @@ class NSCD(Evolution):
             self.load,
             self._method,
             self._matrices,
+            self._held,
             False if progress is False else None,
         )
 

@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""The rate problem: directions in which an evolution can continue from an accepted state.
 
-At a state y = (x, gamma) whose memory has just been accepted, every slipping point is at the border
-of stick, and every breaking bond at the border of an intact one. With the memory frozen, H has one
-linearisation J for each piece, that is for each choice of statuses of the points at a border. A
-direction t solves the rate problem if, for one of these pieces,
+**On a path** (`RateProblem`). At a state y = (x, gamma) whose memory has just been accepted, every
+slipping point is at the border of stick, and every breaking bond at the border of an intact one.
+With the memory frozen, H has one linearisation J for each piece, that is for each choice of
+statuses of the points at a border. A direction t solves the rate problem if, for one of these
+pieces,
 
     J t = 0,        d' (t) >= 0 for all distances d(y) = 0 to borders of the piece.
 
@@ -21,11 +22,22 @@ Solutions are searched in this order:
 
 One solution leads back: it unloads, without slip or damage. It continues the reverse of the
 incoming direction and is not counted.
+
+**In time** (`rays_of_step`). The data of a step change from its start (gamma = 0) to its end
+(gamma = 1) along a straight line, with the memory m_n of the start:
+
+    H(x, gamma; m_n) = 0,        0 <= gamma <= 1.
+
+The rate problem at gamma = 0 is a problem of polyhedral cones (`continuation.rays`). Several rays
+with growing gamma may exist: with large friction a point can stick or slip under the same rate of
+the load (Klarbring, Ing.-Arch. 60, 1990). If all pieces were tried and none exists, the state
+jumps (`jumps`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 from petsc4py import PETSc
@@ -36,11 +48,18 @@ import numpy.typing as npt
 from dolfinx_contact.continuation.branch import FoundRays, Ray
 from dolfinx_contact.continuation.corrector import Corrector
 from dolfinx_contact.continuation.ray_finder import Kink, RayFinder, parity
+from dolfinx_contact.continuation.rays import outgoing
 from dolfinx_contact.continuation.system import Events, Piece, matched_distances
+from dolfinx_contact.equations.evaluation import Statuses
+from dolfinx_contact.problem import ContactProblem
+from dolfinx_contact.reduced.reduction import Reduction
+from dolfinx_contact.reduced.scope import can_condense
+from dolfinx_contact.solvers.following import Loaded
 
-__all__ = ["RateProblem"]
+__all__ = ["RateProblem", "loaded", "rays_of_step"]
 
 _PROBE = 1e-4  # arc length of central differences
+_AT_BORDER = 1e-8  # fraction of the largest distance to a border that counts as zero, in time
 _IDLE = 1e-10  # fraction of the largest rate that counts as zero
 _ROUNDS = 40  # largest number of iterations of Newton's method
 _MOST_PIECES = 256  # largest number of pieces that are enumerated
@@ -260,3 +279,55 @@ def _slopes(present: Events, ahead: Events, behind: Events) -> npt.NDArray[np.fl
     after = np.where(np.isfinite(after), after, present.distance)
     before = np.where(np.isfinite(before), before, present.distance)
     return np.asarray((after - before) / (np.maximum(sides, 1.0) * _PROBE))
+
+
+# -- in time ---------------------------------------------------------------------------------------
+
+
+def rays_of_step(problem: ContactProblem) -> FoundRays[Statuses] | None:
+    """Return the statuses of all solutions of the rate problem at the start of a step. Collective.
+
+    Args:
+        problem: problem of the step (`ContactProblem.step_from`), with the start of the step in its
+            Functions and the data of its end.
+
+    Returns:
+        Statuses of the rays with growing load, surface by surface on this rank. None if the pieces
+        of H are not polyhedral cones (`reduced.scope`), data of the surfaces change in the step, or
+        the body is singular although its contact points are held.
+    """
+    with loaded(problem) as (system, x):
+        if not can_condense(system) or not system.leaves_surfaces_alone():
+            return None
+        try:
+            condensed = Reduction(system, x, 0.0, exact=False)
+        except RuntimeError:
+            return None
+        try:
+            w = condensed.contract(x)
+            cone = condensed.system.tangent_cone(w, _AT_BORDER * float(np.abs(w).max()))
+            found = outgoing(cone)
+            pieces = [condensed.piece(ray.codes) for ray in found.rays if ray.rate > 0]
+        finally:
+            condensed.destroy()
+        statuses = [system.statuses_of(piece) for piece in pieces]
+        rays = tuple(s for s in statuses if s is not None)
+        return FoundRays(rays, found.complete, found.method)
+
+
+@contextmanager
+def loaded(problem: ContactProblem) -> Iterator[tuple[Loaded, PETSc.Vec]]:
+    """Provide the system H(x, gamma) of a step and the unknowns of its start. Collective."""
+    equations = problem.equations
+    x = problem.create_vector()
+    problem.write(x)
+    try:
+        with equations.ramped(x):
+            equations.prescribed.part = 0.0
+            system = Loaded(equations, lambda: problem.linear_solver, x)
+            try:
+                yield system, x
+            finally:
+                system.destroy()
+    finally:
+        x.destroy()

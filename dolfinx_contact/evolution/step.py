@@ -37,8 +37,7 @@ from dolfinx_contact.equations.evaluation import Evaluation, Statuses
 from dolfinx_contact.equations.measures import Scales, least_scales
 from dolfinx_contact.equations.state import State
 from dolfinx_contact.equations.validation import check_turn
-from dolfinx_contact.evolution.energy import Energies, Forces, forces_at
-from dolfinx_contact.evolution.motion_energy import Motion
+from dolfinx_contact.evolution.energy import Energies, Forces, Motion, forces_at
 from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.problem import ContactProblem
 from dolfinx_contact.results.result import Result

@@ -23,7 +23,7 @@ time since the start. A body that reverses its velocity v after a time T, for ex
 a throw, has v = v_max t/T around that instant, and satisfies the inequality for 2 sqrt(rest) T.
 
 At the start of a step every slipping point is at the border of stick, and the rate problem may have
-several solutions (`step_branch`). On request they are counted, and their statuses are tried if a
+several solutions (`rate_problem`). On request they are counted, and their statuses are tried if a
 step is not solved.
 
 In a long step of sliding bodies Newton's method may find a folded state that does not continue the
@@ -47,7 +47,7 @@ from dolfinx_contact.body.cells import smallest_jacobian
 from dolfinx_contact.continuation.arguments import check_rays
 from dolfinx_contact.continuation.ending import Ending
 from dolfinx_contact.equations.evaluation import Statuses, differs
-from dolfinx_contact.evolution.energy import Forces
+from dolfinx_contact.evolution.energy import Forces, MotionEnergies
 from dolfinx_contact.evolution.history import EvolutionStep, History, NoContinuation
 from dolfinx_contact.evolution.jumps import (
     Found,
@@ -56,10 +56,9 @@ from dolfinx_contact.evolution.jumps import (
     find_jump,
     where_it_changes,
 )
-from dolfinx_contact.evolution.motion_energy import MotionEnergies
+from dolfinx_contact.evolution.rate_problem import rays_of_step
 from dolfinx_contact.evolution.run import Rule, RunState
 from dolfinx_contact.evolution.step import AcceptedState, Stepper
-from dolfinx_contact.evolution.step_branch import rays_of_step
 from dolfinx_contact.laws.status import closed
 from dolfinx_contact.results.indicators import StepIndicators
 from dolfinx_contact.results.result import Result

@@ -23,7 +23,7 @@ from dolfinx_contact import (
 )
 from dolfinx_contact.continuation import follow
 from dolfinx_contact.evolution import NoContinuation, QuasiStatic
-from dolfinx_contact.evolution.step_branch import rays_of_step
+from dolfinx_contact.evolution.rate_problem import rays_of_step
 from dolfinx_contact.materials import NeoHookean, lame
 
 COMM = MPI.COMM_WORLD
