@@ -998,7 +998,7 @@ def led(body, path, times, **how):
     return with_end(found, history)
 
 
-def sliding_pair(cell, lower, upper, slave, law, **given):
+def sliding_pair(cell, lower, upper, slave, law, drawn=0.3, **given):
     """Two neo-Hookean bodies, one pressed on the other and drawn over it by more than a facet."""
     both = stack(cell, lower, upper)
     how = {"slave": slave, "master": 5 - slave, "energy": rubber, "sliding": "large"}
@@ -1006,7 +1006,7 @@ def sliding_pair(cell, lower, upper, slave, law, **given):
     dim = both.mesh.geometry.dim
     aside = [0.02] * (dim - 2)
     still = [0.0] * (dim - 1)
-    path = [0.0, 1.0, 2.0], [[0.0] * dim, [*still, -0.06], [0.3, *aside, -0.06]]
+    path = [0.0, 1.0, 2.0], [[0.0] * dim, [*still, -0.06], [drawn, *aside, -0.06]]
     return led(body, path, [0.0, 1.0, 1.5, 2.0])
 
 
@@ -1626,8 +1626,9 @@ CASES: dict[str, Callable[[], dict[str, Any]]] = {
     "path with a record": recorded_path,
     "path that is resumed": lambda: recorded_path(3),
     "path that snaps back": snapping_bar,
+    # With 0.3 the processor decides whether the last step takes 9, 10 or 11 iterations.
     "sliding pair": lambda: sliding_pair(
-        "quad", (5, 2, UNIT), (7, 3, (-0.2, 1.2)), 3, Coulomb(0.3)
+        "quad", (5, 2, UNIT), (7, 3, (-0.2, 1.2)), 3, Coulomb(0.3), drawn=0.25
     ),
     "sliding pair of triangles": lambda: sliding_pair(
         "tri", (5, 2, UNIT), (4, 2, (0.1, 0.9)), 2, Frictionless()
