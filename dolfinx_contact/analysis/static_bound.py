@@ -135,7 +135,7 @@ class _Program:
 
     def solve(self) -> StaticState:
         """Return the smallest and the largest factor, the latter from both sides."""
-        if self.points.dim == 2:
+        if self.points.dim == 2 or not self.grips.any():
             rows = self._first_rows(np.array([[1.0], [-1.0]]))
             x, value = _optimum(rows, self.n)
             upper = np.inf if value >= _FAR else value

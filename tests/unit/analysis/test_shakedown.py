@@ -194,6 +194,16 @@ def test_points_without_friction_slide_freely():
     assert {c.ending for c in free.cycles} == {"rest"}
 
 
+@serial
+def test_a_smooth_point_in_space_opens_at_its_closed_form():
+    """One point without friction: its pressure N vanishes where the factor is N / d."""
+    steady = np.array([0.0, 0.0, -1.5])
+    lift = np.array([0.1, 0.2, 0.3])
+    loads = steady + np.array([np.zeros(3), lift])
+    found = shakedown_of(points(np.diag([1.0, 2.0, 3.0]), [0.0]), loads, steady)
+    np.testing.assert_allclose(found.ranges, [(0.0, 5.0)], rtol=1e-9)
+
+
 def by_displacements(given, loads, steady):
     """The factor by another program: all displacements at all corners are unknowns."""
     S, F = given.S, given.friction
