@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Shakedown: whether friction comes to rest under cyclic loads, by a bound and by steps.
+r"""Shakedown: does friction come to rest under cyclic loads? A static bound, and stepped cycles.
 
-Loads go round p_k(f) = p_s + f (p_k - p_s), with the factor f. Melan's statement for friction: if
-some constant slips w keep the forces of all points within the friction bound at all corners of the
-cycle, the body comes to rest. The largest such factor is the *static bound* (`static_bound`).
+The loads cycle through p_k(f) = p_s + f (p_k - p_s), with the factor f. Melan's statement for
+friction: if some constant slips w keep the forces of all points within the friction bound at all
+corners of the cycle, the body comes to rest. The largest such factor is the *static bound*
+(`static_bound`).
 
 At rest no point slips, opens or closes; points without friction slide freely, without dissipation.
 Beyond the bound there is no rest of this kind, though points may open and close without slip. The
@@ -329,18 +330,15 @@ def _statically(points: PointProblem, p: Array) -> tuple[Array, Array]:
 
 
 def _limits(points: PointProblem, forces: Array, a: Array, opened: Flags) -> tuple[str, ...]:
-    """Points at their bounds, with the corners."""
+    """Name the points at their bounds, with the corners."""
     size = _LIMIT * float(np.abs(forces).max(initial=0.0))
     length = _LIMIT * float(np.abs(a).max(initial=0.0))
     rubs = (points.friction > 0) | (points.bound > 0)
-    found = []
-    for k, i in np.ndindex(forces.shape[:2]):
-        rt, rn = np.linalg.norm(forces[k, i, :-1]), forces[k, i, -1]
-        if opened[i]:
-            if a[k, i, -1] <= length:
-                found.append(f"point {i} is about to close at corner {k}")
-        elif rn <= size:
-            found.append(f"point {i} is about to open at corner {k}")
-        elif rubs[i] and rt >= points.friction[i] * rn + points.bound[i] - size:
-            found.append(f"point {i} is about to slip at corner {k}")
-    return tuple(found)
+    rt, rn = np.linalg.norm(forces[:, :, :-1], axis=2), forces[:, :, -1]
+    closes = opened & (a[:, :, -1] <= length)
+    opens = ~opened & (rn <= size)
+    slips = ~opened & rubs & (rt >= points.friction * rn + points.bound - size)
+    event = np.select([closes, opens, slips], ["close", "open", "slip"], "")
+    return tuple(
+        f"point {i} is about to {event[k, i]} at corner {k}" for k, i in np.argwhere(event != "")
+    )

@@ -1,29 +1,35 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""The static bound of shakedown: the largest load cycle that a residual slip can bear at rest.
+r"""Static bound of shakedown: the largest load cycle that a residual slip can bear at rest.
 
-Loads are p_k(f) = p_s + f (p_k - p_s) at the corners k of a cycle, with the factor f. In a state at
-rest some points are closed (un = 0) with constant slips w, and the others are open (no force). All
-displacements and forces are then affine in x = (w, f), and
+The loads are p_k(f) = p_s + f (p_k - p_s) at the corners k of a cycle, with the factor f. In a
+state at rest some points are closed (un = 0) with constant slips w, and the others are open (no
+force). All displacements and forces are then affine in x = (w, f), and
 
     |rt| <= F rn + g,  rn >= 0  at closed points,    un >= 0  at open ones,    at every corner k
 
-is a linear program in the plane, for each set of open points. By convexity it also holds between
-corners. The factors of one set are an interval, not always from 0: points that the steady load
-opens may be closed at large factors. In space the discs are cones of second order: tangents of the
-discs, one more where a force has left its disc, bound f from outside; polygons inside the discs,
-with corners at the forces of the extreme states, bound it from inside. Points without friction
-slide freely; their motion is elastic.
+is a linear program in the plane, for each set of open points. By convexity the inequalities also
+hold between corners. The factors of one set form an interval, which need not begin at 0: points
+opened by the steady load may be closed at large factors.
+
+In space the discs are second-order cones. Tangents of the discs bound f from outside; a tangent is
+added where a force has left its disc. Polygons inside the discs, with corners at the forces of the
+extreme states, bound f from inside. Points without friction slide freely; their motion is elastic.
+
+The programs of different sets of open points have different matrices, so that a warm start would
+gain nothing; HiGHS solves each from scratch.
 """
 
 from __future__ import annotations
 
 import itertools
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import linprog
+from scipy.linalg import block_diag
+from scipy.optimize import OptimizeResult, linprog
 
 from dolfinx_contact.reduced.point_problem import PointProblem
 
@@ -31,15 +37,16 @@ __all__ = ["StaticBound", "StaticState", "largest_factor", "states_at_rest"]
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
-Places = npt.NDArray[np.intp]
-#: Inequalities A x <= b.
+#: Inequalities A x <= b, or equations A x = b.
 Rows = tuple[Array, Array]
+#: Lower and upper bound of each unknown; None for none.
+_Bounds = Sequence[tuple[float | None, float | None]]
 
-_SIDES = 8  # of the first polygons in space
+_SIDES = 8  # number of sides of the first polygons in space
 _ROUNDS = 60  # rounds of tangents
 _OUTSIDE = 1e-9  # distance of a force from its disc that counts as outside, in units of force
 _ROUND_OFF = 1e-13  # relative difference of equal loads
-_FAR = 1e6  # factor that counts as unbounded if the linear program does not decide
+_FAR = 1e6  # factor that counts as unbounded
 _INSIDE = 1e-3  # distance of a ray from an inequality, relative to its size
 _BETTER = 1e-9  # relative gain of a better set of open points
 _MEET = 1e-8  # relative distance of ranges of factors that meet
@@ -50,7 +57,7 @@ _EXACT = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1
 
 @dataclass(frozen=True, eq=False)
 class StaticState:
-    """The best state at rest with given open points.
+    """Best state at rest with given open points.
 
     Attributes:
         least: smallest factor with such a state; infinite if there is none.
@@ -72,7 +79,7 @@ class StaticState:
 
 @dataclass(frozen=True, eq=False)
 class StaticBound:
-    """The best state over sets of open points.
+    """Best state over sets of open points.
 
     Attributes:
         state: best state.
@@ -88,7 +95,7 @@ class StaticBound:
 
 
 class _Program:
-    """The linear programs of one set of open points, in units of length and force.
+    """Linear programs of one set of open points, in units of length and force.
 
     Args:
         points: stiffness and laws.
@@ -103,7 +110,7 @@ class _Program:
     """
 
     def __init__(self, points: PointProblem, steady: Array, departures: Array, opened: Flags):
-        m, dim = points.number, points.dim
+        m, dim, S = points.number, points.dim, points.S
         self.points = points
         self.opened = opened
         #: Points whose slips friction can hold.
@@ -116,7 +123,6 @@ class _Program:
         self.places = np.flatnonzero(slips.reshape(-1))
         self.n = n = len(self.places)
         # Responses of the free components to unit slips and to the loads.
-        S = points.S
         loads = np.vstack([departures, steady]).T
         a = np.zeros((dim * m, n + loads.shape[1]))
         a[self.places, np.arange(n)] = 1.0
@@ -126,9 +132,9 @@ class _Program:
         r = S @ a
         r[:, n:] -= loads
         r[free] = 0.0
-        corners = range(len(departures))
+        corners = [[*range(n), n + k] for k in range(len(departures))]
         self.a, self.r = (
-            np.stack([v[:, [*range(n), n + k]] for k in corners]).reshape(-1, m, dim, n + 1)
+            np.stack([v[:, columns] for columns in corners]).reshape(-1, m, dim, n + 1)
             for v in (a, r)
         )
         self.a0, self.r0 = (v[:, -1].reshape(m, dim) for v in (a, r))
@@ -137,48 +143,52 @@ class _Program:
         """Return the smallest and the largest factor, the latter from both sides."""
         if self.points.dim == 2 or not self.grips.any():
             rows = self._first_rows(np.array([[1.0], [-1.0]]))
-            x, value = _optimum(rows, self.n)
-            upper = np.inf if value >= _FAR else value
-            return self._state(x, _optimum(rows, self.n, sense=-1)[1], value, upper)
-        most, upper = self._by_tangents(1)
-        upper = np.inf if upper >= _FAR else upper
-        if most is None:
-            return self._state(None, np.inf, -np.inf, -np.inf)
-        first = self._by_tangents(-1)[0]
-        extreme = [self._forces(most, ray=upper == np.inf)]
-        extreme += [] if first is None else [self._forces(first)]
-        inside = self._inside(extreme)
-        x, lower = _optimum(inside[0], self.n, *inside[1:])
-        return self._state(x, _optimum(inside[0], self.n, *inside[1:], sense=-1)[1], lower, upper)
+            x, lower = _optimum(rows, self.n)
+            least = _optimum(rows, self.n, sense=-1)[1]
+            upper = lower
+        else:
+            most, upper = self._by_tangents(1)
+            if most is None:
+                return self._state(None, np.inf, -np.inf, -np.inf)
+            first, _ = self._by_tangents(-1)
+            extreme = [self._forces(most, ray=upper == np.inf)]
+            extreme += [] if first is None else [self._forces(first)]
+            inside = self._inside(extreme)
+            x, lower = _optimum(inside[0], self.n, inside[1])
+            least = _optimum(inside[0], self.n, inside[1], sense=-1)[1]
+        return self._state(x, least, lower, np.inf if upper >= _FAR else upper)
 
     def _state(self, x: Array | None, least: float, lower: float, upper: float) -> StaticState:
         least = 0.0 if least <= _BETTER else least
         slip = np.zeros_like(self.a0)
-        if x is None or lower == np.inf:
-            none = np.zeros(self.a.shape[:3])
-            return StaticState(least, lower, upper, slip[:, :-1], none, none)
-        x = x[: self.n + 1]
-        slip.reshape(-1)[self.places] = x[:-1]
-        return StaticState(least, lower, upper, slip[:, :-1], self.a @ x + self.a0, self._forces(x))
+        displacements, forces = np.zeros((2, *self.a.shape[:3]))
+        if x is not None and lower < np.inf:
+            x = x[: self.n + 1]
+            slip.reshape(-1)[self.places] = x[:-1]
+            displacements, forces = self.a @ x + self.a0, self._forces(x)
+        return StaticState(least, lower, upper, slip[:, :-1], displacements, forces)
 
     def _forces(self, x: Array, *, ray: bool = False) -> Array:
-        """Forces at the corners (K, m, dim); of a ray, their rates along it."""
+        """Return forces at the corners (K, m, dim); for a ray, their rates along it."""
         return np.asarray(self.r @ x + (0.0 if ray else self.r0))
 
     def extreme(self, toward: Array, farthest: float) -> tuple[Array, Array] | None:
-        """Displacements and forces (m, dim) at the first corner, with slips far in a direction.
+        """Return the state at the first corner whose slips are far in a direction.
 
         Args:
             toward: direction (dim m,).
             farthest: bound of the slips.
+
+        Returns:
+            Displacements and forces, shape (m, dim) each; None if no state was found.
         """
         plane = self.points.dim == 2
         rows, most = self._first_rows(np.array([[1.0], [-1.0]]) if plane else _circle(_SIDES))
-        # In space tangents of smaller discs, whose polygon is inside of the discs.
+        # In space, tangents of smaller discs bound polygons inside the discs.
         most = np.where(most > 0, (1.0 if plane else np.cos(np.pi / _SIDES)) * most, most)
         cost = np.append(-toward[self.places], 0.0)
-        bounds = [(-farthest, farthest)] * self.n + [(0.0, 0.0)]
-        found = linprog(cost, rows, most, bounds=bounds, method="highs", options=_EXACT)
+        bounds: _Bounds = [(-farthest, farthest)] * self.n + [(0.0, 0.0)]
+        found = _solved(cost, (rows, most), bounds)
         if found.status != 0:
             return None
         return self.a[0] @ found.x + self.a0, self.r[0] @ found.x + self.r0
@@ -186,31 +196,31 @@ class _Program:
     # -- inequalities -----------------------------------------------------------------------------
 
     def _signs(self) -> Rows:
-        """Inequalities rn >= 0 at closed points and un >= 0 at open ones."""
-        opened, K, n = self.opened, len(self.a), self.n + 1
-        rows = [-self.r[:, ~opened, -1].reshape(-1, n), -self.a[:, opened, -1].reshape(-1, n)]
-        most = [np.tile(self.r0[~opened, -1], K), np.tile(self.a0[opened, -1], K)]
-        return np.vstack(rows), np.concatenate(most)
+        """Return the inequalities rn >= 0 at closed points and un >= 0 at open ones."""
+        opened, K = self.opened, len(self.a)
+        normal = np.concatenate([self.r[:, ~opened, -1], self.a[:, opened, -1]], axis=1)
+        least = np.concatenate([self.r0[~opened, -1], self.a0[opened, -1]])
+        return -normal.reshape(-1, self.n + 1), np.tile(least, K)
 
-    def _tangents(self, k: Places, i: Places, e: Array) -> Rows:
-        """e.rt <= F rn + g at corners k and points i, in directions e (number, dim - 1)."""
+    def _tangents(self, k: npt.NDArray[np.intp], i: npt.NDArray[np.intp], e: Array) -> Rows:
+        """Return e.rt <= F rn + g at corners k and points i, directions e (number, dim - 1)."""
         F, g = self.points.friction[i], self.points.bound[i]
         r, r0 = self.r[k, i], self.r0[i]
         rows = np.einsum("jc,jcn->jn", e, r[:, :-1]) - F[:, None] * r[:, -1]
         return rows, F * r0[:, -1] + g - np.sum(e * r0[:, :-1], axis=1)
 
-    def _cells(self, copies: int = 1) -> tuple[Places, Places]:
-        """All corners and gripped points, each with some copies."""
+    def _cells(self) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
+        """Return all pairs of a corner and a point held by friction."""
         k, i = np.nonzero(np.broadcast_to(self.grips, self.a.shape[:2]))
-        return np.repeat(k, copies), np.repeat(i, copies)
+        return k, i
 
     def _first_rows(self, directions: Array) -> Rows:
-        k, i = self._cells(len(directions))
+        k, i = (np.repeat(v, len(directions)) for v in self._cells())
         e = np.tile(directions, (len(k) // len(directions), 1))
         return _joined(self._signs(), self._tangents(k, i, e))
 
     def _by_tangents(self, sense: int) -> tuple[Array | None, float]:
-        """Bound the factor from outside, adding tangents where forces have left their discs.
+        """Bound the factor from outside by tangents of the discs.
 
         If nothing bounds the factor, the forces are the rates along the ray, with discs F rn.
         """
@@ -231,36 +241,32 @@ class _Program:
             rows = _joined(rows, self._tangents(k, i, r[k, i, :-1] / size[k, i, None]))
         return x, value
 
-    def _inside(self, extreme: list[Array]) -> tuple[Rows, Array, Array]:
-        """Forces in polygons: inequalities, and matrix and values of equations.
+    def _inside(self, extreme: list[Array]) -> tuple[Rows, Rows]:
+        """Return inequalities and equations that hold the forces in polygons inside the discs.
+
+        A shear is a combination of the corners of its polygon, whose weights add up to at most
+        F rn + g. The weights follow x among the unknowns.
 
         Args:
             extreme: forces (K, m, dim) in whose directions the polygons have corners.
         """
-        n = self.n + 1
         k, i = self._cells()
         number, sides = len(k), _SIDES + len(extreme)
         corners = np.empty((number, sides, 2))
         corners[:, :_SIDES] = _circle(_SIDES)
-        for j, forces in enumerate(extreme):
+        for j, forces in enumerate(extreme, _SIDES):
             rt = forces[k, i, :-1]
             size = np.linalg.norm(rt, axis=1)[:, None]
-            corners[:, _SIDES + j] = np.where(size > 0, rt / np.where(size > 0, size, 1.0), [1, 0])
-        r, F = self.r[k, i], self.points.friction[i]
-        # rt is a combination of the corners, whose weights add up to F rn + g at most.
-        own = n + np.arange(number * sides).reshape(number, sides)
-        equal = np.zeros((number, 2, n + number * sides))
-        equal[:, :, :n] = r[:, :-1]
-        most = np.zeros((number, n + number * sides))
-        most[:, :n] = -F[:, None] * r[:, -1]
-        for c in range(number):
-            equal[c][:, own[c]] = -corners[c].T
-            most[c, own[c]] = 1.0
-        signs, bounds = self._signs()
-        rows = np.vstack([np.pad(signs, ((0, 0), (0, number * sides))), most])
-        limit = F * self.r0[i, -1] + self.points.bound[i]
-        value = -self.r0[i, :-1].reshape(-1)
-        return (rows, np.concatenate([bounds, limit])), equal.reshape(2 * number, -1), value
+            corners[:, j] = np.where(size > 0, rt / np.where(size > 0, size, 1.0), [1, 0])
+        r, r0, F = self.r[k, i], self.r0[i], self.points.friction[i]
+        equal = np.hstack(
+            [r[:, :-1].reshape(2 * number, -1), -block_diag(*corners.transpose(0, 2, 1))]
+        )
+        sums = np.kron(np.eye(number), np.ones(sides))
+        discs = np.hstack([-F[:, None] * r[:, -1], sums]), F * r0[:, -1] + self.points.bound[i]
+        signs, least = self._signs()
+        signs = np.pad(signs, ((0, 0), (0, number * sides)))
+        return _joined((signs, least), discs), (equal, -r0[:, :-1].reshape(-1))
 
 
 def _joined(a: Rows, b: Rows) -> Rows:
@@ -268,75 +274,64 @@ def _joined(a: Rows, b: Rows) -> Rows:
 
 
 def _circle(sides: int) -> Array:
+    """Return unit vectors at equal angles (sides, 2)."""
     angles = 2 * np.pi * np.arange(sides) / sides
     return np.stack([np.cos(angles), np.sin(angles)], axis=1)
 
 
-def _optimum(
-    rows: Rows,
-    factor: int,
-    equal: Array | None = None,
-    value: Array | None = None,
-    *,
-    sense: int = 1,
-) -> tuple[Array | None, float]:
-    """Maximise (sense 1) or minimise (-1) the unknown number ``factor``.
+# -- linear programs -------------------------------------------------------------------------------
 
-    Unknowns before it are free; it and the following ones are nonnegative.
+
+def _solved(cost: Array, rows: Rows, bounds: _Bounds, equal: Rows | None = None) -> OptimizeResult:
+    same = (None, None) if equal is None else equal
+    return linprog(cost, *rows, *same, bounds, method="highs", options=_EXACT)
+
+
+def _optimum(
+    rows: Rows, factor: int, equal: Rows | None = None, *, sense: int = 1
+) -> tuple[Array | None, float]:
+    """Maximise (sense 1) or minimise (-1) the unknown with the index ``factor``.
+
+    Unknowns before it are free; it and the following ones are nonnegative. The factor is bounded by
+    1e6, because HiGHS may report an unbounded program as infeasible.
 
     Returns:
         Optimum and its value; a ray and inf if nothing bounds the factor; None and -inf or inf if
         the inequalities have no solution.
     """
     n = rows[0].shape[1]
-    cost = np.zeros(n)
-    cost[factor] = -float(sense)
-    free: list[tuple[float | None, float | None]] = [(None, None)] * factor
-    bounds = free + [(0.0, None)] * (n - factor)
     size = np.maximum(np.abs(rows[0]).max(axis=1, initial=0.0), 1e-300)
     kept = np.where(size > 1e-14, size, 1.0)
-    A, b = rows[0] / kept[:, None], rows[1] / kept
+    scaled = rows[0] / kept[:, None], rows[1] / kept
+    free: _Bounds = [(None, None)] * factor
+    after: _Bounds = [(0.0, None)] * (n - factor - 1)
+    cost = -sense * np.eye(n)[factor]
+    found = _solved(cost, scaled, [*free, (0.0, _FAR), *after], equal)
+    if found.status == 2:
+        return None, -np.inf * sense
+    if found.status != 0:
+        raise ArithmeticError(f"the linear program of the static bound: {found.message}")
+    value = max(float(found.x[factor]), 0.0)
+    if value < _FAR:
+        return found.x, value
+    # A ray along which the factor grows, inside of the inequalities A x <= 0 where possible.
+    number = len(scaled[0])
+    slack = np.hstack([scaled[0], np.eye(number)]), np.zeros(number)
+    if equal is not None:
+        equal = np.pad(equal[0], ((0, 0), (0, number))), np.zeros(len(equal[1]))
+    inside: _Bounds = [(0.0, _INSIDE)] * number
+    cost = np.append(np.zeros(n), -np.ones(number))
+    ray = _solved(cost, slack, [*free, (1.0, 1.0), *after, *inside], equal)
+    return (ray.x[:n], np.inf) if ray.status == 0 else (found.x, value)
 
-    def solved(cost: Array) -> tuple[int, Array | None, str]:
-        found = linprog(cost, A, b, equal, value, bounds, method="highs", options=_EXACT)
-        return found.status, found.x, found.message
 
-    status, x, _ = solved(cost)
-    if status != 0:
-        # HiGHS may report an unbounded program as infeasible, or give no answer.
-        status, _, _ = solved(0 * cost)
-        if status == 2:
-            return None, -np.inf * sense
-        ray = _ray(A, bounds, factor, equal) if status == 0 and sense == 1 else None
-        if ray is not None:
-            return ray, np.inf
-        bounds[factor] = (0.0, _FAR)
-        status, x, message = solved(cost)
-        if status != 0:
-            raise ArithmeticError(f"the linear program of the static bound: {message}")
-    assert x is not None
-    return x, max(float(x[factor]), 0.0)
-
-
-def _ray(
-    A: Array, bounds: list[tuple[float | None, float | None]], factor: int, equal: Array | None
-) -> Array | None:
-    """A ray along which the factor grows, inside of the inequalities A x <= 0 where possible."""
-    rows, n = A.shape
-    cost = np.append(np.zeros(n), -np.ones(rows))
-    slack = np.hstack([A, np.eye(rows)])
-    fixed = [*bounds[:factor], (1.0, 1.0), *bounds[factor + 1 :], *[(0.0, _INSIDE)] * rows]
-    same = None if equal is None else np.hstack([equal, np.zeros((len(equal), rows))])
-    none = None if equal is None else np.zeros(len(equal))
-    zero = np.zeros(rows)
-    found = linprog(cost, slack, zero, same, none, fixed, method="highs", options=_EXACT)
-    return found.x[:n] if found.status == 0 else None
+# -- sets of open points ---------------------------------------------------------------------------
 
 
 def largest_factor(
     points: PointProblem, steady: Array, corners: Array, begin: Flags, end: float
 ) -> StaticBound:
-    """The static bound over sets of open points.
+    """Return the static bound over sets of open points.
 
     With up to 8 points all sets are tried. Otherwise the search starts from no open point and from
     ``begin``, and changes one point at a time while that raises the factor.
@@ -347,6 +342,9 @@ def largest_factor(
         corners: loads of the corners (K, dim m).
         begin: open points of a state (m,).
         end: `time.monotonic` at the end of the search.
+
+    Raises:
+        ValueError: if the loads do not differ.
     """
     apart = corners - steady
     size = float(np.abs(apart).max())
@@ -374,7 +372,7 @@ def largest_factor(
 def states_at_rest(
     points: PointProblem, load: Array, opened: Flags, number: int
 ) -> list[tuple[Array, Array]]:
-    """States at rest under a load, with slips far in random directions.
+    """Return states at rest under a load, with slips far in random directions.
 
     Args:
         points: stiffness and laws.
@@ -390,16 +388,15 @@ def states_at_rest(
     scaled, length = _scaled(points, load, force)
     program = _Program(scaled, scaled.p, np.zeros((1, len(load))), opened)
     far = _FARTHEST * float(np.abs(np.linalg.solve(scaled.S, scaled.p)).max())
-    tried = [program.extreme(rng.normal(size=len(load)), far) for _ in range(number)]
-    return [(length * a, force * r) for a, r in (state for state in tried if state is not None)]
+    states = (program.extreme(rng.normal(size=len(load)), far) for _ in range(number))
+    return [(length * a, force * r) for a, r in filter(None, states)]
 
 
 def _scaled(points: PointProblem, load: Array, force: float) -> tuple[PointProblem, float]:
-    """Points under a load, in a unit of force and the mean stiffness, and the unit of length."""
+    """Return points and load in units of force and mean stiffness, and the unit of length."""
     unit = float(np.diag(points.S).mean())
     S, p, bound = (
-        np.asarray(v, dtype=np.float64)
-        for v in (points.S / unit, load / force, points.bound / force)
+        np.asarray(v, np.float64) for v in (points.S / unit, load / force, points.bound / force)
     )
     return PointProblem(S, p, points.friction, bound), force / unit
 
@@ -424,7 +421,7 @@ class _Search:
         return self._known[key]
 
     def _try(self, opened: Flags) -> bool:
-        """Whether a set is better; it is then the best."""
+        """Return whether a set is better; it is then the best."""
         state = self._of(opened)
         least = self.best.lower
         if not state.lower > least + _BETTER * abs(least if np.isfinite(least) else 0.0):
@@ -449,12 +446,10 @@ class _Search:
             for i in range(m):
                 if time.monotonic() > self._end:
                     return
-                opened = self.opened.copy()
-                opened[i] = not opened[i]
-                improved |= self._try(opened)
+                improved |= self._try(self.opened ^ (np.arange(m) == i))
 
     def ranges(self) -> list[tuple[float, float]]:
-        """Factors of all sets that were tried, joined where they meet."""
+        """Return factors of all sets that were tried, joined where they meet."""
         joined: list[tuple[float, float]] = []
         for a, b in sorted((s.least, s.lower) for s in self._known.values() if s.least <= s.lower):
             if joined and a <= joined[-1][1] * (1 + _MEET) + _MEET:
