@@ -10,7 +10,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "benchmarks"))
 import number_of_solutions
 
 
-@pytest.mark.parametrize("n", [1, 4, 16])
+@pytest.mark.parametrize("n", [1, 4, pytest.param(16, marks=pytest.mark.long)])
 @pytest.mark.verifies("all solutions", reference="itself: coarser meshes", aspects=("2D", "proofs"))
 def test_a_wedge_has_three_solutions_on_every_mesh(n):
     """A step of the rate law; one solution below the slope of the wedge."""
