@@ -48,6 +48,7 @@ __all__ = [
     "options_in_database",
     "parse_arguments",
     "require_real",
+    "stacked",
     "staged",
 ]
 
@@ -334,6 +335,14 @@ def matrix_of(comm: MPI.Comm, shape: tuple[int, int], *entries: Entries) -> PETS
     A.assemble()
     A.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
     return A
+
+
+def stacked(blocks: Sequence[PETSc.Mat]) -> PETSc.Mat:
+    """Return matrices with the same columns stacked rank by rank, AIJ. Collective."""
+    nest = PETSc.Mat().createNest([[A] for A in blocks], comm=blocks[0].comm)
+    whole = nest.convert("aij", PETSc.Mat())
+    nest.destroy()
+    return whole
 
 
 # -- factorisations -------------------------------------------------------------------------------

@@ -30,7 +30,7 @@ one cycle per step, where SLEPc would take a solve of about twenty cycles.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 from petsc4py import PETSc
 
@@ -40,10 +40,15 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from dolfinx_contact._install import slepc
-from dolfinx_contact._mpi import Arguments, collective, on_root
+from dolfinx_contact._mpi import Arguments, collective
 from dolfinx_contact._petsc import as_raised, options_in_database, staged
-from dolfinx_contact._validate import is_count
-from dolfinx_contact.analysis.rows import Problem, matrix_of_product, static_equations
+from dolfinx_contact._validate import count, one_of
+from dolfinx_contact.analysis.rows import (
+    Problem,
+    matrix_of_product,
+    on_gathered,
+    static_equations,
+)
 from dolfinx_contact.analysis.slip import Direction, Slip, SlipPattern
 from dolfinx_contact.analysis.slip_modes import SlipModes
 from dolfinx_contact.equations.contact import ContactEquations
@@ -63,6 +68,7 @@ __all__ = [
 ]
 
 Array = npt.NDArray[np.float64]
+Complex = npt.NDArray[np.complex128]
 
 #: Points up to which all eigenvalues are computed; multigrid needs one solve per point.
 _DENSE = {"direct": 512, "amg": 64}
@@ -78,7 +84,6 @@ _DEFAULTS: dict[str, dict[str, Any]] = {
     "direct": {"eps_type": "krylovschur", "eps_tol": 1e-12, "eps_max_it": 500},
     "amg": {"eps_type": "krylovschur", "eps_tol": 1e-8, "eps_max_it": 500},
 }
-_SOLVERS = ("auto", "direct", "amg")
 #: Solver of the body: a factorisation, multigrid, or by size.
 BodySolverKind = Literal["auto", "direct", "amg"]
 
@@ -135,15 +140,12 @@ class CriticalFriction:
 
 def check_request(a: Arguments) -> None:
     """Raise ``ValueError`` if ``count`` or ``solver`` is not valid."""
-    if not is_count(a.count):
-        raise ValueError(f"the number of eigenvalues must be 1 or more, got {a.count!r}")
-    kind = _requested(a.solver)
-    if kind not in _SOLVERS:
-        raise ValueError(f"unknown solver of the body {kind!r}; known: {', '.join(_SOLVERS)}")
+    count(a.count, "count")
+    one_of(_requested(a.solver), "solver", get_args(BodySolverKind))
 
 
 def _requested(solver: str) -> str:
-    """The requested solver; PETSc's options take precedence."""
+    """Return the requested solver; PETSc's options take precedence."""
     return str(PETSc.Options().getString("analysis_linear_solver", solver))
 
 
@@ -204,7 +206,7 @@ def critical_friction(
 
 
 def solver_of_body(eq: ContactEquations, rows: list[PETSc.Mat], solver: str) -> str:
-    """``direct`` or ``amg``: as requested, otherwise by size. Collective.
+    """Return ``direct`` or ``amg``, as requested, otherwise by size. Collective.
 
     The automatic choice is multigrid for large bodies if each row has a node of its own.
     """
@@ -218,7 +220,7 @@ def solver_of_body(eq: ContactEquations, rows: list[PETSc.Mat], solver: str) -> 
 def held_body(
     eq: ContactEquations, u: Array, rows: list[PETSc.Mat], kind: str
 ) -> HeldBody | HeldMultigrid:
-    """The body with rows held, with a solver from `solver_of_body`. Collective."""
+    """Return the body with rows held, and a solver from `solver_of_body`. Collective."""
     if kind == "amg":
         return HeldMultigrid(eq, u, rows, "analysis_")
     K = with_dirichlet_rows(eq.bulk.stiffness(u), eq, eq.stiffness_scale)
@@ -228,12 +230,12 @@ def held_body(
 
 
 def takes_all(dense: bool | None, number: int, kind: str) -> bool:
-    """Whether all coefficients of this number of points are computed."""
+    """Return whether all coefficients of this number of points are computed."""
     return number <= _DENSE[kind] if dense is None else bool(dense)
 
 
 class _PressureByShear:
-    """The operator T: shears at the slipping points to the pressures there, forces. Collective."""
+    """Operator T, which maps shears at the slipping points to the pressures there. Collective."""
 
     def __init__(self, eq: ContactEquations, slip: Slip, u: Array, solver: str):
         self.comm = eq.comm
@@ -246,7 +248,7 @@ class _PressureByShear:
         self._cycles = 0
 
     def solve(self, shear: Array, *start: Array) -> tuple[Array, Array]:
-        """Displacement and pressures, owned, for the shears of this rank.
+        """Return displacement and pressures, owned, for the shears of this rank.
 
         Args:
             shear: shears f.
@@ -266,24 +268,19 @@ class _PressureByShear:
         return 0, 0
 
     def slips(self, u: Array) -> Array:
-        """Slips D u of this rank."""
+        """Return the slips D u of this rank."""
         self._u.array[:] = u
         self._slip.D.mult(self._u, self._f)
         return self._f.array_r.copy()
 
     def all(self) -> SlipModes:
-        """All eigenvalues of T, with slips and shears."""
+        """Return all eigenvalues of T, with slips and shears."""
         D = self._slip.D
-        parts = self.comm.gather((*self._body.respond(columns_of(D), D), self._softness))
-
-        def modes() -> SlipModes:
-            flexibility, T, softness = map(np.concatenate, zip(*parts, strict=True))
-            return SlipModes.of_matrix(T, flexibility, softness)
-
-        return on_root(self.comm, modes)
+        slips, pressures = self._body.respond(columns_of(D), D)
+        return on_gathered(self.comm, SlipModes.of_matrix, slips, pressures, self._softness)
 
     def smallest(self, count: int) -> SlipModes:
-        """The smallest coefficients, and more of them if none has one sign."""
+        """Return the smallest coefficients, and more of them if none has one sign."""
         body = self._body
         if isinstance(body, HeldMultigrid) and body.symmetric and body.leaves_alone(self._slip.D):
             return self._by_davidson(body, count)
@@ -296,7 +293,7 @@ class _PressureByShear:
     # -- Davidson's method ------------------------------------------------------------------------
 
     def _by_davidson(self, body: HeldMultigrid, count: int) -> SlipModes:
-        """Eigenvalues of T of largest size, one after the other, without products with T.
+        """Return the eigenvalues of T of largest size, one after the other.
 
         The search for the next eigenvalue shows roughly how far they are known: among close
         eigenvalues it may find one that is not the largest. T on the kept shears f gives their
@@ -309,7 +306,7 @@ class _PressureByShear:
             while True:
                 known = self._known_beyond(search)
                 small = search.size <= max(_SMALL * search.largest, _NOTHING)
-                if small or search.error > _ROUGH * search.size:  # no residual, and yet unknown
+                if small or search.error > _ROUGH * search.size:  # round-off hides the others
                     most = search.number
                 if search.number >= min(count, most):
                     modes = self._on_shears(seen, known)
@@ -324,7 +321,7 @@ class _PressureByShear:
             search.destroy()
 
     def _known_beyond(self, search: Davidson) -> float:
-        """Size of the smallest F that the next search may find."""
+        """Return the size of the smallest F that the next search may find."""
         if search.number >= self._slip.number:
             return np.inf
         search.begin()
@@ -333,23 +330,20 @@ class _PressureByShear:
         return (1.0 - _FAR) / largest if search.size > 0 else np.inf
 
     def _on_shears(self, seen: list[tuple[Array, Array, Array]], known: float) -> SlipModes:
-        """Eigenvalues of T on a subspace of shears, with their slips and pressures."""
+        """Return the eigenvalues of T on a subspace of shears with known slips and pressures."""
         m = len(self._softness)
-        parts = [np.array([row[i] for row in seen]).reshape(len(seen), m).T for i in range(3)]
-        gathered = self.comm.gather([*parts, self._softness])
 
-        def modes() -> SlipModes:
-            f, slips, pressures, softness = map(np.concatenate, zip(*gathered, strict=True))
+        def modes(f: Array, slips: Array, pressures: Array, softness: Array) -> SlipModes:
             values, y = np.linalg.eig(np.linalg.solve(f.T @ slips, slips.T @ pressures))
-            off = np.linalg.norm(pressures @ y - values * (f @ y), axis=0)
-            return SlipModes.of(values, slips @ y, f @ y, known, off, softness)
+            return SlipModes.of(values, f @ y, slips @ y, pressures @ y, softness, known)
 
-        return on_root(self.comm, modes)
+        columns = (np.array([row[i] for row in seen]).reshape(len(seen), m).T for i in range(3))
+        return on_gathered(self.comm, modes, *columns, self._softness)
 
     # -- SLEPc ------------------------------------------------------------------------------------
 
     def _by_slepc(self, count: int) -> SlipModes:
-        """Eigenvalues of T of largest size from products with T."""
+        """Return the eigenvalues of T of largest size, using products with T."""
         T = matrix_of_product(self.comm, len(self._slip.places), self._mult)
         solver = self._largest(T, min(count, self._slip.number), [])
         number = solver.getConverged()
@@ -359,33 +353,37 @@ class _PressureByShear:
         values, columns = [], []
         for i in range(number):
             values.append(solver.getEigenpair(i, real, imaginary))
-            shear = real.array_r + 1j * imaginary.array_r
-            (a, p), (b, q) = (
-                # A vector of zeros takes no solve.
-                self.solve(v.array_r) if v.norm() > 0 else (0 * self._u.array_r, 0 * v.array_r)
-                for v in (real, imaginary)
+            parts: dict[complex, Array] = {1.0: real.array_r.copy()}
+            if values[-1].imag:
+                parts[1j] = imaginary.array_r.copy()
+            answers = [(unit, *self.solve(shear)) for unit, shear in parts.items()]
+            columns.append(
+                (
+                    sum(unit * shear for unit, shear in parts.items()),
+                    sum(unit * self.slips(u) for unit, u, _ in answers),
+                    sum(unit * pressure for unit, _, pressure in answers),
+                )
             )
-            slip = self.slips(a) + 1j * self.slips(b)
-            columns.append((shear, slip, p + 1j * q - values[-1] * shear))
         known = self._known_up_to(T, subspace) if values else 0.0
         for thing in (real, imaginary, solver, *subspace, T):
             thing.destroy()
         if not values:
             raise RuntimeError("SLEPc found no critical friction: raise analysis_eps_max_it")
-        parts = self.comm.gather((*np.moveaxis(np.array(columns), 0, 2), self._softness))
 
-        def modes() -> SlipModes:
-            shears, slips, residuals, softness = map(np.concatenate, zip(*parts, strict=True))
-            off = np.linalg.norm(residuals, axis=0)
-            return SlipModes.of(np.array(values), slips, shears, known, off, softness)
+        def modes(
+            shears: Complex, slips: Complex, pressures: Complex, softness: Array
+        ) -> SlipModes:
+            return SlipModes.of(np.array(values), shears, slips, pressures, softness, known)
 
-        return on_root(self.comm, modes)
+        return on_gathered(
+            self.comm, modes, *np.moveaxis(np.array(columns, complex), 0, 2), self._softness
+        )
 
     def _mult(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
         y.array[:] = self.solve(x.array_r)[1]
 
     def _known_up_to(self, T: PETSc.Mat, subspace: list[PETSc.Vec]) -> float:
-        """Size of the smallest F outside an invariant subspace; 0 if none is found.
+        """Return the size of the smallest F outside an invariant subspace; 0 if none is found.
 
         Outside the subspace T has its remaining eigenvalues. The search starts with another random
         vector, so that it finds eigenvalues missed by the first.
@@ -399,7 +397,7 @@ class _PressureByShear:
         return (1.0 - _FAR) / largest if largest > 0 else np.inf
 
     def _largest(self, T: PETSc.Mat, count: int, without: list[PETSc.Vec]) -> Any:
-        """A solver that has searched the largest eigenvalues outside of a subspace."""
+        """Return a solver after its search for the largest eigenvalues outside a subspace."""
         SLEPc = slepc()
         solver = SLEPc.EPS().create(self.comm)
         solver.setOperators(T)
@@ -423,7 +421,7 @@ class _PressureByShear:
 
 
 def softness_of(D: PETSc.Mat, K: PETSc.Mat) -> Array:
-    """Slip of each point of this rank by a unit force with all else held (m,). Collective."""
+    """Return the slip of each point by a unit force with all else held (m,). Collective."""
     first, columns, values = D.getValuesCSR()
     squared = PETSc.Mat().createAIJ(D.getSizes(), csr=(first, columns, values**2), comm=D.comm)
     diagonal, slips = squared.createVecs()

@@ -10,13 +10,14 @@ acts against the slip; slip across d is held.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 from scipy.linalg import block_diag
 
-from dolfinx_contact._mpi import Arguments, collective, on_root, require
-from dolfinx_contact._validate import is_count
+from dolfinx_contact._mpi import Arguments, collective, require
+from dolfinx_contact._validate import count
 from dolfinx_contact.analysis.critical_friction import (
     BodySolverKind,
     check_request,
@@ -30,7 +31,8 @@ from dolfinx_contact.analysis.rows import (
     Problem,
     component_rows,
     free_axes,
-    free_components,
+    is_free,
+    on_gathered,
     point_normals,
     require_nodes,
     static_equations,
@@ -89,8 +91,8 @@ class FrictionByDirection:
 
 
 def _check(a: Arguments) -> None:
-    if not (is_count(a.number) and a.number >= 2 and a.number % 2 == 0):
-        raise ValueError(f"the number of directions must be even, 2 or more, got {a.number!r}")
+    if count(a.number, "number", least=2) % 2:
+        raise ValueError(f"number must be even, got {a.number!r}")
     check_request(a)
 
 
@@ -175,7 +177,7 @@ class _AllTangents:
         require_nodes(eq)
         self._u = problem.evaluate().u
         n = point_normals(eq)
-        touching = np.linalg.norm(n * free_components(eq), axis=1) > 1 - TOLERANCE
+        touching = is_free(eq, n, 1 - TOLERANCE)
         across = np.eye(eq.dim) - np.einsum("ni,nj->nij", n, n)
         self._places = np.flatnonzero(touching)
         self._point, self._axes = free_axes(eq, across * touching[:, None, None])
@@ -184,7 +186,6 @@ class _AllTangents:
         self.held = len(free_motions(eq, [self._N])) == 0
         self.number = int(eq.comm.allreduce(len(self._places)))
         self.solver = solver_of_body(eq, [self._N], solver)
-        self._answers: tuple[Array, Array] | None = None
 
     def coefficients(self, direction: Array) -> Array:
         """Return all F with a real slip of one sign along a direction."""
@@ -196,34 +197,30 @@ class _AllTangents:
             softness = softness_of(slip.D, eq.bulk.stiffness(self._u))
         finally:
             slip.destroy()
-        C, P = self._answered()
+        C, P = self._responses
         held = ~pattern.loose[self._point]
         along = self._point[:, None] == slip.places
         slips = np.where(along, self._axes @ slip.directions.T, 0.0)
         pressed = np.searchsorted(self._places, slip.places)
-        parts = eq.comm.gather((C, P[pressed], held, slips[held], softness))
+        # Each rank has its own points: the directions of all ranks form a block diagonal matrix.
+        slips = block_diag(*(eq.comm.allgather(slips[held])))
 
-        def real_ones() -> Array:
-            C, P, held, slips, softness = zip(*parts, strict=True)
-            kept = np.concatenate(held)
-            d = block_diag(*slips)
-            forces = np.linalg.solve(np.concatenate(C)[np.ix_(kept, kept)], d)
-            flexibility = np.linalg.inv(d.T @ forces)
-            T = np.concatenate(P)[:, kept] @ forces @ flexibility
-            modes = SlipModes.of_matrix(T, flexibility, np.concatenate(softness))
+        def real_ones(C: Array, P: Array, kept: Array, softness: Array) -> Array:
+            forces = np.linalg.solve(C[np.ix_(kept, kept)], slips)
+            flexibility = np.linalg.inv(slips.T @ forces)
+            modes = SlipModes.of_matrix(flexibility, P[:, kept] @ forces @ flexibility, softness)
             return np.asarray(modes.friction[modes.one_signed].real)
 
-        return on_root(eq.comm, real_ones)
+        return on_gathered(eq.comm, real_ones, C, P[pressed], held, softness)
 
-    def _answered(self) -> tuple[Array, Array]:
-        """Return the rows of C and P on this rank."""
-        if self._answers is None:
-            body = held_body(self._eq, self._u, [self._N], self.solver)
-            try:
-                self._answers = body.respond(columns_of(self._tangents), self._tangents)
-            finally:
-                body.destroy()
-        return self._answers
+    @cached_property
+    def _responses(self) -> tuple[Array, Array]:
+        """Rows of C and P on this rank; collective when first computed."""
+        body = held_body(self._eq, self._u, [self._N], self.solver)
+        try:
+            return body.respond(columns_of(self._tangents), self._tangents)
+        finally:
+            body.destroy()
 
     def destroy(self) -> None:
         """Free the PETSc objects."""

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Renard's criterion: up to which friction a solution is certainly the only one.
+r"""Renard's criterion: friction below which a solution is certainly the only one.
 
-Of a solution let xi at every contact point be the direction of its slip (xi = u_t/|u_t| where
-u_t does not vanish) or of its shear (r_t = -F r_n xi, |xi| <= 1). For any other solution the
+At every contact point of a solution, let xi be the direction of the slip (xi = u_t/|u_t| where u_t
+does not vanish) or of the shear (r_t = -F r_n xi, |xi| <= 1). For any other solution the
 differences a of jumps and r = S a of forces have a_n r_n <= 0 and a_t.(r_t + F r_n xi) <= 0 at
 every point, by the monotony of u_t -> u_t/|u_t|. So the solution is the only one if
 
@@ -33,18 +33,20 @@ import numpy.typing as npt
 from scipy.linalg import eigh
 
 from dolfinx_contact._install import slepc
-from dolfinx_contact._mpi import Arguments, collective, everywhere, on_root, require
-from dolfinx_contact._petsc import Entries, matrix_of, options_in_database, staged
+from dolfinx_contact._mpi import Arguments, collective, everywhere, require
+from dolfinx_contact._petsc import Entries, matrix_of, options_in_database, stacked, staged
 from dolfinx_contact.analysis.rows import (
     Problem,
     component_rows,
-    free_components,
     free_tangents,
+    is_free,
     matrix_of_product,
+    on_gathered,
     point_normals,
     require_nodes,
-    stacked,
+    split,
     static_equations,
+    unit,
 )
 from dolfinx_contact.analysis.weighted import WeightedForm
 from dolfinx_contact.equations.contact import ContactEquations
@@ -61,7 +63,7 @@ Field = Callable[[Array], npt.ArrayLike]
 
 _DENSE = 1200  # components of jumps up to which the eigenproblem is dense
 _EFFORT = 60  # of a search for weights
-_NOTHING = 1e-9  # of the body's size, a slip that is none; of the largest force, one that is none
+_NOTHING = 1e-9  # slip or force that counts as zero, relative to body size and largest force
 _DEFAULTS = {"eps_type": "krylovschur", "eps_tol": 1e-10, "eps_max_it": 500}
 
 
@@ -132,7 +134,7 @@ def renard_criterion(
     found = criterion_at(
         eq, state, directions=directions, dense=dense or (weights or None), effort=effort
     )
-    # Directions that are given are those of no state.
+    # Given directions belong to no state whose sliding could be measured.
     if directions is not None:
         return found
     return replace(found, doubt=small_sliding_violated(eq, state))
@@ -186,7 +188,7 @@ def criterion_at(
 
 
 def _slope(eq: ContactEquations, number: int, state: Evaluation) -> Array:
-    """Coefficients of friction at the points of a surface. Collective."""
+    """Return the coefficients of friction at the points of a surface. Collective."""
     s = eq.surfaces[number]
     known = state.surfaces[number]
     fits = s.law.bound_kind in ("proportional", "given")
@@ -196,25 +198,21 @@ def _slope(eq: ContactEquations, number: int, state: Evaluation) -> Array:
 
 
 def _of_solution(eq: ContactEquations, state: Evaluation, slope: Array) -> Array:
-    """Directions xi of a solution at the points of this rank (n, dim). Collective."""
+    """Return the directions xi of a solution at the points of this rank (n, dim). Collective."""
     n = point_normals(eq)
-    jump, traction = (
-        np.concatenate([getattr(s, name) for s in state.surfaces]) for name in ("jump", "traction")
-    )
-    ut, rt = (v - np.sum(v * n, axis=1)[:, None] * n for v in (jump, traction))
-    moved = np.linalg.norm(ut, axis=1)
-    bound = -slope * np.sum(traction * n, axis=1)
+    _, ut = split(n, np.concatenate([s.jump for s in state.surfaces]))
+    tension, rt = split(n, np.concatenate([s.traction for s in state.surfaces]))
+    bound = -slope * tension
     pressed = float(eq.comm.allreduce(bound.max(initial=0.0), op=max))
-    slips = moved > _NOTHING * eq.body_size
     presses = bound > _NOTHING * pressed
-    along = ut / np.where(slips, moved, 1.0)[:, None]
-    against = -rt / np.where(presses, bound, 1.0)[:, None]
-    xi = np.where(slips[:, None], along, np.where(presses[:, None], against, 0.0))
+    along = unit(ut, _NOTHING * eq.body_size)
+    against = -rt / np.where(presses, bound, np.inf)[:, None]
+    xi = np.where(along.any(axis=1, keepdims=True), along, against)
     return xi / np.maximum(np.linalg.norm(xi, axis=1), 1.0)[:, None]
 
 
 def _given(eq: ContactEquations, directions: Field) -> Array:
-    """Directions of a field, the tangential part. Collective."""
+    """Return the tangential part of a field of directions (n, dim). Collective."""
     x = np.concatenate([s.positions for s in eq.surfaces])
     n = point_normals(eq)
     with everywhere(eq.comm, "directions"):
@@ -222,7 +220,7 @@ def _given(eq: ContactEquations, directions: Field) -> Array:
         fits = xi.shape == x.shape and bool(np.isfinite(xi).all())
         if not fits or np.linalg.norm(xi, axis=1).max(initial=0.0) > 1 + 1e-12:
             raise ValueError(f"directions must be {x.shape} vectors of length 1 at most")
-    return np.asarray(xi - np.sum(xi * n, axis=1)[:, None] * n)
+    return split(n, xi)[1]
 
 
 class _Form:
@@ -241,7 +239,7 @@ class _Form:
         self._eq = eq
         self.comm = eq.comm
         n = point_normals(eq)
-        pressed = np.flatnonzero(np.linalg.norm(n * free_components(eq), axis=1) > 0.5)
+        pressed = np.flatnonzero(is_free(eq, n))
         point, tangents = free_tangents(eq)
         N = component_rows(eq, pressed, n[pressed])
         T = component_rows(eq, point, tangents)
@@ -266,14 +264,13 @@ class _Form:
         self.definite = self._free.definite
 
     def by_factorisation(self, effort: int, enough: float, seconds: float) -> float:
-        """1 over the largest eigenvalue, of dense matrices, or what weights prove beyond."""
+        """Return the factor from dense matrices, increased by weights."""
         A, _ = self._free.respond(columns_of(self._R), self._R)
         X = self._X.convert("dense", PETSc.Mat())
-        parts = self.comm.gather((A, X.getDenseArray(readonly=True).copy(), self._groups))
+        mine = X.getDenseArray(readonly=True).copy()
         X.destroy()
 
-        def solved() -> float:
-            A, X, groups = (np.concatenate(p) for p in zip(*parts, strict=True))
+        def solved(A: Array, X: Array, groups: npt.NDArray[np.int64]) -> float:
             form = -(A @ X + (A @ X).T) / 2
             last = self.number - 1
             values = eigh(form, (A + A.T) / 2, eigvals_only=True, subset_by_index=(last, last))
@@ -286,10 +283,10 @@ class _Form:
                 factor = max(factor, found)
             return factor
 
-        return on_root(self.comm, solved)
+        return on_gathered(self.comm, solved, A, mine, self._groups)
 
     def by_slepc(self) -> float:
-        """The same by products with A and its inverse, the stiffness of the points."""
+        """Return the factor, using products with A and its inverse, the stiffness of the points."""
         SLEPc = slepc()
         R, X = self._R, self._X
         held = HeldBody(self.comm, [HeldField(self._K, [R])], self._eq.stiffness_scale)
@@ -333,5 +330,5 @@ class _Form:
 
 
 def _over(largest: float) -> float:
-    """The factor; infinite where nothing moves or presses, so that the form vanishes."""
+    """Return the factor; infinite if nothing moves or presses, so that the form vanishes."""
     return 1.0 / largest if largest > 0 else np.inf

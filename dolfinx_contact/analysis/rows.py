@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Components of the jumps at contact points, as rows at the displacement.
 
-What Dirichlet data fix is left out: components of jumps that cannot move, and columns of
-displacements that do not. Points of a rank are those of all surfaces, one surface after the other.
+Components of jumps and columns of displacements that are fixed by Dirichlet data are left out. The
+points of a rank are those of all surfaces, one surface after the other.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import Any, Protocol
+from collections.abc import Callable
+from typing import Any, Protocol, TypeVar
 
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -16,8 +16,8 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact._mpi import require
-from dolfinx_contact._petsc import Entries, matrix_of
+from dolfinx_contact._mpi import on_root, require
+from dolfinx_contact._petsc import Entries, matrix_of, stacked
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation
 from dolfinx_contact.equations.validation import validate_data
@@ -28,14 +28,18 @@ __all__ = [
     "free_axes",
     "free_components",
     "free_tangents",
+    "is_free",
     "matrix_of_product",
+    "on_gathered",
     "point_normals",
     "require_nodes",
-    "stacked",
+    "split",
     "static_equations",
+    "unit",
 ]
 
 Array = npt.NDArray[np.float64]
+R = TypeVar("R")
 
 
 class Problem(Protocol):
@@ -50,11 +54,11 @@ class Problem(Protocol):
 
 
 def static_equations(problem: Any) -> ContactEquations:
-    """The equations of a contact problem, whose laws need no time. Collective.
+    """Return the equations of a contact problem whose laws do not depend on time. Collective.
 
     Raises:
-        ValueError: on every rank, if it is none, a law needs one, or the data of laws and material
-            are not admissible as they are now (`equations.validation`).
+        ValueError: on every rank, for another object, for a law that depends on time, or if the
+            present data of laws and material are not admissible (`equations.validation`).
     """
     eq = getattr(problem, "equations", None)
     if not isinstance(eq, ContactEquations):
@@ -64,24 +68,53 @@ def static_equations(problem: Any) -> ContactEquations:
 
 
 def point_normals(eq: ContactEquations) -> Array:
-    """Unit normals, into the obstacle, at the points of this rank (n, dim)."""
+    """Return unit normals into the obstacle at the points of this rank (n, dim)."""
     return np.concatenate([s.points.data.n for s in eq.surfaces])
 
 
 def free_components(eq: ContactEquations) -> npt.NDArray[np.bool_]:
-    """Components of jumps that Dirichlet data leave free at the points of this rank (n, dim)."""
+    """Return flags of the components of jumps without Dirichlet data, on this rank (n, dim)."""
     parts = zip(eq.constraints.removed, eq.surfaces, strict=True)
     return np.concatenate([~removed[: s.points.number] for removed, s in parts])
 
 
+def is_free(eq: ContactEquations, axes: Array, least: float = 0.5) -> npt.NDArray[np.bool_]:
+    """Return whether Dirichlet data leave motion along unit axes (n, dim) free (n,).
+
+    Args:
+        eq: contact problem.
+        axes: axes at the points of this rank.
+        least: smallest length of the free part of an axis.
+    """
+    return np.asarray(np.linalg.norm(axes * free_components(eq), axis=1) > least)
+
+
+def split(n: Array, vectors: Array) -> tuple[Array, Array]:
+    """Return components along unit normals (k,) and tangential parts (k, dim) of vectors."""
+    normal = np.sum(vectors * n, axis=1)
+    return normal, vectors - normal[:, None] * n
+
+
+def unit(vectors: Array, least: float = 0.0) -> Array:
+    """Return vectors (k, dim) divided by their lengths; 0 for lengths up to ``least``."""
+    size = np.linalg.norm(vectors, axis=1, keepdims=True)
+    return np.where(size > least, vectors / np.where(size > least, size, 1.0), 0.0)
+
+
+def on_gathered(comm: MPI.Comm, compute: Callable[..., R], *parts: npt.NDArray[Any]) -> R:
+    """Return ``compute`` of the arrays of all ranks, concatenated on rank 0. Collective."""
+    gathered = comm.gather(parts)
+    return on_root(comm, lambda: compute(*map(np.concatenate, zip(*gathered, strict=True))))
+
+
 def free_tangents(eq: ContactEquations) -> tuple[npt.NDArray[np.intp], Array]:
-    """Points of this rank and unit tangents (k, dim): all that Dirichlet data leave free."""
+    """Return all free unit tangents (k, dim) and the indices of their points (k,)."""
     n = point_normals(eq)
     return free_axes(eq, np.eye(eq.dim) - np.einsum("ni,nj->nij", n, n))
 
 
 def free_axes(eq: ContactEquations, projectors: Array) -> tuple[npt.NDArray[np.intp], Array]:
-    """Places of points and unit axes of projectors (n, dim, dim), as far as they are free."""
+    """Return the free unit axes (k, dim) of projectors (n, dim, dim), after their points (k,)."""
     free = free_components(eq)
     sizes, axes = np.linalg.eigh(projectors * free[:, :, None] * free[:, None, :])
     point, which = np.nonzero(sizes > 0.5)
@@ -89,14 +122,14 @@ def free_axes(eq: ContactEquations, projectors: Array) -> tuple[npt.NDArray[np.i
 
 
 def component_rows(eq: ContactEquations, places: npt.NDArray[np.intp], along: Array) -> PETSc.Mat:
-    """Components of jumps along unit vectors, without columns of Dirichlet data. Collective.
+    """Return rows of jumps along unit vectors, without columns of Dirichlet data. Collective.
 
     Args:
-        eq: the contact problem.
+        eq: contact problem.
         places: indices of points of this rank (k,).
         along: vectors at these points (k, dim).
     """
-    B = stacked([s.constant_operator("what is known of jumps by rows").B for s in eq.surfaces])
+    B = stacked([s.constant_operator("an analysis of jumps by rows").B for s in eq.surfaces])
     comm = eq.comm
     dim = eq.dim
     n, _ = B.getLocalSize()
@@ -127,7 +160,7 @@ class _Product:
 def matrix_of_product(
     comm: MPI.Comm, size: int, product: Callable[[PETSc.Vec, PETSc.Vec], None]
 ) -> PETSc.Mat:
-    """Return a square matrix that is known by its product. Collective.
+    """Return a square matrix defined by its product. Collective.
 
     Args:
         comm: communicator.
@@ -140,7 +173,7 @@ def matrix_of_product(
 
 
 def require_nodes(eq: ContactEquations) -> None:
-    """Raise ``ValueError`` if points are no nodes, see others, stick together, or normals move.
+    """Raise ``ValueError`` unless contact is at nodes, with small sliding and a local law.
 
     Collective.
     """
@@ -154,11 +187,3 @@ def require_nodes(eq: ContactEquations) -> None:
         require(eq.comm, local, f"{s.name}: this needs a local law, not {s.law.name}")
         free = not s.law_at_points.compiled.bonded
         require(eq.comm, free, f"{s.name}: this needs a law without adhesion, not {s.law.name}")
-
-
-def stacked(blocks: Sequence[PETSc.Mat]) -> PETSc.Mat:
-    """Matrices with the same columns, rank by rank one below the other, AIJ. Collective."""
-    nest = PETSc.Mat().createNest([[A] for A in blocks], comm=blocks[0].comm)
-    whole = nest.convert("aij", PETSc.Mat())
-    nest.destroy()
-    return whole

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Which contact points slip in which direction, and the rows of B for it.
+r"""Pattern of slip: slipping points with their directions, and the corresponding rows of B.
 
 With unit normals n from the body into the obstacle, unit slip directions d and the forces
 r = -r_n n + r_t on the body, linear analyses of sliding contact split the jumps j = B u into three
@@ -7,7 +7,7 @@ parts,
 
     N u = n.j,    D u = d.j    at the points that slip,    H u = 0    at those that are held:
 
-where H holds n and all tangents of sticking points, the direction across d in 3D if this slip is
+where H contains n and all tangents of sticking points, the direction across d in 3D if this slip is
 held, and only n if a change of pressure does not affect the shear. Components with Dirichlet data
 are excluded: a point with prescribed slip is held, and a point with prescribed normal motion is not
 in contact.
@@ -28,9 +28,11 @@ from dolfinx_contact._mpi import require
 from dolfinx_contact.analysis.rows import (
     component_rows,
     free_axes,
-    free_components,
+    is_free,
     point_normals,
     require_nodes,
+    split,
+    unit,
 )
 from dolfinx_contact.body import rigid
 from dolfinx_contact.equations.contact import ContactEquations
@@ -73,16 +75,17 @@ class SlipPattern:
         *,
         by_law: bool = False,
     ) -> SlipPattern:
-        """All points slip along one direction, or as in a state. Collective.
+        """Return the pattern of slip along one direction, or of a state. Collective.
 
         Args:
-            eq: the contact problem.
+            eq: contact problem.
             direction: direction of the slip.
             state: solution for ``direction="solution"``.
             by_law: whether the laws decide which points are loose; by default none is.
 
         Raises:
-            ValueError: on every rank, if the direction is none, or normal to a surface somewhere.
+            ValueError: on every rank, if the direction is not valid, or normal to a surface at a
+                point with friction.
         """
         n = point_normals(eq)
         smooth, given = _laws(eq) if by_law else np.zeros((2, len(n)), dtype=bool)
@@ -97,7 +100,7 @@ class SlipPattern:
 
     @staticmethod
     def _along(eq: ContactEquations, direction: Direction, smooth: Flags) -> Array:
-        """Unit tangents along a direction, which only points without friction need not have."""
+        """Return unit tangents along a direction; 0 at points without one and without friction."""
         n = point_normals(eq)
         if direction is None:
             require(eq.comm, eq.dim == 2, "in 3D a direction of slip must be given")
@@ -108,12 +111,10 @@ class SlipPattern:
             given = np.full(0, np.nan)
         fits = given.shape == (eq.dim,) and bool(np.isfinite(given).all() and given.any())
         require(eq.comm, fits, _unknown(direction))
-        along = given / np.linalg.norm(given)
-        tangential = along - (n @ along)[:, None] * n
-        size = np.linalg.norm(tangential, axis=1, keepdims=True)
+        along = unit(split(n, given / np.linalg.norm(given))[1], TOLERANCE)
         message = f"the direction of slip {given.tolist()} is normal to the contact surface"
-        require(eq.comm, bool((size[~smooth] > TOLERANCE).all()), message)
-        return np.where(size > TOLERANCE, tangential / np.maximum(size, TOLERANCE), 0.0)
+        require(eq.comm, bool(along[~smooth].any(axis=1).all()), message)
+        return along
 
     @staticmethod
     def _of_state(eq: ContactEquations, state: Evaluation) -> tuple[Flags, Array]:
@@ -121,20 +122,16 @@ class SlipPattern:
         codes = np.concatenate([c for c in state.statuses])
         touching = closed(codes)
         sense = senses(codes)
+        sign = np.where(sense == PLUS, 1.0, np.where(sense == MINUS, -1.0, 0.0)) * touching
         if eq.dim == 2:
-            sign = np.where(sense == PLUS, 1.0, np.where(sense == MINUS, -1.0, 0.0))
-            along = sign[:, None] * np.stack([-n[:, 1], n[:, 0]], axis=1)
+            tangent = np.stack([-n[:, 1], n[:, 0]], axis=1)
         else:
-            jump = np.concatenate([s.jump for s in state.surfaces])
-            along = jump - np.sum(jump * n, axis=1)[:, None] * n
-            size = np.linalg.norm(along, axis=1)
-            slips = (sense == PLUS) & (size > 0)
-            along = np.where(slips[:, None], along / np.where(slips, size, 1.0)[:, None], 0.0)
-        return touching, np.where(touching[:, None], along, 0.0)
+            tangent = unit(split(n, np.concatenate([s.jump for s in state.surfaces]))[1])
+        return touching, sign[:, None] * tangent
 
 
 def _laws(eq: ContactEquations) -> tuple[Flags, Flags]:
-    """Points of laws without friction, and of those with a bound given in advance (n,)."""
+    """Return flags of points without friction, and of those with a prescribed bound (n,)."""
     flags = [(isinstance(s.law, Frictionless), s.law.bound_kind == "given") for s in eq.surfaces]
     numbers = [s.points.number for s in eq.surfaces]
     smooth, given = np.repeat(np.array(flags, dtype=bool), numbers, axis=0).T
@@ -146,11 +143,11 @@ def _unknown(direction: Any) -> str:
 
 
 class Slip:
-    """N, D and H of a pattern. Collective.
+    """Matrices N, D and H of a pattern. Collective.
 
     Args:
-        eq: the contact problem; a multiplier node must be a point.
-        pattern: which points slip along what.
+        eq: contact problem with contact at nodes.
+        pattern: slipping points and their directions.
         hold_across: whether slip across the directions is held, in 3D.
 
     Attributes:
@@ -169,18 +166,17 @@ class Slip:
         require_nodes(eq)
         n = point_normals(eq)
         d = pattern.directions
-        free = free_components(eq)
-        touching = pattern.closed & (np.linalg.norm(n * free, axis=1) > 1 - TOLERANCE)
+        touching = pattern.closed & is_free(eq, n, 1 - TOLERANCE)
         loose = touching & pattern.loose
         _require_nodes_of_one(eq, touching, loose)
-        slips = touching & ~loose & (np.linalg.norm(d * free, axis=1) > 1 - TOLERANCE)
+        slips = touching & ~loose & is_free(eq, d, 1 - TOLERANCE)
         self.places = np.flatnonzero(slips)
         self.number = int(eq.comm.allreduce(len(self.places)))
         require(eq.comm, self.number > 0, "no contact point can slip with friction")
         self.normals = n[slips]
         self.directions = d[slips]
         pressed = np.flatnonzero(touching & ~slips)
-        # The tangents that are held, as far as Dirichlet data leave them free.
+        # Held tangents, as far as Dirichlet data leave them free.
         across = np.eye(eq.dim) - np.einsum("ni,nj->nij", n, n)
         across -= np.einsum("ni,nj->nij", d, d) * slips[:, None, None]
         across *= (touching & ~loose & (~slips | hold_across))[:, None, None]
@@ -191,7 +187,7 @@ class Slip:
         self.H = component_rows(eq, np.concatenate([pressed, point]), held)
 
     def require_held(self) -> None:
-        """Raise ``ValueError`` if rigid motions are held by nothing but friction. Collective."""
+        """Raise ``ValueError`` if only friction holds a rigid motion. Collective."""
         eq = self._eq
         loose = free_motions(eq, [self.N, self.H])
         if len(loose):
@@ -199,9 +195,9 @@ class Slip:
             raise ValueError(f"the body slides without resistance ({words}): nothing is critical")
 
     def in_order(self, *values: Array) -> list[Array]:
-        """Positions, then values (n, ...), of the points that slip on all ranks. Collective.
+        """Return positions and values (n, ...) of all slipping points, ordered by coordinates.
 
-        They are in the order of coordinates.
+        Collective.
         """
         x, ids = (
             np.concatenate(parts)[self.places]
@@ -217,13 +213,13 @@ class Slip:
 
 
 def _require_nodes_of_one(eq: ContactEquations, touching: Flags, loose: Flags) -> None:
-    """Raise ``ValueError`` where rigid obstacles hold a motion of a node twice. Collective.
+    """Raise ``ValueError`` if rigid obstacles hold a motion of a node twice. Collective.
 
     If a node belongs to several obstacles, all its points must be loose, with independent normals:
     a point that is not loose determines the motion of its node in all directions.
 
     Args:
-        eq: the contact problem.
+        eq: contact problem.
         touching: points of this rank in contact (n,).
         loose: points in contact without friction (n,).
     """
@@ -245,7 +241,7 @@ def _require_nodes_of_one(eq: ContactEquations, touching: Flags, loose: Flags) -
 
 
 def free_motions(eq: ContactEquations, blocks: Sequence[PETSc.Mat]) -> Array:
-    """Rigid motions that neither Dirichlet data nor rows at the displacement hold. Collective."""
+    """Return rigid motions held neither by Dirichlet data nor by rows. Collective."""
     motions = eq.scaling.loose.of_body
     if len(motions) == 0:
         return motions

@@ -11,18 +11,19 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from scipy.optimize import linprog
 
 __all__ = ["SlipModes"]
 
 Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
 
-_REAL = 1e-9  # relative imaginary part that is none, and difference of coefficients that are one
-_DEPENDENT = 1e-6  # relative singular value of vectors of one coefficient that are as good as fewer
-_SIGN = 1e-8  # of the largest slip, at points as soft, by which another may have the other sign
-_BLURRED = 10.0  # by which a vector may be further off than its residual over its gap
-_MOST = 1e-3  # of the largest, what is taken for none however little the vector is known
-_NOTHING = 1e-11  # eigenvalues of T, over the largest, that are none
+_REAL = 1e-9  # relative imaginary part, or difference of coefficients, that counts as zero
+_DEPENDENT = 1e-6  # relative singular value below which eigenvectors count as dependent
+_SIGN = 1e-8  # least slip, relative to the largest at equal softness, whose sign counts
+_BLURRED = 10.0  # safety factor of the error bound of an eigenvector
+_MOST = 1e-3  # largest relative slip that counts as zero
+_NOTHING = 1e-11  # eigenvalue of T that counts as zero, relative to the largest
 
 
 @dataclass(frozen=True)
@@ -44,21 +45,31 @@ class SlipModes:
     def of(
         cls,
         values: Complex,
-        slips: Complex,
         shears: Complex,
-        known_up_to: float,
-        off: Array,
+        slips: Complex,
+        pressures: Complex,
         softness: Array,
+        known_up_to: float = np.inf,
     ) -> SlipModes:
-        """Build from eigenvalues of T, their residuals |T f - f/F|, and the softness of points."""
+        """Sort the eigenvalues of T, and find slips of one sign.
+
+        Args:
+            values: eigenvalues 1/F (k,).
+            shears: eigenvectors f in columns (m, k).
+            slips: slips caused by these shears (m, k).
+            pressures: products T f (m, k).
+            softness: slip of each point by a unit force with all else held (m,).
+            known_up_to: size below which no F is missing.
+        """
+        off = np.linalg.norm(pressures - values * shears, axis=0)
         there = np.abs(values) > _NOTHING * max(np.abs(values).max(initial=0.0), _NOTHING)
         F = 1.0 / values[there]
         largest = np.abs(values).max(initial=0.0)
         residuals = off[there] / (largest * np.linalg.norm(shears[:, there], axis=0))
-        # What differs by less than it is known is one.
+        # Coefficients that differ by less than their accuracy count as equal.
         same = max(_REAL, float(residuals.max(initial=0.0)))
         F = np.where(np.abs(F.imag) <= same * np.abs(F), F.real, F)
-        # Of two that mirror each other the positive one comes first, whatever the round-off.
+        # Of two mirrored coefficients the positive one comes first, despite round-off.
         size = np.abs(F)
         order = np.lexsort((-F.imag, -F.real, np.round(size / size.min(initial=np.inf), 9)))
         F = F[order]
@@ -74,11 +85,10 @@ class SlipModes:
         return cls(F, slips / most, shears / most, known_up_to, residuals)
 
     @classmethod
-    def of_matrix(cls, T: Array, flexibility: Array, softness: Array) -> SlipModes:
-        """All of them, from T and the slips that shears bring, dense (m, m)."""
+    def of_matrix(cls, flexibility: Array, T: Array, softness: Array) -> SlipModes:
+        """Compute all coefficients from slips and pressures caused by unit shears (m, m)."""
         values, shears = np.linalg.eig(T)
-        off = np.linalg.norm(T @ shears - values * shears, axis=0)
-        return cls.of(values, flexibility @ shears, shears, np.inf, off, softness)
+        return cls.of(values, shears, flexibility @ shears, T @ shears, softness)
 
     @property
     def smallest(self) -> float:
@@ -87,15 +97,15 @@ class SlipModes:
 
     @property
     def one_signed(self) -> npt.NDArray[np.bool_]:
-        """Which F are real and have slips of one sign."""
+        """Flags of the real F with slips of one sign (k,)."""
         return np.asarray((self.friction.imag == 0) & (self.slips.real.min(axis=0) >= 0.0))
 
 
 def _blur(F: Complex, residuals: Array, same: float, known_up_to: float) -> Array:
     """Relative error bounds of the eigenvectors (k,).
 
-    That is the residual over the distance to the next eigenvalue of T (G. W. Stewart and J. Sun,
-    Matrix Perturbation Theory, 1990, ch. V), listed or not.
+    The bound is the residual divided by the distance to the next eigenvalue of T, listed or not
+    (G. W. Stewart and J. Sun, Matrix Perturbation Theory, 1990, ch. V).
     """
     values = 1.0 / F
     apart = np.abs(values[:, None] - values)
@@ -126,7 +136,7 @@ def _with_one_sign(F: Complex, slips: Complex, shears: Complex, same: float, non
     for group in np.split(real, apart + 1):
         if len(group) < 2:
             continue
-        # Round-off may have made a pair of two that are equal.
+        # Round-off may have turned two equal eigenvalues into a complex pair.
         u, f = (np.hstack([v[:, group].real, v[:, group].imag]) for v in (slips, shears))
         _, sizes, back = np.linalg.svd(u, full_matrices=False)
         kept = (sizes > _DEPENDENT * sizes[0])[: len(group)]
@@ -138,14 +148,12 @@ def _with_one_sign(F: Complex, slips: Complex, shears: Complex, same: float, non
 
 
 def _nonnegative(vectors: Array, none: float) -> Array:
-    """Weights (k,) of a combination that is nowhere negative, as large as can be; 0 if none is.
+    """Return weights (k,) of the largest nonnegative combination of vectors; 0 if there is none.
 
     Args:
-        vectors: orthonormal, one a column (m, k).
-        none: share of the largest value that is none.
+        vectors: orthonormal vectors in columns (m, k).
+        none: value that counts as zero, relative to the largest one.
     """
-    from scipy.optimize import linprog
-
     m, k = vectors.shape
     found = linprog(
         -vectors.sum(axis=0),

@@ -42,7 +42,7 @@ import ufl
 
 from dolfinx_contact._mpi import Arguments, collective, on_root, require
 from dolfinx_contact._petsc import is_symmetric, staged
-from dolfinx_contact._validate import is_count
+from dolfinx_contact._validate import count
 from dolfinx_contact.analysis.rows import (
     Problem,
     component_rows,
@@ -106,8 +106,7 @@ class Stability:
 
 
 def _check(a: Arguments) -> None:
-    if not is_count(a.max_count):
-        raise ValueError(f"the number of eigenproblems must be 1 or more, got {a.max_count}")
+    count(a.max_count, "max_count")
 
 
 @collective("stability at rest", _check)

@@ -30,16 +30,10 @@ from dolfinx import fem
 
 from dolfinx_contact._mpi import Arguments, collective, require
 from dolfinx_contact._petsc import staged
-from dolfinx_contact._validate import ReadOnly, is_count
+from dolfinx_contact._validate import ReadOnly, count, flag, nonnegative, positive
 from dolfinx_contact.analysis.rows import Problem, static_equations
 from dolfinx_contact.analysis.slip import Direction, Slip, SlipPattern
-from dolfinx_contact.analysis.vibrations import (
-    Spectrum,
-    Vibrations,
-    body_of,
-    is_number,
-    require_positive,
-)
+from dolfinx_contact.analysis.vibrations import Spectrum, Vibrations, body_of
 from dolfinx_contact.equations.measures import require_solution
 
 __all__ = ["Onset", "SlidingModes", "SteadySliding"]
@@ -88,20 +82,18 @@ class Onset:
 
 
 def _check(a: Arguments) -> None:
-    if not isinstance(a.hold_across, bool | np.bool_):
-        raise ValueError(f"hold_across is True or False, got {a.hold_across!r}")
-    if not is_count(a.count):
-        raise ValueError(f"the number of eigenvalues must be 1 or more, got {a.count!r}")
+    flag(a.hold_across, "hold_across")
+    count(a.count, "count")
 
 
 def _check_onset(a: Arguments) -> None:
-    require_positive("largest friction", a.max_friction)
-    require_positive("step of friction", a.step)
+    positive(a.max_friction, "max_friction")
+    positive(a.step, "step")
 
 
 def _check_modes(a: Arguments) -> None:
-    if a.friction is not None and not (is_number(a.friction) and a.friction >= 0):
-        raise ValueError(f"the friction must be a number >= 0, got {a.friction!r}")
+    if a.friction is not None:
+        nonnegative(a.friction, "friction")
 
 
 class SteadySliding(ReadOnly):

@@ -39,6 +39,7 @@ from dolfinx_contact._install import slepc
 from dolfinx_contact._mpi import everywhere, on_root
 from dolfinx_contact._petsc import DEFAULTS as FACTOR
 from dolfinx_contact._petsc import options_in_database
+from dolfinx_contact._validate import nonnegative, positive
 from dolfinx_contact.analysis.slip import Slip
 from dolfinx_contact.body.bulk import weighted
 from dolfinx_contact.equations.contact import ContactEquations
@@ -50,9 +51,7 @@ __all__ = [
     "Spectrum",
     "Vibrations",
     "body_of",
-    "is_number",
     "null_space",
-    "require_positive",
 ]
 
 Array = npt.NDArray[np.float64]
@@ -111,21 +110,21 @@ def body_of(eq: ContactEquations, u: Array, density: Any, damping: float | ufl.F
     v, w = ufl.TrialFunction(eq.V), ufl.TestFunction(eq.V)
     with everywhere(eq.comm, "mass and damping"):
         if isinstance(density, int | float | np.number):
-            require_positive("density", density)
-            density = fem.Constant(domain, float(density))
+            density = fem.Constant(domain, positive(density, "density"))
         elif not isinstance(density, ufl.core.expr.Expr) or density.ufl_shape != ():
             raise ValueError(f"the density must be a number or a UFL scalar, got {density!r}")
         mass = weighted(
             density * ufl.dot(v, w) * ufl.dx(domain=domain), axisymmetric=eq.axisymmetric
         )
+        form: ufl.Form | None = None
+        eta = 0.0
         if isinstance(damping, ufl.Form):
-            damping = weighted(damping, axisymmetric=eq.axisymmetric)
-            if len(damping.arguments()) != 2:
+            form = weighted(damping, axisymmetric=eq.axisymmetric)
+            if len(form.arguments()) != 2:
                 raise ValueError("a form of damping has a trial and a test function")
-        elif not (is_number(damping) and damping >= 0):
-            raise ValueError(f"the damping is a time >= 0 or a form, got {damping!r}")
-    quadratic = isinstance(damping, ufl.Form)
-    eta, C = (0.0, _assembled(damping)) if quadratic else (float(damping), None)
+        else:
+            eta = nonnegative(damping, "damping", "a time >= 0 or a form")
+    C = None if form is None else _assembled(form)
     return Body(eq.bulk.stiffness(u).copy(), _assembled(mass), eta, C)
 
 
@@ -133,18 +132,6 @@ def _assembled(form: ufl.Form) -> PETSc.Mat:
     A = dolfinx.fem.petsc.assemble_matrix(compiled_form(form))
     A.assemble()
     return A
-
-
-def is_number(value: Any) -> bool:
-    """Whether a value is a finite number."""
-    numbers = int | float | np.number
-    return isinstance(value, numbers) and not isinstance(value, bool) and bool(np.isfinite(value))
-
-
-def require_positive(what: str, value: Any) -> None:
-    """Raise ``ValueError`` unless a value is a positive number. Not collective."""
-    if not is_number(value) or value <= 0:
-        raise ValueError(f"the {what} must be positive, got {value!r}")
 
 
 @dataclass(frozen=True)

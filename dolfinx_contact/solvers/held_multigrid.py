@@ -31,7 +31,7 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact._petsc import options_in_database
+from dolfinx_contact._petsc import options_in_database, stacked
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.reduced.held_body import with_dirichlet_rows
 from dolfinx_contact.solvers.davidson import Davidson
@@ -56,19 +56,12 @@ def have_own_nodes(rows: Sequence[PETSc.Mat], dim: int) -> bool:
         rows: blocks of R, without the columns of Dirichlet data.
         dim: number of unknowns per node.
     """
-    R = _stacked(rows)
+    R = stacked(rows)
     own = _own_nodes(R, dim)
     R.destroy()
     if own is not None:
         own.destroy()
     return own is not None
-
-
-def _stacked(blocks: Sequence[PETSc.Mat]) -> PETSc.Mat:
-    nest = PETSc.Mat().createNest([[A] for A in blocks], comm=blocks[0].comm)
-    whole = nest.convert("aij", PETSc.Mat())
-    nest.destroy()
-    return whole
 
 
 def _own_nodes(rows: PETSc.Mat, dim: int) -> PETSc.Mat | None:
@@ -162,7 +155,7 @@ class HeldMultigrid:
         self.solves = 0
         self.iterations = 0
         self._sizes = [R.getLocalSize()[0] for R in rows]
-        R = _stacked(rows)
+        R = stacked(rows)
         own = _own_nodes(R, eq.dim)
         if own is None:
             R.destroy()

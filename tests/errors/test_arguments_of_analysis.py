@@ -68,8 +68,8 @@ TABLES = {
         ("leaning", {"direction": (0.0, 1.0)}, "normal to the contact surface"),
         ("leaning", {"direction": (1.0, 0.0, 0.0)}, "a direction of slip is a vector"),
         ("leaning", {"direction": "right"}, "a direction of slip is a vector"),
-        ("leaning", {"count": 0}, "number of eigenvalues"),
-        ("leaning", {"solver": "lu"}, "unknown solver of the body 'lu'; known: auto"),
+        ("leaning", {"count": 0}, "count must be a whole number >= 1"),
+        ("leaning", {"solver": "lu"}, "solver must be one of auto, direct, amg; got 'lu'"),
         ("3D", {}, "in 3D a direction"),
         ("free", {}, "without resistance"),
         ("integral", {}, "nodal or mixed"),
@@ -86,8 +86,8 @@ TABLES = {
         ),
     ],
     stability_at_rest: [
-        ("leaning", {"density": -1.0}, "density must be positive"),
-        ("leaning", {"density": 1.0, "max_count": 0}, "eigenproblems must be 1 or more"),
+        ("leaning", {"density": -1.0}, "density must be a positive number"),
+        ("leaning", {"density": 1.0, "max_count": 0}, "max_count must be a whole number >= 1"),
         ("integral", {"density": 1.0}, "nodal or mixed"),
     ],
     wedging_friction: [
@@ -150,10 +150,10 @@ def no_damping_form(problem):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"density": 0.0}, "density must be positive"),
+        ({"density": 0.0}, "density must be a positive number"),
         ({"damping": -0.1}, "a time >= 0 or a form"),
         ({"damping": no_damping_form}, "trial and a test"),
-        ({"count": 0}, "number of eigenvalues"),
+        ({"count": 0}, "count must be a whole number >= 1"),
     ],
 )
 def test_steady_sliding_refuses_arguments(arguments, message):
@@ -166,9 +166,9 @@ def test_steady_sliding_refuses_arguments(arguments, message):
 @pytest.mark.ranks(2)
 def test_steady_sliding_refuses_negative_friction():
     sliding = SteadySliding(pad(2), (-1.0, 0.0), density=1.0)
-    with pytest.raises(ValueError, match="number >= 0"):
+    with pytest.raises(ValueError, match="friction must be a nonnegative number"):
         sliding.modes(-0.1)
-    with pytest.raises(ValueError, match="largest friction must be positive"):
+    with pytest.raises(ValueError, match="max_friction must be a positive number"):
         sliding.onset(0.0)
 
 
