@@ -203,7 +203,10 @@ def collective(
 
         @wraps(function)
         def call(*args: P.args, **kwargs: P.kwargs) -> R:
-            bound = form.bind(*args, **kwargs)
+            try:
+                bound = form.bind(*args, **kwargs)
+            except TypeError:
+                return function(*args, **kwargs)  # Python's own error names the function
             bound.apply_defaults()
             given = bound.arguments
             named = Arguments(**given)

@@ -36,14 +36,16 @@ def draw():
     model.addPhysicalGroup(2, [tag for _, tag in parts[0]], name="base")
     model.addPhysicalGroup(2, [block], name="block")
     model.addPhysicalGroup(1, [tag for _, tag in parts[1]], name="fault")
+    curves = {}  # all curves of a name go to one group
     for (dim, tag), name in [(parts[0][0], "base"), ((2, block), "block")]:
         for _, curve in model.getBoundary([(dim, tag)], oriented=False):
             _x, y, _ = occ.getCenterOfMass(1, curve)
             places = {("base", 0): "seat", ("base", -2): "ground"}
             places |= {("block", 0): "sole", ("block", 1): "top"}
-            group = places.get((name, round(y, 6)))
-            if group:
-                model.addPhysicalGroup(1, [curve], name=group)
+            if (name, round(y, 6)) in places:
+                curves.setdefault(places[name, round(y, 6)], []).append(curve)
+    for group, tags in curves.items():
+        model.addPhysicalGroup(1, tags, name=group)
     model.mesh.setSize(model.getEntities(0), 0.12)
     model.mesh.setSize(model.getBoundary([(2, block)], recursive=True), 0.07)
     model.mesh.generate(2)

@@ -7,6 +7,7 @@ that a problem uses must be a group of one dimension less.
 
 from __future__ import annotations
 
+import logging
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
@@ -33,6 +34,8 @@ __all__ = [
     "mesh_from_gmsh",
     "read_mesh",
 ]
+
+logger = logging.getLogger(__name__)
 
 
 class NamedTags(mesh.MeshTags):  # type: ignore[misc]
@@ -262,7 +265,7 @@ def mesh_from_gmsh(
     Args:
         comm: communicator of the mesh.
         draw: function that makes a mesh with physical groups in the current, empty gmsh model;
-            called on rank 0 only.
+            called on rank 0 only. All parts with one name must be in one group.
         dim: see `read_mesh`.
         groups: see `read_mesh`.
 
@@ -349,6 +352,7 @@ def _fill(model: Any, draw: Callable[[], Any], dim: int | None, wanted: list[str
         raise ValueError(f"gmsh made no mesh: {error}") from error
     if objection:
         raise ValueError(f"the gmsh model cannot be used: {objection}")
+    _warn_of_lost_names(model)
 
 
 def _distribute(comm: MPI.Comm, model: Any) -> GmshMesh:
@@ -374,6 +378,23 @@ def _distribute(comm: MPI.Comm, model: Any) -> GmshMesh:
         facet_tags = mesh.meshtags(domain, body - 1, none, none)
     named = NamedTags(cell_tags, of_cells), NamedTags(facet_tags, of_facets)
     return GmshMesh(domain, *named, names)
+
+
+def _warn_of_lost_names(model: Any) -> None:
+    """Warn about groups without a name if others of their dimension have one. On rank 0.
+
+    gmsh drops a name that it is given twice in one dimension, as for the arcs of a circle.
+    """
+    for dim in range(1, 4):
+        tags = {int(tag): model.getPhysicalName(d, tag) for d, tag in model.getPhysicalGroups(dim)}
+        unnamed = sorted(tag for tag, name in tags.items() if not name)
+        if 0 < len(unnamed) < len(tags):
+            logger.warning(
+                "physical groups of dimension %d without a name: tags %s; gmsh drops a name that "
+                "is given to a second group of this dimension: give all its parts to one group",
+                dim,
+                ", ".join(map(str, unnamed)),
+            )
 
 
 def _names_of(model: Any, dim: int) -> dict[str, int]:

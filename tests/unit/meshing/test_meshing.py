@@ -5,6 +5,7 @@ from mpi4py import MPI
 import gmsh
 import numpy as np
 import pytest
+from support.checks import assert_warned
 
 import ufl
 from dolfinx import fem, mesh
@@ -436,6 +437,23 @@ def test_incomplete_gmsh_models_are_refused(draw, match):
         mesh_from_gmsh(COMM, draw)
     assert len(set(COMM.allgather(str(info.value)))) == 1
     assert not gmsh.isInitialized()
+
+
+def sides_one_by_one():
+    rectangle = gmsh.model.occ.addRectangle(0, 0, 0, 2, 1)
+    gmsh.model.occ.synchronize()
+    gmsh.model.addPhysicalGroup(2, [rectangle], name="body")
+    for side in gmsh.model.getBoundary([(2, rectangle)], oriented=False):
+        gmsh.model.addPhysicalGroup(1, [side[1]], name="side")
+    gmsh.model.mesh.generate(2)
+
+
+@pytest.mark.ranks(2)
+def test_a_name_given_to_several_groups_is_reported(caplog):
+    """gmsh keeps such a name for the first group only."""
+    body = mesh_from_gmsh(COMM, sides_one_by_one)
+    assert body.names["side"] == (1, 2)
+    assert_warned(caplog, "dimension 1 without a name: tags 3, 4, 5")
 
 
 def test_open_session_survives():
