@@ -18,7 +18,8 @@ strategies, in this order and each from the caller's state:
    friction: in 2D, for linear bodies held by Dirichlet data with contact at nodes.
 6. The load in increments that shrink and grow; before the line search for bodies that are not
    linear.
-7. The branch of solutions under a growing load, followed through its folds (`following`).
+7. The branch of solutions under a growing load, followed through its folds (`following`); not if a
+   rigid motion is free under the full load and under increments.
 
 A strategy is a function of unknowns, attempt and monitor that changes the unknowns and returns
 whether they are a solution. Modules that full steps, a line search and load increments do not need
@@ -65,6 +66,7 @@ _EXTRAPOLATED = "extrapolation"
 _EXPECTED = "expected statuses"
 _BONDS = "bonds released in turn"
 _INCREMENTS = "load increments"
+_FOLLOWING = "load following"
 #: Budgets of the strategies, in Newton steps.
 _LIMITS = {_BONDS: 2000.0, "pivoting": 500.0, "line search": 80.0, _INCREMENTS: 400.0}
 _HELD = 1  # Newton steps in which expected statuses are held
@@ -131,7 +133,7 @@ def solve(
     start = validate(equations, x0)
     bring_together(equations, x0)
     attempts: list[Attempt] = []
-    floating: FloatingBodyError | None = None
+    floating: dict[str, FloatingBodyError] = {}
     x = x0.duplicate()
     turned = x0.duplicate()
     objection = ""
@@ -139,6 +141,8 @@ def solve(
     for strategy, run in strategies(equations, linear, increments, trial, start):
         if objection and strategy != _INCREMENTS and inverting != _EXTRAPOLATED:
             continue
+        if strategy == _FOLLOWING and {attempts[0].strategy, _INCREMENTS} <= floating.keys():
+            continue  # its branch begins where nothing holds the body
         attempt = Attempt(strategy, limit=_LIMITS.get(strategy, math.inf))
         attempts.append(attempt)
         progress.strategy = strategy
@@ -147,9 +151,9 @@ def solve(
         try:
             attempt.converged = run(x, attempt, notify)
         except FloatingBodyError as error:
-            again = "a rigid motion is free there too" if floating is not None else ""
+            again = "a rigid motion is free there too" if floating else ""
             attempt.reason = str(error)
-            floating = error
+            floating[strategy] = error
         if attempt.converged and (reason := diverged(equations, x)):
             attempt.converged = False
             attempt.reason = reason
@@ -169,8 +173,8 @@ def solve(
         # No other solution was found; the result contains a warning.
         attempts.append(Attempt(inverting, objection, converged=True))
         return turned, attempts
-    if floating is not None and attempts[0].reason == str(floating):
-        raise FloatingBodyError(str(floating), attempts)
+    if attempts[0].strategy in floating:
+        raise FloatingBodyError(attempts[0].reason, attempts)
     raise ConvergenceError(_diagnosis(equations, attempts), attempts)
 
 
@@ -348,7 +352,7 @@ def strategies(
     pivoting = "pivoting", ways.pivoting
     line_search = "line search", ways.newton("bt")
     loading = _INCREMENTS, ways.load_increments
-    following = "load following", ways.load_following
+    following = _FOLLOWING, ways.load_following
     if not eq.linear:
         fallbacks += [loading, line_search, pivoting, following]
     else:

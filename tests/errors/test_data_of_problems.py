@@ -270,6 +270,15 @@ def test_floating_body_is_refused_with_its_free_motions():
         ContactProblem(energy, u, [surface(u, obstacle=lifted)]).solve()
 
 
+def test_body_pulled_off_its_floor_is_refused():
+    """A body that rests on the floor at the start, with friction; no load increment holds it."""
+    domain, u = square(2)
+    energy = MATERIAL.energy(u) * ufl.dx - fem.Constant(domain, 1.0) * u[1] * ufl.dx
+    with pytest.raises(FloatingBodyError, match=r"translation x, translation y, rotation") as info:
+        ContactProblem(energy, u, [surface(u)]).solve()
+    same_on_every_rank(info)
+
+
 def test_friction_supports_a_body_without_dirichlet_data():
     domain, u = square()
     load = fem.Constant(domain, (0.1, -1.0))
