@@ -201,6 +201,34 @@ def largest_turn(
     return float(np.linalg.norm(turns, axis=1).max(initial=0.0))
 
 
+def largest_difference(
+    V: fem.FunctionSpace,
+    nodes: npt.NDArray[np.float64],
+    u: npt.NDArray[np.float64],
+    part: npt.NDArray[np.int32],
+) -> float:
+    """Return the largest displacement difference in a connected part, over its size. Collective.
+
+    It is the largest difference of one displacement component between two nodes of the part,
+    divided by the largest extent of the part.
+
+    Args:
+        V: space of the displacement.
+        nodes: positions of the local nodes, shape (n, dim).
+        u: local values of the displacement.
+        part: index of the connected part of each local node (`parts`).
+    """
+    dim = V.mesh.geometry.dim
+    n = V.dofmap.index_map.size_local
+    p = part[:n]
+    values = np.hstack([nodes[:n], u.reshape(-1, dim)[:n]])
+    ends = np.full((2, number_of_parts(V.mesh.comm, p), 2 * dim), -np.inf)
+    np.maximum.at(ends[0], p, values)
+    np.maximum.at(ends[1], p, -values)
+    extents = np.sum(largest(V.mesh.comm, ends), axis=0)
+    return float(np.max(extents[:, dim:].max(axis=1) / extents[:, :dim].max(axis=1)))
+
+
 def bounding_box(
     comm: MPI.Comm, x: npt.NDArray[np.float64]
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:

@@ -99,6 +99,8 @@ class ContactEquations:
         self.memory: tuple[Memory | None, ...] = (None,) * len(self.surfaces)
         #: Surfaces with a warning about an obstacle that moves along itself.
         self.dragging: set[str] = set()
+        #: Messages about obstacles on the wrong side of the undeformed body, by surface.
+        self.wrong_sides: dict[str, str] = {}
         self.bcs = list(bcs)
         self.options = options
         check_overlap(self.surfaces)

@@ -347,11 +347,12 @@ def _objection_to_geometry(s: DiscreteSurface) -> str:
 
 
 def check_sides(eq: ContactEquations) -> None:
-    """Warn about obstacles on the wrong side of the undeformed body. Collective.
+    """Find obstacles on the wrong side of the undeformed body, and warn about them. Collective.
 
     At the contact point nearest to such an obstacle, the contact normal points against the outward
     normal of the face and into the body. The solution is then wrong without any other sign.
     """
+    eq.wrong_sides = {}
     for s in eq.surfaces:
         if s.between_bodies:
             continue
@@ -370,15 +371,17 @@ def check_sides(eq: ContactEquations) -> None:
         into = s.positions[tied] + _BESIDE * s.points.mean_width * n[tied]
         x = np.concatenate(s.comm.allgather(np.stack([s.positions[tied], into])), axis=1)
         inside = cells_around(s.domain, x[1]) > 0
-        if inside.any() and s.comm.rank == 0:
+        if inside.any():
             place = min(tuple(p) for p in rounded(x[0])[inside])
-            logger.warning(
-                "%s: the obstacle is on the wrong side: at (%s), where the body comes nearest to "
-                "it, the contact normal points into the body; reverse the normal of a plane, or "
-                "move a sphere out of the body",
-                s.name,
-                ", ".join(f"{c:.6g}" for c in place),
+            message = (
+                f"the obstacle is on the wrong side: at ({', '.join(f'{c:.6g}' for c in place)}), "
+                "where the body comes nearest to it, the contact normal points into the body; "
+                "reverse the normal of a plane or the facets of a surface (reverse=True), or move "
+                "a sphere out of the body"
             )
+            eq.wrong_sides[s.name] = message
+            if s.comm.rank == 0:
+                logger.warning("%s: %s", s.name, message)
 
 
 def _warn_of_dragging(eq: ContactEquations) -> None:

@@ -22,6 +22,7 @@ position, gap, normal and jump at contact points.
 | `penetration` | compliant laws: largest -g | 0.1 facets |
 | `min_det_F` | smallest det(I + grad u) of a nonlinear body | 0 (below) |
 | `rotation` | linear body: largest mean rotation of a connected part | 11.5 degrees |
+| `displacement` | linear body: largest difference of a displacement component between two nodes of a connected part, over the largest extent of the part | 1 |
 | `speed`, `residue` | history, signs of a jump of the state within a step: rate of change of all unknowns over that in the previous step; energy of the step that is neither stored nor dissipated, over the sum of the magnitudes of external work, stored energy and dissipation in the step | both: 1.5 and 0.1 |
 
 "In a step" means since the last accepted state of an evolution; in the static law, since the
@@ -41,7 +42,12 @@ from dolfinx import fem
 from dolfinx_contact._geometry import dot, unit
 from dolfinx_contact._mpi import anywhere
 from dolfinx_contact.body.cells import smallest_jacobian
-from dolfinx_contact.body.rigid import bounding_box, largest_turn, sums_of_parts
+from dolfinx_contact.body.rigid import (
+    bounding_box,
+    largest_difference,
+    largest_turn,
+    sums_of_parts,
+)
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import ContactState, Evaluation
 from dolfinx_contact.laws.status import STICK, closed
@@ -85,6 +91,7 @@ LIMITS = {
     "penetration": 0.1,
     "min_det_F": 0.0,
     "rotation": np.degrees(0.2),
+    "displacement": 1.0,
     "speed": 1.5,
     "residue": 0.1,
 }
@@ -118,6 +125,8 @@ _MESSAGES = {
     "or an energy that grows without bound at det F = 0",
     "rotation": "a linear body has rotated by {:.3g} degrees, and linear strains are not invariant "
     "under rotations; take materials.StVenantKirchhoff or materials.NeoHookean",
+    "displacement": "displacements within a linear body differ by {:.3g} times its size: are mesh, "
+    "displacements and loads in the same units? Linear strains are small",
     "jump": "the state may jump in step {} from the time {:.6g} to {:.6g}: it changes {:.3g} times "
     "faster than in the step before, and {:.0%} of the energy turned over is neither stored nor "
     "dissipated; QuasiStatic.run(..., locate_jumps=True) decides",
@@ -153,6 +162,7 @@ class SurfaceIndicators:
         overlap: initial penetration of closed points into the obstacle, relative to the smallest
             extent of the body.
         penetration: largest depth, a length; None if the law is not compliant.
+        side: message if the obstacle is on the wrong side of the undeformed face; otherwise "".
     """
 
     facet: float
@@ -168,11 +178,12 @@ class SurfaceIndicators:
     across: float = 0.0
     overlap: float = 0.0
     penetration: float | None = None
+    side: str = ""
 
     @property
     def warnings(self) -> dict[str, str]:
         """Return messages by the names of the indicators above their thresholds."""
-        found = {}
+        found = {"side": self.side} if self.side else {}
         for name, limit in LIMITS.items():
             value = getattr(self, name, None)
             if value is not None and name in _LENGTHS:
@@ -222,6 +233,8 @@ class Indicators:
         min_det_F: smallest det(I + grad u), including the hoop stretch of a body of revolution;
             None for linear bodies.
         rotation: largest mean rotation of a part of a linear body in degrees; None for others.
+        displacement: largest difference of a displacement component in a part of a linear body,
+            over the size of the part; None for others.
         step: indicators of a jump within the step of a history; None for other solves, first steps
             and steps from states that are not solutions.
     """
@@ -229,6 +242,7 @@ class Indicators:
     surfaces: dict[str, SurfaceIndicators]
     min_det_F: float | None = None
     rotation: float | None = None
+    displacement: float | None = None
     step: StepIndicators | None = None
 
     @property
@@ -237,8 +251,10 @@ class Indicators:
         found = {}
         if self.min_det_F is not None and not self.min_det_F > LIMITS["min_det_F"]:
             found["min_det_F"] = _MESSAGES["min_det_F"].format(self.min_det_F)
-        if self.rotation is not None and self.rotation > LIMITS["rotation"]:
-            found["rotation"] = _MESSAGES["rotation"].format(self.rotation)
+        for name in ("rotation", "displacement"):
+            value = getattr(self, name)
+            if value is not None and value > LIMITS[name]:
+                found[name] = _MESSAGES[name].format(value)
         if self.step is not None and self.step.warning:
             found["jump"] = self.step.warning
         for surface, s in self.surfaces.items():
@@ -250,10 +266,9 @@ def indicators_of(eq: ContactEquations, state: Evaluation) -> Indicators:
     """Return the indicators of a state in the Functions. Collective."""
     surfaces = surface_indicators(eq, state)
     if eq.bulk.linear:
-        if eq.axisymmetric:
-            return Indicators(surfaces)
-        turn = largest_turn(eq.V, eq.nodes, state.u, eq.scaling.part)
-        return Indicators(surfaces, rotation=float(np.degrees(turn)))
+        body = eq.V, eq.nodes, state.u, eq.scaling.part
+        turn = None if eq.axisymmetric else float(np.degrees(largest_turn(*body)))
+        return Indicators(surfaces, rotation=turn, displacement=largest_difference(*body))
     smallest, _ = smallest_jacobian(eq.V, state.u, axisymmetric=eq.axisymmetric)
     return Indicators(surfaces, min_det_F=smallest)
 
@@ -277,7 +292,8 @@ def surface_indicators(eq: ContactEquations, state: Evaluation) -> dict[str, Sur
     for s, contact, held in _contacts(eq, state):
         small = _of_small_sliding(eq, s, state, contact, held)
         depth = _most(s, np.nan_to_num(-contact.kinematics.gap)) if s.law.compliant else None
-        small = replace(small, spin=_spin(eq, s, contact), penetration=depth)
+        side = eq.wrong_sides.get(s.name, "")
+        small = replace(small, spin=_spin(eq, s, contact), penetration=depth, side=side)
         if s.slides:
             step = _most(s, _touching(contact, contact.kinematics.operator.facets_passed))  # type: ignore[attr-defined]
             small = replace(
@@ -640,7 +656,7 @@ def _across(
     outward = outward_at_points(s, u if follows else np.zeros_like(u))
     n = contact.data.n
     force = np.maximum(-dot(contact.traction, n), 0.0) * s.points.areas
-    force = np.where(held, 0.0, force)
+    force = np.where(held, 0.0, _touching(contact, force))
     aside = dot(n, outward) < _ACROSS
     sums = s.comm.allreduce(np.array([force[aside].sum(), force.sum()]))
     return float(sums[0] / sums[1]) if sums[1] > 0 else 0.0

@@ -293,13 +293,16 @@ def _scales(
 def log_warnings(result: Result, known: set[str] | None = None) -> None:
     """Log the indicators above their thresholds, on rank 0.
 
+    Obstacles on the wrong side are not logged again: the problem did so when it was created, or
+    when its data changed.
+
     Args:
         result: result of a solve.
         known: names of the warnings already logged in a run, which are skipped; the names of new
             warnings are added. None logs all warnings.
     """
     for name, text in result.warnings.items():
-        if known is None or name not in known:
+        if (known is None or name not in known) and not name.startswith("side of "):
             logger.warning("%s: %s", name, text)
         if known is not None:
             known.add(name)

@@ -192,6 +192,16 @@ def test_rotating_linear_body_gives_a_warning(log):
     assert not nonlinear.warnings
 
 
+@pytest.mark.ranks(2)
+def test_displacement_in_other_units_than_the_mesh_gives_a_warning(log):
+    """A mesh in m that is pressed by a hundredth of its height, or by as much in mm."""
+    assert block(n=4).solve().indicators.displacement < 0.02
+    assert not log.records
+    result = block(n=4, top=(4.0, -10.0)).solve()
+    assert result.indicators.displacement > 9
+    assert "the same units" in said(log, "displacements within a linear body")
+
+
 # -- cells ---------------------------------------------------------------------------------------
 
 
@@ -282,6 +292,7 @@ def test_obstacle_moved_to_the_wrong_side_gives_a_warning(what, log):
     result = problem.solve()
     assert np.abs(result.resultants["contact"]).max() < 1e-9
     assert said(log, "the obstacle is on the wrong side")
+    assert list(result.warnings) == ["side of 'contact'"]
 
 
 def test_reversed_floor_that_pulls_gives_a_warning():
