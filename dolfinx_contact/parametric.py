@@ -212,41 +212,40 @@ class ParametricContact(ReadOnly, ParametricEquations):
         with self.restored(always=True):
             return small_sliding_violated(self.equations, self._put(x, gamma, piece)())
 
-    def result_at(self, point: BranchPoint) -> Result:
-        """Return the result at a point of a branch; write the point to the Functions. Collective.
+    def result_at(self, point: BranchPoint | Solution) -> Result:
+        """Return the result at a point; write the point to the Functions. Collective.
 
         The statuses of the piece of the point are used, even if the point lies on a border.
+
+        Args:
+            point: point of a branch, or one of `Solutions.found`.
         """
         self._set(point.gamma)
         attempt = Attempt("continuation", "a point of a branch", converged=True)
         result = self.problem.collect(
-            self._unknowns(point.y), [attempt], self.statuses_of(point.piece)
+            self._unknowns(point), [attempt], self.statuses_of(point.piece)
         )
         self.problem.log_warnings(result)
         return result
 
-    def state_at(self, point: BranchPoint | Solution, gamma: float | None = None) -> State:
+    def state_at(self, point: BranchPoint | Solution) -> State:
         """Return the state of a point of a branch or of a solution, with its gamma. Collective.
 
         The Functions, gamma and the driven Functions are not changed.
 
         Args:
             point: point of a branch, or one of `Solutions.found`.
-            gamma: parameter of the solution; default: parameter of the point of a branch.
         """
-        if not isinstance(point, Solution):
-            gamma = point.gamma
-        elif gamma is None:
-            raise ValueError("gamma is needed for a solution, as in state_at(found, gamma=1.0)")
-        x = self._unknowns(point.x if isinstance(point, Solution) else point.y)
+        x = self._unknowns(point)
         with self.restored(always=True):
-            self._set(gamma)
+            self._set(point.gamma)
             state = self.problem.state_at(x, self.statuses_of(point.piece))
-        return replace(state, gamma=gamma)
+        return replace(state, gamma=point.gamma)
 
-    def _unknowns(self, y: PETSc.Vec) -> PETSc.Vec:
-        """Return a copy of the unknowns x at the beginning of a vector (x, gamma)."""
+    def _unknowns(self, point: BranchPoint | Solution) -> PETSc.Vec:
+        """Return a copy of the unknowns x of a point."""
         x = self.create_vector()
+        y = point.x if isinstance(point, Solution) else point.y  # y also has gamma
         x.array[:] = y.array_r[: x.getLocalSize()]
         return x
 

@@ -23,5 +23,5 @@ problem = block.problem()
 problem.solve()
 evolution = QuasiStatic(problem, load)
 history = evolution.run(np.linspace(0.0, 1.0, 5))
-file = plot.film("to_and_fro.gif", problem, [step.state for step in history.steps], scale=5.0)
+file = plot.film("to_and_fro.gif", problem, history.steps, scale=5.0)
 assert file.stat().st_size > 1000

@@ -42,8 +42,8 @@ class BranchPoint:
         tau: test function of smooth bifurcations, which changes its sign there.
     """
 
-    y: PETSc.Vec
-    tangent: PETSc.Vec
+    y: PETSc.Vec = field(repr=False)
+    tangent: PETSc.Vec = field(repr=False)
     piece: Piece
     gamma: float
     step: float = 0.0
@@ -164,13 +164,20 @@ class Branch(Ends):
             gamma; for a contact problem a length.
     """
 
-    points: list[BranchPoint] = field(default_factory=list)
-    special: list[SpecialPoint] = field(default_factory=list)
+    points: list[BranchPoint] = field(default_factory=list, repr=False)
+    special: list[SpecialPoint] = field(default_factory=list, repr=False)
     ending: Ending | None = None
     reason: str = ""
     factorisations: int = 0
     solves: int = 0
     start_correction: float = 0.0
+
+    def __str__(self) -> str:
+        ends = [f"{p.gamma:.6g}" for p in self.points[:: max(len(self.points) - 1, 1)]]
+        return (
+            f"{len(self.points)} points, gamma from {' to '.join(ends)}, {len(self.folds)} folds, "
+            f"{len(self.bifurcations)} bifurcations: {self.reason}"
+        )
 
     @property
     def complete(self) -> bool:
@@ -250,12 +257,16 @@ class Diagram(Ends):
         start_correction: largest correction of a start, see `Branch.start_correction`.
     """
 
-    edges: list[Edge] = field(default_factory=list)
-    nodes: list[Node] = field(default_factory=list)
+    edges: list[Edge] = field(default_factory=list, repr=False)
+    nodes: list[Node] = field(default_factory=list, repr=False)
     complete: bool = False
     ending: Ending | None = None
     reason: str = ""
     start_correction: float = 0.0
+
+    def __str__(self) -> str:
+        lines = [f"{len(self.edges)} branches, {len(self.nodes)} bifurcations: {self.reason}"]
+        return "\n".join([*lines, *(f"{k}: {branch}" for k, branch in enumerate(self.branches))])
 
     @property
     def branches(self) -> list[Branch]:

@@ -24,7 +24,7 @@ import itertools
 import logging
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from petsc4py import PETSc
 
@@ -63,10 +63,12 @@ class Solution:
     Attributes:
         x: unknowns.
         piece: statuses.
+        gamma: parameter.
     """
 
-    x: PETSc.Vec
+    x: PETSc.Vec = field(repr=False)
     piece: Piece
+    gamma: float
 
 
 @dataclass(frozen=True)
@@ -202,7 +204,7 @@ def find_solutions(
                 _Deflated(system, gamma, max_iterations, tolerance) as deflated,
             ):
                 states, tried = deflated.search(guesses, known, proved, lengths)
-                found = tuple(Solution(x, system.piece_at(x, gamma)) for x in states)
+                found = tuple(Solution(x, system.piece_at(x, gamma), gamma) for x in states)
             method = tried if found else f"not found: {tried}"
             if proved is not None:
                 method = f"{method}, {proved.method}"
@@ -243,7 +245,8 @@ def _of_proof(system: System, x: PETSc.Vec, gamma: float, seconds: float) -> Sol
         y = x.copy()
         condensed.expand(state.state, gamma, y)
         own = condensed.piece(state.codes)
-        found.append(Solution(y, system.piece_at(y, gamma) if condensed.guided else own))
+        piece = system.piece_at(y, gamma) if condensed.guided else own
+        found.append(Solution(y, piece, gamma))
     return Solutions(gamma, tuple(found), proof.verdict == "complete", proof.method, proof=proof)
 
 
@@ -268,7 +271,7 @@ def _of_cones(system: System, x: PETSc.Vec, gamma: float, seconds: float) -> Sol
         if ray.rate == 1:
             y = x.copy()
             condensed.expand(unit * ray.direction, gamma, y)
-            at[id(ray)] = Solution(y, condensed.piece(ray.codes))
+            at[id(ray)] = Solution(y, condensed.piece(ray.codes), gamma)
     found = list(at.values())
     for s in () if proved is None else proved.found:
         if not any(_coincide(condensed, s, other) for other in at.values()):

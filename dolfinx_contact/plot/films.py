@@ -28,6 +28,7 @@ from dolfinx_contact._mpi import (
 )
 from dolfinx_contact._validate import is_number
 from dolfinx_contact.equations.state import State
+from dolfinx_contact.evolution.history import EvolutionStep
 from dolfinx_contact.plot.bodies import body_scene, check_look, draw_scene, title_of
 from dolfinx_contact.plot.figures import Drawing
 from dolfinx_contact.plot.scene import Look, Options, Scene, finite_range, options_of
@@ -66,7 +67,7 @@ def _checked_file(file: str | os.PathLike[str], rate: Any) -> tuple[Path, float]
 def film(
     file: str | os.PathLike[str],
     problem: ContactProblem,
-    states: Iterable[State | str],
+    states: Iterable[State | EvolutionStep | str],
     *,
     stress: Any = None,
     scale: float = 1.0,
@@ -79,9 +80,9 @@ def film(
     Args:
         file: ``.gif``, or ``.mp4`` (requires imageio-ffmpeg).
         problem: contact problem; its displacement is restored at the end.
-        states: states in the order of the film, such as ``map(record.state, range(10))`` with a
-            record; or a generator that sets the displacement of the problem and yields a text for
-            the title.
+        states: states or steps in the order of the film, such as ``history.steps``, or
+            ``map(record.state, range(10))`` with a record; or a generator that sets the
+            displacement of the problem and yields a text for the title.
         stress: 3 x 3 UFL stress of the displacement, or one for each cell tag as in `write_fields`.
         scale: factor of the displacement, default 1; other factors are added to the title.
         title: title, before the time or the load of a state, or its text.
@@ -109,7 +110,7 @@ def film(
 
 
             plot.film("output/mode.gif", problem, swinging())
-            plot.film("output/history.gif", problem, [step.state for step in history.steps])
+            plot.film("output/history.gif", problem, history.steps)
     """
     comm = problem.comm
     if stress is None:
@@ -133,12 +134,15 @@ def film(
     return path
 
 
-def _in_turn(comm: MPI.Comm, states: Iterable[State | str]) -> Iterator[State | str]:
-    """Iterate over states; an error on one rank is raised on every rank. Collective."""
+def _in_turn(
+    comm: MPI.Comm, states: Iterable[State | EvolutionStep | str]
+) -> Iterator[State | str]:
+    """Iterate over states, also of steps; an error is raised on every rank. Collective."""
     iterator = iter(states)
     while True:
         with everywhere(comm, "the states of a film"):
-            state = next(iterator, None)
+            item = next(iterator, None)
+        state = item.state if isinstance(item, EvolutionStep) else item
         same_everywhere(comm, what_is_written=None if state is None else _words(state))
         if state is None:
             return

@@ -26,7 +26,7 @@ from dolfinx_contact.plot.scene import Scene, options_of
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from dolfinx_contact.continuation import BranchPoint
+    from dolfinx_contact.continuation import BranchPoint, Solution
     from dolfinx_contact.parametric import ParametricContact
 
 __all__ = ["picture_of_states"]
@@ -44,7 +44,7 @@ def _check(a: Arguments) -> None:
 def picture_of_states(
     file: str | os.PathLike[str] | None,
     system: ParametricContact,
-    points: Sequence[BranchPoint],
+    points: Sequence[BranchPoint | Solution],
     *,
     titles: Sequence[str] = (),
     scale: float = 1.0,
@@ -54,7 +54,7 @@ def picture_of_states(
     Args:
         file: picture in any format of matplotlib; None writes nothing.
         system: system of the points; its Functions are those of the last point afterwards.
-        points: points of branches.
+        points: points of branches, or `Solutions.found`.
         titles: titles of the panels, default none.
         scale: factor of the displacement, default 1.
 
