@@ -51,6 +51,7 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 _PATIENCE = 45.0  # seconds that a rank with an error waits for the others
+_SHOWN = 100  # characters of a value that differs between ranks
 
 
 # -- errors on all ranks ---------------------------------------------------------------------------
@@ -167,10 +168,23 @@ def same_everywhere(comm: MPI.Comm, where: str = "", /, **values: Any) -> None:
     for rank, theirs in enumerate(everyone):
         for name, value in first.items():
             if value != theirs.get(name):
+                here, there = _differing_parts(value, str(theirs.get(name)))
                 raise ValueError(
                     f"{where and f'{where}: '}{name.replace('_', ' ')} differs between ranks: "
-                    f"{value} on rank 0, {theirs.get(name)} on rank {rank}"
+                    f"{here} on rank 0, {there} on rank {rank}"
                 )
+
+
+def _differing_parts(*texts: str) -> list[str]:
+    """Return the parts of long texts around their first difference."""
+    columns = enumerate(zip(*texts, strict=False))
+    first = next((i for i, letters in columns if len(set(letters)) > 1), 0)
+    begin = max(0, first - _SHOWN // 2) if max(map(len, texts)) > _SHOWN else 0
+    return [
+        f"{'... ' * (begin > 0)}{text[begin : begin + _SHOWN]}"
+        f"{' ...' * (begin + _SHOWN < len(text))}"
+        for text in texts
+    ]
 
 
 def collective(

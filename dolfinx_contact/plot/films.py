@@ -63,7 +63,7 @@ def _checked_file(file: str | os.PathLike[str], rate: Any) -> tuple[Path, float]
     return path, float(rate)
 
 
-@collective("a film", _check_film)
+@collective("a film", _check_film, local=("states",))
 def film(
     file: str | os.PathLike[str],
     problem: ContactProblem,

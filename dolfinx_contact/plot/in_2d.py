@@ -18,12 +18,14 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["around", "connected_parts", "draw_2d", "draw_body", "triangles"]
+__all__ = ["around", "connected_parts", "draw_2d", "draw_body", "shade"]
 
 Array = npt.NDArray[np.float64]
 Cells = npt.NDArray[np.int64]
 
 _DPI = 100
+_MOST_TRIANGLES = 40_000  # of the mesh on which a field is drawn
+_FINEST = 8  # divisions of an edge of a cell in it
 
 
 def draw_2d(
@@ -96,16 +98,62 @@ def _draw_field(
         cmap: colour map or its name.
     """
     from matplotlib import colormaps
+
+    colours = colormaps.get_cmap(cmap).with_extremes(bad=NOT_FINITE)
+    look: dict[str, Any] = dict(cmap=colours, vmin=limits[0], vmax=limits[1])
+    thin = float(np.clip(20 / np.sqrt(len(scene.cells)), 0.05, 0.3))  # coloured cells stay visible
+    return shade(axes, scene.x[:, :2], scene.cells, values, width=thin, alpha=0.4, **look)
+
+
+def shade(
+    axes: Axes,
+    x: npt.NDArray[np.float64],
+    cells: Cells,
+    values: npt.NDArray[Any],
+    *,
+    width: float,
+    alpha: float,
+    **look: Any,
+) -> Any:
+    """Draw a field on triangles or quadrilaterals in 2D, and the edges of the cells.
+
+    Matplotlib interpolates colours, which on coarse meshes are not those of the colour bar. So the
+    field is interpolated on a finer mesh. Quadrilaterals are divided at their midpoints, since a
+    diagonal would make a symmetric field unsymmetric.
+
+    Args:
+        axes: axes.
+        x: positions of the vertices, shape (n, 2).
+        cells: vertices of the cells.
+        values: field at the vertices, shape (n,).
+        width: line width of the edges.
+        alpha: opacity of the edges.
+        **look: options of ``Axes.tripcolor``.
+    """
     from matplotlib.collections import LineCollection
 
-    x = scene.x[:, :2]
-    colours = colormaps.get_cmap(cmap).with_extremes(bad=NOT_FINITE)
-    look: dict[str, Any] = dict(shading="gouraud", cmap=colours, vmin=limits[0], vmax=limits[1])
-    shades = axes.tripcolor(*x.T, triangles(scene.cells), values, **look)
-    loop = around(scene.cells)
+    loop = around(cells)
     edges = np.stack([loop, np.roll(loop, -1, axis=1)], axis=2).reshape(-1, 2)
-    thin = float(np.clip(20 / np.sqrt(len(loop)), 0.05, 0.3))  # fine meshes would hide the colours
-    axes.add_collection(LineCollection(x[edges], colors=INK, linewidths=thin, alpha=0.4))
+    triangles = loop
+    if cells.shape[1] == 4:
+        middle = len(x) + np.arange(len(loop))
+        x = np.concatenate([x, x[loop].mean(axis=1)])
+        values = np.concatenate([values, values[loop].mean(axis=1)])
+        sides = np.stack([loop, np.roll(loop, -1, axis=1)], axis=2)
+        triangles = np.dstack([sides, np.broadcast_to(middle[:, None, None], (*loop.shape, 1))])
+        triangles = triangles.reshape(-1, 3)
+    # barycentric coordinates of a finer mesh of each triangle, row by row
+    n = int(np.clip(np.sqrt(_MOST_TRIANGLES / max(len(triangles), 1)), 1, _FINEST))
+    grid = np.array([(i, j, n - i - j) for i in range(n + 1) for j in range(n + 1 - i)])
+    number = {(i, j): k for k, (i, j, _) in enumerate(grid)}
+    up = [[(i, j), (i + 1, j), (i, j + 1)] for i, j, k in grid if k > 0]
+    down = [[(i + 1, j), (i + 1, j + 1), (i, j + 1)] for i, j, k in grid if k > 1]
+    parts = np.array([[number[corner] for corner in part] for part in up + down])
+    finer = (parts + len(grid) * np.arange(len(triangles))[:, None, None]).reshape(-1, 3)
+    places = np.einsum("qc,tcd->tqd", grid / n, x[triangles]).reshape(-1, 2)
+    field = np.einsum("qc,tc->tq", grid / n, values[triangles]).ravel()
+    shades = axes.tripcolor(*places.T, finer, field, shading="gouraud", **look)
+    axes.add_collection(LineCollection(x[edges], colors=INK, linewidths=width, alpha=alpha))
     return shades
 
 
@@ -139,11 +187,6 @@ def _draw_arrows(axes: Axes, options: Options, length: float) -> None:
 def around(cells: Cells) -> Cells:
     """Vertices of segments, triangles or quadrilaterals in the order around the cell."""
     return cells[:, [0, 1, 3, 2]] if cells.shape[1] == 4 else cells
-
-
-def triangles(cells: Cells) -> Cells:
-    """Triangles of triangular or quadrilateral cells."""
-    return cells if cells.shape[1] == 3 else np.vstack([cells[:, :3], cells[:, [1, 3, 2]]])
 
 
 def connected_parts(cells: Cells, count: int) -> npt.NDArray[np.int32]:

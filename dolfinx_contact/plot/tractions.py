@@ -21,7 +21,7 @@ from dolfinx_contact._mpi import Arguments, collective, same_everywhere
 from dolfinx_contact.io.outside import Arrays, gather_cells
 from dolfinx_contact.laws.status import COLOURS, NAMES
 from dolfinx_contact.plot.figures import INK, drawn_on_root, new_figure, save
-from dolfinx_contact.plot.in_2d import around, triangles
+from dolfinx_contact.plot.in_2d import around, shade
 from dolfinx_contact.points.trace import vertex_numbers
 from dolfinx_contact.results.fields import STATUS_CODES, contact_fields, vertex_state
 
@@ -43,6 +43,7 @@ Marks = npt.NDArray[np.bool_]
 _BACKWARD, _NO_SENSE = 4, 5
 _ZERO_FORCE = 1e-10  # relative to stiffness times displacement
 _LITTLE = 1e-6  # relative to the largest traction
+_TITLE_PAD = 0.12  # inches between the title and the panels
 _STRAIGHT = 0.05  # height over length up to which a curve is drawn over a coordinate
 _SEEN = 0.1  # cosine of the angle between the view and the normal of a visible facet
 _ALONG = 0.998  # component of a mean normal along a coordinate axis from which on it is this axis
@@ -67,8 +68,9 @@ def picture_of_contact(
     """Draw pressure, shear and status of a contact surface. Collective.
 
     In 3D there are two maps of the surface, projected along its mean normal where it touches. In 2D
-    the tractions and the friction bound are drawn over the position; for a law with bonds also the
-    frictional part of the shear, to which the bound applies. If a small part of the surface touches
+    the tractions and the friction bound are drawn over the coordinate of a straight surface, and
+    over the length along a curved one; for a law with bonds also the frictional part of the shear,
+    to which the bound applies. If a small part of the surface touches
     or carries a traction, the picture is limited to its surroundings. Statuses and values are those
     of the vertices (`ContactProblem.contact_fields`).
 
@@ -77,7 +79,7 @@ def picture_of_contact(
         problem: contact problem, usually solved.
         surface: contact surface of the problem, default the first.
         state: state to draw, default the current Functions.
-        title: title of the picture, default the name of the surface.
+        title: title of the picture; default: the name of the surface.
 
     Returns:
         The figure on rank 0, None on other ranks.
@@ -100,7 +102,9 @@ def picture_of_contact(
     def draw() -> Figure:
         draw_surface = _draw_curve if s.dim == 2 else _draw_map
         figure = draw_surface(data, s)
-        figure.suptitle(title or f"Contact surface: {s.name}", fontweight="bold")
+        name = "Contact surface" if s.name == "contact" else f"Contact surface: {s.name}"
+        figure.suptitle(title or name, fontweight="bold")
+        figure.get_layout_engine().set(h_pad=_TITLE_PAD)
         save(figure, file)
         return figure
 
@@ -262,7 +266,8 @@ def _positions(data: Arrays, touching: Marks) -> tuple[Array, Cells, str, Array]
     axis = int(np.argmax(np.ptp(x, axis=0)))
     if np.ptp(x[:, 1 - axis]) < _STRAIGHT * np.ptp(x[:, axis]):
         return x[:, axis], path, "xy"[axis], np.tile(np.eye(2)[axis], (len(x), 1))
-    return at, path, "length along the surface", tangents
+    first = ", ".join(f"{c:.4g}" for c in x[curves[0][0]])
+    return at, path, f"length along the surface, from ({first})", tangents
 
 
 # -- maps in 3D ----------------------------------------------------------------------------------
@@ -292,8 +297,7 @@ def _draw_map(data: Arrays, s: DiscreteSurface) -> Figure:
     norm = CenteredNorm() if pulls else Normalize(0.0, float(pressure.max()) or 1.0)
     stops = [COLOURS["o"], *colormaps["magma_r"](np.linspace(0.12, 0.95, 12))]
     shades = "RdBu_r" if pulls else LinearSegmentedColormap.from_list("pressure", stops)
-    look: dict[str, Any] = dict(shading="gouraud", norm=norm, cmap=shades)
-    shades = left.tripcolor(*x.T, triangles(cells), pressure, **look)
+    shades = shade(left, x, cells, pressure, width=0.15, alpha=0.25, norm=norm, cmap=shades)
     left.set_title(
         "Normal pressure, negative where it pulls" if pulls else "Normal pressure", loc="left"
     )
@@ -304,19 +308,20 @@ def _draw_map(data: Arrays, s: DiscreteSurface) -> Figure:
     corners = x[loop]
     centre = np.broadcast_to(corners.mean(axis=1, keepdims=True), corners.shape)
     sides = [(corners + np.roll(corners, k, axis=1)) / 2 for k in (-1, 1)]
+    thin = dict(lw=0.15, alpha=0.25)
     quads = np.stack([corners, sides[0], centre, sides[1]], axis=2).reshape(-1, 4, 2)
     colours, handles = _statuses(data, s)
     place = dict(title="status (vertices)", loc="outside lower center", ncols=4, frameon=False)
     figure.legend(handles=handles, **place)
     colours = colours[loop.reshape(-1)]
     right.add_collection(PolyCollection(quads, facecolors=colours, edgecolors=colours, lw=0.3))
+    right.add_collection(PolyCollection(corners, facecolors="none", edgecolors=INK, **thin))
     right.set_title(
         f"Status, and shear on the {'slave' if s.between_bodies else 'body'}", loc="left"
     )
     spacing = np.array([wide / 28, tall / 6 if is_long else wide / 28])
     _draw_arrows(right, x, data["shear"] @ across, spacing)
     for axes in (left, right):
-        axes.triplot(*x.T, triangles(cells), color=INK, lw=0.15, alpha=0.25)
         axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
         axes.set(xlabel=labels[0], ylabel=labels[1] + " (stretched)" * is_long)
         axes.set_aspect("auto" if is_long else "equal")

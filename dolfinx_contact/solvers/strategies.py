@@ -141,7 +141,7 @@ def solve(
     for strategy, run in strategies(equations, linear, increments, trial, start):
         if objection and strategy != _INCREMENTS and inverting != _EXTRAPOLATED:
             continue
-        if strategy == _FOLLOWING and {attempts[0].strategy, _INCREMENTS} <= floating.keys():
+        if strategy == _FOLLOWING and _INCREMENTS in floating and attempts[0].strategy in floating:
             continue  # its branch begins where nothing holds the body
         attempt = Attempt(strategy, limit=_LIMITS.get(strategy, math.inf))
         attempts.append(attempt)

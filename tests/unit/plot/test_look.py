@@ -141,8 +141,10 @@ def test_a_continuous_field_is_exact(cell):
     if COMM.rank > 0:
         return
     if cell == "quad":
-        shades = drawing.axes[0].collections[0]
-        at, values = shades._triangulation.x, shades.get_array()
+        shades = drawing.axes[0].collections[0]  # on a finer mesh
+        points = np.stack([shades._triangulation.x, shades._triangulation.y], axis=1)
+        vertices = np.isclose(3 * points, np.round(3 * points)).all(axis=1)
+        at, values = points[vertices, 0], shades.get_array()[vertices]
     else:
         body = drawing.renderers[0].actors["body"].mapper.dataset
         at, values = body.points[:, 0], np.array(body.point_data["field"])
