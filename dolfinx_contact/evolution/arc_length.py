@@ -38,7 +38,7 @@ from dolfinx_contact.continuation.arguments import (
     samples_of,
 )
 from dolfinx_contact.continuation.bordered import Bordered
-from dolfinx_contact.continuation.branch import BranchPoint, FoundRays, Ray
+from dolfinx_contact.continuation.branch import BranchPoint, FoundRays, Ray, SpecialPoint
 from dolfinx_contact.continuation.corrector import Corrector
 from dolfinx_contact.continuation.ending import OTHER_CAUSE, Ending
 from dolfinx_contact.continuation.observer import Observer, ObserverLike, Stop
@@ -417,36 +417,17 @@ class ByArcLength(Rule[PathTask]):
         memory = law.equations.advanced(evaluation)
         time = before.time + point.step
         after = self._stepper.accept(law, evaluation.statuses, memory, time, energies, forces)
-        self.state = RunState(
-            after,
-            next_h,
-            self.state.number + 1,
-            arrived=point,
-            passed=(*self.state.passed, time),
-        )
+        number = self.state.number + 1
+        passed = (*self.state.passed, time)
+        self.state = RunState(after, next_h, number, arrived=point, passed=passed)
         self._use_memory(memory)
         # 3. find the next direction
-        self._leaves = None
-        directions: FoundRays[Ray] = FoundRays((), False, "")
-        event: PathEvent = ""
-        if at_end:
-            self.end(Ending.REACHED)
-        else:
-            rates = self._steps.rate_problem(point.y, point.piece)
-            directions = rates.onwards(point.piece, point.tangent, every=self.task.rays)
-            self._leave(point, directions)
-            is_fold = any(s.kind == "fold" for s in special)
-            event = "smooth fold" if is_fold else self._event(point)
+        event, directions, method = self._continue_from(point, special, at_end=at_end)
         self._end_if_idle()
         self.state = replace(self.state, known=self._steps.known)
-        number = len(directions.rays) if directions.complete else None
-        method = directions.method
-        bifurcations = sum(s.kind == "bifurcation" for s in special)
-        if bifurcations:
-            number, method = 1 + 2 * bifurcations, "a bifurcation of one piece"
         leaves = self._leaves or point
         return PathStep(
-            self.state.number,
+            number,
             before.time,
             time,
             result,
@@ -455,11 +436,44 @@ class ByArcLength(Rule[PathTask]):
             event=event,
             before=self._system.letters(point.piece),
             after=self._system.letters(leaves.piece),
-            directions=number,
+            directions=directions,
             method=method,
             corrections=point.corrections,
             state=after.state,
         )
+
+    def _continue_from(
+        self, point: BranchPoint, special: Sequence[SpecialPoint], *, at_end: bool
+    ) -> tuple[PathEvent, int | None, str]:
+        """Leave an accepted point, unless it is at the end of the range of gamma. Collective.
+
+        Args:
+            point: point with the piece and the tangent of the last step.
+            special: folds and bifurcations within that step.
+            at_end: whether the end of the range is reached.
+
+        Returns:
+            The event at the point; the number of directions out of it, None if it is unknown; and
+            the method by which they were found.
+        """
+        self._leaves = None
+        event: PathEvent = ""
+        number: int | None = None
+        method = ""
+        if at_end:
+            self.end(Ending.REACHED)
+        else:
+            rates = self._steps.rate_problem(point.y, point.piece)
+            directions = rates.onwards(point.piece, point.tangent, every=self.task.rays)
+            self._leave(point, directions)
+            is_fold = any(s.kind == "fold" for s in special)
+            event = "smooth fold" if is_fold else self._event(point)
+            number = len(directions.rays) if directions.complete else None
+            method = directions.method
+        bifurcations = sum(s.kind == "bifurcation" for s in special)
+        if bifurcations:
+            number, method = 1 + 2 * bifurcations, "a bifurcation of one piece"
+        return event, number, method
 
     def _solve(self) -> tuple[Arrival, Result, Evaluation] | None:
         """Solve the next point on the piece of the last one; end the path if that fails.

@@ -33,6 +33,7 @@ from dolfinx_contact.evolution.through_times import (
     AtJump,
     HistoryTask,
     ThroughTimes,
+    ToRest,
     checked_times,
 )
 from dolfinx_contact.problem import ContactProblem
@@ -90,7 +91,7 @@ class Evolution(Runnable[HistoryTask, History]):
         return replace(run_state, length=task.longest, settled=True, ending=None, reason="")
 
     def _rule(self, stepper: Stepper, task: HistoryTask, run_state: RunState) -> ThroughTimes:
-        return ThroughTimes(stepper, task, run_state)
+        return (ToRest if task.rest else ThroughTimes)(stepper, task, run_state)
 
     def _accepted_start(
         self, stepper: Stepper, task: HistoryTask, start: State | None

@@ -68,12 +68,12 @@ class RunState:
             for a jump, which belong together.
         ending: ending of the run at the state; None if it continues.
         reason: reason of the ending, as a sentence.
-        rate: rates of the state in the last step through times (`jumps.rates`); None before the
-            first step and by arc length.
-        arrived: on a path, the point of the accepted state, with piece and tangent of the step that
+        rate: rates of the state in the last step through times (`jumps.StateChanges`); None before
+            the first step and by arc length.
+        arrived: point of the accepted state on a path, with piece and tangent of the step that
             ended there; None at the start.
-        known: on a path, scales and signs that the steps have determined (`ArcSteps.known`).
-        passed: on a path, arc lengths of the start of the run and of its accepted points.
+        known: scales and signs determined by the steps of a path (`ArcSteps.known`).
+        passed: arc lengths of the start of the run on a path and of its accepted points.
     """
 
     accepted: AcceptedState

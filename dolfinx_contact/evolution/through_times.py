@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Rule of histories and motions: steps through given times.
+r"""Rules of histories and motions: steps through given times, or to rest.
 
 Between two given times t_k and t_k+1 the rule takes n equal steps,
 
@@ -17,7 +17,7 @@ and hits the given times exactly. Further steps are inserted only on request:
                 of each surface. Points that begin to slip may move with half the rate of the body.
     locate      a step in which a point closes is tried again with h/2.
 
-A motion is at rest, which ends a run to rest, once its kinetic energy E has satisfied
+A motion is at rest, which ends a run by the rule `ToRest`, once its kinetic energy E has satisfied
 E <= rest max E at the ends of ten successive steps and for a time of 4 sqrt(rest) T, where T is the
 time since the start. A body that reverses its velocity v after a time T, for example at the top of
 a throw, has v = v_max t/T around that instant, and satisfies the inequality for 2 sqrt(rest) T.
@@ -65,7 +65,7 @@ from dolfinx_contact.results.result import Result
 from dolfinx_contact.solvers import ConvergenceError
 from dolfinx_contact.solvers.strategies import Trial
 
-__all__ = ["AtJump", "HistoryTask", "ThroughTimes", "checked_times"]
+__all__ = ["AtJump", "HistoryTask", "ThroughTimes", "ToRest", "checked_times"]
 
 #: Action if no solution continues the evolution, or none is found that does.
 AtJump: TypeAlias = Literal["raise", "stop", "jump"]
@@ -195,10 +195,6 @@ class ThroughTimes(Rule[HistoryTask]):
         self._before: AcceptedState | None = None
         #: Smallest det F of a state.
         self._det: tuple[AcceptedState, float] | None = None
-        # of a run to rest: largest kinetic energy, number of slow steps, time before these
-        self._peak = 0.0
-        self._quiet = 0
-        self._awake = state.accepted.time
 
     def where(self, step: EvolutionStep) -> str:
         return (
@@ -286,30 +282,8 @@ class ThroughTimes(Rule[HistoryTask]):
 
     def _end_if_reached(self) -> None:
         """End the run if the accepted state is its end."""
-        time = self.state.accepted.time
-        rest = self.task.rest
-        if rest and self._is_at_rest():
-            self.end(Ending.REACHED, "the body is at rest")
-        elif time >= self.task.times[-1]:
-            duration = time - self.task.times[0]
-            self.end(
-                Ending.BUDGET if rest else Ending.REACHED,
-                f"not at rest after {duration:.6g}" if rest else _REACHED,
-            )
-
-    def _is_at_rest(self) -> bool:
-        """Return whether a motion has been slow for long enough."""
-        time = self.state.accepted.time
-        energies = self.state.accepted.energies
-        assert isinstance(energies, MotionEnergies)
-        self._peak = max(self._peak, energies.kinetic)
-        self._quiet += 1
-        if energies.kinetic > self.task.rest * self._peak:
-            self._quiet = 0
-            self._awake = time
-        duration = time - self.task.times[0]
-        turning = _TURNING * math.sqrt(self.task.rest) * duration * (1 - _ROUND_OFF)
-        return self._quiet >= _QUIET and time - self._awake >= turning
+        if self.state.accepted.time >= self.task.times[-1]:
+            self.end(Ending.REACHED, _REACHED)
 
     def _step(self, after: AcceptedState, change: StateChanges, jump: bool) -> EvolutionStep:
         """Return the step from the accepted state to another one, for users."""
@@ -544,6 +518,33 @@ class ThroughTimes(Rule[HistoryTask]):
             except ConvergenceError:
                 return None
         return None
+
+
+class ToRest(ThroughTimes):
+    """Rule of a motion that ends when the body is at rest, or at the last time."""
+
+    def __init__(self, stepper: Stepper, task: HistoryTask, state: RunState):
+        super().__init__(stepper, task, state)
+        self._peak = 0.0  # largest kinetic energy
+        self._quiet = 0  # number of slow steps
+        self._awake = state.accepted.time  # time before these
+
+    def _end_if_reached(self) -> None:
+        accepted = self.state.accepted
+        assert isinstance(accepted.energies, MotionEnergies)
+        rest = self.task.rest
+        kinetic = accepted.energies.kinetic
+        self._peak = max(self._peak, kinetic)
+        self._quiet += 1
+        if kinetic > rest * self._peak:
+            self._quiet = 0
+            self._awake = accepted.time
+        duration = accepted.time - self.task.times[0]
+        turning = _TURNING * math.sqrt(rest) * duration * (1 - _ROUND_OFF)
+        if self._quiet >= _QUIET and accepted.time - self._awake >= turning:
+            self.end(Ending.REACHED, "the body is at rest")
+        elif accepted.time >= self.task.times[-1]:
+            self.end(Ending.BUDGET, f"not at rest after {duration:.6g}")
 
 
 def _aim(start: float, end: float, length: float) -> float:
