@@ -118,10 +118,8 @@ class Energies:
                 outer -= np.dot((p.force + q.force) / 2, q.un - p.un + moved)
             pressed += q.stored_since(p)
             spent += float(np.sum(q.spent))
-        comm = after.equations.comm
-        outer, inner, pressed, spent = (
-            comm.allreduce(float(v)) for v in (outer, inner, pressed, spent)
-        )
+        parts = np.array([outer, inner, pressed, spent])
+        outer, inner, pressed, spent = after.equations.comm.allreduce(parts).tolist()
         outer -= float(np.dot(before.pushes + after.pushes, after.q - before.q)) / 2
         if before.energy is not None and after.energy is not None:
             inner = after.energy - before.energy

@@ -153,18 +153,13 @@ def where_it_changes(stepper: Stepper, before: AcceptedState, after: AcceptedSta
     states = zip(before.shown, after.shown, strict=True)
     for s, (old, new) in zip(stepper.problem.surfaces, states, strict=True):
         names = letters(s.dim)
-        differs = old != new
         local = [
-            (tuple(x), str(names[a]), str(names[b]))
-            for x, a, b in zip(
-                s.positions[differs].tolist(), old[differs], new[differs], strict=True
-            )
+            (s.positions[i].tolist(), f"{names[old[i]]} to {names[new[i]]}")
+            for i in np.flatnonzero(old != new)
         ]
-        places: list[tuple[tuple[float, ...], str, str]] = sorted(
-            place for part in s.comm.allgather(local) for place in part
-        )
+        places = sorted(place for part in s.comm.allgather(local) for place in part)
         shown = ", ".join(
-            f"({', '.join(f'{c:.4g}' for c in x)}) {a} to {b}" for x, a, b in places[:_SHOWN]
+            f"({', '.join(f'{c:.4g}' for c in x)}) {change}" for x, change in places[:_SHOWN]
         )
         more = f" and {len(places) - _SHOWN} more" if len(places) > _SHOWN else ""
         if places:
