@@ -143,8 +143,8 @@ class ArcSteps(ExactSteps):
         # the first border of the piece
         distances = self.bordered.events(new.y, new.piece).distance
         beyond = distances < -_BEYOND * self.unit(new.y, new.piece)
-        if self._any(beyond):
-            if self._any(beyond & at_border):
+        if self.bordered.anywhere(beyond):
+            if self.bordered.anywhere(beyond & at_border):
                 return None
             crossing = self.first_event(point, new.y)
             border = None if crossing is None else self._point_at(point, *crossing)
@@ -197,7 +197,8 @@ class ArcSteps(ExactSteps):
         growth = [(distances(p, _PROBE) - distances(p, -_PROBE)) / (2 * _PROBE) for p in ends]
         inside, _ = _cubic(at_ends, growth, length)
         dips = (growth[0] < 0) & (growth[1] > 0) & (np.minimum(*at_ends) >= 0)
-        return self._any(dips & (inside.min(axis=0) < -_BEYOND * self.unit(new.y, new.piece)))
+        dips &= inside.min(axis=0) < -_BEYOND * self.unit(new.y, new.piece)
+        return b.anywhere(dips)
 
     def _point_at(self, point: BranchPoint, s: float, y: PETSc.Vec) -> BranchPoint | None:
         """Return the point y at arc length s from a point; None if it has no tangent."""
@@ -219,10 +220,6 @@ class ArcSteps(ExactSteps):
     def _distance(self, point: BranchPoint, y: PETSc.Vec) -> float:
         """Distance from a point to y, in the measure of arc length."""
         return self.bordered.length(y - point.y)
-
-    def _any(self, which: npt.NDArray[np.bool_]) -> bool:
-        """Return whether an entry is true on any rank. Collective."""
-        return self.bordered.anywhere(which)
 
 
 def _cubic(values: npt.ArrayLike, rates: npt.ArrayLike, length: float) -> tuple[Array, Array]:

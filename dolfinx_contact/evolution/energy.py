@@ -49,6 +49,7 @@ from dataclasses import asdict, astuple, dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from dolfinx_contact._mpi import total
 from dolfinx_contact.body.moving import MovingBody
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import ContactState, Evaluation
@@ -118,8 +119,8 @@ class Energies:
                 outer -= np.dot((p.force + q.force) / 2, q.un - p.un + moved)
             pressed += q.stored_since(p)
             spent += float(np.sum(q.spent))
-        parts = np.array([outer, inner, pressed, spent])
-        outer, inner, pressed, spent = after.equations.comm.allreduce(parts).tolist()
+        sums = total(after.equations.comm, [outer, inner, pressed, spent])
+        outer, inner, pressed, spent = map(float, sums)
         outer -= float(np.dot(before.pushes + after.pushes, after.q - before.q)) / 2
         if before.energy is not None and after.energy is not None:
             inner = after.energy - before.energy

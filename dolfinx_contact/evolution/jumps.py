@@ -36,12 +36,12 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact._mpi import anywhere
+from dolfinx_contact._mpi import anywhere, largest, total
 from dolfinx_contact.continuation import BranchStep, Follower, StepControl
 from dolfinx_contact.continuation.branch import BranchPoint, FoundRays, Ray, SpecialPoint
 from dolfinx_contact.continuation.ending import Ending
 from dolfinx_contact.continuation.ray_finder import KinkRays
-from dolfinx_contact.equations.data import data_of_surface
+from dolfinx_contact.equations.data import Datum, data_of_surface
 from dolfinx_contact.equations.evaluation import Statuses
 from dolfinx_contact.evolution.energy import Forces
 from dolfinx_contact.evolution.rate_problem import loaded
@@ -103,24 +103,19 @@ def changes(comm: MPI.Comm, a: AcceptedState, b: AcceptedState) -> StateChanges:
     """Measure the changes from one state to another. Collective."""
     d = b.unknowns - a.unknowns
     if not (isinstance(a.forces, Forces) and isinstance(b.forces, Forces)):
-        size = math.sqrt(comm.allreduce(float(np.dot(d, d))))
-        return StateChanges(np.array([0.0, size]), np.zeros(0), np.zeros(0))
+        unknowns = np.sqrt(total(comm, np.dot(d, d)))
+        return StateChanges(np.array([0.0, unknowns]), np.zeros(0), np.zeros(0))
     if a.forces.covered is not None and b.forces.covered is not None:
         d = d * np.minimum(a.forces.covered, b.forces.covered)
-    n = len(b.forces.surfaces)
-    sums = [np.array([np.dot(d, d)])]
-    maxima = [np.array([np.abs(b.forces.u - a.forces.u).max(initial=0.0)])]
-    for k in range(n):
-        points = _at_points(a, b, k)
-        sums.append(np.array([*points[:2].sum(axis=1), points.shape[1]]))
-        maxima.append(points.max(axis=1, initial=0.0))
-    square, *totals = comm.allreduce(np.concatenate(sums))
-    moved, *most = comm.allreduce(np.concatenate(maxima), op=np.maximum)
-    distances, weakened, number = np.reshape(totals, (n, 3)).T
-    means = np.array([distances, weakened]) / np.maximum(number, 1.0)
-    largest, lost, left = np.reshape(most, (n, 3)).T
+    moved = largest(comm, np.abs(b.forces.u - a.forces.u).max(initial=0.0))
+    unknowns = np.sqrt(total(comm, np.dot(d, d)))
+    points = [_at_points(a, b, k) for k in range(len(b.forces.surfaces))]
+    jumps, weakened, number = total(comm, [(*p[:2].sum(axis=1), p.shape[1]) for p in points]).T
+    most, lost, left = largest(comm, [p.max(axis=1, initial=0.0) for p in points]).T
+    number = np.maximum(number, 1.0)
+    parts = np.concatenate([[moved, unknowns], jumps / number, weakened / number])
     broken = np.divide(lost, left, out=np.zeros_like(left), where=left > 0)
-    return StateChanges(np.array([moved, math.sqrt(square), *means.ravel()]), largest, broken)
+    return StateChanges(parts, most, broken)
 
 
 def _at_points(a: AcceptedState, b: AcceptedState, k: int) -> Array:
@@ -234,8 +229,8 @@ class _Search:
         eq = stepper.problem.equations
         laws = [s.law_at_points.compiled for s in eq.surfaces]
         self._linear = eq.linear and all(law.is_piecewise_linear for law in laws)
-        at_points = [d.value for s in eq.surfaces for d in data_of_surface(s)]
-        self._data = [*eq.bulk.stiffness_data, *at_points]
+        self._data = [Datum("the body", f) for f in eq.bulk.stiffness_data]
+        self._data += [d for s in eq.surfaces for d in data_of_surface(s)]
 
     def look(
         self, path: Sequence[AcceptedState], end: AcceptedState, even: bool = False

@@ -30,7 +30,7 @@ from dolfinx import fem
 
 from dolfinx_contact._mpi import Arguments, collective
 from dolfinx_contact._ufl import described, refuse_other_mesh
-from dolfinx_contact._validate import is_number
+from dolfinx_contact._validate import is_number, positive
 from dolfinx_contact.body.inertia import Mass
 from dolfinx_contact.body.moving import Scheme, TimeStep
 from dolfinx_contact.continuation.observer import Observer, ObserverLike, Stop
@@ -56,7 +56,7 @@ def _check(a: Arguments) -> None:
     problem = a.problem
     if not isinstance(problem, ContactProblem):
         raise ValueError(f"a ContactProblem is needed, got {type(problem).__name__}")
-    a.dt = _positive_time("dt", a.dt)
+    a.dt = positive(a.dt, "dt", "a positive time")
     Method(a.scheme, a.theta, a.level, a.restitution, a.mass)
     if a.velocity is not None and getattr(a.velocity, "function_space", None) != problem.V:
         raise ValueError("velocity must be a Function of the space of the displacement")
@@ -97,7 +97,7 @@ def _compared(a: Arguments) -> dict[str, Any]:
 def _check_run(a: Arguments) -> None:
     """Check the arguments of a run through times."""
     if a.locate is not None:
-        a.locate = _positive_time("locate", a.locate)
+        a.locate = positive(a.locate, "locate", "a positive time")
         if a.locate > a.self._dt:
             raise ValueError(f"locate must not be longer than dt, got {a.locate!r}")
     a.times = checked_times(a.times, None if a.start is not None else a.self._accepted)
@@ -106,7 +106,7 @@ def _check_run(a: Arguments) -> None:
 
 def _check_settle(a: Arguments) -> None:
     """Check the arguments of a run to rest."""
-    a.max_time = _positive_time("max_time", a.max_time)
+    a.max_time = positive(a.max_time, "max_time", "a positive time")
     if not (is_number(a.rest) and 0 < a.rest < 1):
         raise ValueError(f"rest must be between 0 and 1, got {a.rest!r}")
     Listeners(observer=a.observer, progress=a.progress).check(a.self._record)
@@ -314,13 +314,6 @@ class NSCD(Evolution):
             self._held,
             False if progress is False else None,
         )
-
-
-def _positive_time(name: str, value: Any) -> float:
-    """Return a positive finite time as a float, or raise ``ValueError``."""
-    if not (is_number(value) and math.isfinite(value) and value > 0):
-        raise ValueError(f"{name} must be a positive time, got {value!r}")
-    return float(value)
 
 
 def _described(damping: Any, V: fem.FunctionSpace) -> str:

@@ -32,7 +32,7 @@ import numpy.typing as npt
 
 from dolfinx_contact._mpi import anywhere, everywhere, require
 from dolfinx_contact.equations.contact import ContactEquations
-from dolfinx_contact.equations.data import Constancy, placed_data
+from dolfinx_contact.equations.data import Constancy, Datum, placed_data
 from dolfinx_contact.equations.evaluation import Evaluation, Statuses
 from dolfinx_contact.equations.measures import Scales, least_scales
 from dolfinx_contact.equations.state import State
@@ -196,18 +196,18 @@ class Stepper:
         self.problem.show(accepted.state)
         self._show_more(accepted.state)
 
-    def keeps(self, data: Sequence[Any], start: float, end: float) -> bool:
+    def keeps(self, data: Sequence[Datum], start: float, end: float) -> bool:
         """Return whether data have the same values under the loads of two times. Collective.
 
         Args:
-            data: Functions and Constants.
+            data: data of the problem.
             start: first time.
             end: second time, whose load is left in the data.
         """
         self._set(start)
-        before = [_values(f).copy() for f in data]
+        before = [d.values.copy() for d in data]
         self._set(end)
-        same = all(np.array_equal(_values(f), v) for f, v in zip(data, before, strict=True))
+        same = all(np.array_equal(d.values, v) for d, v in zip(data, before, strict=True))
         return not anywhere(self.problem.comm, not same)[0]
 
     def _set(self, time: float) -> None:
@@ -235,7 +235,7 @@ class Stepper:
         comm = self.problem.comm
         data = placed_data(self.problem.equations)
         # the start or the solve reports values that are not finite
-        bad = anywhere(comm, *(not np.isfinite(_values(d.value)).all() for d in data))
+        bad = anywhere(comm, *(not np.isfinite(d.values).all() for d in data))
         before = Constancy(comm, [d for d, wrong in zip(data, bad, strict=True) if not wrong])
         self._set(later)
         self._set(time)
@@ -420,8 +420,3 @@ def _residual(eq: ContactEquations, evaluation: Evaluation) -> float:
     force, length = least_scales(eq, 0.0)
     unloaded = scales.force <= force and scales.length <= length
     return 0.0 if unloaded else worst
-
-
-def _values(f: Any) -> Array:
-    """Return the values of a Function or Constant on this rank."""
-    return np.asarray(f.x.array if hasattr(f, "x") else f.value)

@@ -381,8 +381,7 @@ class ThroughTimes(Rule[HistoryTask]):
         """Return whether two statuses are equal on all ranks, or unknown. Collective."""
         if a is None or b is None:
             return True
-        number = sum(int(np.count_nonzero(d)) for d in differs(a, b))
-        return not self._comm.allreduce(number)
+        return not anywhere(self._comm, any(d.any() for d in differs(a, b)))[0]
 
     def _require_unfolded(self, after: AcceptedState) -> None:
         """Raise `ConvergenceError` if the smallest det F falls suddenly in a step. Collective."""
