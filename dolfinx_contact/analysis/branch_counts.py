@@ -25,7 +25,7 @@ import numpy as np
 
 from dolfinx_contact._files import part_of
 from dolfinx_contact._mpi import Arguments, collective
-from dolfinx_contact._validate import is_count, is_number
+from dolfinx_contact._validate import count, instance, listed, nonnegative, number
 from dolfinx_contact.continuation import Branch, Diagram, Solutions, System, find_solutions
 from dolfinx_contact.continuation.layout import Layout
 from dolfinx_contact.proofs.check_proof import Certificate
@@ -165,19 +165,16 @@ class BranchCounts:
 
 
 def _check(a: Arguments) -> None:
-    if not isinstance(a.diagram, Diagram):
-        raise ValueError(f"diagram must be a result of explore, got {type(a.diagram).__name__}")
+    instance(a.diagram, "diagram", Diagram, "a result of explore")
     if not any(branch.points for branch in a.diagram.branches):
         raise ValueError("the diagram has no branch")
     if a.gammas is not None:
-        values = list(a.gammas) if isinstance(a.gammas, Iterable) else [None]
-        if not values or not all(is_number(g) and np.isfinite(g) for g in values):
-            raise ValueError(f"gammas must be finite numbers, one or more, got {a.gammas!r}")
-        a.gammas = [float(g) for g in values]
-    if not is_count(a.most):
-        raise ValueError(f"most must be 1 or more, got {a.most!r}")
-    if not (is_number(a.proof_seconds) and a.proof_seconds >= 0):
-        raise ValueError(f"proof_seconds must be a number from 0 on, got {a.proof_seconds!r}")
+        a.gammas = [number(g, "gammas", "finite numbers") for g in listed(a.gammas, "gammas")]
+        if not a.gammas:
+            raise ValueError("gammas must be finite numbers, one or more, got none")
+    count(a.most, "most")
+    if a.proof_seconds != np.inf:
+        nonnegative(a.proof_seconds, "proof_seconds")
 
 
 @collective("counts along branches", _check)
@@ -272,14 +269,14 @@ def _placed(found: Solutions, known: list[_Crossing]) -> tuple[tuple[int, ...], 
     """
     on = [-1] * len(found.found)
     unfound: set[int] = set()
-    for number, x, away in known:
+    for index, x, away in known:
         distances = [_distance(x, solution.x) for solution in found.found]
         if min(distances, default=np.inf) > away:
-            unfound.add(number)
+            unfound.add(index)
             continue
         nearest = int(np.argmin(distances))
         if on[nearest] < 0:
-            on[nearest] = number
+            on[nearest] = index
     return tuple(on), tuple(sorted(unfound))
 
 
@@ -314,7 +311,7 @@ def _crossings(
     """Return the states of the branches at a gamma, by interpolation. Collective."""
     straight = system.is_piecewise_affine
     found: list[_Crossing] = []
-    for number, branch in enumerate(branches):
+    for index, branch in enumerate(branches):
         for a, b in itertools.pairwise(branch.points):
             if a.gamma == b.gamma or not min(a.gamma, b.gamma) <= gamma <= max(a.gamma, b.gamma):
                 continue
@@ -326,8 +323,8 @@ def _crossings(
             same = _SAME * float(x.norm()) + _NOTHING * size
             away = same + (0.0 if straight else _CHORD * float(step.norm()))
             step.destroy()
-            if any(k == number and _distance(x, z) <= same for k, z, _ in found):
+            if any(k == index and _distance(x, z) <= same for k, z, _ in found):
                 x.destroy()  # the end of one step and the start of the next
             else:
-                found.append((number, x, away))
+                found.append((index, x, away))
     return found

@@ -10,32 +10,66 @@ of a region are those in the middles of its cells.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations, pairwise
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 from scipy.sparse import csgraph
 
 from dolfinx_contact.analysis.charts import Chart, ChartCell, ChartCurve
-from dolfinx_contact.analysis.event_curves import EventCurves, strips
+from dolfinx_contact.analysis.event_curves import EventCurves, layers, strips
 from dolfinx_contact.analysis.regions import Region, Regions
 
 __all__ = ["ChartRegion", "ChartScene", "chart_scene"]
 
 Array = npt.NDArray[np.float64]
 Ranges = tuple[tuple[float, float], tuple[float, float]]
-#: Values of mu in a strip, and gamma of its lower and upper border there.
-Area = tuple[Array, Array, Array]
 
 _SAME = 1e-9  # fraction of the ranges below which two values are equal
 _STEPS = 64  # number of points along the outline of a region
 
 
+class Area(NamedTuple):
+    """Values of mu in a strip, and gamma of the lower and the upper border there."""
+
+    mus: Array
+    below: Array
+    above: Array
+
+    @property
+    def size(self) -> float:
+        """Area in units of mu and gamma."""
+        return float(np.trapezoid(self.above - self.below, self.mus))
+
+    @property
+    def outline(self) -> Array:
+        """Corners (mu, gamma) of a polygon, shape (n, 2)."""
+        gammas = [*self.below, *self.above[::-1]]
+        return np.column_stack([[*self.mus, *self.mus[::-1]], gammas])
+
+    @property
+    def place(self) -> tuple[float, float]:
+        """Point (mu, gamma) inside, where the area is high, and not close to an end."""
+        fine = np.linspace(self.mus[0], self.mus[-1], 33)
+        below, above = (np.interp(fine, self.mus, v) for v in (self.below, self.above))
+        k = int(np.argmax((above - below) * (1 - np.abs(np.linspace(-0.8, 0.8, 33)))))
+        return float(fine[k]), float(below[k] + above[k]) / 2
+
+    def contains(self, points: Array, ranges: Ranges) -> npt.NDArray[np.bool_]:
+        """Return whether points (n, 2) lie inside; points on a curve do not."""
+        near = _SAME * (ranges[1][1] - ranges[1][0])
+        x, y = points.T
+        below, above = (np.interp(x, self.mus, v) for v in (self.below, self.above))
+        in_strip = (self.mus[0] <= x) & (x <= self.mus[-1])
+        return np.asarray(in_strip & (below + near < y) & (y < above - near))
+
+
 @dataclass(frozen=True, eq=False)
 class ChartRegion:
-    """A part of a chart in which the number of solutions is the same.
+    """Part of a chart in which the number of solutions is the same.
 
     Attributes:
         number: number of the region, from 1.
@@ -56,7 +90,7 @@ class ChartRegion:
 
 @dataclass(frozen=True, eq=False)
 class ChartScene:
-    """The regions and curves of a chart.
+    """Regions and curves of a chart.
 
     Attributes:
         ranges: smallest and largest mu and gamma.
@@ -98,107 +132,76 @@ def chart_scene(chart: Chart | Regions, curves: EventCurves | None = None) -> Ch
     ranges = (float(low[0]), float(high[1])), (float(low[2]), float(high[3]))
     areas: list[Area]
     if isinstance(chart, Regions):
-        areas = [cell.outline(_STEPS) for cell in chart.cells]
+        areas = [Area(*cell.outline(_STEPS)) for cell in chart.cells]
     elif folds:
         areas = [a for strip in strips(folds, ranges[0]) for a in _between(folds, strip, ranges)]
     else:
-        areas = [cell.outline() for cell in chart.cells]
+        areas = [Area(*cell.outline()) for cell in chart.cells]
     exact = bool(folds) or isinstance(chart, Regions)
     return ChartScene(ranges, _regions(areas, chart, ranges), known, chart.cells, exact)
 
 
 def _between(
     curves: Sequence[ChartCurve], strip: tuple[float, float], ranges: Ranges
-) -> Iterator[Area]:
-    """The areas between curves in a strip, from below."""
-    low, high = strip
-    near = _SAME * (ranges[0][1] - ranges[0][0])
-    across = [c for c in curves if c.span[0] <= low + near and c.span[1] >= high - near]
-    across.sort(key=lambda curve: curve.at((low + high) / 2))
-    mus = np.unique(np.concatenate([[low, high], *(c.breaks for c in across)]))
-    mus = mus[(low <= mus) & (mus <= high)]
+) -> list[Area]:
+    """Return the areas between curves in a strip, from below."""
     least, most = ranges[1]
-    borders = [np.clip(np.interp(mus, *np.array(curve.points).T), least, most) for curve in across]
-    borders = [np.full_like(mus, least), *borders, np.full_like(mus, most)]
-    for below, above in pairwise(borders):
-        if (above - below).max() > _SAME * (most - least):
-            yield mus, below, above
+    near = _SAME * (most - least)
+    across = [group[0] for group in layers(curves, strip, near)]
+    mus = np.unique(np.concatenate([strip, *(c.breaks for c in across)]))
+    mus = mus[(strip[0] <= mus) & (mus <= strip[1])]
+    heights = [np.interp(mus, *np.array(curve.points).T) for curve in across]
+    borders = np.clip([np.full_like(mus, least), *heights, np.full_like(mus, most)], least, most)
+    return [Area(mus, a, b) for a, b in pairwise(borders) if (b - a).max() > near]
 
 
 def _regions(areas: Sequence[Area], chart: Chart | Regions, ranges: Ranges) -> list[ChartRegion]:
     """Join areas that touch and have as many solutions."""
     middles = np.array([cell.middle for cell in chart.cells])
+    proofs = np.array([cell.proved for cell in chart.cells])
     sets = [tuple(cell.solutions) for cell in chart.cells]
+    inside = np.array([area.contains(middles, ranges) for area in areas])
+    places = [area.place for area in areas]
+    # The solutions of an area without a middle are those of the nearest cell.
+    known = inside.copy()
     scale = [high - low for low, high in ranges]
-    inside = np.array([_inside(area, middles, ranges) for area in areas])
-    places = [_place(area) for area in areas]
+    for k in np.flatnonzero(~inside.any(axis=1)):
+        known[k, np.linalg.norm((middles - places[k]) / scale, axis=1).argmin()] = True
 
-    def sets_in(k: int, cells: npt.NDArray[np.bool_]) -> list[tuple[str, ...]]:
-        """Sets of statuses in cells, the most frequent first; without cells, in the nearest one."""
-        if not cells.any():
-            away = np.linalg.norm((middles - places[k]) / scale, axis=1)
-            return [sets[int(np.argmin(away))]]
+    def by_frequency(cells: npt.NDArray[np.bool_]) -> list[tuple[str, ...]]:
         return [one for one, _ in Counter(sets[i] for i in np.flatnonzero(cells)).most_common()]
 
-    counts = []
-    for k, cells in enumerate(inside):
-        numbers = Counter(len(sets[i]) for i in np.flatnonzero(cells))
-        counts.append(numbers.most_common(1)[0][0] if numbers else len(sets_in(k, cells)[0]))
-    n = len(areas)
-    joined = np.zeros((n, n), dtype=bool)
-    for a, b in combinations(range(n), 2):
-        joined[a, b] = counts[a] == counts[b] and _touch(areas[a], areas[b], ranges)
+    counts = [Counter(len(sets[i]) for i in np.flatnonzero(cells)) for cells in known]
+    usual = [numbers.most_common(1)[0][0] for numbers in counts]
+    joined = np.zeros((len(areas), len(areas)), dtype=bool)
+    for a, b in combinations(range(len(areas)), 2):
+        joined[a, b] = usual[a] == usual[b] and _touch(areas[a], areas[b], ranges)
     number, label = csgraph.connected_components(joined, directed=False)
     regions: list[ChartRegion] = []
     for members in (np.flatnonzero(label == k) for k in range(number)):
         examined = np.asarray(inside[members].any(axis=0))
-        sizes = [float(np.trapezoid(areas[k][2] - areas[k][1], areas[k][0])) for k in members]
-        widest = int(members[np.argmax(sizes)])
-        solutions = sets_in(widest, examined)
         looked = int(examined.sum())
-        proved = looked > 0 and len({len(one) for one in solutions}) == 1
-        proved = proved and all(chart.cells[i].proved for i in np.flatnonzero(examined))
-        outlines = [
-            np.column_stack([[*mus, *mus[::-1]], [*below, *above[::-1]]])
-            for mus, below, above in (areas[k] for k in members)
-        ]
-        regions.append(ChartRegion(0, outlines, solutions, proved, looked, places[widest]))
+        widest = int(max(members, key=lambda k: areas[int(k)].size))
+        solutions = by_frequency(examined if looked else known[widest])
+        proved = looked > 0 and len({len(s) for s in solutions}) == 1 and proofs[examined].all()
+        outlines = [areas[k].outline for k in members]
+        regions.append(ChartRegion(0, outlines, solutions, bool(proved), looked, places[widest]))
     regions.sort(key=lambda region: region.place)
     return [replace(region, number=number) for number, region in enumerate(regions, 1)]
 
 
-def _inside(area: Area, places: Array, ranges: Ranges) -> npt.NDArray[np.bool_]:
-    """Whether places (n, 2) lie in an area; those on a curve lie in none."""
-    mus, below, above = area
-    near = _SAME * (ranges[1][1] - ranges[1][0])
-    x, y = places.T
-    between = (np.interp(x, mus, below) + near < y) & (y < np.interp(x, mus, above) - near)
-    return np.asarray((mus[0] <= x) & (x <= mus[-1]) & between)
-
-
 def _touch(a: Area, b: Area, ranges: Ranges) -> bool:
-    """Whether two areas share a part of a side between strips or of a border."""
+    """Return whether two areas share a part of a side between strips or of a border."""
     wide, tall = (_SAME * (high - low) for low, high in ranges)
     for one, other in ((a, b), (b, a)):
-        if abs(one[0][-1] - other[0][0]) <= wide:
-            common = min(one[2][-1], other[2][0]) - max(one[1][-1], other[1][0])
-            if common > tall:
-                return True
-        left = max(one[0][0], other[0][0])
-        overlap = min(one[0][-1], other[0][-1]) - left
+        side = min(one.above[-1], other.above[0]) - max(one.below[-1], other.below[0])
+        if abs(one.mus[-1] - other.mus[0]) <= wide and side > tall:
+            return True
+        left = max(one.mus[0], other.mus[0])
+        overlap = min(one.mus[-1], other.mus[-1]) - left
         if overlap > wide:
             middle = left + overlap / 2
-            above = np.interp(middle, one[0], one[2])
-            below = np.interp(middle, other[0], other[1])
-            if abs(float(above - below)) <= tall:
+            above = np.interp(middle, one.mus, one.above)
+            if abs(float(above - np.interp(middle, other.mus, other.below))) <= tall:
                 return True
     return False
-
-
-def _place(area: Area) -> tuple[float, float]:
-    """A place inside an area: where it is high, and not close to an end."""
-    mus, below, above = area
-    fine = np.linspace(mus[0], mus[-1], 33)
-    heights = np.interp(fine, mus, above) - np.interp(fine, mus, below)
-    mu = fine[np.argmax(heights * (1 - np.abs(np.linspace(-0.8, 0.8, 33))))]
-    return float(mu), float(np.interp(mu, mus, below) + np.interp(mu, mus, above)) / 2

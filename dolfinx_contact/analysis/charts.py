@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Charts: numbers of solutions of a contact problem over two parameters, cell by cell.
+"""Charts: numbers of solutions of a contact problem over two parameters, in cells.
 
-In the middle of each cell all solutions are searched, with a proof that there are no others
+All solutions in the middle of each cell are searched, with a proof that there are no others
 (`proofs`). A cell is divided if a curve of folds passes through it, or if the number of solutions
 of a neighbour differs where no curve is known to pass. Proofs hold in the middles: it is not proved
 that nothing changes within a cell.
@@ -15,7 +15,7 @@ import zlib
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -30,10 +30,19 @@ from dolfinx_contact.continuation.arguments import checked_range
 from dolfinx_contact.laws import status
 from dolfinx_contact.proofs import prove_solutions
 
-__all__ = ["Chart", "ChartCell", "ChartCurve", "count_solutions", "letters", "solutions_at"]
+__all__ = [
+    "Cells",
+    "Chart",
+    "ChartCell",
+    "ChartCurve",
+    "count_solutions",
+    "letters",
+    "solutions_at",
+]
 
 Array = npt.NDArray[np.float64]
 Codes = tuple[bytes, ...]
+Cell = TypeVar("Cell", bound="ChartCell")
 
 _KIND = "a chart of solutions"
 _FORMAT = 2
@@ -42,7 +51,7 @@ _STEPS = 32  # of a curve, between two points at which its statuses change
 
 @dataclass(frozen=True)
 class ChartCell:
-    """A cell of a chart.
+    """Cell of a chart.
 
     Attributes:
         mu: lower and upper end.
@@ -54,28 +63,62 @@ class ChartCell:
 
     mu: tuple[float, float]
     gamma: tuple[float, float]
-    solutions: tuple[str, ...]
-    proved: bool
-
-    @property
-    def middle(self) -> tuple[float, float]:
-        """(mu, gamma) at which the solutions are known."""
-        return (self.mu[0] + self.mu[1]) / 2, (self.gamma[0] + self.gamma[1]) / 2
+    solutions: tuple[str, ...] = ()
+    proved: bool = False
 
     @property
     def count(self) -> int:
         """Number of solutions in the middle; a lower bound if it is not proved."""
         return len(self.solutions)
 
-    def outline(self) -> tuple[Array, Array, Array]:
-        """Values of mu (2,), and the least and the largest gamma there (2,)."""
-        low, high = self.gamma
-        return np.array(self.mu), np.full(2, low), np.full(2, high)
+    @property
+    def middle(self) -> tuple[float, float]:
+        """Point (mu, gamma) at which the solutions are known."""
+        mu = (self.mu[0] + self.mu[1]) / 2
+        return mu, sum(self.ends(mu)) / 2
+
+    def ends(self, mu: float) -> tuple[float, float]:
+        """Return the least and the largest gamma at mu."""
+        return self.gamma
+
+    def outline(self, number: int = 2) -> tuple[Array, Array, Array]:
+        """Return values of mu (number,), and the least and the largest gamma there."""
+        mus: Array = np.asarray(np.linspace(*self.mu, number), dtype=np.float64)
+        ends: Array = np.array([self.ends(float(mu)) for mu in mus])
+        return mus, ends[:, 0], ends[:, 1]
+
+
+class Cells(Generic[Cell]):
+    """Cells that fill ranges of mu and gamma without overlap.
+
+    Attributes:
+        cells: cells, sorted by mu and gamma.
+    """
+
+    cells: tuple[Cell, ...]
+
+    @property
+    def proved(self) -> bool:
+        """Whether all numbers are proved."""
+        return all(c.proved for c in self.cells)
+
+    def at(self, mu: float, gamma: float) -> Cell:
+        """Return the cell that contains (mu, gamma).
+
+        Raises:
+            ValueError: outside of all cells.
+        """
+        for c in self.cells:
+            if c.mu[0] <= mu <= c.mu[1]:
+                low, high = c.ends(mu)
+                if low <= gamma <= high:
+                    return c
+        raise ValueError(f"({mu:g}, {gamma:g}) is outside of the cells")
 
 
 @dataclass(frozen=True)
 class ChartCurve(CurveOverMu):
-    """A curve of folds or events in a chart, as a polyline.
+    """Curve of folds or events in a chart, as a polyline.
 
     Attributes:
         kind: ``"fold"`` where gamma turns back, ``"event"`` where it continues.
@@ -87,7 +130,7 @@ class ChartCurve(CurveOverMu):
 
     @classmethod
     def of(cls, curve: EventCurve) -> ChartCurve:
-        """Points of a curve, which lie on it up to round-off."""
+        """Return points of a curve, which lie on it up to round-off."""
         points = curve.points(_STEPS)
         # At its own end a curve may have no gamma.
         points = points[np.isfinite(points).all(axis=1)]
@@ -104,12 +147,13 @@ class ChartCurve(CurveOverMu):
         return np.array(self.points)[:, 0]
 
     def at(self, mu: float) -> float:
-        """Gamma at mu."""
-        return float(np.interp(mu, *np.array(self.points).T))
+        """Gamma at mu; NaN outside of the span."""
+        mus, gammas = np.array(self.points).T
+        return float(np.interp(mu, mus, gammas, left=np.nan, right=np.nan))
 
 
 @dataclass(frozen=True, eq=False)
-class Chart:
+class Chart(Cells[ChartCell]):
     """Numbers of solutions over two parameters.
 
     Attributes:
@@ -119,22 +163,6 @@ class Chart:
 
     cells: tuple[ChartCell, ...]
     curves: tuple[ChartCurve, ...] = ()
-
-    @property
-    def proved(self) -> bool:
-        """Whether all numbers are proved."""
-        return all(c.proved for c in self.cells)
-
-    def at(self, mu: float, gamma: float) -> ChartCell:
-        """The cell that contains (mu, gamma).
-
-        Raises:
-            ValueError: outside of the chart.
-        """
-        for c in self.cells:
-            if c.mu[0] <= mu <= c.mu[1] and c.gamma[0] <= gamma <= c.gamma[1]:
-                return c
-        raise ValueError(f"({mu:g}, {gamma:g}) is outside of the chart")
 
     def save(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
         """Write the chart to a file, without loss; from one rank.
@@ -175,9 +203,9 @@ class Chart:
         try:
             words = json.loads(Path(path).read_bytes())
         except ValueError as error:
-            raise ValueError(f"{path} is no chart, or is damaged: {error}") from None
+            raise ValueError(f"{path} is not a chart, or is damaged: {error}") from None
         if not isinstance(words, dict) or words.get("of") != _KIND:
-            raise ValueError(f"{path} is no chart")
+            raise ValueError(f"{path} is not a chart")
         if words.get("format") != _FORMAT:
             raise ValueError(f"{path} has the format {words.get('format')}, known is {_FORMAT}")
         content = {name: words.get(name, []) for name in ("cells", "curves")}
@@ -237,7 +265,7 @@ def solutions_at(
 
 
 def letters(solutions: Codes) -> tuple[str, ...]:
-    """Statuses as letters of the points, sorted."""
+    """Return statuses as letters of the points, sorted."""
     return tuple(sorted(status.word(np.frombuffer(codes, np.int8)) for codes in solutions))
 
 
@@ -286,7 +314,7 @@ def count_solutions(
 
 @dataclass(frozen=True)
 class _Leaf:
-    """A cell in units of the finest cells.
+    """Cell in units of the finest cells.
 
     Attributes:
         i, j: first finest cell along mu and gamma.
@@ -302,21 +330,27 @@ class _Leaf:
     proved: bool = False
 
     def parts(self) -> list[_Leaf]:
-        """The four quarters, which start from the solutions of this cell."""
+        """Return the four quarters, with the solutions of this cell as known ones."""
         half = self.size // 2
         return [
-            _Leaf(self.i + a * half, self.j + b * half, half, self.codes)
-            for a in (0, 1)
-            for b in (0, 1)
+            _Leaf(i, j, half, self.codes)
+            for i in (self.i, self.i + half)
+            for j in (self.j, self.j + half)
         ]
 
     def place(self, more: int = 0) -> tuple[slice, slice]:
-        """The finest cells, and ``more`` on every side."""
+        """Return slices of the finest cells, with ``more`` of them on every side."""
         i, j = (slice(max(k - more, 0), k + self.size + more) for k in (self.i, self.j))
         return i, j
 
 
 class _Counting:
+    """Counting in cells that are divided at borders.
+
+    Attributes:
+        raster: number of solutions of the cell that contains each finest cell.
+    """
+
     def __init__(
         self,
         family: ContactFamily,
@@ -325,57 +359,51 @@ class _Counting:
         depth: int,
         seconds: float,
     ):
-        self.family = family
-        self.ranges = ranges
-        self.seconds = seconds
-        self.size = 2**depth
-        self.cells = cells
-        #: Number of solutions of the cell that contains each finest cell.
-        self.raster = np.zeros([n * self.size for n in cells], dtype=int)
-        self.leaves: list[_Leaf] = []
+        self._family = family
+        self._ranges = ranges
+        self._seconds = seconds
+        self._size = 2**depth
+        self.raster = np.zeros([n * self._size for n in cells], dtype=int)
 
     def run(self, curves: EventCurves | None) -> Chart:
         """Count, and divide the cells at borders."""
-        size = self.size
-        across, along = self.cells
-        self._count([_Leaf(i * size, j * size, size) for i in range(across) for j in range(along)])
+        size = self._size
+        across, along = self.raster.shape
+        first = [_Leaf(i, j, size) for i in range(0, across, size) for j in range(0, along, size)]
+        level = self._counted(first)
+        leaves: list[_Leaf] = []
         passed = self._passed(curves)
         while size > 1:
-            divided = self._at_border([leaf for leaf in self.leaves if leaf.size == size], passed)
-            self.leaves = [leaf for leaf in self.leaves if leaf not in divided]
-            self._count([part for leaf in divided for part in leaf.parts()])
+            divided = self._at_border(level, passed)
+            leaves += [leaf for leaf in level if leaf not in divided]
+            level = self._counted([part for leaf in divided for part in leaf.parts()])
             size //= 2
-        self.leaves.sort(key=lambda leaf: (leaf.i, leaf.j))
+        leaves = sorted(leaves + level, key=lambda leaf: (leaf.i, leaf.j))
         kept = () if curves is None else tuple(map(ChartCurve.of, curves.curves))
         cells = (
-            ChartCell(*self._ends(leaf), letters(leaf.codes), leaf.proved) for leaf in self.leaves
+            replace(self._cell(v), solutions=letters(v.codes), proved=v.proved) for v in leaves
         )
         return Chart(tuple(cells), kept)
 
-    def _count(self, leaves: Sequence[_Leaf]) -> None:
-        """Count the solutions in new cells, starting from their known ones."""
-        places = [((a + b) / 2, (c + d) / 2) for (a, b), (c, d) in map(self._ends, leaves)]
-        known = [leaf.codes for leaf in leaves]
-        found = solutions_at(self.family, places, known, self.seconds, "cells")
-        for leaf, (codes, proved) in zip(leaves, found, strict=True):
-            self.leaves.append(replace(leaf, codes=codes, proved=proved))
-            self.raster[leaf.place()] = len(codes)
+    def _cell(self, leaf: _Leaf) -> ChartCell:
+        def ends(k: int, axis: int) -> tuple[float, float]:
+            low, high = self._ranges[axis]
+            step = (high - low) / self.raster.shape[axis]
+            return low + k * step, low + (k + leaf.size) * step
 
-    def _ends(self, leaf: _Leaf) -> tuple[tuple[float, float], tuple[float, float]]:
-        """Ends of a cell, of mu and of gamma."""
-        mu, gamma = (
-            (low + k * step, low + (k + leaf.size) * step)
-            for k, low, step in (
-                (k, low, (high - low) / number)
-                for k, (low, high), number in zip(
-                    (leaf.i, leaf.j), self.ranges, self.raster.shape, strict=True
-                )
-            )
-        )
-        return mu, gamma
+        return ChartCell(ends(leaf.i, 0), ends(leaf.j, 1))
+
+    def _counted(self, leaves: Sequence[_Leaf]) -> list[_Leaf]:
+        """Count the solutions in new cells, starting from their known ones."""
+        places = [self._cell(leaf).middle for leaf in leaves]
+        known = [leaf.codes for leaf in leaves]
+        found = solutions_at(self._family, places, known, self._seconds, "cells")
+        for leaf, (codes, _) in zip(leaves, found, strict=True):
+            self.raster[leaf.place()] = len(codes)
+        return [replace(v, codes=c, proved=p) for v, (c, p) in zip(leaves, found, strict=True)]
 
     def _at_border(self, level: Sequence[_Leaf], passed: npt.NDArray[np.bool_]) -> list[_Leaf]:
-        """Cells through which folds pass, and cells whose number changes without a known fold."""
+        """Return cells passed by folds, and cells whose number changes without a known fold."""
         at_border = [leaf for leaf in level if passed[leaf.place()].any()]
         explained = np.zeros_like(passed)
         for leaf in at_border:
@@ -387,14 +415,15 @@ class _Counting:
         return at_border
 
     def _passed(self, curves: EventCurves | None) -> npt.NDArray[np.bool_]:
-        """Finest cells through which curves of folds pass."""
+        """Return flags of the finest cells through which curves of folds pass."""
         passed = np.zeros(self.raster.shape, dtype=bool)
-        (low, high), (least, most) = self.ranges
-        across = np.linspace(low, high, 8 * self.raster.shape[0] + 1)
-        for number, mu in enumerate(float(mu) for mu in across):
-            i = min(number // 8, len(passed) - 1)
-            for gamma in curves.folds_at(mu) if curves is not None else ():
-                j = int((gamma - least) / (most - least) * self.raster.shape[1])
-                if 0 <= j < self.raster.shape[1]:
-                    passed[i, j] = True
+        if curves is None:
+            return passed
+        (low, high), (least, most) = self._ranges
+        across, along = passed.shape
+        for number, mu in enumerate(np.linspace(low, high, 8 * across + 1)):
+            for gamma in curves.folds_at(float(mu)):
+                j = int((gamma - least) / (most - least) * along)
+                if 0 <= j < along:
+                    passed[min(number // 8, across - 1), j] = True
         return passed

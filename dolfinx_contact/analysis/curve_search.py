@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Following curves of folds and events in two parameters through their meeting points.
+"""Search for curves of folds and events in two parameters, through their meeting points.
 
 On a border (`family`) gamma is a function of mu on some intervals. An interval ends where
 another point comes to a border of its own, or the same one to its apex: there other borders meet
@@ -36,7 +36,7 @@ _MOST_CHOICES = 256  # borders that may meet at one state
 
 @dataclass(eq=False)
 class _Joint:
-    """A state and the segments that end there, with the side on which they lie."""
+    """State, and the segments that end there with the side on which they lie."""
 
     mu: float
     gamma: float
@@ -56,14 +56,14 @@ def follow_events(
     """Follow curves through given borders, and all curves that they meet.
 
     Args:
-        family: the problem with two parameters.
+        family: problem with two parameters.
         starts: statuses of borders (`Frame`) and the mu at which they are known.
         mu_range: least and largest mu.
         gamma_range: least and largest gamma.
-        folds_only: whether curves of folds alone are followed from a start, or a meeting, on.
+        folds_only: whether only curves of folds are followed from starts and meetings.
 
     Raises:
-        ValueError: if a start is no state of its border.
+        ValueError: if a border has no state at the mu of its start.
     """
     search = _Search(family, mu_range, gamma_range, folds_only)
     for codes, mu in starts:
@@ -95,7 +95,7 @@ class _Search:
     # -- segments --------------------------------------------------------------------------------
 
     def of(self, codes: Codes) -> list[int]:
-        """The segments of a border, by number."""
+        """Return the numbers of the segments of a border."""
         key = codes.tobytes()
         if key not in self._numbers:
             frame = Frame(self.family, codes)
@@ -111,11 +111,11 @@ class _Search:
         return self._numbers[key]
 
     def _intervals(self, frame: Frame) -> list[tuple[float, float]]:
-        """Where the border holds states."""
+        """Return the intervals of mu in which the border has states."""
         cuts = [self.mus[0]]
         one = _ONE * (self.mus[1] - self.mus[0])
         for mu in frame.ends(self.mus, self.gammas):
-            # At an apex functions of several points vanish, which round-off parts.
+            # At an apex, functions of several points vanish at values that differ by round-off.
             if cuts[-1] + one < mu < self.mus[1] - one:
                 cuts.append(float(mu))
         cuts.append(self.mus[1])
@@ -190,7 +190,7 @@ class _Search:
         return joint
 
     def _ends_at(self, codes: Codes, mu: float, w: Array) -> Iterator[tuple[int, int]]:
-        """Segments of a border that end at a state, and their sides: -1 is the lower end."""
+        """Yield segments of a border that end at a state, and their sides; -1: lower end."""
         for n in self.of(codes):
             s = self.segments[n]
             for side, end in ((-1, s.low), (1, s.high)):
@@ -208,7 +208,7 @@ class _Search:
         return float(max(k * np.abs(w[:, :2]).max(), np.abs(w[:, 2:]).max()))
 
     def _borders_at(self, w: Array, mu: float) -> list[Codes] | None:
-        """All borders that may hold a state; None if these are too many."""
+        """Return all borders that contain a state; None if there are too many."""
         f = self.family
         tolerance = _HELD * self._size(w)
         held = [f.held(i, w[i], mu, tolerance) for i in range(f.points)]
@@ -234,36 +234,31 @@ class _Search:
     def _far_end(
         self, frame: Frame, which: int, mu: float, w: Array
     ) -> Iterator[tuple[Codes, Array]]:
-        """The border at the other end of the states that a singular piece holds."""
+        """Return the border at the other end of the states in a singular piece."""
         f = self.family
         codes = frame.piece(which)
         A, E = f.columns(codes)
         kernel = np.linalg.svd(A + mu * E)[2][-1]
         direction = f.state(codes, kernel, mu)
-        slack = []
-        rate = []
-        where = []
-        for i, code in enumerate(codes):
-            for C_0, C_1, beyond in f.inequalities(i, int(code)):
-                row = C_0 + mu * C_1
-                slack.append(float(row @ w[i]))
-                rate.append(float(row @ direction[i]))
-                where.append((i, beyond))
+        rows = [
+            (i, beyond, C_0 + mu * C_1)
+            for i, code in enumerate(codes)
+            for C_0, C_1, beyond in f.inequalities(i, int(code))
+        ]
+        slack, rate = (np.array([row @ v[i] for i, _, row in rows]) for v in (w, direction))
         own = next(
             k
-            for k, (i, beyond) in enumerate(where)
+            for k, (i, beyond, _) in enumerate(rows)
             if i == frame.point and (beyond == frame.pair[1 - which] or codes[i] == OPEN)
         )
+        # Away from the own border, until the first other slack vanishes.
         sense = np.sign(rate[own])
-        lengths = [
-            -s / (sense * r) if k != own and sense * r < 0 else np.inf
-            for k, (s, r) in enumerate(zip(slack, rate, strict=True))
-        ]
-        k = int(np.argmin(lengths))
-        if not np.isfinite(lengths[k]):
+        falling = np.flatnonzero((sense * rate < 0) & (np.arange(len(rows)) != own))
+        if not len(falling):
             return
-        i, beyond = where[k]
-        there = w + lengths[k] * sense * direction
+        lengths = -slack[falling] / (sense * rate[falling])
+        i, beyond, _ = rows[falling[lengths.argmin()]]
+        there = w + lengths.min() * sense * direction
         if codes[i] == OPEN and there[i, 0] < 0 and not f.frictionless[i]:
             beyond = MINUS
         pair = sorted((int(codes[i]), beyond))
@@ -273,7 +268,7 @@ class _Search:
     # -- curves ----------------------------------------------------------------------------------
 
     def result(self) -> EventCurves:
-        """Segments that continue one another, as curves."""
+        """Join segments that continue one another to curves."""
         after: dict[int, int] = {}
         for joint in self.joints:
             for left, right in self._pairs(joint):
@@ -301,7 +296,7 @@ class _Search:
         return EventCurves(tuple(curves), tuple(sorted(meetings, key=lambda m: (m.mu, m.gamma))))
 
     def _pairs(self, joint: _Joint) -> Iterator[tuple[int, int]]:
-        """Segments that continue one another through a meeting: the left and the right one."""
+        """Yield pairs of segments, left and right, that continue one another in a meeting."""
         done = [(n, side) for n, side in joint.ends.items() if n in self._done]
         left, right = ([n for n, side in done if side == s] for s in (1, -1))
         folds = [[n for n in part if self.segments[n].kind == "fold"] for part in (left, right)]

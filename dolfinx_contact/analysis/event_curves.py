@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations, pairwise
+from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -13,19 +14,28 @@ import numpy.typing as npt
 from dolfinx_contact.analysis.family import Frame
 from dolfinx_contact.laws import status
 
-__all__ = ["CurveOverMu", "EventCurve", "EventCurves", "Meeting", "Segment", "strips"]
+__all__ = [
+    "CurveOverMu",
+    "EventCurve",
+    "EventCurves",
+    "Meeting",
+    "Segment",
+    "layers",
+    "strips",
+]
 
 Array = npt.NDArray[np.float64]
 
+Curve = TypeVar("Curve", bound="CurveOverMu")
 _SAME = 1e-9  # fraction of the range of mu below which two values are equal
 
 
 @dataclass(frozen=True, eq=False)
 class Segment:
-    """A part of a curve with the same statuses.
+    """Part of a curve with the same statuses.
 
     Attributes:
-        frame: the border.
+        frame: border with its functions of mu.
         low: least mu.
         high: largest mu.
         kind: ``"fold"`` where gamma turns back, ``"event"`` where it continues.
@@ -44,16 +54,16 @@ class Segment:
 
 @dataclass(frozen=True, eq=False)
 class Meeting:
-    """A state at which several segments end.
+    """State at which several segments end.
 
     Attributes:
         mu: parameter.
         gamma: parameter.
         left: segments of smaller mu.
         right: segments of larger mu.
-        singular: whether it is a whole line of states, a singular piece, whose ends the segments
-            lie on; else it is one state, at which two points, or one in two ways, are at a border.
-        complete: False if so many points are at a border that they have not been followed.
+        singular: True for a line of states in a singular piece, on whose ends the segments lie;
+            False for a single state, at which two points, or one in two ways, are at a border.
+        complete: False if too many points are at a border to follow all their segments.
     """
 
     mu: float
@@ -71,7 +81,7 @@ class Meeting:
 
 
 class CurveOverMu:
-    """A curve in (mu, gamma) with one gamma for each mu of its span.
+    """Curve in (mu, gamma) with one gamma for each mu of its span.
 
     Attributes:
         span: least and largest mu.
@@ -91,7 +101,7 @@ class CurveOverMu:
         raise NotImplementedError
 
     def crossings(self, other: CurveOverMu) -> list[float]:
-        """All mu at which this curve crosses another one, rising, up to round-off.
+        """Return all mu at which this curve crosses another one, rising, up to round-off.
 
         Crossings are found where the order of the curves differs between two `breaks`.
         """
@@ -107,7 +117,7 @@ class CurveOverMu:
 
 @dataclass(frozen=True, eq=False)
 class EventCurve(CurveOverMu):
-    """Segments that continue one another, mu rising.
+    """Successive segments, mu rising.
 
     Attributes:
         kind: kind of all segments.
@@ -146,7 +156,7 @@ class EventCurve(CurveOverMu):
         return np.asarray(self.points(16)[:, 0])
 
     def points(self, number: int = 8) -> Array:
-        """(mu, gamma) of points (n, 2), ``number`` steps a segment."""
+        """Return points (mu, gamma) of shape (n, 2), ``number`` steps per segment."""
         first, _ = self.span
         mus = [np.linspace(s.low, s.high, number + 1)[1:] for s in self.segments]
         return np.array([(mu, self.at(mu)) for mu in (first, *np.concatenate(mus))])
@@ -154,7 +164,7 @@ class EventCurve(CurveOverMu):
 
 @dataclass(frozen=True, eq=False)
 class EventCurves:
-    """Curves in (mu, gamma) and where they meet.
+    """Curves in (mu, gamma) and their meetings.
 
     Attributes:
         curves: curves of folds, then of events, sorted by mu and gamma.
@@ -183,13 +193,13 @@ class EventCurves:
         return tuple(sorted(found))
 
     def folds_at(self, mu: float) -> list[float]:
-        """Gamma of all folds at mu, falling."""
+        """Return gamma of all folds at mu, falling."""
         there = (c.at(mu) for c in self.folds)
         return sorted((g for g in there if np.isfinite(g)), reverse=True)
 
 
 def strips(curves: Sequence[CurveOverMu], mus: tuple[float, float]) -> list[tuple[float, float]]:
-    """Intervals of mu in which the same curves lie in the same order."""
+    """Return intervals of mu in which the same curves lie in the same order."""
     cuts = {mu for curve in curves for mu in curve.span}
     cuts |= {mu for a, b in combinations(curves, 2) for mu in a.crossings(b)}
     near = _SAME * (mus[1] - mus[0])
@@ -200,8 +210,26 @@ def strips(curves: Sequence[CurveOverMu], mus: tuple[float, float]) -> list[tupl
     return list(pairwise([*inside, mus[1]]))
 
 
+def layers(
+    curves: Sequence[Curve], strip: tuple[float, float], near: float
+) -> list[tuple[Curve, ...]]:
+    """Return the curves in a strip from below, with coinciding curves in one group.
+
+    Args:
+        curves: curves in any order.
+        strip: interval of mu from `strips`.
+        near: difference of gamma up to which curves coincide.
+    """
+    middle = (strip[0] + strip[1]) / 2
+    there = [(curve.at(middle), curve) for curve in curves]
+    there = sorted(((g, c) for g, c in there if np.isfinite(g)), key=lambda pair: pair[0])
+    cuts = np.flatnonzero(np.diff([g for g, _ in there]) > near) + 1
+    ends = [0, *map(int, cuts), len(there)] if there else []
+    return [tuple(c for _, c in there[a:b]) for a, b in pairwise(ends)]
+
+
 def _crossing(a: CurveOverMu, b: CurveOverMu, low: float, high: float) -> float:
-    """The mu between two others at which curves cross, to round-off, by bisection."""
+    """Return the mu between two others at which curves cross, to round-off, by bisection."""
     above = a.at(low) > b.at(low)
     while low < (middle := (low + high) / 2) < high:
         low, high = (middle, high) if (a.at(middle) > b.at(middle)) == above else (low, middle)

@@ -13,7 +13,7 @@ neighbouring cells without a curve between them, unless it lies inside a single 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import combinations, pairwise
 
@@ -21,8 +21,9 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact._mpi import Arguments, collective
-from dolfinx_contact.analysis.charts import letters, solutions_at
-from dolfinx_contact.analysis.event_curves import EventCurve, EventCurves, strips
+from dolfinx_contact._validate import positive
+from dolfinx_contact.analysis.charts import Cells, ChartCell, letters, solutions_at
+from dolfinx_contact.analysis.event_curves import EventCurve, EventCurves, layers, strips
 from dolfinx_contact.analysis.family import ContactFamily
 from dolfinx_contact.continuation.arguments import checked_range
 
@@ -33,39 +34,24 @@ Array = npt.NDArray[np.float64]
 _SAME = 1e-9  # of the range of gamma: curves so close are one; of that of mu: cuts
 
 
-@dataclass(frozen=True, eq=False)
-class Region:
+@dataclass(frozen=True)
+class Region(ChartCell):
     """Cell between two curves or ends of the range of gamma.
 
     Attributes:
         mu: least and largest mu.
         gamma: range of gamma of the plane.
-        below: curves that bound the cell from below, more than one if they coincide.
-        above: curves that bound it from above.
         solutions: statuses of the solutions in the middle, as letters of the points, sorted.
         proved: whether this list of solutions is proved to be complete.
+        below: curves that bound the cell from below, more than one if they coincide.
+        above: curves that bound it from above.
     """
 
-    mu: tuple[float, float]
-    gamma: tuple[float, float]
-    below: tuple[EventCurve, ...]
-    above: tuple[EventCurve, ...]
-    solutions: tuple[str, ...] = ()
-    proved: bool = False
-
-    @property
-    def count(self) -> int:
-        """Number of solutions; a lower bound if not proved."""
-        return len(self.solutions)
-
-    @property
-    def middle(self) -> tuple[float, float]:
-        """Point (mu, gamma) at which the solutions were computed."""
-        mu = (self.mu[0] + self.mu[1]) / 2
-        return mu, sum(self.ends(mu)) / 2
+    below: tuple[EventCurve, ...] = ()
+    above: tuple[EventCurve, ...] = ()
 
     def ends(self, mu: float) -> tuple[float, float]:
-        """Least and largest gamma at mu."""
+        """Return the least and the largest gamma at mu."""
         low, high = self.mu
         # At its own end a curve may have no gamma.
         inside = float(np.clip(mu, low + _SAME * (high - low), high - _SAME * (high - low)))
@@ -74,14 +60,12 @@ class Region:
         return least, most
 
     def outline(self, number: int = 16) -> tuple[Array, Array, Array]:
-        """Values of mu (number,), and the least and the largest gamma there."""
-        mus: Array = np.asarray(np.linspace(*self.mu, number), dtype=np.float64)
-        ends: Array = np.array([self.ends(float(mu)) for mu in mus])
-        return mus, ends[:, 0], ends[:, 1]
+        """Return values of mu (number,), and the least and the largest gamma there."""
+        return super().outline(number)
 
 
 @dataclass(frozen=True, eq=False)
-class Regions:
+class Regions(Cells[Region]):
     """Cells between curves.
 
     Attributes:
@@ -91,29 +75,11 @@ class Regions:
     cells: tuple[Region, ...]
 
     @property
-    def proved(self) -> bool:
-        """Whether all numbers are proved."""
-        return all(c.proved for c in self.cells)
-
-    @property
     def explained(self) -> bool:
         """Whether solutions change as the curves require, and nowhere else."""
         return all(_changes_at(*pair) for pair in self._one_above_the_other()) and all(
             a.solutions == b.solutions for a, b in self._side_by_side()
         )
-
-    def at(self, mu: float, gamma: float) -> Region:
-        """Return the cell that contains (mu, gamma).
-
-        Raises:
-            ValueError: outside of all cells.
-        """
-        for c in self.cells:
-            if c.mu[0] <= mu <= c.mu[1]:
-                low, high = c.ends(mu)
-                if low <= gamma <= high:
-                    return c
-        raise ValueError(f"({mu:g}, {gamma:g}) is outside of the regions")
 
     def _one_above_the_other(self) -> Iterator[tuple[Region, Region]]:
         for a, b in pairwise(self.cells):
@@ -151,8 +117,7 @@ def _changes_at(below: Region, above: Region) -> bool:
 def _check(a: Arguments) -> None:
     a.mu_range = checked_range(a.mu_range, [], "mu")
     a.gamma_range = checked_range(a.gamma_range, [])
-    if not a.proof_seconds > 0:
-        raise ValueError(f"seconds for a proof must be positive, got {a.proof_seconds!r}")
+    positive(a.proof_seconds, "proof_seconds", infinite=True)
 
 
 @collective("regions", _check)
@@ -164,44 +129,31 @@ def solution_regions(
     gamma_range: tuple[float, float],
     proof_seconds: float = 20.0,
 ) -> Regions:
-    """The cells between curves, and the solutions in each. Collective; ranks share the cells.
+    """Find the solutions in each cell between curves. Collective; ranks share the cells.
 
     Args:
-        family: the problem with two parameters, the same on all ranks of its communicator.
+        family: problem with two parameters, the same on all ranks of its communicator.
         curves: all its curves of folds and events in the ranges, found with the same ranges.
         mu_range: least and largest mu.
         gamma_range: least and largest gamma.
-        proof_seconds: for a proof.
+        proof_seconds: time of the proof in a cell.
 
     Raises:
-        ValueError: on every rank, for ranges or seconds that are none.
+        ValueError: on every rank, if an argument is not valid.
     """
-    bare = [
-        cell
-        for span in strips(curves.curves, mu_range)
-        for cell in _between(curves, span, gamma_range)
-    ]
+    low, high = gamma_range
+    near = _SAME * (high - low)
+    bare = []
+    for span in strips(curves.curves, mu_range):
+        middle = (span[0] + span[1]) / 2
+        inside = [
+            g
+            for g in layers(curves.curves, span, near)
+            if low + near < g[0].at(middle) < high - near
+        ]
+        for below, above in pairwise([(), *inside, ()]):
+            bare.append(Region(span, gamma_range, below=below, above=above))
     none = [()] * len(bare)
     found = solutions_at(family, [cell.middle for cell in bare], none, proof_seconds, "regions")
     cells = zip(bare, found, strict=True)
     return Regions(tuple(replace(c, solutions=letters(s), proved=p) for c, (s, p) in cells))
-
-
-def _between(
-    curves: EventCurves, span: tuple[float, float], gammas: tuple[float, float]
-) -> Iterator[Region]:
-    """Cells of one strip, without solutions, from below."""
-    middle = (span[0] + span[1]) / 2
-    near = _SAME * (gammas[1] - gammas[0])
-    there = [(curve.at(middle), curve) for curve in curves.curves]
-    there = [(g, curve) for g, curve in there if gammas[0] + near < g < gammas[1] - near]
-    groups: list[list[EventCurve]] = []
-    last = -np.inf
-    for gamma, curve in sorted(there, key=lambda pair: pair[0]):
-        if gamma - last > near:
-            groups.append([])
-        groups[-1].append(curve)
-        last = gamma
-    ends: Sequence[tuple[EventCurve, ...]] = [(), *map(tuple, groups), ()]
-    for below, above in pairwise(ends):
-        yield Region(span, gammas, below, above)

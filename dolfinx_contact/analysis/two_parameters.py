@@ -8,7 +8,8 @@ contact points at two values of the second parameter.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 
 import numpy as np
 import numpy.typing as npt
@@ -53,16 +54,16 @@ def _check_family(a: Arguments) -> None:
 def contact_family(
     system: ParametricContact, other: fem.Constant, *, mu_range: tuple[float, float]
 ) -> ContactFamily:
-    """The problem on its contact points, with gamma and a second parameter. Collective.
+    """Condense a problem with gamma and a second parameter onto its contact points. Collective.
 
     Args:
-        system: the problem with gamma.
-        other: the second parameter mu, a scalar Constant.
-        mu_range: two values of it, for which the friction must not be negative.
+        system: problem with gamma.
+        other: second parameter mu, a scalar Constant.
+        mu_range: two values of mu, at which the friction must not be negative.
 
     Raises:
-        ValueError: on every rank, if the problem is not that of a linear body in 2D with Coulomb
-            friction and contact at nodes, or its data are not affine in mu, or do not contain it.
+        ValueError: on every rank, unless the body is linear, in 2D, with Coulomb friction and
+            contact at nodes, and the data contain mu and are affine in it.
     """
     low, high = mu_range
     system.equations.require_same_mesh()
@@ -85,7 +86,7 @@ def contact_family(
 
 
 def _errors(problem: PointProblem) -> tuple[Array, Array, Array]:
-    """Errors of S, p and its rate."""
+    """Return the errors of S, p and its rate."""
     assert problem.S_error is not None
     assert problem.p_error is not None
     assert problem.rate_error is not None
@@ -96,28 +97,34 @@ def _condensed(
     system: ParametricContact, other: fem.Constant, mu: float
 ) -> tuple[PointProblem, Array]:
     """Return the contact points at one mu and gamma = 0, and the reach. Collective."""
+    eq = system.equations
+    with _put(other, mu), system.restored(always=True):
+        system.set_parameter(0.0)
+        for s, memory in zip(eq.surfaces, eq.memory, strict=True):
+            s.update_geometry()
+            check_law(s, memory, f" where the second parameter is {mu:g}")
+        fits = system.is_linear and can_condense(system)
+        fits = fits and not any(s.law.bound_kind == "given" for s in eq.surfaces)
+        nothing = system.create_vector()
+        condensed = Reduction(system, nothing, 0.0, exact=True) if fits else None
+        nothing.destroy()
+        obstacle = obstacle_to_proof(eq, condensed)
+        if condensed is not None:
+            condensed.destroy()
+        require(system.comm, not obstacle, f"two parameters: {obstacle}")
+        assert condensed is not None
+        return condensed.problem(unit=condensed.force_unit), condensed.points.reach
+
+
+@contextmanager
+def _put(other: fem.Constant, mu: float) -> Iterator[None]:
+    """Context in which the second parameter has a value."""
     before = other.value.copy()
-    nothing = system.create_vector()
     other.value = mu
     try:
-        with system.restored(always=True):
-            system.set_parameter(0.0)
-            eq = system.equations
-            for s, memory in zip(eq.surfaces, eq.memory, strict=True):
-                s.update_geometry()
-                check_law(s, memory, f" where the second parameter is {mu:g}")
-            fits = system.is_linear and can_condense(system)
-            fits = fits and not any(s.law.bound_kind == "given" for s in system.equations.surfaces)
-            condensed = Reduction(system, nothing, 0.0, exact=True) if fits else None
-            obstacle = obstacle_to_proof(system.equations, condensed)
-            if condensed is not None:
-                condensed.destroy()
-            require(system.comm, not obstacle, f"two parameters: {obstacle}")
-            assert condensed is not None
-            return condensed.problem(unit=condensed.force_unit), condensed.points.reach
+        yield
     finally:
         other.value = before
-        nothing.destroy()
 
 
 def _check_curves(a: Arguments) -> None:
@@ -138,26 +145,28 @@ def event_curves(
     gamma_range: tuple[float, float],
     folds_only: bool = True,
 ) -> EventCurves:
-    """Curves of the folds and events of branches in a second parameter, exact. Collective.
+    """Follow the folds and events of branches in a second parameter, exactly. Collective.
 
     Args:
-        system: the problem with gamma, a `ParametricContact`.
-        other: the second parameter mu, a scalar Constant.
+        system: problem with gamma.
+        other: second parameter mu, a scalar Constant.
         branches: values of mu, and branches that were followed there.
         mu_range: least and largest mu.
         gamma_range: least and largest gamma.
-        folds_only: whether curves of folds alone are followed.
+        folds_only: whether only curves of folds are followed.
 
     Returns:
-        The curves that pass through events of the branches, and those that they meet.
+        Curves through events of the branches, and the curves that they meet.
 
     Raises:
-        ValueError: on every rank; see `contact_family`; or if a branch is none, is of another
-            problem, its mu is not in the range, or one of its points is not a solution of the
-            problem as it is now under that value of mu.
+        ValueError: on every rank, as `contact_family`; if ``branches`` contains another object than
+            a branch or a mu outside the range; or if a point of a branch is not a solution of the
+            present problem under this mu.
     """
+    system.equations.require_same_mesh()
     for mu, branch in branches:
-        _require_under(system, other, mu, branch)
+        with _put(other, mu):
+            require_solutions(system, branch)
     family = contact_family(system, other, mu_range=mu_range)
     points = GatheredPoints(system)
     starts = [
@@ -171,23 +180,10 @@ def event_curves(
     )
 
 
-def _require_under(
-    system: ParametricContact, other: fem.Constant, mu: float, branch: Branch
-) -> None:
-    """Raise ``ValueError`` if a branch does not solve the problem under mu. Collective."""
-    system.equations.require_same_mesh()
-    before = other.value.copy()
-    other.value = mu
-    try:
-        require_solutions(system, branch)
-    finally:
-        other.value = before
-
-
 def _borders(
     points: GatheredPoints, branch: Branch, *, folds_only: bool
 ) -> list[npt.NDArray[np.int8]]:
-    """Statuses of the borders that a branch passes, one point at a time. Collective."""
+    """Return the statuses at borders that a branch crosses at a single point. Collective."""
     found = []
     for special in branch.folds if folds_only else branch.special:
         before, after = (
