@@ -46,11 +46,13 @@ from dolfinx_contact._validate import count
 from dolfinx_contact.analysis.rows import (
     Problem,
     component_rows,
-    free_components,
     free_tangents,
+    is_free,
     point_normals,
     require_nodes,
+    split,
     static_equations,
+    unit,
 )
 from dolfinx_contact.analysis.vibrations import Body, DenseBody, body_of, damped
 from dolfinx_contact.equations.contact import ContactEquations
@@ -73,11 +75,11 @@ Label = Literal["stable", "unstable", "not decided"]
 
 _LARGEST = 700  # unknowns of dense eigenproblems
 _BORDER = 1e-8  # of forces over the largest, of gaps over the body's size
-_REAL = 1e-9  # relative imaginary part that is none
-_CONE = 1e-9  # of the largest component, by which a cone may be left
-_ROUND_OFF = 1e-13  # of the largest squared frequency: what is less is no resistance
-_HIGHEST = 30.0  # times the frequency of single unknowns: above those of the body
-_SURE = 1e-6  # relative error of an eigenvalue up to which a part of its size is none
+_REAL = 1e-9  # relative imaginary part that counts as zero
+_CONE = 1e-9  # distance outside a cone that counts as zero, relative to the largest component
+_ROUND_OFF = 1e-13  # resistance that counts as zero, relative to the largest squared frequency
+_HIGHEST = 30.0  # bound of the frequencies, relative to the highest of a single unknown
+_SURE = 1e-6  # relative error of an eigenvalue up to which its real part is trusted
 _DOUBLE = 1e-8  # relative distance of eigenvalues that count as equal
 
 #: Behaviour of a point: separated, frictionless contact, sticking, slip along or against d.
@@ -98,10 +100,10 @@ class Stability:
     """
 
     label: Label
-    growth: float
-    border: int
-    pieces: int
-    reason: str
+    growth: float = 0.0
+    border: int = 0
+    pieces: int = 0
+    reason: str = ""
     frequency: float = 0.0
 
 
@@ -143,26 +145,20 @@ def stability_at_rest(
     require_solution(problem)
     doubt = small_sliding_violated(eq, state)
     if doubt:
-        return Stability("not decided", 0.0, 0, 0, doubt)
+        return Stability("not decided", reason=doubt)
     body = body_of(eq, state.u, density, damping)
-    unknowns = int(eq.comm.allreduce(int((~eq.fixed[: eq.owned_sizes[0]]).sum())))
     try:
-        require(eq.comm, _is_positive(eq, body.M), "the density must be positive everywhere")
+        require(eq.comm, _is_positive(body), "the density must be positive everywhere")
         points = _Points(eq, state)
-        conserves = _is_symmetric(eq, body.K)
-        dissipates = body.C is None or _is_dissipative(eq, body)
+        quiet = _is_symmetric(eq, body.K) and (body.C is None or _is_dissipative(body))
         if points.border == 0:
-            if conserves and dissipates:
-                return _by_inertia(eq, body, points)
-            return _by_eigenvalues(eq, body, points, unknowns)
-        if points.rounds:
+            return _by_inertia(body, points) if quiet else _by_eigenvalues(body, points)
+        if points.rounds or body.unknowns > _LARGEST:
             reason = "points with friction just touch, and may go anywhere on a surface"
-            return Stability("not decided", 0.0, points.border, 0, reason)
-        if unknowns > _LARGEST:
-            reason = f"{unknowns} unknowns are too many"
-            return Stability("not decided", 0.0, points.border, 0, reason)
-        gathered = _Gathered(eq, body, points)
-        quiet = conserves and dissipates
+            if not points.rounds:
+                reason = f"{body.unknowns} unknowns are too many"
+            return Stability("not decided", border=points.border, reason=reason)
+        gathered = _Gathered(body, points)
         return on_root(eq.comm, lambda: _decided(gathered, max_count, quiet=quiet))
     finally:
         body.destroy()
@@ -189,21 +185,17 @@ class _Points:
         slope = np.concatenate([f.answers.unit_bound for _, f in parts])
         known = bool(np.isfinite(slope).all())
         require(eq.comm, known, "stability needs laws with a coefficient of friction")
-        rn = -np.sum(force * n, axis=1)
-        rt = force + rn[:, None] * n
-        size = np.linalg.norm(rt, axis=1)
+        tension, rt = split(n, force)
+        rn = -tension
         bound = slope * rn
         largest = float(eq.comm.allreduce(rn.max(initial=0.0), op=max))
-        movable = np.linalg.norm(n * free_components(eq), axis=1) > 0.5
-        touches = movable & (closed(codes) | (gap <= _BORDER * eq.body_size))
+        touches = is_free(eq, n) & (closed(codes) | (gap <= _BORDER * eq.body_size))
         grazes = touches & (rn <= _BORDER * largest)
         slips = (senses(codes) == PLUS) | (senses(codes) == MINUS)
         at_bound = touches & ~grazes & (slope > 0)
-        at_bound &= slips | (size >= bound * (1 - _BORDER))
+        at_bound &= slips | (np.linalg.norm(rt, axis=1) >= bound * (1 - _BORDER))
         self.friction = slope
-        self.directions = np.where(
-            at_bound[:, None], -rt / np.where(size > 0, size, 1.0)[:, None], 0.0
-        )
+        self.directions = np.where(at_bound[:, None], -unit(rt), 0.0)
         if eq.dim == 2:
             tangent = np.stack([-n[:, 1], n[:, 0]], axis=1)
             self.directions[grazes] = tangent[grazes]
@@ -230,7 +222,8 @@ class _Gathered(DenseBody):
         held: points whose normal motion is held by Dirichlet data (m,).
     """
 
-    def __init__(self, eq: ContactEquations, body: Body, points: _Points):
+    def __init__(self, body: Body, points: _Points):
+        eq = body.eq
         comm = eq.comm
         n = point_normals(eq)
         owner, tangents = free_tangents(eq)
@@ -238,7 +231,7 @@ class _Gathered(DenseBody):
             component_rows(eq, np.arange(len(n)), n),
             component_rows(eq, owner, tangents),
         ]
-        super().__init__(eq, body, rows)
+        super().__init__(body, rows)
         for A in rows:
             A.destroy()
         along = np.sum(points.directions[owner] * tangents, axis=1)
@@ -254,46 +247,38 @@ class _Gathered(DenseBody):
         self.held = np.abs(self.N).max(axis=1, initial=0.0) == 0
 
 
-def _is_positive(eq: ContactEquations, M: PETSc.Mat) -> bool:
-    """Whether a symmetric matrix is positive definite on free displacements. Collective."""
-    if eq.comm.allreduce(int((M.getDiagonal().array_r <= 0).any())):
+def _is_positive(body: Body) -> bool:
+    """Return whether the mass is positive definite on free displacements. Collective."""
+    if body.eq.comm.allreduce(int((body.M.getDiagonal().array_r <= 0).any())):
         return False
-    return is_positive_definite(eq, M)
+    return is_positive_definite(body.eq, body.M)
 
 
 def _is_symmetric(eq: ContactEquations, A: PETSc.Mat) -> bool:
-    """Whether a matrix is symmetric for free displacements. Collective."""
+    """Return whether a matrix is symmetric for free displacements. Collective."""
     free = with_dirichlet_rows(A, eq, 0.0)
     symmetric = is_symmetric(free)
     free.destroy()
     return symmetric
 
 
-def _scale(eq: ContactEquations, A: PETSc.Mat, M: PETSc.Mat) -> float:
-    """Return the largest ratio of diagonal entries at free displacements. Collective."""
-    free = ~eq.fixed[: eq.owned_sizes[0]]
-    a, m = (np.abs(X.getDiagonal().array_r[free]) for X in (A, M))
-    return float(eq.comm.allreduce(float(np.max(a / m, initial=0.0)), op=max))
-
-
-def _is_dissipative(eq: ContactEquations, body: Body) -> bool:
-    """Whether a damping is symmetric and positive semidefinite. Collective."""
-    if not _is_symmetric(eq, body.C):
+def _is_dissipative(body: Body) -> bool:
+    """Return whether the damping is symmetric and positive semidefinite. Collective."""
+    if not _is_symmetric(body.eq, body.C):
         return False
-    scale = _scale(eq, body.C, body.M)
-    return scale == 0 or _signs(eq, body, [], (0.0, 1.0, _ROUND_OFF * scale)) == (0, 0)
+    scale = body.scale(body.C)
+    return scale == 0 or _signs(body, [], (0.0, 1.0, _ROUND_OFF * scale)) == (0, 0)
 
 
-def _signs(
-    eq: ContactEquations,
-    body: Body,
-    rows: list[PETSc.Mat],
-    parts: tuple[float, float, float],
-) -> tuple[int, int]:
-    """Count negative and zero eigenvalues of a sum of K, C and M with some rows held.
+def _signs(body: Body, rows: list[PETSc.Mat], parts: tuple[float, float, float]) -> tuple[int, int]:
+    """Count negative and zero eigenvalues of k K + c C + m M with rows held. Collective.
 
-    Collective.
+    Args:
+        body: stiffness, mass and damping.
+        rows: rows of the held motions.
+        parts: factors k, c and m.
     """
+    eq = body.eq
     k, c, m = parts
     A = body.M.copy()
     A.scale(m)
@@ -308,12 +293,12 @@ def _signs(
     return signs
 
 
-def _by_inertia(eq: ContactEquations, body: Body, points: _Points) -> Stability:
+def _by_inertia(body: Body, points: _Points) -> Stability:
     """Decide without points at a border, for symmetric matrices. Collective."""
+    eq = body.eq
     doing = points.choices[:, 0]
     n = point_normals(eq)
-    movable = np.linalg.norm(n * free_components(eq), axis=1) > 0.5
-    pressed = np.flatnonzero((doing != APART) & movable)
+    pressed = np.flatnonzero((doing != APART) & is_free(eq, n))
     owner, tangents = free_tangents(eq)
     stuck = (doing == HOLDS)[owner]
     rows = [
@@ -322,19 +307,19 @@ def _by_inertia(eq: ContactEquations, body: Body, points: _Points) -> Stability:
     ]
 
     def grow(growth: float) -> bool:
-        """Whether a motion grows faster than ``growth``."""
+        """Return whether a motion grows faster than ``growth``."""
         parts = (1.0 + growth * body.eta, growth, growth**2)
-        return _signs(eq, body, rows, parts)[0] > 0
+        return _signs(body, rows, parts)[0] > 0
 
-    highest = _scale(eq, body.K, body.M)
+    highest = body.scale(body.K)
     nothing = _ROUND_OFF * highest
     try:
-        if _signs(eq, body, rows, (1.0, 0.0, -nothing)) == (0, 0):
+        if _signs(body, rows, (1.0, 0.0, -nothing)) == (0, 0):
             reason = "no point is at a border, and the stiffness is positive definite"
-            return Stability("stable", 0.0, 0, 0, reason)
-        number, _ = _signs(eq, body, rows, (1.0, 0.0, nothing))
+            return Stability("stable", reason=reason)
+        number, _ = _signs(body, rows, (1.0, 0.0, nothing))
         if number == 0:
-            return Stability("not decided", 0.0, 0, 0, "a motion meets no resistance")
+            return Stability("not decided", reason="a motion meets no resistance")
         slow = 0.0
         fast = _HIGHEST * math.sqrt(highest)
         while grow(fast):
@@ -347,28 +332,28 @@ def _by_inertia(eq: ContactEquations, body: Body, points: _Points) -> Stability:
         for A in rows:
             A.destroy()
     reason = f"no point is at a border, and the stiffness has {_many(number)}"
-    return Stability("unstable", 0.5 * (slow + fast), 0, 0, reason)
+    return Stability("unstable", 0.5 * (slow + fast), reason=reason)
 
 
 def _many(number: int) -> str:
     return "a negative eigenvalue" if number == 1 else f"{number} negative eigenvalues"
 
 
-def _by_eigenvalues(eq: ContactEquations, body: Body, points: _Points, unknowns: int) -> Stability:
+def _by_eigenvalues(body: Body, points: _Points) -> Stability:
     """Decide by all eigenvalues, without points at a border. Collective."""
-    # Without a damping of another kind the eigenproblem is half as large.
-    if unknowns > _LARGEST * (2 if body.C is None else 1):
+    # With C = eta K, the eigenproblem is half as large.
+    if body.unknowns > _LARGEST * (2 if body.C is None else 1):
         which = "stiffness" if body.C is None else "stiffness or the damping"
-        reason = f"the {which} is not symmetric, and {unknowns} unknowns are too many"
-        return Stability("not decided", 0.0, 0, 0, reason)
-    gathered = _Gathered(eq, body, points)
-    return on_root(eq.comm, lambda: _of_spectrum(gathered, body.C is None, body.eta))
+        reason = f"the {which} is not symmetric, and {body.unknowns} unknowns are too many"
+        return Stability("not decided", reason=reason)
+    gathered = _Gathered(body, points)
+    return on_root(body.eq.comm, lambda: _of_spectrum(gathered, body.C is None, body.eta))
 
 
 def _of_spectrum(g: _Gathered, proportional: bool, eta: float) -> Stability:
     K, M, C, _ = _piece(g, g.choices[:, 0])
     if len(K) == 0:
-        return Stability("stable", 0.0, 0, 0, "all motions are held")
+        return Stability("stable", reason="all motions are held")
     inertia = np.linalg.inv(np.linalg.cholesky((M + M.T) / 2))
     K, C = (inertia @ A @ inertia.T for A in (K, C))
     n = len(K)
@@ -395,14 +380,13 @@ def _of_spectrum(g: _Gathered, proportional: bool, eta: float) -> Stability:
         fastest = values[np.where(least > 0, values.real, -np.inf).argmax()]
         how = "an oscillation grows (flutter)" if fastest.imag != 0 else "a motion grows"
         reason = f"no point is at a border, and {how} with this mass and damping"
-        growth = float(fastest.real)
         turn = abs(float(fastest.imag))
-        return Stability("unstable", growth, 0, 0, reason, turn)
+        return Stability("unstable", float(fastest.real), reason=reason, frequency=turn)
     if (most > 0).any():
         reason = "an eigenvalue is at the border of growth, or a motion meets no resistance"
-        return Stability("not decided", 0.0, 0, 0, reason)
+        return Stability("not decided", reason=reason)
     reason = "no point is at a border, and nothing grows with this mass and damping"
-    return Stability("stable", 0.0, 0, 0, reason)
+    return Stability("stable", reason=reason)
 
 
 @dataclass
@@ -501,7 +485,7 @@ def _look(g: _Gathered, doing: npt.NDArray[np.int64], seen: _Found, *, quiet: bo
 
 
 def _in_cones(g: _Gathered, doing: npt.NDArray[np.int64], v: Array, growth: float) -> bool:
-    """Whether a motion and its forces lie in the cones of the points at a border."""
+    """Return whether a motion and its forces lie in the cones of the points at a border."""
     components = np.concatenate([g.N[~g.held], g.T])
     load = g.K @ v + growth * (g.C @ v) + growth**2 * (g.M @ v)
     forces = np.linalg.lstsq(components.T, load, rcond=None)[0]

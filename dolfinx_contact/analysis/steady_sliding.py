@@ -137,7 +137,7 @@ class SteadySliding(ReadOnly):
         self._slip = Slip(eq, pattern, hold_across=hold_across)
         self._body = body_of(eq, state.u, density, damping)
         self._damped = self._body.C is not None or self._body.eta > 0
-        self._vibrations = Vibrations(eq, self._slip, self._body, dense=dense, count=int(count))
+        self._vibrations = Vibrations(self._slip, self._body, dense=dense, count=int(count))
         slopes = [s.answers.unit_bound for s in state.surfaces]
         self._slope = np.concatenate(slopes)[self._slip.places]
 

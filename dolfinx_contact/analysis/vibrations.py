@@ -7,13 +7,12 @@ along d:
 
     (K + lambda C + lambda^2 M) u + (N + F D)^T r_n + H^T q = 0,    N u = 0,    H u = 0.
 
-The forces are not along the motions that are held, so that the problem is not symmetric: friction
-may feed energy into a motion. With C = eta K it is the eigenproblem K u + ... = mu M u of the
-undamped body, and lambda^2 + eta mu lambda + mu = 0 for each mu. Any other C makes it quadratic.
+The forces do not act along the held motions, so that the problem is not symmetric: friction may
+feed energy into a motion. With C = eta K it is the eigenproblem K u + ... = mu M u of the undamped
+body, and lambda^2 + eta mu lambda + mu = 0 for each mu. Any other C makes it quadratic.
 
-Small problems are projected onto bases of the motions that N and H allow and of the loads that
-(N + F D)^T and H^T do not feel, and all eigenvalues are computed. In large problems SLEPc finds the
-eigenvalues next to zero.
+Small problems are projected onto two null spaces, of N and H and of N + F D and H, and all
+eigenvalues are computed. In large problems SLEPc finds the eigenvalues nearest to zero.
 """
 
 from __future__ import annotations
@@ -58,7 +57,7 @@ Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
 
 _DENSE = 700  # unknowns up to which all eigenvalues are computed
-_FINITE = 30.0  # times the highest frequency of single unknowns: what exceeds it is infinite
+_FINITE = 30.0  # size that counts as infinite, relative to the highest frequency of an unknown
 _DEFAULTS = {
     "eps_tol": 1e-12,
     "eps_max_it": 500,
@@ -74,16 +73,33 @@ class Body:
     """Stiffness, mass and damping of a body, without rows of Dirichlet data.
 
     Attributes:
+        eq: contact problem.
         K: stiffness.
         M: mass.
         eta: damping over the stiffness, a time.
         C: damping of another kind, or None.
     """
 
+    eq: ContactEquations
     K: PETSc.Mat
     M: PETSc.Mat
     eta: float
     C: PETSc.Mat | None
+
+    @property
+    def free(self) -> npt.NDArray[np.bool_]:
+        """Mask of the owned displacements without Dirichlet data."""
+        return ~self.eq.fixed[: self.eq.owned_sizes[0]]
+
+    @cached_property
+    def unknowns(self) -> int:
+        """Number of free displacements on all ranks; collective when first computed."""
+        return int(self.eq.comm.allreduce(int(self.free.sum())))
+
+    def scale(self, A: PETSc.Mat) -> float:
+        """Return the largest ratio of diagonal entries of A and M on all ranks. Collective."""
+        a, m = (np.abs(X.getDiagonal().array_r[self.free]) for X in (A, self.M))
+        return float(self.eq.comm.allreduce(float(np.max(a / m, initial=0.0)), op=max))
 
     def destroy(self) -> None:
         """Free the matrices."""
@@ -125,7 +141,7 @@ def body_of(eq: ContactEquations, u: Array, density: Any, damping: float | ufl.F
         else:
             eta = nonnegative(damping, "damping", "a time >= 0 or a form")
     C = None if form is None else _assembled(form)
-    return Body(eq.bulk.stiffness(u).copy(), _assembled(mass), eta, C)
+    return Body(eq, eq.bulk.stiffness(u).copy(), _assembled(mass), eta, C)
 
 
 def _assembled(form: ufl.Form) -> PETSc.Mat:
@@ -160,30 +176,24 @@ class Spectrum:
 
 
 class Vibrations:
-    """The eigenproblem of a body and a pattern of slip. Collective.
+    """Eigenproblem of a body and a pattern of slip. Collective.
 
     Args:
-        eq: contact problem.
         slip: slipping points and their directions.
         body: stiffness, mass and damping; owned by the caller.
         dense: whether all eigenvalues are computed; by default with up to 700 unknowns.
         count: number of eigenvalues that are computed otherwise.
     """
 
-    def __init__(
-        self, eq: ContactEquations, slip: Slip, body: Body, *, dense: bool | None, count: int
-    ):
-        self._eq = eq
-        self.comm = eq.comm
+    def __init__(self, slip: Slip, body: Body, *, dense: bool | None, count: int):
+        self.comm = body.eq.comm
         self._slip = slip
         self._body = body
         self._count = count
-        free = ~eq.fixed[: eq.owned_sizes[0]]
-        constraints = slip.N.getSize()[0] + slip.H.getSize()[0]
-        self.size = int(eq.comm.allreduce(int(free.sum()))) - constraints
+        self.size = body.unknowns - slip.N.getSize()[0] - slip.H.getSize()[0]
         self.complete = self.size <= _DENSE if dense is None else bool(dense)
         if self.complete:
-            self._dense = DenseBody(eq, body, [slip.N, slip.D, slip.H])
+            self._dense = DenseBody(body, [slip.N, slip.D, slip.H])
 
     def spectrum(self, friction: Array, *, vectors: bool = False) -> Spectrum:
         """Compute the eigenvalues lambda.
@@ -203,7 +213,7 @@ class Vibrations:
         return Spectrum.of(values, motions, known)
 
     def _by_matrices(self, friction: Array, *, vectors: bool) -> tuple[Complex, Complex]:
-        """All lambda, and displacements (n, k) of this rank."""
+        """Return all lambda, and displacements (n, k) of this rank."""
         parts = self.comm.gather(friction)
         body, eta = self._dense, self._body.eta
 
@@ -234,9 +244,9 @@ class Vibrations:
 
     def _by_slepc(self, friction: Array) -> tuple[Complex, Complex, float]:
         SLEPc = slepc()
-        eq = self._eq
         slip = self._slip
         body = self._body
+        eq = body.eq
         G = slip.D.copy()
         F = slip.D.createVecLeft()
         F.array[:] = friction
@@ -277,7 +287,7 @@ class Vibrations:
             motion = real.array_r[:n] + 1j * imaginary.array_r[:n]
             size = abs(value) if body.C is not None else np.sqrt(abs(value))
             if size > _FINITE * self._highest:
-                continue  # of the forces, which have no mass
+                continue  # an eigenvalue of the forces, which have no mass
             both = [value] if body.C is not None else damped(np.array([value]), body.eta)
             farthest = max(farthest, float(size))
             values += [complex(each) for each in both]
@@ -290,22 +300,16 @@ class Vibrations:
 
     @cached_property
     def _highest(self) -> float:
-        """A frequency of the size of the highest, of unknowns by themselves."""
+        """Estimate of the highest frequency: the largest one of a single unknown."""
         body = self._body
-        free = ~self._eq.fixed[: self._eq.owned_sizes[0]]
-        K, M = (A.getDiagonal().array_r[free] for A in (body.K, body.M))
-        mine = np.sqrt(np.max(K / M, initial=0.0))
-        if body.C is not None:
-            C = np.abs(body.C.getDiagonal().array_r[free])
-            mine = max(mine, np.max(C / M, initial=0.0))
-        return float(self.comm.allreduce(float(mine), op=max))
+        own = float(np.sqrt(body.scale(body.K)))
+        return own if body.C is None else max(own, body.scale(body.C))
 
 
 class DenseBody:
     """Dense matrices of a body on rank 0. Collective.
 
     Args:
-        eq: contact problem.
         body: stiffness, mass and damping.
         rows: rows at the displacement.
 
@@ -316,13 +320,13 @@ class DenseBody:
         rows: rows at free displacements.
     """
 
-    def __init__(self, eq: ContactEquations, body: Body, rows: Sequence[PETSc.Mat]):
-        fixed = eq.comm.gather(eq.fixed[: eq.owned_sizes[0]])
+    def __init__(self, body: Body, rows: Sequence[PETSc.Mat]):
+        free = body.eq.comm.gather(body.free)
         C = None if body.C is None else _on_root_dense(body.C)
         K, M, *dense = (_on_root_dense(A) for A in (body.K, body.M, *rows))
-        if fixed is None:
+        if free is None:
             return
-        self.free = ~np.concatenate(fixed)
+        self.free = np.concatenate(free)
         inside = np.ix_(self.free, self.free)
         self.K, self.M = K[inside], M[inside]
         self.C = None if C is None else C[inside]
@@ -345,7 +349,7 @@ class DenseBody:
 
 
 def damped(mu: Complex, eta: float) -> Complex:
-    """Roots of lambda^2 + eta mu lambda + mu = 0: one for each mu, then the other ones."""
+    """Return the roots of lambda^2 + eta mu lambda + mu = 0: one per mu, then the others."""
     mu = np.asarray(mu, dtype=complex)
     b = eta * mu
     root = np.sqrt(b * b - 4 * mu)
@@ -355,7 +359,7 @@ def damped(mu: Complex, eta: float) -> Complex:
 
 
 def null_space(rows: Array) -> Array:
-    """Orthonormal basis (n, n - m) of the null space of independent rows (m, n)."""
+    """Return an orthonormal basis (n, n - m) of the null space of independent rows (m, n)."""
     basis: Array = qr(rows.T)[0]
     return basis[:, len(rows) :]
 

@@ -274,24 +274,20 @@ class _Search:
         self.tried = _LARGEST
         self.best: Array | None = None
         self.closed = np.zeros(m, dtype=bool)
-        self.complete = True
+        self.complete = False
         self.regions = 0
-        #: Regions that round-off left undecided, and the friction at which they were examined.
-        self._doubtful: list[tuple[Statuses, float]] = []
+        #: Regions that round-off leaves undecided at the present friction.
+        self._doubtful: list[Statuses] = []
 
     def run(self) -> None:
         """Search until nothing is left, or time is over."""
         self._descend()
         self._begin()
         waiting: list[Statuses] = [np.zeros(self.m, dtype=np.int64)]
-        while waiting or self._again():
-            # Doubtful regions may be decided at a smaller friction.
-            statuses = waiting.pop() if waiting else self._doubtful.pop()[0]
-            if time.monotonic() > self._end:
-                self.complete = False
-                return
+        while waiting and time.monotonic() <= self._end:
             self.regions += 1
-            waiting += self._treat(statuses)
+            waiting += self._treat(waiting.pop())
+        self.complete = not waiting and not self._doubtful
 
     def _descend(self) -> None:
         """Find a small initial F by changing one point at a time, from all points closed."""
@@ -304,15 +300,6 @@ class _Search:
                 closed[i] = not closed[i]
                 if closed.any() and self._lower(closed):
                     improved = True
-
-    def _again(self) -> bool:
-        """Return whether a doubtful region was examined at a larger friction."""
-        if not self._doubtful:
-            return False
-        if self._doubtful[-1][1] > self.tried:
-            return True
-        self.complete = False
-        return False
 
     def _begin(self) -> None:
         """Create the program just below the known F."""
@@ -330,7 +317,7 @@ class _Search:
         if y is not None or self._program.lost:
             # Round-off prevents a decision: parts may be decided.
             if len(undecided) == 0:
-                self._doubtful.insert(0, (statuses, self.tried))
+                self._doubtful.append(statuses)
                 return []
             size = np.abs(y[0][undecided]) if y is not None else np.ones(len(undecided))
             i, first = int(undecided[np.argmax(size)]), _OPEN
@@ -340,10 +327,12 @@ class _Search:
             i = int(np.argmax(either))
             if either[i] <= _EITHER:
                 if not self._lower(pressed > un):
-                    self._doubtful.insert(0, (statuses, self.tried))
+                    self._doubtful.append(statuses)
                     return []
                 self._begin()
-                return [statuses]
+                # Doubtful regions may be decided at the smaller friction.
+                doubtful, self._doubtful = self._doubtful, []
+                return [*doubtful, statuses]
             first = _CLOSED if pressed[i] > un[i] else _OPEN
         parts = [statuses.copy(), statuses.copy()]
         parts[0][i], parts[1][i] = _OPEN + _CLOSED - first, first
