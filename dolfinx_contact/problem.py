@@ -35,6 +35,7 @@ from dolfinx_contact._ufl import described
 from dolfinx_contact._validate import ReadOnly, copy_with, instance, is_count, nonnegative, positive
 from dolfinx_contact.body.bulk import Bulk, weighted
 from dolfinx_contact.body.cells import check_cells
+from dolfinx_contact.body.integrals import warn_of_integrals
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation, Statuses
 from dolfinx_contact.equations.measures import require_solution
@@ -300,6 +301,7 @@ class ContactProblem(ReadOnly):
         self.petsc_options = dict(petsc_options or {})
         PETSc.garbage_cleanup(self.comm)  # objects of earlier problems on several ranks
         check_cells(self.V.mesh)
+        warn_of_integrals(bulk, self.V)
         given = ProblemOptions(petsc_options_prefix, self.petsc_options)
         axisymmetric = surfaces[0].axisymmetric
         body = Bulk(weighted(bulk, axisymmetric=axisymmetric), u)
@@ -331,6 +333,18 @@ class ContactProblem(ReadOnly):
         #: Names of the warnings that a run has logged; None outside of runs.
         self._warned: set[str] | None = None
         check_sides(self.equations)
+
+    def __repr__(self) -> str:
+        topology = self.V.mesh.topology
+        cells = topology.index_map(topology.dim).size_global
+        kind = "linear" if self.equations.bulk.linear else "nonlinear"
+        surfaces = ", ".join(
+            f"{s.name!r} ({s.method}, {type(s.law).__name__})" for s in self.surfaces
+        )
+        return (
+            f"<ContactProblem: {kind} body of {cells} cells, degree {self.V.ufl_element().degree}, "
+            f"{sum(self.equations.global_sizes)} unknowns; surfaces {surfaces}>"
+        )
 
     def moving(self, body: MovingBody) -> ContactProblem:
         """Return the problem of a dynamic step, on the same Functions and surfaces. Collective.

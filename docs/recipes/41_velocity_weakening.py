@@ -9,6 +9,11 @@
 # The law becomes steeper as steps shrink: in a step of length h the coefficient changes by
 # (s - k) / (v0 h) per unit of slip. Below a length of about (s - k) p / (v0 K), with the stiffness
 # K of the body per area, a step has several solutions. The history takes exactly the given times.
+# In a motion (`NSCD`), such a law requires `mass="lumped"`, since contact nodes without mass have
+# several solutions.
+
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from common import Block
@@ -19,11 +24,16 @@ from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.laws import FrictionLaw
 
 
+@dataclass(frozen=True)
 class VelocityWeakening(FrictionLaw):
+    static: Any  # numbers, Constants, Functions or UFL expressions
+    kinetic: Any
+    speed: Any
+
     def bound(self, a, p):
         moving = ufl.gt(a.step, 0.0)
         v = ufl.conditional(moving, (a.slid - a.slid_before) / a.step, 0.0)
-        return (0.27 + 0.03 / (1 + v / 0.02)) * p
+        return (self.kinetic + (self.static - self.kinetic) / (1 + v / self.speed)) * p
 
 
 def load(t):
@@ -31,7 +41,7 @@ def load(t):
 
 
 block = Block()
-evolution = QuasiStatic(block.problem(VelocityWeakening()), load)
+evolution = QuasiStatic(block.problem(VelocityWeakening(0.3, 0.27, 0.02)), load)
 history = evolution.run(np.linspace(0.0, 1.0, 11))
 table = history.steps[-1].result.tables["contact"]
 coefficient = abs(table.along(table.rt)).sum() / table.rn.sum()

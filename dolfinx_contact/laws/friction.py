@@ -169,6 +169,10 @@ class Frictionless(FrictionLaw):
 class Coulomb(FrictionLaw):
     """Coulomb friction; the static law is ``|lambda_t| <= F |lambda_n|``.
 
+    A contact surface converts numbers of its law to Constants: after ``surface =
+    ContactSurface(..., law=Coulomb(0.3))``, ``surface.law.friction.value = 0.5`` changes the
+    coefficient between two solves.
+
     Attributes:
         friction: friction coefficient F >= 0, a number, a Constant, a Function or a UFL expression.
     """

@@ -87,8 +87,9 @@ def film(
         scale: factor of the displacement, default 1; other factors are added to the title.
         title: title, before the time or the load of a state, or its text.
         rate: frames a second, default 10.
-        look: field, view, section: see `Look`. Without a stress and ``field`` the displacement is
-            shown.
+        **look: field, view, clip, arrows: see `Look`. Without a stress and ``field`` the
+            displacement is shown. A field is evaluated in each state if it is a UFL expression of
+            the displacement; the values of a Function stay the same.
 
     Returns:
         The file.

@@ -5,6 +5,7 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from support.blocks import block, box, facets
+from support.checks import assert_warned, warnings_of
 
 import basix.ufl
 import ufl
@@ -268,6 +269,47 @@ def test_floating_body_is_refused_with_its_free_motions():
     lifted = HalfSpace((0.0, -0.1), (0.0, 1.0))
     with pytest.raises(FloatingBodyError, match=r"translation x, translation y, rotation"):
         ContactProblem(energy, u, [surface(u, obstacle=lifted)]).solve()
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize(
+    ("load", "warning"),
+    [
+        (lambda domain: ufl.ds(7), r"ds\(7\) is 0: its measure has no subdomain_data"),
+        (
+            lambda domain: ufl.ds(subdomain_data=tagged(domain))(7),
+            r"ds\(7\) is 0: no cell or facet has this tag",
+        ),
+        (lambda domain: ufl.ds(subdomain_data=tagged(domain))(3), None),
+    ],
+)
+def test_load_on_a_tag_without_facets_gives_a_warning(load, warning, caplog):
+    domain, u = square(2)
+    energy = MATERIAL.energy(u) * ufl.dx - u[0] * load(domain)
+    ContactProblem(energy, u, [surface(u)], bcs=[clamp(u, 1, 1.0)])
+    if warning is None:
+        assert not warnings_of(caplog)
+    else:
+        assert_warned(caplog, warning)
+
+
+def tagged(domain):
+    return mesh.meshtags(domain, 1, np.sort(facets(domain, 1, 1.0)), 3)
+
+
+def test_too_few_quadrature_points_give_a_warning(caplog):
+    """One point leaves a bilinear quadrilateral with displacements without energy."""
+    domain = box(COMM, 2, "quad")
+    u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (2,))))
+
+    def integrated(degree):
+        energy = MATERIAL.energy(u) * ufl.dx(metadata={"quadrature_degree": degree})
+        ContactProblem(energy, u, [surface(u)], bcs=[clamp(u, 1, 1.0)])
+
+    integrated(2)
+    assert not warnings_of(caplog)
+    integrated(1)
+    assert_warned(caplog, "quadrature degree 1 of dx is below 2")
 
 
 def test_body_pulled_off_its_floor_is_refused():
