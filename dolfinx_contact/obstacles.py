@@ -163,11 +163,14 @@ class Obstacle:
         return False
 
     def ended(self, face: Callable[[], tuple[Any, Any]]) -> Obstacle:
-        """Return the obstacle for a sliding face, which leaves it gradually past its rim.
+        """Return this obstacle with a gap that opens gradually beyond its rim.
+
+        A face that slides past the rim of an open surface loses contact over one facet. Obstacles
+        without a rim return themselves.
 
         Args:
-            face: function that returns, in UFL, the sizes of the facets of the face and the removed
-                overlap.
+            face: function that returns UFL expressions of the facet sizes of the sliding face and
+                of the overlap removed at the start.
         """
         return self
 

@@ -205,20 +205,23 @@ class System:
         correction: PETSc.Vec,
         piece: Piece | None,
     ) -> bool:
-        """Solve a few rows of H for their own unknowns.
+        """Solve a small subset of the rows of H for as many unknowns, with the others fixed.
+
+        The corrector calls it between its steps if linear solves are iterative. A contact problem
+        solves the equations of its contact surfaces, with the displacement of the body fixed.
 
         Args:
             x: state.
             gamma: parameter.
             residual: H(x, gamma).
-            correction: receives the vector to subtract from x.
+            correction: vector to subtract from x, which is set.
             piece: piece of H.
 
         Returns:
-            Whether there is a correction; default: no.
+            Whether a correction was computed; default: False.
 
         Raises:
-            ArithmeticError: on all ranks, if the rows are singular.
+            ArithmeticError: on all ranks, if the matrix of these rows is singular.
         """
         return False
 
@@ -232,14 +235,16 @@ class System:
     # -- optional condensation and proofs --------------------------------------------------------
 
     def condensed(self, x: PETSc.Vec, gamma: float, *, conic: bool = True) -> Condensed | None:
-        """Return the points at (x, gamma) with all other unknowns eliminated.
+        """Return H at (x, gamma) condensed onto the unknowns of the points.
 
-        Default: None, the pieces at the points are not polyhedral cones.
+        All other unknowns are eliminated. The default is None: H cannot be condensed, because the
+        pieces at the points are not polyhedral cones.
 
         Args:
             x: state.
             gamma: parameter.
-            conic: whether cones are required; `prove` accepts other affine pieces.
+            conic: whether the pieces must be polyhedral cones; `prove` also accepts other affine
+                pieces.
         """
         return None
 

@@ -122,7 +122,14 @@ class CondensedBlock:
         self.factor.factorise(self._block)
 
     def solve(self, residual: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-        """The unknowns on s for a residual there, local parts. Collective."""
+        """Solve the equations of the contact nodes with all other unknowns fixed. Collective.
+
+        Args:
+            residual: local residual at the contact nodes: displacement rows, then multiplier rows.
+
+        Returns:
+            Local solution in the same order.
+        """
         n = self._s.nodes
         assert self._K is not None
         assert self._E is not None
