@@ -419,19 +419,19 @@ class ContactProblem(ReadOnly):
 
     def create_vector(self) -> PETSc.Vec:
         """Create a vector of all unknowns: displacement, multipliers, motions of rigid bodies."""
-        return self.equations.create_vector()
+        return self.equations.unknowns.create_vector()
 
     def read(self, x: PETSc.Vec) -> None:
         """Copy the unknowns ``x`` into the Functions and the rigid bodies. Collective."""
-        for f, values in zip(self.fields, self.equations.fields(x), strict=True):
+        for f, values in zip(self.fields, self.equations.unknowns.fields(x), strict=True):
             f.x.array[: len(values)] = values
             f.x.scatter_forward()
-        self.equations.rigid.show(self.equations.motions(x))
+        self.equations.rigid.show(self.equations.unknowns.motions(x))
 
     def write(self, x: PETSc.Vec) -> None:
         """Copy the Functions and the motions of the rigid bodies into the unknowns ``x``."""
-        rigid = self.equations.rigid
-        self.equations.put([f.x.array for f in self.fields], rigid.given, x)
+        eq = self.equations
+        eq.unknowns.write([f.x.array for f in self.fields], eq.rigid.given, x)
 
     def put(self, x: PETSc.Vec, statuses: Statuses) -> None:
         """Copy unknowns to the Functions and rigid bodies; store the statuses. Collective.
@@ -510,7 +510,7 @@ class ContactProblem(ReadOnly):
         """Return the state with given unknowns and their evaluation. Collective."""
         eq = self.equations
         multipliers = []
-        for s, owned in zip(self.surfaces, eq.fields(x)[1:], strict=True):
+        for s, owned in zip(self.surfaces, eq.unknowns.fields(x)[1:], strict=True):
             f = fem.Function(s.points.Q)
             f.x.array[: len(owned)] = owned
             f.x.scatter_forward()
@@ -520,7 +520,7 @@ class ContactProblem(ReadOnly):
             multipliers=tuple(multipliers),
             statuses=tuple(evaluation.statuses),
             motions=tuple(eq.rigid.of_body(evaluation.q, b) for b in self.rigid_bodies),
-            memory=eq.advanced(evaluation),
+            memory=eq.memory_after(evaluation),
             previous=eq.memory,
             signature=self.signature,
         )

@@ -198,10 +198,10 @@ def numbers_of(V, values):
 def vector(problem, x):
     """Numbers of a vector of unknowns, by field."""
     found = {}
-    parts = problem.equations.fields(x)
+    parts = problem.equations.unknowns.fields(x)
     for i, (f, values) in enumerate(zip(problem.fields, parts, strict=True)):
         found[f"field {i}"] = numbers_of(f.function_space, values)
-    motions = problem.equations.motions(x)
+    motions = problem.equations.unknowns.motions(x)
     if len(motions):
         found["rigid bodies"] = motions.tolist()
     return found
@@ -217,7 +217,7 @@ def unknowns(problem, displacement, traction, phase=0.3):
         g = fem.Function(f.function_space)
         g.interpolate(lambda y, size=size: size * wave(y, phase, dim))
         values.append(g.x.array)
-    problem.equations.put(values, problem.equations.motions(x), x)
+    problem.equations.unknowns.write(values, problem.equations.unknowns.motions(x), x)
     return x
 
 

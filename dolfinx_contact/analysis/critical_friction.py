@@ -213,7 +213,7 @@ def solver_of_body(eq: ContactEquations, rows: list[PETSc.Mat], solver: str) -> 
     kind = _requested(solver)
     if kind != "auto":
         return kind
-    large = sum(eq.global_sizes) > _LARGEST_DIRECT[eq.dim]
+    large = sum(eq.unknowns.global_sizes) > _LARGEST_DIRECT[eq.dim]
     return "amg" if large and have_own_nodes(rows, eq.dim) else "direct"
 
 

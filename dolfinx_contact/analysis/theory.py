@@ -53,8 +53,8 @@ def _coefficients(eq: ContactEquations) -> bool | None:
     """Whether a coefficient of friction is positive; None for other laws. Collective."""
     if not all(s.law.bound_kind in ("proportional", "given") for s in eq.surfaces):
         return None
-    x = eq.create_vector()
-    b = eq.create_vector()
+    x = eq.unknowns.create_vector()
+    b = eq.unknowns.create_vector()
     state = eq.residual(x, b)
     x.destroy(), b.destroy()
     mine = any(

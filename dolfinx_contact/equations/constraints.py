@@ -3,7 +3,7 @@
 
 If Dirichlet data fix the displacement of a contact node, nothing determines its multiplier: the
 reaction belongs to the support. Such multiplier components are removed (identity rows).
-`PrescribedDisplacement` can apply a part of the Dirichlet data.
+`Prescribed` can apply a part of the prescribed values.
 """
 
 from __future__ import annotations
@@ -20,13 +20,14 @@ import numpy.typing as npt
 from dolfinx import fem, la
 
 from dolfinx_contact._mpi import SharedValues, largest, require, total
+from dolfinx_contact.equations.rigid_bodies import RigidBodies
 from dolfinx_contact.laws.status import STICK
 from dolfinx_contact.points.crossings import crossings
 from dolfinx_contact.points.held_ends import resting
 from dolfinx_contact.points.surface import DiscreteSurface
 from dolfinx_contact.points.trace import facet_closures
 
-__all__ = ["Constraints", "PrescribedDisplacement", "check_overlap"]
+__all__ = ["Constraints", "Prescribed", "check_overlap"]
 
 logger = logging.getLogger(__name__)
 
@@ -110,27 +111,28 @@ class Constraints:
         f.x.scatter_forward()
         return f.x.array.reshape(-1, self._V.dofmap.index_map_bs).copy()
 
-    def approach(self, s: DiscreteSurface, u: Array) -> float:
-        """Distance by which Dirichlet data will move the body along the mean contact normal.
+    def reach(self, s: DiscreteSurface, u: Array) -> float:
+        """Gap up to which open points of a surface are expected to close. Collective.
 
-        Collective.
+        It is half the distance by which Dirichlet data will move the body along the mean contact
+        normal, as at the edge of a Hertzian contact.
 
         Args:
-            s: surface with that normal; between bodies either body may approach.
-            u: displacement of the local nodes, shape (n, dim).
+            s: contact surface; between bodies either body may approach.
+            u: displacement at all local dofs.
         """
         n = s.points.vertices.dofmap.index_map.size_local
         normal = total(s.comm, s.points.vertex_normals[:n].sum(axis=0))
         normal /= max(float(np.linalg.norm(normal)), 1e-300)
-        motion = np.where(self.fixed, self.values(fill=0.0) - u, 0.0)
+        motion = np.where(self.fixed, self.values(fill=0.0) - u.reshape(-1, s.dim), 0.0)
         along = motion @ normal
         along = np.abs(along) if s.between_bodies else along
-        return float(s.comm.allreduce(float(along.max(initial=0.0)), op=max))
+        return 0.5 * float(s.comm.allreduce(float(along.max(initial=0.0)), op=max))
 
-    def removed_multipliers(self) -> Mask:
-        """Return the mask of removed multipliers among the owned unknowns but the displacement."""
+    def removed_multipliers(self) -> list[Mask]:
+        """Return the masks of the owned removed multipliers, shape (k,), surface by surface."""
         parts = zip(self.removed, self._owned, strict=True)
-        return np.concatenate([removed[:n].reshape(-1) for removed, n in parts])
+        return [removed[:n].reshape(-1) for removed, n in parts]
 
     # -- values ----------------------------------------------------------------------------------
 
@@ -347,23 +349,25 @@ def _fixed_on_support(s: DiscreteSurface, fixed: Mask) -> Mask:
     return np.asarray(SharedValues(s.points.Q.dofmap.index_map).sums(nodes, at_nodes) == 0)
 
 
-class PrescribedDisplacement:
-    """Prescribed displacement: the Dirichlet data of the user, or a part of them.
+class Prescribed:
+    """Prescribed displacements and motions of rigid bodies: the user's data, or a part of them.
 
     Args:
         V: space of the displacement.
         constraints: fixed components and their values.
+        rigid: rigid bodies.
 
     Attributes:
         part: prescribed part of the way from a start to the user's data; 1 outside of `ramped`.
+        unknowns: map from the prescribed displacement to the unknowns; None: they are equal.
     """
 
-    def __init__(self, V: fem.FunctionSpace, constraints: Constraints):
+    def __init__(self, V: fem.FunctionSpace, constraints: Constraints, rigid: RigidBodies):
         self._V = V
         self._constraints = constraints
+        self._rigid = rigid
         self.part = 1.0
-        self._start: Array | None = None
-        #: Map from the prescribed displacement to the unknowns, if they are not the displacement.
+        self._start: tuple[Array, Array] | None = None
         self.unknowns: Callable[[Array], Array] | None = None
 
     @cached_property
@@ -401,17 +405,27 @@ class PrescribedDisplacement:
         if self.unknowns is not None:
             values = self.unknowns(values.reshape(-1)).reshape(values.shape)
         if self._start is not None:
-            values = self._start + self.part * (values - self._start)
+            start = self._start[0].reshape(values.shape)
+            values = start + self.part * (values - start)
         return np.where(self._constraints.fixed, values, 0.0)
 
+    def motions(self) -> Array:
+        """Return prescribed unknowns of the rigid bodies, 0 where they are free."""
+        values = self._rigid.numbers() * self._rigid.units
+        if self._start is not None:
+            start = self._start[1]
+            values = start + self.part * (values - start)
+        return np.where(self._rigid.fixed, values, 0.0)
+
     @contextmanager
-    def ramped(self, start: Array) -> Iterator[None]:
-        """Prescribe `part` of the way from ``start`` to the user's data while the context lasts.
+    def ramped(self, u: Array, q: Array) -> Iterator[None]:
+        """Prescribe `part` of the way from a start to the user's data while the context lasts.
 
         Args:
-            start: displacement of the local nodes, shape (n, dim).
+            u: displacement at all local dofs at the start.
+            q: unknowns of the rigid bodies at the start.
         """
-        self._start = start.copy()
+        self._start = u.copy(), q.copy()
         try:
             yield
         finally:

@@ -1,55 +1,38 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The contact problem with held bonds, which neither weaken nor heal."""
+"""Contact surfaces with held bonds, which neither weaken nor heal."""
 
 from __future__ import annotations
 
-from dataclasses import replace
-
-from petsc4py import PETSc
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact.equations.contact import ContactEquations
-from dolfinx_contact.equations.evaluation import ContactState, Statuses
+from dolfinx_contact.equations.surface_term import SurfaceTerm
 from dolfinx_contact.laws import Answers, HeldAnswers
+from dolfinx_contact.points.kinematics import Kinematics
 
 __all__ = ["HeldBonds"]
 
 Array = npt.NDArray[np.float64]
 
 
-class HeldBonds(ContactEquations):
-    """Contact problem whose bonds have a given strength; it shares everything else with another.
+@dataclass(frozen=True, eq=False)
+class HeldBonds(SurfaceTerm):
+    """Term of a contact surface whose bonds have a given strength.
 
-    Args:
-        equations: other contact problem.
-        strengths: strengths of the bonds (`Law.weakening`) of each surface, shape (n,); None for
-            laws without bonds.
+    Attributes:
+        strength: strength of the bonds (`Law.weakening`), shape (n,).
     """
 
-    def __init__(self, equations: ContactEquations, strengths: list[Array | None]):
-        self.__dict__.update(equations.__dict__)
-        self._strengths = strengths
+    strength: Array | None = None
 
-    def _contact(
-        self, x: PETSc.Vec, u: Array, q: Array, statuses: Statuses | None
-    ) -> list[ContactState]:
-        states = []
-        for i, state in enumerate(super()._contact(x, u, q, statuses)):
-            answers = self._answers(i, state)
-            codes = answers.required if statuses is None else statuses[i]
-            states.append(ContactState(state.kinematics, state.traction, codes, answers))
-        return states
-
-    def _answers(self, i: int, state: ContactState) -> Answers:
-        """Return the answers of the law with the given strength of the bonds."""
-        s = self.surfaces[i]
-        strength = self._strengths[i]
-        if strength is None:
-            return state.answers
-        assert s.law.weakening is not None
-        fields = {**state.data.fields, s.law.weakening.name: strength}
-        return HeldAnswers(
-            s.law_at_points(state.jump, state.traction, replace(state.data, fields=fields))
-        )
+    def _answers(
+        self, at: Kinematics, traction: Array, held: npt.NDArray[np.int8] | None
+    ) -> Answers:
+        weakening = self.surface.law.weakening
+        assert weakening is not None
+        assert self.strength is not None
+        fields = {**at.data.fields, weakening.name: self.strength}
+        data = replace(at.data, fields=fields)
+        return HeldAnswers(self.surface.law_at_points(at.jump, traction, data))

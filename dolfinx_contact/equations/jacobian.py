@@ -119,7 +119,7 @@ class ContactTerms:
         eq = equations
         #: Places of the unknowns, also for the entries of the body.
         self.numbering = numbering = _Numbering(eq)
-        removed = eq.constraints.removed_multipliers()
+        removed = np.concatenate(eq.constraints.removed_multipliers())
         held = np.flatnonzero(removed) + numbering.first + eq.owned_sizes[0]
         rigid = numbering.rigid()
         mine = eq.rigid.here(rigid)
@@ -128,7 +128,8 @@ class ContactTerms:
         self._blocks: list[tuple[int, _Block | RigidTerms | SpreadTerms]] = []
         rows = [held, mine]
         columns = [held, mine]
-        for i, s in enumerate(eq.surfaces):
+        for i, term in enumerate(eq.terms):
+            s = term.surface
             if s.slides:  # see `SlidingTerms`
                 continue
             stencils = s.constant_operator(_NEEDED_BY).stencils
@@ -138,15 +139,17 @@ class ContactTerms:
             bodies = numbering.places(0, stencils.nodes)
             multipliers = numbering.places(i + 1, stencils.multiplier_nodes)
             blocks: list[_Block | RigidTerms | SpreadTerms] = [
-                _Block(s, eq.units[i + 1], bodies, multipliers, coupling)
+                _Block(s, eq.unknowns.units[i + 1], bodies, multipliers, coupling)
             ]
             if s.rigid_body is not None:
                 places = np.where(eq.rigid.fixed, -1, rigid)[eq.rigid.slice_of(s.rigid_body)]
-                at_points = eq.rigid.at_points(s)
-                blocks.append(RigidTerms(s, eq.units[i + 1], places, multipliers, at_points))
+                at_points = term.motions_at_points()
+                blocks.append(
+                    RigidTerms(s, eq.unknowns.units[i + 1], places, multipliers, at_points)
+                )
             if s.law.averaging is not None:
                 n = sum(eq.owned_sizes)
-                blocks.append(SpreadTerms(s, eq.units[i + 1], bodies, multipliers, n))
+                blocks.append(SpreadTerms(s, eq.unknowns.units[i + 1], bodies, multipliers, n))
             for block in blocks:
                 row, column = block.entries()
                 rows.append(row)
@@ -198,9 +201,7 @@ class _Numbering:
         self._ends = ends
         self.first = int(offsets[eq.comm.rank])
         n = eq.owned_sizes[0]
-        ends = np.cumsum(eq.owned_sizes[1:-1])[:-1]
-        removed = np.split(eq.constraints.removed_multipliers(), ends)
-        self._absent = [eq.fixed[:n], *removed]
+        self._absent = [eq.fixed[:n], *eq.constraints.removed_multipliers()]
 
     def rigid(self) -> Indices:
         """Return the places of the unknowns of rigid bodies, which rank 0 owns."""

@@ -28,7 +28,14 @@ from dolfinx_contact.points.surface import DiscreteSurface
 
 Array = npt.NDArray[np.float64]
 
-__all__ = ["Measures", "Scales", "held_back", "least_scales", "require_solution"]
+__all__ = [
+    "Measures",
+    "Scales",
+    "held_back",
+    "least_scales",
+    "require_solution",
+    "round_off_force",
+]
 
 _SOLVED = 1e-6  # residual up to which a state counts as a solution
 _AT_REST = 1e-3  # the same for a body without displacements and forces: 1e-15 of its stiffness
@@ -69,6 +76,17 @@ def least_scales(equations: ContactEquations, length: float) -> tuple[float, flo
     """
     none = _NOTHING * equations.body_size
     return (equations.stiffness_scale * none, none) if length <= none else (0.0, 0.0)
+
+
+def round_off_force(equations: ContactEquations, displacement: float) -> float:
+    """Return the nodal force that counts as round-off at a displacement of this size.
+
+    If a body moves without resistance, all forces are the round-off of stiffness times motion, and
+    no other scale is available. Stresses of a nonlinear body are differences of moduli, so their
+    round-off is 1e-15 of the moduli even without load.
+    """
+    strain = 0.0 if equations.bulk.linear else 1e-5 * equations.body_size
+    return equations.stiffness_scale * max(1e-4 * displacement, strain)
 
 
 class Scales:
@@ -113,7 +131,7 @@ class Scales:
         if self._settled:
             none = least_scales(eq, self.length)
             self.force, self.length = max(self.force, none[0]), max(self.length, none[1])
-        force_scale = max(self.force, eq.round_off_force(self.length))
+        force_scale = max(self.force, round_off_force(eq, self.length))
         return Measures(values[2] / force_scale, values[3] / self.length, values[4] / force_scale)
 
 

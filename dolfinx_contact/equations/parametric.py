@@ -302,7 +302,7 @@ class ParametricEquations(System):
         return self._jacobian_solver.matrix
 
     def create_vector(self) -> PETSc.Vec:
-        return self.equations.create_vector()
+        return self.equations.unknowns.create_vector()
 
     def contact(self, x: PETSc.Vec, gamma: float, piece: Piece | None) -> Evaluation:
         """Evaluate the contact conditions, without the rows of H. Collective."""

@@ -26,6 +26,7 @@ from dolfinx_contact.body.bulk import Bulk
 from dolfinx_contact.body.rigid import extents, number_of_parts, parts, sums_of_parts
 from dolfinx_contact.equations.evaluation import Evaluation, Statuses
 from dolfinx_contact.equations.rigid_bodies import RigidBodies
+from dolfinx_contact.equations.surface_term import SurfaceTerm
 from dolfinx_contact.laws.status import STICK, closed, senses
 from dolfinx_contact.points.surface import DiscreteSurface
 
@@ -56,7 +57,7 @@ class Scaling:
     Args:
         bulk: discrete body.
         V: space of its displacement.
-        surfaces: contact surfaces, which receive their r.
+        terms: terms of the contact surfaces, which receive their r.
         fixed: mask of components fixed by Dirichlet data, shape (local nodes, dim).
         rigid: rigid bodies.
         forced_r: augmentation parameter; None for the automatic one.
@@ -76,14 +77,15 @@ class Scaling:
         self,
         bulk: Bulk | MovingBody,
         V: fem.FunctionSpace,
-        surfaces: Sequence[DiscreteSurface],
+        terms: Sequence[SurfaceTerm],
         fixed: npt.NDArray[np.bool_],
         rigid: RigidBodies,
         forced_r: float | None,
     ):
         self._bulk = bulk
         self._V = V
-        self._surfaces = surfaces
+        self._terms = list(terms)
+        self._surfaces = surfaces = [term.surface for term in terms]
         self._comm = V.mesh.comm
         self._given = fixed, rigid
         #: Number of the connected part of each local node of the displacement.
@@ -127,7 +129,7 @@ class Scaling:
         )
         moves = None if self._bulk.has_mass else K
         self.loose = LooseMotions(
-            moves, self._V, self.part, surfaces, fixed, rigid, axisymmetric=around
+            moves, self._V, self.part, self._terms, fixed, rigid, axisymmetric=around
         )
         self._mark = self._bulk.stiffness_mark
 
@@ -311,7 +313,7 @@ class LooseMotions:
         K: stiffness of the body without Dirichlet rows; None if its mass resists all motions.
         V: space of the displacement.
         part: connected part of each local node.
-        surfaces: contact surfaces.
+        terms: terms of the contact surfaces.
         fixed: mask of components fixed by Dirichlet data, shape (local nodes, dim).
         bodies: rigid bodies.
         axisymmetric: whether the body is a body of revolution.
@@ -325,7 +327,7 @@ class LooseMotions:
         K: PETSc.Mat | None,
         V: fem.FunctionSpace,
         part: npt.NDArray[np.int32],
-        surfaces: Sequence[DiscreteSurface],
+        terms: Sequence[SurfaceTerm],
         fixed: npt.NDArray[np.bool_],
         bodies: RigidBodies,
         *,
@@ -333,7 +335,7 @@ class LooseMotions:
     ):
         self._V = V
         self._part = part
-        self._surfaces = list(surfaces)
+        self._surfaces = [term.surface for term in terms]
         self._bodies = bodies
         self._axisymmetric = axisymmetric
         self.of_body = np.zeros((0, *fixed.shape))
@@ -342,7 +344,8 @@ class LooseMotions:
         self._free = np.flatnonzero(~bodies.fixed)
         #: Jumps at the points by each motion, rigid bodies last, shape (motions, n, dim).
         self._jumps = [
-            np.concatenate([self._by_body(s), self._by_rigid_bodies(s)]) for s in surfaces
+            np.concatenate([self._by_body(term.surface), self._by_rigid_bodies(term)])
+            for term in terms
         ]
 
     def _by_body(self, s: DiscreteSurface) -> Array:
@@ -354,11 +357,12 @@ class LooseMotions:
             jumps[i] = operator.apply(self.of_body[i, : s.owned_nodes])
         return jumps
 
-    def _by_rigid_bodies(self, s: DiscreteSurface) -> Array:
+    def _by_rigid_bodies(self, term: SurfaceTerm) -> Array:
+        s = term.surface
         jumps = np.zeros((self._bodies.size, s.points.number, s.dim))
         if s.rigid_body is None:
             return jumps[self._free]
-        jumps[self._bodies.slice_of(s.rigid_body)] = -np.moveaxis(self._bodies.at_points(s), 2, 0)
+        jumps[self._bodies.slice_of(s.rigid_body)] = -np.moveaxis(term.motions_at_points(), 2, 0)
         return jumps[self._free]
 
     def not_held(self, statuses: Statuses, state: Evaluation | None = None) -> str:

@@ -134,7 +134,7 @@ class SlidingTerms:
         self._faces = s.points.faces
         self._comm = equations.comm
         self._dim = s.dim
-        self._unit = equations.units[number + 1]
+        self._unit = equations.unknowns.units[number + 1]
         self._numbering = numbering
         self._size = sum(equations.owned_sizes)
         vertices = self._faces.slave_vertices

@@ -17,8 +17,8 @@ import numpy.typing as npt
 from dolfinx_contact._mpi import anywhere, largest
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation, Statuses
+from dolfinx_contact.equations.surface_term import SurfaceTerm
 from dolfinx_contact.laws.status import PLUS, STICK, closed
-from dolfinx_contact.points.surface import DiscreteSurface
 
 __all__ = ["bring_together", "touches_nothing", "touching"]
 
@@ -68,9 +68,9 @@ def touching(eq: ContactEquations, load: float, state: Evaluation) -> Statuses:
         load: applied part of the prescribed motion.
         state: evaluation of the start.
     """
-    gaps = [eq.gaps(s, state) for s in eq.surfaces]
+    gaps = [term.gaps(state) for term in eq.terms]
     reaches = [max(reach, _TOUCHES * eq.body_size) for reach in _reaches(eq, load, state)]
-    found = eq.as_possible(_within(eq, gaps, reaches))
+    found = _within(eq, gaps, reaches)
     if not eq.scaling.loose.not_held(found):
         return found
     of_rigid, of_touched = eq.rigid.nearest(gaps), _touched(eq, gaps, state)
@@ -89,10 +89,10 @@ def _touched(eq: ContactEquations, gaps: Sequence[Array], state: Evaluation) -> 
     Vertices may touch although no Gauss point between them does.
     """
     least = []
-    for s, gap in zip(eq.surfaces, gaps, strict=True):
-        at_vertices = gap
+    for term, gap in zip(eq.terms, gaps, strict=True):
+        at_vertices, s = gap, term.surface
         if s.method == "integral":
-            nodes = eq.rigid.relative(s, state.u.reshape(-1, eq.dim), state.q)
+            nodes = term.relative(state.u, state.q)
             jump = (nodes - s.opposite(nodes))[s.points.vertex_trace_dofs]
             at_vertices = s.at_vertices(jump)[0]
         least += [np.min(g, initial=np.inf) for g in (at_vertices, gap)]
@@ -104,8 +104,8 @@ def _touched(eq: ContactEquations, gaps: Sequence[Array], state: Evaluation) -> 
 def _reaches(eq: ContactEquations, load: float, state: Evaluation) -> list[float]:
     """Return gaps up to which points are expected to close, by surface. Collective."""
     return [
-        load * (eq.reach(s, state.u) + _rigid_reach(eq, s, state, i))
-        for i, s in enumerate(eq.surfaces)
+        load * (eq.constraints.reach(term.surface, state.u) + _rigid_reach(eq, term, state))
+        for term in eq.terms
     ]
 
 
@@ -119,22 +119,20 @@ def _within(eq: ContactEquations, gaps: Sequence[Array], limits: Sequence[float]
     return found
 
 
-def _rigid_reach(eq: ContactEquations, s: DiscreteSurface, state: Evaluation, i: int) -> float:
-    """Return half the approach of a rigid body to points of ``s`` by prescribed motions."""
+def _rigid_reach(eq: ContactEquations, term: SurfaceTerm, state: Evaluation) -> float:
+    """Return half the approach of a rigid body to points of a surface by prescribed motions."""
     if not eq.rigid.size:
         return 0.0
-    step = np.where(eq.rigid.fixed, eq.prescribed_motions() - state.q, 0.0)
-    nearer = float(np.max(_closing(eq, s, state, i, step), initial=0.0))
+    step = np.where(eq.rigid.fixed, eq.prescribed.motions() - state.q, 0.0)
+    nearer = float(np.max(_closing(eq, term, state, step), initial=0.0))
     return 0.5 * float(eq.comm.allreduce(nearer, op=max))
 
 
-def _closing(
-    eq: ContactEquations, s: DiscreteSurface, state: Evaluation, i: int, dq: Array
-) -> Array:
-    """Return the decrease of gaps of ``s`` by a motion of rigid bodies (n,). Collective."""
+def _closing(eq: ContactEquations, term: SurfaceTerm, state: Evaluation, dq: Array) -> Array:
+    """Return the decrease of gaps of a surface by a motion of rigid bodies (n,). Collective."""
     still = np.zeros(eq.owned_sizes[0])
-    step = eq.relative_rate(s, state.u, state.q, still, dq)
-    return -state.surfaces[i].kinematics.gap_rate(step)
+    step = term.relative_rate(state.u, state.q, still, dq)
+    return -state.surfaces[term.number].kinematics.gap_rate(step)
 
 
 def bring_together(eq: ContactEquations, x: PETSc.Vec) -> None:
@@ -146,7 +144,7 @@ def bring_together(eq: ContactEquations, x: PETSc.Vec) -> None:
         return
     state = eq.contact(x)
     along = eq.rigid.directions()
-    gaps = [eq.gaps(s, state) for s in eq.surfaces]
-    closing = [_closing(eq, s, state, i, along) for i, s in enumerate(eq.surfaces)]
+    gaps = [term.gaps(state) for term in eq.terms]
+    closing = [_closing(eq, term, state, along) for term in eq.terms]
     moved = state.q + eq.rigid.free_distances(gaps, closing) * along
     x.array[x.getLocalSize() - eq.rigid.owned :] = eq.rigid.here(moved)

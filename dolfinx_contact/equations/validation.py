@@ -168,12 +168,12 @@ def validate(eq: ContactEquations, x0: PETSc.Vec) -> Evaluated | None:
     # the start, and H there
     names = ["displacement", *(f"traction of {s.name!r}" for s in eq.surfaces)]
     names.append("motion of the rigid bodies")
-    bad = anywhere(eq.comm, *[not np.isfinite(part).all() for part in eq.blocks(x0)])
+    bad = anywhere(eq.comm, *[not np.isfinite(part).all() for part in eq.unknowns.blocks(x0)])
     for name, wrong in zip(names, bad, strict=True):
         if wrong:
             raise ValueError(f"the {name} at the start is not finite")
     require_obstacles(eq)
-    b = eq.create_vector()
+    b = eq.unknowns.create_vector()
     state = eq.residual(x0, b)
     finite = bool(np.isfinite(b.array_r).all())
     b.destroy()
@@ -189,7 +189,7 @@ def validate(eq: ContactEquations, x0: PETSc.Vec) -> Evaluated | None:
         place = place or "loads and material data, for NaN"
         raise ValueError(f"the residual is not finite at the start: look at {place}")
     # scales
-    changed = eq.scaling.follow(eq.displacement(x0))
+    changed = eq.scaling.follow(eq.unknowns.displacement(x0))
     return None if changed else Evaluated(x0.array_r.copy(), state)
 
 
@@ -409,7 +409,7 @@ def diverged(eq: ContactEquations, x: PETSc.Vec) -> str:
     Where loads have no equilibrium a body slides away, and residuals relative to the nodal forces
     of such displacements are meaningless.
     """
-    parts = eq.blocks(x)
+    parts = eq.unknowns.blocks(x)
     values = np.array([np.max(np.abs(v), initial=0.0) for v in (parts[0], parts[-1])])
     body, rigid = largest(eq.comm, values) / eq.body_size
     if max(body, rigid) <= _FAR:
@@ -426,7 +426,7 @@ def inverted(eq: ContactEquations, x: PETSc.Vec) -> str:
     if eq.bulk.linear:
         return ""
     smallest, place = smallest_jacobian(
-        eq.V, eq.displacement(x), vertices=False, axisymmetric=eq.axisymmetric
+        eq.V, eq.unknowns.displacement(x), vertices=False, axisymmetric=eq.axisymmetric
     )
     if smallest > 0:
         return ""

@@ -414,7 +414,7 @@ class ByArcLength(Rule[PathTask]):
                 f"beyond gamma = {before.gamma:.10g} a law gives a number that is not finite",
             )
             return None
-        memory = law.equations.advanced(evaluation)
+        memory = law.equations.memory_after(evaluation)
         time = before.time + point.step
         after = self._stepper.accept(law, evaluation.statuses, memory, time, energies, forces)
         number = self.state.number + 1

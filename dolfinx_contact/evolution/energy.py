@@ -404,9 +404,9 @@ def _of_surface(
     normal = contact.data.n
     force = operator.areas[:, None] * contact.traction
     # relative displacements h (B v - v_o), and h v_o of a rigid body
-    place = s, end.u, end.q
-    relative = operator.apply(eq.relative_rate(*place, moved, dq))
-    dragged = -operator.apply(eq.relative_rate(*place, np.zeros_like(moved), dq))
+    rate = eq.terms[i].relative_rate
+    relative = operator.apply(rate(end.u, end.q, moved, dq))
+    dragged = -operator.apply(rate(end.u, end.q, np.zeros_like(moved), dq))
     # an obstacle that is moved by its data
     risen = after.obstacle - before.obstacle
     external = float(np.sum(force * dragged) + np.sum(force * normal, axis=1) @ risen)

@@ -51,6 +51,7 @@ from dolfinx_contact.body.moving import MovingBody, Scheme, TimeStep
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation
 from dolfinx_contact.equations.state import State
+from dolfinx_contact.equations.surface_term import SurfaceTerm
 from dolfinx_contact.equations.validation import require_obstacles
 from dolfinx_contact.evolution.energy import Motion, MotionEnergies, account, motion_at
 from dolfinx_contact.evolution.mass_and_damping import Matrices
@@ -182,7 +183,7 @@ class MotionStepper(Stepper):
         a = _motion(accepted)
         step = self._begin(accepted, time)
         # increment of the prescribed motions of rigid bodies
-        dq = np.where(eq.rigid.fixed, eq.prescribed_motions() - eq.rigid.given, 0.0)
+        dq = np.where(eq.rigid.fixed, eq.prescribed.motions() - eq.rigid.given, 0.0)
         law = problem.step_from(accepted.state, step=step.length)
         at_end: Evaluation | None = None
 
@@ -204,7 +205,7 @@ class MotionStepper(Stepper):
             result, solution = contact.solve_step(progress=self._progress, shown=end_of_step)
             assert at_end is not None
             # 2. advance the memory
-            memory = law.equations.advanced(at_end)
+            memory = law.equations.memory_after(at_end)
             # 3. account for the energies
             b = motion_at(law.equations, at_end, at_end.u, self._velocity.x.array.copy())
             energies = account(accepted.energies, law.equations, solution, a, b, dq)
@@ -264,11 +265,12 @@ class MotionStepper(Stepper):
             part = 1.0 / step.share
         q = eq.rigid.given + (1.0 - part) * dq
         memories = []
-        for i, (s, memory) in enumerate(zip(eq.surfaces, accepted.memory, strict=True)):
-            at = eq.kinematics(s, reference, q)
+        for term, memory in zip(eq.terms, accepted.memory, strict=True):
+            s = term.surface
+            at = term.kinematics(reference, q)
             gap = None
             if self._method.level == "velocity":
-                gap = self._gap_of_impact(eq, i, at, a, step, dq)
+                gap = self._gap_of_impact(eq, term, at, a, step, dq)
             nodes = reference[: eq.owned_sizes[0]].reshape(-1, eq.dim) if s.slides else None
             memories.append(
                 Memory(
@@ -285,7 +287,13 @@ class MotionStepper(Stepper):
         return memories
 
     def _gap_of_impact(
-        self, eq: ContactEquations, i: int, at: Kinematics, a: Motion, step: TimeStep, dq: Array
+        self,
+        eq: ContactEquations,
+        term: SurfaceTerm,
+        at: Kinematics,
+        a: Motion,
+        step: TimeStep,
+        dq: Array,
     ) -> Array:
         """Return the gap such that the gap at w has the sign of un'_1 + e un'_0.
 
@@ -293,20 +301,21 @@ class MotionStepper(Stepper):
 
         Args:
             eq: equations of the step.
-            i: number of the surface.
+            term: term of the surface.
             at: kinematics at the reference of friction; the law adds - n . (jump at w - this jump).
             a: motion at the start of the step.
             step: time step.
             dq: increment of the unknowns of the rigid bodies.
         """
-        s = eq.surfaces[i]
+        s = term.surface
+        before = a.surfaces[term.number]
         n = s.points.data.n
-        risen = s.points.data.gap - a.surfaces[i].obstacle
-        moved = at.operator.rate(eq.relative(s, step.length * a.v, dq))
+        risen = s.points.data.gap - before.obstacle
+        moved = at.operator.rate(term.relative(step.length * a.v, dq)[: s.owned_nodes])
         opening = risen - np.sum(moved * n, axis=1)  # h un'_0
         rebound = self._method.restitution * step.gain * opening
         gap = np.sum(at.jump * n, axis=1) + step.gain * risen + rebound
-        active = a.surfaces[i].un + 0.5 * opening <= 0
+        active = before.un + 0.5 * opening <= 0
         return np.where(active, gap, gap + _FAR * eq.body_size)
 
     # -- the start of a run ----------------------------------------------------------------------
@@ -393,8 +402,8 @@ def _evaluation_at(eq: ContactEquations, solution: Evaluation, u: Array) -> Eval
         u: displacement u_1 at its end, all local values.
     """
     surfaces = [
-        replace(contact, kinematics=eq.kinematics(s, u, solution.q))
-        for s, contact in zip(eq.surfaces, solution.surfaces, strict=True)
+        replace(contact, kinematics=term.kinematics(u, solution.q))
+        for term, contact in zip(eq.terms, solution.surfaces, strict=True)
     ]
     return replace(solution, u=u, surfaces=surfaces)
 

@@ -163,7 +163,7 @@ class Stepper:
         # 1. solve the static problem of the increment
         result, end = step.solve_step(trial, progress=self._progress)
         # 2. advance the memory
-        memory = step.equations.advanced(end)
+        memory = step.equations.memory_after(end)
         # 3. account for the energies
         forces = forces_at(step.equations, end)
         lost = result.energies["friction"]
@@ -268,7 +268,7 @@ class Stepper:
             law.equations.refresh()
             self._check_start()
             evaluation = self._evaluated(law)
-            memory = law.equations.advanced(evaluation) if given is None else given.memory
+            memory = law.equations.memory_after(evaluation) if given is None else given.memory
         residual = self._residual_of_start(law, evaluation, memory)
         solved = residual <= _SOLVED
         if not solved and law.comm.rank == 0:

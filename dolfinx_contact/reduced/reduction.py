@@ -43,12 +43,13 @@ from scipy.sparse import csc_matrix as Columns
 from dolfinx import fem
 
 from dolfinx_contact._mpi import require, total
-from dolfinx_contact._petsc import staged
+from dolfinx_contact._petsc import Entries, matrix_of, staged
 from dolfinx_contact.continuation import Piece
 from dolfinx_contact.continuation.affine import AffineSystem
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.measures import Scales
 from dolfinx_contact.equations.parametric import ParametricEquations
+from dolfinx_contact.equations.surface_term import SurfaceTerm
 from dolfinx_contact.laws.cones import no_cones
 from dolfinx_contact.reduced.gathered import GatheredPoints
 from dolfinx_contact.reduced.held_body import ROUND_OFF, HeldBody, HeldField, with_dirichlet_rows
@@ -293,7 +294,8 @@ class Reduction:
         wanted = self.points.local
         blocks = []
         motions = []
-        for s in eq.surfaces:
+        for term in eq.terms:
+            s = term.surface
             inside = wanted[(wanted >= first) & (wanted < first + s.points.number)] - first
             rows = (self._dim * inside[:, None] + np.arange(self._dim)).reshape(-1)
             B = s.constant_operator("the condensed problem").B
@@ -302,7 +304,7 @@ class Reduction:
             )
             blocks.append(B.createSubMatrix(here))
             if eq.rigid.size:
-                whole = eq.rigid.jump_matrix(s)
+                whole = self._jumps_by_motions(term)
                 motions.append(whole.createSubMatrix(here))
                 whole.destroy()
             here.destroy()
@@ -312,13 +314,33 @@ class Reduction:
         fields = [HeldField(K, blocks, without_forces=None if whole else fixed)]
         if eq.rigid.size:
             still = np.flatnonzero(eq.rigid.here(eq.rigid.fixed))
-            diagonal = eq.rigid.diagonal(self._scale)
+            here = np.arange(eq.rigid.owned)
+            prescribed = np.where(eq.rigid.here(eq.rigid.fixed), self._scale, 0.0)
+            diagonal = self._matrix(len(here), here, here, prescribed)
             fields.append(HeldField(diagonal, motions, without_forces=None if whole else still))
         body = HeldBody(self.comm, fields, -self._scale, prefix="condensed_", counted=False)
         for field in fields:
             for thing in (field.stiffness, *field.rows):
                 thing.destroy()
         return body
+
+    def _jumps_by_motions(self, term: SurfaceTerm) -> PETSc.Mat:
+        """Return -Phi, from motions of rigid bodies to jumps at points of a surface."""
+        s = term.surface
+        moved = -term.motions_at_points()
+        part = term.rigid.slice_of(s.rigid_body)
+        n = s.points.number * s.dim
+        first = s.constant_operator("the condensed problem").B.getOwnershipRange()[0]
+        columns = np.arange(part.start, part.stop)
+        rows = np.broadcast_to(first + np.arange(n)[:, None], (n, len(columns)))
+        return self._matrix(n, rows, np.broadcast_to(columns, rows.shape), moved)
+
+    def _matrix(self, n: int, rows: Any, columns: Any, values: Array) -> PETSc.Mat:
+        """Return a matrix of n rows and the columns of the rigid bodies on this rank."""
+        entries = Entries(rows.reshape(-1), columns.reshape(-1))
+        A = matrix_of(self.comm, (n, self._equations.rigid.owned), entries)
+        entries.add(values.reshape(-1), A)
+        return A
 
     def _reactions_to_jumps(self) -> tuple[Array, Array, Array]:
         """Return forces at the points for unit jumps, shape (dim m, dim m). Collective.
@@ -404,7 +426,7 @@ class Reduction:
         eq = self._equations
         first = 0
         row = self._nodal
-        for s, unit in zip(eq.surfaces, eq.units[1:-1], strict=True):
+        for s, unit in zip(eq.surfaces, eq.unknowns.units[1:-1], strict=True):
             n = s.points.number
             x.array[row : row + d * n] += tractions[first : first + n].reshape(-1) / unit
             first = first + n

@@ -32,10 +32,11 @@ from dolfinx import fem
 
 from dolfinx_contact._compat import FacetSubmesh
 from dolfinx_contact._geometry import node_positions
-from dolfinx_contact._mpi import SharedValues
+from dolfinx_contact._mpi import SharedValues, total
 from dolfinx_contact.body.rigid import bounding_box
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation
+from dolfinx_contact.equations.measures import round_off_force
 from dolfinx_contact.points.surface import DiscreteSurface
 from dolfinx_contact.points.trace import facet_closures
 
@@ -106,8 +107,8 @@ def balance(
     comm = eq.comm
     n = eq.V.dofmap.index_map.size_local
     reactions = supports[:n]
-    support = eq.resultant(reactions)
-    external = eq.resultant(-eq.bulk.local_rows(state.u))
+    support = _resultant(eq, reactions)
+    external = _resultant(eq, -eq.bulk.local_rows(state.u))
     contact = np.zeros_like(support)
     size = 0.0
     for s, t in zip(eq.surfaces, tables, strict=True):
@@ -119,7 +120,7 @@ def balance(
     # Stresses of a strain near zero, (I + grad u) - I, are round-off of the moduli.
     nothing = _NO_STRAIN * eq.stiffness_scale * eq.body_size
     moved = comm.allreduce(float(np.max(np.abs(state.u), initial=0.0)), op=max)
-    size = max(size, nothing, eq.round_off_force(moved))
+    size = max(size, nothing, round_off_force(eq, moved))
     left = contact + support + external
     left[_mirrored_axes(eq)] = 0.0
     imbalance = float(np.linalg.norm(left)) / size
@@ -133,6 +134,12 @@ def balance(
             external,
         )
     return Balance(support, external, imbalance)
+
+
+def _resultant(eq: ContactEquations, forces: Array) -> Array:
+    """Return the sum of forces (n, dim) of all ranks; only the axial part around an axis."""
+    whole = total(eq.comm, forces.sum(axis=0))
+    return np.where(np.arange(eq.dim) < eq.axisymmetric, 0.0, whole)
 
 
 def _mirrored_axes(eq: ContactEquations) -> list[int]:
@@ -251,9 +258,9 @@ def pair_balance(eq: ContactEquations, number: int, state: Evaluation) -> PairBa
     x = node_positions(eq.V)[:, : eq.dim]
     # Nodes at the front of a crack belong to both faces, where the forces cancel.
     slave, master = (side[:n] for side in s.obstacle.opposite.sides)
-    sums = [eq.resultant(forces[a & ~b]) for a, b in ((slave, master), (master, slave))]
-    both = eq.resultant(forces[slave & master])
-    total = comm.allreduce(float(np.linalg.norm(forces, axis=1).sum())) or 1.0
+    sums = [_resultant(eq, forces[a & ~b]) for a, b in ((slave, master), (master, slave))]
+    both = _resultant(eq, forces[slave & master])
+    whole = comm.allreduce(float(np.linalg.norm(forces, axis=1).sum())) or 1.0
     low, high = bounding_box(comm, x[:n][slave])
     size = float(np.linalg.norm(high - low))
     moment = None
@@ -262,9 +269,9 @@ def pair_balance(eq: ContactEquations, number: int, state: Evaluation) -> PairBa
     if not eq.axisymmetric and (s.slides or _apart(s, x) <= _SAME_PLACE * size):
         arms = x[:n] - (low + high) / 2
         turned = np.cross(_in_space(arms), _in_space(forces))
-        moment = float(np.linalg.norm(comm.allreduce(turned.sum(axis=0)))) / (total * size)
+        moment = float(np.linalg.norm(comm.allreduce(turned.sum(axis=0)))) / (whole * size)
     return PairBalance(
-        sums[0], sums[1], float(np.linalg.norm(sums[0] + sums[1] + both)) / total, moment
+        sums[0], sums[1], float(np.linalg.norm(sums[0] + sums[1] + both)) / whole, moment
     )
 
 

@@ -122,8 +122,7 @@ def _interpolated(
     eq: ContactEquations, s: DiscreteSurface, evaluation: Evaluation, state: dict[str, Array]
 ) -> dict[str, Array]:
     """Return values of the Functions at the vertices, not means around them. Collective."""
-    motion = None if s.rigid_body is None else eq.rigid.of_body(evaluation.q, s.rigid_body)
-    u = s.relative(evaluation.u.reshape(-1, s.dim), motion)
+    u = eq.terms[eq.surfaces.index(s)].relative(evaluation.u, evaluation.q)
     u = (u - s.opposite(u))[s.points.vertex_trace_dofs]
     gap, n = s.at_vertices(u)
     traction = _multiplier_at_vertices(s)

@@ -362,7 +362,7 @@ def _of_small_sliding(
     true = s.true_gaps()
     if true is None:
         return replace(found, misfit=None)
-    off = _off(eq.gaps(s, state), true, closed(contact.statuses))
+    off = _off(eq.terms[eq.surfaces.index(s)].gaps(state), true, closed(contact.statuses))
     return replace(found, misfit=_most(s, np.where(held, 0.0, off)))
 
 

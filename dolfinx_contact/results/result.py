@@ -18,7 +18,7 @@ import numpy.typing as npt
 from dolfinx_contact._mpi import require
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation
-from dolfinx_contact.equations.measures import held_back, least_scales
+from dolfinx_contact.equations.measures import held_back, least_scales, round_off_force
 from dolfinx_contact.equations.validation import held_across, without_normal
 from dolfinx_contact.laws import status
 from dolfinx_contact.results.balance import (
@@ -258,7 +258,7 @@ def collect(
         list(attempts),
         Named(energies),
         violated,
-        sum(eq.global_sizes),
+        sum(eq.unknowns.global_sizes),
         forces.support,
         forces.external,
         forces.imbalance,
@@ -287,7 +287,7 @@ def _scales(
     force = max(largest, eq.comm.allreduce(reaction, op=max))
     u = eq.comm.allreduce(max(moved, kept), op=max)
     none = least_scales(eq, u)
-    return max(force, eq.round_off_force(u), none[0]), max(u, none[1])
+    return max(force, round_off_force(eq, u), none[0]), max(u, none[1])
 
 
 def log_warnings(result: Result, known: set[str] | None = None) -> None:

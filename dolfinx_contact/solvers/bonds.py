@@ -24,6 +24,7 @@ import numpy.typing as npt
 
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.held_bonds import HeldBonds
+from dolfinx_contact.equations.surface_term import SurfaceTerm
 from dolfinx_contact.solvers.history import Attempt
 from dolfinx_contact.solvers.linear import LinearSolver
 from dolfinx_contact.solvers.newton import Newton
@@ -49,7 +50,8 @@ def release_bonds(
     ]
     near = list(_NEAR)
     for rounds in range(1, _ROUNDS + 1):
-        held = HeldBonds(eq, strengths)
+        pairs = zip(eq.terms, strengths, strict=True)
+        held = eq.with_terms([t if b is None else _held(t, b) for t, b in pairs])
         if not _solve(held, linear, x, attempt):
             attempt.reason = f"bonds that are held, round {rounds}: {attempt.reason}"
             return False
@@ -72,7 +74,7 @@ def release_bonds(
 
 
 def _solve(
-    held: HeldBonds, linear: Callable[[], LinearSolver], x: PETSc.Vec, attempt: Attempt
+    held: ContactEquations, linear: Callable[[], LinearSolver], x: PETSc.Vec, attempt: Attempt
 ) -> bool:
     """Solve contact and friction with held bonds. Collective."""
     start = x.copy()
@@ -86,6 +88,11 @@ def _solve(
         return False
     finally:
         start.destroy()
+
+
+def _held(term: SurfaceTerm, strength: Array) -> SurfaceTerm:
+    """Return a term of a surface with bonds of given strengths. Not collective."""
+    return HeldBonds(term.surface, term.number, term.rigid, term.removed, term.memory, strength)
 
 
 def _weaken(eq: ContactEquations, x: PETSc.Vec, strengths: list[Array | None]) -> float:

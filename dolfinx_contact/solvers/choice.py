@@ -58,7 +58,7 @@ class LinearSolverChoice:
 
     def _create(self) -> LinearSolver:
         eq = self._equations
-        size = sum(eq.global_sizes)
+        size = sum(eq.unknowns.global_sizes)
         kind = eq.options.value("linear_solver") or "auto"
         if kind not in _KINDS:
             raise ValueError(f"unknown linear solver {kind!r}; known: {', '.join(_KINDS)}")
@@ -87,7 +87,7 @@ class LinearSolverChoice:
         given = (eq.options.value("linear_solver") or "auto") != "auto"
         if given or self().name == "direct":
             return False
-        needed = _gigabytes(sum(eq.global_sizes), eq.dim)
+        needed = _gigabytes(sum(eq.unknowns.global_sizes), eq.dim)
         free = _free_gigabytes(eq.comm)
         if eq.comm.rank == 0:
             log = logger.warning if needed > free else logger.info

@@ -47,16 +47,16 @@ class Loaded(ParametricEquations):
     ):
         super().__init__(equations, fem.Constant(equations.V.mesh, 0.0), linear)
         self._start = equations.prescribed.values()
-        self._motions = equations.prescribed_motions()
+        self._motions = equations.prescribed.motions()
         self._x0 = x0
-        self._rest = equations.create_vector()
+        self._rest = equations.unknowns.create_vector()
         equations.residual(x0, self._rest)
 
     def leaves_surfaces_alone(self) -> bool:
         """Return whether the load does not change the data of the surfaces. Collective."""
         eq = self.equations
-        size = max(float(np.abs(f).max(initial=0.0)) for f in eq.blocks(self._x0))
-        rows = [float(np.abs(f).max(initial=0.0)) for f in eq.blocks(self._rest)[1:-1]]
+        size = max(float(np.abs(f).max(initial=0.0)) for f in eq.unknowns.blocks(self._x0))
+        rows = [float(np.abs(f).max(initial=0.0)) for f in eq.unknowns.blocks(self._rest)[1:-1]]
         size, off = (float(eq.comm.allreduce(v, op=max)) for v in (size, max(rows)))
         return off <= _ROUND_OFF * eq.stiffness_scale * size
 
@@ -68,7 +68,7 @@ class Loaded(ParametricEquations):
     ) -> Evaluation:
         state = super()._evaluate(x, gamma, b, piece)
         b.axpy(gamma - 1.0, self._rest)
-        return replace(state, rows=self.equations.blocks(b))
+        return replace(state, rows=self.equations.unknowns.blocks(b))
 
     def contact_rows(self, x: PETSc.Vec, gamma: float, piece: Piece | None) -> Array | None:
         rows = super().contact_rows(x, gamma, piece)
@@ -87,7 +87,7 @@ class Loaded(ParametricEquations):
         part = prescribed.part
         prescribed.part = 1.0
         displacements = prescribed.values() - self._start
-        motions = self.equations.prescribed_motions() - self._motions
+        motions = self.equations.prescribed.motions() - self._motions
         prescribed.part = part
         return displacements.reshape(-1), np.zeros_like(motions), motions
 

@@ -126,7 +126,7 @@ class Multigrid(LinearSolver):
             interpolation=SMOOTHED if smoothed else PLAIN,
         )
         self.forcing = Forcing.in_motion() if massive else Forcing()
-        self._correction = equations.create_vector()  # step of the present Krylov iterate
+        self._correction = equations.unknowns.create_vector()  # step of the present Krylov iterate
         self._glued: _Glued | None = None
         self._excess = 0.0  # iterations that a new hierarchy would have saved
         self._dearer = 0.0  # iterations that smoothed aggregates would have saved
@@ -260,14 +260,15 @@ class Multigrid(LinearSolver):
         marks.array[:] = 0.0
         joined = []
         guessed = False
-        for s, found in zip(eq.surfaces, state.surfaces, strict=True):
+        for term, found in zip(eq.terms, state.surfaces, strict=True):
+            s = term.surface
             points = closed(found.statuses)
             touching = bool(self.comm.allreduce(int(points.any())))
             guessed = guessed or not touching
             # Too many closed nodes cost less than too few.
-            reach = eq.reach(s, state.u) or np.inf
+            reach = eq.constraints.reach(s, state.u) or np.inf
             if s.between_bodies:
-                gaps = eq.gaps(s, state) if s.slides else s.points.data.gap
+                gaps = term.gaps(state) if s.slides else s.points.data.gap
                 joined.append(points if touching else gaps <= reach)
                 continue
             glued = s.points.at_vertices(points.astype(float)) > 0.5

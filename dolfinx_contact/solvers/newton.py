@@ -122,7 +122,7 @@ class Newton:
         with everywhere(self.comm, "PETSc options"):
             options.check()
         #: Vectors for the unknowns, H and the correction after a step.
-        self._after = [equations.create_vector() for _ in range(3)]
+        self._after = [equations.unknowns.create_vector() for _ in range(3)]
         self._run: _Run
         self._memo: Evaluated | None = None
         self._create()
@@ -135,7 +135,7 @@ class Newton:
                 solve contact problems with this linear solver.
         """
         prefix = self.equations.options.prefix
-        self.snes, self.b = PETSc.SNES().create(self.comm), self.equations.create_vector()
+        self.snes, self.b = PETSc.SNES().create(self.comm), self.equations.unknowns.create_vector()
         self.snes.setFunction(self._function, self.b)
         self.snes.setJacobian(self._jacobian, self.linear.matrix)
         self.snes.setConvergenceTest(self._test)
@@ -290,7 +290,7 @@ class Newton:
             assert self._memo is not None
             state = self._memo.state
             if guess is not None:
-                state = self.equations.taken_by(x, state, guess)
+                state = self.equations.with_statuses(x, state, guess)
         before = self.linear.matrix
         self.linear.update(state)
         matrix = self.linear.matrix
@@ -336,7 +336,7 @@ class Newton:
         """Return whether a full step has led to a solution, where H is ``b``."""
         if self.linear.reduction * self._run.attempt.steps[-1].measures.worst > self.tolerance:
             return False  # the linear system was not solved accurately enough
-        state = replace(state, rows=self.equations.blocks(b))
+        state = replace(state, rows=self.equations.unknowns.blocks(b))
         return copy(self.scales).measure(state).worst <= self.tolerance
 
     # -- convergence -----------------------------------------------------------------------------
@@ -397,7 +397,7 @@ class Newton:
         distant start everything is small.
         """
         if self._run.offset is not None:
-            state = replace(state, rows=self.equations.blocks(b))
+            state = replace(state, rows=self.equations.unknowns.blocks(b))
         measures = self.scales.measure(state)
         if measures.worst <= self._run.tolerance:
             own = Scales(self.equations, settled=True)

@@ -49,7 +49,7 @@ class ContactOperator:
         product = _Product(self)
         self.matrix = PETSc.Mat().createPython(((n, None), (n, None)), product, comm=self.comm)
         self.matrix.setUp()
-        self._x = equations.create_vector()
+        self._x = equations.unknowns.create_vector()
         self.first = self._x.getOwnershipRange()[0]
         self._xu, self._yu = self.stiffness.createVecRight(), self.stiffness.createVecLeft()
 

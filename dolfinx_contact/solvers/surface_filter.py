@@ -55,7 +55,7 @@ class SurfaceFilter:
         self._columns = PETSc.IS().createStride(operator.size, first, 1, comm=self.comm)
         self._rows: PETSc.Mat | None = None
         self._assemblies = -1
-        self._t, self._e = (operator.equations.create_vector() for _ in range(2))
+        self._t, self._e = (operator.equations.unknowns.create_vector() for _ in range(2))
         self._tu, self._zu = operator.stiffness.createVecs()
 
     # -- set-up ----------------------------------------------------------------------------------

@@ -198,7 +198,7 @@ def test_the_jacobian_on_curved_obstacles_agrees_with_differences(
     v.array[:n][eq.fixed[:n]] = 0.0
     if turned:
         rest = n + eq.owned_sizes[1]
-        x.array[rest:] = eq.rigid.here(np.where(eq.rigid.fixed, eq.rigid.prescribed(1.0), 0.03))
+        x.array[rest:] = eq.rigid.here(np.where(eq.rigid.fixed, eq.prescribed.motions(), 0.03))
         v.array[rest:] = eq.rigid.here(np.where(eq.rigid.fixed, 0.0, 1.0))
     x.array[:n][eq.fixed[:n]] = eq.prescribed.values().reshape(-1)[:n][eq.fixed[:n]]
     errors = errors_of_differences(problem, x, v, (3e-5, 3e-6))
@@ -244,7 +244,7 @@ def test_a_stuck_block_that_turns_with_its_body_keeps_sticking(shape, method, an
     problem, u = block_on.problem, block_on.u
     # Held where it is, for a step; then turned in that same step.
     step = problem.with_memory(block_on.evolution.memory)
-    problem = problem.with_memory(step.equations.advanced(step.evaluate()))
+    problem = problem.with_memory(step.equations.memory_after(step.evaluate()))
     still = problem.solve(expected=[problem.evaluate().statuses])
     assert still.tables["contact"].letters.tolist().count("k") > 1
     before = u.x.array.reshape(-1, dim).copy()

@@ -198,7 +198,7 @@ def test_a_stuck_pair_that_turns_keeps_sticking(dim, cell, slave, angle):
     table = step.table(bodies.pair)
     assert (table.letters == "k").sum() > 0.5 * len(table.letters)
     tractions = bodies.pair.multiplier.x.array.reshape(-1, dim).copy()
-    problem = bodies.problem.with_memory(step.equations.advanced(step.evaluate()))
+    problem = bodies.problem.with_memory(step.equations.memory_after(step.evaluate()))
     axis = [0.2, 0.9, 0.4] if dim == 3 else [0.0, 0.0, 1.0]
     Q = Rotation.from_rotvec(angle * np.array(axis) / np.linalg.norm(axis)).as_matrix()[:dim, :dim]
     X = u.function_space.tabulate_dof_coordinates()[:, :dim]

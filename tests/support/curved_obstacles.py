@@ -59,7 +59,7 @@ OBSTACLES = {
 
 def shaken(problem, size, seed):
     """Unknowns of some size, the same on any number of ranks."""
-    units = problem.equations.units
+    units = problem.equations.unknowns.units
     x = problem.create_vector()
     for f, unit in zip(problem.fields, units, strict=False):
 

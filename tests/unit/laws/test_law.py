@@ -45,7 +45,7 @@ def test_nodal_rows_are_alart_curnier(dim, cell, law):
     b = problem.create_vector()
     state = problem.residual(x, b)
     n = surface.points.number
-    rows = problem.equations.blocks(b)[1].reshape(n, dim)
+    rows = problem.equations.unknowns.blocks(b)[1].reshape(n, dim)
 
     # The law, from nothing but the nodal values and the definition of the obstacle.
     nodes = surface.points.vertex_trace_dofs[:n]
