@@ -12,7 +12,8 @@ predictor and corrector (SIAM J. Optim. 2, 1992) and steps that end before the b
 
 For F = 0 (Tresca's problem) this is the convex primal-dual method with its convergence theory. No
 theory is available for Coulomb's law: for large F the path may turn back, and the method then fails
-with this reason. Only the normal forces of an initial guess are used, increased if they are small.
+with this reason. It stops when the measure of Coulomb's law is below the tolerance. Only the normal
+forces of an initial guess are used, increased if they are small.
 """
 
 from __future__ import annotations
@@ -130,7 +131,7 @@ class _Interior:
         return self._r, self._y, self._l, self._s
 
     def step(self) -> bool:
-        """A step of predictor and corrector; False if it has no length."""
+        """Take a step of predictor and corrector; return False if it has no length."""
         self._linearise()
         forecast = self._direction(0.0)
         part = self._longest(forecast, 1.0)

@@ -120,7 +120,7 @@ class LocalProblem:
         return np.asarray(self.W.reshape(m, d, m, d)[every, :, every])
 
     def points(self) -> PointProblem:
-        """The same problem in terms of its stiffness S = W^-1.
+        """Return the same problem in terms of its stiffness S = W^-1.
 
         Raises:
             ValueError: if W is singular.
@@ -138,7 +138,7 @@ class LocalProblem:
         return (self.W @ r.reshape(-1) + self.q).reshape(r.shape)
 
     def violation(self, r: Array) -> float:
-        """Violation of the law by forces (m, dim), over the largest force.
+        """Return the violation of the law by forces (m, dim), relative to the largest force.
 
         It is |r - P(r - k u)| with the projection P onto the friction cone (`laws.coulomb`) and the
         mean stiffness k of the points; 0 at a solution.
@@ -214,16 +214,16 @@ class LocalProblem:
         return LocalSolution(algorithm, r, self.velocities(r), self.violation(r), iterations)
 
     def reaction_freedom(self, solution: LocalSolution, tolerance: float = 1e-8) -> int:
-        """Dimension of the set of forces near a solution that have the same velocities.
+        """Return the dimension of the set of forces near a solution with the same velocities.
 
-        It is the dimension of the kernel of W in the directions that the statuses leave: none at
+        This is the dimension of the kernel of W in the directions that the statuses leave: none at
         open points, along the edge of the cone at slipping points, and all at sticking points. 0
         means that the velocities determine the forces. Points on the border of a status count with
         the status that was found.
 
         Args:
             solution: solution of this problem.
-            tolerance: velocities and forces that count as zero, over the largest ones.
+            tolerance: velocities and forces that count as zero, relative to the largest ones.
         """
         size = np.abs(solution.r).max() or 1.0
         moving = tolerance * max(float(np.abs(solution.u).max()), float(np.abs(self.q).max()))

@@ -5,7 +5,9 @@ With the penalised laws r = Pi(-k a), bodies penetrate and sticking points slip 
 solution has an error of O(1/k). The penalised problems for k_0, 2 k_0, 4 k_0, ... are solved by
 Newton's method and extrapolated to 1/k = 0 by Neville's polynomials in 1/k. The observed order of
 convergence, log2 |x_1 - x_2|/|x_2 - x_3| from three successive solutions, is 1 as soon as the
-statuses no longer change.
+statuses no longer change (Wriggers, Computational Contact Mechanics, 2006). The method stops when
+the extrapolated state satisfies the exact laws up to `Penalty.accuracy`. It fails if Newton's
+method does not solve a penalised problem.
 """
 
 from __future__ import annotations

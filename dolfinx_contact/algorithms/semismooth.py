@@ -6,6 +6,10 @@ force l they become the compliant laws r = Pi(l - k a): l = 0 is a penalty metho
 and an estimate l of the contact force gives the augmented Lagrangian method (`uzawa`). A
 nonmonotone line search shortens steps whose residual norm exceeds the largest of the last five
 (Grippo, Lampariello and Lucidi, SIAM J. Numer. Anal. 23, 1986).
+
+The full steps of `SemismoothNewton` are those of Alart and Curnier (CMAME 92, 1991). They stop when
+the measure of the laws is below the tolerance; statuses may repeat in a cycle, or may not determine
+a state.
 """
 
 from __future__ import annotations
