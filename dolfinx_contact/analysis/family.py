@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Contact problems in the plane with two parameters, and where one point is at a border.
+r"""Contact problems in the plane with two parameters, and states with one point at a border.
 
-At m contact points live w = (ut, un, rt, rn), with
+The unknowns at m contact points are w = (ut, un, rt, rn), with
 
     S a - r = p + gamma q + mu v,        F = F_0 + mu F_1 >= 0
 
 and Coulomb's law at every point. mu is the friction coefficient, or a second load. In a piece every
-point has a status; on a *border* one point is between two of them (`laws.coulomb`). So for every mu
+point has a status; on a *border* one point is between two of them (`laws.coulomb`). For every mu,
 the unknowns z of the points and gamma solve
 
     [M B(mu), -q] (z, gamma) = p + mu v,
@@ -17,8 +17,8 @@ vanishes where
 
     det (P_0 + t P_1) = det [[G + t E, h + t h'], [s + t s', b]] = 0,
 
-where 1/t is an eigenvalue of - P_0^{-1} P_1, if the function does not vanish at c. So all ends of
-a border are found, without steps.
+where 1/t is an eigenvalue of - P_0^{-1} P_1, if the function does not vanish at c. Thus all ends of
+a border are found without stepping along it.
 """
 
 from __future__ import annotations
@@ -32,6 +32,7 @@ from mpi4py import MPI
 
 import numpy as np
 import numpy.typing as npt
+from scipy.linalg import block_diag
 
 from dolfinx_contact.laws.coulomb import BASES, BORDERS, FIRST_BORDER, INSIDE, WITHOUT_FRICTION
 from dolfinx_contact.laws.status import OPEN, PLUS
@@ -42,8 +43,8 @@ __all__ = ["ContactFamily", "Frame"]
 Array = npt.NDArray[np.float64]
 Codes = npt.NDArray[np.int8]
 
-_REAL = 1e-6  # imaginary parts, relative, of what may be a real eigenvalue
-_ROUND_OFF = 2.0**-50  # of the sum of three products, more than enough
+_REAL = 1e-6  # relative imaginary part of an eigenvalue that may be real
+_ROUND_OFF = 2.0**-50  # relative error bound of a sum of three products
 _SINGULAR = 1e13  # condition number from which on a matrix counts as singular
 _PARTS = (0.6180339887, 0.3819660113, 0.7320508076, 0.2679491924)  # of an interval
 _POLISH = 6  # steps of Newton's method
@@ -51,7 +52,7 @@ _POLISH = 6  # steps of Newton's method
 
 @dataclass(frozen=True, eq=False)
 class ContactFamily:
-    """Contact at m points, with two parameters; see the module.
+    """Contact problem at m points with two parameters; see the module.
 
     Attributes:
         S: stiffness (2 m, 2 m), ordered ut, un point by point.
@@ -122,10 +123,15 @@ class ContactFamily:
         return ReducedProblem(self.S, p, friction, None, self.S_error, np.asarray(p_error))
 
     def basis(self, i: int, code: int, mu: float) -> Array:
-        """B of a status or border at a point (4, unknowns)."""
+        """Return B of a status or border at a point (4, unknowns)."""
         F = self.friction[i] + mu * self.friction_rate[i]
         constant, slope = BASES[code]
         return np.array(constant).T + F * np.array(slope).T
+
+    def bases(self, codes: Codes, mu: float) -> Array:
+        """Return the matrix from the unknowns of a piece or border to w (m, 4, unknowns)."""
+        parts = [self.basis(i, int(code), mu) for i, code in enumerate(codes)]
+        return np.asarray(block_diag(*parts).reshape(self.points, 4, -1))
 
     def inequalities(self, i: int, code: int) -> list[tuple[Array, Array, int]]:
         """Return C_0, C_1 of each inequality C_0 + mu C_1 at a point, and the status beyond."""
@@ -136,30 +142,19 @@ class ContactFamily:
         return [(c + F * slope, rate * slope, target) for c, slope, target in INSIDE[code]]
 
     def columns(self, codes: Codes) -> tuple[Array, Array]:
-        """M B_0 and M B_1 of M (B_0 + mu B_1), (2 m, unknowns) each."""
-        parts = []
-        for mu in (0.0, 1.0):
-            every = []
-            for i, code in enumerate(codes):
-                B = self.basis(i, int(code), mu)
-                column = self.S[:, 2 * i : 2 * i + 2] @ B[:2]
-                column[2 * i : 2 * i + 2] -= B[2:]
-                every.append(column)
-            parts.append(np.concatenate(every, axis=1))
-        return parts[0], parts[1] - parts[0]
+        """Return M B_0 and M B_1 of M (B_0 + mu B_1), (2 m, unknowns) each."""
+        at_0, at_1 = (
+            self.S @ B[:, :2].reshape(len(self.S), -1) - B[:, 2:].reshape(len(self.S), -1)
+            for B in (self.bases(codes, 0.0), self.bases(codes, 1.0))
+        )
+        return at_0, at_1 - at_0
 
     def state(self, codes: Codes, z: Array, mu: float) -> Array:
-        """W of the unknowns z of a piece or border (m, 4)."""
-        w = np.empty((self.points, 4))
-        first = 0
-        for i, code in enumerate(codes):
-            B = self.basis(i, int(code), mu)
-            w[i] = B @ z[first : first + B.shape[1]]
-            first += B.shape[1]
-        return w
+        """Return w (m, 4) for the unknowns z of a piece or border."""
+        return np.asarray(self.bases(codes, mu) @ z)
 
     def held(self, i: int, w: Array, mu: float, tolerance: float) -> list[int]:
-        """Return the statuses and borders that a point with w (4,) satisfies."""
+        """Return the statuses and borders whose cones contain w (4,) of a point."""
         units = np.array([self.size, self.size, 1.0, 1.0])
         found = []
         for code in range(FIRST_BORDER + len(BORDERS)):
@@ -178,10 +173,10 @@ class ContactFamily:
 
 
 class Frame:
-    """A border of a family: the functions of mu on it.
+    """Border of a family, with its functions of mu.
 
     Args:
-        family: the problem.
+        family: problem with two parameters.
         codes: statuses of the points, of one of them a border (m,).
     """
 
@@ -196,27 +191,22 @@ class Frame:
         self._slacks = self._functions()
 
     def _functions(self) -> tuple[Array, Array]:
-        """Rows s_0, s_1 of the slacks (s_0 + mu s_1) (z, gamma) (slacks, 2 m)."""
+        """Return rows s_0, s_1 of the slacks (s_0 + mu s_1) (z, gamma) (slacks, 2 m)."""
         f = self.family
+        B_0 = f.bases(self.codes, 0.0)
+        B_1 = f.bases(self.codes, 1.0) - B_0
+        # Inequality and basis of a status never both depend on the friction.
+        rows = [
+            (C_0 @ B_0[i], C_0 @ B_1[i] + C_1 @ B_0[i])
+            for i, code in enumerate(self.codes)
+            for C_0, C_1, _ in f.inequalities(i, int(code))
+        ]
         n = len(self._G)
-        rows = []
-        first = 0
-        for i, code in enumerate(self.codes):
-            B_0 = f.basis(i, int(code), 0.0)
-            B_1 = f.basis(i, int(code), 1.0) - B_0
-            width = B_0.shape[1]
-            for C_0, C_1, _ in f.inequalities(i, int(code)):
-                row = np.zeros((2, n))
-                # No inequality and basis of one status depend on the friction both.
-                row[0, first : first + width] = C_0 @ B_0
-                row[1, first : first + width] = C_0 @ B_1 + C_1 @ B_0
-                rows.append(row)
-            first += width
-        both = np.array(rows).reshape(-1, 2, n)
+        both = np.pad(np.array(rows).reshape(-1, 2, n - 1), ((0, 0), (0, 0), (0, 1)))
         return both[:, 0], both[:, 1]
 
     def solve(self, mu: float) -> Array | None:
-        """(z, gamma) at mu (2 m,); None where the matrix is singular."""
+        """Return (z, gamma) at mu (2 m,); None if the matrix is singular."""
         f = self.family
         try:
             y = np.asarray(np.linalg.solve(self._G + mu * self._E, f.p + mu * f.v), dtype=float)
@@ -225,36 +215,36 @@ class Frame:
         return y if np.isfinite(y).all() else None
 
     def gamma(self, mu: float) -> float:
-        """Gamma at mu; NaN where there is none."""
+        """Return gamma at mu; NaN if the matrix is singular."""
         y = self.solve(mu)
         return float("nan") if y is None else float(y[-1])
 
     def state(self, mu: float) -> Array | None:
-        """W at mu (m, 4); None where the matrix is singular."""
+        """Return w at mu (m, 4); None if the matrix is singular."""
         y = self.solve(mu)
         return None if y is None else self.family.state(self.codes, y[:-1], mu)
 
     def slacks(self, mu: float) -> Array:
-        """All slacks at mu; NaN where the matrix is singular."""
+        """Return all slacks at mu; NaN if the matrix is singular."""
         y = self.solve(mu)
         s_0, s_1 = self._slacks
         return np.full(len(s_0), np.nan) if y is None else np.asarray((s_0 + mu * s_1) @ y)
 
     def is_inside(self, mu: float) -> bool:
-        """Whether there is a state at mu that no inequality excludes."""
+        """Return whether the state at mu satisfies all inequalities."""
         slacks = self.slacks(mu)
         return bool(np.isfinite(slacks).all() and slacks.min(initial=np.inf) > 0)
 
     # -- ends ------------------------------------------------------------------------------------
 
     def ends(self, span: tuple[float, float], gammas: tuple[float, float]) -> Array:
-        """All mu of an interval at which the border may end, rising.
+        """Return all mu in an interval at which the border may end, rising.
 
         There a slack vanishes, gamma is at an end of its range, or the matrix is singular.
 
         Args:
-            span: the interval of mu.
-            gammas: the range of gamma.
+            span: interval of mu.
+            gammas: range of gamma.
         """
         f = self.family
         s_0, s_1 = self._slacks
@@ -274,7 +264,7 @@ class Frame:
         return np.array(sorted(inside), dtype=float)
 
     def _polished(self, mu: float, s_0: Array, s_1: Array, target: float) -> float:
-        """A root of a function by Newton's method; where that fails as it was."""
+        """Return a root improved by Newton's method, or unchanged if that fails."""
         f = self.family
         best = mu
         least = np.inf
@@ -297,25 +287,25 @@ class Frame:
     # -- the pieces on either side ---------------------------------------------------------------
 
     def piece(self, which: int) -> Codes:
-        """Statuses of the piece on one side, 0 or 1 (m,)."""
+        """Return the statuses of the piece on one side, 0 or 1 (m,)."""
         codes = self.codes.copy()
         codes[self.point] = self.pair[which]
         return codes
 
     def turns(self, which: int, span: tuple[float, float]) -> Array:
-        """All mu of an interval at which the piece on one side is singular, rising."""
+        """Return all mu in an interval at which the piece on one side is singular, rising."""
         A, E = self.family.columns(self.piece(which))
         pencil = _Pencil.within(A, E, span)
         return np.array(sorted(pencil.singular(span)) if pencil is not None else [], dtype=float)
 
     def sense(self, which: int, mu: float) -> float:
-        """Whether gamma grows (1) or falls (-1) into the piece on one side; 0 if neither."""
+        """Return 1 if gamma grows into the piece on one side, -1 if it falls, otherwise 0."""
         f = self.family
         codes = self.piece(which)
         A, E = f.columns(codes)
         mine = int(codes[self.point])
         other = self.pair[1 - which]
-        # An open point that closes slips, in the sense of its ut.
+        # A closing point slips in the sense of its ut.
         C_0, C_1 = next(
             (constant, slope)
             for constant, slope, beyond in f.inequalities(self.point, mine)
@@ -329,12 +319,12 @@ class Frame:
         return float(np.sign((C_0 + mu * C_1) @ dw))
 
     def kind(self, mu: float) -> str:
-        """Whether solutions turn back here, as gamma varies: ``"fold"`` or ``"event"``."""
+        """Return ``"fold"`` if solutions turn back in gamma, otherwise ``"event"``."""
         return "fold" if self.sense(0, mu) == self.sense(1, mu) else "event"
 
 
 class _Pencil:
-    """G + mu E about a center where it is regular; E has few columns that are not zero."""
+    """Pencil G + mu E about a centre where it is regular; E has few nonzero columns."""
 
     def __init__(self, E: Array, inverse: Array, center: float):
         self.E = E
@@ -345,7 +335,7 @@ class _Pencil:
 
     @classmethod
     def within(cls, G: Array, E: Array, span: tuple[float, float]) -> _Pencil | None:
-        """The pencil about some mu of an interval; None if it is singular everywhere there."""
+        """Return the pencil about some mu in an interval; None if it is singular there."""
         for part in _PARTS:
             center = span[0] + part * (span[1] - span[0])
             A = G + center * E
@@ -361,7 +351,7 @@ class _Pencil:
         return None
 
     def _shifts(self, X: Array, span: tuple[float, float]) -> list[float]:
-        """Mu in the interval for eigenvalues 1 / (mu - center) of a matrix."""
+        """Return mu in the interval for eigenvalues 1 / (mu - center) of a matrix."""
         values = np.linalg.eigvals(X)
         near = np.abs(values) * (span[1] - span[0]) >= 1
         real = values[near & (np.abs(values.imag) <= _REAL * np.abs(values))].real
@@ -369,13 +359,13 @@ class _Pencil:
         return [mu for mu in found if span[0] < mu < span[1]]
 
     def singular(self, span: tuple[float, float]) -> list[float]:
-        """Where in an interval the matrix is singular."""
+        """Return all mu in an interval at which the matrix is singular."""
         return self._shifts(-self._by[np.ix_(self.columns, self.columns)], span)
 
     def roots(
         self, p: Array, v: Array, s: Array, slope: Array, target: float, span: tuple[float, float]
     ) -> list[float]:
-        """Where in an interval (s + mu slope) y = target, with (G + mu E) y = p + mu v."""
+        """Return all mu with (s + mu slope) y = target, where (G + mu E) y = p + mu v."""
         y = self.inverse @ (p + self.center * v)
         row = s + self.center * slope
         value = float(row @ y - target)
