@@ -12,8 +12,7 @@ functions, and the curves are followed from one to the next.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -32,17 +31,6 @@ _SAME = 1e-7  # of the size of a state, or of the range of mu
 _ONE = 1e-12  # of the range of mu: ends so close are one
 _HELD = 1e-8  # of the size of a state, within which a point is at a border
 _MOST_CHOICES = 256  # borders that may meet at one state
-
-
-@dataclass(eq=False)
-class _Joint:
-    """State, and the segments that end there with the side on which they lie."""
-
-    mu: float
-    gamma: float
-    singular: bool
-    complete: bool
-    ends: dict[int, int] = field(default_factory=dict)
 
 
 def follow_events(
@@ -73,6 +61,12 @@ def follow_events(
 
 
 class _Search:
+    """Search from segment to segment through their meetings.
+
+    Attributes:
+        meetings: meetings found so far.
+    """
+
     def __init__(
         self,
         family: ContactFamily,
@@ -85,30 +79,25 @@ class _Search:
         self.gammas = gammas
         self.folds_only = folds_only
         self.near = _SAME * (mus[1] - mus[0])
-        self.segments: list[Segment] = []
-        self._numbers: dict[bytes, list[int]] = {}
-        self._waiting: list[int] = []
-        self._done: set[int] = set()
-        self._joints: dict[tuple[int, int], _Joint] = {}  # by segment and side
-        self.joints: list[_Joint] = []
+        self.meetings: list[Meeting] = []
+        self._segments: dict[bytes, list[Segment]] = {}
+        self._waiting: list[Segment] = []
+        self._done: dict[Segment, None] = {}  # in the order of the search
+        self._met: set[tuple[Segment, int]] = set()  # segments and sides of all meetings
 
     # -- segments --------------------------------------------------------------------------------
 
-    def of(self, codes: Codes) -> list[int]:
-        """Return the numbers of the segments of a border."""
+    def of(self, codes: Codes) -> list[Segment]:
+        """Return the segments of a border."""
         key = codes.tobytes()
-        if key not in self._numbers:
+        if key not in self._segments:
             frame = Frame(self.family, codes)
-            new = []
+            found = self._segments[key] = []
             for low, high in self._intervals(frame):
                 turns = {t for which in (0, 1) for t in frame.turns(which, (low, high))}
-                cuts = [low, *sorted(turns), high]
-                for a, b in itertools.pairwise(cuts):
-                    new.append(len(self.segments))
-                    kind = frame.kind((a + b) / 2)
-                    self.segments.append(Segment(frame, float(a), float(b), kind))
-            self._numbers[key] = new
-        return self._numbers[key]
+                for a, b in itertools.pairwise([low, *sorted(turns), high]):
+                    found.append(Segment(frame, float(a), float(b), frame.kind((a + b) / 2)))
+        return self._segments[key]
 
     def _intervals(self, frame: Frame) -> list[tuple[float, float]]:
         """Return the intervals of mu in which the border has states."""
@@ -131,41 +120,33 @@ class _Search:
         return found
 
     def begin(self, codes: Codes, mu: float) -> None:
-        numbers = [
-            n
-            for n in self.of(codes)
-            if self.segments[n].low - self.near <= mu <= self.segments[n].high + self.near
-        ]
-        if not numbers:
+        """Begin with the segments of a border at one mu."""
+        segments = [s for s in self.of(codes) if s.low - self.near <= mu <= s.high + self.near]
+        if not segments:
             raise ValueError(f"there is no state at {mu:g} on the border that is to be followed")
-        self._add(numbers)
+        self._add(segments)
 
-    def _add(self, numbers: Sequence[int]) -> None:
-        for n in numbers:
-            if n not in self._done and (self.segments[n].kind == "fold" or not self.folds_only):
-                self._done.add(n)
-                self._waiting.append(n)
+    def _add(self, segments: Iterable[Segment]) -> None:
+        for s in segments:
+            if s not in self._done and (s.kind == "fold" or not self.folds_only):
+                self._done[s] = None
+                self._waiting.append(s)
 
     def run(self) -> None:
         """Follow all waiting segments and the segments that they meet."""
         while self._waiting:
-            number = self._waiting.pop()
-            s = self.segments[number]
+            s = self._waiting.pop()
             for side, mu in ((-1, s.low), (1, s.high)):
-                if (number, side) in self._joints:
-                    continue
-                joint = self._joint(s, mu)
-                if joint is None:
-                    continue
-                self.joints.append(joint)
-                for n, where in joint.ends.items():
-                    self._joints[n, where] = joint
-                self._add(list(joint.ends))
+                meeting = None if (s, side) in self._met else self._meeting(s, mu)
+                if meeting is not None:
+                    self.meetings.append(meeting)
+                    self._met |= {(t, 1) for t in meeting.left} | {(t, -1) for t in meeting.right}
+                    self._add([*meeting.left, *meeting.right])
 
     # -- meetings --------------------------------------------------------------------------------
 
-    def _joint(self, s: Segment, mu: float) -> _Joint | None:
-        """Return the joint at the end of a segment; None at the ends of the ranges."""
+    def _meeting(self, s: Segment, mu: float) -> Meeting | None:
+        """Return the meeting at the end of a segment; None at the ends of the ranges."""
         if mu in self.mus:
             return None
         w = s.frame.state(mu)
@@ -177,25 +158,23 @@ class _Search:
             for k in (0, 1)
             if np.min(abs(s.frame.turns(k, self.mus) - mu), initial=1e300) <= self.near * 1e-3
         ]
-        joint = _Joint(mu, gamma, bool(singular), True)
         borders = [(s.frame.codes, w)]
-        for which in singular:
-            borders += self._far_end(s.frame, which, mu, w)
-        if not singular:
+        choices: list[Codes] | None = []
+        if singular:
+            borders += [end for k in singular for end in self._far_end(s.frame, k, mu, w)]
+        else:
             choices = self._borders_at(w, mu)
-            joint.complete = choices is not None
             borders += [(codes, w) for codes in choices or []]
-        for codes, state in borders:
-            joint.ends |= self._ends_at(codes, mu, state)
-        return joint
+        ends = {end: None for border in borders for end in self._ends_at(border[0], mu, border[1])}
+        left, right = (tuple(t for t, side in ends if side == one) for one in (1, -1))
+        return Meeting(mu, gamma, left, right, bool(singular), choices is not None)
 
-    def _ends_at(self, codes: Codes, mu: float, w: Array) -> Iterator[tuple[int, int]]:
+    def _ends_at(self, codes: Codes, mu: float, w: Array) -> Iterator[tuple[Segment, int]]:
         """Yield segments of a border that end at a state, and their sides; -1: lower end."""
-        for n in self.of(codes):
-            s = self.segments[n]
+        for s in self.of(codes):
             for side, end in ((-1, s.low), (1, s.high)):
                 if abs(end - mu) <= self.near and self._is_at(s.frame, end, w):
-                    yield n, side
+                    yield s, side
 
     def _is_at(self, frame: Frame, mu: float, w: Array) -> bool:
         there = frame.state(mu)
@@ -269,46 +248,27 @@ class _Search:
 
     def result(self) -> EventCurves:
         """Join segments that continue one another to curves."""
-        after: dict[int, int] = {}
-        for joint in self.joints:
-            for left, right in self._pairs(joint):
-                after[left] = right
-        firsts = sorted(self._done - set(after.values()))
+        after = dict(pair for meeting in self.meetings for pair in self._pairs(meeting))
         curves = []
-        for n in firsts:
-            chain = [n]
+        for first in [s for s in self._done if s not in after.values()]:
+            chain = [first]
             while chain[-1] in after:
                 chain.append(after[chain[-1]])
-            parts = tuple(self.segments[k] for k in chain)
-            curves.append(EventCurve(parts[0].kind, parts))
+            curves.append(EventCurve(first.kind, tuple(chain)))
         curves.sort(key=lambda c: (c.kind != "fold", c.span[0], c.at(sum(c.span) / 2)))
-        meetings = [
-            Meeting(
-                joint.mu,
-                joint.gamma,
-                tuple(self.segments[n] for n, side in joint.ends.items() if side == 1),
-                tuple(self.segments[n] for n, side in joint.ends.items() if side == -1),
-                joint.singular,
-                joint.complete,
-            )
-            for joint in self.joints
-        ]
-        return EventCurves(tuple(curves), tuple(sorted(meetings, key=lambda m: (m.mu, m.gamma))))
+        meetings = sorted(self.meetings, key=lambda m: (m.mu, m.gamma))
+        return EventCurves(tuple(curves), tuple(meetings))
 
-    def _pairs(self, joint: _Joint) -> Iterator[tuple[int, int]]:
+    def _pairs(self, meeting: Meeting) -> Iterator[tuple[Segment, Segment]]:
         """Yield pairs of segments, left and right, that continue one another in a meeting."""
-        done = [(n, side) for n, side in joint.ends.items() if n in self._done]
-        left, right = ([n for n, side in done if side == s] for s in (1, -1))
-        folds = [[n for n in part if self.segments[n].kind == "fold"] for part in (left, right)]
+        left, right = (
+            [s for s in part if s in self._done] for part in (meeting.left, meeting.right)
+        )
+        folds = [[s for s in part if s.kind == "fold"] for part in (left, right)]
         if len(folds[0]) == len(folds[1]) == 1:
             yield folds[0][0], folds[1][0]
-            left, right = (
-                [n for n in part if n not in folds[k]] for k, part in enumerate((left, right))
-            )
-        for n in left:
-            s = self.segments[n]
-            for other in right:
-                t = self.segments[other]
-                same = s.frame.point == t.frame.point and s.frame.pair == t.frame.pair
-                if same and s.kind == t.kind:
-                    yield n, other
+            left, right = ([s for s in part if s.kind != "fold"] for part in (left, right))
+        for s, t in itertools.product(left, right):
+            same = s.frame.point == t.frame.point and s.frame.pair == t.frame.pair
+            if same and s.kind == t.kind:
+                yield s, t
