@@ -168,13 +168,13 @@ class Constraints:
         moved = prescribed - s.opposite(prescribed)
         if s.rigid_body is not None:
             motion = np.where(s.rigid_body.fixed, s.rigid_body.numbers(), 0.0)
-            moved = s.relative(moved, motion)
+            moved = s.partner.relative(moved, motion)
         gap, normal = s.at_vertices(moved[trace])
         closing = np.linalg.norm(np.where(fixed, 0.0, normal), axis=1) < _TOLERANCE
         if s.displaced is not None:
             closing = fixed.all(axis=1)
         front = np.zeros_like(closing)
-        opposite = s.opposite_nodes
+        opposite = s.obstacle.opposite
         if opposite is not None:
             closing &= ~opposite.none[trace]
             front = opposite.none[trace] & opposite.matching
@@ -200,7 +200,7 @@ class Constraints:
 
     def _held(self, s: DiscreteSurface) -> Mask:
         """Return the mask of the fixed components of the jump. Collective."""
-        opposite = s.opposite_nodes
+        opposite = s.obstacle.opposite
         if s.rigid_body is not None:
             return np.asarray(self.fixed & ~s.rigid_body.moves(s.node_positions))
         if opposite is None:
@@ -212,7 +212,7 @@ class Constraints:
 
 def _why_none_is_left(s: DiscreteSurface) -> str:
     """Return the reason why no contact node of a surface may carry contact. Not collective."""
-    opposite = s.opposite_nodes
+    opposite = s.obstacle.opposite
     if opposite is None or not opposite.none.any():
         return f"{s.name}: Dirichlet data clamp every contact node"
     return (

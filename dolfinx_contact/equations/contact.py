@@ -113,8 +113,6 @@ class ContactEquations:
         self.body_size = float(np.linalg.norm(high - low))
         check_overlap(self.surfaces)
         self.axisymmetric = self.surfaces[0].axisymmetric
-        for s in self.surfaces:
-            s.slide(linear=bulk.linear)
         self.linear = bulk.linear and all(s.linear for s in self.surfaces)
         self.constraints = Constraints(V, self.surfaces, bcs)
         self.fixed = self.constraints.fixed.reshape(-1)

@@ -121,8 +121,10 @@ class RigidBodies:
         """Return forces conjugate to the unknowns from forces and moments in their rows."""
         found = pushes.copy()
         for b, part in zip(self.bodies, self.slices, strict=True):
-            if any(s.turns and s.rigid_body is b for s in self.surfaces):
-                found[part][b.dim :] = b.spin(self.of_body(q, b)).T @ pushes[part][b.dim :]
+            if any(s.partner.turns and s.rigid_body is b for s in self.surfaces):
+                found[part][b.dim :] = (
+                    b.kinematics.spin(self.of_body(q, b)).T @ pushes[part][b.dim :]
+                )
         return found
 
     def nearest(self, gaps: Sequence[Array]) -> list[float]:

@@ -132,7 +132,7 @@ class SurfaceTerm:
             q: unknowns of the rigid bodies.
         """
         s = self.surface
-        return s.relative(u.reshape(-1, s.dim), self._motion(q))
+        return s.partner.relative(u.reshape(-1, s.dim), self._motion(q))
 
     def relative_rate(self, u: Array, q: Array, du: Array, dq: Array) -> Array:
         """Return the derivative of `relative` at the owned nodes, shape (n, dim). Not collective.
@@ -145,7 +145,7 @@ class SurfaceTerm:
         """
         s = self.surface
         at, step = (v.reshape(-1, s.dim)[: s.owned_nodes] for v in (u, du))
-        return s.relative_rate(at, self._motion(q), step, self._motion(dq))
+        return s.partner.relative_rate(at, self._motion(q), step, self._motion(dq))
 
     def pushes(self, forces: Array, u: Array, q: Array) -> Array:
         """Return the part of this rank of Phi^T f, forces on rigid bodies. Not collective.
@@ -168,7 +168,7 @@ class SurfaceTerm:
             x = x + u.reshape(-1, s.dim)[: s.owned_nodes]
             moved = self._motion(q)[: s.dim]
         part = self.rigid.slice_of(body)
-        found = body.resultant(x, forces.reshape(-1, s.dim), moved)
+        found = body.kinematics.resultant(x, forces.reshape(-1, s.dim), moved)
         rows[part] = found / self.rigid.units[part]
         if s.axisymmetric:  # other components cancel around the axis
             rows[part][[0, 2]] = 0.0
@@ -185,7 +185,7 @@ class SurfaceTerm:
         operator = s.constant_operator("a rigid body that moves")
         x = s.node_positions[: s.owned_nodes]
         for k, unit in enumerate(np.diag(1.0 / self.rigid.units[part])):
-            moved[:, :, k] = operator.apply(body.field(x, unit))
+            moved[:, :, k] = operator.apply(body.kinematics.field(x, unit))
         return moved
 
     # -- rows ------------------------------------------------------------------------------------
@@ -216,10 +216,12 @@ class SurfaceTerm:
         rows.body -= found.kinematics.operator.transpose_rate(found.traction, step)
         change = found.change(step)
         body = s.rigid_body
-        if body is not None and s.turns:
-            turning = body.spin(self._motion(at.q)) @ self._motion(dq)[s.dim :]
-            back = np.einsum("nij,nj->ni", found.by_traction, body.crossed(turning, found.traction))
-            change = change + body.crossed(turning, found.answer) - back
+        if body is not None and s.partner.turns:
+            turning = body.kinematics.spin(self._motion(at.q)) @ self._motion(dq)[s.dim :]
+            back = np.einsum(
+                "nij,nj->ni", found.by_traction, body.kinematics.crossed(turning, found.traction)
+            )
+            change = change + body.kinematics.crossed(turning, found.answer) - back
         rows.laws[self.number] = rows.laws[self.number] - change
 
     def law_rows(self, off: Array, held: Array | float) -> Array:

@@ -236,7 +236,7 @@ def _obstacle(s: DiscreteSurface) -> Arrays:
     if outline is None:
         return patch(s)
     x, cells, n = outline
-    return {"cells": cells, "floor": x, "moved": s.dragged(x), "n": n}
+    return {"cells": cells, "floor": x, "moved": s.partner.dragged(x), "n": n}
 
 
 def patch(s: DiscreteSurface) -> Arrays:
@@ -249,11 +249,11 @@ def patch(s: DiscreteSurface) -> Arrays:
     floor = x + gap[:, None] * n
     if s.displaced is not None:
         motion = None if body is None else body.values
-        seen = s.relative(s.u.x.array.reshape(-1, s.dim), motion)[points.vertex_trace_dofs]
+        seen = s.partner.relative(s.u.x.array.reshape(-1, s.dim), motion)[points.vertex_trace_dofs]
         gap, normal = s.displaced.at_vertices(seen)
         floor = x + seen + gap[:, None] * normal
         _, n = s.at_vertices(seen)
-    moved = s.dragged(floor)
+    moved = s.partner.dragged(floor)
     values = {"u": u, "n": n, "floor": floor, "moved": moved, "ids": points.vertex_ids}
     V = points.vertices
     cells = V.dofmap.list[: s.submesh.mesh.topology.index_map(s.dim - 1).size_local]

@@ -55,7 +55,7 @@ def crossings(
     """
     comm = V.mesh.comm
     index_map = V.dofmap.index_map
-    opposites = [s.opposite_nodes for s in surfaces]
+    opposites = [s.obstacle.opposite for s in surfaces]
     if all(opposite is None for opposite in opposites):
         return [_none(s.points.vertices.dofmap.index_map) for s in surfaces], _none(index_map)
     parts: list[Edges] = [np.zeros((0, 4), dtype=np.int64)]

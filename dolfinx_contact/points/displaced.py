@@ -369,5 +369,5 @@ class TrueGaps:
             self._evaluate = self._points.evaluator({"gap": gap})
         if body is not None:
             self._shift.value = body.displacement
-            self._turn.value = body.frame(body.values).T
+            self._turn.value = body.kinematics.rotation(body.values).T
         return self._evaluate()["gap"][: self._points.number]

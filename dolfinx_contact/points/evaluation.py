@@ -8,6 +8,7 @@ each per cell (`ScatteredEvaluator`).
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache, cached_property
@@ -219,6 +220,24 @@ class Given:
     def constants(self) -> list[Any]:
         """Constants in all data; repeated if they occur in several places."""
         return [c for _, constants in self.data.values() for c in constants]
+
+    @cached_property
+    def _arrays(self) -> list[Any]:
+        """Functions with arrays of values, each once, in the same order on every rank."""
+        functions = {f for f in self.functions if isinstance(f, fem.Function)}
+        return sorted(functions, key=lambda f: f.count())
+
+    def scatter(self) -> None:
+        """Update the ghosts of all Functions. Collective."""
+        for f in self._arrays:
+            f.x.scatter_forward()
+
+    def checksum(self) -> int:
+        """Return a checksum of the values on this rank."""
+        mark = 0
+        for v in [*(f.x.array for f in self._arrays), *(c.value for c in self.constants)]:
+            mark = zlib.crc32(np.ascontiguousarray(v), mark)
+        return mark
 
 
 def fields_of(values: Mapping[str, Array]) -> dict[str, Array]:

@@ -50,7 +50,7 @@ class Operator(ABC):
     """B of a surface at a state. Collective, like all its methods.
 
     Displacements belong to the owned nodes (n, dim) and are relative to a rigid body
-    (`DiscreteSurface.relative`); tractions and jumps belong to the contact points of this rank.
+    (`Partner.relative`); tractions and jumps belong to the contact points of this rank.
     """
 
     #: Areas W of the points, shape (n,).

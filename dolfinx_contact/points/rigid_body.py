@@ -2,17 +2,7 @@
 r"""Rigid bodies as contact partners: obstacles moved by forces, moments or prescribed motions.
 
 A rigid body has a few unknowns, a displacement d and a rotation theta about a reference point X_0.
-If both are small, its material point X moves by
-
-    Phi(X) q = d + theta x (X - X_0),    q = (d, theta).
-
-In large sliding (`displaced`) it moves to X_0 + d + Q(theta) (X - X_0), where Q is the rotation
-of any angle with the rotation vector theta. For a rate of theta the body turns at the rate
-
-    w = L(theta) dtheta,    L = I + (1 - cos a)/a^2 S + (a - sin a)/a^3 S^2,    a = |theta|,
-
-with S v = theta x v, and L = 1 in 2D (Simo and Vu-Quoc, CMAME 58, 1986, section 3). Rotations are
-prescribed in large sliding.
+See `rigid_kinematics` for the motion of its points. Rotations are prescribed in large sliding.
 
 Jumps B (u - Phi q) are relative to the rigid body. The tractions t at the contact points balance
 the loads F on it, F = Phi^T B^T W t, in the components of q that are not prescribed (Wriggers,
@@ -27,7 +17,6 @@ from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
-import scipy
 
 import ufl
 from dolfinx import fem, mesh
@@ -37,6 +26,7 @@ from ufl.utils.stacks import StackDict
 from dolfinx_contact._ufl import refuse_other_mesh
 from dolfinx_contact._validate import ReadOnly, listed, scalar, vector, word
 from dolfinx_contact.obstacles import Obstacle, Outline, has_ufl, is_uniform
+from dolfinx_contact.points.rigid_kinematics import RigidKinematics
 
 __all__ = ["COMPONENTS", "RigidBody", "number"]
 
@@ -73,6 +63,7 @@ class RigidBody(ReadOnly, Obstacle):
         shape: obstacle in its initial position.
         name: name in messages and results.
         about: reference point, shape (dim,).
+        kinematics: motion of its points.
         components: names of all components.
         given: load or motion by component.
         fixed: mask of the prescribed components, shape (3,) or (6,).
@@ -136,6 +127,7 @@ class RigidBody(ReadOnly, Obstacle):
         self.fixed = np.array([c in fixed for c in self.components])
         for array in (self.about, self.fixed):
             array.flags.writeable = False
+        self.kinematics = RigidKinematics(self.about)
         self.values: Array = np.zeros(len(self.components))
         # derivatives are expanded once, which takes time
         self._plain = [ufl.algorithms.expand_derivatives(e) for e in self.expressions]
@@ -201,82 +193,7 @@ class RigidBody(ReadOnly, Obstacle):
         for component, e in self.given.items():
             refuse_other_mesh(e, domain, f"{self.name}: what is given for {component}")
 
-    # -- motions of any size ---------------------------------------------------------------------
-
-    def frame(self, values: Array) -> Array:
-        """Return the rotation Q (dim, dim) of a motion (k,), or of each motion (n, k)."""
-        rotation = values[..., self.dim :]
-        vector = np.zeros((*rotation.shape[:-1], 3))
-        if not vector.size:
-            return np.zeros((0, self.dim, self.dim))
-        vector[..., 3 - rotation.shape[-1] :] = rotation
-        turned = scipy.spatial.transform.Rotation.from_rotvec(vector).as_matrix()
-        return np.asarray(turned[..., : self.dim, : self.dim])
-
-    def seen(self, x: Array, values: Array) -> Array:
-        """Return positions (n, dim) in the frame of the moved body.
-
-        Args:
-            x: positions in space, shape (n, dim).
-            values: motion of the body, shape (k,), or one for each point, shape (n, k).
-        """
-        arm = x - self.about - values[..., : self.dim]
-        turned = self.frame(values)
-        if values.ndim == 1:
-            return np.asarray(self.about + arm @ turned)
-        return np.asarray(self.about + np.einsum("ni,nij->nj", arm, turned))
-
-    def carried(self, x: Array, values: Array) -> Array:
-        """Return displacements (n, dim) of material points x by a motion of any size."""
-        arm = x - self.about
-        return np.asarray(values[: self.dim] + arm @ self.frame(values).T - arm)
-
-    def spin(self, values: Array) -> Array:
-        """Return L (k, k), from rates of the rotation vector to the spin of the body."""
-        if self.dim == 2:
-            return np.eye(1)
-        vector = values[self.dim :]
-        angle = float(np.linalg.norm(vector))
-        S = np.cross(np.eye(3), vector)
-        if angle < _SMALL_ANGLE:
-            return np.eye(3) + S / 2 + S @ S / 6
-        first = (1 - np.cos(angle)) / angle**2
-        second = (angle - np.sin(angle)) / angle**3
-        return np.asarray(np.eye(3) + first * S + second * S @ S)
-
-    def rate(self, x: Array, values: Array, change: Array) -> Array:
-        """Return velocities (n, dim) of material points that are at x, for a rate of the motion."""
-        turning = self.spin(values) @ change[self.dim :]
-        arm = x - self.about - values[: self.dim]
-        return np.asarray(change[: self.dim] + self.crossed(turning, arm))
-
-    def crossed(self, turning: Array, v: Array) -> Array:
-        """Return the products w x v with vectors (n, dim)."""
-        if self.dim == 2:
-            return np.asarray(turning * np.stack([-v[:, 1], v[:, 0]], axis=1))
-        return np.asarray(np.cross(turning, v))
-
-    # -- rigid motions ---------------------------------------------------------------------------
-
-    def field(self, x: Array, values: Array) -> Array:
-        """Return Phi q, displacements (n, dim) at points (n, dim) by a small motion q."""
-        arm = x - self.about
-        return np.asarray(values[: self.dim] + self.crossed(values[self.dim :], arm))
-
-    def resultant(self, x: Array, forces: Array, moved: Array | None = None) -> Array:
-        """Return Phi^T f, the force, and the moment about the reference point, of forces.
-
-        Args:
-            x: points of action, shape (n, dim).
-            forces: forces, shape (n, dim).
-            moved: displacement of the reference point, shape (dim,); None for zero.
-        """
-        arm = x - (self.about if moved is None else self.about + moved)
-        if self.dim == 2:
-            moments: Array = (arm[:, 0] * forces[:, 1] - arm[:, 1] * forces[:, 0])[:, None]
-        else:
-            moments = np.asarray(np.cross(arm, forces), dtype=np.float64)
-        return np.concatenate([forces.sum(axis=0), moments.sum(axis=0)])
+    # -- motions ---------------------------------------------------------------------------------
 
     def moves(self, x: Array) -> npt.NDArray[np.bool_]:
         """Return the mask of displacement components at points (n, dim) moved by free motions."""
@@ -286,7 +203,7 @@ class RigidBody(ReadOnly, Obstacle):
         for i in np.flatnonzero(~self.fixed):
             unit = np.zeros(len(self.values))
             unit[i] = 1.0 if i < self.dim else 1.0 / size
-            found |= np.abs(self.field(x, unit)) > _TOLERANCE
+            found |= np.abs(self.kinematics.field(x, unit)) > _TOLERANCE
         return found
 
     def numbers(self) -> Array:
@@ -299,7 +216,6 @@ class RigidBody(ReadOnly, Obstacle):
         return f"{self.name} about {self.about.tolist()}, {given}, held {self.fixed.tolist()}"
 
 
-_SMALL_ANGLE = 1e-4  # up to which L is a series
 _TOLERANCE = 1e-9  # of a unit motion, below which a point is where it was
 
 

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import zlib
 from functools import cached_property
 
 from mpi4py import MPI
@@ -19,8 +18,7 @@ from dolfinx_contact._mpi import everywhere, keep, require, same_everywhere
 from dolfinx_contact._ufl import described, refuse_displacement, refuse_other_mesh
 from dolfinx_contact._validate import ReadOnly
 from dolfinx_contact.body.rigid import parts
-from dolfinx_contact.laws import Answers, LawAtPoints, PointData
-from dolfinx_contact.laws.status import closed
+from dolfinx_contact.laws import LawAtPoints, PointData
 from dolfinx_contact.obstacles import Obstacle
 from dolfinx_contact.points.contact_points import ContactPoints, Evaluator
 from dolfinx_contact.points.descriptions import Contact, ContactMethod, Overlap, displacement_degree
@@ -35,6 +33,7 @@ from dolfinx_contact.points.operators import ConstantOperator
 from dolfinx_contact.points.opposite import CURVED_OVERLAP, Opposite
 from dolfinx_contact.points.revolution import check_section
 from dolfinx_contact.points.rigid_body import RigidBody
+from dolfinx_contact.points.rigid_kinematics import Partner
 from dolfinx_contact.points.trace import exterior_facets
 
 __all__ = ["DiscreteSurface"]
@@ -58,7 +57,7 @@ class DiscreteSurface(ReadOnly):
         facets: local facets of the slave; default: those of a `ContactSurface`.
         obstacle: opposing face of a pair; default: obstacle of a `ContactSurface`.
         points_class: class of the contact points; default: that of the method.
-        linear: whether the body is linear, on which the default method depends.
+        linear: whether the body is linear, which determines the default method and sliding.
 
     Attributes:
         description: description of the surface.
@@ -68,6 +67,7 @@ class DiscreteSurface(ReadOnly):
         obstacle: rigid obstacle or opposing face.
         method: ``"nodal"``, ``"integral"`` or ``"mixed"``.
         rigid_body: obstacle that is a rigid body; None otherwise.
+        partner: obstacle as the frame of reference of displacements.
         between_bodies: whether the obstacle is a face of a deformable body.
         slides: whether the face slides over a face of a deformable body by any distance.
         degrees: degrees of displacement and multiplier.
@@ -78,13 +78,17 @@ class DiscreteSurface(ReadOnly):
         law_at_points: compiled law.
         displaced: gap and normal at displaced points; None in small sliding.
         true_gaps: function that returns distances of the displaced points to the obstacle.
+        moved_along: whether the last change of its Constants moved the obstacle along its surface.
+        start_depth: depth of the points in the obstacle at the start, shape (n,); None for pairs,
+            and if the description has interference or remove_overlap.
 
     Raises:
         ValueError: on every rank, if facets, obstacle or law do not fit the mesh, obstacles differ
-            between ranks, or points start too far inside the obstacle.
+            between ranks, points start too far inside the obstacle, or large sliding is requested
+            and not possible.
     """
 
-    _may_be_set = ("displaced", "moved_along")
+    _may_be_set = ("moved_along",)
 
     points: ContactPoints
 
@@ -127,7 +131,7 @@ class DiscreteSurface(ReadOnly):
         # contact points and the law there
         self.submesh = create_facet_submesh(domain, facets)
         keep(self.submesh.mesh)
-        self._scatter()
+        self.given.scatter()
         if points_class is None:
             sliding = getattr(contact, "sliding", None)
             moves = follows(self.obstacle, sliding, linear=linear)
@@ -152,18 +156,25 @@ class DiscreteSurface(ReadOnly):
         self.multiplier = fem.Function(self.points.Q, name=f"{name}_traction")
         self._overlap = Overlap.of(name, contact.interference, contact.remove_overlap)
         unset = contact.interference is None and contact.remove_overlap is None
-        #: Depth of the points in the obstacle at the start, shape (n,); None if the description
-        #: has interference or remove_overlap.
         self.start_depth: Array | None = None
         if not self.between_bodies:
             self.start_depth = np.maximum(-self.points.gaps, 0.0) if unset else None
             self._settle_overlap(self.points.data.gap, self.points.vertex_gaps)
-        self.displaced: DisplacedPoints | None = None
-        self._slid = False
+        # gap and normal at displaced points
+        sliding = getattr(contact, "sliding", None)
+        given = self.points, domain, self.obstacle, self.law_at_points, sliding
+        self.displaced: DisplacedPoints | None = displaced_points(*given, linear=linear, name=name)
+        if self.displaced is not None and self.displaced.ended:
+            # a point below a rim and within a facet past it is held like one that slid there
+            past = ", also past the rim, which holds a face that slides up to a facet"
+            most = self._overlap.most if self._overlap.removed else 0.0
+            self._settle_overlap(*self.displaced.starts(most), past)
+        body = self.rigid_body
+        turns = self.displaced is not None and body is not None and body.turns
+        self.partner = Partner(body, self.node_positions, turns)
         self.true_gaps = TrueGaps(u, self.points, self.obstacle)
-        self._mark = self._marked()
+        self._mark = self.given.checksum()
         self._place = self._place_of_obstacle()
-        #: Whether the last change of its Constants moved the obstacle along its surface.
         self.moved_along = False
 
     def _bind(self) -> None:
@@ -178,8 +189,6 @@ class DiscreteSurface(ReadOnly):
             refuse_displacement(self.u, what, *self.given.data[key][0])
             if key != "normal":
                 refuse_other_mesh(e, self.domain, what)
-        functions = {f for f in self.given.functions if isinstance(f, fem.Function)}
-        self._functions = sorted(functions, key=lambda f: f.count())
 
     def _settle_overlap(self, gaps: Array, vertex_gaps: Array, where: str = "") -> None:
         """Raise ``ValueError`` for a start too far inside the obstacle, or remove it. Collective.
@@ -204,22 +213,10 @@ class DiscreteSurface(ReadOnly):
 
     # -- data ------------------------------------------------------------------------------------
 
-    def _scatter(self) -> None:
-        for f in self._functions:
-            f.x.scatter_forward()
-
-    def _marked(self) -> int:
-        """Return a checksum of the data of law and obstacle on this rank."""
-        mark = 0
-        values = [f.x.array for f in self._functions] + [c.value for c in self.given.constants]
-        for v in values:
-            mark = zlib.crc32(np.ascontiguousarray(v), mark)
-        return mark
-
     @property
     def has_changed(self) -> bool:
         """Whether data of law and obstacle have changed on this rank since their evaluation."""
-        return self._marked() != self._mark
+        return self.given.checksum() != self._mark
 
     def update_geometry(self) -> None:
         """Evaluate the data again after a change, such as a moved obstacle. Collective.
@@ -227,9 +224,9 @@ class DiscreteSurface(ReadOnly):
         The equations call it. It is needed only for evaluations without them (gaps, normals).
         """
         before = self.points.vertex_gaps, self.points.vertex_normals
-        self._scatter()
+        self.given.scatter()
         self.points.update()
-        self._mark = self._marked()
+        self._mark = self.given.checksum()
         after = self.points.vertex_gaps, self.points.vertex_normals
         place = self._place_of_obstacle()
         motion = place - self._place
@@ -304,9 +301,9 @@ class DiscreteSurface(ReadOnly):
             memory: memory of the points at the beginning of the step; None under the static law.
         """
         operator = self.points.operator
-        seen = operator.apply(self.relative(u[: self.owned_nodes], motion))
+        seen = operator.apply(self.partner.relative(u[: self.owned_nodes], motion))
         if self.displaced is not None:
-            frame = self._frame(motion)
+            frame = self.partner.rotation(motion)
             data, jump, reference = self.displaced.at(seen, memory, frame)
             data = with_memory(self.law_at_points.compiled, memory, data)
             turning = None if frame is None else motion
@@ -338,35 +335,7 @@ class DiscreteSurface(ReadOnly):
         """Whether gap and slip are linear in the displacement."""
         return self.displaced is None and isinstance(self.points.operator, ConstantOperator)
 
-    def slide(self, *, linear: bool) -> None:
-        """Choose small or large sliding for a linear or nonlinear body. Collective, once.
-
-        Raises:
-            ValueError: on every rank, if large sliding is requested and not possible, or points
-                start inside an open obstacle past its rim.
-        """
-        if self._slid:
-            return
-        self._slid = True
-        sliding = getattr(self.description, "sliding", None)
-        given = self.points, self.domain, self.obstacle, self.law_at_points, sliding
-        self.displaced = displaced_points(*given, linear=linear, name=self.name)
-        if self.displaced is not None and self.displaced.ended:
-            # a point below a rim and within a facet past it is held like one that slid there
-            past = ", also past the rim, which holds a face that slides up to a facet"
-            most = self._overlap.most if self._overlap.removed else 0.0
-            self._settle_overlap(*self.displaced.starts(most), past)
-
     # -- nodes and points ------------------------------------------------------------------------
-
-    @property
-    def opposite_nodes(self) -> Opposite | None:
-        """Opposing points of the nodes; None without another body.
-
-        For sliding faces they are those of the reference configuration.
-        """
-        opposite: Opposite | None = self.obstacle.opposite
-        return opposite
 
     def opposite(self, values: Array) -> Array:
         """Return values opposite to the local nodes, 0 without an opposing point. Collective.
@@ -375,57 +344,10 @@ class DiscreteSurface(ReadOnly):
             values: values at the nodes of the displacement, shape (n, ...); those of the owned
                 nodes are used.
         """
-        opposite = self.opposite_nodes
+        opposite = self.obstacle.opposite
         if opposite is None:
             return np.zeros_like(values)
         return opposite.values(self.comm, values[: self.owned_nodes], len(values))
-
-    def relative(self, u: Array, motion: Array | None) -> Array:
-        """Return displacements relative to the rigid body; unchanged without one.
-
-        Args:
-            u: displacement at the first local nodes, shape (n, dim).
-            motion: motion of the rigid body.
-        """
-        body = self.rigid_body
-        if body is None:
-            return u
-        assert motion is not None
-        x = self.node_positions[: len(u)]
-        return np.asarray(body.seen(x + u, motion) - x if self.turns else u - body.field(x, motion))
-
-    def relative_rate(self, u: Array, motion: Array, du: Array, change: Array) -> Array:
-        """Return the derivative of `relative`, turned like the body.
-
-        Args:
-            u: displacement at the first local nodes, shape (n, dim).
-            motion: motion of the rigid body.
-            du: direction of the displacement, shape (n, dim).
-            change: direction of the motion.
-        """
-        body = self.rigid_body
-        if body is None or not self.turns:
-            return self.relative(du, change)
-        x = self.node_positions[: len(u)] + u
-        return np.asarray(du - body.rate(x, motion, change))
-
-    @property
-    def turns(self) -> bool:
-        """Whether it follows a rigid body that turns by any angle."""
-        body = self.rigid_body
-        return self.displaced is not None and body is not None and body.turns
-
-    def _frame(self, motion: Array | None) -> Array | None:
-        """Return the rotation of the obstacle, shape (dim, dim); None if it does not turn."""
-        body = self.rigid_body
-        return None if body is None or motion is None or not self.turns else body.frame(motion)
-
-    def dragged(self, x: Array) -> Array:
-        """Return present displacements of the rigid body at points (n, dim); 0 without one."""
-        body = self.rigid_body
-        if body is None:
-            return np.zeros_like(x)
-        return body.carried(x, body.values) if self.turns else body.field(x, body.values)
 
     @cached_property
     def node_positions(self) -> Array:
@@ -472,36 +394,6 @@ class DiscreteSurface(ReadOnly):
         """
         return with_memory(self.law_at_points.compiled, memory, self.points.data)
 
-    def state_of(self, at: Kinematics, traction: Array, answers: Answers) -> dict[str, Array]:
-        """Return values at the contact points of this rank.
-
-        Args:
-            at: kinematics of the points.
-            traction: traction on the body, a stress, shape (n, dim).
-            answers: answers of the law at the points.
-
-        Returns:
-            ``x`` position (n, dim), ``area``, ``un`` gap, ``ut`` tangential displacement (n, dim),
-            ``increment`` of the displacement since the last accepted step (n, dim), ``n`` normal
-            (n, dim), ``traction`` on the body (n, dim), ``pressure``, ``shear`` (n, dim), and
-            ``bound``, the radius of the friction disc at the pressure of the law, 0 at points
-            without friction.
-        """
-        acts = closed(answers.required) | (not self.law.needs_pressure)
-        pressure = -np.sum(traction * at.data.n, axis=1)
-        return {
-            "x": self.points.positions,
-            "area": at.operator.areas,
-            "un": at.gap,
-            "ut": at.slip,
-            "increment": at.increment,
-            "n": at.data.n,
-            "traction": traction,
-            "pressure": pressure,
-            "shear": traction + pressure[:, None] * at.data.n,
-            "bound": np.where(acts, np.maximum(answers.bound, 0.0), 0.0),
-        }
-
     def at_vertices(self, jump: Array) -> tuple[Array, Array]:
         """Return gaps (n,) and normals (n, dim) at local vertices after given jumps. Collective.
 
@@ -510,7 +402,7 @@ class DiscreteSurface(ReadOnly):
         """
         if self.displaced is not None:
             body = self.rigid_body
-            frame = self._frame(None if body is None else body.values)
+            frame = self.partner.rotation(None if body is None else body.values)
             gap, normal = self.displaced.at_vertices(jump)
             return gap, normal if frame is None else normal @ frame.T
         normal = self.points.vertex_normals

@@ -164,7 +164,7 @@ class PointArrays:
                     place=fields.pop("place", None),
                     fields=fields,
                     displacement=u[: s.owned_nodes] if s.slides else None,
-                    motion=body.values if body is not None and s.turns else None,
+                    motion=body.values if body is not None and s.partner.turns else None,
                 )
             )
         return tuple(memories)

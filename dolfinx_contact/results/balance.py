@@ -282,7 +282,7 @@ def _apart(s: DiscreteSurface, x: Array) -> float:
         s: pair.
         x: positions of the local nodes, shape (n, dim).
     """
-    opposite = s.opposite_nodes
+    opposite = s.obstacle.opposite
     assert opposite is not None
     on = (opposite.rows >= 0) & ~opposite.none
     off = np.linalg.norm((s.opposite(x) - x)[on], axis=1)

@@ -24,6 +24,7 @@ from dolfinx_contact.laws.status import MINUS, PLUS, closed, senses
 from dolfinx_contact.points.evaluation import blocked_space, vertex_function
 from dolfinx_contact.points.surface import DiscreteSurface
 from dolfinx_contact.results.balance import forces_at_vertices, support_at_nodes
+from dolfinx_contact.results.tables import friction_bound
 
 __all__ = ["STATUS_CODES", "contact_fields", "vertex_state"]
 
@@ -85,61 +86,56 @@ def vertex_state(eq: ContactEquations, number: int, evaluation: Evaluation) -> d
         evaluation: evaluation of the state in the Functions.
 
     Returns:
-        ``un``, ``ut``, ``n``, ``traction``, ``pressure``, ``shear``, ``bound`` as in
-        `DiscreteSurface.state_of`, but forces are divided by the whole vertex areas, including
-        parts without an opposing surface; ``open`` and ``slip``, the fractions of the area around a
-        vertex with that status (0 or 1 if the vertices are the contact points); in 2D also
-        ``plus`` and ``minus``, the fractions that slip with u_t > 0 and u_t < 0. Both are 0 without
-        friction if the point has not moved since the last step.
+        Gap ``un``, slip ``ut``, normal ``n``, ``traction`` on the body, ``pressure``, ``shear``,
+        and radius ``bound`` of the friction disc. Forces are divided by the whole vertex areas,
+        including parts without an opposing surface. ``open`` and ``slip`` are the fractions of the
+        area around a vertex with that status (0 or 1 if the vertices are the contact points); in 2D
+        ``plus`` and ``minus`` are the fractions that slip with u_t > 0 and u_t < 0. Both are 0
+        without friction if the point has not moved since the last step.
     """
     s = eq.surfaces[number]
     found = evaluation.surfaces[number]
     points = s.points
-    kept = ("un", "ut", "n", "traction", "pressure", "shear", "bound")
-    state = s.state_of(found.kinematics, found.traction, found.answers)
+    at = found.kinematics
+    bound = friction_bound(s, found)
     friction = senses(found.statuses)
     slips = closed(found.statuses) & ((friction == PLUS) | (friction == MINUS))
     shares = {"open": ~closed(found.statuses), "slip": slips}
     if s.dim == 2:
         # Without friction the status has no sign of slip: use the motion.
-        moved = state["increment"]
-        n = state["n"]
+        moved = at.increment
+        n = at.data.n
         along = moved[:, 1] * n[:, 0] - moved[:, 0] * n[:, 1]
-        grips = state["bound"] > 0
+        grips = bound > 0
         shares["plus"] = slips & np.where(grips, friction == PLUS, along > 0)
         shares["minus"] = slips & np.where(grips, friction == MINUS, along < 0)
     values = {k: points.at_vertices(v.astype(float)) for k, v in shares.items()}
     if s.method == "integral":
-        values |= _interpolated(eq, s, evaluation, state)
+        values |= _interpolated(eq, s, evaluation, at.slip)
+        values["bound"] = points.at_vertices(bound)
     else:
-        values |= {k: points.exchange.from_owners(state[k]) for k in kept}
+        at_points = {"un": at.gap, "ut": at.slip, "n": at.data.n, "traction": found.traction}
+        at_points["bound"] = bound
+        values |= {k: points.exchange.from_owners(v) for k, v in at_points.items()}
+    values["pressure"] = -np.sum(values["traction"] * values["n"], axis=1)
+    values["shear"] = values["traction"] + values["pressure"][:, None] * values["n"]
     for name in _FORCES:
         values[name] = (points.covered * values[name].T).T
     return values
 
 
 def _interpolated(
-    eq: ContactEquations, s: DiscreteSurface, evaluation: Evaluation, state: dict[str, Array]
+    eq: ContactEquations, s: DiscreteSurface, evaluation: Evaluation, slip_at_points: Array
 ) -> dict[str, Array]:
     """Return values of the Functions at the vertices, not means around them. Collective."""
     u = eq.terms[eq.surfaces.index(s)].relative(evaluation.u, evaluation.q)
     u = (u - s.opposite(u))[s.points.vertex_trace_dofs]
     gap, n = s.at_vertices(u)
-    traction = _multiplier_at_vertices(s)
-    along = np.sum(u * n, axis=1)
-    pressure = -np.sum(traction * n, axis=1)
-    slip = u - along[:, None] * n
-    if s.displaced is not None:
-        slip = s.points.at_vertices(state["ut"])
-    return {
-        "un": gap,
-        "ut": slip,
-        "n": n,
-        "traction": traction,
-        "pressure": pressure,
-        "shear": traction + pressure[:, None] * n,
-        "bound": s.points.at_vertices(state["bound"]),
-    }
+    if s.displaced is None:
+        slip = u - np.sum(u * n, axis=1)[:, None] * n
+    else:
+        slip = s.points.at_vertices(slip_at_points)
+    return {"un": gap, "ut": slip, "n": n, "traction": _multiplier_at_vertices(s)}
 
 
 def _multiplier_at_vertices(s: DiscreteSurface) -> Array:

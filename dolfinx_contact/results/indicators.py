@@ -455,7 +455,7 @@ def _passing(s: DiscreteSurface, contact: ContactState) -> float:
         before = np.zeros_like(motion)
         if memory is not None and memory.motion is not None:
             before = memory.motion
-        normal = normal @ body.frame(before).T
+        normal = normal @ body.kinematics.rotation(before).T
     turned = dot(normal, at.data.n) < 0.0
     if not s.comm.allreduce(int(turned.any())):
         return 0.0
@@ -465,9 +465,12 @@ def _passing(s: DiscreteSurface, contact: ContactState) -> float:
     place = start + part * (at.place - start)
     if body is not None and motion is not None and before is not None:
         x = s.positions
-        ends = [x + d + body.carried(x + d, m) for d, m in ((start, before), (at.place, motion))]
+        ends = [
+            x + d + body.kinematics.carried(x + d, m)
+            for d, m in ((start, before), (at.place, motion))
+        ]
         way = ends[0] + part * (ends[1] - ends[0])
-        place = body.seen(way, before + part * (motion - before)) - x
+        place = body.kinematics.seen(way, before + part * (motion - before)) - x
     turned &= shape.gaps_and_normals(place)[0] < 0.0
     return _most(s, np.where(turned, _angles(normal, at.data.n), 0.0))
 
@@ -592,7 +595,7 @@ def _probes(s: DiscreteSurface, box: tuple[Array, Array], spacing: float) -> tup
     """Points (n, dim) of an obstacle in space, and the radius of a ball around each of them."""
     shape = _shape(s)
     if isinstance(shape, RigidSurface):
-        points = shape.points + s.dragged(shape.points)
+        points = shape.points + s.partner.dragged(shape.points)
         return np.concatenate(
             [points, *(_between(points[i], points[j], spacing) for i, j in shape.edges)]
         ), 0.0
@@ -604,7 +607,7 @@ def _probes(s: DiscreteSurface, box: tuple[Array, Array], spacing: float) -> tup
     known = [v for v in map(_numbers, given) if v is not None]
     if not known or len(known) < len(given):
         return np.zeros((0, s.dim)), 0.0
-    radius, place = float(known[0]), known[1] + s.dragged(known[1][None])[0]
+    radius, place = float(known[0]), known[1] + s.partner.dragged(known[1][None])[0]
     if len(known) == 2:
         return place[None], radius
     # points along the axis as far as the face reaches

@@ -29,7 +29,7 @@ from dolfinx_contact.points.memory import slid_after
 from dolfinx_contact.points.surface import DiscreteSurface
 from dolfinx_contact.results.balance import forces_at_vertices
 
-__all__ = ["ContactTable", "contact_table", "violation"]
+__all__ = ["ContactTable", "contact_table", "friction_bound", "violation"]
 
 
 @dataclass(frozen=True)
@@ -207,13 +207,13 @@ def contact_table(
     found = state.surfaces[number]
     clamped = eq.constraints.clamped[number]
     removed = eq.constraints.removed[number]
-    known = s.state_of(found.kinematics, found.traction, found.answers)
+    at = found.kinematics
     n = s.points.number
-    area = known["area"]
-    normal = known["n"]
-    traction = known["traction"]
-    letters = _letters(s, found, known)
-    bound = known["bound"] * area
+    area = at.operator.areas
+    normal = at.data.n
+    traction = found.traction
+    letters = _letters(s, found)
+    bound = friction_bound(s, found) * area
     support = np.zeros_like(traction)
     if s.method != "integral":
         held = clamped[:n]
@@ -223,22 +223,22 @@ def contact_table(
         support = forces_at_vertices(eq.V, s.submesh, trace, supports)[:n]
         guided = (removed[:n].sum(axis=1) == s.dim - 1) & ~held
         bound = np.where(guided, 0.0, bound)
-        moved = _letters_of_motion(known["increment"], normal, 1e-12 * eq.body_size)
+        moved = _letters_of_motion(at.increment, normal, 1e-12 * eq.body_size)
         letters = np.where(guided & (letters != "o"), moved, letters)
     pressure = -np.sum(traction * normal, axis=1) + 0.0
-    gap = known["un"] + 0.0
-    opposite = s.opposite_nodes
-    absent = found.kinematics.operator.absent
+    gap = at.gap + 0.0
+    opposite = s.obstacle.opposite
+    absent = at.operator.absent
     if absent is not None:
         gap[absent] = np.nan
     elif s.method != "integral" and opposite is not None and not opposite.matching:
         gap[opposite.none[s.points.vertex_trace_dofs[:n]]] = np.nan
     columns = {
-        "x": known["x"],
+        "x": s.points.positions,
         "area": area,
         "un": gap,
-        "ut": known["ut"],
-        "increment": known["increment"],
+        "ut": at.slip,
+        "increment": at.increment,
         "n": normal,
         "force": traction * area[:, None],
         "pressure": pressure,
@@ -249,7 +249,7 @@ def contact_table(
     }
     columns |= _of_memory(s, found, area, letters)
     internal = s.law.variables(s.dim)
-    gathered = Gathered(s.comm, known["x"], s.points.ids)
+    gathered = Gathered(s.comm, s.points.positions, s.points.ids)
     ordered = gathered.columns(columns)
     mine = {name: ordered.pop(f"internal.{name}") for name in internal}
     return ContactTable(s.name, s.dim, **ordered, internal=mine, axisymmetric=s.axisymmetric)
@@ -316,9 +316,16 @@ def violation(eq: ContactEquations, state: Evaluation, force: float, length: flo
     return float(eq.comm.allreduce(worst / force, op=np.maximum))
 
 
-def _letters(
-    s: DiscreteSurface, found: ContactState, known: dict[str, npt.NDArray[np.float64]]
-) -> npt.NDArray[np.str_]:
+def friction_bound(s: DiscreteSurface, found: ContactState) -> npt.NDArray[np.float64]:
+    """Return the radius of the friction disc at the pressure of the law, shape (n,).
+
+    It is 0 at points without friction.
+    """
+    acts = closed(found.answers.required) | (not s.law.needs_pressure)
+    return np.where(acts, np.maximum(found.answers.bound, 0.0), 0.0)
+
+
+def _letters(s: DiscreteSurface, found: ContactState) -> npt.NDArray[np.str_]:
     """Return status letters; at frictionless points, the letters of the sliding direction."""
     touching = closed(found.statuses)
     contact = without_damage(found.statuses)
@@ -329,8 +336,8 @@ def _letters(
     bond = found.statuses - contact
     for of_bond in np.unique(bond):
         free &= (bond != of_bond) | ~found.answers.may_be(STICK + of_bond)
-    moved = known["increment"]
-    n = known["n"]
+    moved = found.kinematics.increment
+    n = found.kinematics.data.n
     along = moved[:, 1] * n[:, 0] - moved[:, 0] * n[:, 1]
     return np.where(free, np.where(along < 0, "-", "+"), letters)
 
