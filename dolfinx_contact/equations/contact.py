@@ -122,11 +122,12 @@ class ContactEquations:
         self.terms = [SurfaceTerm(s, i, self.rigid, mask) for i, (s, mask) in enumerate(removed)]
         self.forced_r = r
         self.scaling = Scaling(bulk, V, self.terms, self.constraints.fixed, self.rigid, r)
+        geometries = [s.points.geometry for s in self.surfaces]
         self.unknowns = Unknowns(
             bulk.displacement,
             [s.points.Q for s in self.surfaces],
             self.rigid,
-            [self.stiffness_scale / s.points.mean_vertex_area for s in self.surfaces],
+            [self.stiffness_scale / g.mean(g.vertex_areas) for g in geometries],
         )
         self.owned_sizes = self.unknowns.sizes
         if not bulk.linear:

@@ -200,7 +200,7 @@ def _of_surface(
         np.max([held_back(s, found, stiffness), np.max(-points.vertex_gaps, initial=0.0)])
     )
     if points.E is not None:
-        area = points.vertex_areas
+        area = points.geometry.vertex_areas
         unit, size, traction, width = _largest(
             (points.r * area,), (rows,), (found.traction,), (area,)
         )

@@ -204,14 +204,15 @@ def automatic_augmentation(
     for s in surfaces:
         # Both bodies of a pair yield.
         pair = _in_series(per_node, s)
-        width = (s.points.vertex_areas / s.points.circumferences) ** (1 / (s.dim - 1))
-        stiffness = pair[s.points.vertex_trace_dofs] / s.points.vertex_areas
+        geometry = s.points.geometry
+        width = (geometry.vertex_areas / geometry.circumferences) ** (1 / (s.dim - 1))
+        stiffness = pair[s.points.vertex_trace_dofs] / geometry.vertex_areas
         at_vertices.append(stiffness)
         if s.slides:
             automatic.append(_SLIDING * stiffness)
             continue
         whole = _in_series(share * per_node / extents, s)
-        automatic.append(width * whole[s.points.vertex_trace_dofs] / s.points.vertex_areas)
+        automatic.append(width * whole[s.points.vertex_trace_dofs] / geometry.vertex_areas)
     return size / (V.dofmap.index_map.size_global * bs), automatic, at_vertices
 
 

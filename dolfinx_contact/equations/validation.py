@@ -368,7 +368,7 @@ def check_sides(eq: ContactEquations) -> None:
         # The order of coordinates makes the reported place the same on any number of ranks.
         tied = tied[np.lexsort(rounded(s.positions[tied]).T[::-1])][:_TIED]
         # body cells next to these points, in the direction of the contact normal
-        into = s.positions[tied] + _BESIDE * s.points.mean_width * n[tied]
+        into = s.positions[tied] + _BESIDE * s.points.geometry.facet_size * n[tied]
         x = np.concatenate(s.comm.allgather(np.stack([s.positions[tied], into])), axis=1)
         inside = cells_around(s.domain, x[1]) > 0
         if inside.any():

@@ -129,7 +129,7 @@ def _values(problem: ContactProblem, s: DiscreteSurface) -> Arrays:
         status = np.where(slips & (plus == 0) & (minus == 0), _NO_SENSE, status)
     # supports are not contact, and tractions of the size of the round-off of forces are none
     u = s.comm.allreduce(float(np.max(np.abs(s.u.x.array), initial=0.0)), op=max)
-    force = np.linalg.norm(traction, axis=1) * s.points.vertex_areas
+    force = np.linalg.norm(traction, axis=1) * s.points.geometry.vertex_areas
     carries = force > _ZERO_FORCE * problem.equations.stiffness_scale * u
     carries &= status != STATUS_CODES["d"]
     values = {

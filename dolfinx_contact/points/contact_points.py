@@ -17,7 +17,6 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from functools import cached_property
 from typing import Any, ClassVar
 
 from petsc4py import PETSc
@@ -29,7 +28,6 @@ import ufl
 from dolfinx import fem
 
 from dolfinx_contact._compat import FacetSubmesh, merge_entity_maps
-from dolfinx_contact._forms import compiled_form
 from dolfinx_contact._mpi import SharedValues
 from dolfinx_contact.body.bulk import circumference
 from dolfinx_contact.laws import PointData
@@ -43,6 +41,7 @@ from dolfinx_contact.points.evaluation import (
     measure_of,
     point_space,
 )
+from dolfinx_contact.points.geometry import SurfaceGeometry
 from dolfinx_contact.points.operators import (
     ConstantOperator,
     Operator,
@@ -93,12 +92,11 @@ class ContactPoints(ABC):
         vertices: scalar P1 space on the submesh.
         trace_dofs: node of the displacement at each local multiplier node.
         vertex_trace_dofs: node of the displacement at each local vertex.
-        vertex_areas: areas of the local vertices, ghosts included.
+        geometry: areas of the local vertices, sizes of the facets.
+        exchange: exchange of values at the points and their ghosts between ranks.
         vertex_gaps: gaps at the local vertices.
         vertex_normals: normals at the local vertices, shape (vertices, dim).
         vertex_ids: keys of the vertices.
-        circumferences: ratio of the areas of vertices to those of the section; 1 for bodies that
-            are not bodies of revolution.
         operator: B, from displacements to jumps at the points.
         E: matrix from multipliers to tractions at the points; None for the identity.
     """
@@ -115,17 +113,16 @@ class ContactPoints(ABC):
     gaps: Array
     aside: Array
     space: fem.FunctionSpace
-    circumferences: Array
-    vertex_areas: Array
+    geometry: SurfaceGeometry
     vertex_gaps: Array
     vertex_normals: Array
     vertex_ids: Nodes
     operator: Operator
+    #: Components of the vertices across planes of symmetry, where images cancel.
+    mirrored: Mask | bool = False
     #: Removed overlaps with an obstacle, at points and at vertices; None if none is removed.
     removed_overlap: fem.Function | None = None
     removed_at_vertices: fem.Function | None = None
-    #: Areas of the local vertices that have an opposing point; None if all areas have one.
-    _covered_areas: Array | None = None
 
     def __init__(
         self,
@@ -162,12 +159,12 @@ class ContactPoints(ABC):
         self.E: PETSc.Mat | None = None
         self._shared: PETSc.Mat | None = None
         self._place(rule_degree, opposite)
+        self.exchange = SharedValues(self.space.dofmap.index_map)
         self.number_everywhere: int = self.comm.allreduce(self.number)
         self._evaluate, self._average = self.evaluators(given, given.gap * given.normal)
-        self._measure(opposite)
-        self._uncovered_areas = self.vertex_areas
+        self.geometry = self._measure(opposite)
         self._set_operators(opposite)
-        self.r: Array = np.ones(len(self.vertex_areas))
+        self.r: Array = np.ones(len(self.geometry.vertex_areas))
         self.update()
 
     # -- defined by subclasses -------------------------------------------------------------------
@@ -177,8 +174,8 @@ class ContactPoints(ABC):
         """Set `space`, `number`, `ids` and `vertex_ids`. Collective."""
 
     @abstractmethod
-    def _measure(self, opposite: Opposite | None) -> None:
-        """Set `areas`, `vertex_areas` and `circumferences`. Collective."""
+    def _measure(self, opposite: Opposite | None) -> SurfaceGeometry:
+        """Set `areas` and return the geometry. Collective."""
 
     @abstractmethod
     def _stencils(self, trace: Trace) -> Stencils:
@@ -190,11 +187,6 @@ class ContactPoints(ABC):
         if opposite is None:
             return stencils
         return stencils.minus(self._opposite_to(stencils, opposite))
-
-    @property
-    def stencils(self) -> Stencils:
-        """Weights of the nodes at the points, of B and E."""
-        return self._weights
 
     def _opposite_to(self, stencils: Stencils, opposite: Opposite) -> Stencils:
         """Return stencils of the positions opposite to the points of stencils. Collective."""
@@ -215,11 +207,6 @@ class ContactPoints(ABC):
     @abstractmethod
     def cells(self) -> npt.NDArray[np.int32]:
         """Cells of the submesh owned by this rank that have points."""
-
-    @property
-    def mirrored(self) -> Mask | bool:
-        """Components of the vertices across planes of symmetry, where images cancel."""
-        return False
 
     @abstractmethod
     def _given_at_vertices(self, values: Mapping[str, Array]) -> Mapping[str, Array]:
@@ -311,66 +298,25 @@ class ContactPoints(ABC):
         self.r = np.asarray(r, dtype=np.float64).copy()
         self.data = replace(self.data, r=self.from_vertices(self.r))
 
-    # -- areas -----------------------------------------------------------------------------------
-
-    @cached_property
-    def _exact(self) -> ufl.Measure:
-        """Measure that is exact for products of displacements and multipliers. Collective."""
-        return measure_of(self._V.mesh, self.submesh.parent_facets, self._exact_degree)
-
-    def _set_vertex_areas(self, sections: Array, opposite: Opposite | None) -> None:
-        """Set areas and circumferences of the local vertices from areas of sections. Collective."""
-        self.vertex_areas = sections if self._weight is None else self._swept()
-        self.circumferences = self.vertex_areas / sections
-        if opposite is not None and opposite.areas is not None:
-            self.vertex_areas = self._covered_areas = opposite.areas[self.vertex_trace_dofs]
-
-    def _swept(self) -> Array:
-        """Return areas of the local vertices of a body of revolution. Collective."""
-        return PointEvaluator(self.vertices, self._exact, {}, self._maps, self._weight).areas
-
-    @cached_property
-    def whole_areas(self) -> Array:
-        """Areas of the local vertices, with and without opposing points. Collective."""
-        return self._uncovered_areas if self._covered_areas is None else self._swept()
-
-    @property
-    def covered(self) -> Array:
-        """Fractions of the areas of the local vertices with opposing points. Collective."""
-        if self._covered_areas is None:
-            return np.ones(len(self.vertex_areas))
-        return np.asarray(np.minimum(self._covered_areas / self.whole_areas, 1.0))
-
-    @property
-    def mean_vertex_area(self) -> float:
-        """Mean area of a vertex. Collective."""
-        return self._vertex_mean(self.vertex_areas)
-
-    @property
-    def mean_width(self) -> float:
-        """Size of a facet: the mean area of a vertex, in 3D its root. Collective."""
-        mean = self._vertex_mean(self.vertex_areas / self.circumferences)
-        return float(mean ** (1 / (self.dim - 1)))
-
-    @cached_property
-    def facet_widths(self) -> fem.Function:
-        """Sizes of the facets, in 3D roots of areas; on the submesh. Collective."""
-        W = fem.functionspace(self.submesh.mesh, ("DG", 0))
-        widths = fem.Function(W)
-        fem.assemble_vector(widths.x.array, compiled_form(ufl.TestFunction(W) * ufl.dx))
-        widths.x.array[:] **= 1 / (self.dim - 1)
-        widths.x.scatter_forward()
-        return widths
-
     @property
     def mean_augmentation(self) -> float:
         """Mean of r over the vertices, a stiffness per area. Collective."""
-        return self._vertex_mean(self.r)
+        return self.geometry.mean(self.r)
 
-    def _vertex_mean(self, values: Array) -> float:
-        index_map = self.vertices.dofmap.index_map
-        total = self.comm.allreduce(float(np.sum(values[: index_map.size_local])))
-        return total / index_map.size_global
+    # -- areas -----------------------------------------------------------------------------------
+
+    def _geometry(self, sections: Array, opposite: Opposite | None) -> SurfaceGeometry:
+        """Return the geometry from the areas of the section at the local vertices. Collective."""
+        areas = sections if self._weight is None else self._swept()
+        geometry = SurfaceGeometry(self.vertices, areas, areas / sections, self._swept)
+        if opposite is not None and opposite.areas is not None:
+            geometry.cover(opposite.areas[self.vertex_trace_dofs])
+        return geometry
+
+    def _swept(self) -> Array:
+        """Return exact areas of the local vertices, swept by bodies of revolution. Collective."""
+        ds = measure_of(self._V.mesh, self.submesh.parent_facets, self._exact_degree)
+        return PointEvaluator(self.vertices, ds, {}, self._maps, self._weight).areas
 
     # -- operators -------------------------------------------------------------------------------
 
@@ -384,11 +330,6 @@ class ContactPoints(ABC):
         """Return E^T W of values at the points (n, dim): owned contact rows. Collective."""
         weighted = self.areas[:, None] * values
         return weighted.reshape(-1) if self.E is None else multiplied_transposed(self.E, weighted)
-
-    @cached_property
-    def exchange(self) -> SharedValues:
-        """Exchange of values at the points and their ghosts between ranks. Collective."""
-        return SharedValues(self.space.dofmap.index_map)
 
     def give(self, given: Mask, idle: Mask) -> Mask:
         """Give the functions of vertices to those around them, once; see `held_ends`. Collective.

@@ -202,7 +202,7 @@ class DisplacedPoints:
 
     def _shape(self, removed: fem.Function | None) -> Obstacle:
         """Return the obstacle for the sliding face, with a removed overlap."""
-        return self._whole.ended(lambda: (self._points.facet_widths, _removed(removed)))
+        return self._whole.ended(lambda: (self._points.geometry.facet_widths, _removed(removed)))
 
     def starts(self, most: float) -> tuple[Array, Array]:
         """Return gaps of the undeformed body on an obstacle that ends. Collective.
@@ -218,7 +218,7 @@ class DisplacedPoints:
             Gaps at the points of this rank and at the local vertices.
         """
         points = self._points
-        given = {"width": points.facet_widths, "out": ufl.FacetNormal(self._domain)}
+        given = {"width": points.geometry.facet_widths, "out": ufl.FacetNormal(self._domain)}
         here = points.evaluator(given | {"removed": _removed(points.removed_overlap)})()
         mine = {name: values[: points.number] for name, values in here.items()}
         there = given | {"removed": _removed(points.removed_at_vertices)}

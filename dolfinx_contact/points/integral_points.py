@@ -31,6 +31,7 @@ from dolfinx_contact.points.evaluation import (
     measure_of,
     point_space,
 )
+from dolfinx_contact.points.geometry import SurfaceGeometry
 from dolfinx_contact.points.held_ends import receiving_vertices
 from dolfinx_contact.points.operators import Stencils
 from dolfinx_contact.points.opposite import Opposite
@@ -89,12 +90,12 @@ class FacetPoints(ContactPoints):
         numbers = self.space.dofmap.list[: len(cells)].astype(np.int64)
         return _GaussPoints(numbers, cells, np.broadcast_to(points, (len(cells), *points.shape)))
 
-    def _measure(self, opposite: Opposite | None) -> None:
+    def _measure(self, opposite: Opposite | None) -> SurfaceGeometry:
         self.areas = self._evaluate.areas[: self.number].copy()
         self._of_vertices = PointEvaluator(
             self.vertices, self._at_nodes, self.given.at_points, self._maps
         )
-        self._set_vertex_areas(self._of_vertices.areas, opposite)
+        return self._geometry(self._of_vertices.areas, opposite)
 
     def evaluator(self, expressions: Mapping[str, Any]) -> Evaluator:
         return PointEvaluator(self.space, self._rule, expressions, self._maps, self._weight)

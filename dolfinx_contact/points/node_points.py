@@ -15,6 +15,7 @@ import numpy.typing as npt
 from dolfinx_contact.points.contact_points import ContactPoints, Evaluator, Trace
 from dolfinx_contact.points.descriptions import ContactMethod
 from dolfinx_contact.points.evaluation import Given, PointEvaluator
+from dolfinx_contact.points.geometry import SurfaceGeometry
 from dolfinx_contact.points.held_ends import shared
 from dolfinx_contact.points.integral_points import CommonFacetPoints, FacetPoints
 from dolfinx_contact.points.operators import Stencils, multiplied, rows_of
@@ -38,9 +39,10 @@ class NodePoints(ContactPoints):
         self.number = int(self.vertices.dofmap.index_map.size_local)
         self.ids, self.vertex_ids = point_ids(self.vertices)
 
-    def _measure(self, opposite: Opposite | None) -> None:
-        self._set_vertex_areas(self._evaluate.areas, opposite)
-        self.areas = self.vertex_areas[: self.number].copy()
+    def _measure(self, opposite: Opposite | None) -> SurfaceGeometry:
+        geometry = self._geometry(self._evaluate.areas, opposite)
+        self.areas = geometry.vertex_areas[: self.number].copy()
+        return geometry
 
     def evaluator(self, expressions: Mapping[str, Any]) -> Evaluator:
         # also on the axis of a body of revolution, values are those of the vertex rule
@@ -72,7 +74,7 @@ class NodePoints(ContactPoints):
 
     def _give(self, given: Mask, idle: Mask) -> Mask:
         D, self.areas, given = shared(self.vertices, given, idle, self.areas)
-        self.vertex_areas = self.exchange.from_owners(self.areas)
+        self.geometry.vertex_areas = self.exchange.from_owners(self.areas)
         plain = self._weights.scalar_matrix(self.comm, self._owned_nodes)
         means = self._each_alone(*rows_of(D.matMult(plain), np.ones(self.number)))
         plain.destroy()
@@ -109,9 +111,9 @@ class AveragedPoints(NodePoints):
         here, _ = super().evaluators(given, offset)
         return here, self._gauss.evaluator({"offset": offset})
 
-    def _measure(self, opposite: Opposite | None) -> None:
+    def _measure(self, opposite: Opposite | None) -> SurfaceGeometry:
         areas = self._gauss.areas
-        hats = self._gauss.stencils.traction_matrix(self.comm, self.number, 1)
+        hats = self._gauss._weights.traction_matrix(self.comm, self.number, 1)
         #: Matrix of the weighted means, from Gauss points to the owned vertices.
         self._means = hats.transpose(PETSc.Mat())
         hats.destroy()
@@ -125,18 +127,21 @@ class AveragedPoints(NodePoints):
         points.array[:] = areas
         self._means.diagonalScale(vertices, points)
         vertices.destroy(), points.destroy()
-        self.vertex_areas = self.exchange.from_owners(self.areas)
+        vertex_areas = self.exchange.from_owners(self.areas)
+        sections = vertex_areas if self._weight is None else self._evaluate.areas
+        geometry = SurfaceGeometry(
+            self.vertices, vertex_areas, vertex_areas / sections, self._swept
+        )
         if opposite is not None and opposite.areas is not None:
-            self._covered_areas = self.vertex_areas
-        sections = self.vertex_areas if self._weight is None else self._evaluate.areas
-        self.circumferences = self.vertex_areas / sections
+            geometry.cover(vertex_areas)
+        return geometry
 
     @property
     def cells(self) -> npt.NDArray[np.int32]:
         return self._gauss.cells
 
     def _jumps(self, opposite: Opposite | None) -> Stencils:
-        at_gauss = self._gauss.stencils.scalar_matrix(self.comm, self._owned_nodes)
+        at_gauss = self._gauss._weights.scalar_matrix(self.comm, self._owned_nodes)
         rows = rows_of(self._means.matMult(at_gauss), np.ones(self.number))
         at_gauss.destroy()
         self._gauss.destroy()

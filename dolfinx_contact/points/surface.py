@@ -202,7 +202,9 @@ class DiscreteSurface(ReadOnly):
         if np.isfinite(overlap.most):
             worst = self.comm.allreduce(float(np.min(gaps, initial=0.0)), op=min)
             # a given length is exact
-            allowed = 0.0 if overlap.most > 0.0 else CURVED_OVERLAP * self.points.mean_width
+            allowed = (
+                0.0 if overlap.most > 0.0 else CURVED_OVERLAP * self.points.geometry.facet_size
+            )
             unless = (
                 "or remove_overlap for a start without stress, if the normals of the obstacle "
                 "point to the body"

@@ -63,7 +63,7 @@ class GatheredPoints:
             data = s.points.data
             which = np.full(n, number)
             flat = s.obstacle.flat and not s.between_bodies
-            reach = np.full(n, np.inf if flat else s.points.mean_width / 2)
+            reach = np.full(n, np.inf if flat else s.points.geometry.facet_size / 2)
             columns.append(
                 (which, data.n, s.points.areas, data.r, data.gap, held, slope, bound, reach)
             )

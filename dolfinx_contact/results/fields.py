@@ -67,7 +67,7 @@ def contact_fields(
         "gap": state["un"],
         "slip": state["ut"],
         "status": status,
-        "support": supports / s.points.whole_areas[:, None],
+        "support": supports / s.points.geometry.whole_areas[:, None],
     }
     answers = evaluation.surfaces[number].answers
     for name, inner in s.law.variables(s.dim).items():
@@ -120,7 +120,7 @@ def vertex_state(eq: ContactEquations, number: int, evaluation: Evaluation) -> d
     values["pressure"] = -np.sum(values["traction"] * values["n"], axis=1)
     values["shear"] = values["traction"] + values["pressure"][:, None] * values["n"]
     for name in _FORCES:
-        values[name] = (points.covered * values[name].T).T
+        values[name] = (points.geometry.covered * values[name].T).T
     return values
 
 

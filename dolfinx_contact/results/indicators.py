@@ -354,7 +354,7 @@ def _of_small_sliding(
     held: Marks,
 ) -> SurfaceIndicators:
     """Return misfit, slip and turn of a surface. Collective."""
-    found = SurfaceIndicators(s.points.mean_width, 0.0)
+    found = SurfaceIndicators(s.points.geometry.facet_size, 0.0)
     if s.between_bodies and not s.slides:
         return _of_pair(s, state, contact, held, found)
     if s.obstacle.flat or s.displaced is not None:
@@ -431,7 +431,7 @@ def _slip_over_facets(s: DiscreteSurface, contact: ContactState) -> float:
     shape = _shape(s)
     if not isinstance(shape, RigidSurface):
         return 0.0
-    width = max(s.points.mean_width, shape.facet_size)
+    width = max(s.points.geometry.facet_size, shape.facet_size)
     slips = np.linalg.norm(contact.kinematics.increment, axis=1)
     return _most(s, _touching(contact, slips)) / width
 

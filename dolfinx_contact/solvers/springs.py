@@ -58,7 +58,7 @@ def springs(
     found = []
     for i, points in zip(pairs, closed, strict=True):
         s = equations.surfaces[i]
-        whole = s.points.from_vertices(s.points.vertex_areas)
+        whole = s.points.from_vertices(s.points.geometry.vertex_areas)
         if s.slides:
             sliding = state.surfaces[i].kinematics.operator
             share = points * sliding.areas / whole

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Any, ClassVar
 
 from mpi4py import MPI
@@ -147,7 +146,7 @@ class SlidingPair(DiscreteSurface):
         gaps = points.known.facing.nodal.gap[: points.number]
         worst = self.comm.allreduce(float(np.min(gaps, initial=0.0)), op=min)
         words = "or remove_overlap for a start without stress"
-        overlap.require(self.comm, worst, _OVERLAP * points.mean_width, self.name, words)
+        overlap.require(self.comm, worst, _OVERLAP * points.geometry.facet_size, self.name, words)
         depth = points.depth
         if self._itself:
             lost = self.comm.allreduce(int(points.faces.lost.sum()))
@@ -329,6 +328,7 @@ class SlidingPoints(NodePoints):
             direction=opposite.direction,
             axisymmetric=self._weight is not None,
         )
+        self.mirrored = np.asarray(self.faces.kept == 0.0)
         self._last: tuple[Array, Array | None] | None = None
         self.operator = self.at(np.zeros((self._owned_nodes, self.dim)), None)
 
@@ -336,11 +336,6 @@ class SlidingPoints(NodePoints):
     def across(self) -> Mask:
         """Components across planes of symmetry, shape (local nodes, dim)."""
         return self._opposite.across
-
-    @property
-    def mirrored(self) -> Mask:
-        """Components across planes of symmetry, where images cancel, shape (vertices, dim)."""
-        return np.asarray(self.faces.kept == 0.0)
 
     @property
     def depth(self) -> float:
@@ -361,14 +356,6 @@ class SlidingPoints(NodePoints):
         # without the digits that depend on the number of ranks
         return [self.depth, *planes, float(f"{taken:.6g}")]
 
-    @cached_property
-    def whole_areas(self) -> Array:
-        return self._swept()
-
-    @property
-    def covered(self) -> Array:
-        return np.asarray(np.minimum(self.known.facing.nodal.weight / self.whole_areas, 1.0))
-
     def at(self, u: Array, before: Array | None) -> SlidingOperator:
         """Return B at a displacement; the last one is kept. Collective.
 
@@ -380,8 +367,9 @@ class SlidingPoints(NodePoints):
         last = self._last
         same = last is not None and last[1] is before and np.array_equal(last[0], mine)
         if self.comm.allreduce(int(not same)):
-            facing = self.faces.at(mine, before, self.vertex_areas)
+            facing = self.faces.at(mine, before, self.geometry.vertex_areas)
             x = self.faces.positions(mine)
             self.known = SlidingOperator(self.faces, facing, self.number, x)
+            self.geometry.covered_areas = facing.nodal.weight
             self._last = mine.copy(), before
         return self.known

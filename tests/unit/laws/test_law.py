@@ -59,7 +59,7 @@ def test_nodal_rows_are_alart_curnier(dim, cell, law):
     shear = multiplier - np.outer(multiplier @ out, out) - 70 * tangential
     radius = {Frictionless: 0 * pressure, Coulomb: friction * pressure, Tresca: 3.0 + 0 * pressure}
     answer = np.outer(pressure, out) + project(shear, radius[type(law)])
-    expected = (multiplier - answer) * surface.points.vertex_areas[:n, None]
+    expected = (multiplier - answer) * surface.points.geometry.vertex_areas[:n, None]
     np.testing.assert_allclose(rows, expected, atol=1e-13 * 10)
 
     # Nothing above held by chance.

@@ -48,7 +48,7 @@ def test_points_lie_where_they_should(dim, cell, degree):
     n = s.points.number
     area = COMM.allreduce(float(s.points.areas[:n].sum()))
     n = s.points.vertices.dofmap.index_map.size_local
-    around = COMM.allreduce(float(s.points.vertex_areas[:n].sum()))
+    around = COMM.allreduce(float(s.points.geometry.vertex_areas[:n].sum()))
     np.testing.assert_allclose(area, around, rtol=1e-2)
     # A field that is not constant is evaluated at the points, not near them.
     u.interpolate(lambda y: np.vstack([y[0] + 2 * y[1], *(0 * y[0] for _ in range(dim - 1))]))
