@@ -41,17 +41,15 @@ def spreading_matrix(comm: MPI.Comm, x: Array, areas: Array, kernel: Kernel) -> 
     """
     n, dim = x.shape
     first = comm.exscan(n) or 0
-    known = np.column_stack([x, areas, first + np.arange(n)])
-    i, rows = around(comm, known, x, np.full(n, kernel.radius), dim)
-    k = rows[:, dim + 1].astype(np.int64)
-    away = np.linalg.norm(x[i] - rows[:, :dim], axis=1)
-    share = KERNELS[kernel.shape](away / kernel.radius)
-    weights = np.asarray(rows[:, dim] * share)
+    known = {"x": x, "area": areas, "number": first + np.arange(n)}
+    i, found = around(comm, known, {"x": x, "reach": np.full(n, kernel.radius)})
+    away = np.linalg.norm(x[i] - found["x"], axis=1)
+    weights = np.asarray(found["area"] * KERNELS[kernel.shape](away / kernel.radius))
     if kernel.normalised:
         weights = np.asarray(weights / np.bincount(i, weights, minlength=n)[i])
     else:
         weights /= whole(kernel.shape, dim) * kernel.radius ** (dim - 1)
-    entries = Entries(first + i, k)
+    entries = Entries(first + i, found["number"])
     N = matrix_of(comm, (n, n), entries)
     entries.add(weights, N)
     return N

@@ -29,23 +29,17 @@ from dolfinx_contact._mpi import SharedValues, require
 from dolfinx_contact._petsc import Entries, matrix_of
 from dolfinx_contact.body.rigid import bounding_box
 from dolfinx_contact.obstacles import Obstacle
-from dolfinx_contact.points.clipping import Cover, cover
+from dolfinx_contact.points.clipping import Cover, Faces, cover
 from dolfinx_contact.points.descriptions import Overlap
 from dolfinx_contact.points.evaluation import at_nodes
-from dolfinx_contact.points.facing import (
-    candidates,
-    faces_of,
-    measured,
-    projected,
-    projected_faces,
-    refuse_aslant,
-)
+from dolfinx_contact.points.facing import candidates, faces_of
 from dolfinx_contact.points.mortar import between, coupling
 from dolfinx_contact.points.operators import rows_of, rows_with_ghosts
 from dolfinx_contact.points.revolution import mirrored
 from dolfinx_contact.points.search import around, nearest
 from dolfinx_contact.points.trace import (
     at_global_places,
+    facet_normals,
     nodes_on,
     outward_normals,
 )
@@ -62,7 +56,8 @@ _OVERLAP = 1e-6  # of a facet's size, an overlap that is round-off
 #: The same of faces that do not match, whose facets are chords of curves.
 CURVED_OVERLAP = 0.05
 _ROUND_OFF = 1e-9  # of a facet's size, a gap that is none
-_FACING = 0.5  # cosine between the normal of a given surface and that of the slave, the least
+_FACING = 0.5  # smallest cosine between the normals of a given surface and of the slave
+_ASLANT = 0.5  # smallest cosine between a given normal and the normal of a facet
 _FAR = 10.0  # sizes of the mesh, the gap of a node that has nothing opposite
 
 
@@ -182,7 +177,7 @@ class OppositeFacets(Obstacle):
         W = fem.functionspace(domain, ("Lagrange", 1))
         size = comm.allreduce(outward_normals(W, slave)[1], op=min)
         if normal is not None:
-            refuse_aslant(domain, slave[slave < owned], normal, name)
+            _refuse_aslant(domain, slave[slave < owned], normal, name)
         sides = nodes_on(V, slave), nodes_on(V, master)
         faces = _Sides(V, slave, master, sides, size, name, normal, axisymmetric)
         self.opposite = found = _matched(faces) or _mortar(faces)
@@ -293,21 +288,19 @@ def _matched(faces: _Sides) -> Opposite | None:
     """
     V, name, given = faces.V, faces.name, faces.normal
     comm = V.mesh.comm
-    dim = V.mesh.geometry.dim
     index_map = V.dofmap.index_map
     x = faces.x
     theirs, _ = outward_normals(V, faces.master)
     against = faces.nodes[1]
     if given is not None:
-        x = projected(given, x)
+        x = _projected(given, x)
         against = against & (theirs @ given < 0)
     on_master = np.flatnonzero(against[: index_map.size_local])
     mine = np.flatnonzero(faces.nodes[0])
     first = index_map.local_range[0]
-    known = np.column_stack([x[on_master], theirs[on_master], first + on_master])
-    found = nearest(comm, known, x[mine], dim)
-    places, normals, ids = found[:, :dim], found[:, dim : 2 * dim], found[:, 2 * dim]
-    offset = places - x[mine]
+    known = {"x": x[on_master], "normal": theirs[on_master], "node": first + on_master}
+    found = nearest(comm, known, x[mine])
+    offset = found["x"] - x[mine]
     n = faces.normals(V)[mine]
     gap = np.sum(offset * n, axis=1)
     aside = np.linalg.norm(offset - gap[:, None] * n, axis=1)
@@ -316,15 +309,15 @@ def _matched(faces: _Sides) -> Opposite | None:
     if comm.allreduce(int((unmatched & owned).sum())):
         return None
     # nodes of finer facets lie between those that have an opposing node
-    ours = measured(V.mesh, faces.slave, given)
-    others = measured(V.mesh, faces.master, None if given is None else -given)
-    facing = nearest(comm, others, ours[:, :dim], dim)
-    off = np.abs(facing[:, dim] / ours[:, dim] - 1) > _TANGENTIAL
+    ours = _facet_data(V.mesh, faces.slave, given)
+    others = _facet_data(V.mesh, faces.master, None if given is None else -given)
+    facing = nearest(comm, others, ours["x"])
+    off = np.abs(facing["area"] / ours["area"] - 1) > _TANGENTIAL
     if comm.allreduce(int(off.sum())):
         return None
-    nodes = ids.astype(np.int64)
+    nodes = found["node"]
     itself = nodes == index_map.local_to_global(mine.astype(np.int32))
-    turned = np.sum(normals * n, axis=1) > 0.5
+    turned = np.sum(found["normal"] * n, axis=1) > 0.5
     require(
         comm,
         not (turned & ~itself).any(),
@@ -332,7 +325,7 @@ def _matched(faces: _Sides) -> Opposite | None:
         "each other",
     )
     radius = np.full(len(mine), _TANGENTIAL * faces.size)
-    near, _ = around(comm, x[on_master], places, radius, dim)
+    near, _ = around(comm, {"x": x[on_master]}, {"x": found["x"], "reach": radius})
     double = np.bincount(near, minlength=len(mine)) > 1
     ambiguous = comm.allreduce(int((double & owned & ~itself).sum()))
     require(
@@ -369,7 +362,7 @@ def _mortar(faces: _Sides) -> Opposite:
     mine = faces_of(V, facets)
     if faces.normal is not None:
         require(comm, degree == 1, f"{name}: a given normal needs degree 1 here")
-        mine = projected_faces(faces.normal, mine)
+        mine = _projected_faces(faces.normal, mine)
     theirs, pairs = candidates(comm, mine, faces_of(V, faces.master))
     common = cover(mine, theirs, pairs, deepest=size)
     marked = np.unique(common.facet)
@@ -414,3 +407,56 @@ def _means(V: fem.FunctionSpace, A: PETSc.Mat, on_slave: Mask) -> tuple[Nodes, N
     places = np.full(len(on_slave), -1, dtype=np.int64)
     places[on] = np.arange(len(on))
     return places, nodes[on], weights[on], np.asarray(on_slave & none)
+
+
+# -- given normals ---------------------------------------------------------------------------------
+
+
+def _refuse_aslant(
+    domain: mesh.Mesh, slave: npt.NDArray[np.int32], normal: Array, name: str
+) -> None:
+    """Raise ``ValueError`` if a given normal does not fit the slave facets. Collective."""
+    count = domain.comm.allreduce(int((facet_normals(domain, slave) @ normal < _ASLANT).sum()))
+    require(
+        domain.comm,
+        not count,
+        f"{name}: the given normal is more than 60 degrees off that of {count} facets of the "
+        "slave; it points from the slave to the master",
+    )
+
+
+def _projected_faces(normal: Array, faces: Faces) -> Faces:
+    """Return facets projected along a unit vector, in planes across it."""
+    off = (faces.x - faces.x.mean(axis=1, keepdims=True)) @ normal
+    x = faces.x - off[:, :, None] * normal
+    return Faces(x, np.broadcast_to(normal, faces.normals.shape), faces.nodes)
+
+
+def _projected(direction: Array, x: Array) -> Array:
+    """Return points (n, dim) projected along a unit vector, in a plane across it."""
+    return np.asarray(x - np.outer(x @ direction, direction))
+
+
+def _facet_data(
+    domain: mesh.Mesh, facets: npt.NDArray[np.int32], direction: Array | None = None
+) -> dict[str, Array]:
+    """Return node means ``"x"`` (n, dim) and ``"area"`` (n,) of the facets owned by this rank.
+
+    Args:
+        domain: mesh.
+        facets: local facets.
+        direction: direction of projection, without the facets that look against it; default: no
+            projection.
+    """
+    dim = domain.geometry.dim
+    owned = facets[facets < domain.topology.index_map(dim - 1).size_local]
+    vectors = facet_normals(domain, owned, unit=False)
+    places: Array = np.zeros((0, dim))
+    if len(owned):  # DOLFINx divides by their number
+        corners = mesh.entities_to_geometry(domain, dim - 1, owned)
+        places = domain.geometry.x[corners][:, :, :dim].mean(axis=1)
+    area = np.linalg.norm(vectors, axis=1)
+    if direction is None:
+        return {"x": places, "area": area}
+    kept = vectors @ direction > 0
+    return {"x": _projected(direction, places)[kept], "area": area[kept]}

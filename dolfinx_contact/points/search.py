@@ -1,13 +1,16 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Spatial search among the points of all ranks.
 
-No rank holds all points. Each rank queries the ranks in whose bounding boxes the points it needs
-may lie; these search their own points in a tree and send the answers back.
+No rank holds all points. Each rank queries the ranks whose bounding boxes may contain the required
+points; these search their own points in a tree and send the answers back. Points have named data:
+`Columns` maps names to arrays with one entry per point, and ``"x"`` is the position. Data are sent
+as numbers in double precision, which is exact for integers below 2^53.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from typing import Any
 
 from mpi4py import MPI
 
@@ -15,117 +18,171 @@ import numpy as np
 import numpy.typing as npt
 import scipy
 
-__all__ = ["around", "nearest"]
+__all__ = ["Columns", "around", "near_rays", "nearest"]
 
 Array = npt.NDArray[np.float64]
 Nodes = npt.NDArray[np.int64]
+#: Data of points by name, arrays of shape (n, ...).
+Columns = Mapping[str, npt.NDArray[Any]]
+#: Function from the numbers of own points, positions and data of questions to pairs of both.
+Selection = Callable[[scipy.spatial.cKDTree, Columns], tuple[Nodes, Nodes]]
 
 
-def nearest(comm: MPI.Comm, known: Array, wanted: Array, dim: int) -> Array:
-    """Return the row of ``known``, of all ranks, nearest to each place. Collective.
+def nearest(comm: MPI.Comm, known: Columns, x: Array) -> dict[str, npt.NDArray[Any]]:
+    """Return the data of the known point, of any rank, nearest to each place. Collective.
 
     Args:
         comm: communicator.
-        known: rows of this rank, which begin with their places, shape (m, columns).
-        wanted: places of this rank, shape (n, dim).
-        dim: dimension, 2 or 3.
+        known: points of this rank.
+        x: places of this rank, shape (n, dim).
 
     Returns:
-        Rows, shape (n, columns); infinite if no rank has any.
+        Data of the nearest points, shape (n, ...); infinite positions if no rank has a point.
     """
-    best = np.full((len(wanted), known.shape[1]), np.inf)
-    places, tree = _ranks_nearby(
-        comm,
-        known[:, :dim],
-        wanted,
-        lambda near, far: near <= np.nanmin(far, axis=0, initial=np.inf) * (1 + 1e-12),
-    )
-    questions = _exchanged(comm, [wanted[i] for i in places])
+    rows = _packed(known)
+    dim = x.shape[1]
+    boxes = _Boxes(comm, known["x"], x)
+    ranks = boxes.near <= np.nanmin(boxes.far, axis=0, initial=np.inf) * (1 + 1e-12)
+    places = [np.flatnonzero(asked) for asked in ranks]
+    questions = _exchanged(comm, [x[i] for i in places])
+    tree = boxes.tree
     answers = [
-        known[tree.query(q)[1]] if tree is not None and len(q) else known[:0] for q in questions
+        rows[tree.query(q)[1]] if tree is not None and len(q) else rows[:0] for q in questions
     ]
-    distance = np.full(len(wanted), np.inf)
-    for i, rows in zip(places, _exchanged(comm, answers), strict=True):
-        d = np.linalg.norm(rows[:, :dim] - wanted[i], axis=1)
+    best = np.full((len(x), rows.shape[1]), np.inf)
+    distance = np.full(len(x), np.inf)
+    for i, part in zip(places, _exchanged(comm, answers), strict=True):
+        d = np.linalg.norm(part[:, :dim] - x[i], axis=1)
         closer = d < distance[i]
-        best[i[closer]] = rows[closer]
+        best[i[closer]] = part[closer]
         distance[i[closer]] = d[closer]
-    return best
+    return _unpacked(best, known)
 
 
-def in_balls(questions: Array, tree: scipy.spatial.cKDTree) -> tuple[Nodes, Nodes]:
+def in_balls(tree: scipy.spatial.cKDTree, questions: Columns) -> tuple[Nodes, Nodes]:
     """Return pairs of questions and points of a tree within their distances."""
-    return pairs_of(tree.query_ball_point(questions[:, : tree.m], questions[:, -2]))
+    return _pairs(tree.query_ball_point(questions["x"], questions["reach"]))
 
 
-def pairs_of(lists: npt.NDArray[np.object_]) -> tuple[Nodes, Nodes]:
+def around(
+    comm: MPI.Comm, known: Columns, wanted: Columns, select: Selection = in_balls
+) -> tuple[Nodes, dict[str, npt.NDArray[Any]]]:
+    """Return the known points, of any rank, within a distance of each place. Collective.
+
+    Args:
+        comm: communicator.
+        known: points of this rank.
+        wanted: places ``"x"`` and distances ``"reach"`` of this rank, and data for ``select``.
+        select: function that selects pairs of questions and known points of a rank, on that rank;
+            default: all points within the distance.
+
+    Returns:
+        Numbers of places, shape (pairs,), and data of points near them, shape (pairs, ...).
+    """
+    rows, asked = _packed(known), _packed(wanted)
+    boxes = _Boxes(comm, known["x"], wanted["x"])
+    places = [np.flatnonzero(near <= wanted["reach"]) for near in boxes.near]
+    answers = []
+    for q in _exchanged(comm, [np.column_stack([i, asked[i]]) for i in places]):
+        i: Nodes = np.zeros(0, dtype=np.int64)
+        k = i
+        if boxes.tree is not None and len(q):
+            i, k = select(boxes.tree, _unpacked(q[:, 1:], wanted))
+        answers.append(np.column_stack([q[i, 0], rows[k]]))
+    found = np.concatenate(_exchanged(comm, answers))
+    return found[:, 0].astype(np.int64), _unpacked(found[:, 1:], known)
+
+
+def near_rays(tree: scipy.spatial.cKDTree, q: Columns, radii: Array) -> tuple[Nodes, Nodes]:
+    """Return pairs of rays and balls of this rank in cylinders around the rays.
+
+    Rays are bisected, and halves without a ball nearby dropped. So the cost is that of the balls
+    along the rays, not of all balls within their length.
+
+    Args:
+        tree: middles of the balls of this rank.
+        q: middles ``"x"`` of the rays, directions ``"normal"``, half lengths ``"depth"``, and radii
+            ``"across"`` of the cylinders, to which those of the balls are added.
+        radii: radii of the balls, shape (m,).
+    """
+    across = q["across"] + float(radii.max())
+    half = q["depth"] + across
+    i = np.arange(len(across))
+    at = np.zeros(len(across))
+    while True:
+        middles = q["x"][i] + at[:, None] * q["normal"][i]
+        reach = np.hypot(half, across)[i]
+        near = tree.query(middles)[0] <= reach
+        i, at, middles, reach = i[near], at[near], middles[near], reach[near]
+        if np.all(half <= across):
+            break
+        half = half / 2
+        at = np.concatenate([at - half[i], at + half[i]])
+        i = np.concatenate([i, i])
+    parts, k = _pairs(tree.query_ball_point(middles, reach))
+    pairs = np.unique(i[parts] * tree.n + k)
+    i, k = pairs // tree.n, pairs % tree.n
+    off = tree.data[k] - q["x"][i]
+    along = np.sum(off * q["normal"][i], axis=1)
+    aside = np.linalg.norm(off - along[:, None] * q["normal"][i], axis=1)
+    limit = q["across"][i] + radii[k]
+    kept = (np.abs(along) <= q["depth"][i] + limit) & (aside <= limit)
+    return i[kept], k[kept]
+
+
+class _Boxes:
+    """Boxes around the known points of every rank, and a tree of the points of this rank.
+
+    Args:
+        comm: communicator.
+        known: points of this rank, shape (m, dim).
+        x: places, shape (n, dim).
+
+    Attributes:
+        near: distances of the places to the nearest point of each box, NaN for ranks without
+            points, shape (ranks, n).
+        far: distances to the farthest point of each box, shape (ranks, n).
+        tree: tree of the points of this rank; None without points.
+    """
+
+    def __init__(self, comm: MPI.Comm, known: Array, x: Array):
+        box = np.full((2, x.shape[1]), np.nan)
+        if len(known):
+            box[:] = known.min(axis=0), known.max(axis=0)
+        boxes = np.array(comm.allgather(box))
+        below = boxes[:, 0, None] - x
+        above = x - boxes[:, 1, None]
+        self.near = np.linalg.norm(np.maximum(below, above).clip(0.0), axis=2)
+        self.far = np.linalg.norm(np.maximum(np.abs(below), np.abs(above)), axis=2)
+        self.tree = scipy.spatial.cKDTree(known) if len(known) else None
+
+
+def _pairs(lists: npt.NDArray[np.object_]) -> tuple[Nodes, Nodes]:
     """Return the pairs (i, k) with k in the list i."""
     i = np.repeat(np.arange(len(lists)), [len(part) for part in lists])
     return i, np.array([k for part in lists for k in part], dtype=np.int64)
 
 
-def around(
-    comm: MPI.Comm,
-    known: Array,
-    wanted: Array,
-    reach: Array,
-    dim: int,
-    pairs: Callable[[Array, scipy.spatial.cKDTree], tuple[Nodes, Nodes]] = in_balls,
-) -> tuple[Nodes, Array]:
-    """Return the rows of ``known``, of all ranks, within a distance of each place. Collective.
-
-    Args:
-        comm: communicator.
-        known: rows of this rank, which begin with their places, shape (m, columns).
-        wanted: rows of this rank, which begin with their places, shape (n, more columns).
-        reach: distance by place, shape (n,).
-        dim: dimension, 2 or 3.
-        pairs: function that selects pairs of rows of ``wanted``, followed by two columns of which
-            the first is the distance, and points of the tree; default: all within the distance.
-
-    Returns:
-        Numbers of places, shape (pairs,), and rows near them, shape (pairs, columns).
-    """
-    places, tree = _ranks_nearby(
-        comm, known[:, :dim], wanted[:, :dim], lambda near, _: near <= reach
-    )
-    answers = []
-    for q in _exchanged(comm, [np.column_stack([wanted[i], reach[i], i]) for i in places]):
-        i: Nodes = np.zeros(0, dtype=np.int64)
-        k = i
-        if tree is not None and len(q):
-            i, k = pairs(q, tree)
-        answers.append(np.column_stack([q[i, -1], known[k]]))
-    rows = np.concatenate(_exchanged(comm, answers))
-    return rows[:, 0].astype(np.int64), rows[:, 1:]
+def _width(values: npt.NDArray[Any]) -> int:
+    return int(np.prod(values.shape[1:], dtype=int))
 
 
-def _ranks_nearby(
-    comm: MPI.Comm,
-    known: Array,
-    wanted: Array,
-    which: Callable[[Array, Array], npt.NDArray[np.bool_]],
-) -> tuple[list[npt.NDArray[np.intp]], scipy.spatial.cKDTree | None]:
-    """Return the numbers of the places to ask each rank about, and a tree of own ones. Collective.
+def _packed(columns: Columns) -> Array:
+    """Return named data as columns of one array (n, width), positions first."""
+    ordered = [columns["x"], *(v for name, v in columns.items() if name != "x")]
+    return np.column_stack([v.reshape(len(v), _width(v)) for v in ordered]).astype(np.float64)
 
-    Args:
-        comm: communicator.
-        known: places of this rank.
-        wanted: places, shape (n, dim).
-        which: function from the distances of ``wanted`` to the nearest and the farthest point of
-            the boxes around the known places of the ranks (ranks, n), NaN for ranks without any, to
-            the mask of the ranks to ask.
-    """
-    box = np.full((2, wanted.shape[1]), np.nan)
-    if len(known):
-        box[:] = known.min(axis=0), known.max(axis=0)
-    boxes = np.array(comm.allgather(box))
-    below = boxes[:, 0, None] - wanted
-    above = wanted - boxes[:, 1, None]
-    near = np.linalg.norm(np.maximum(below, above).clip(0.0), axis=2)
-    far = np.linalg.norm(np.maximum(np.abs(below), np.abs(above)), axis=2)
-    tree = scipy.spatial.cKDTree(known) if len(known) else None
-    return [np.flatnonzero(marked) for marked in which(near, far)], tree
+
+def _unpacked(rows: Array, like: Columns) -> dict[str, npt.NDArray[Any]]:
+    """Return named data from rows; names, shapes and types are those of ``like``."""
+    names = ["x", *(name for name in like if name != "x")]
+    ends = np.cumsum([_width(like[name]) for name in names])
+    parts = np.split(rows, ends[:-1], axis=1)
+    with np.errstate(invalid="ignore"):  # infinite rows have no integers
+        return {
+            name: part.reshape(len(rows), *like[name].shape[1:]).astype(like[name].dtype)
+            for name, part in zip(names, parts, strict=True)
+        }
 
 
 def _exchanged(comm: MPI.Comm, parts: list[Array]) -> list[Array]:

@@ -11,14 +11,12 @@ from mpi4py import MPI
 
 import numpy as np
 import numpy.typing as npt
-import scipy
 
 from dolfinx import fem
 
 from dolfinx_contact._geometry import area_vectors, unit
 from dolfinx_contact.points.clipping import Faces
-from dolfinx_contact.points.facing import faces_of
-from dolfinx_contact.points.search import around, pairs_of
+from dolfinx_contact.points.facing import faces_of, facets_along_normals
 from dolfinx_contact.points.trace import at_global_places
 
 __all__ = ["Candidates", "Master", "candidates"]
@@ -56,42 +54,22 @@ class Candidates:
 def candidates(
     comm: MPI.Comm, slave: Faces, master: Faces, marks: Array, depth: float, skin: float
 ) -> Candidates:
-    """Return the facets that rays of the slave may meet, now or within a skin. Collective.
-
-    A ray is normal to its facet. Facets count that lie at most `depth` before or behind it along
-    the normal, and across the normal no farther than both facets reach.
+    """Return the facets that normals of the slave may meet, now or within a skin. Collective.
 
     Args:
         comm: communicator.
         slave: slave facets of this rank.
         master: master facets of this rank and their images.
         marks: marks of the master facets, see `Master.images`, shape (n,).
-        depth: distance along the normal.
+        depth: distance before and behind the slave.
         skin: additional distance.
     """
-    middles, radii = slave.balls
-    others, theirs = master.balls
-    dim = middles.shape[1]
-    largest = comm.allreduce(float(np.max(theirs, initial=0.0)), op=max)
-    across = radii + largest + skin
-    wanted = np.column_stack([middles, slave.normals, radii])
-
-    def near_rays(q: Array, tree: scipy.spatial.cKDTree) -> tuple[Nodes, Nodes]:
-        x, n, radius = q[:, :dim], q[:, dim : 2 * dim], q[:, 2 * dim]
-        i, k = _around_rays(x, n, radius + float(theirs.max()) + skin, depth, tree)
-        off = others[k] - x[i]
-        along = np.sum(off * n[i], axis=1)
-        aside = np.linalg.norm(off - along[:, None] * n[i], axis=1)
-        limit = radius[i] + theirs[k] + skin
-        kept = (np.abs(along) <= depth + limit) & (aside <= limit)
-        return i[kept], k[kept]
-
-    known: Array = np.column_stack([others, marks, master.nodes])
-    i, rows = around(comm, known, wanted, np.hypot(depth + across, across), dim, near_rays)
-    facets, k = np.unique(rows[:, dim:].astype(np.int64), axis=0, return_inverse=True)
-    pairs = np.column_stack([i, k.reshape(-1)])
-    # in the order of the facets, independent of the rank that an answer comes from
-    return _candidates(facets, pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))], dim)
+    middles, radii = master.balls
+    keys = np.column_stack([marks.astype(np.int64), master.nodes])
+    depths = np.full(len(slave.x), depth)
+    known = {"x": middles, "key": keys}
+    found, pairs = facets_along_normals(comm, slave, known, radii, depths, skin)
+    return _candidates(found["key"], pairs, middles.shape[1])
 
 
 def _candidates(facets: Nodes, pairs: Nodes, dim: int) -> Candidates:
@@ -188,29 +166,3 @@ class Master:
     def positions(self, x: Array, found: Candidates) -> Array:
         """Return positions of the corners of candidates, shape (m, b, dim). Collective."""
         return np.asarray(self.vectors(x, found) + self._behind(found.mirrors)[:, None])
-
-
-def _around_rays(
-    x: Array, n: Array, across: Array, depth: float, tree: scipy.spatial.cKDTree
-) -> tuple[Nodes, Nodes]:
-    """Return numbers of rays and of facet middles in cylinders around them, and some more.
-
-    Rays are bisected, and halves without a facet nearby dropped. So the cost is that of the facets
-    along the rays, not of all facets within their length.
-    """
-    half = depth + across
-    i = np.arange(len(x))
-    at = np.zeros(len(x))
-    while True:
-        middles = x[i] + at[:, None] * n[i]
-        radius = np.hypot(half, across)[i]
-        near = tree.query(middles)[0] <= radius
-        i, at, middles, radius = i[near], at[near], middles[near], radius[near]
-        if np.all(half <= across):
-            break
-        half = half / 2
-        at = np.concatenate([at - half[i], at + half[i]])
-        i = np.concatenate([i, i])
-    balls, k = pairs_of(tree.query_ball_point(middles, radius))
-    pairs = np.unique(i[balls] * tree.n + k)
-    return pairs // tree.n, pairs % tree.n
