@@ -15,7 +15,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, ClassVar
 
@@ -33,14 +33,15 @@ from dolfinx_contact.body.bulk import circumference
 from dolfinx_contact.laws import PointData
 from dolfinx_contact.points.descriptions import ContactMethod
 from dolfinx_contact.points.evaluation import (
+    Evaluator,
     Given,
     PointEvaluator,
-    ScatteredEvaluator,
     blocked_space,
     fields_of,
     measure_of,
     point_space,
 )
+from dolfinx_contact.points.gauss_points import GaussPoints, gauss_points
 from dolfinx_contact.points.geometry import SurfaceGeometry
 from dolfinx_contact.points.operators import (
     ConstantOperator,
@@ -52,14 +53,11 @@ from dolfinx_contact.points.operators import (
 from dolfinx_contact.points.opposite import Opposite
 from dolfinx_contact.points.trace import trace_dofs
 
-__all__ = ["ContactPoints", "Evaluator", "Trace"]
+__all__ = ["ContactPoints"]
 
 Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 Nodes = npt.NDArray[np.int64]
-#: Function from local nodes of the displacement to global nodes and their weights (..., k).
-Trace = Callable[[npt.NDArray[np.int32]], tuple[Nodes, Array]]
-Evaluator = PointEvaluator | ScatteredEvaluator
 
 
 class ContactPoints(ABC):
@@ -178,19 +176,8 @@ class ContactPoints(ABC):
         """Set `areas` and return the geometry. Collective."""
 
     @abstractmethod
-    def _stencils(self, trace: Trace) -> Stencils:
-        """Return the stencils of the displacement of a trace. Collective."""
-
     def _jumps(self, opposite: Opposite | None) -> Stencils:
         """Return the stencils of the jumps at the points. Collective."""
-        stencils = self._stencils(self._here)
-        if opposite is None:
-            return stencils
-        return stencils.minus(self._opposite_to(stencils, opposite))
-
-    def _opposite_to(self, stencils: Stencils, opposite: Opposite) -> Stencils:
-        """Return stencils of the positions opposite to the points of stencils. Collective."""
-        return self._stencils(opposite.at)
 
     @abstractmethod
     def from_vertices(self, values: Array) -> Array:
@@ -303,6 +290,11 @@ class ContactPoints(ABC):
         """Mean of r over the vertices, a stiffness per area. Collective."""
         return self.geometry.mean(self.r)
 
+    def _gauss_points(self, rule_degree: int, opposite: Opposite | None) -> GaussPoints:
+        """Return Gauss points of the face. Collective."""
+        given = self._V, self.submesh, self.vertices, rule_degree, self._maps, self._weight
+        return gauss_points(opposite, *given)
+
     # -- areas -----------------------------------------------------------------------------------
 
     def _geometry(self, sections: Array, opposite: Opposite | None) -> SurfaceGeometry:
@@ -356,12 +348,6 @@ class ContactPoints(ABC):
         if not stencils.identity:
             nodes = self.Q.dofmap.index_map.size_local
             self.E = stencils.traction_matrix(self.comm, nodes, self.dim)
-
-    def _here(self, nodes: npt.NDArray[np.int32]) -> tuple[Nodes, Array]:
-        """Return the trace of the body."""
-        flat = self._V.dofmap.index_map.local_to_global(nodes.reshape(-1))
-        numbers = np.asarray(flat, dtype=np.int64).reshape(*nodes.shape, 1)
-        return numbers, np.ones(numbers.shape)
 
     def destroy(self) -> None:
         """Free the matrices."""

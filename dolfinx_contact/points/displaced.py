@@ -52,9 +52,10 @@ from dolfinx_contact.laws import LawAtPoints, PointData
 from dolfinx_contact.laws.status import STICK
 from dolfinx_contact.laws.symbols import before
 from dolfinx_contact.obstacles import Obstacle, known_displaced
-from dolfinx_contact.points.contact_points import ContactPoints, Evaluator
+from dolfinx_contact.points.contact_points import ContactPoints
 from dolfinx_contact.points.descriptions import SlidingKind
 from dolfinx_contact.points.evaluation import (
+    Evaluator,
     Given,
     PointEvaluator,
     blocked_space,

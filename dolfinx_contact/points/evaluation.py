@@ -36,6 +36,7 @@ from dolfinx_contact.obstacles import Measured, Obstacle
 from dolfinx_contact.points.trace import owned_exterior
 
 __all__ = [
+    "Evaluator",
     "Given",
     "PointEvaluator",
     "ScatteredEvaluator",
@@ -341,3 +342,6 @@ def _check(name: str, e: Any) -> None:
             )
         if isinstance(part, fem.Function) and part.ufl_element().has_custom_quadrature:
             raise ValueError(f"{where} may not depend on values at quadrature points")
+
+
+Evaluator = PointEvaluator | ScatteredEvaluator

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any, ClassVar
 
 from petsc4py import PETSc
@@ -12,13 +11,12 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact.points.contact_points import ContactPoints, Evaluator, Trace
+from dolfinx_contact.points.contact_points import ContactPoints
 from dolfinx_contact.points.descriptions import ContactMethod
-from dolfinx_contact.points.evaluation import Given, PointEvaluator
+from dolfinx_contact.points.evaluation import Evaluator, Given, PointEvaluator
 from dolfinx_contact.points.geometry import SurfaceGeometry
 from dolfinx_contact.points.held_ends import shared
-from dolfinx_contact.points.integral_points import CommonFacetPoints, FacetPoints
-from dolfinx_contact.points.operators import Stencils, multiplied, rows_of
+from dolfinx_contact.points.operators import Stencils, multiplied, rows_of, trace_of
 from dolfinx_contact.points.opposite import Opposite
 from dolfinx_contact.points.trace import point_ids
 
@@ -62,8 +60,10 @@ class NodePoints(ContactPoints):
         topology = self.submesh.mesh.topology
         return np.arange(topology.index_map(topology.dim).size_local, dtype=np.int32)
 
-    def _stencils(self, trace: Trace) -> Stencils:
-        return self._each_alone(*trace(self.trace_dofs[: self.number]))
+    def _jumps(self, opposite: Opposite | None) -> Stencils:
+        nodes = self.trace_dofs[: self.number]
+        here = self._each_alone(*trace_of(self._V)(nodes))
+        return here if opposite is None else here.minus(self._each_alone(*opposite.at(nodes)))
 
     def _each_alone(self, nodes: Nodes, weights: Array) -> Stencils:
         """Return the stencils of points that are multiplier nodes."""
@@ -87,33 +87,25 @@ class NodePoints(ContactPoints):
 class AveragedPoints(NodePoints):
     """Vertices in the mixed method, at which jumps and gaps are weighted means.
 
-    The weights are the hat functions of the multiplier, integrated over the surface by the Gauss
-    points of the integral method.
+    The weights are the hat functions of the multiplier, integrated over the surface by Gauss
+    points.
     """
 
     method: ClassVar[ContactMethod] = "mixed"
 
     def _place(self, rule_degree: int, opposite: Opposite | None) -> None:
         super()._place(rule_degree, opposite)
-        kind = FacetPoints if opposite is None or opposite.matching else CommonFacetPoints
-        #: Gauss points of the surface.
-        self._gauss = kind(
-            self._V,
-            self.submesh,
-            self._degrees,
-            rule_degree,
-            replace(self.given, fields={}),
-            opposite,
-            axisymmetric=self._weight is not None,
-        )
+        self._gauss = self._gauss_points(rule_degree, opposite)
 
     def evaluators(self, given: Given, offset: Any) -> tuple[Evaluator, Evaluator | None]:
         here, _ = super().evaluators(given, offset)
         return here, self._gauss.evaluator({"offset": offset})
 
     def _measure(self, opposite: Opposite | None) -> SurfaceGeometry:
-        areas = self._gauss.areas
-        hats = self._gauss._weights.traction_matrix(self.comm, self.number, 1)
+        assert self._average is not None
+        areas = self._average.areas[: self._gauss.number]
+        self._at_gauss = self._gauss.jumps(self.Q, opposite)
+        hats = self._at_gauss.traction_matrix(self.comm, self.number, 1)
         #: Matrix of the weighted means, from Gauss points to the owned vertices.
         self._means = hats.transpose(PETSc.Mat())
         hats.destroy()
@@ -138,13 +130,12 @@ class AveragedPoints(NodePoints):
 
     @property
     def cells(self) -> npt.NDArray[np.int32]:
-        return self._gauss.cells
+        return np.unique(self._gauss.cells)
 
     def _jumps(self, opposite: Opposite | None) -> Stencils:
-        at_gauss = self._gauss._weights.scalar_matrix(self.comm, self._owned_nodes)
+        at_gauss = self._at_gauss.scalar_matrix(self.comm, self._owned_nodes)
         rows = rows_of(self._means.matMult(at_gauss), np.ones(self.number))
         at_gauss.destroy()
-        self._gauss.destroy()
         return self._each_alone(*rows)
 
     def _averaged(self, average: Evaluator | None, offset: Array, normal: Array) -> Array | None:

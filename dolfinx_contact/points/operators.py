@@ -19,6 +19,7 @@ proofs) takes it from `DiscreteSurface.constant_operator`, which refuses any oth
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -28,6 +29,8 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
+from dolfinx import fem
+
 from dolfinx_contact._mpi import SharedValues
 from dolfinx_contact._petsc import Entries, matrix_of
 
@@ -35,15 +38,32 @@ __all__ = [
     "ConstantOperator",
     "Operator",
     "Stencils",
+    "Trace",
     "multiplied",
     "multiplied_transposed",
     "rows_of",
     "rows_with_ghosts",
+    "trace_of",
     "weights_matrix",
 ]
 
 Array = npt.NDArray[np.float64]
 Nodes = npt.NDArray[np.int64]
+
+
+#: Function from local nodes of the displacement to global nodes and their weights (..., k).
+Trace = Callable[[npt.NDArray[np.int32]], tuple[Nodes, Array]]
+
+
+def trace_of(V: fem.FunctionSpace) -> Trace:
+    """Return the trace of the body itself: every node, with weight 1."""
+
+    def trace(nodes: npt.NDArray[np.int32]) -> tuple[Nodes, Array]:
+        flat = V.dofmap.index_map.local_to_global(nodes.reshape(-1))
+        numbers = np.asarray(flat, dtype=np.int64).reshape(*nodes.shape, 1)
+        return numbers, np.ones(numbers.shape)
+
+    return trace
 
 
 class Operator(ABC):

@@ -20,17 +20,17 @@ from dolfinx_contact._validate import ReadOnly
 from dolfinx_contact.body.rigid import parts
 from dolfinx_contact.laws import LawAtPoints, PointData
 from dolfinx_contact.obstacles import Obstacle
-from dolfinx_contact.points.contact_points import ContactPoints, Evaluator
+from dolfinx_contact.points.contact_points import ContactPoints
 from dolfinx_contact.points.descriptions import Contact, ContactMethod, Overlap, displacement_degree
 from dolfinx_contact.points.displaced import DisplacedPoints, TrueGaps, displaced_points, follows
-from dolfinx_contact.points.evaluation import Given
-from dolfinx_contact.points.integral_points import CommonFacetPoints, FacetPoints
+from dolfinx_contact.points.evaluation import Evaluator, Given
+from dolfinx_contact.points.integral_points import FacetPoints
 from dolfinx_contact.points.kinematics import Kinematics
 from dolfinx_contact.points.memory import Memory, with_memory
 from dolfinx_contact.points.neighbours import LawAmongPoints
 from dolfinx_contact.points.node_points import AveragedPoints, NodePoints
 from dolfinx_contact.points.operators import ConstantOperator
-from dolfinx_contact.points.opposite import CURVED_OVERLAP, Opposite
+from dolfinx_contact.points.opposite import CURVED_OVERLAP
 from dolfinx_contact.points.revolution import check_section
 from dolfinx_contact.points.rigid_body import RigidBody
 from dolfinx_contact.points.rigid_kinematics import Partner
@@ -135,8 +135,7 @@ class DiscreteSurface(ReadOnly):
         if points_class is None:
             sliding = getattr(contact, "sliding", None)
             moves = follows(self.obstacle, sliding, linear=linear)
-            method = contact.method or ("integral" if moves else "mixed")
-            points_class = _points_class(method, self.obstacle.opposite)
+            points_class = _POINTS[contact.method or ("integral" if moves else "mixed")]
         self.points = points_class(
             u.function_space,
             self.submesh,
@@ -411,8 +410,8 @@ class DiscreteSurface(ReadOnly):
         return self.points.vertex_gaps - np.sum(jump * normal, axis=1), normal
 
 
-def _points_class(method: ContactMethod, opposite: Opposite | None) -> type[ContactPoints]:
-    """Return the class of the contact points of a method."""
-    if method == "integral":
-        return FacetPoints if opposite is None or opposite.matching else CommonFacetPoints
-    return AveragedPoints if method == "mixed" else NodePoints
+_POINTS: dict[ContactMethod, type[ContactPoints]] = {
+    "nodal": NodePoints,
+    "integral": FacetPoints,
+    "mixed": AveragedPoints,
+}
