@@ -13,12 +13,13 @@ from scipy.optimize import brentq
 
 from dolfinx import mesh
 
+from dolfinx_contact._arrays import Array
 from dolfinx_contact._mpi import Arguments, collective
 
 __all__ = ["create_grid", "graded"]
 
 
-def graded(length: float, size: float, fine: int, coarse: int) -> npt.NDArray[np.float64]:
+def graded(length: float, size: float, fine: int, coarse: int) -> Array:
     """Return the coordinates of a graded grid from 0 to ``length``.
 
     The grid begins with equal fine cells. The sizes of the following coarse cells form a geometric

@@ -23,6 +23,7 @@ from dolfinx import fem, mesh
 from ufl.algorithms import expand_derivatives
 from ufl.corealg.traversal import traverse_unique_terminals
 
+from dolfinx_contact._arrays import Array, Ints, Mask
 from dolfinx_contact._ufl import refuse_other_mesh
 from dolfinx_contact._validate import number, positive, vector
 
@@ -39,8 +40,6 @@ __all__ = [
     "is_uniform",
     "known_displaced",
 ]
-
-Array = npt.NDArray[np.float64]
 
 
 def has_ufl(value: Any) -> bool:
@@ -116,7 +115,7 @@ class Outline(NamedTuple):
     """
 
     points: Array
-    cells: npt.NDArray[np.int64]
+    cells: Ints
     normals: Array
 
 
@@ -134,7 +133,7 @@ class Start(NamedTuple):
     gap: Array
     height: Array
     normal: Array
-    held: npt.NDArray[np.bool_]
+    held: Mask
 
 
 class Obstacle:

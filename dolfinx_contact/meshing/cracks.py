@@ -13,13 +13,13 @@ from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 import basix
 from dolfinx import mesh
 
+from dolfinx_contact._arrays import Ints, Mask
 from dolfinx_contact._mpi import Arguments, collective, keep, on_root
 from dolfinx_contact._validate import listed
 from dolfinx_contact.meshing.gmsh import GmshMesh, NamedTags
@@ -28,9 +28,6 @@ from dolfinx_contact.meshing.whole import WholeMesh, check_tags, distributed, ga
 __all__ = ["crack"]
 
 logger = logging.getLogger(__name__)
-
-Mask = npt.NDArray[np.bool_]
-Nodes = npt.NDArray[np.int64]
 
 
 def _check(a: Arguments) -> None:
@@ -151,7 +148,7 @@ def _listed(groups: Iterable[int | str]) -> list[int | str]:
     return chosen
 
 
-def _parts(number: int, first: Nodes, second: Nodes) -> Nodes:
+def _parts(number: int, first: Ints, second: Ints) -> Ints:
     """Return the connected parts of a graph by its links, shape (number,)."""
     links = coo_array((np.ones(len(first)), (first, second)), shape=(number, number))
     return np.asarray(connected_components(links, directed=False)[1], dtype=np.int64)
@@ -178,11 +175,11 @@ class _Around:
         self.ids = ids[: every.shape[0] * every.shape[1]].reshape(every.shape[:2])
         self.tagged = np.where(np.isin(ids[self.ids.size :], self.ids), ids[self.ids.size :], -1)
 
-    def nodes(self, cells: Nodes, places: Nodes) -> Nodes:
+    def nodes(self, cells: Ints, places: Ints) -> Ints:
         """Return the nodes of facets, given by cells and places in these."""
         return self.cells[cells[:, None], self.corners[places]]
 
-    def split(self, crack: Nodes, marked: Mask) -> tuple[Nodes, Mask]:
+    def split(self, crack: Ints, marked: Mask) -> tuple[Ints, Mask]:
         """Give every fan of cells a node of its own.
 
         Args:
@@ -314,8 +311,8 @@ def _check_groups(whole: WholeMesh, tags: list[int], opens: Mask) -> None:
 
 
 def _sides(
-    whole: WholeMesh, around: _Around, several: Mask, facets: Nodes, tag: int
-) -> tuple[Nodes, Mask]:
+    whole: WholeMesh, around: _Around, several: Mask, facets: Ints, tag: int
+) -> tuple[Ints, Mask]:
     """Return the nodes (items, k) of both sides of facets, and the mask of the first side."""
     cells, places = np.nonzero(np.isin(around.ids, facets))
     nodes = around.nodes(cells, places)

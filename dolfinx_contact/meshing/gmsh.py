@@ -17,11 +17,11 @@ from typing import Any, NamedTuple
 from mpi4py import MPI
 
 import numpy as np
-import numpy.typing as npt
 
 import ufl
 from dolfinx import fem, mesh
 
+from dolfinx_contact._arrays import Array, Indices
 from dolfinx_contact._compat import gmsh_io
 from dolfinx_contact._install import optional
 from dolfinx_contact._mpi import Arguments, collective, everywhere, keep, require
@@ -100,7 +100,7 @@ class GmshMesh(NamedTuple):
         return self.names[name][1]
 
     @collective("facets of a group")
-    def facets(self, name: str) -> npt.NDArray[np.int32]:
+    def facets(self, name: str) -> Indices:
         """Return the local indices of the facets of the group ``name``. Collective.
 
         Raises:
@@ -109,7 +109,7 @@ class GmshMesh(NamedTuple):
         tags = self._named_facets
         return np.asarray(tags.find(tags.tag(name)), dtype=np.int32)
 
-    def bounds(self, name: str) -> npt.NDArray[np.float64]:
+    def bounds(self, name: str) -> Array:
         """Return the bounding box of the facets of the group ``name``, shape (2, 3). Collective.
 
         For an empty group it is infinity and minus infinity. Raises errors like `facets`.

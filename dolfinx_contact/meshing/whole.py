@@ -14,11 +14,11 @@ from typing import Any
 from mpi4py import MPI
 
 import numpy as np
-import numpy.typing as npt
 
 import basix
 from dolfinx import mesh
 
+from dolfinx_contact._arrays import Array, Indices, Ints
 from dolfinx_contact._compat import (
     create_mesh,
     geometry_dofmap,
@@ -30,9 +30,6 @@ from dolfinx_contact._validate import listed
 from dolfinx_contact.meshing.gmsh import GmshMesh, NamedTags
 
 __all__ = ["WholeMesh", "check_tags", "distributed", "gathered", "join"]
-
-Nodes = npt.NDArray[np.int64]
-Tags = npt.NDArray[np.int32]
 
 
 @dataclass(frozen=True)
@@ -48,12 +45,12 @@ class WholeMesh:
         facet_values: tags of these facets.
     """
 
-    cells: Nodes
-    x: npt.NDArray[np.float64]
-    tagged_cells: Nodes
-    cell_values: Tags
-    facets: Nodes
-    facet_values: Tags
+    cells: Ints
+    x: Array
+    tagged_cells: Ints
+    cell_values: Indices
+    facets: Ints
+    facet_values: Indices
 
 
 def gathered(
@@ -122,7 +119,7 @@ def check_tags(domain: mesh.Mesh, tags: Any, dim: int, what: str) -> None:
         raise ValueError(f"{what} are those of another mesh")
 
 
-def _tagged(tags: mesh.MeshTags | None, owned: int) -> tuple[npt.NDArray[np.int32], Tags]:
+def _tagged(tags: mesh.MeshTags | None, owned: int) -> tuple[Indices, Indices]:
     """Return the owned entities with a tag, and their tags."""
     if tags is None:
         return np.empty(0, dtype=np.int32), np.empty(0, dtype=np.int32)

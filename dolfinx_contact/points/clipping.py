@@ -11,9 +11,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 import basix
+
+from dolfinx_contact._arrays import Array, Ints, Mask
 
 __all__ = [
     "Cover",
@@ -26,8 +27,6 @@ __all__ = [
     "tabulated",
 ]
 
-Array = npt.NDArray[np.float64]
-Nodes = npt.NDArray[np.int64]
 
 _LEAST_COVER = 0.05  # of a slave facet, below which it is dropped
 _STEEP = 0.5  # cosine between the normals of opposite facets from which on they do not face
@@ -50,7 +49,7 @@ class Faces:
 
     x: Array
     normals: Array
-    nodes: Nodes
+    nodes: Ints
 
     @property
     def corners(self) -> int:
@@ -96,18 +95,18 @@ class Cover:
 
     slave: Faces
     master: Faces
-    facet: Nodes
-    other: Nodes
+    facet: Ints
+    other: Ints
     pieces: Array
     mine: Array
     theirs: Array
 
-    def __getitem__(self, chosen: Nodes) -> Cover:
+    def __getitem__(self, chosen: Ints) -> Cover:
         facets = self.facet[chosen], self.other[chosen]
         shapes = self.pieces[chosen], self.mine[chosen], self.theirs[chosen]
         return Cover(self.slave, self.master, *facets, *shapes)
 
-    def places(self) -> tuple[Nodes, Nodes, Array]:
+    def places(self) -> tuple[Ints, Ints, Array]:
         """Return the opposing points of slave corners, each as often as pieces meet there.
 
         Returns:
@@ -179,7 +178,7 @@ def nodal_points(corners: int, degree: int) -> Array:
 def cover(
     slave: Faces,
     master: Faces,
-    pairs: Nodes,
+    pairs: Ints,
     deepest: float | Array,
     *,
     farthest: float = np.inf,
@@ -238,7 +237,7 @@ def _axes(faces: Faces) -> Array:
     return np.stack([first, np.cross(faces.normals, first)], axis=2)
 
 
-def _nearest(facet: Nodes, gap: Array, area: Array, size: Array) -> Nodes:
+def _nearest(facet: Ints, gap: Array, area: Array, size: Array) -> Ints:
     """Return the pieces that count: of several over each other the nearest, as many as fit.
 
     Master parts that overlap slightly, such as adjacent bodies whose meshes do not quite fit, are
@@ -255,7 +254,7 @@ def _nearest(facet: Nodes, gap: Array, area: Array, size: Array) -> Nodes:
     return np.flatnonzero(kept)
 
 
-def _segments(mine: Array, theirs: Array, size: Array) -> tuple[Nodes, Array]:
+def _segments(mine: Array, theirs: Array, size: Array) -> tuple[Ints, Array]:
     """Return common parts of pairs of segments: numbers of the pairs, ends (parts, 2, 1)."""
     low = np.maximum(mine.min(axis=1), theirs.min(axis=1))[:, 0]
     high = np.minimum(mine.max(axis=1), theirs.max(axis=1))[:, 0]
@@ -263,11 +262,11 @@ def _segments(mine: Array, theirs: Array, size: Array) -> tuple[Nodes, Array]:
     return pair, np.stack([low[pair], high[pair]], axis=1)[:, :, None]
 
 
-def _polygons(mine: Array, theirs: Array, size: Array) -> tuple[Nodes, Array]:
+def _polygons(mine: Array, theirs: Array, size: Array) -> tuple[Ints, Array]:
     """Return common parts of pairs of polygons, as triangles around their centres."""
     clip = _anticlockwise(mine[:, _LOOP[mine.shape[1]]])
     polygon = _anticlockwise(theirs[:, _LOOP[theirs.shape[1]]])
-    count: Nodes = np.full(len(mine), polygon.shape[1], dtype=np.int64)
+    count: Ints = np.full(len(mine), polygon.shape[1], dtype=np.int64)
     for edge in range(clip.shape[1]):
         start = clip[:, edge]
         end = clip[:, (edge + 1) % clip.shape[1]]
@@ -285,7 +284,7 @@ def _polygons(mine: Array, theirs: Array, size: Array) -> tuple[Nodes, Array]:
     return pair[kept], triangles[kept]
 
 
-def _centre(polygon: Array, count: Nodes) -> Array:
+def _centre(polygon: Array, count: Ints) -> Array:
     """Return centres of area (n, 2), independent of the order and repetition of corners."""
     first = polygon[:, :1]
     places = np.minimum(np.arange(polygon.shape[1]), np.maximum(count - 1, 0)[:, None])
@@ -309,13 +308,13 @@ def _anticlockwise(x: Array) -> Array:
     return np.where(_area(x)[:, None, None] < 0, x[:, ::-1], x)
 
 
-def _after(count: Nodes, m: int) -> Nodes:
+def _after(count: Ints, m: int) -> Ints:
     """Return the places of the next corners of polygons, shape (n, m)."""
     places = np.arange(1, m + 1)
     return np.where(places < count[:, None], places, 0)
 
 
-def _cut(polygon: Array, count: Nodes, start: Array, end: Array) -> tuple[Array, Nodes]:
+def _cut(polygon: Array, count: Ints, start: Array, end: Array) -> tuple[Array, Ints]:
     """Return the parts of convex polygons (n, m, 2) to the left of lines.
 
     The polygons have ``count`` corners each.
@@ -338,7 +337,7 @@ def _cut(polygon: Array, count: Nodes, start: Array, end: Array) -> tuple[Array,
     return _kept(every, (np.stack([inside, crosses], axis=2) & held[:, :, None]).reshape(n, 2 * m))
 
 
-def _without_copies(polygon: Array, count: Nodes, size: Array) -> tuple[Array, Nodes]:
+def _without_copies(polygon: Array, count: Ints, size: Array) -> tuple[Array, Ints]:
     """Return polygons without corners at the place of the next one."""
     m = polygon.shape[1]
     after = _after(count, m)
@@ -347,7 +346,7 @@ def _without_copies(polygon: Array, count: Nodes, size: Array) -> tuple[Array, N
     return _kept(polygon, far & (np.arange(m) < count[:, None]))
 
 
-def _kept(corners: Array, kept: npt.NDArray[np.bool_]) -> tuple[Array, Nodes]:
+def _kept(corners: Array, kept: Mask) -> tuple[Array, Ints]:
     """Return polygons of the kept corners, in their order, and the numbers of corners."""
     count = kept.sum(axis=1)
     order = np.argsort(~kept, axis=1, kind="stable")[:, : int(count.max(initial=3))]

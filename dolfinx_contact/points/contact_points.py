@@ -22,11 +22,11 @@ from typing import Any, ClassVar
 from petsc4py import PETSc
 
 import numpy as np
-import numpy.typing as npt
 
 import ufl
 from dolfinx import fem
 
+from dolfinx_contact._arrays import Array, Indices, Ints, Mask
 from dolfinx_contact._compat import FacetSubmesh, merge_entity_maps
 from dolfinx_contact._mpi import SharedValues
 from dolfinx_contact.body.bulk import circumference
@@ -54,10 +54,6 @@ from dolfinx_contact.points.opposite import Opposite
 from dolfinx_contact.points.trace import trace_dofs
 
 __all__ = ["ContactPoints"]
-
-Array = npt.NDArray[np.float64]
-Mask = npt.NDArray[np.bool_]
-Nodes = npt.NDArray[np.int64]
 
 
 class ContactPoints(ABC):
@@ -106,7 +102,7 @@ class ContactPoints(ABC):
     number: int
     areas: Array
     positions: Array
-    ids: Nodes
+    ids: Ints
     data: PointData
     gaps: Array
     aside: Array
@@ -114,7 +110,7 @@ class ContactPoints(ABC):
     geometry: SurfaceGeometry
     vertex_gaps: Array
     vertex_normals: Array
-    vertex_ids: Nodes
+    vertex_ids: Ints
     operator: Operator
     #: Components of the vertices across planes of symmetry, where images cancel.
     mirrored: Mask | bool = False
@@ -192,7 +188,7 @@ class ContactPoints(ABC):
 
     @property
     @abstractmethod
-    def cells(self) -> npt.NDArray[np.int32]:
+    def cells(self) -> Indices:
         """Cells of the submesh owned by this rank that have points."""
 
     @abstractmethod

@@ -21,10 +21,10 @@ from typing import TYPE_CHECKING, Any
 from petsc4py import PETSc
 
 import numpy as np
-import numpy.typing as npt
 
 from dolfinx import fem
 
+from dolfinx_contact._arrays import Array, Ints, Mask
 from dolfinx_contact._mpi import SharedValues
 from dolfinx_contact.points.held_ends import resting
 from dolfinx_contact.points.trace import at_global_places
@@ -34,14 +34,12 @@ if TYPE_CHECKING:
 
 __all__ = ["crossings"]
 
-Edges = npt.NDArray[np.int64]
-
 
 def crossings(
     V: fem.FunctionSpace,
     surfaces: Sequence[DiscreteSurface],
-    fixed: npt.NDArray[np.bool_],
-) -> tuple[list[npt.NDArray[np.bool_]], npt.NDArray[np.bool_]]:
+    fixed: Mask,
+) -> tuple[list[Mask], Mask]:
     """Return the places at which jumps of pairs form loops. Collective.
 
     Args:
@@ -58,7 +56,7 @@ def crossings(
     opposites = [s.obstacle.opposite for s in surfaces]
     if all(opposite is None for opposite in opposites):
         return [_none(s.points.vertices.dofmap.index_map) for s in surfaces], _none(index_map)
-    parts: list[Edges] = [np.zeros((0, 4), dtype=np.int64)]
+    parts: list[Ints] = [np.zeros((0, 4), dtype=np.int64)]
     for i, (s, opposite) in enumerate(zip(surfaces, opposites, strict=True)):
         if opposite is None or not opposite.matching:
             continue
@@ -70,7 +68,7 @@ def crossings(
         edges = np.column_stack([number, vertices, here, there])
         rests = resting(V, opposite, fixed)[nodes].all(axis=1)
         parts.append(np.asarray(edges[~rests], dtype=np.int64))
-    mine: Edges = np.concatenate(parts)
+    mine: Ints = np.concatenate(parts)
     several = at_global_places(comm, _counts(V, mine), mine[:, 2:]) > 1
     # few are left, since nodes of one pair have one jump
     mine = mine[several.all(axis=1)]
@@ -84,11 +82,11 @@ def crossings(
     return marks, np.asarray(counts > 0)
 
 
-def _none(index_map: Any) -> npt.NDArray[np.bool_]:
+def _none(index_map: Any) -> Mask:
     return np.zeros(index_map.size_local + index_map.num_ghosts, dtype=bool)
 
 
-def _counts(V: fem.FunctionSpace, edges: Edges) -> npt.NDArray[np.float64]:
+def _counts(V: fem.FunctionSpace, edges: Ints) -> Array:
     """Return the number of edges that end at the owned nodes. Collective."""
     counts = PETSc.Vec().createMPI((V.dofmap.index_map.size_local, None), comm=V.mesh.comm)
     ends = edges[:, 2:].reshape(-1).astype(PETSc.IntType)
@@ -99,15 +97,15 @@ def _counts(V: fem.FunctionSpace, edges: Edges) -> npt.NDArray[np.float64]:
     return np.asarray(found)
 
 
-def _in_loops(parts: Sequence[Edges], rank: int) -> npt.NDArray[np.bool_]:
+def _in_loops(parts: Sequence[Ints], rank: int) -> Mask:
     """Return the mask of the edges of a rank in or between loops, which have no free end."""
     ends = np.concatenate(parts)[:, 2:]
-    left: npt.NDArray[np.bool_] = np.ones(len(ends), dtype=bool)
+    left: Mask = np.ones(len(ends), dtype=bool)
     _, nodes = np.unique(ends, return_inverse=True)
     nodes = nodes.reshape(ends.shape)
     while True:
         counts = np.bincount(nodes[left].reshape(-1), minlength=int(nodes.max(initial=0)) + 1)
-        stays: npt.NDArray[np.bool_] = left & (counts[nodes] > 1).all(axis=1)
+        stays: Mask = left & (counts[nodes] > 1).all(axis=1)
         if (stays == left).all():
             break
         left = stays

@@ -20,6 +20,7 @@ import numpy.typing as npt
 import ufl
 from dolfinx import fem, mesh
 
+from dolfinx_contact._arrays import Array, Indices
 from dolfinx_contact._mpi import Arguments, collective, require
 from dolfinx_contact._ufl import described
 from dolfinx_contact._validate import (
@@ -49,7 +50,7 @@ __all__ = [
     "displacement_degree",
 ]
 
-Facets: TypeAlias = GmshMesh | mesh.MeshTags | npt.NDArray[np.int32]
+Facets: TypeAlias = GmshMesh | mesh.MeshTags | Indices
 
 #: Placement of the contact points (`points.contact_points`).
 ContactMethod: TypeAlias = Literal["nodal", "integral", "mixed"]
@@ -257,7 +258,7 @@ def _check_sliding(a: Arguments, degree: int, what: str) -> None:
         positive(a.search_distance, f"{a.name}: the search distance", "positive")
 
 
-def _unit(value: Any, dim: int, name: str) -> npt.NDArray[np.float64]:
+def _unit(value: Any, dim: int, name: str) -> Array:
     v = vector(value, name, dim, zero=False)
     v = v / np.abs(v).max()  # the square of a tiny number is 0
     return np.asarray(v / np.linalg.norm(v))
@@ -465,7 +466,7 @@ class ContactPair:
     law: Law
     slave: int | str | None = None
     master: int | str | None = None
-    master_facets: npt.NDArray[np.int32] | None = None
+    master_facets: Indices | None = None
     gap: Any = None
     surface: Obstacle | None = None
     normal: npt.ArrayLike | None = None

@@ -40,11 +40,11 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 import ufl
 from dolfinx import fem, mesh
 
+from dolfinx_contact._arrays import Array
 from dolfinx_contact._compat import merge_entity_maps
 from dolfinx_contact._geometry import node_positions
 from dolfinx_contact._mpi import require
@@ -68,7 +68,6 @@ from dolfinx_contact.points.rigid_body import RigidBody
 
 __all__ = ["DisplacedPoints", "TrueGaps", "displaced_points", "follows"]
 
-Array = npt.NDArray[np.float64]
 _FACING = 0.5  # smallest cosine between the normals of a face and of an obstacle it looks to
 _SAME = 1e-9  # relative excess of a removed overlap that counts as round-off
 _ROUND_OFF = 1e-14  # of the largest coordinate, gap that is round-off

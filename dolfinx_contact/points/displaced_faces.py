@@ -11,8 +11,8 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from dolfinx_contact._arrays import Array, Ints
 from dolfinx_contact._geometry import area_vectors, dot, unit
 from dolfinx_contact._mpi import SharedValues
 from dolfinx_contact.points.surface import DiscreteSurface
@@ -20,9 +20,6 @@ from dolfinx_contact.points.trace import facet_closures, facet_normals
 from dolfinx_contact.rigid_surfaces.closest import ClosestFacets
 
 __all__ = ["Closest", "closest_on_face", "master_simplices", "outward_at_points", "slave_triangles"]
-
-Array = npt.NDArray[np.float64]
-Ints = npt.NDArray[np.int64]
 
 
 #: Simplices of the nodes of a facet, by dimension and number of nodes, in the order of Basix.

@@ -17,7 +17,6 @@ from typing import Any
 from mpi4py import MPI
 
 import numpy as np
-import numpy.typing as npt
 
 import basix
 import basix.ufl
@@ -28,6 +27,7 @@ from ufl.algorithms.analysis import extract_constants
 from ufl.classes import Derivative, GeometricQuantity, SpatialCoordinate
 from ufl.corealg.traversal import unique_pre_traversal
 
+from dolfinx_contact._arrays import Array, Indices
 from dolfinx_contact._compat import facet_integration_entities, interpolation_points
 from dolfinx_contact._forms import compiled_expression, compiled_form
 from dolfinx_contact._mpi import SharedValues
@@ -45,7 +45,6 @@ __all__ = [
     "measure_of",
 ]
 
-Array = npt.NDArray[np.float64]
 _CHUNK = 256  # points evaluated at once
 
 
@@ -140,7 +139,7 @@ class PointEvaluator:
 
 
 def measure_of(
-    domain: mesh.Mesh, facets: npt.NDArray[np.int32], degree: int, rule: str = "default"
+    domain: mesh.Mesh, facets: Indices, degree: int, rule: str = "default"
 ) -> ufl.Measure:
     """Return the measure of the exterior facets among ``facets`` owned by this rank. Collective."""
     entities = facet_integration_entities(domain, owned_exterior(domain, facets))
@@ -275,7 +274,7 @@ class ScatteredEvaluator:
     def __init__(
         self,
         domain: mesh.Mesh,
-        cells: npt.NDArray[np.int32],
+        cells: Indices,
         x: Array,
         areas: Array,
         expressions: Mapping[str, Any],

@@ -14,6 +14,7 @@ import numpy.typing as npt
 import basix
 from dolfinx import fem
 
+from dolfinx_contact._arrays import Array, Indices, Ints
 from dolfinx_contact._geometry import node_positions
 from dolfinx_contact.points.clipping import Faces
 from dolfinx_contact.points.search import Columns, around, near_rays, nearest
@@ -21,11 +22,8 @@ from dolfinx_contact.points.trace import facet_closures, facet_normals
 
 __all__ = ["candidates", "faces_of", "facets_along_normals"]
 
-Array = npt.NDArray[np.float64]
-Nodes = npt.NDArray[np.int64]
 
-
-def faces_of(V: fem.FunctionSpace, facets: npt.NDArray[np.int32]) -> Faces:
+def faces_of(V: fem.FunctionSpace, facets: Indices) -> Faces:
     """Return the facets owned by this rank."""
     domain = V.mesh
     dim = V.mesh.geometry.dim
@@ -44,7 +42,7 @@ def facets_along_normals(
     radii: Array,
     depth: Array,
     skin: float = 0.0,
-) -> tuple[dict[str, npt.NDArray[Any]], Nodes]:
+) -> tuple[dict[str, npt.NDArray[Any]], Ints]:
     """Return master facets, of any rank, that the normals of slave facets may meet. Collective.
 
     A facet counts if it lies at most at a distance before or behind the slave facet along the
@@ -76,7 +74,7 @@ def facets_along_normals(
     return facets, pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
 
 
-def candidates(comm: MPI.Comm, slave: Faces, master: Faces) -> tuple[Faces, Nodes]:
+def candidates(comm: MPI.Comm, slave: Faces, master: Faces) -> tuple[Faces, Ints]:
     """Return facets of the master, of any rank, that may oppose those of the slave. Collective.
 
     An opposing facet at an angle of less than 60 degrees is at most twice as far as the nearest one

@@ -13,11 +13,11 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 import basix
 from dolfinx import fem
 
+from dolfinx_contact._arrays import Array, Indices, Ints
 from dolfinx_contact._compat import FacetSubmesh, geometry_dofmap
 from dolfinx_contact._geometry import node_positions
 from dolfinx_contact._mpi import SharedValues
@@ -34,9 +34,6 @@ from dolfinx_contact.points.opposite import Common, Opposite
 from dolfinx_contact.points.trace import facet_closures, trace_dofs
 
 __all__ = ["GaussPoints", "gauss_points"]
-
-Array = npt.NDArray[np.float64]
-Nodes = npt.NDArray[np.int64]
 
 
 class GaussPoints:
@@ -59,8 +56,8 @@ class GaussPoints:
     """
 
     space: fem.FunctionSpace
-    numbers: Nodes
-    cells: npt.NDArray[np.int32]
+    numbers: Ints
+    cells: Indices
     _x: Array  # reference coordinates in the cells, shape (groups, p, dim - 1)
 
     def __init__(

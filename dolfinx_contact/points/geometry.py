@@ -7,16 +7,14 @@ from collections.abc import Callable
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
 import ufl
 from dolfinx import fem
 
+from dolfinx_contact._arrays import Array
 from dolfinx_contact._forms import compiled_form
 
 __all__ = ["SurfaceGeometry"]
-
-Array = npt.NDArray[np.float64]
 
 
 class SurfaceGeometry:

@@ -26,24 +26,21 @@ from typing import Any
 from petsc4py import PETSc
 
 import numpy as np
-import numpy.typing as npt
 
 from dolfinx import fem, la
 
+from dolfinx_contact._arrays import Array, Ints, Mask
 from dolfinx_contact._petsc import Entries, matrix_of
 from dolfinx_contact.points.operators import multiplied, rows_of, rows_with_ghosts
 from dolfinx_contact.points.opposite import Opposite
 
 __all__ = ["held_in_place", "in_place", "receiving_vertices", "resting", "shared"]
 
-Array = npt.NDArray[np.float64]
 
 _MOVES = 1e-6  # a weight that is none of round-off
 
 
-def resting(
-    V: fem.FunctionSpace, opposite: Opposite, fixed: npt.NDArray[np.bool_]
-) -> npt.NDArray[np.bool_]:
+def resting(V: fem.FunctionSpace, opposite: Opposite, fixed: Mask) -> Mask:
     """Return the mask of components in which neither a node nor its opposing point moves.
 
     Collective. There is no jump without an opposing point.
@@ -58,9 +55,7 @@ def resting(
     return np.asarray((fixed & ~moves) | opposite.none[:, None])
 
 
-def held_in_place(
-    V: fem.FunctionSpace, opposite: Opposite, fixed: npt.NDArray[np.bool_]
-) -> npt.NDArray[np.bool_]:
+def held_in_place(V: fem.FunctionSpace, opposite: Opposite, fixed: Mask) -> Mask:
     """Return the mask of nodes with a fixed jump whose function overlaps free nodes. Collective.
 
     Args:
@@ -70,7 +65,7 @@ def held_in_place(
     """
     assert opposite.common is not None
     places = opposite.common.places
-    held: npt.NDArray[np.bool_] = np.asarray(fixed.all(axis=1))
+    held: Mask = np.asarray(fixed.all(axis=1))
     free = (~held[: V.dofmap.index_map.size_local]).astype(float)
     here, around = (
         of.values(V.mesh.comm, free, len(held), sizes=True) for of in (places, opposite)
@@ -79,7 +74,7 @@ def held_in_place(
     return np.asarray(fixed_here & (around > _MOVES))
 
 
-def in_place(opposite: Opposite, nodes: npt.NDArray[np.bool_]) -> Opposite:
+def in_place(opposite: Opposite, nodes: Mask) -> Opposite:
     """Return opposing points, at marked local nodes those at their own places. Not collective."""
     assert opposite.common is not None
     places = opposite.common.places
@@ -98,10 +93,10 @@ def in_place(opposite: Opposite, nodes: npt.NDArray[np.bool_]) -> Opposite:
 
 def shared(
     vertices: fem.FunctionSpace,
-    given: npt.NDArray[np.bool_],
-    idle: npt.NDArray[np.bool_],
+    given: Mask,
+    idle: Mask,
     areas: Array,
-) -> tuple[PETSc.Mat, Array, npt.NDArray[np.bool_]]:
+) -> tuple[PETSc.Mat, Array, Mask]:
     """Return means over the functions of vertices and those that they take. Collective.
 
     Args:
@@ -132,8 +127,8 @@ def shared(
 
 
 def receiving_vertices(
-    vertices: fem.FunctionSpace, given: npt.NDArray[np.bool_], idle: npt.NDArray[np.bool_]
-) -> tuple[npt.NDArray[np.int64], Array, npt.NDArray[np.bool_]]:
+    vertices: fem.FunctionSpace, given: Mask, idle: Mask
+) -> tuple[Ints, Array, Mask]:
     """Return the vertices that take the functions of the local vertices. Collective.
 
     Args:
@@ -151,9 +146,7 @@ def receiving_vertices(
     return *rows_with_ghosts(vertices.mesh.comm, index_map, *rows), given
 
 
-def _shares(
-    vertices: fem.FunctionSpace, given: npt.NDArray[np.bool_], idle: npt.NDArray[np.bool_]
-) -> tuple[PETSc.Mat, npt.NDArray[np.bool_]]:
+def _shares(vertices: fem.FunctionSpace, given: Mask, idle: Mask) -> tuple[PETSc.Mat, Mask]:
     """Return the shares a, rows of all functions and columns of kept ones, and the mask `given`.
 
     The vertices around a vertex that is given away take equal parts. If these are given away too,
@@ -192,7 +185,7 @@ def _shares(
     return shares, given & ~lost
 
 
-def _diagonal(vertices: fem.FunctionSpace, marked: npt.NDArray[np.bool_]) -> PETSc.Mat:
+def _diagonal(vertices: fem.FunctionSpace, marked: Mask) -> PETSc.Mat:
     """Return the diagonal matrix of a mask of the owned vertices. Collective."""
     at = vertices.dofmap.index_map.local_range[0] + np.flatnonzero(marked).astype(np.int64)
     shape = len(marked), len(marked)

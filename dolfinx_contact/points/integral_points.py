@@ -8,8 +8,8 @@ from dataclasses import replace
 from typing import Any, ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
+from dolfinx_contact._arrays import Array, Indices, Mask
 from dolfinx_contact.points.contact_points import ContactPoints
 from dolfinx_contact.points.descriptions import ContactMethod
 from dolfinx_contact.points.evaluation import Evaluator, PointEvaluator
@@ -20,9 +20,6 @@ from dolfinx_contact.points.opposite import Opposite
 from dolfinx_contact.points.trace import point_ids
 
 __all__ = ["FacetPoints"]
-
-Array = npt.NDArray[np.float64]
-Mask = npt.NDArray[np.bool_]
 
 
 class FacetPoints(ContactPoints):
@@ -56,7 +53,7 @@ class FacetPoints(ContactPoints):
         return self._gauss.at_vertices(values, self.areas)
 
     @property
-    def cells(self) -> npt.NDArray[np.int32]:
+    def cells(self) -> Indices:
         return np.unique(self._gauss.cells)
 
     def _jumps(self, opposite: Opposite | None) -> Stencils:

@@ -17,15 +17,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from dolfinx_contact._arrays import Array
 from dolfinx_contact.laws import PointData
 from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.points.operators import Operator
 
 __all__ = ["Kinematics", "rotation"]
 
-Array = npt.NDArray[np.float64]
 _OPPOSITE = 1e-16  # 1 plus the cosine of normals below which they count as opposite
 
 

@@ -26,16 +26,14 @@ from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from dolfinx_contact._arrays import Array, Codes
 from dolfinx_contact.laws import PointData
 from dolfinx_contact.laws.compiled import CompiledLaw
 from dolfinx_contact.laws.status import closed
 from dolfinx_contact.laws.symbols import SLID, STEP, before
 
 __all__ = ["Memory", "slid_after", "with_memory"]
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,7 +123,7 @@ def with_memory(law: CompiledLaw, memory: Memory | None, data: PointData) -> Poi
     return replace(data, fields={**data.fields, **added, **known.fields})
 
 
-def slid_after(data: PointData, jump: Array, statuses: npt.NDArray[np.int8]) -> Array:
+def slid_after(data: PointData, jump: Array, statuses: Codes) -> Array:
     """Return the distances slipped until the end of a step, shape (n,).
 
     Args:

@@ -22,15 +22,12 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
-import numpy.typing as npt
 
+from dolfinx_contact._arrays import Array, Ints
 from dolfinx_contact._petsc import Entries, matrix_of
 from dolfinx_contact.points.clipping import Cover, basis, nodal_points
 
 __all__ = ["Coupling", "between", "coupling"]
-
-Array = npt.NDArray[np.float64]
-Nodes = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -44,8 +41,8 @@ class Coupling:
         areas: integrals of N over the covered parts, at the facet corners, shape (n, k).
     """
 
-    slave: Nodes
-    master: Nodes
+    slave: Ints
+    master: Ints
     values: Array
     areas: Array
 
@@ -90,7 +87,7 @@ def coupling(cover: Cover, degree: int, *, axisymmetric: bool) -> Coupling:
     )
 
 
-def between(comm: MPI.Comm, A: PETSc.Mat, nodes: Nodes, corners: int) -> PETSc.Mat:
+def between(comm: MPI.Comm, A: PETSc.Mat, nodes: Ints, corners: int) -> PETSc.Mat:
     """Return rows of all nodes of facets (n, k), means of the rows of corners. Collective."""
     n = A.getLocalSize()[0]
     sums = A.getRowSum()

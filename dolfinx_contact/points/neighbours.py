@@ -13,8 +13,8 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
-import numpy.typing as npt
 
+from dolfinx_contact._arrays import Array, Codes
 from dolfinx_contact._petsc import Entries, matrix_of
 from dolfinx_contact.laws import Answers, Kernel, Law, LawAtPoints, PointData
 from dolfinx_contact.laws.spreading import KERNELS, whole
@@ -25,9 +25,6 @@ from dolfinx_contact.points.operators import multiplied
 from dolfinx_contact.points.search import around
 
 __all__ = ["LawAmongPoints", "Neighbours", "spreading_matrix"]
-
-Array = npt.NDArray[np.float64]
-Codes = npt.NDArray[np.int8]
 
 
 def spreading_matrix(comm: MPI.Comm, x: Array, areas: Array, kernel: Kernel) -> PETSc.Mat:

@@ -9,8 +9,8 @@ from typing import Any, ClassVar
 from petsc4py import PETSc
 
 import numpy as np
-import numpy.typing as npt
 
+from dolfinx_contact._arrays import Array, Indices, Ints, Mask
 from dolfinx_contact.points.contact_points import ContactPoints
 from dolfinx_contact.points.descriptions import ContactMethod
 from dolfinx_contact.points.evaluation import Evaluator, Given, PointEvaluator
@@ -21,10 +21,6 @@ from dolfinx_contact.points.opposite import Opposite
 from dolfinx_contact.points.trace import point_ids
 
 __all__ = ["AveragedPoints", "NodePoints"]
-
-Array = npt.NDArray[np.float64]
-Mask = npt.NDArray[np.bool_]
-Nodes = npt.NDArray[np.int64]
 
 
 class NodePoints(ContactPoints):
@@ -56,7 +52,7 @@ class NodePoints(ContactPoints):
         return self.exchange.from_owners(values)
 
     @property
-    def cells(self) -> npt.NDArray[np.int32]:
+    def cells(self) -> Indices:
         topology = self.submesh.mesh.topology
         return np.arange(topology.index_map(topology.dim).size_local, dtype=np.int32)
 
@@ -65,7 +61,7 @@ class NodePoints(ContactPoints):
         here = self._each_alone(*trace_of(self._V)(nodes))
         return here if opposite is None else here.minus(self._each_alone(*opposite.at(nodes)))
 
-    def _each_alone(self, nodes: Nodes, weights: Array) -> Stencils:
+    def _each_alone(self, nodes: Ints, weights: Array) -> Stencils:
         """Return the stencils of points that are multiplier nodes."""
         n = self.number
         mine = np.arange(n, dtype=np.int64)[:, None]
@@ -129,7 +125,7 @@ class AveragedPoints(NodePoints):
         return geometry
 
     @property
-    def cells(self) -> npt.NDArray[np.int32]:
+    def cells(self) -> Indices:
         return np.unique(self._gauss.cells)
 
     def _jumps(self, opposite: Opposite | None) -> Stencils:

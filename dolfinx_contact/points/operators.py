@@ -27,10 +27,10 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
-import numpy.typing as npt
 
 from dolfinx import fem
 
+from dolfinx_contact._arrays import Array, Indices, Ints, Mask
 from dolfinx_contact._mpi import SharedValues
 from dolfinx_contact._petsc import Entries, matrix_of
 
@@ -47,18 +47,15 @@ __all__ = [
     "weights_matrix",
 ]
 
-Array = npt.NDArray[np.float64]
-Nodes = npt.NDArray[np.int64]
-
 
 #: Function from local nodes of the displacement to global nodes and their weights (..., k).
-Trace = Callable[[npt.NDArray[np.int32]], tuple[Nodes, Array]]
+Trace = Callable[[Indices], tuple[Ints, Array]]
 
 
 def trace_of(V: fem.FunctionSpace) -> Trace:
     """Return the trace of the body itself: every node, with weight 1."""
 
-    def trace(nodes: npt.NDArray[np.int32]) -> tuple[Nodes, Array]:
+    def trace(nodes: Indices) -> tuple[Ints, Array]:
         flat = V.dofmap.index_map.local_to_global(nodes.reshape(-1))
         numbers = np.asarray(flat, dtype=np.int64).reshape(*nodes.shape, 1)
         return numbers, np.ones(numbers.shape)
@@ -76,7 +73,7 @@ class Operator(ABC):
     #: Areas W of the points, shape (n,).
     areas: Array
     #: Mask (n,) of points without an opposing point, which carry nothing; None if there are none.
-    absent: npt.NDArray[np.bool_] | None = None
+    absent: Mask | None = None
     #: Weights (n,) of the laws of the points; the remainder of a traction is `mean_around`. None if
     #: all weights are 1.
     share: Array | None = None
@@ -161,10 +158,10 @@ class Stencils:
         identity: whether E is the identity, since the points are multiplier nodes.
     """
 
-    points: npt.NDArray[np.int64]
-    nodes: Nodes
+    points: Ints
+    nodes: Ints
     weights: Array
-    multiplier_nodes: Nodes
+    multiplier_nodes: Ints
     multiplier_weights: Array
     identity: bool
 
@@ -203,8 +200,8 @@ class Stencils:
 
 def weights_matrix(
     comm: MPI.Comm,
-    points: npt.NDArray[np.int64],
-    nodes: Nodes,
+    points: Ints,
+    nodes: Ints,
     weights: Array,
     owned_nodes: int,
     dim: int,
@@ -222,7 +219,7 @@ def weights_matrix(
     return A
 
 
-def rows_of(product: PETSc.Mat, divisor: Array) -> tuple[Nodes, Array]:
+def rows_of(product: PETSc.Mat, divisor: Array) -> tuple[Ints, Array]:
     """Return nodes and weights (n, k) of the rows of a matrix, each divided; it is destroyed.
 
     Nodes of weight 0 are copies of any node.
@@ -238,8 +235,8 @@ def rows_of(product: PETSc.Mat, divisor: Array) -> tuple[Nodes, Array]:
 
 
 def rows_with_ghosts(
-    comm: MPI.Comm, index_map: Any, nodes: Nodes, weights: Array
-) -> tuple[Nodes, Array]:
+    comm: MPI.Comm, index_map: Any, nodes: Ints, weights: Array
+) -> tuple[Ints, Array]:
     """Return nodes and weights of all local rows from those of the owned ones. Collective."""
     width = comm.allreduce(nodes.shape[1], op=max)
     rows = np.zeros((index_map.size_local, 2 * width))

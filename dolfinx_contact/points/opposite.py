@@ -19,11 +19,11 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
-import numpy.typing as npt
 
 import ufl
 from dolfinx import fem, mesh
 
+from dolfinx_contact._arrays import Array, Indices, Ints, Mask
 from dolfinx_contact._geometry import node_positions
 from dolfinx_contact._mpi import SharedValues, require
 from dolfinx_contact._petsc import Entries, matrix_of
@@ -46,10 +46,6 @@ from dolfinx_contact.points.trace import (
 
 __all__ = ["CURVED_OVERLAP", "Common", "Opposite", "OppositeFacets"]
 
-Array = npt.NDArray[np.float64]
-Nodes = npt.NDArray[np.int64]
-Facets = npt.NDArray[np.int32]
-Mask = npt.NDArray[np.bool_]
 
 _TANGENTIAL = 1e-6  # of a facet's size, by which nodes may be off across the normal
 _OVERLAP = 1e-6  # of a facet's size, an overlap that is round-off
@@ -71,7 +67,7 @@ class Common:
         places: opposing points of the nodes at their own places, where these exist.
     """
 
-    facets: npt.NDArray[np.int32]
+    facets: Indices
     cover: Cover
     places: Opposite
 
@@ -91,13 +87,13 @@ class Opposite:
         common: common parts of the faces; None if they match.
     """
 
-    rows: Nodes
-    nodes: Nodes
+    rows: Ints
+    nodes: Ints
     weights: Array
     none: Mask
     areas: Array | None
     sides: tuple[Mask, Mask]
-    master_facets: Facets
+    master_facets: Indices
     common: Common | None = None
 
     @property
@@ -105,7 +101,7 @@ class Opposite:
         """Whether every node has one opposing node."""
         return self.common is None
 
-    def at(self, nodes: npt.NDArray[np.int32]) -> tuple[Nodes, Array]:
+    def at(self, nodes: Indices) -> tuple[Ints, Array]:
         """Return nodes and weights (..., k) opposite to local nodes of the surface."""
         return self.nodes[self.rows[nodes]], self.weights[self.rows[nodes]]
 
@@ -159,8 +155,8 @@ class OppositeFacets(Obstacle):
     def __init__(
         self,
         V: fem.FunctionSpace,
-        slave: Facets,
-        master: Facets,
+        slave: Indices,
+        master: Indices,
         *,
         gap: Any,
         surface: Obstacle | None,
@@ -192,7 +188,7 @@ class OppositeFacets(Obstacle):
             gaps, shape = _to_surface(W, surface, normals, faces)
             field.x.array[:] = shape.reshape(-1)
         else:
-            corners: npt.NDArray[np.int32] = np.zeros(len(normals), dtype=np.int32)
+            corners: Indices = np.zeros(len(normals), dtype=np.int32)
             corners[W.dofmap.list] = V.dofmap.list[:, : W.dofmap.list.shape[1]]
             gaps = _gaps(faces, found)[corners]
             allowed = (_OVERLAP if found.matching else CURVED_OVERLAP) * size
@@ -224,8 +220,8 @@ class _Sides:
     """
 
     V: fem.FunctionSpace
-    slave: Facets
-    master: Facets
+    slave: Indices
+    master: Indices
     nodes: tuple[Mask, Mask]
     size: float
     name: str
@@ -373,7 +369,7 @@ def _mortar(faces: _Sides) -> Opposite:
     # without an opposing point there is no traction, and any area serves
     areas = np.where(sums > 0, sums, size ** (dim - 1))
 
-    def opposite(rows: Nodes, columns: Nodes, values: Array, common: Common | None) -> Opposite:
+    def opposite(rows: Ints, columns: Ints, values: Array, common: Common | None) -> Opposite:
         A = matrix_of(comm, (n, n), entries := Entries(rows.reshape(-1), columns.reshape(-1)))
         entries.add(values.reshape(-1), A)
         if degree > 1 and common is not None:
@@ -387,7 +383,7 @@ def _mortar(faces: _Sides) -> Opposite:
     return opposite(found.slave, found.master, found.values, Common(facets, common, places))
 
 
-def _means(V: fem.FunctionSpace, A: PETSc.Mat, on_slave: Mask) -> tuple[Nodes, Nodes, Array, Mask]:
+def _means(V: fem.FunctionSpace, A: PETSc.Mat, on_slave: Mask) -> tuple[Ints, Ints, Array, Mask]:
     """Return the rows of a matrix as weighted means, as in `Opposite`. Collective.
 
     The matrix is destroyed. Its row sums are the areas, except for round-off.
@@ -412,9 +408,7 @@ def _means(V: fem.FunctionSpace, A: PETSc.Mat, on_slave: Mask) -> tuple[Nodes, N
 # -- given normals ---------------------------------------------------------------------------------
 
 
-def _refuse_aslant(
-    domain: mesh.Mesh, slave: npt.NDArray[np.int32], normal: Array, name: str
-) -> None:
+def _refuse_aslant(domain: mesh.Mesh, slave: Indices, normal: Array, name: str) -> None:
     """Raise ``ValueError`` if a given normal does not fit the slave facets. Collective."""
     count = domain.comm.allreduce(int((facet_normals(domain, slave) @ normal < _ASLANT).sum()))
     require(
@@ -438,7 +432,7 @@ def _projected(direction: Array, x: Array) -> Array:
 
 
 def _facet_data(
-    domain: mesh.Mesh, facets: npt.NDArray[np.int32], direction: Array | None = None
+    domain: mesh.Mesh, facets: Indices, direction: Array | None = None
 ) -> dict[str, Array]:
     """Return node means ``"x"`` (n, dim) and ``"area"`` (n,) of the facets owned by this rank.
 

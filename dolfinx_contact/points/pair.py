@@ -4,8 +4,8 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from dolfinx_contact._arrays import Indices, Mask
 from dolfinx_contact._mpi import SharedValues, keep, require
 from dolfinx_contact.points.descriptions import ContactPair, Overlap
 from dolfinx_contact.points.held_ends import held_in_place, in_place, resting
@@ -15,9 +15,6 @@ from dolfinx_contact.points.surface import DiscreteSurface
 from dolfinx_contact.points.trace import exterior_facets
 
 __all__ = ["DiscretePair", "facets_of_sides"]
-
-Mask = npt.NDArray[np.bool_]
-Facets = npt.NDArray[np.int32]
 
 
 class DiscretePair(DiscreteSurface):
@@ -109,7 +106,7 @@ class DiscretePair(DiscreteSurface):
             self.obstacle.opposite = in_place(self._apart, marks > 0)
 
 
-def facets_of_sides(pair: ContactPair) -> tuple[Facets, Facets]:
+def facets_of_sides(pair: ContactPair) -> tuple[Indices, Indices]:
     """Return the local facets of slave and master. Collective."""
     domain = pair.u.function_space.mesh
     keep(domain)

@@ -9,21 +9,20 @@ forces of opposite meridians cancel.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from dolfinx import fem, mesh
 
+from dolfinx_contact._arrays import Array, Indices, Mask
 from dolfinx_contact._geometry import node_positions
 from dolfinx_contact._mpi import require
 
 __all__ = ["axis_condition", "check_section", "mirrored", "on_axis"]
 
-Array = npt.NDArray[np.float64]
 
 _NEAR = 1e-9  # of the size of the mesh, a distance from the axis that is none
 
 
-def on_axis(V: fem.FunctionSpace) -> npt.NDArray[np.bool_]:
+def on_axis(V: fem.FunctionSpace) -> Mask:
     """Return the mask of the local nodes on the axis. Collective."""
     domain = V.mesh
     r = domain.geometry.x[:, 0]
@@ -31,7 +30,7 @@ def on_axis(V: fem.FunctionSpace) -> npt.NDArray[np.bool_]:
     return np.asarray(np.abs(node_positions(V)[:, 0]) <= _NEAR * largest)
 
 
-def check_section(domain: mesh.Mesh, facets: npt.NDArray[np.int32], name: str) -> None:
+def check_section(domain: mesh.Mesh, facets: Indices, name: str) -> None:
     """Raise ``ValueError`` unless a mesh is half of a section without facets on the axis.
 
     Collective.

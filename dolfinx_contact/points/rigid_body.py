@@ -23,6 +23,7 @@ from dolfinx import fem, mesh
 from ufl.algorithms.analysis import extract_constants
 from ufl.utils.stacks import StackDict
 
+from dolfinx_contact._arrays import Array, Mask
 from dolfinx_contact._ufl import refuse_other_mesh
 from dolfinx_contact._validate import ReadOnly, listed, scalar, vector, word
 from dolfinx_contact.obstacles import Obstacle, Outline, has_ufl, is_uniform
@@ -30,7 +31,6 @@ from dolfinx_contact.points.rigid_kinematics import RigidKinematics
 
 __all__ = ["COMPONENTS", "RigidBody", "number"]
 
-Array = npt.NDArray[np.float64]
 
 #: Names of the components of a rigid motion, by dimension.
 COMPONENTS = {2: ("x", "y", "rz"), 3: ("x", "y", "z", "rx", "ry", "rz")}
@@ -195,7 +195,7 @@ class RigidBody(ReadOnly, Obstacle):
 
     # -- motions ---------------------------------------------------------------------------------
 
-    def moves(self, x: Array) -> npt.NDArray[np.bool_]:
+    def moves(self, x: Array) -> Mask:
         """Return the mask of displacement components at points (n, dim) moved by free motions."""
         arm = np.linalg.norm(x - self.about, axis=1)
         size = float(np.max(arm, initial=0.0)) or 1.0

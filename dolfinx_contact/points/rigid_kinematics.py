@@ -20,15 +20,15 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 import scipy
+
+from dolfinx_contact._arrays import Array
 
 if TYPE_CHECKING:
     from dolfinx_contact.points.rigid_body import RigidBody
 
 __all__ = ["Partner", "RigidKinematics"]
 
-Array = npt.NDArray[np.float64]
 
 _SMALL_ANGLE = 1e-4  # angle up to which L is a series
 

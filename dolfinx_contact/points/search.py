@@ -18,14 +18,14 @@ import numpy as np
 import numpy.typing as npt
 import scipy
 
+from dolfinx_contact._arrays import Array, Ints
+
 __all__ = ["Columns", "around", "near_rays", "nearest"]
 
-Array = npt.NDArray[np.float64]
-Nodes = npt.NDArray[np.int64]
 #: Data of points by name, arrays of shape (n, ...).
 Columns = Mapping[str, npt.NDArray[Any]]
 #: Function from the numbers of own points, positions and data of questions to pairs of both.
-Selection = Callable[[scipy.spatial.cKDTree, Columns], tuple[Nodes, Nodes]]
+Selection = Callable[[scipy.spatial.cKDTree, Columns], tuple[Ints, Ints]]
 
 
 def nearest(comm: MPI.Comm, known: Columns, x: Array) -> dict[str, npt.NDArray[Any]]:
@@ -59,14 +59,14 @@ def nearest(comm: MPI.Comm, known: Columns, x: Array) -> dict[str, npt.NDArray[A
     return _unpacked(best, known)
 
 
-def in_balls(tree: scipy.spatial.cKDTree, questions: Columns) -> tuple[Nodes, Nodes]:
+def in_balls(tree: scipy.spatial.cKDTree, questions: Columns) -> tuple[Ints, Ints]:
     """Return pairs of questions and points of a tree within their distances."""
     return _pairs(tree.query_ball_point(questions["x"], questions["reach"]))
 
 
 def around(
     comm: MPI.Comm, known: Columns, wanted: Columns, select: Selection = in_balls
-) -> tuple[Nodes, dict[str, npt.NDArray[Any]]]:
+) -> tuple[Ints, dict[str, npt.NDArray[Any]]]:
     """Return the known points, of any rank, within a distance of each place. Collective.
 
     Args:
@@ -84,7 +84,7 @@ def around(
     places = [np.flatnonzero(near <= wanted["reach"]) for near in boxes.near]
     answers = []
     for q in _exchanged(comm, [np.column_stack([i, asked[i]]) for i in places]):
-        i: Nodes = np.zeros(0, dtype=np.int64)
+        i: Ints = np.zeros(0, dtype=np.int64)
         k = i
         if boxes.tree is not None and len(q):
             i, k = select(boxes.tree, _unpacked(q[:, 1:], wanted))
@@ -93,7 +93,7 @@ def around(
     return found[:, 0].astype(np.int64), _unpacked(found[:, 1:], known)
 
 
-def near_rays(tree: scipy.spatial.cKDTree, q: Columns, radii: Array) -> tuple[Nodes, Nodes]:
+def near_rays(tree: scipy.spatial.cKDTree, q: Columns, radii: Array) -> tuple[Ints, Ints]:
     """Return pairs of rays and balls of this rank in cylinders around the rays.
 
     Rays are bisected, and halves without a ball nearby dropped. So the cost is that of the balls
@@ -157,7 +157,7 @@ class _Boxes:
         self.tree = scipy.spatial.cKDTree(known) if len(known) else None
 
 
-def _pairs(lists: npt.NDArray[np.object_]) -> tuple[Nodes, Nodes]:
+def _pairs(lists: npt.NDArray[np.object_]) -> tuple[Ints, Ints]:
     """Return the pairs (i, k) with k in the list i."""
     i = np.repeat(np.arange(len(lists)), [len(part) for part in lists])
     return i, np.array([k for part in lists for k in part], dtype=np.int64)

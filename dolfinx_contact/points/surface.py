@@ -8,10 +8,10 @@ from functools import cached_property
 from mpi4py import MPI
 
 import numpy as np
-import numpy.typing as npt
 
 from dolfinx import fem
 
+from dolfinx_contact._arrays import Array, Indices, Ints, Mask
 from dolfinx_contact._compat import create_facet_submesh
 from dolfinx_contact._geometry import node_positions
 from dolfinx_contact._mpi import everywhere, keep, require, same_everywhere
@@ -38,8 +38,6 @@ from dolfinx_contact.points.trace import exterior_facets
 
 __all__ = ["DiscreteSurface"]
 
-Array = npt.NDArray[np.float64]
-Mask = npt.NDArray[np.bool_]
 
 _UNIT = 1e-6  # admissible error of the length of a normal
 
@@ -95,7 +93,7 @@ class DiscreteSurface(ReadOnly):
     def __init__(
         self,
         contact: Contact,
-        facets: npt.NDArray[np.int32] | None = None,
+        facets: Indices | None = None,
         obstacle: Obstacle | None = None,
         points_class: type[ContactPoints] | None = None,
         *,
@@ -356,7 +354,7 @@ class DiscreteSurface(ReadOnly):
         return node_positions(self.u.function_space)[:, : self.dim].copy()
 
     @cached_property
-    def parts(self) -> tuple[npt.NDArray[np.int64], int]:
+    def parts(self) -> tuple[Ints, int]:
         """Connected part of the face by point, shape (n,), and number of parts.
 
         Collective the first time.

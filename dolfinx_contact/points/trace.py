@@ -10,12 +10,12 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
-import numpy.typing as npt
 
 import basix
 from dolfinx import fem, la, mesh
 
 from dolfinx_contact import _geometry
+from dolfinx_contact._arrays import Array, Indices, Ints, Mask
 from dolfinx_contact._compat import geometry_dofmap, is_topology_of
 from dolfinx_contact._geometry import node_positions
 from dolfinx_contact._mpi import SharedValues, anywhere, everywhere, require, same_everywhere
@@ -40,19 +40,16 @@ __all__ = [
 ]
 
 
-Ids = npt.NDArray[np.int64]
 _ON_PLANE = 1e-9  # of the largest coordinate, up to which a node lies on a plane of symmetry
 
 
-def owned_exterior(domain: mesh.Mesh, facets: npt.NDArray[np.int32]) -> npt.NDArray[np.int32]:
+def owned_exterior(domain: mesh.Mesh, facets: Indices) -> Indices:
     """Return the owned facets among the local ``facets`` that lie on the boundary."""
     exterior = mesh.exterior_facet_indices(domain.topology)
     return np.intersect1d(facets, exterior).astype(np.int32)
 
 
-def exterior_facets(
-    domain: mesh.Mesh, facets: Any, tag: int | str | None, name: str
-) -> npt.NDArray[np.int32]:
+def exterior_facets(domain: mesh.Mesh, facets: Any, tag: int | str | None, name: str) -> Indices:
     """Return the local facets of a surface, ghosts included. Collective.
 
     Each rank may name facets of other ranks' surfaces, such as its ghosts; all ranks then have
@@ -101,7 +98,7 @@ def exterior_facets(
     return np.flatnonzero(marks.array > 0).astype(np.int32)
 
 
-def _chosen(domain: mesh.Mesh, facets: Any, tag: int | str | None) -> npt.NDArray[np.int32]:
+def _chosen(domain: mesh.Mesh, facets: Any, tag: int | str | None) -> Indices:
     """Return the local facets named by the user, or raise ``ValueError``. Not collective."""
     fdim = domain.topology.dim - 1
     if isinstance(tag, str):
@@ -129,7 +126,7 @@ def _chosen(domain: mesh.Mesh, facets: Any, tag: int | str | None) -> npt.NDArra
     return chosen.astype(np.int32)
 
 
-def facet_closures(V: fem.FunctionSpace, facets: npt.NDArray[np.int32]) -> npt.NDArray[np.int32]:
+def facet_closures(V: fem.FunctionSpace, facets: Indices) -> Indices:
     """Return the local nodes of ``V`` in the closure of each local facet, one row per facet."""
     topology = V.mesh.topology
     tdim = topology.dim
@@ -147,9 +144,7 @@ def facet_closures(V: fem.FunctionSpace, facets: npt.NDArray[np.int32]) -> npt.N
     return np.asarray(nodes, dtype=np.int32)
 
 
-def trace_dofs(
-    V: fem.FunctionSpace, Q: fem.FunctionSpace, parent_facets: npt.NDArray[np.int32]
-) -> npt.NDArray[np.int32]:
+def trace_dofs(V: fem.FunctionSpace, Q: fem.FunctionSpace, parent_facets: Indices) -> Indices:
     """Return the local node of ``V`` at each local node of ``Q`` (on a facet submesh)."""
     index_map = Q.dofmap.index_map
     nodes = np.full(index_map.size_local + index_map.num_ghosts, -1, dtype=np.int32)
@@ -163,9 +158,7 @@ def trace_dofs(
     return nodes
 
 
-def outward_normals(
-    V: fem.FunctionSpace, facets: npt.NDArray[np.int32]
-) -> tuple[npt.NDArray[np.float64], float]:
+def outward_normals(V: fem.FunctionSpace, facets: Indices) -> tuple[Array, float]:
     """Return unit normals at local nodes, area-weighted means of the facets there. Collective.
 
     Args:
@@ -189,9 +182,7 @@ def outward_normals(
     return np.divide(values, length, out=np.zeros_like(values), where=length > 0), size
 
 
-def facet_normals(
-    domain: mesh.Mesh, facets: npt.NDArray[np.int32], *, unit: bool = True
-) -> npt.NDArray[np.float64]:
+def facet_normals(domain: mesh.Mesh, facets: Indices, *, unit: bool = True) -> Array:
     """Return outward normals of local exterior facets (n, dim), unit or area vectors."""
     dim = domain.geometry.dim
     if not len(facets):  # DOLFINx divides by their number
@@ -205,7 +196,7 @@ def facet_normals(
     return _geometry.unit(normals) if unit else normals
 
 
-def rounded(x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+def rounded(x: Array) -> Array:
     """Return coordinates rounded to nine digits of the largest one."""
     size = 10.0 ** np.ceil(np.log10(np.max(np.abs(x), initial=1e-300)))
     return np.round(x / size, 9) * size + 0.0
@@ -227,11 +218,11 @@ def checked_planes(symmetry: Any, dim: int, name: str) -> dict[int, float]:
 
 def across_planes(
     V: fem.FunctionSpace,
-    slave: npt.NDArray[np.bool_],
-    master: npt.NDArray[np.bool_],
+    slave: Mask,
+    master: Mask,
     planes: Mapping[int, float],
     name: str,
-) -> npt.NDArray[np.bool_]:
+) -> Mask:
     """Return the components across planes of symmetry, shape (local nodes, dim). Collective.
 
     Args:
@@ -248,7 +239,7 @@ def across_planes(
     comm = V.mesh.comm
     x = node_positions(V)[:, : V.mesh.geometry.dim]
     owned = V.dofmap.index_map.size_local
-    across: npt.NDArray[np.bool_] = np.zeros(x.shape, dtype=bool)
+    across: Mask = np.zeros(x.shape, dtype=bool)
     size = comm.allreduce(float(np.max(np.abs(x), initial=0.0)), op=max)
     for axis, place in planes.items():
         off = x[:, axis] - place
@@ -274,16 +265,14 @@ def across_planes(
     return across
 
 
-def nodes_on(V: fem.FunctionSpace, facets: npt.NDArray[np.int32]) -> npt.NDArray[np.bool_]:
+def nodes_on(V: fem.FunctionSpace, facets: Indices) -> Mask:
     """Return the mask of the local nodes on facets of any rank. Collective."""
     nodes = facet_closures(V, facets)
     counts = SharedValues(V.dofmap.index_map).sums(nodes, np.ones(nodes.shape))
     return np.asarray(counts > 0)
 
 
-def at_global_places(
-    comm: MPI.Comm, values: npt.NDArray[np.float64], places: npt.NDArray[np.int64]
-) -> npt.NDArray[np.float64]:
+def at_global_places(comm: MPI.Comm, values: Array, places: Ints) -> Array:
     """Return values of other ranks. Collective.
 
     Args:
@@ -316,7 +305,7 @@ def at_global_places(
 # -- keys of points --------------------------------------------------------------------------------
 
 
-def vertex_numbers(vertices: fem.FunctionSpace) -> Ids:
+def vertex_numbers(vertices: fem.FunctionSpace) -> Ints:
     """Return the numbers of all local vertices in the input of the mesh, shape (n,).
 
     Nodes of touching bodies, and of the two sides of a crack, share their coordinates but not these
@@ -329,16 +318,16 @@ def vertex_numbers(vertices: fem.FunctionSpace) -> Ids:
     domain = vertices.mesh
     nodes = np.asarray(domain.geometry.input_global_indices, dtype=np.int64)
     index_map = vertices.dofmap.index_map
-    numbers: Ids = np.zeros(index_map.size_local + index_map.num_ghosts, dtype=np.int64)
+    numbers: Ints = np.zeros(index_map.size_local + index_map.num_ghosts, dtype=np.int64)
     numbers[corners] = nodes[geometry_dofmap(domain)[:, : corners.shape[1]]]
     return numbers
 
 
 def point_ids(
     vertices: fem.FunctionSpace,
-    cells: npt.NDArray[np.int32] | None = None,
-    numbers: Ids | None = None,
-) -> tuple[Ids, Ids]:
+    cells: Indices | None = None,
+    numbers: Ints | None = None,
+) -> tuple[Ints, Ints]:
     """Return keys that distinguish contact points at one place, on any number of ranks.
 
     Args:
@@ -352,10 +341,10 @@ def point_ids(
     """
     corners = vertices.dofmap.list
     vertex = vertex_numbers(vertices)
-    of_vertices: Ids = np.zeros((len(vertex), corners.shape[1]), dtype=np.int64)
+    of_vertices: Ints = np.zeros((len(vertex), corners.shape[1]), dtype=np.int64)
     of_vertices[:, 0] = vertex
     if cells is None or numbers is None:
         return of_vertices[: vertices.dofmap.index_map.size_local], of_vertices
-    of_points: Ids = np.zeros((numbers.size, corners.shape[1]), dtype=np.int64)
+    of_points: Ints = np.zeros((numbers.size, corners.shape[1]), dtype=np.int64)
     of_points[numbers] = np.sort(vertex[corners[cells]], axis=1)[:, None]
     return of_points, of_vertices

@@ -19,15 +19,13 @@ from __future__ import annotations
 from itertools import chain, combinations
 
 import numpy as np
-import numpy.typing as npt
 import scipy
 
+from dolfinx_contact._arrays import Array, Ints
 from dolfinx_contact._geometry import area_vectors
 
 __all__ = ["ClosestFacets", "closest_on"]
 
-Array = npt.NDArray[np.float64]
-Ints = npt.NDArray[np.int64]
 
 _FIRST = 8  # nearest balls, whose facets give an upper bound of the distance
 _LARGER = 1.0 + 1e-12  # round-off of distances

@@ -32,16 +32,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from dolfinx_contact._arrays import Array, Ints, Mask
 from dolfinx_contact.rigid_surfaces.closest import ClosestFacets
 from dolfinx_contact.rigid_surfaces.triangulation import Triangulation
 
 __all__ = ["Distances", "distances_from"]
 
-Array = npt.NDArray[np.float64]
-Ints = npt.NDArray[np.int64]
-Bools = npt.NDArray[np.bool_]
 
 _ON = 1e-10  # relative to the extent: distance up to which a point is on an edge or corner
 
@@ -66,7 +63,7 @@ class Distances:
     slope: Array
     normal: Array
     turn: Array
-    past: Bools
+    past: Mask
 
 
 def distances_from(
@@ -86,7 +83,7 @@ def distances_from(
             open surface gradually; zero or None: points leave at once.
         removed: overlaps o removed from the gaps, shape (n,); None for no overlap.
     """
-    finite: Bools = np.asarray(np.isfinite(x).all(axis=1))
+    finite: Mask = np.asarray(np.isfinite(x).all(axis=1))
     facets, parts = closest(np.where(finite[:, None], x, surface.points[0]))
     corners = surface.points[surface.cells[facets]]
     feet = np.einsum("nk,nki->ni", parts, corners)
@@ -95,7 +92,7 @@ def distances_from(
     flat = surface.normals[facets]
     length = np.linalg.norm(away, axis=1)
     inside_facet = on.zeros == 0
-    far: Bools = ~inside_facet & (length > _ON * surface.size)
+    far: Mask = ~inside_facet & (length > _ON * surface.size)
     outside = np.einsum("ni,ni->n", away, on.side)
     sign = np.where((outside >= 0) | on.rim, 1.0, -1.0)
     distance = np.where(inside_facet, np.einsum("ni,ni->n", away, flat), sign * length)
@@ -167,7 +164,7 @@ class _Places:
 
 def _ended(
     away: Array, m: Array, turn: Array, along: Array, b: Array, low: Array
-) -> tuple[Bools, Array, Array]:
+) -> tuple[Mask, Array, Array]:
     """Return the mask of points that leave past a rim, with their gaps and gap gradients.
 
     Args:
@@ -181,7 +178,7 @@ def _ended(
     z = np.einsum("ni,ni->n", away, m)
     past = away - z[:, None] * m
     square = b**2 - np.einsum("ni,ni->n", past, past)
-    within: Bools = (square > 0.0) & (z > low)
+    within: Mask = (square > 0.0) & (z > low)
     root = np.sqrt(np.where(within, square, 1.0))
     rise = m - np.einsum("ni,ni->n", m, along)[:, None] * along
     rise += np.einsum("ni,nij->nj", away, turn)

@@ -7,15 +7,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from dolfinx_contact._arrays import Array, Ints
 from dolfinx_contact._install import optional
 from dolfinx_contact.meshing.gmsh import empty_model
 
 __all__ = ["facets_in"]
 
-Array = npt.NDArray[np.float64]
-Ints = npt.NDArray[np.int64]
 
 _HEAD = 84  # bytes before the facets of a binary STL file: header (80) and number of facets
 #: Keywords of a facet in an ASCII STL file, with "" in place of a number.

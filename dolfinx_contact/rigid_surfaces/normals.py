@@ -28,16 +28,13 @@ opposite instead.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 import scipy
 
+from dolfinx_contact._arrays import Array, Ints
 from dolfinx_contact._geometry import area_vectors, unit
 
 __all__ = ["corner_normals", "crossed", "without_tips"]
 
-Array = npt.NDArray[np.float64]
-Ints = npt.NDArray[np.int64]
-Bools = npt.NDArray[np.bool_]
 
 _TIMES = 3  # number of searches for flat parts
 _BENT = 0.45  # relative to the most bent facet of a fan: bend below which a facet is a flatter part

@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from dolfinx import mesh
 
+from dolfinx_contact._arrays import Array, Ints
 from dolfinx_contact._geometry import area_vectors, unit
 from dolfinx_contact._mpi import Arguments, collective, on_root
 from dolfinx_contact._validate import ReadOnly, copy_with, is_number, positive, word
@@ -27,9 +28,6 @@ from dolfinx_contact.rigid_surfaces.files import facets_in
 from dolfinx_contact.rigid_surfaces.triangulation import mended, merged, triangulated
 
 __all__ = ["RigidSurface"]
-
-Array = npt.NDArray[np.float64]
-Ints = npt.NDArray[np.int64]
 
 
 class RigidSurface(ReadOnly, Obstacle):

@@ -15,17 +15,14 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 import scipy
 
+from dolfinx_contact._arrays import Array, Ints, Mask
 from dolfinx_contact._geometry import unit
 from dolfinx_contact.rigid_surfaces.normals import corner_normals, crossed, without_tips
 
 __all__ = ["Triangulation", "mended", "merged", "triangulated"]
 
-Array = npt.NDArray[np.float64]
-Ints = npt.NDArray[np.int64]
-Bools = npt.NDArray[np.bool_]
 
 _SAME = 1e-7  # relative to the extent: distance of coincident points of a file (single precision)
 _ON_EDGE = 1e-3  # relative to the extent: distance of a rim point on the edge of another facet
@@ -58,10 +55,10 @@ class Triangulation:
     ridges: Ints
     ridge_normals: Array
     point_normals: Array
-    ridge_creases: Bools
-    point_creases: Bools
-    ridge_rims: Bools
-    point_rims: Bools
+    ridge_creases: Mask
+    point_creases: Mask
+    ridge_rims: Mask
+    point_rims: Mask
     corner_normals: Array
 
     @property
@@ -129,11 +126,11 @@ class _Ridges:
         return self.first // self.dim, self.second // self.dim
 
     @property
-    def alike(self) -> Bools:
+    def alike(self) -> Mask:
         """Mask of the interior ridges at which the two facets are oriented inconsistently."""
         return np.asarray(self.signs[self.first] == self.signs[self.second])
 
-    def fans(self, cells: Ints, joined: Bools) -> Ints:
+    def fans(self, cells: Ints, joined: Mask) -> Ints:
         """Return the indices of the fans of facets around points, by corner, shape (k dim,).
 
         Two corners at the same point belong to the same fan if a joined ridge connects their
@@ -258,7 +255,7 @@ def triangulated(
 # -- checks ----------------------------------------------------------------------------------------
 
 
-def _collapsed(cells: Ints) -> Bools:
+def _collapsed(cells: Ints) -> Mask:
     ordered = np.sort(cells, axis=1)
     return np.asarray((ordered[:, 1:] == ordered[:, :-1]).any(axis=1))
 
@@ -307,7 +304,7 @@ def _check_sides(points: Array, cells: Ints, ridges: _Ridges, name: str, *, inwa
         )
 
 
-def _check_torn(points: Array, cells: Ints, ridges: _Ridges, rims: Bools, name: str) -> None:
+def _check_torn(points: Array, cells: Ints, ridges: _Ridges, rims: Mask, name: str) -> None:
     """Raise ``ValueError`` if facets do not meet: rim points on or near other rim facets."""
     _, on = _points_on_rims(points, cells, ridges)
     if len(on):
@@ -414,7 +411,7 @@ def _fans_of_points(cells: Ints, fans: Ints) -> Ints:
     return np.bincount(np.unique(np.stack([cells.ravel(), fans], axis=1), axis=0)[:, 0])
 
 
-def _turned(count: int, first: Ints, second: Ints, alike: Bools) -> tuple[Bools, Ints]:
+def _turned(count: int, first: Ints, second: Ints, alike: Mask) -> tuple[Mask, Ints]:
     """Return the facets to flip to agree with the first facet of their part, and the parts."""
     part = _parts(count, first, second)
     # a link of weight 2 flips the facet, one of weight 1 does not
@@ -428,7 +425,7 @@ def _turned(count: int, first: Ints, second: Ints, alike: Bools) -> tuple[Bools,
     return turned, part
 
 
-def _flipped(cells: Ints, turned: Bools) -> Ints:
+def _flipped(cells: Ints, turned: Mask) -> Ints:
     found = cells.copy()
     found[turned, :2] = found[turned, 1::-1]
     return found
@@ -455,7 +452,7 @@ def _angles(corners: Array) -> Array:
 
 
 def _bends_at_creases(
-    corners: Array, normals: Array, ridges: _Ridges, at_crease: Bools, planes: Ints
+    corners: Array, normals: Array, ridges: _Ridges, at_crease: Mask, planes: Ints
 ) -> Array:
     """Return the bend of each facet at its creases, shape (k,).
 

@@ -10,10 +10,10 @@ from itertools import product
 from mpi4py import MPI
 
 import numpy as np
-import numpy.typing as npt
 
 from dolfinx import fem
 
+from dolfinx_contact._arrays import Array, Indices, Ints
 from dolfinx_contact._geometry import area_vectors, unit
 from dolfinx_contact.points.clipping import Faces
 from dolfinx_contact.points.facing import faces_of, facets_along_normals
@@ -21,8 +21,6 @@ from dolfinx_contact.points.trace import at_global_places
 
 __all__ = ["Candidates", "Master", "candidates"]
 
-Array = npt.NDArray[np.float64]
-Nodes = npt.NDArray[np.int64]
 
 #: Pairs of facets up to which the Jacobian has entries for all of them, so that its pattern does
 #: not change and branches can be followed.
@@ -43,12 +41,12 @@ class Candidates:
         places: numbers of the corners of the facets among these, shape (n, b).
     """
 
-    nodes: Nodes
+    nodes: Ints
     senses: Array
     mirrors: Array
-    pairs: Nodes
-    known: Nodes
-    places: Nodes
+    pairs: Ints
+    known: Ints
+    places: Ints
 
 
 def candidates(
@@ -72,7 +70,7 @@ def candidates(
     return _candidates(found["key"], pairs, middles.shape[1])
 
 
-def _candidates(facets: Nodes, pairs: Nodes, dim: int) -> Candidates:
+def _candidates(facets: Ints, pairs: Ints, dim: int) -> Candidates:
     """Return candidates from marks and nodes of facets (n, 1 + b), and pairs of facets."""
     nodes = facets[:, 1:]
     once, corners = np.unique(nodes, return_inverse=True)
@@ -94,9 +92,7 @@ class Master:
         size: size of the largest facet.
     """
 
-    def __init__(
-        self, V: fem.FunctionSpace, facets: npt.NDArray[np.int32], planes: Mapping[int, float]
-    ):
+    def __init__(self, V: fem.FunctionSpace, facets: Indices, planes: Mapping[int, float]):
         self._V = V
         self._dim = V.mesh.geometry.dim
         faces = faces_of(V, facets)

@@ -21,6 +21,7 @@ import numpy.typing as npt
 
 from dolfinx import fem
 
+from dolfinx_contact._arrays import Array, Indices, Ints, Mask
 from dolfinx_contact._compat import FacetSubmesh
 from dolfinx_contact._geometry import area_vector_rates, area_vectors, dot, node_positions, unit
 from dolfinx_contact._mpi import SharedValues, require
@@ -35,9 +36,6 @@ from dolfinx_contact.points.trace import facet_normals
 
 __all__ = ["SlidingFaces"]
 
-Array = npt.NDArray[np.float64]
-Mask = npt.NDArray[np.bool_]
-Nodes = npt.NDArray[np.int64]
 
 _STEEP = 0.1  # cosine of the largest angle at which facets face each other
 _STEEP_ITSELF = 0.5  # the same for facets of one face
@@ -91,8 +89,8 @@ class SlidingFaces:
         V: fem.FunctionSpace,
         submesh: FacetSubmesh,
         vertices: fem.FunctionSpace,
-        trace: npt.NDArray[np.int32],
-        master: npt.NDArray[np.int32],
+        trace: Indices,
+        master: Indices,
         depth: float,
         *,
         across: Mask,
@@ -116,7 +114,7 @@ class SlidingFaces:
             self.images[on_axis(V)[trace], 0] = 0.0
         # slave and master in the mesh
         owned = submesh.mesh.topology.index_map(self.dim - 1).size_local
-        self.corners: Nodes = vertices.dofmap.list[:owned].astype(np.int64)
+        self.corners: Ints = vertices.dofmap.list[:owned].astype(np.int64)
         self._X = node_positions(V)[:, : self.dim].copy()
         self._reference = self._of_slave(self._X)
         outward = facet_normals(V.mesh, submesh.parent_facets[:owned])
@@ -147,7 +145,7 @@ class SlidingFaces:
         """Return values of the owned nodes (n, dim) at the corners of the slave (n, k, dim)."""
         return self._of_slave(self.nodes.from_owners(values))
 
-    def sums(self, facet: Nodes, values: Array) -> Array:
+    def sums(self, facet: Ints, values: Array) -> Array:
         """Return sums at the local vertices (n, ...) of values of facet corners (p, k, ...)."""
         return self.vertices.sums(self.corners[facet], values)
 
@@ -156,12 +154,12 @@ class SlidingFaces:
         return self._of_slave(self._X + self.nodes.from_owners(u))
 
     @property
-    def slave_nodes(self) -> Nodes:
+    def slave_nodes(self) -> Ints:
         """Global nodes of the displacement at the corners of the slave facets, shape (n, k)."""
         return _numbers(self._V.dofmap.index_map, self._trace[self.corners])
 
     @property
-    def slave_vertices(self) -> Nodes:
+    def slave_vertices(self) -> Ints:
         """Global vertices at the corners of the slave facets, shape (n, k)."""
         return _numbers(self.vertices.index_map, self.corners)
 
@@ -354,7 +352,7 @@ class SlidingFaces:
         np.minimum.at(thickness, walls[:, 0], ways)
         return np.minimum(0.5 * (start + thickness), self._depth)
 
-    def _behind(self, pairs: Nodes) -> tuple[Nodes, Array]:
+    def _behind(self, pairs: Ints) -> tuple[Ints, Array]:
         """Return the pairs of facets that lie behind each other in the mesh, and distances."""
         self.found = replace(self.found, pairs=pairs)
         common = self._covered(self._reference, self._found_before, farthest=0.0)
@@ -423,7 +421,7 @@ class SlidingFaces:
         nodal = Nodal(weight, share, others, gaps, slips, n, length, old_normals, *turns.T)
         return Facing(self.found, facet, master, shape, weights, rays, along, by_corners, nodal)
 
-    def _pieces(self, mine: Array, theirs: Array) -> tuple[Nodes, Nodes, Array, Array, Array]:
+    def _pieces(self, mine: Array, theirs: Array) -> tuple[Ints, Ints, Array, Array, Array]:
         """Return opposing parts: facets, basis, weights, and places on the master."""
         limits = {} if self._direction is None else {"steep": _STEEP_ITSELF}
         common = self._covered(mine, theirs, **limits)
@@ -450,7 +448,7 @@ def _heights(common: Cover) -> Array:
     return dot(off, common.slave.normals[common.facet])
 
 
-def _numbers(index_map: Any, local: npt.NDArray[Any]) -> Nodes:
+def _numbers(index_map: Any, local: npt.NDArray[Any]) -> Ints:
     """Return global numbers of local ones, of any shape."""
     numbers = index_map.local_to_global(local.reshape(-1).astype(np.int32))
     return np.asarray(numbers, dtype=np.int64).reshape(local.shape)

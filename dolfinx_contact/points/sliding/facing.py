@@ -53,8 +53,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
+from dolfinx_contact._arrays import Array, Ints
 from dolfinx_contact._geometry import area_vector_rates, area_vectors, edges_of
 from dolfinx_contact.points.clipping import basis, slopes
 from dolfinx_contact.points.kinematics import rotation
@@ -62,8 +62,6 @@ from dolfinx_contact.points.sliding.candidates import Candidates
 
 __all__ = ["CastRays", "Facing", "Nodal", "cast", "spins"]
 
-Array = npt.NDArray[np.float64]
-Nodes = npt.NDArray[np.int64]
 
 _STEPS = 25
 _FOUND = 1e-12  # relative to the facet, last step of Newton's method
@@ -297,8 +295,8 @@ class Facing:
     """
 
     found: Candidates
-    facet: Nodes
-    master: Nodes
+    facet: Ints
+    master: Ints
     basis: Array
     areas: Array
     rays: CastRays
@@ -307,7 +305,7 @@ class Facing:
     nodal: Nodal
 
     @property
-    def master_nodes(self) -> Nodes:
+    def master_nodes(self) -> Ints:
         """Global nodes of the master facets, shape (p, b)."""
         return self.found.nodes[self.master]
 

@@ -7,16 +7,13 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
+from dolfinx_contact._arrays import Array, Ints, Mask
 from dolfinx_contact.points.operators import Operator
 from dolfinx_contact.points.sliding.faces import SlidingFaces
 from dolfinx_contact.points.sliding.facing import Facing
 
 __all__ = ["SlidingOperator"]
-
-Array = npt.NDArray[np.float64]
-Nodes = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +37,7 @@ class SlidingOperator(Operator):
         return self.facing.nodal.weight[: self.number]
 
     @cached_property
-    def absent(self) -> npt.NDArray[np.bool_]:  # type: ignore[override]
+    def absent(self) -> Mask:  # type: ignore[override]
         """Mask of points without an opposing point, shape (n,)."""
         return np.asarray(self.areas == 0.0)
 
@@ -100,7 +97,7 @@ class SlidingOperator(Operator):
         parts = np.einsum("pqa,pqd->pad", facing.weighted, jump)
         return self._means(parts)[: self.number]
 
-    def entries(self) -> tuple[Nodes, Nodes, Array]:
+    def entries(self) -> tuple[Ints, Ints, Array]:
         """Return entries of B without components: vertices, nodes, values, to be added up.
 
         Vertices (p, a) and nodes (p, c) are global; values have the shape (p, a, c).

@@ -10,11 +10,11 @@ from typing import Any, ClassVar
 from mpi4py import MPI
 
 import numpy as np
-import numpy.typing as npt
 
 import ufl
 from dolfinx import fem, mesh
 
+from dolfinx_contact._arrays import Array, Indices, Mask
 from dolfinx_contact._geometry import node_positions
 from dolfinx_contact._mpi import keep, require
 from dolfinx_contact.body.rigid import bounding_box
@@ -39,9 +39,6 @@ from dolfinx_contact.points.trace import (
 
 __all__ = ["SlidingPair", "SlidingPoints"]
 
-Array = npt.NDArray[np.float64]
-Mask = npt.NDArray[np.bool_]
-Facets = npt.NDArray[np.int32]
 
 _OVERLAP = 1e-3  # of a facet, overlap of chords of curved faces
 _ALONG = 0.1  # smallest component of a normal along the planes of symmetry of its node
@@ -237,8 +234,8 @@ class SlidingFacets(Obstacle):
     def __init__(
         self,
         V: fem.FunctionSpace,
-        slave: Facets,
-        master: Facets,
+        slave: Indices,
+        master: Indices,
         depth: float | None,
         name: str,
         planes: Mapping[int, float],
