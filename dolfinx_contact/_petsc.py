@@ -50,6 +50,7 @@ __all__ = [
     "require_real",
     "stacked",
     "staged",
+    "triplet_matrix",
 ]
 
 #: PETSc's error codes for unsupported, unknown or missing features, and for invalid or inconsistent
@@ -343,6 +344,29 @@ def stacked(blocks: Sequence[PETSc.Mat]) -> PETSc.Mat:
     whole = nest.convert("aij", PETSc.Mat())
     nest.destroy()
     return whole
+
+
+def triplet_matrix(
+    comm: MPI.Comm,
+    shape: tuple[int, int],
+    rows: npt.NDArray[np.int64],
+    columns: npt.NDArray[np.int64],
+    values: npt.NDArray[np.float64],
+) -> PETSc.Mat:
+    """Return the matrix with given entries; duplicates are summed, also across ranks. Collective.
+
+    Args:
+        comm: communicator.
+        shape: numbers of rows and columns of this rank.
+        rows: global row numbers; they, ``columns`` and ``values`` are broadcast to one shape.
+        columns: global column numbers.
+        values: values of the entries.
+    """
+    i, j, v = (a.reshape(-1) for a in np.broadcast_arrays(rows, columns, values))
+    entries = Entries(i, j)
+    A = matrix_of(comm, shape, entries)
+    entries.add(v, A)
+    return A
 
 
 # -- factorisations -------------------------------------------------------------------------------

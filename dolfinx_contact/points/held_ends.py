@@ -30,7 +30,7 @@ import numpy as np
 from dolfinx import fem, la
 
 from dolfinx_contact._arrays import Array, Ints, Mask
-from dolfinx_contact._petsc import Entries, matrix_of
+from dolfinx_contact._petsc import triplet_matrix
 from dolfinx_contact.points.operators import multiplied, rows_of, rows_with_ghosts
 from dolfinx_contact.points.opposite import Opposite
 
@@ -167,8 +167,7 @@ def _shares(vertices: fem.FunctionSpace, given: Mask, idle: Mask) -> tuple[PETSc
         rows, columns = (index_map.local_to_global(v[takes]).astype(np.int64) for v in (a, b))
         if not comm.allreduce(len(rows)):
             break
-        step = matrix_of(comm, (n, n), entries := Entries(rows, columns))
-        entries.add(np.ones(len(rows)), step)
+        step = triplet_matrix(comm, (n, n), rows, columns, np.ones(len(rows)))
         counts = step.getRowSum()
         known.array[:n][counts.array_r > 0] = 1.0
         known.scatter_forward()
@@ -189,6 +188,4 @@ def _diagonal(vertices: fem.FunctionSpace, marked: Mask) -> PETSc.Mat:
     """Return the diagonal matrix of a mask of the owned vertices. Collective."""
     at = vertices.dofmap.index_map.local_range[0] + np.flatnonzero(marked).astype(np.int64)
     shape = len(marked), len(marked)
-    A = matrix_of(vertices.mesh.comm, shape, entries := Entries(at, at))
-    entries.add(np.ones(len(at)), A)
-    return A
+    return triplet_matrix(vertices.mesh.comm, shape, at, at, np.ones(len(at)))

@@ -24,7 +24,7 @@ from petsc4py import PETSc
 import numpy as np
 
 from dolfinx_contact._arrays import Array, Ints
-from dolfinx_contact._petsc import Entries, matrix_of
+from dolfinx_contact._petsc import triplet_matrix
 from dolfinx_contact.points.clipping import Cover, basis, nodal_points
 
 __all__ = ["Coupling", "between", "coupling"]
@@ -35,9 +35,9 @@ class Coupling:
     """Integrals over slave facets.
 
     Attributes:
-        slave: global slave nodes at corners, shape (entries,).
-        master: global master nodes, shape (entries,).
-        values: integrals of psi_p N_k, shape (entries,).
+        slave: global slave nodes at corners of pieces, shape (pieces, k, 1).
+        master: global master nodes of pieces, shape (pieces, 1, b).
+        values: integrals of psi_p N_k, shape (pieces, k, b).
         areas: integrals of N over the covered parts, at the facet corners, shape (n, k).
     """
 
@@ -78,13 +78,8 @@ def coupling(cover: Cover, degree: int, *, axisymmetric: bool) -> Coupling:
     dual = np.linalg.solve(mass, areas[:, :, None] * np.eye(corners)).transpose(0, 2, 1)
     psi = np.einsum("pab,pqb->pqa", dual[i], mine)
     values = np.einsum("pq,pqa,pqk->pak", weights, psi, theirs)
-    shape = values.shape
-    return Coupling(
-        np.broadcast_to(cover.slave.nodes[i, :corners, None], shape).reshape(-1),
-        np.broadcast_to(cover.master.nodes[k][:, None, :], shape).reshape(-1),
-        values.reshape(-1),
-        areas,
-    )
+    rows, columns = cover.slave.nodes[i, :corners, None], cover.master.nodes[k][:, None, :]
+    return Coupling(rows, columns, values, areas)
 
 
 def between(comm: MPI.Comm, A: PETSc.Mat, nodes: Ints, corners: int) -> PETSc.Mat:
@@ -94,11 +89,7 @@ def between(comm: MPI.Comm, A: PETSc.Mat, nodes: Ints, corners: int) -> PETSc.Ma
     sums.array[:] = np.divide(1.0, sums.array, where=sums.array > 0, out=np.ones(n))
     A.diagonalScale(sums)
     shares = basis(nodal_points(corners, 2), corners, 1)
-    shape = (len(nodes), *shares.shape)
-    rows = np.broadcast_to(nodes[:, :, None], shape).reshape(-1)
-    columns = np.broadcast_to(nodes[:, None, :corners], shape).reshape(-1)
-    means = matrix_of(comm, (n, n), entries := Entries(rows, columns))
-    entries.add(np.broadcast_to(shares, shape).reshape(-1), means)
+    means = triplet_matrix(comm, (n, n), nodes[:, :, None], nodes[:, None, :corners], shares)
     found = means.matMult(A)
     for part in (A, means, sums):
         part.destroy()

@@ -15,7 +15,7 @@ from petsc4py import PETSc
 import numpy as np
 
 from dolfinx_contact._arrays import Array, Codes
-from dolfinx_contact._petsc import Entries, matrix_of
+from dolfinx_contact._petsc import triplet_matrix
 from dolfinx_contact.laws import Answers, Kernel, Law, LawAtPoints, PointData
 from dolfinx_contact.laws.spreading import KERNELS, whole
 from dolfinx_contact.laws.status import closed
@@ -46,10 +46,7 @@ def spreading_matrix(comm: MPI.Comm, x: Array, areas: Array, kernel: Kernel) -> 
         weights = np.asarray(weights / np.bincount(i, weights, minlength=n)[i])
     else:
         weights /= whole(kernel.shape, dim) * kernel.radius ** (dim - 1)
-    entries = Entries(first + i, found["number"])
-    N = matrix_of(comm, (n, n), entries)
-    entries.add(weights, N)
-    return N
+    return triplet_matrix(comm, (n, n), first + i, found["number"], weights)
 
 
 class Neighbours:

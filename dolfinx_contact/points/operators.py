@@ -32,7 +32,7 @@ from dolfinx import fem
 
 from dolfinx_contact._arrays import Array, Indices, Ints, Mask
 from dolfinx_contact._mpi import SharedValues
-from dolfinx_contact._petsc import Entries, matrix_of
+from dolfinx_contact._petsc import triplet_matrix
 
 __all__ = [
     "ConstantOperator",
@@ -209,14 +209,11 @@ def weights_matrix(
     """Return the matrix weights (x) I, from vectors at nodes to vectors at points. Collective."""
     n = int(points.size)
     first = comm.exscan(dim * n) or 0
-    rows = np.broadcast_to(points[:, :, None], weights.shape)[..., None]
-    columns = np.broadcast_to(nodes[:, None, :], weights.shape)[..., None]
     along = np.arange(dim)
-    i, j = (np.asarray(dim * v + along).reshape(-1) for v in (rows, columns))
-    entries = Entries(first + i, j)
-    A = matrix_of(comm, (dim * n, dim * owned_nodes), entries)
-    entries.add(np.repeat(weights.reshape(-1), dim), A)
-    return A
+    rows = first + dim * points[:, :, None, None] + along
+    columns = dim * nodes[:, None, :, None] + along
+    shape = dim * n, dim * owned_nodes
+    return triplet_matrix(comm, shape, rows, columns, weights[..., None])
 
 
 def rows_of(product: PETSc.Mat, divisor: Array) -> tuple[Ints, Array]:

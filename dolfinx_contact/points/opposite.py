@@ -26,7 +26,7 @@ from dolfinx import fem, mesh
 from dolfinx_contact._arrays import Array, Indices, Ints, Mask
 from dolfinx_contact._geometry import node_positions
 from dolfinx_contact._mpi import SharedValues, require
-from dolfinx_contact._petsc import Entries, matrix_of
+from dolfinx_contact._petsc import triplet_matrix
 from dolfinx_contact.body.rigid import bounding_box
 from dolfinx_contact.obstacles import Obstacle
 from dolfinx_contact.points.clipping import Cover, Faces, cover
@@ -370,16 +370,14 @@ def _mortar(faces: _Sides) -> Opposite:
     areas = np.where(sums > 0, sums, size ** (dim - 1))
 
     def opposite(rows: Ints, columns: Ints, values: Array, common: Common | None) -> Opposite:
-        A = matrix_of(comm, (n, n), entries := Entries(rows.reshape(-1), columns.reshape(-1)))
-        entries.add(values.reshape(-1), A)
+        A = triplet_matrix(comm, (n, n), rows, columns, values)
         if degree > 1 and common is not None:
             A = between(comm, A, mine.nodes[marked], mine.corners)
         means = _means(V, A, faces.nodes[0])
         return Opposite(*means, areas, faces.nodes, faces.master, common)
 
     nodes, others, shares = common.places()
-    at = np.repeat(nodes, shares.shape[1])
-    places = opposite(at, others, shares, None)
+    places = opposite(nodes[:, None], others, shares, None)
     return opposite(found.slave, found.master, found.values, Common(facets, common, places))
 
 
