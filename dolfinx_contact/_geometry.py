@@ -18,8 +18,10 @@ __all__ = [
     "area_vectors",
     "dot",
     "edges_of",
+    "global_numbers",
     "mesh_mark",
     "node_positions",
+    "ratio",
     "unit",
 ]
 
@@ -51,6 +53,12 @@ def node_positions(V: fem.FunctionSpace) -> Array:
     return x
 
 
+def global_numbers(index_map: Any, local: npt.NDArray[Any]) -> npt.NDArray[np.int64]:
+    """Return the global numbers of local places of an index map, of any shape."""
+    numbers = index_map.local_to_global(local.reshape(-1).astype(np.int32))
+    return np.asarray(numbers, dtype=np.int64).reshape(local.shape)
+
+
 def dot(a: Array, b: Array) -> Array:
     """Return the scalar products of vectors (..., dim), shape (...)."""
     return np.asarray(np.sum(a * b, axis=-1))
@@ -59,6 +67,11 @@ def dot(a: Array, b: Array) -> Array:
 def unit(v: Array) -> Array:
     """Normalise vectors (..., dim); zero vectors remain zero."""
     return np.asarray(v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), _TINY))
+
+
+def ratio(a: Array, b: Array) -> Array:
+    """Return a/b, 0 where b is not positive; both have one shape."""
+    return np.divide(a, b, out=np.zeros_like(b), where=b > 0)
 
 
 def area_vectors(x: Array) -> Array:

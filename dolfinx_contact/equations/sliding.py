@@ -20,6 +20,7 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
+from dolfinx_contact._geometry import ratio
 from dolfinx_contact._petsc import Entries, matrix_of
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import ContactState
@@ -211,7 +212,7 @@ class SlidingTerms:
         areas = self._points.areas
         weight = nodal.weight[:n]
         counts = areas * nodal.share[:n]
-        by_weight = np.divide(counts, weight, out=np.zeros_like(areas), where=weight > 0)
+        by_weight = ratio(counts, weight)
         by_jump = by_weight[:, None, None] * state.by_jump
         by_gap = faces.vertices.from_owners(np.einsum("nij,nj->ni", by_jump, nodal.normal[:n]))
         by_slip = faces.vertices.from_owners(-by_jump @ nodal.rotation[:n]) * faces.kept[:, None]
@@ -234,7 +235,7 @@ class SlidingTerms:
         turned = state.by_jump @ nodal.by_turning[:n] + state.by_normal
         of_normal = -counts[:, None, None] * (turned @ nodal.by_normal[:n])
         around = nodal.around[:n]
-        by_around = np.divide(areas - counts, around, out=np.zeros_like(areas), where=around > 0)
+        by_around = ratio(areas - counts, around)
         by_around = faces.vertices.from_owners(by_around)
         means = -by_around[at][:, :, None] * facing.mass * alive[:, None]
         parts = (

@@ -18,16 +18,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from petsc4py import PETSc
-
 import numpy as np
 
 from dolfinx import fem
 
 from dolfinx_contact._arrays import Array, Ints, Mask
+from dolfinx_contact._geometry import global_numbers
 from dolfinx_contact._mpi import SharedValues
 from dolfinx_contact.points.held_ends import resting
-from dolfinx_contact.points.trace import at_global_places
+from dolfinx_contact.points.trace import at_global_places, sums_at_global_places
 
 if TYPE_CHECKING:
     from dolfinx_contact.points.surface import DiscreteSurface
@@ -62,7 +61,7 @@ def crossings(
             continue
         vertices = np.arange(s.points.vertices.dofmap.index_map.size_local)
         nodes = s.points.vertex_trace_dofs[vertices]
-        here = index_map.local_to_global(nodes.astype(np.int32))
+        here = global_numbers(index_map, nodes)
         there = opposite.at(nodes)[0][:, 0]
         number = np.full(len(vertices), i)
         edges = np.column_stack([number, vertices, here, there])
@@ -88,13 +87,9 @@ def _none(index_map: Any) -> Mask:
 
 def _counts(V: fem.FunctionSpace, edges: Ints) -> Array:
     """Return the number of edges that end at the owned nodes. Collective."""
-    counts = PETSc.Vec().createMPI((V.dofmap.index_map.size_local, None), comm=V.mesh.comm)
-    ends = edges[:, 2:].reshape(-1).astype(PETSc.IntType)
-    counts.setValues(ends, np.ones(len(ends)), addv=PETSc.InsertMode.ADD_VALUES)
-    counts.assemble()
-    found = counts.array_r.copy()
-    counts.destroy()
-    return np.asarray(found)
+    ends = edges[:, 2:].reshape(-1)
+    owned = V.dofmap.index_map.size_local
+    return sums_at_global_places(V.mesh.comm, owned, ends, np.ones(len(ends)))
 
 
 def _in_loops(parts: Sequence[Ints], rank: int) -> Mask:

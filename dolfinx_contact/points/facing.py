@@ -15,7 +15,7 @@ import basix
 from dolfinx import fem
 
 from dolfinx_contact._arrays import Array, Indices, Ints
-from dolfinx_contact._geometry import node_positions
+from dolfinx_contact._geometry import global_numbers, node_positions
 from dolfinx_contact.points.clipping import Faces
 from dolfinx_contact.points.search import Columns, around, near_rays, nearest
 from dolfinx_contact.points.trace import facet_closures, facet_normals
@@ -31,8 +31,8 @@ def faces_of(V: fem.FunctionSpace, facets: Indices) -> Faces:
     closures = facet_closures(V, owned)
     corners = len(basix.topology(domain.basix_cell())[dim - 1][0])
     x = node_positions(V)[:, :dim][closures[:, :corners]]
-    nodes = V.dofmap.index_map.local_to_global(closures.reshape(-1)).reshape(closures.shape)
-    return Faces(x, facet_normals(domain, owned), nodes.astype(np.int64))
+    nodes = global_numbers(V.dofmap.index_map, closures)
+    return Faces(x, facet_normals(domain, owned), nodes)
 
 
 def facets_along_normals(

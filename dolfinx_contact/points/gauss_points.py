@@ -19,7 +19,7 @@ from dolfinx import fem
 
 from dolfinx_contact._arrays import Array, Indices, Ints
 from dolfinx_contact._compat import FacetSubmesh, geometry_dofmap
-from dolfinx_contact._geometry import node_positions
+from dolfinx_contact._geometry import global_numbers, node_positions
 from dolfinx_contact._mpi import SharedValues
 from dolfinx_contact.points.clipping import basis, tabulated
 from dolfinx_contact.points.evaluation import (
@@ -150,14 +150,13 @@ class GaussPoints:
         at = trace_dofs(self._V, U, self._submesh.parent_facets)[U.dofmap.list[self.cells]]
         nodes, shares = trace(at)  # (groups, basis functions, nodes of each)
         mine = Q.dofmap.list[self.cells]
-        multipliers = Q.dofmap.index_map.local_to_global(mine.reshape(-1)).reshape(mine.shape)
         weights = self._table(U)[..., None] * shares[:, None]
         groups, p, k, width = weights.shape
         return Stencils(
             self.numbers,
             nodes.reshape(groups, k * width),
             weights.reshape(groups, p, k * width),
-            multipliers.astype(np.int64),
+            global_numbers(Q.dofmap.index_map, mine),
             self._table(Q),
             False,
         )

@@ -30,6 +30,7 @@ import numpy as np
 from dolfinx import fem, la
 
 from dolfinx_contact._arrays import Array, Ints, Mask
+from dolfinx_contact._geometry import global_numbers
 from dolfinx_contact._petsc import triplet_matrix
 from dolfinx_contact.points.operators import multiplied, rows_of, rows_with_ghosts
 from dolfinx_contact.points.opposite import Opposite
@@ -164,7 +165,7 @@ def _shares(vertices: fem.FunctionSpace, given: Mask, idle: Mask) -> tuple[PETSc
     shares = _diagonal(vertices, ~given[:n])
     while True:
         takes = given[a] & (known.array[a] == 0) & (known.array[b] > 0)
-        rows, columns = (index_map.local_to_global(v[takes]).astype(np.int64) for v in (a, b))
+        rows, columns = (global_numbers(index_map, v[takes]) for v in (a, b))
         if not comm.allreduce(len(rows)):
             break
         step = triplet_matrix(comm, (n, n), rows, columns, np.ones(len(rows)))

@@ -31,6 +31,7 @@ import numpy as np
 from dolfinx import fem
 
 from dolfinx_contact._arrays import Array, Indices, Ints, Mask
+from dolfinx_contact._geometry import global_numbers
 from dolfinx_contact._mpi import SharedValues
 from dolfinx_contact._petsc import triplet_matrix
 
@@ -56,8 +57,7 @@ def trace_of(V: fem.FunctionSpace) -> Trace:
     """Return the trace of the body itself: every node, with weight 1."""
 
     def trace(nodes: Indices) -> tuple[Ints, Array]:
-        flat = V.dofmap.index_map.local_to_global(nodes.reshape(-1))
-        numbers = np.asarray(flat, dtype=np.int64).reshape(*nodes.shape, 1)
+        numbers = global_numbers(V.dofmap.index_map, nodes[..., None])
         return numbers, np.ones(numbers.shape)
 
     return trace

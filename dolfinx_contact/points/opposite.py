@@ -24,7 +24,7 @@ import ufl
 from dolfinx import fem, mesh
 
 from dolfinx_contact._arrays import Array, Indices, Ints, Mask
-from dolfinx_contact._geometry import node_positions
+from dolfinx_contact._geometry import global_numbers, node_positions
 from dolfinx_contact._mpi import SharedValues, require
 from dolfinx_contact._petsc import triplet_matrix
 from dolfinx_contact.body.rigid import bounding_box
@@ -312,7 +312,7 @@ def _matched(faces: _Sides) -> Opposite | None:
     if comm.allreduce(int(off.sum())):
         return None
     nodes = found["node"]
-    itself = nodes == index_map.local_to_global(mine.astype(np.int32))
+    itself = nodes == global_numbers(index_map, mine)
     turned = np.sum(found["normal"] * n, axis=1) > 0.5
     require(
         comm,

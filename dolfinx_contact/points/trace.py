@@ -35,6 +35,7 @@ __all__ = [
     "owned_exterior",
     "point_ids",
     "rounded",
+    "sums_at_global_places",
     "trace_dofs",
     "vertex_numbers",
 ]
@@ -300,6 +301,23 @@ def at_global_places(comm: MPI.Comm, values: Array, places: Ints) -> Array:
     for thing in (given, wanted, here, scatter):
         thing.destroy()
     return np.asarray(found.reshape(*places.shape, *shape))
+
+
+def sums_at_global_places(comm: MPI.Comm, owned: int, places: Ints, values: Array) -> Array:
+    """Return sums of values at global places, at the places owned by this rank. Collective.
+
+    Args:
+        comm: communicator.
+        owned: number of places owned by this rank.
+        places: global numbers of the places, shape (n,); they may be those of other ranks.
+        values: values there, shape (n,).
+    """
+    sums = PETSc.Vec().createMPI((owned, None), comm=comm)
+    sums.setValues(places.astype(PETSc.IntType), values, addv=PETSc.InsertMode.ADD_VALUES)
+    sums.assemble()
+    found = np.array(sums.array_r)
+    sums.destroy()
+    return found
 
 
 # -- keys of points --------------------------------------------------------------------------------

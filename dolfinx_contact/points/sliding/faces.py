@@ -11,19 +11,24 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property
-from typing import Any
 
 from mpi4py import MPI
-from petsc4py import PETSc
 
 import numpy as np
-import numpy.typing as npt
 
 from dolfinx import fem
 
 from dolfinx_contact._arrays import Array, Indices, Ints, Mask
 from dolfinx_contact._compat import FacetSubmesh
-from dolfinx_contact._geometry import area_vector_rates, area_vectors, dot, node_positions, unit
+from dolfinx_contact._geometry import (
+    area_vector_rates,
+    area_vectors,
+    dot,
+    global_numbers,
+    node_positions,
+    ratio,
+    unit,
+)
 from dolfinx_contact._mpi import SharedValues, require
 from dolfinx_contact._petsc import logged
 from dolfinx_contact.body.cells import cells_around
@@ -32,7 +37,7 @@ from dolfinx_contact.points.kinematics import rotation
 from dolfinx_contact.points.revolution import on_axis
 from dolfinx_contact.points.sliding.candidates import Candidates, Master, candidates
 from dolfinx_contact.points.sliding.facing import Facing, Nodal, cast, spins
-from dolfinx_contact.points.trace import facet_normals
+from dolfinx_contact.points.trace import facet_normals, sums_at_global_places
 
 __all__ = ["SlidingFaces"]
 
@@ -156,12 +161,12 @@ class SlidingFaces:
     @property
     def slave_nodes(self) -> Ints:
         """Global nodes of the displacement at the corners of the slave facets, shape (n, k)."""
-        return _numbers(self._V.dofmap.index_map, self._trace[self.corners])
+        return global_numbers(self._V.dofmap.index_map, self._trace[self.corners])
 
     @property
     def slave_vertices(self) -> Ints:
         """Global vertices at the corners of the slave facets, shape (n, k)."""
-        return _numbers(self.vertices.index_map, self.corners)
+        return global_numbers(self.vertices.index_map, self.corners)
 
     @cached_property
     def whole(self) -> Candidates | None:
@@ -200,16 +205,9 @@ class SlidingFaces:
             [self.slave_nodes[facing.facet].reshape(-1), facing.master_nodes.reshape(-1)]
         )
         values = np.concatenate([mine.reshape(-1, self.dim), theirs.reshape(-1, self.dim)])
-        size = self.dim * self._V.dofmap.index_map.size_local
-        sums = PETSc.Vec().createMPI((size, None), comm=self.comm)
         dofs = (self.dim * nodes[:, None] + np.arange(self.dim)).reshape(-1)
-        sums.setValues(
-            dofs.astype(PETSc.IntType), values.reshape(-1), addv=PETSc.InsertMode.ADD_VALUES
-        )
-        sums.assemble()
-        forces = sums.array_r.copy()
-        sums.destroy()
-        return np.asarray(forces)
+        owned = self.dim * self._V.dofmap.index_map.size_local
+        return sums_at_global_places(self.comm, owned, dofs, values.reshape(-1))
 
     # -- search ----------------------------------------------------------------------------------
 
@@ -403,7 +401,7 @@ class SlidingFaces:
         weighted = shape * weights[..., None]
         weight = self.sums(facet, weighted.sum(axis=1))
         weight = np.where(weight > _LEAST_WEIGHT * areas, weight, 0.0)
-        inverse = np.divide(1.0, weight, out=np.zeros_like(weight), where=weight > 0)
+        inverse = ratio(np.ones_like(weight), weight)
         gaps = inverse * self.sums(facet, np.einsum("pqa,pq->pa", weighted, rays.gap))
         # faces on each other in the mesh do not touch yet, whatever the sign of round-off
         gaps = np.where(np.abs(gaps) <= self._no_gap, 0.0, gaps)
@@ -446,12 +444,6 @@ def _heights(common: Cover) -> Array:
     """Return distances of the middles of master facets along the slave normals, by piece."""
     off = common.master.x[common.other].mean(axis=1) - common.slave.x[common.facet].mean(axis=1)
     return dot(off, common.slave.normals[common.facet])
-
-
-def _numbers(index_map: Any, local: npt.NDArray[Any]) -> Ints:
-    """Return global numbers of local ones, of any shape."""
-    numbers = index_map.local_to_global(local.reshape(-1).astype(np.int32))
-    return np.asarray(numbers, dtype=np.int64).reshape(local.shape)
 
 
 def _largest(off: Array) -> float:

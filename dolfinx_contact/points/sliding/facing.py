@@ -55,7 +55,7 @@ from functools import cached_property
 import numpy as np
 
 from dolfinx_contact._arrays import Array, Ints
-from dolfinx_contact._geometry import area_vector_rates, area_vectors, edges_of
+from dolfinx_contact._geometry import area_vector_rates, area_vectors, edges_of, ratio
 from dolfinx_contact.points.clipping import basis, slopes
 from dolfinx_contact.points.kinematics import rotation
 from dolfinx_contact.points.sliding.candidates import Candidates
@@ -216,6 +216,11 @@ class Nodal:
     before: Array
     spin: Array
     apart: Array
+
+    @cached_property
+    def inverse(self) -> Array:
+        """1/W, 0 without an opposing part, shape (n,)."""
+        return ratio(np.ones_like(self.weight), self.weight)
 
     @cached_property
     def _turned(self) -> Array:

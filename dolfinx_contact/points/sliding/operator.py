@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from dolfinx_contact._arrays import Array, Ints, Mask
+from dolfinx_contact._geometry import ratio
 from dolfinx_contact.points.operators import Operator
 from dolfinx_contact.points.sliding.faces import SlidingFaces
 from dolfinx_contact.points.sliding.facing import Facing
@@ -46,12 +47,8 @@ class SlidingOperator(Operator):
         """Slips since the last accepted state in facets that were opposite then, shape (n,)."""
         facing = self.facing
         sizes = np.linalg.norm(facing.along, axis=3).mean(axis=3)
-        weight = facing.nodal.weight
-        by = np.divide(1.0, weight, out=np.zeros_like(weight), where=weight > 0)
-        size = by * self.faces.sums(facing.facet, (facing.weighted * sizes).sum(axis=1))
-        slips = np.linalg.norm(facing.nodal.slip, axis=1)
-        found = np.divide(slips, size, out=np.zeros_like(slips), where=size > 0)
-        return np.asarray(found[: self.number])
+        size = self._means((facing.weighted * sizes).sum(axis=1))
+        return ratio(np.linalg.norm(facing.nodal.slip, axis=1), size)[: self.number]
 
     @cached_property
     def share(self) -> Array:  # type: ignore[override]
@@ -59,10 +56,10 @@ class SlidingOperator(Operator):
 
     def mean_around(self, tractions: Array) -> Array:
         facing = self.facing
-        around = facing.nodal.around
         at = self._at_corners(tractions)
         sums = self.faces.sums(facing.facet, np.einsum("pab,pbd->pad", facing.mass, at))
-        by = np.divide(1.0, around, out=np.zeros_like(around), where=around > 0)
+        around = facing.nodal.around
+        by = ratio(np.ones_like(around), around)
         return np.asarray(self.faces.kept * by[:, None] * sums)[: self.number]
 
     def _at_corners(self, tractions: Array) -> Array:
@@ -83,11 +80,8 @@ class SlidingOperator(Operator):
 
     def _means(self, parts: Array) -> Array:
         """Return weighted means at local vertices of weighted parts at corners (p, a, ...)."""
-        facing = self.facing
-        weight = facing.nodal.weight
-        by = np.divide(1.0, weight, out=np.zeros_like(weight), where=weight > 0)
-        sums = self.faces.sums(facing.facet, parts)
-        return np.asarray(by.reshape(-1, *np.ones(sums.ndim - 1, dtype=int)) * sums)
+        sums = self.faces.sums(self.facing.facet, parts)
+        return np.asarray((self.facing.nodal.inverse * sums.T).T)
 
     def apply(self, v: Array) -> Array:
         facing = self.facing
@@ -104,10 +98,8 @@ class SlidingOperator(Operator):
         """
         facing = self.facing
         faces = self.faces
-        weight = facing.nodal.weight
-        by = np.divide(1.0, weight, out=np.zeros_like(weight), where=weight > 0)
         both = np.concatenate([facing.basis, -facing.rays.weights], axis=2)
-        values = by[faces.corners[facing.facet]][:, :, None] * (
+        values = facing.nodal.inverse[faces.corners[facing.facet]][:, :, None] * (
             facing.weighted.transpose(0, 2, 1) @ both
         )
         mine = faces.slave_nodes[facing.facet]
