@@ -42,7 +42,7 @@ from dolfinx_contact.points.evaluation import (
     point_space,
 )
 from dolfinx_contact.points.gauss_points import GaussPoints, gauss_points
-from dolfinx_contact.points.geometry import SurfaceGeometry
+from dolfinx_contact.points.geometry import SurfaceFacets, SurfaceGeometry
 from dolfinx_contact.points.operators import (
     ConstantOperator,
     Operator,
@@ -86,6 +86,7 @@ class ContactPoints(ABC):
         vertices: scalar P1 space on the submesh.
         trace_dofs: node of the displacement at each local multiplier node.
         vertex_trace_dofs: node of the displacement at each local vertex.
+        facets: facets owned by this rank, at any displacement.
         geometry: areas of the local vertices, sizes of the facets.
         exchange: exchange of values at the points and their ghosts between ranks.
         vertex_gaps: gaps at the local vertices.
@@ -142,6 +143,7 @@ class ContactPoints(ABC):
         # spaces on the facets and their nodes in the body
         self.vertices = point_space(submesh.mesh, None)
         self.vertex_trace_dofs = trace_dofs(V, self.vertices, facets)
+        self.facets = SurfaceFacets(V, submesh, self.vertices, self.vertex_trace_dofs)
         self.Q = blocked_space(self.vertices, self.dim)
         self.trace_dofs = self.vertex_trace_dofs
         if degrees[1] > 1:

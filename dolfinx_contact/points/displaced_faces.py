@@ -50,7 +50,7 @@ class Closest(NamedTuple):
 
 
 def master_simplices(s: DiscreteSurface, u: Array) -> tuple[Array, float]:
-    """Simplices of a master in the mesh and displaced, the same on every rank. Collective.
+    """Return simplices of a master in the mesh and displaced, on every rank. Collective.
 
     Args:
         s: pair of bodies.
@@ -76,7 +76,7 @@ def master_simplices(s: DiscreteSurface, u: Array) -> tuple[Array, float]:
 
 
 def closest_on_face(corners: Array, x: Array) -> Closest:
-    """The closest points of simplices (n, dim, dim) to points (m, dim). Not collective."""
+    """Return the closest points of simplices (n, dim, dim) to points (m, dim). Not collective."""
     cells = np.arange(corners.shape[0] * corners.shape[1]).reshape(corners.shape[:2])
     found, parts = ClosestFacets(corners.reshape(-1, corners.shape[2]), cells)(x)
     normal = unit(area_vectors(corners[found]))
@@ -87,32 +87,23 @@ def closest_on_face(corners: Array, x: Array) -> Closest:
 
 
 def slave_triangles(s: DiscreteSurface, u: Array) -> tuple[Array, Ints, Array]:
-    """The face of a surface at a displacement of the local nodes (nodes, dim).
+    """Return the face of a surface at a displacement of the local nodes (nodes, dim).
 
     Returns:
         Positions of its local vertices (n, dim), simplices of the facets that this rank owns by
         these (m, dim), and their outward unit normals (m, dim).
     """
-    now, cells, vectors = _slave_facets(s, u)
-    triangles = cells[:, _SIMPLICES[s.dim, cells.shape[1]]].reshape(-1, s.dim)
+    facets = s.points.facets
+    now = (s.node_positions + u)[facets.trace]
+    simplices = _SIMPLICES[s.dim, facets.corners.shape[1]]
+    triangles = facets.corners[:, simplices].reshape(-1, s.dim)
     normals = area_vectors(now[triangles])
-    sense = np.repeat(vectors, len(triangles) // max(len(cells), 1), axis=0)
+    sense = np.repeat(facets.vectors(now[facets.corners]), len(simplices), axis=0)
     return now, triangles, unit(normals * np.sign(dot(normals, sense))[:, None])
 
 
-def _slave_facets(s: DiscreteSurface, u: Array) -> tuple[Array, Ints, Array]:
-    """Positions of the local vertices, vertices of the owned facets, outward area vectors."""
-    owned = s.submesh.mesh.topology.index_map(s.dim - 1).size_local
-    cells = s.points.vertices.dofmap.list[:owned].astype(np.int64)
-    trace = s.points.vertex_trace_dofs
-    outward = facet_normals(s.domain, s.submesh.parent_facets[:owned])
-    side = np.sign(dot(area_vectors(s.node_positions[trace][cells]), outward))
-    now = (s.node_positions + u)[trace]
-    return now, cells, side[:, None] * area_vectors(now[cells])
-
-
 def outward_at_points(s: DiscreteSurface, u: Array) -> Array:
-    """Outward unit normals of a face at its contact points (n, dim). Collective.
+    """Return outward unit normals of a face at its contact points (n, dim). Collective.
 
     They are means of the area vectors around the vertices.
 
@@ -120,7 +111,8 @@ def outward_at_points(s: DiscreteSurface, u: Array) -> Array:
         s: contact surface.
         u: displacement of the local nodes (nodes, dim).
     """
-    _, cells, vectors = _slave_facets(s, u)
-    parts = np.repeat(vectors[:, None], cells.shape[1], axis=1)
-    at_vertices = SharedValues(s.points.vertices.dofmap.index_map).sums(cells, parts)
+    facets = s.points.facets
+    vectors = facets.vectors(facets.at_corners(s.node_positions + u))
+    parts = np.repeat(vectors[:, None], facets.corners.shape[1], axis=1)
+    at_vertices = SharedValues(s.points.vertices.dofmap.index_map).sums(facets.corners, parts)
     return unit(np.stack([s.points.from_vertices(v) for v in at_vertices.T], axis=1))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Areas of the vertices of a surface, and sizes of its facets."""
+"""Facets of a surface at any displacement, areas of its vertices, and sizes of its facets."""
 
 from __future__ import annotations
 
@@ -11,10 +11,60 @@ import numpy as np
 import ufl
 from dolfinx import fem
 
-from dolfinx_contact._arrays import Array
+from dolfinx_contact._arrays import Array, Indices, Ints
+from dolfinx_contact._compat import FacetSubmesh
 from dolfinx_contact._forms import compiled_form
+from dolfinx_contact._geometry import area_vectors, dot, node_positions
+from dolfinx_contact.points.trace import facet_normals
 
-__all__ = ["SurfaceGeometry"]
+__all__ = ["SurfaceFacets", "SurfaceGeometry"]
+
+
+class SurfaceFacets:
+    """Facets of a surface that this rank owns, at any displacement. Not collective.
+
+    Args:
+        V: displacement space.
+        submesh: mesh of the facets.
+        vertices: scalar P1 space on it.
+        trace: local node of `V` at each local vertex.
+
+    Attributes:
+        trace: as given.
+        corners: local vertices of the facets, shape (n, k).
+    """
+
+    def __init__(
+        self,
+        V: fem.FunctionSpace,
+        submesh: FacetSubmesh,
+        vertices: fem.FunctionSpace,
+        trace: Indices,
+    ):
+        self._V = V
+        owned = submesh.mesh.topology.index_map(submesh.mesh.topology.dim).size_local
+        self._facets = submesh.parent_facets[:owned]
+        self.trace = trace
+        self.corners: Ints = vertices.dofmap.list[:owned].astype(np.int64)
+
+    def at_corners(self, values: Array) -> Array:
+        """Return values at the corners (n, k, dim) from those at the local nodes (nodes, dim)."""
+        return np.asarray(values[self.trace[self.corners]])
+
+    @cached_property
+    def reference(self) -> Array:
+        """Positions of the corners in the mesh, shape (n, k, dim)."""
+        return self.at_corners(node_positions(self._V)[:, : self._V.mesh.geometry.dim])
+
+    @cached_property
+    def sense(self) -> Array:
+        """Signs of the area vectors of the corners, 1 if they point outward, shape (n,)."""
+        outward = facet_normals(self._V.mesh, self._facets)
+        return np.sign(dot(area_vectors(self.reference), outward))
+
+    def vectors(self, x: Array) -> Array:
+        """Return outward area vectors (n, dim) for positions of the corners (n, k, dim)."""
+        return np.asarray(self.sense[:, None] * area_vectors(x))
 
 
 class SurfaceGeometry:

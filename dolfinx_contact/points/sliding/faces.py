@@ -19,7 +19,6 @@ import numpy as np
 from dolfinx import fem
 
 from dolfinx_contact._arrays import Array, Indices, Ints, Mask
-from dolfinx_contact._compat import FacetSubmesh
 from dolfinx_contact._geometry import (
     area_vector_rates,
     area_vectors,
@@ -33,11 +32,12 @@ from dolfinx_contact._mpi import SharedValues, require
 from dolfinx_contact._petsc import logged
 from dolfinx_contact.body.cells import cells_around
 from dolfinx_contact.points.clipping import Cover, Faces, basis, cover, slopes
+from dolfinx_contact.points.geometry import SurfaceFacets
 from dolfinx_contact.points.kinematics import rotation
 from dolfinx_contact.points.revolution import on_axis
 from dolfinx_contact.points.sliding.candidates import Candidates, Master, candidates
 from dolfinx_contact.points.sliding.facing import Facing, Nodal, cast, spins
-from dolfinx_contact.points.trace import facet_normals, sums_at_global_places
+from dolfinx_contact.points.trace import sums_at_global_places
 
 __all__ = ["SlidingFaces"]
 
@@ -61,9 +61,8 @@ class SlidingFaces:
 
     Args:
         V: displacement space of degree 1.
-        submesh: mesh of the slave facets.
-        vertices: scalar P1 space on it.
-        trace: local node of `V` at each local vertex.
+        slave: facets of the slave.
+        vertices: scalar P1 space on the mesh of the slave.
         master: local facets of the master, ghosts included.
         depth: search distance before and behind the slave.
         across: mask of the components across planes of symmetry, on which normals and slips are
@@ -92,9 +91,8 @@ class SlidingFaces:
     def __init__(
         self,
         V: fem.FunctionSpace,
-        submesh: FacetSubmesh,
+        slave: SurfaceFacets,
         vertices: fem.FunctionSpace,
-        trace: Indices,
         master: Indices,
         depth: float,
         *,
@@ -110,7 +108,7 @@ class SlidingFaces:
         self._depth = depth
         self._direction = direction
         # nodes and mirror images
-        self._trace = trace
+        trace = slave.trace
         self.nodes = SharedValues(V.dofmap.index_map)
         self.vertices = SharedValues(vertices.dofmap.index_map)
         self.kept: Array = np.where(across[trace], 0.0, 1.0)
@@ -118,12 +116,10 @@ class SlidingFaces:
         if axisymmetric:
             self.images[on_axis(V)[trace], 0] = 0.0
         # slave and master in the mesh
-        owned = submesh.mesh.topology.index_map(self.dim - 1).size_local
-        self.corners: Ints = vertices.dofmap.list[:owned].astype(np.int64)
+        self._facets = slave
+        self.corners = slave.corners
         self._X = node_positions(V)[:, : self.dim].copy()
-        self._reference = self._of_slave(self._X)
-        outward = facet_normals(V.mesh, submesh.parent_facets[:owned])
-        self._sense = np.sign(dot(area_vectors(self._reference), outward))
+        self._reference = slave.reference
         self.master = Master(V, master, ({0: 0.0} if axisymmetric else {}) | dict(planes))
         size = float(np.max(np.ptp(self._reference, axis=1), initial=0.0))
         largest = float(np.max(np.abs(self._X), initial=0.0))
@@ -142,13 +138,9 @@ class SlidingFaces:
 
     # -- nodes -----------------------------------------------------------------------------------
 
-    def _of_slave(self, values: Array) -> Array:
-        """Return values of local nodes at the corners of the slave, shape (n, k, dim)."""
-        return values[self._trace[self.corners]]
-
     def of_slave(self, values: Array) -> Array:
         """Return values of the owned nodes (n, dim) at the corners of the slave (n, k, dim)."""
-        return self._of_slave(self.nodes.from_owners(values))
+        return self._facets.at_corners(self.nodes.from_owners(values))
 
     def sums(self, facet: Ints, values: Array) -> Array:
         """Return sums at the local vertices (n, ...) of values of facet corners (p, k, ...)."""
@@ -156,12 +148,12 @@ class SlidingFaces:
 
     def positions(self, u: Array) -> Array:
         """Return the corners of the slave facets at a displacement, shape (n, k, dim)."""
-        return self._of_slave(self._X + self.nodes.from_owners(u))
+        return self._facets.at_corners(self._X + self.nodes.from_owners(u))
 
     @property
     def slave_nodes(self) -> Ints:
         """Global nodes of the displacement at the corners of the slave facets, shape (n, k)."""
-        return global_numbers(self._V.dofmap.index_map, self._trace[self.corners])
+        return global_numbers(self._V.dofmap.index_map, self._facets.trace[self.corners])
 
     @property
     def slave_vertices(self) -> Ints:
@@ -178,13 +170,9 @@ class SlidingFaces:
         """1, or 0 on planes of symmetry, where images spin against the vertices, shape (n,)."""
         return np.asarray(self.kept.min(axis=1))
 
-    def _area_vectors(self, x: Array) -> Array:
-        """Return outward area vectors of the slave facets, shape (n, dim)."""
-        return np.asarray(self._sense[:, None] * area_vectors(x))
-
     def normal_rates(self, x: Array) -> Array:
         """Return derivatives of the area vectors by the corners, shape (n, dim, k, dim)."""
-        return np.asarray(self._sense[:, None, None, None] * area_vector_rates(x))
+        return np.asarray(self._facets.sense[:, None, None, None] * area_vector_rates(x))
 
     def at_nodes(self, of_facets: Array) -> Array:
         """Return sums of facet vectors (n, dim) around local vertices, with mirror images."""
@@ -218,7 +206,7 @@ class SlidingFaces:
             x: positions of the local nodes.
             direction: for self-contact, direction of the slave; None for all pairs of facets.
         """
-        slave = self._slave(self._of_slave(x))
+        slave = self._slave(self._facets.at_corners(x))
         mine, normals, theirs = slave.x, slave.normals, x[self.master.places]
         if self.searches:
             then, before, others = self._then
@@ -242,7 +230,7 @@ class SlidingFaces:
     def _slave(self, x: Array) -> Faces:
         """Return the slave facets of this rank at positions of their corners."""
         none = np.zeros((len(x), 0), dtype=np.int64)
-        return Faces(x, unit(self._area_vectors(x)), none)
+        return Faces(x, unit(self._facets.vectors(x)), none)
 
     def _covered(self, slave: Array, master: Array, **limits: float) -> Cover:
         """Return opposing parts of the slave and the candidates at positions of their corners."""
@@ -273,7 +261,7 @@ class SlidingFaces:
         At an edge the facets around a node lie behind the plane across its normal.
         """
         x = self._reference
-        vectors = self._area_vectors(x)
+        vectors = self._facets.vectors(x)
         n = unit(self.at_nodes(vectors)[self.corners])
         cosine = np.sum(n * unit(vectors)[:, None], axis=2)
         turn = np.degrees(np.arccos(cosine.clip(-1.0, 1.0)))
@@ -299,7 +287,7 @@ class SlidingFaces:
         i, k = self.found.pairs.T
         corners = self._found_before
         normals = unit(self.found.senses[:, None] * area_vectors(corners))
-        mine = unit(self._area_vectors(self._reference))
+        mine = unit(self._facets.vectors(self._reference))
         facing = np.sum(mine[i] * normals[k], axis=1) < -_STEEP_ITSELF
         way = self._reference.mean(axis=1)[i] - corners.mean(axis=1)[k]
         near = np.linalg.norm(way, axis=1) < _NEAR * self._skin
@@ -331,7 +319,7 @@ class SlidingFaces:
         # a point below the middle of a facet that starts inside the body lies in two cells
         x = self._reference
         size = np.ptp(x, axis=1).max(axis=1)[:, None]
-        below = x.mean(axis=1) - _BELOW * size * unit(self._area_vectors(x))
+        below = x.mean(axis=1) - _BELOW * size * unit(self._facets.vectors(x))
         parts = self.comm.allgather(below)
         counts = cells_around(self._V.mesh, np.concatenate(parts))
         first = sum(len(part) for part in parts[: self.comm.rank])
@@ -368,11 +356,11 @@ class SlidingFaces:
         """
         x = self._X + self.nodes.from_owners(u)
         self._search(x, self._direction)
-        mine = self._of_slave(x)
+        mine = self._facets.at_corners(x)
         theirs = self._found_before + self.master.vectors(u, self.found)
         facet, master, shape, weights, eta = self._pieces(mine, theirs)
         # rays along averaged normals
-        m = self.at_nodes(self._area_vectors(mine))
+        m = self.at_nodes(self._facets.vectors(mine))
         at = self.corners[facet]
         start = np.einsum("pqa,pad->pqd", shape, mine[facet])
         normal = np.einsum("pqa,pad->pqd", shape, m[at])
@@ -380,10 +368,10 @@ class SlidingFaces:
         # spins and slips since the last accepted state
         old, old_theirs = self._reference, self._found_before
         if before is not None:
-            old = self._of_slave(self._X + self.nodes.from_owners(before))
+            old = self._facets.at_corners(self._X + self.nodes.from_owners(before))
             old_theirs = self._found_before + self.master.vectors(before, self.found)
-        old_m = self.at_nodes(self._area_vectors(old))
-        mine_spun, by_mine = spins(old, mine, self._sense)
+        old_m = self.at_nodes(self._facets.vectors(old))
+        mine_spun, by_mine = spins(old, mine, self._facets.sense)
         theirs_spun, by_theirs = spins(old_theirs, theirs, self.found.senses)
         # normals of the master look the other way
         both_spun = mine_spun[facet], -theirs_spun[master]

@@ -315,9 +315,8 @@ class SlidingPoints(NodePoints):
         self._opposite = opposite
         self.faces = SlidingFaces(
             self._V,
-            self.submesh,
+            self.facets,
             self.vertices,
-            self.vertex_trace_dofs,
             opposite.master_facets,
             opposite.depth,
             across=opposite.across,
