@@ -22,9 +22,9 @@ An energy of your own needs no class. Write it as a function of a 3 x 3 deformat
     problem = ContactProblem(W(F) * ufl.dx, u, surfaces, bcs=bcs)
     stress = ufl.diff(W(F), F) * F.T / ufl.det(F)  # Cauchy, 3 x 3: for `io.write_fields`
 
-For a body of revolution half of a section is meshed, r = x >= 0 and z = y. Its energy is that of
-`Axisymmetric`. Energies are per volume and loads per area, as in a plane body: the contact problem
-multiplies every integral by 2 pi r::
+For a body of revolution half of a section is meshed, r = x >= 0 and z = y. Its energy is the energy
+of `Axisymmetric`. Energies are per volume and loads per area, as in a plane body: the contact
+problem multiplies every integral by 2 pi r::
 
     steel = Axisymmetric(LinearElastic.from_young(210e3, 0.3))
     bulk = steel.energy(u) * ufl.dx - pull * u[1] * ds

@@ -2,8 +2,8 @@
 """Rigid foundations: regions that the body must not enter.
 
 At a point x an obstacle defines, in UFL, the gap (the signed distance, positive outside) and the
-unit normal n from the body into the obstacle. With those of a contact point in the reference
-configuration the current gap of a point displaced by u is ``gap - u.n``: exact for a flat obstacle
+unit normal n from the body into the obstacle. With their values at a contact point in the reference
+configuration, the current gap of a point displaced by u is ``gap - u.n``: exact for a flat obstacle
 and any displacement, and correct to first order in u for a curved one (small sliding). In large
 sliding both are evaluated at the displaced point (`points.displaced`).
 """
@@ -60,7 +60,7 @@ def _require_uniform(value: Any, what: str) -> None:
     """Raise ``ValueError`` if data of a surface vary over the body.
 
     A Function has the value of a point of the body, wherever that point is, and no slope. The
-    normal would not be that of the intended surface.
+    normal would not be the normal of the intended surface.
     """
     if not is_uniform(value):
         raise ValueError(
@@ -363,7 +363,7 @@ class LevelSet(Obstacle):
             raise ValueError(
                 "the level set does not depend on the position that it is given: it has no gradient"
             )
-        # data without the position, which may be that of points on a submesh
+        # data without the position, which may belong to points on a submesh
         data = self.phi(ufl.variable(ufl.Constant(domain.ufl_domain(), shape=x.ufl_shape)))
         refuse_other_mesh(data, domain, "the level set")
         _require_uniform(data, "the data of the level set")

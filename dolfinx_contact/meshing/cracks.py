@@ -162,7 +162,7 @@ class _Around:
         cells: their nodes, the new ones after `split`.
         corners: places of the nodes of the facets of a cell.
         ids: numbers of their facets, shape (cells, facets of a cell).
-        tagged: numbers of the tagged facets, -1 for those of other cells.
+        tagged: numbers of the tagged facets, -1 for facets of other cells.
     """
 
     def __init__(self, whole: WholeMesh, cell: basix.CellType, marked: Mask):
@@ -216,7 +216,7 @@ class _Around:
 def _split(
     whole: WholeMesh, cell: basix.CellType, tags: list[int]
 ) -> tuple[WholeMesh, dict[int, int]]:
-    """Return the mesh with a crack, and the tags of the other sides by those of the first."""
+    """Return the mesh with a crack, and the tags of the other sides by the tags of the first."""
     values = whole.facet_values
     for tag in tags:
         if tag not in values:

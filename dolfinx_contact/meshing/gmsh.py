@@ -73,7 +73,7 @@ class GmshMesh(NamedTuple):
         cell_tags: groups of cells.
         facet_tags: groups of facets, possibly empty.
         names: dimension and tag by group name. If a group of cells and a group of facets have the
-            same name, the entry is that of the facets; the tags, `dx` and `ds` know both.
+            same name, the entry belongs to the facets; the tags, `dx` and `ds` know both.
 
     Example:
         Parts of the boundary by their names::
@@ -203,14 +203,14 @@ def _refuse_interior(tags: mesh.MeshTags, tag: int, name: str, domain: mesh.Mesh
         domain.comm,
         not inside,
         f"the group {name!r} has {inside} of {count} facets inside of the body, and ds is for those"
-        ' of its boundary: interior facets are those of dS = ufl.Measure("dS", body.mesh, '
+        ' of its boundary: interior facets belong to dS = ufl.Measure("dS", body.mesh, '
         f"subdomain_data=body.facet_tags), of this group dS({tag}) (on several ranks DOLFINx needs "
         "a mesh with ghost cells for it)",
     )
 
 
 def _in_order(groups: Iterable[str]) -> list[str]:
-    """Return names in an order that is the same on every rank, unlike that of a set."""
+    """Return names in an order that is the same on every rank, unlike the order of a set."""
     return sorted(groups) if isinstance(groups, set | frozenset) else list(groups)
 
 

@@ -114,9 +114,9 @@ def check_tags(domain: mesh.Mesh, tags: Any, dim: int, what: str) -> None:
     if tags.dim != dim:
         names = {domain.topology.dim: "cells", domain.topology.dim - 1: "facets"}
         found = names.get(tags.dim, f"entities of dimension {tags.dim}")
-        raise ValueError(f"{what} must be those of {names[dim]}, and are those of {found}")
+        raise ValueError(f"{what} must be tags of {names[dim]}, and are tags of {found}")
     if not is_topology_of(domain, tags):
-        raise ValueError(f"{what} are those of another mesh")
+        raise ValueError(f"{what} belong to another mesh")
 
 
 def _tagged(tags: mesh.MeshTags | None, owned: int) -> tuple[Indices, Indices]:

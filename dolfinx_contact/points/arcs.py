@@ -23,8 +23,8 @@ import ufl
 
 __all__ = ["slip_along"]
 
-_SMALL = 3e-3  # of q, below which the series is exact to round-off
-# Of (a - C)/q in powers of q.
+_SMALL = 3e-3  # q below which the series is exact to round-off
+# coefficients of (a - C)/q in powers of q
 _SERIES = (2 / 3, 1 / 5, 3 / 28, 5 / 72, 35 / 704)
 
 

@@ -28,11 +28,11 @@ __all__ = [
 ]
 
 
-_LEAST_COVER = 0.05  # of a slave facet, below which it is dropped
-_STEEP = 0.5  # cosine between the normals of opposite facets from which on they do not face
-_MORE = 1e-3  # of a facet, by which more than all of it may be covered
-_SLIVER = 1e-10  # of a facet, a part that is round-off
-_ON_LINE = 1e-12  # of an edge, the distance of what lies on its line
+_LEAST_COVER = 0.05  # covered fraction of a slave facet below which it is dropped
+_STEEP = 0.5  # smallest cosine between the normals of facets that face each other
+_MORE = 1e-3  # fraction of a facet by which its parts may exceed it
+_SLIVER = 1e-10  # fraction of a facet that is round-off
+_ON_LINE = 1e-12  # distance of points on a line, relative to the edge
 _KINDS = {2: basix.CellType.interval, 3: basix.CellType.triangle, 4: basix.CellType.quadrilateral}
 _LOOP = {3: [0, 1, 2], 4: [0, 1, 3, 2]}  # corners around a facet
 

@@ -68,7 +68,7 @@ class ContactPoints(ABC):
         rule_degree: quadrature degree of the integral and the mixed method.
         given: gap, normal and fields of the law in UFL.
         opposite: opposing points of the nodes; None without another body.
-        axisymmetric: whether areas are those of a body of revolution.
+        axisymmetric: whether the body is a body of revolution.
 
     Attributes:
         method: ``"nodal"``, ``"integral"`` or ``"mixed"``.
@@ -80,8 +80,8 @@ class ContactPoints(ABC):
         data: normals, gaps, augmentation and fields of the law at the points.
         gaps: initial gaps at the points, shape (n,); the mixed method has averages in `data`.
         aside: tangential part of the average of g n in the mixed method, shape (n, dim).
-        space: scalar space with one dof per point; that of the vertices if points lie on common
-            parts of faces.
+        space: scalar space with one dof per point; P1 space of the vertices if points lie on
+            common parts of faces.
         Q: space of the multiplier, on the submesh.
         vertices: scalar P1 space on the submesh.
         trace_dofs: node of the displacement at each local multiplier node.

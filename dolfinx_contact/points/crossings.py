@@ -9,7 +9,7 @@ are arms. The jumps of a closed loop sum to zero,
 so that one of them depends on the others: if all stick, their multipliers are not unique and the
 matrix is singular. As at the crosspoints of mortar methods, none of these nodes has a multiplier;
 the adjacent nodes take its function (`held_ends`; Wohlmuth, SIAM J. Numer. Anal. 38, 2000, section
-2). A node of several pairs whose jumps form no loop, such as that of a body on which two others
+2). A node of several pairs whose jumps form no loop, for example of a body on which two others
 stand, keeps all of its multipliers.
 """
 

@@ -346,7 +346,7 @@ class ContactSurface:
             overlap is an error.
         axisymmetric: whether the mesh is half of a section of a body of revolution about x = 0
             (`materials.Axisymmetric`). The problem then multiplies all integrals by 2 pi r, forces
-            are those of the whole circumference, and areas are swept areas (`points.revolution`).
+            act on the whole circumference, and areas are swept areas (`points.revolution`).
         name: name of the surface in messages and tables.
 
     Raises:
@@ -425,11 +425,11 @@ class ContactPair:
 
     Args:
         u: displacement of all bodies, a vector Lagrange Function of degree 1 or 2.
-        facets: facets as for `ContactSurface`; local indices are those of the slave.
+        facets: facets as for `ContactSurface`; local indices belong to the slave.
         law: law of contact and friction.
         slave: tag of the slave, or name of a physical group of a mesh from gmsh.
         master: tag or name of the master.
-        master_facets: local indices of the master facets if those of the slave are given by
+        master_facets: local indices of the master facets if the slave facets are given by
             indices.
         gap: initial gap, a UFL scalar or a number; default: gap of the geometry. It must never be
             negative, or below the amount that ``interference`` allows.

@@ -68,9 +68,9 @@ from dolfinx_contact.points.rigid_body import RigidBody
 
 __all__ = ["DisplacedPoints", "TrueGaps", "displaced_points", "follows"]
 
-_FACING = 0.5  # smallest cosine between the normals of a face and of an obstacle it looks to
+_FACING = 0.5  # smallest cosine between the normals of a face and of the obstacle that it faces
 _SAME = 1e-9  # relative excess of a removed overlap that counts as round-off
-_ROUND_OFF = 1e-14  # of the largest coordinate, gap that is round-off
+_ROUND_OFF = 1e-14  # gap that is round-off, relative to the largest coordinate
 
 
 def follows(obstacle: Obstacle, sliding: SlidingKind | None, *, linear: bool) -> bool:
@@ -277,7 +277,7 @@ class DisplacedPoints:
         """Return rates of the data of the law and of the jump (n, dim) at fixed points.
 
         Args:
-            evaluate: evaluator of rates, with that of the jump under the name ``seen``.
+            evaluate: evaluator of rates, including ``seen``, the rate of the jump.
             place: displacements of the points, shape (n, dim).
             memory: memory at the last accepted state.
             frame: rotation Q, shape (dim, dim); None for the identity.

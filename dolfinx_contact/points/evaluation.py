@@ -76,13 +76,13 @@ class PointEvaluator:
     """Values of UFL expressions at the points of a space on a facet submesh.
 
     The value at a point is the integral of the expression against the basis function of the point
-    over that of the basis function: exact for Gauss points, and for nodes at which the expression
-    has one value (otherwise the area-weighted mean of the adjacent facets). All expressions are in
-    one form, compiled once.
+    divided by the integral of the basis function: exact for Gauss points, and for nodes at which
+    the expression has one value (otherwise the area-weighted mean of the adjacent facets). All
+    expressions are in one form, compiled once.
 
     Args:
         W: scalar space with one dof per point: Lagrange of degree 1 or a quadrature element.
-        ds: measure of the surface. Values are local if its quadrature points are those of ``W``.
+        ds: measure of the surface. Values are local if ``W`` has the same quadrature points.
         expressions: UFL scalars and vectors by name; may contain Functions of the body.
         maps: entity maps of the submesh.
         weight: UFL weight of all integrals; None for 1.
@@ -177,7 +177,7 @@ def vertex_function(vertices: fem.FunctionSpace, name: str, values: Array) -> fe
     Args:
         vertices: scalar P1 space.
         name: name of the Function.
-        values: values, shape (n,) or (n, components); ghosts get those of their owners.
+        values: values, shape (n,) or (n, components); ghosts get the values of their owners.
     """
     f = fem.Function(blocked_space(vertices, *values.shape[1:]) if values.ndim > 1 else vertices)
     f.name = name

@@ -75,7 +75,7 @@ def facets_along_normals(
 
 
 def candidates(comm: MPI.Comm, slave: Faces, master: Faces) -> tuple[Faces, Ints]:
-    """Return facets of the master, of any rank, that may oppose those of the slave. Collective.
+    """Return facets of the master, of any rank, that may oppose slave facets. Collective.
 
     An opposing facet at an angle of less than 60 degrees is at most twice as far as the nearest one
     plus half the sizes of both.

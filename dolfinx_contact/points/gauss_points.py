@@ -48,8 +48,8 @@ class GaussPoints:
         weight: UFL weight of all integrals; None for 1.
 
     Attributes:
-        space: scalar space with one dof per point; that of the vertices if points lie on common
-            parts of faces.
+        space: scalar space with one dof per point; P1 space of the vertices if points lie on
+            common parts of faces.
         numbers: local numbers of the points, shape (groups, p).
         cells: cells of the submesh by group.
         corners: local vertices of the groups, shape (groups, k).

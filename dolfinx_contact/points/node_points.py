@@ -39,7 +39,7 @@ class NodePoints(ContactPoints):
         return geometry
 
     def evaluator(self, expressions: Mapping[str, Any]) -> Evaluator:
-        # also on the axis of a body of revolution, values are those of the vertex rule
+        # the vertex rule gives the values also on the axis of a body of revolution
         return PointEvaluator(self.space, self._at_nodes, expressions, self._maps)
 
     def _given_at_vertices(self, values: Mapping[str, Array]) -> Mapping[str, Array]:

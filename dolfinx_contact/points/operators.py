@@ -152,7 +152,7 @@ class Stencils:
     Attributes:
         points: local numbers of the points by group, shape (groups, p).
         nodes: global nodes of the displacement, shape (groups, k).
-        weights: weights b; those of a repeated node add up, shape (groups, p, k).
+        weights: weights b, which add up at a repeated node, shape (groups, p, k).
         multiplier_nodes: global nodes of the multiplier, shape (groups, l).
         multiplier_weights: weights e, shape (groups, p, l).
         identity: whether E is the identity, since the points are multiplier nodes.
@@ -234,7 +234,7 @@ def rows_of(product: PETSc.Mat, divisor: Array) -> tuple[Ints, Array]:
 def rows_with_ghosts(
     comm: MPI.Comm, index_map: Any, nodes: Ints, weights: Array
 ) -> tuple[Ints, Array]:
-    """Return nodes and weights of all local rows from those of the owned ones. Collective."""
+    """Return nodes and weights of all local rows from the owned rows. Collective."""
     width = comm.allreduce(nodes.shape[1], op=max)
     rows = np.zeros((index_map.size_local, 2 * width))
     rows[:, : nodes.shape[1]] = nodes

@@ -3,8 +3,8 @@
 
 The surface whose facets carry the contact points is the *slave*, the facets opposite are the
 *master*. Where both have the same nodes, each at its place or across a gap, jumps are differences
-of two traces, at nodes, at Gauss points and in averages; else the weights of nodes are those of a
-`mortar`, and Gauss points lie on what the faces have in common.
+of two traces, at nodes, at Gauss points and in averages. Otherwise a `mortar` gives the weights of
+the nodes, and Gauss points lie on the common parts of the faces.
 
 No rank holds a whole surface: nodes are sent to the ranks in whose bounding boxes the nearest node
 may be, and answers come back.
@@ -47,11 +47,12 @@ from dolfinx_contact.points.trace import (
 __all__ = ["CURVED_OVERLAP", "Common", "Opposite", "OppositeFacets"]
 
 
-_TANGENTIAL = 1e-6  # of a facet's size, by which nodes may be off across the normal
-_OVERLAP = 1e-6  # of a facet's size, an overlap that is round-off
-#: The same of faces that do not match, whose facets are chords of curves.
+# relative to the size of a facet
+_TANGENTIAL = 1e-6  # distance of opposing nodes across the normal
+_OVERLAP = 1e-6  # overlap that is round-off
+#: Admissible overlap of faces that do not match, whose facets are chords of curves.
 CURVED_OVERLAP = 0.05
-_ROUND_OFF = 1e-9  # of a facet's size, a gap that is none
+_ROUND_OFF = 1e-9  # gap that is round-off
 _FACING = 0.5  # smallest cosine between the normals of a given surface and of the slave
 _ASLANT = 0.5  # smallest cosine between a given normal and the normal of a facet
 _FAR = 10.0  # sizes of the mesh, the gap of a node that has nothing opposite
@@ -125,7 +126,7 @@ class Opposite:
 class OppositeFacets(Obstacle):
     """Facets of the same mesh, of another body or of the other side of a crack.
 
-    Gap and normal are those of the reference configuration. The normal is given, or that of the
+    Gap and normal belong to the reference configuration. The normal is given, or the normal of the
     slave; at nodes it is the mean over the slave facets around them.
 
     Args:
@@ -147,7 +148,7 @@ class OppositeFacets(Obstacle):
     Raises:
         ValueError: on every rank, if the faces have facets in common, do not match where they have
             to, look the same way, or the bodies overlap by more than is allowed, or if a given
-            normal is more than 60 degrees off that of a facet of the slave.
+            normal deviates by more than 60 degrees from a facet normal of the slave.
     """
 
     opposite: Opposite
@@ -195,7 +196,7 @@ class OppositeFacets(Obstacle):
             worst = comm.allreduce(float(np.min(gaps, initial=0.0)), op=min)
             unless = "if slave and master do not look away from each other"
             overlap.require(comm, worst, allowed, name, unless)
-            # without a press fit, an admissible overlap is round-off or that of chords of curves
+            # without a press fit, an admissible overlap is round-off or due to chords of curves
             gaps = gaps if overlap.presses else np.maximum(gaps, 0.0)
         self._gap = fem.Function(W)
         self._gap.x.array[:] = gaps
@@ -412,8 +413,8 @@ def _refuse_aslant(domain: mesh.Mesh, slave: Indices, normal: Array, name: str) 
     require(
         domain.comm,
         not count,
-        f"{name}: the given normal is more than 60 degrees off that of {count} facets of the "
-        "slave; it points from the slave to the master",
+        f"{name}: the given normal is more than 60 degrees off {count} facet normals of "
+        "the slave; it points from the slave to the master",
     )
 
 

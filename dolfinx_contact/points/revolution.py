@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Bodies of revolution about x = 0: half of a section is meshed, with r = x >= 0 and z = y.
 
-Forces are those of the whole circumference. The area of a point is the integral of 2 pi r against
+Forces act on the whole circumference. The area of a point is the integral of 2 pi r against
 its basis function, which is positive on the axis too. Resultants are axial, since the radial nodal
 forces of opposite meridians cancel.
 """
@@ -19,7 +19,7 @@ from dolfinx_contact._mpi import require
 __all__ = ["axis_condition", "check_section", "mirrored", "on_axis"]
 
 
-_NEAR = 1e-9  # of the size of the mesh, a distance from the axis that is none
+_NEAR = 1e-9  # distance of points on the axis from it, relative to the size of the mesh
 
 
 def on_axis(V: fem.FunctionSpace) -> Mask:

@@ -43,7 +43,7 @@ class RigidBody(ReadOnly, Obstacle):
     and the rotations ``rz`` (``rx``, ``ry``, ``rz``) about it. Each component is either free, with
     a load (a force, or a moment about the reference point), or prescribed, with a motion. Values
     are numbers, scalar Constants or UFL of these, which may be changed later. In small sliding the
-    motion is small, and gap and normal are those of the shape in its initial position. In large
+    motion is small, and gap and normal belong to the shape in its initial position. In large
     sliding the shape moves with the body, by displacements of any size and prescribed rotations (in
     3D the components of the rotation vector); free rotations are small.
 
@@ -68,8 +68,8 @@ class RigidBody(ReadOnly, Obstacle):
         given: load or motion by component.
         fixed: mask of the prescribed components, shape (3,) or (6,).
         values: displacement and rotation of the last solution, the start of the next solve, shape
-            (3,) or (6,). Each problem should have a rigid body of its own, because the values are
-            those of the last solve of any problem. They may be set; all other attributes are
+            (3,) or (6,). Each problem should have a rigid body of its own, because the last
+            solve of any problem sets the values. They may be set; all other attributes are
             read-only, and loads and motions that are to change are Constants.
 
     Raises:
@@ -216,7 +216,7 @@ class RigidBody(ReadOnly, Obstacle):
         return f"{self.name} about {self.about.tolist()}, {given}, held {self.fixed.tolist()}"
 
 
-_TOLERANCE = 1e-9  # of a unit motion, below which a point is where it was
+_TOLERANCE = 1e-9  # displacement by a unit motion below which a point does not move
 
 
 def number(e: Any) -> float:

@@ -96,13 +96,13 @@ def around(
 def near_rays(tree: scipy.spatial.cKDTree, q: Columns, radii: Array) -> tuple[Ints, Ints]:
     """Return pairs of rays and balls of this rank in cylinders around the rays.
 
-    Rays are bisected, and halves without a ball nearby dropped. So the cost is that of the balls
-    along the rays, not of all balls within their length.
+    Rays are bisected, and halves without a ball nearby dropped. The cost therefore grows with the
+    number of balls along the rays, not within their length.
 
     Args:
         tree: middles of the balls of this rank.
         q: middles ``"x"`` of the rays, directions ``"normal"``, half lengths ``"depth"``, and radii
-            ``"across"`` of the cylinders, to which those of the balls are added.
+            ``"across"`` of the cylinders, to which the radii of the balls are added.
         radii: radii of the balls, shape (m,).
     """
     across = q["across"] + float(radii.max())
@@ -174,7 +174,7 @@ def _packed(columns: Columns) -> Array:
 
 
 def _unpacked(rows: Array, like: Columns) -> dict[str, npt.NDArray[Any]]:
-    """Return named data from rows; names, shapes and types are those of ``like``."""
+    """Return named data from rows; ``like`` gives names, shapes and types."""
     names = ["x", *(name for name in like if name != "x")]
     ends = np.cumsum([_width(like[name]) for name in names])
     parts = np.split(rows, ends[:-1], axis=1)

@@ -52,9 +52,9 @@ class DiscreteSurface(ReadOnly):
 
     Args:
         contact: description of the surface.
-        facets: local facets of the slave; default: those of a `ContactSurface`.
+        facets: local facets of the slave; default: facets of the `ContactSurface`.
         obstacle: opposing face of a pair; default: obstacle of a `ContactSurface`.
-        points_class: class of the contact points; default: that of the method.
+        points_class: class of the contact points; default: determined by the method.
         linear: whether the body is linear, which determines the default method and sliding.
 
     Attributes:

@@ -41,7 +41,7 @@ __all__ = [
 ]
 
 
-_ON_PLANE = 1e-9  # of the largest coordinate, up to which a node lies on a plane of symmetry
+_ON_PLANE = 1e-9  # distance from a plane of symmetry, relative to the largest coordinate
 
 
 def owned_exterior(domain: mesh.Mesh, facets: Indices) -> Indices:
@@ -54,8 +54,8 @@ def exterior_facets(domain: mesh.Mesh, facets: Any, tag: int | str | None, name:
     """Return the local facets of a surface, ghosts included. Collective.
 
     Each rank may name facets of other ranks' surfaces, such as its ghosts; all ranks then have
-    them. Indices do not identify their mesh: those of another mesh would be read as facets of this
-    one.
+    them. Indices do not identify their mesh: indices of another mesh would be read as facets of
+    this one.
 
     Args:
         domain: mesh of the body.
@@ -65,7 +65,7 @@ def exterior_facets(domain: mesh.Mesh, facets: Any, tag: int | str | None, name:
 
     Raises:
         ValueError: on every rank, if there is no such facet, a facet lies inside the body, no group
-            has the name, or the MeshTags are those of another mesh.
+            has the name, or the MeshTags belong to another mesh.
     """
     comm = domain.comm
     fdim = domain.topology.dim - 1
@@ -112,7 +112,7 @@ def _chosen(domain: mesh.Mesh, facets: Any, tag: int | str | None) -> Indices:
         if facets.dim != fdim:
             raise ValueError(f"the MeshTags must be of dimension {fdim}, not {facets.dim}")
         if not is_topology_of(domain, facets):
-            raise ValueError("the MeshTags are those of another mesh")
+            raise ValueError("the MeshTags belong to another mesh")
         if tag is None:
             known = f"; names: {sorted(facets.names)}" if isinstance(facets, NamedTags) else ""
             raise ValueError(f"MeshTags of facets need a tag{known}")
@@ -309,7 +309,7 @@ def sums_at_global_places(comm: MPI.Comm, owned: int, places: Ints, values: Arra
     Args:
         comm: communicator.
         owned: number of places owned by this rank.
-        places: global numbers of the places, shape (n,); they may be those of other ranks.
+        places: global numbers of the places, shape (n,), also of other ranks.
         values: values there, shape (n,).
     """
     sums = PETSc.Vec().createMPI((owned, None), comm=comm)

@@ -66,7 +66,7 @@ def closest_on(x: Array, corners: Array) -> Array:
 
 
 def _parts(x: Array, corners: Array) -> Array:
-    """Return products of the area vectors of triangles with those of their parts, shape (n, 3).
+    """Return products of the area vectors of triangles and their parts, shape (n, 3).
 
     The parts are the triangles between the projection of x and two corners; entry i belongs to the
     part opposite to corner i.

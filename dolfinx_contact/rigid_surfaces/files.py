@@ -70,7 +70,7 @@ def _of_stl(path: Path) -> Array:
     if text[:5].lower() == b"solid":
         return _of_text(path, text.decode(errors="replace"))
     raise ValueError(
-        f"{path} is no complete STL file: an ASCII file begins with 'solid', and a binary file "
+        f"{path} is not a complete STL file: an ASCII file begins with 'solid', and a binary file "
         f"with {count} facets has {length} bytes; got {len(content)} bytes"
     )
 
@@ -89,7 +89,7 @@ def _of_text(path: Path, text: str) -> Array:
             raise ValueError("keywords differ")
         return facets[:, numbers].astype(np.float64)[:, 3:].reshape(-1, 3, 3)
     except ValueError as error:
-        raise ValueError(f"{path} is no complete ASCII STL file: {error}") from None
+        raise ValueError(f"{path} is not a complete ASCII STL file: {error}") from None
 
 
 def _of_gmsh(path: Path, group: str | int | None) -> tuple[Array, Ints]:

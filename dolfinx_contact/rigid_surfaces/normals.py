@@ -48,7 +48,7 @@ _SHALLOW = 1e-3  # slope below which a point is not a tip
 
 
 def crossed(corners: Array) -> Array:
-    """Return facet normals; their length is that of the segment, or twice the triangle area.
+    """Return facet normals; their length is the length of the segment, or twice the triangle area.
 
     Args:
         corners: corners of the facets, shape (k, dim, dim).

@@ -47,12 +47,12 @@ class RigidSurface(ReadOnly, Obstacle):
     at points of rims that lie on their edges. With ``reverse`` the body is on the opposite side,
     for example inside a die.
 
-    *Edges.* Normals approximate those of a smooth surface through the points. They are computed at
-    the points and interpolated on facets (`rigid_surfaces.normals`). They are not averaged across
-    edges where the facet normals differ by more than ``crease`` degrees, nor at a tip such as the
-    apex of a cone; ``crease=0`` uses facet normals everywhere. At a crease the normal jumps from
-    one facet to the other. A radius ``rounding`` enlarges the obstacle by this distance, so that
-    protruding edges are round with continuous normals.
+    *Edges.* Normals approximate the normals of a smooth surface through the points. They are
+    computed at the points and interpolated on facets (`rigid_surfaces.normals`). They are not
+    averaged across edges where the facet normals differ by more than ``crease`` degrees, nor at a
+    tip such as the apex of a cone; ``crease=0`` uses facet normals everywhere. At a crease the
+    normal jumps from one facet to the other. A radius ``rounding`` enlarges the obstacle by this
+    distance, so that protruding edges are round with continuous normals.
 
     *Rims.* An open surface ends at its rim. Points past the rim leave the surface, and there is no
     contact behind it. A sliding face leaves gradually, within the size of one of its facets (or
@@ -166,8 +166,8 @@ class RigidSurface(ReadOnly, Obstacle):
             path: STL file, ASCII or binary, or gmsh file ``.msh``, with surfaces for a 3D problem
                 or curves in a plane of constant z for a 2D problem.
             group: physical group of gmsh, by name or tag; None for all facets of the file.
-            scale: factor from the length unit of the file to that of the mesh: 1e-3 for a file in
-                mm if the mesh is in m.
+            scale: factor from the length unit of the file to the length unit of the mesh: 1e-3 for
+                a file in mm if the mesh is in m.
             comm: communicator of the calling ranks.
             **options: further arguments of the class; ``name`` defaults to the file name.
 

@@ -280,7 +280,8 @@ def _check_facets(points: Array, cells: Ints, name: str) -> None:
     twice = len(cells) - len(np.unique(np.sort(cells, axis=1), axis=0))
     if twice:
         raise ValueError(
-            f"{name}: {twice} facets are repeated; mend=True removes those of equal orientation"
+            f"{name}: {twice} facets are repeated; mend=True removes one of two facets of equal "
+            "orientation"
         )
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Master facets, of any rank, that may oppose those of a slave in large sliding."""
+"""Master facets, of any rank, that may oppose slave facets in large sliding."""
 
 from __future__ import annotations
 

@@ -45,12 +45,12 @@ __all__ = ["SlidingFaces"]
 _STEEP = 0.1  # cosine of the largest angle at which facets face each other
 _STEEP_ITSELF = 0.5  # the same for facets of one face
 _NEAR = 4.0  # distance in facets within which facets of one face are neighbours
-_BELOW = 1e-3  # of a facet, depth at which cells behind it are searched
-_LEAST_COVER = 1e-6  # of a facet, covered part below which it has no opposing facet
-_LEAST_WEIGHT = 1e-9  # of the area of a node, covered part below which it has no opposing point
-_SAME = 1e-6  # of a facet, distance of a node from its image on the plane
-_ROUND_OFF = 4e-15  # of the largest coordinate, gap that is round-off
-_SHARE = 0.05  # of the area of a node, covered part above which the law counts alone
+_BELOW = 1e-3  # depth at which cells behind a facet are searched, relative to the facet
+_LEAST_COVER = 1e-6  # covered fraction of a facet below which it has no opposing facet
+_LEAST_WEIGHT = 1e-9  # covered fraction of a node below which it has no opposing point
+_SAME = 1e-6  # distance of a node from its image on the plane, relative to a facet
+_ROUND_OFF = 4e-15  # gap that is round-off, relative to the largest coordinate
+_SHARE = 0.05  # covered fraction of a node above which only its law determines its traction
 #: Degree of the quadrature by dimension: of products of the bases of slave and master, and more in
 #: 2D, where it costs little and normals turn.
 _DEGREES = {2: 4, 3: 2}

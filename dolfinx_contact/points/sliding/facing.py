@@ -1,39 +1,39 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Weighted gap and slip of the nodes of a slave at a state, and their derivatives.
 
-With quadrature points q on the parts that facets of slave and master have in common, weights w of
-the reference configuration, and the gap g and the place eta of the ray of each (`cast`), a node a
-of the slave has
+With quadrature points q on the common parts of slave and master facets, weights w of the reference
+configuration, and the gap g and the place eta of the ray of each point (`cast`), a node a of the
+slave has
 
     W_a = sum_q w N_a,    g_a = sum_q w N_a g / W_a,    d_a = sum_q w N_a R_aq d / W_a,
 
-in which the slip is the way of the two material points that face each other now, along the surface
-of the last accepted state,
+where the slip is the distance, along the surface of the last accepted state, between the two
+material points that face each other now,
 
     d = (I - n_o n_o^T) (y_o(eta) - x_o),
 
-with x_o, y_o and n_o of that state. It does not change where both bodies turn as one, so that
-points that stick keep their tractions turned with them. The law of node a sees the jump
+with x_o, y_o and n_o of that state. A common rotation of both bodies does not change it, so that
+the tractions of sticking points turn with the bodies. The law of node a sees the jump
 
     j_a = -g_a n_a + S_a R_a d_a
 
-with the normal n_a of now and the smallest rotation R_a that takes the normal of the last state to
-it; R_aq is that from n_o at the point to n_o at the node, so that slips on curved faces keep their
-lengths. In space S_a is the rotation about n_a by the mean angle by which both faces have turned
-about it since,
+with the present normal n_a and the smallest rotation R_a from the normal of the last state to n_a;
+R_aq is the smallest rotation from n_o at the point to n_o at the node, so that slips on curved
+faces keep their lengths. In 3D S_a is the rotation about n_a by the mean angle by which both faces
+have turned about it since the last state,
 
     psi_a = sum_q w N_a (psi_slave + psi_master)/2 / W_a,
 
-of their facets (`spins`): the slip turns with the bodies, and by half of what one turns over the
-other, since d is the chord of the arc that a point has followed, and friction acts along its end.
+of their facets (`spins`): the slip turns with the bodies, and by half of the relative rotation,
+since d is the chord of the arc that a point has followed, and friction acts along its end.
 
 The tractions t of the nodes are nominal; their forces are w N_a t on the slave, and -w N_b(eta) t
 on the master, t = sum_a N_a t_a (Puso and Laursen, CMAME 193, 2004; Poulios and Renard, Comput.
 Struct. 153, 2015). Limits of the parts are not differentiated.
 
-A node of which hardly anything is covered, as at the edge of a master that moves over it, has a gap
-that is known at the edge alone. Its law counts by the share s = W_a / (c A_a), 1 at most, of a part
-c of its area A_a; for the rest its traction is the mean of those around it,
+The gap of a hardly covered node, as at the edge of a master that moves over it, is known only at
+the edge. Its law is weighted by the share s = W_a / (c A_a), 1 at most, of a part
+c of its area A_a; the remainder of its traction is the mean of the tractions around it,
 
     s (t_a - tau_a) + (1 - s) (t_a - sum_b m_ab t_b / sum_b m_ab) = 0,    m_ab = sum_q w N_a N_b,
 
@@ -41,9 +41,9 @@ so that tractions continue to the edge, and nothing jumps when a node comes to b
 to be.
 
 Of bodies of revolution w has the factor 2 pi R with the radius R of the point of the slave in the
-reference configuration: tractions are nominal there too, so that w stays what it is when bodies
-move, and there are no other derivatives. Forces are those of the whole circumference; the axial
-ones of slave and master balance as sum_a N_a = sum_b N_b = 1 do. On the axis n_a has no radial
+reference configuration: tractions are nominal there too, so that w is constant when bodies move
+and needs no derivatives. Forces act on the whole circumference; axial
+forces of slave and master balance because sum_a N_a = sum_b N_b = 1. On the axis n_a has no radial
 part.
 """
 
@@ -270,7 +270,7 @@ class Nodal:
     def by_turning(self) -> Array:
         """d(S R d)/dn minus the rotation of S R d with the normal, shape (n, dim, dim).
 
-        It is zero in 2D, and if the normal is that of the last accepted state.
+        It is zero in 2D, and if the normal has not changed since the last accepted state.
         """
         n = self.normal
         o = self.before

@@ -40,11 +40,11 @@ from dolfinx_contact.points.trace import (
 __all__ = ["SlidingPair", "SlidingPoints"]
 
 
-_OVERLAP = 1e-3  # of a facet, overlap of chords of curved faces
+_OVERLAP = 1e-3  # overlap of chords of curved faces, relative to a facet
 _ALONG = 0.1  # smallest component of a normal along the planes of symmetry of its node
 _SHARP = 35.0  # degrees between the normals of a node and of a facet, beyond which it is an edge
-_IN_PLACE = 1e-9  # of the size of the body, round-off of positions on a plane of symmetry
-_REACH = 0.25  # of the size of the smaller face, default search distance
+_IN_PLACE = 1e-9  # distance of nodes from their plane of symmetry, relative to the body
+_REACH = 0.25  # default search distance, relative to the size of the smaller face
 
 
 class SlidingPair(DiscreteSurface):

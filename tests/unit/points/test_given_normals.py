@@ -118,7 +118,7 @@ def test_without_given_normals_the_slave_decides():
         ((0.0, -1.0, 0.0), "must be 2 finite numbers"),
         ("down", "must be 2 finite numbers"),
         ((np.nan, -1.0), "must be 2 finite numbers"),
-        ((0.0, 1.0), "more than 60 degrees off that of 6 facets of the slave"),
+        ((0.0, 1.0), "more than 60 degrees off 6 facet normals of the slave"),
         ((ufl.as_ufl(0.0), -1.0), "the normal must be numbers, got"),
         ((2.0, -1.0), "more than 60 degrees off"),
     ],

@@ -495,7 +495,7 @@ def test_truncated_stl_files_are_refused(folder):
         end = len(content) if binary else content.rindex(b"endsolid") + len(b"endsolid") - 1
         for size in rng.integers(1, end, 100):
             (folder / "part.stl").write_bytes(content[:size])
-            with pytest.raises(ValueError, match=r"truncated|is no complete"):
+            with pytest.raises(ValueError, match=r"truncated|is not a complete"):
                 RigidSurface.read(folder / "part.stl")
 
 
@@ -528,7 +528,7 @@ def test_rigid_surfaces_read_and_write_files(folder):
     for name, given, error, message in (
         ("none.stl", {}, FileNotFoundError, "none.stl"),
         ("empty.stl", {}, ValueError, "has no facets"),
-        ("broken.stl", {}, ValueError, "is no complete STL file"),
+        ("broken.stl", {}, ValueError, "is not a complete STL file"),
         ("tool.step", {}, ValueError, "from a file .stl or .msh"),
         ("words.stl", {"group": "skin"}, ValueError, "an STL file has no groups"),
         ("words.stl", {"scale": 0.0}, ValueError, "scale must be a positive number"),
