@@ -40,8 +40,10 @@ from dolfinx_contact.points.search import around, nearest
 from dolfinx_contact.points.trace import (
     at_global_places,
     facet_normals,
+    facets_in_common,
     nodes_on,
     outward_normals,
+    unit_field,
 )
 
 __all__ = ["CURVED_OVERLAP", "Common", "Opposite", "OppositeFacets"]
@@ -167,21 +169,17 @@ class OppositeFacets(Obstacle):
         name: str,
     ):
         domain, comm = V.mesh, V.mesh.comm
-        dim = domain.geometry.dim
-        owned = domain.topology.index_map(dim - 1).size_local
-        common = comm.allreduce(int((np.intersect1d(slave, master) < owned).sum()))
+        common = facets_in_common(domain, slave, master)
         require(comm, common == 0, f"{name}: slave and master have {common} facets in common")
         W = fem.functionspace(domain, ("Lagrange", 1))
         size = comm.allreduce(outward_normals(W, slave)[1], op=min)
         if normal is not None:
-            _refuse_aslant(domain, slave[slave < owned], normal, name)
+            _refuse_aslant(domain, slave, normal, name)
         sides = nodes_on(V, slave), nodes_on(V, master)
         faces = _Sides(V, slave, master, sides, size, name, normal, axisymmetric)
         self.opposite = found = _matched(faces) or _mortar(faces)
         normals = faces.normals(W)
-        field = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (dim,))))
-        field.x.array[:] = normals.reshape(-1)
-        self._normal = field / ufl.sqrt(ufl.dot(field, field))
+        field, self._normal = unit_field(domain, normals)
         if gap is not None:
             self._gap: Any = ufl.as_ufl(gap)
             return
@@ -409,7 +407,8 @@ def _means(V: fem.FunctionSpace, A: PETSc.Mat, on_slave: Mask) -> tuple[Ints, In
 
 def _refuse_aslant(domain: mesh.Mesh, slave: Indices, normal: Array, name: str) -> None:
     """Raise ``ValueError`` if a given normal does not fit the slave facets. Collective."""
-    count = domain.comm.allreduce(int((facet_normals(domain, slave) @ normal < _ASLANT).sum()))
+    owned = slave[slave < domain.topology.index_map(domain.topology.dim - 1).size_local]
+    count = domain.comm.allreduce(int((facet_normals(domain, owned) @ normal < _ASLANT).sum()))
     require(
         domain.comm,
         not count,

@@ -12,6 +12,7 @@ from petsc4py import PETSc
 import numpy as np
 
 import basix
+import ufl
 from dolfinx import fem, la, mesh
 
 from dolfinx_contact import _geometry
@@ -30,6 +31,7 @@ __all__ = [
     "exterior_facets",
     "facet_closures",
     "facet_normals",
+    "facets_in_common",
     "nodes_on",
     "outward_normals",
     "owned_exterior",
@@ -37,6 +39,7 @@ __all__ = [
     "rounded",
     "sums_at_global_places",
     "trace_dofs",
+    "unit_field",
     "vertex_numbers",
 ]
 
@@ -264,6 +267,19 @@ def across_planes(
             f"and {over}",
         )
     return across
+
+
+def facets_in_common(domain: mesh.Mesh, slave: Indices, master: Indices) -> int:
+    """Return the number of facets in two lists of local facets. Collective."""
+    owned = domain.topology.index_map(domain.topology.dim - 1).size_local
+    return int(domain.comm.allreduce(int((np.intersect1d(slave, master) < owned).sum())))
+
+
+def unit_field(domain: mesh.Mesh, vectors: Array) -> tuple[fem.Function, Any]:
+    """Return a linear vector Function with values (vertices, dim), and its direction in UFL."""
+    field = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (domain.geometry.dim,))))
+    field.x.array[:] = vectors.reshape(-1)
+    return field, field / ufl.sqrt(ufl.dot(field, field))
 
 
 def nodes_on(V: fem.FunctionSpace, facets: Indices) -> Mask:

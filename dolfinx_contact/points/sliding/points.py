@@ -11,7 +11,6 @@ from mpi4py import MPI
 
 import numpy as np
 
-import ufl
 from dolfinx import fem, mesh
 
 from dolfinx_contact._arrays import Array, Indices, Mask
@@ -33,8 +32,10 @@ from dolfinx_contact.points.surface import DiscreteSurface
 from dolfinx_contact.points.trace import (
     across_planes,
     exterior_facets,
+    facets_in_common,
     nodes_on,
     outward_normals,
+    unit_field,
 )
 
 __all__ = ["SlidingPair", "SlidingPoints"]
@@ -243,9 +244,8 @@ class SlidingFacets(Obstacle):
     ):
         comm = V.mesh.comm
         dim = V.mesh.geometry.dim
-        owned = V.mesh.topology.index_map(dim - 1).size_local
         itself = direction is not None
-        common = comm.allreduce(int((np.intersect1d(slave, master) < owned).sum()))
+        common = facets_in_common(V.mesh, slave, master)
         require(
             comm,
             common == 0 or itself,
@@ -274,9 +274,7 @@ class SlidingFacets(Obstacle):
             direction=direction,
         )
         # normals, without their parts across planes of symmetry
-        W = fem.functionspace(V.mesh, ("Lagrange", 1, (dim,)))
-        field = fem.Function(W)
-        normals = outward_normals(W, slave)[0]
+        normals = outward_normals(V, slave)[0]
         normals[self.opposite.across] = 0.0
         left = np.linalg.norm(normals[sides[0]], axis=1)
         count = comm.allreduce(int((left < _ALONG).sum()))
@@ -286,8 +284,7 @@ class SlidingFacets(Obstacle):
             f"{name}: the slave lies in a plane of symmetry instead of ending there: its normals "
             f"look across it at {count} nodes",
         )
-        field.x.array[:] = normals.reshape(-1)
-        self._normal = field / ufl.sqrt(ufl.dot(field, field))
+        _, self._normal = unit_field(V.mesh, normals)
 
     @property
     def flat(self) -> bool:
