@@ -16,7 +16,7 @@ stand, keeps all of its multipliers.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -51,50 +51,53 @@ def crossings(
         on both faces.
     """
     comm = V.mesh.comm
-    index_map = V.dofmap.index_map
-    opposites = [s.obstacle.opposite for s in surfaces]
-    if all(opposite is None for opposite in opposites):
-        return [_none(s.points.vertices.dofmap.index_map) for s in surfaces], _none(index_map)
-    parts: list[Ints] = [np.zeros((0, 4), dtype=np.int64)]
-    for i, (s, opposite) in enumerate(zip(surfaces, opposites, strict=True)):
+    nodes_of = V.dofmap.index_map
+    maps = [s.points.vertices.dofmap.index_map for s in surfaces]
+    if all(s.obstacle.opposite is None for s in surfaces):
+        none = [np.zeros(m.size_local + m.num_ghosts, dtype=bool) for m in (*maps, nodes_of)]
+        return none[:-1], none[-1]
+    # edges: surface, vertex, and nodes at both ends of the jump there
+    surface: list[Ints] = [np.zeros(0, dtype=np.int64)]
+    vertex: list[Ints] = [np.zeros(0, dtype=np.int64)]
+    both: list[Ints] = [np.zeros((0, 2), dtype=np.int64)]
+    for i, s in enumerate(surfaces):
+        opposite = s.obstacle.opposite
         if opposite is None or not opposite.matching:
             continue
-        vertices = np.arange(s.points.vertices.dofmap.index_map.size_local)
-        nodes = s.points.vertex_trace_dofs[vertices]
-        here = global_numbers(index_map, nodes)
-        there = opposite.at(nodes)[0][:, 0]
-        number = np.full(len(vertices), i)
-        edges = np.column_stack([number, vertices, here, there])
+        nodes = s.points.vertex_trace_dofs[: maps[i].size_local]
         rests = resting(V, opposite, fixed)[nodes].all(axis=1)
-        parts.append(np.asarray(edges[~rests], dtype=np.int64))
-    mine: Ints = np.concatenate(parts)
-    several = at_global_places(comm, _counts(V, mine), mine[:, 2:]) > 1
+        here, there = global_numbers(nodes_of, nodes), opposite.at(nodes)[0][:, 0]
+        surface.append(np.full(np.count_nonzero(~rests), i))
+        vertex.append(np.flatnonzero(~rests))
+        both.append(np.column_stack([here, there])[~rests])
+    ends = np.concatenate(both)
+    several = at_global_places(comm, _counts(V, ends), ends) > 1
     # few are left, since nodes of one pair have one jump
-    mine = mine[several.all(axis=1)]
-    found = mine[_in_loops(comm.allgather(mine), comm.rank)]
+    left = np.flatnonzero(several.all(axis=1))
+    left = left[_in_loops(comm.allgather(ends[left]), comm.rank)]
+    numbers, vertices = (np.concatenate(part)[left] for part in (surface, vertex))
     marks = []
-    for i, s in enumerate(surfaces):
-        here = found[found[:, 0] == i, 1]
-        marked = SharedValues(s.points.vertices.dofmap.index_map).sums(here, np.ones(len(here)))
-        marks.append(np.asarray(marked > 0))
-    counts = SharedValues(index_map).from_owners(_counts(V, found))
+    for i, index_map in enumerate(maps):
+        at = vertices[numbers == i]
+        marks.append(SharedValues(index_map).sums(at, np.ones(len(at))) > 0)
+    counts = SharedValues(nodes_of).from_owners(_counts(V, ends[left]))
     return marks, np.asarray(counts > 0)
 
 
-def _none(index_map: Any) -> Mask:
-    return np.zeros(index_map.size_local + index_map.num_ghosts, dtype=bool)
-
-
-def _counts(V: fem.FunctionSpace, edges: Ints) -> Array:
-    """Return the number of edges that end at the owned nodes. Collective."""
-    ends = edges[:, 2:].reshape(-1)
+def _counts(V: fem.FunctionSpace, ends: Ints) -> Array:
+    """Return the number of edges with the given ends (n, 2) at the owned nodes. Collective."""
     owned = V.dofmap.index_map.size_local
-    return sums_at_global_places(V.mesh.comm, owned, ends, np.ones(len(ends)))
+    return sums_at_global_places(V.mesh.comm, owned, ends.reshape(-1), np.ones(ends.size))
 
 
 def _in_loops(parts: Sequence[Ints], rank: int) -> Mask:
-    """Return the mask of the edges of a rank in or between loops, which have no free end."""
-    ends = np.concatenate(parts)[:, 2:]
+    """Return the mask of the edges of a rank in or between loops, which have no free end.
+
+    Args:
+        parts: ends of the edges by rank, shape (n, 2) each.
+        rank: number of the rank.
+    """
+    ends = np.concatenate(parts)
     left: Mask = np.ones(len(ends), dtype=bool)
     _, nodes = np.unique(ends, return_inverse=True)
     nodes = nodes.reshape(ends.shape)
