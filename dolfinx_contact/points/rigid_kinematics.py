@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Kinematics of rigid bodies, and displacements relative to the obstacle of a surface.
+r"""Kinematics of rigid bodies.
 
 A rigid body has a displacement d and a rotation theta about a reference point X_0. If both are
 small, its material point X moves by
@@ -17,17 +17,13 @@ with S v = theta x v, and L = 1 in 2D (Simo and Vu-Quoc, CMAME 58, 1986, section
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy
 
 from dolfinx_contact._arrays import Array
 
-if TYPE_CHECKING:
-    from dolfinx_contact.points.rigid_body import RigidBody
-
-__all__ = ["Partner", "RigidKinematics"]
+__all__ = ["RigidKinematics"]
 
 
 _SMALL_ANGLE = 1e-4  # angle up to which L is a series
@@ -125,61 +121,3 @@ class RigidKinematics:
         else:
             moments = np.asarray(np.cross(arm, forces), dtype=np.float64)
         return np.concatenate([forces.sum(axis=0), moments.sum(axis=0)])
-
-
-@dataclass(frozen=True, eq=False)
-class Partner:
-    """Obstacle of a surface as the frame of reference of its displacements.
-
-    Attributes:
-        body: rigid body; None if the obstacle is not a rigid body.
-        x: positions of the local nodes of the displacement, shape (nodes, dim).
-        turns: whether the surface follows a rigid body that rotates by any angle.
-    """
-
-    body: RigidBody | None
-    x: Array
-    turns: bool
-
-    def relative(self, u: Array, motion: Array | None) -> Array:
-        """Return displacements relative to the rigid body; unchanged without one.
-
-        Args:
-            u: displacement at the first local nodes, shape (n, dim).
-            motion: motion of the rigid body, shape (k,).
-        """
-        if self.body is None:
-            return u
-        assert motion is not None
-        x = self.x[: len(u)]
-        rigid = self.body.kinematics
-        return np.asarray(
-            rigid.seen(x + u, motion) - x if self.turns else u - rigid.field(x, motion)
-        )
-
-    def relative_rate(self, u: Array, motion: Array, du: Array, change: Array) -> Array:
-        """Return the derivative of `relative`, rotated with the body.
-
-        Args:
-            u: displacement at the first local nodes, shape (n, dim).
-            motion: motion of the rigid body, shape (k,).
-            du: direction of the displacement, shape (n, dim).
-            change: direction of the motion, shape (k,).
-        """
-        if self.body is None or not self.turns:
-            return self.relative(du, change)
-        x = self.x[: len(u)] + u
-        return np.asarray(du - self.body.kinematics.velocity(x, motion, change))
-
-    def rotation(self, motion: Array | None) -> Array | None:
-        """Return the rotation of the frame, shape (dim, dim); None if it does not rotate."""
-        if self.body is None or motion is None or not self.turns:
-            return None
-        return self.body.kinematics.rotation(motion)
-
-    def dragged(self, x: Array) -> Array:
-        """Return present displacements of the rigid body at points (n, dim); 0 without one."""
-        if self.body is None:
-            return np.zeros_like(x)
-        rigid, motion = self.body.kinematics, self.body.values
-        return rigid.carried(x, motion) if self.turns else rigid.field(x, motion)

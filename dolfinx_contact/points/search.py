@@ -24,8 +24,9 @@ __all__ = ["Columns", "around", "near_rays", "nearest"]
 
 #: Data of points by name, arrays of shape (n, ...).
 Columns = Mapping[str, npt.NDArray[Any]]
-#: Function from the numbers of own points, positions and data of questions to pairs of both.
-Selection = Callable[[scipy.spatial.cKDTree, Columns], tuple[Ints, Ints]]
+#: Function from a `scipy.spatial.cKDTree` of points and data of questions to pairs of numbers of
+#: questions and points. (SciPy loads its trees at the first search.)
+Selection = Callable[[Any, Columns], tuple[Ints, Ints]]
 
 
 def nearest(comm: MPI.Comm, known: Columns, x: Array) -> dict[str, npt.NDArray[Any]]:

@@ -31,9 +31,9 @@ from dolfinx_contact.points.neighbours import LawAmongPoints
 from dolfinx_contact.points.node_points import AveragedPoints, NodePoints
 from dolfinx_contact.points.operators import ConstantOperator
 from dolfinx_contact.points.opposite import CURVED_OVERLAP
+from dolfinx_contact.points.partner import Partner
 from dolfinx_contact.points.revolution import check_section
 from dolfinx_contact.points.rigid_body import RigidBody
-from dolfinx_contact.points.rigid_kinematics import Partner
 from dolfinx_contact.points.trace import exterior_facets
 
 __all__ = ["DiscreteSurface"]
