@@ -343,7 +343,7 @@ class ContactProblem(ReadOnly):
         )
         return (
             f"<ContactProblem: {kind} body of {cells} cells, degree {self.V.ufl_element().degree}, "
-            f"{sum(self.equations.global_sizes)} unknowns; surfaces {surfaces}>"
+            f"{sum(self.equations.unknowns.global_sizes)} unknowns; surfaces {surfaces}>"
         )
 
     def moving(self, body: MovingBody) -> ContactProblem:
