@@ -12,11 +12,14 @@ rises and falls such that the state changes slowly, for example where a structur
 friction opposes the slip as it happens, and damage is irreversible. The constraint was
 introduced by Riks (Int. J. Solids Struct. 15, 1979); here it is used on the pieces of H.
 
-The rule `ByArcLength` goes from one accepted point to the next in three steps:
+A step of the path has the parts of every step (`step`),
 
 1. solve H(x_n+1, gamma_n+1; m_n) = 0 at arc length h or at an event before it (`arc_steps`),
-2. accept the memory m_n+1 = A(x_n+1; m_n), and account for the energies,
-3. solve the rate problem at x_n+1 with m_n+1 for the piece and the tangent t_n+1 of the next step.
+2. account for the energies,
+3. advance the memory, m_n+1 = A(x_n+1; m_n).
+
+Then the rule `ByArcLength` solves the rate problem at x_n+1 with m_n+1 for the piece and the
+tangent t_n+1 of the next step.
 
 The time of a point is the arc length from the start of the path. Laws must not depend on it.
 """
@@ -50,7 +53,7 @@ from dolfinx_contact.equations.validation import check_times
 from dolfinx_contact.evolution.arc_steps import ArcSteps, Arrival
 from dolfinx_contact.evolution.energy import Forces, forces_at
 from dolfinx_contact.evolution.history import EvolutionStep, PathEvent, PathHistory, PathStep
-from dolfinx_contact.evolution.run import Listeners, Rule, Runnable, RunState
+from dolfinx_contact.evolution.run import Ended, Listeners, Rule, Runnable, RunState
 from dolfinx_contact.evolution.step import AcceptedState, Stepper
 from dolfinx_contact.parametric import ParametricContact
 from dolfinx_contact.points.memory import Memory
@@ -58,7 +61,7 @@ from dolfinx_contact.points.surface import DiscreteSurface
 from dolfinx_contact.results.result import Result
 from dolfinx_contact.results.tables import violation
 
-__all__ = ["ArcLength", "PathDirection", "PathTask"]
+__all__ = ["ArcLength", "PathDirection", "PathStepper", "PathTask"]
 
 #: Direction in which a run leaves its start: increasing or decreasing load in a first run; onwards
 #: or back in a later one.
@@ -219,8 +222,8 @@ class ArcLength(Runnable[PathTask, PathHistory]):
         value = self.parametric.constant.value
         return float(value) if self._accepted is None else self._accepted.gamma
 
-    def stepper(self, progress: bool | None) -> Stepper:
-        return _PathStepper(self.parametric)
+    def stepper(self, progress: bool | None) -> PathStepper:
+        return PathStepper(self.parametric)
 
     def history(self, run_state: RunState) -> PathHistory:
         accepted = run_state.accepted
@@ -243,7 +246,8 @@ class ArcLength(Runnable[PathTask, PathHistory]):
         )
 
     def _rule(self, stepper: Stepper, task: PathTask, run_state: RunState) -> ByArcLength:
-        return ByArcLength(self.parametric, stepper, task, run_state)
+        assert isinstance(stepper, PathStepper)
+        return ByArcLength(stepper, task, run_state)
 
     def _accepted_start(
         self, stepper: Stepper, task: PathTask, start: State | None
@@ -253,16 +257,21 @@ class ArcLength(Runnable[PathTask, PathHistory]):
         return stepper.start(0.0, start)
 
 
-class _PathStepper(Stepper):
-    """Puts accepted states of a path into the problem, with their load.
+class PathStepper(Stepper):
+    """Takes steps of a path.
 
     Args:
-        system: contact problem with its load parameter.
+        given: contact problem with its load parameter.
+
+    Attributes:
+        system: the same problem with the memory of the last accepted state.
     """
 
-    def __init__(self, system: ParametricContact):
-        super().__init__(system.problem, lambda _: None, None)
-        self._system = system
+    def __init__(self, given: ParametricContact):
+        super().__init__(given.problem, lambda _: None, None)
+        self._given = given
+        self.system = given
+        self._weak = any(s.points.E is not None for s in self.problem.surfaces)
 
     def start(self, time: float, given: State | None = None) -> AcceptedState:
         accepted = super().start(time, given)
@@ -271,20 +280,97 @@ class _PathStepper(Stepper):
         # keep the statuses of the last step: at borders the state does not determine them
         return replace(accepted, statuses=given.statuses)
 
+    def use_memory(self, steps: ArcSteps, memory: Sequence[Memory | None]) -> None:
+        """Continue with the memory of an accepted state. Collective."""
+        self.system = self.system.with_memory(memory)
+        steps.bordered.system = self.system
+
+    def take_along(
+        self,
+        steps: ArcSteps,
+        leaves: BranchPoint,
+        before: AcceptedState,
+        h: float,
+        gamma_range: tuple[float, float],
+    ) -> tuple[AcceptedState, Arrival]:
+        """Step along a path from an accepted state; the Functions receive the end. Collective.
+
+        Args:
+            steps: steps of given arc length, which continue with the memory of the end.
+            leaves: point of the accepted state, with the piece and the tangent of the step.
+            before: accepted state at the start.
+            h: largest arc length.
+            gamma_range: range of gamma.
+
+        Raises:
+            Ended: if no step succeeds, or a law gives a number that is not finite.
+        """
+        assert isinstance(before.forces, Forces)
+        # 1. solve on the piece
+        arrival, result, evaluation = self._solved(steps, leaves, h, gamma_range)
+        # 2. account for the energies
+        equations = self.system.equations
+        forces = forces_at(equations, evaluation)
+        energies = before.energies.advanced(before.forces, forces, result.energies["friction"])
+        if not np.isfinite(energies.residue):
+            raise Ended(
+                Ending.NOT_SOLVED,
+                f"beyond gamma = {before.gamma:.10g} a law gives a number that is not finite",
+            )
+        # 3. advance the memory
+        memory = equations.memory_after(evaluation)
+        after = self.accept(
+            self.system.problem,
+            evaluation.statuses,
+            memory,
+            before.time + arrival[0].step,
+            energies,
+            forces,
+            result=result,
+        )
+        self.use_memory(steps, memory)
+        return after, arrival
+
+    def _solved(
+        self, steps: ArcSteps, leaves: BranchPoint, h: float, gamma_range: tuple[float, float]
+    ) -> tuple[Arrival, Result, Evaluation]:
+        """Solve the next point on the piece of a direction; see `take_along`. Collective.
+
+        If the assumption which bonds break turns out wrong, the contact law is violated, and a
+        shorter step is tried.
+        """
+        while True:
+            arrival = steps.arrive(leaves, h, gamma_range)
+            if arrival is None:
+                raise Ended(
+                    Ending.NOT_SOLVED,
+                    f"no step of at least {steps.control.minimum:g} succeeds beyond "
+                    f"gamma = {leaves.gamma:.10g}{OTHER_CAUSE}",
+                )
+            result = self.system.result_at(arrival[0])
+            evaluation = self.system.problem.evaluate()
+            if self._weak or self._violation(evaluation) <= _VIOLATION:
+                return arrival, result, evaluation
+            h = 0.5 * min(h, arrival[0].step)
+
+    def _violation(self, evaluation: Evaluation) -> float:
+        """Return the violation of the contact law relative to the largest forces so far."""
+        force, length = self.system.scales
+        return violation(self.system.equations, evaluation, force, length) if force > 0 else 0.0
+
     def _more(self) -> dict[str, Any]:
-        return {"gamma": float(self._system.constant.value)}
+        return {"gamma": float(self._given.constant.value)}
 
     def _show_more(self, state: State) -> None:
-        gamma = self._system.constant.value if state.gamma is None else state.gamma
-        self._system._set(float(gamma))
+        gamma = self._given.constant.value if state.gamma is None else state.gamma
+        self._given._set(float(gamma))
 
 
 class ByArcLength(Rule[PathTask]):
     """Rule of a path: the next point is at a given arc length; its load is unknown beforehand.
 
     Args:
-        system: contact problem with its load parameter.
-        stepper: stepper of the problem.
+        stepper: stepper of the path.
         task: task of the run.
         state: state of the run where it starts or continues.
     """
@@ -292,22 +378,17 @@ class ByArcLength(Rule[PathTask]):
     what = "path"
     units = "points"
 
-    def __init__(
-        self, system: ParametricContact, stepper: Stepper, task: PathTask, state: RunState
-    ):
+    def __init__(self, stepper: PathStepper, task: PathTask, state: RunState):
         super().__init__(task, state)
-        self._system = system
         self._stepper = stepper
         low, high = task.gamma_range
-        bordered = Bordered(system, gamma_scale=high - low)
+        bordered = Bordered(stepper.system, gamma_scale=high - low)
         self._steps = ArcSteps(Corrector(bordered, task.control, chords=False))
         #: Last point with the piece and tangent of the next step; None without a continuation.
         self._leaves: BranchPoint | None = None
-        surfaces = stepper.problem.surfaces
-        self._weak = any(s.points.E is not None for s in surfaces)
-        points = system.comm.allreduce(sum(s.points.number for s in surfaces))
-        self._patience = 2 * points + _PATIENCE
-        self._use_memory(state.accepted.memory)
+        points = sum(s.points.number for s in stepper.problem.surfaces)
+        self._patience = 2 * stepper.problem.comm.allreduce(points) + _PATIENCE
+        stepper.use_memory(self._steps, state.accepted.memory)
         self._steps.restore(state.known)
 
     def close(self) -> None:
@@ -319,11 +400,6 @@ class ByArcLength(Rule[PathTask]):
         return (
             f"gamma {step.gamma:.6g} in [{low:.6g}, {high:.6g}]  point {step.number}  {step.event}"
         )
-
-    def _use_memory(self, memory: Sequence[Memory | None]) -> None:
-        """Continue with the memory of an accepted state. Collective."""
-        self._system = self._system.with_memory(memory)
-        self._steps.bordered.system = self._system
 
     # -- the start -------------------------------------------------------------------------------
 
@@ -370,11 +446,9 @@ class ByArcLength(Rule[PathTask]):
         x = self._stepper.problem.create_vector()
         self._stepper.problem.write(x)
         y = b.joined(x, gamma)
-        piece = (
-            self._system.piece_at(x, gamma)
-            if accepted.statuses is None
-            else self._system.piece(accepted.statuses)
-        )
+        system = self._stepper.system
+        statuses = accepted.statuses
+        piece = system.piece_at(x, gamma) if statuses is None else system.piece(statuses)
         x.destroy()
         if not self._steps.corrector.natural(y, gamma, piece):
             raise ValueError(f"the start is not a solution at gamma = {gamma:g}; solve() first")
@@ -386,56 +460,34 @@ class ByArcLength(Rule[PathTask]):
 
     def steps(self) -> Iterator[EvolutionStep]:
         while len(self.state.passed) <= self.task.max_steps:
-            step = self._step()
-            if step is None:
-                return
-            yield step
+            yield self._step()
         self.end(Ending.BUDGET, f"the budget of {self.task.max_steps} steps is exhausted")
 
-    def _step(self) -> PathStep | None:
-        """Take and accept a step; end the path and return None if that is impossible. Collective.
-
-        The Functions receive the point.
-        """
-        # 1. solve
-        solution = self._solve()
-        if solution is None:
-            return None
-        (point, special, next_h, at_end), result, evaluation = solution
-        # 2. accept the memory, account for the energies
+    def _step(self) -> PathStep:
+        """Take and accept a step; the Functions receive the point. Collective."""
+        assert self._leaves is not None
         before = self.state.accepted
-        law = self._system.problem
-        forces = forces_at(law.equations, evaluation)
-        assert isinstance(before.forces, Forces)
-        energies = before.energies.advanced(before.forces, forces, result.energies["friction"])
-        if not np.isfinite(energies.residue):
-            self.end(
-                Ending.NOT_SOLVED,
-                f"beyond gamma = {before.gamma:.10g} a law gives a number that is not finite",
-            )
-            return None
-        memory = law.equations.memory_after(evaluation)
-        time = before.time + point.step
-        after = self._stepper.accept(law, evaluation.statuses, memory, time, energies, forces)
+        after, (point, special, next_h, at_end) = self._stepper.take_along(
+            self._steps, self._leaves, before, self.state.length, self.task.gamma_range
+        )
         number = self.state.number + 1
-        passed = (*self.state.passed, time)
+        passed = (*self.state.passed, after.time)
         self.state = RunState(after, next_h, number, arrived=point, passed=passed)
-        self._use_memory(memory)
-        # 3. find the next direction
         event, directions, method = self._continue_from(point, special, at_end=at_end)
         self._end_if_idle()
         self.state = replace(self.state, known=self._steps.known)
-        leaves = self._leaves or point
+        assert after.result is not None
+        letters = self._stepper.system.letters
         return PathStep(
             number,
             before.time,
-            time,
-            result,
-            energies,
+            after.time,
+            after.result,
+            after.energies,
             gamma=point.gamma,
             event=event,
-            before=self._system.letters(point.piece),
-            after=self._system.letters(leaves.piece),
+            before=letters(point.piece),
+            after=letters((self._leaves or point).piece),
             directions=directions,
             method=method,
             corrections=point.corrections,
@@ -475,36 +527,6 @@ class ByArcLength(Rule[PathTask]):
             number, method = 1 + 2 * bifurcations, "a bifurcation of one piece"
         return event, number, method
 
-    def _solve(self) -> tuple[Arrival, Result, Evaluation] | None:
-        """Solve the next point on the piece of the last one; end the path if that fails.
-
-        The Functions receive the point. If the assumption which bonds break turns out wrong, the
-        contact law is violated, and a shorter step is tried. Collective.
-        """
-        assert self._leaves is not None
-        system = self._system
-        length = self.state.length
-        while True:
-            arrival = self._steps.arrive(self._leaves, length, self.task.gamma_range)
-            if arrival is None:
-                reason = (
-                    f"no step of at least {self.task.control.minimum:g} succeeds beyond "
-                    f"gamma = {self._leaves.gamma:.10g}{OTHER_CAUSE}"
-                )
-                self.end(Ending.NOT_SOLVED, reason)
-                return None
-            point = arrival[0]
-            result = system.result_at(point)
-            evaluation = system.problem.evaluate()
-            if self._weak or self._violation(evaluation) <= _VIOLATION:
-                return arrival, result, evaluation
-            length = 0.5 * min(length, point.step)
-
-    def _violation(self, evaluation: Evaluation) -> float:
-        """Violation of the contact law relative to the largest forces so far. Collective."""
-        force, length = self._system.scales
-        return violation(self._system.equations, evaluation, force, length) if force > 0 else 0.0
-
     def _leave(self, point: BranchPoint, directions: FoundRays[Ray]) -> None:
         """Leave a point in the first direction; end the path if there is none. Collective."""
         self._leaves = None
@@ -523,7 +545,7 @@ class ByArcLength(Rule[PathTask]):
         if leaves is None:
             return "kink"
         changed = bool(np.any(point.piece.codes != leaves.piece.codes))
-        if not anywhere(self._system.comm, changed)[0]:
+        if not anywhere(self._stepper.problem.comm, changed)[0]:
             return ""
         return "nonsmooth fold" if self._steps.turned(point.tangent, leaves.tangent) else "kink"
 

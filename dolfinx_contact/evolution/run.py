@@ -50,7 +50,7 @@ from dolfinx_contact.evolution.step import AcceptedState, Stepper
 from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.problem import ContactProblem
 
-__all__ = ["Listeners", "Rule", "Run", "RunState", "Runnable"]
+__all__ = ["Ended", "Listeners", "Rule", "Run", "RunState", "Runnable"]
 
 T = TypeVar("T")
 H = TypeVar("H", bound=History)
@@ -88,6 +88,18 @@ class RunState:
     passed: Sequence[float] = ()
 
 
+class Ended(Exception):
+    """The end of a run that no step continues; its text is the reason.
+
+    Attributes:
+        ending: kind of the ending.
+    """
+
+    def __init__(self, ending: Ending, reason: str):
+        super().__init__(reason)
+        self.ending = ending
+
+
 class Rule(ABC, Generic[T]):
     """Rule by which a run finds its next step.
 
@@ -99,6 +111,7 @@ class Rule(ABC, Generic[T]):
         task: task as given.
         start: state of the run as given.
         state: state of the run after the last step.
+        stuck: reason why no step continues the run; None otherwise.
     """
 
     #: Nouns for the run and for its steps, for messages.
@@ -109,6 +122,7 @@ class Rule(ABC, Generic[T]):
         self.task = task
         self.start = state
         self.state = state
+        self.stuck: Ended | None = None
 
     def end(self, ending: Ending, reason: str = "") -> None:
         """End the run at its present state; the default reason is the sentence of the kind."""
@@ -127,6 +141,9 @@ class Rule(ABC, Generic[T]):
 
         After each of them `state` is the state at its end, with an ending if the run ends there.
         The Functions are left in any state.
+
+        Raises:
+            Ended: on every rank, if no step continues the run.
         """
 
     @abstractmethod
@@ -214,10 +231,7 @@ class Run(Generic[T, H]):
             self.state = rule.start
             if rule.state.ending is None:
                 with self._stepper.problem.warning_once():
-                    for step in rule.steps():
-                        self._handle(step)
-                        if rule.state.ending is not None:
-                            break
+                    self._take_steps()
             assert rule.state.ending is not None
             history.end(rule.state.ending, rule.state.reason)
         finally:
@@ -230,6 +244,18 @@ class Run(Generic[T, H]):
         finally:
             self._put()
         return history
+
+    def _take_steps(self) -> None:
+        """Take and handle steps until the run ends. Collective."""
+        rule = self._rule
+        try:
+            for step in rule.steps():
+                self._handle(step)
+                if rule.state.ending is not None:
+                    return
+        except Ended as ended:
+            rule.end(ended.ending, str(ended))
+            rule.stuck = ended
 
     def _put(self) -> None:
         """Put the last accepted state into the problem. Collective."""

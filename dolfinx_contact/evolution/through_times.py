@@ -57,7 +57,7 @@ from dolfinx_contact.evolution.jumps import (
     where_it_changes,
 )
 from dolfinx_contact.evolution.rate_problem import rays_of_step
-from dolfinx_contact.evolution.run import Rule, RunState
+from dolfinx_contact.evolution.run import Ended, Rule, RunState
 from dolfinx_contact.evolution.step import AcceptedState, Stepper
 from dolfinx_contact.laws.status import closed
 from dolfinx_contact.results.indicators import StepIndicators
@@ -158,14 +158,6 @@ def checked_times(times: Sequence[float], accepted: AcceptedState | None) -> tup
     return tuple(values.tolist())
 
 
-class _Ended(Exception):
-    """The end of a run that cannot continue, with its ending and reason."""
-
-    def __init__(self, ending: Ending, reason: str):
-        super().__init__(reason)
-        self.ending = ending
-
-
 class ThroughTimes(Rule[HistoryTask]):
     """Rule of a run through given times.
 
@@ -187,8 +179,6 @@ class ThroughTimes(Rule[HistoryTask]):
         self._slides = at_rest and any(s.slides for s in surfaces)
         points = self._comm.allreduce(sum(s.points.number for s in surfaces))
         self._rays_are_cheap = task.rays is None and points <= _FEW
-        #: Reason of a run that ends because no step continues it.
-        self._stuck: _Ended | None = None
         #: Number of steps that were tried from the present state and not accepted.
         self._rejected = 0
         #: State before the present one, if the step between them may be extrapolated.
@@ -207,19 +197,15 @@ class ThroughTimes(Rule[HistoryTask]):
         return (step.time - start) / (self.task.times[-1] - start)
 
     def require_continuation(self, history: History) -> None:
-        if self._stuck is not None and self.task.at_jump != "stop":
-            raise NoContinuation(history.reason, history) from self._stuck.__cause__
+        if self.stuck is not None and self.task.at_jump != "stop":
+            raise NoContinuation(history.reason, history) from self.stuck.__cause__
 
     # -- the steps -------------------------------------------------------------------------------
 
     def steps(self) -> Iterator[EvolutionStep]:
-        try:
-            for end in self.task.times:
-                while self.state.accepted.time < end:
-                    yield from self._towards(end)
-        except _Ended as ended:
-            self.end(ended.ending, str(ended))
-            self._stuck = ended
+        for end in self.task.times:
+            while self.state.accepted.time < end:
+                yield from self._towards(end)
         if self.state.ending is None:
             self.end(Ending.REACHED, _REACHED)
 
@@ -239,7 +225,7 @@ class ThroughTimes(Rule[HistoryTask]):
                 return
             beyond = self._beyond(goal)
             if beyond is None:
-                raise _Ended(Ending.NOT_SOLVED, self._not_solved(length, error)) from error
+                raise Ended(Ending.NOT_SOLVED, self._not_solved(length, error)) from error
             yield self._accept(beyond, jump=self._slow_rates(beyond) is not None)
             return
         found = self._search(after)
@@ -453,26 +439,26 @@ class ThroughTimes(Rule[HistoryTask]):
         parts[bonds] = 0.0
         return np.asarray(parts)
 
-    def _end_before(self, found: Found, far: AcceptedState) -> _Ended:
+    def _end_before(self, found: Found, far: AcceptedState) -> Ended:
         """Return the end of a run before a step whose end is far."""
         a = self.state.accepted.time
         b = far.time
         places = where_it_changes(self._stepper, self.state.accepted, far)
         if found.proved:
-            return _Ended(
+            return Ended(
                 Ending.NO_SOLUTION,
                 f"no solution continues the evolution in the step from {a:.10g} to {b:.10g}, where "
                 f"{found.why}; at its end there is another solution, {places}",
             )
         if found.failure is not None:
-            return _Ended(
+            return Ended(
                 Ending.NOT_SOLVED,
                 f"no step that continues the evolution beyond the time {a:.10g} was solved, down "
                 f"to the length {self.task.shortest:.2g}; in a more distant solution, at {b:.10g}, "
                 f"{places}. Whether a solution continues the evolution is not decided: "
                 f"{found.failure}",
             )
-        return _Ended(
+        return Ended(
             Ending.NOT_FOUND,
             f"no solution beyond the time {a:.10g} was found that continues the evolution, in a "
             f"step of {b - a:.2g}; at its end there is another solution, {places}. Whether a "
