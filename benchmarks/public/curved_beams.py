@@ -149,7 +149,7 @@ def compare(friction, across, step, until):
 
 def main(argv=None):
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--levels", nargs="+", type=int, default=[4, 8, 12], help="cells across")
+    parser.add_argument("--levels", nargs="+", type=int, default=[4, 8, 16], help="cells across")
     parser.add_argument("--step", type=float, default=0.1, help="displacement of a step, mm")
     parser.add_argument("--until", type=float, default=2.6, help="largest displacement, mm")
     parser.add_argument("--output", type=Path)
