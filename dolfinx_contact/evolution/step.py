@@ -6,7 +6,7 @@ variables of their laws (`points.memory`). A step to t_n+1 = t_n + h sets the lo
 
     1. solves        H(x_n+1; m_n, h) = 0            static, friction opposes the increment of the
                                                      slip since x_n (`ContactProblem.step_from`),
-    2. advances      m_n+1 = A(x_n+1; m_n, h)        the memory (`ContactEquations.advanced`),
+    2. advances      m_n+1 = A(x_n+1; m_n, h)        the memory (`ContactEquations.memory_after`),
     3. accounts for  E_n+1 = E_n + work and dissipation between x_n and x_n+1 (`energy`).
 
 `Stepper.take` does this at rest. Motions (`motion`) and paths (`arc_length`) override its parts.

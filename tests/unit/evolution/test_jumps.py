@@ -77,7 +77,6 @@ def jumps_of(history):
         pytest.param(
             (0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.2, 1.4, 1.6, 1.8), 20, 1, marks=pytest.mark.long
         ),
-        pytest.param(tuple(np.linspace(0.4, 2.7, 24)), 20, 1, marks=pytest.mark.long),
     ],
 )
 @pytest.mark.verifies(
