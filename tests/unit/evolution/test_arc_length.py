@@ -39,7 +39,7 @@ def opening(step):
     [
         (1.0, 1),
         *(pytest.param(k, 8, marks=pytest.mark.long) for k in (0.3, 2.0)),
-        *(pytest.param(k, 1, marks=pytest.mark.long) for k in np.linspace(0.2, 2.8, 14)),
+        *(pytest.param(k, 1, marks=pytest.mark.long) for k in np.linspace(0.3, 2.9, 14)),
     ],
 )
 @pytest.mark.verifies(
