@@ -236,10 +236,13 @@ def refuse_displacement(u: fem.Function, what: str, *functions: Any) -> None:
         functions: Functions in its UFL.
     """
     if any(f is u for f in functions):
-        raise ValueError(
-            f"{what} depends on the displacement: its gap and normal are those of the reference "
-            "configuration, to which the displacement is added (the gap is then gap - u.n)"
+        hint = (
+            "a coefficient may depend on the position, and the bound of a FrictionLaw on the slip"
+            if what.endswith("the law")
+            else "its gap and normal are those of the reference configuration, to which the "
+            "displacement is added (the gap is then gap - u.n)"
         )
+        raise ValueError(f"{what} depends on the displacement: {hint}")
 
 
 def refuse_other_condition(bc: fem.DirichletBC, domain: mesh.Mesh) -> None:

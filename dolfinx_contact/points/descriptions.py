@@ -83,6 +83,11 @@ _ACROSS = 1e-9  # part of a unit direction across a plane of symmetry that count
 def displacement_degree(u: Any) -> int:
     """Return the degree of a vector Lagrange displacement, or raise ``ValueError``."""
     domain = instance(u, "the displacement", fem.Function).function_space.mesh
+    if len(u.function_space.component()):
+        raise ValueError(
+            "the displacement is a component of a mixed space, which is not supported; for nearly "
+            "incompressible bodies take mean_dilatation_energy of the material, or degree 2"
+        )
     element = u.function_space.ufl_element()
     cell, dim = domain.basix_cell().name, domain.geometry.dim
     cells = {2: ("triangle", "quadrilateral"), 3: ("tetrahedron", "hexahedron")}
