@@ -35,7 +35,7 @@ from dolfinx_contact._ufl import described
 from dolfinx_contact._validate import ReadOnly, copy_with, instance, is_count, nonnegative, positive
 from dolfinx_contact.body.bulk import Bulk, weighted
 from dolfinx_contact.body.cells import check_cells
-from dolfinx_contact.body.integrals import warn_of_integrals
+from dolfinx_contact.body.plausibility import warn_of_unintended
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation, Statuses
 from dolfinx_contact.equations.measures import require_solution
@@ -301,7 +301,7 @@ class ContactProblem(ReadOnly):
         self.petsc_options = dict(petsc_options or {})
         PETSc.garbage_cleanup(self.comm)  # objects of earlier problems on several ranks
         check_cells(self.V.mesh)
-        warn_of_integrals(bulk, self.V)
+        warn_of_unintended(bulk, self.V, bcs)
         given = ProblemOptions(petsc_options_prefix, self.petsc_options)
         axisymmetric = surfaces[0].axisymmetric
         body = Bulk(weighted(bulk, axisymmetric=axisymmetric), u)

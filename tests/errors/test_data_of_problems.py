@@ -297,6 +297,36 @@ def tagged(domain):
     return mesh.meshtags(domain, 1, np.sort(facets(domain, 1, 1.0)), 3)
 
 
+@pytest.mark.ranks(2)
+def test_condition_without_dofs_gives_a_warning(caplog):
+    _, u = square(2)
+    V = u.function_space
+    nowhere = fem.locate_dofs_geometrical(V, lambda x: np.isclose(x[1], 7.0))
+    bcs = [clamp(u, 1, 1.0), fem.dirichletbc(np.zeros(2), nowhere, V)]
+    ContactProblem(MATERIAL.energy(u) * ufl.dx, u, [surface(u)], bcs=bcs)
+    assert_warned(caplog, r"bcs\[1\] holds nothing")
+
+
+def test_elements_that_lock_give_a_warning(caplog):
+    """As with Young's modulus and Poisson's ratio in place of the Lame coefficients."""
+    domain = box(COMM, 2, "quad")
+    u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (2,))))
+
+    def made(energy):
+        caplog.clear()
+        ContactProblem(energy, u, [surface(u)], bcs=[clamp(u, 1, 1.0)])
+
+    incompressible = LinearElastic.from_young(1000.0, 0.499)
+    made(LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx)
+    assert not warnings_of(caplog)
+    made(incompressible.mean_dilatation_energy(u, ufl.dx))
+    assert not warnings_of(caplog)
+    made(incompressible.energy(u) * ufl.dx)
+    assert_warned(caplog, "lock at Poisson's ratio 0.499")
+    made(LinearElastic(1000.0, 0.3).energy(u) * ufl.dx)
+    assert_warned(caplog, "LinearElastic.from_young")
+
+
 def test_too_few_quadrature_points_give_a_warning(caplog):
     """One point leaves a bilinear quadrilateral with displacements without energy."""
     domain = box(COMM, 2, "quad")
