@@ -99,27 +99,20 @@ def displaced_points(
     domain: mesh.Mesh,
     obstacle: Obstacle,
     law: LawAtPoints,
-    sliding: SlidingKind | None,
-    *,
-    linear: bool,
     name: str,
-) -> DisplacedPoints | None:
-    """Return gap, normal and slip at displaced points; None if none `follows`. Collective.
+) -> DisplacedPoints:
+    """Return gap, normal and slip at displaced points of an obstacle that `follows`. Collective.
 
     Args:
         points: contact points.
         domain: mesh of the body.
         obstacle: curved rigid obstacle.
         law: law at the points.
-        sliding: kind of sliding requested by the user; None for the default.
-        linear: whether the body is linear.
         name: name of the surface for messages.
 
     Raises:
-        ValueError: if large sliding is requested and not possible.
+        ValueError: on every rank, if large sliding is not possible.
     """
-    if not follows(obstacle, sliding, linear=linear):
-        return None
     body = obstacle if isinstance(obstacle, RigidBody) else None
     known = known_displaced(obstacle if body is None else body.shape)
     free = body is not None and body.turns_freely

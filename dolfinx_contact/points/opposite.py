@@ -303,12 +303,7 @@ def _matched(faces: _Sides) -> Opposite | None:
     owned = mine < index_map.size_local
     if comm.allreduce(int((unmatched & owned).sum())):
         return None
-    # nodes of finer facets lie between those that have an opposing node
-    ours = _facet_data(V.mesh, faces.slave, given)
-    others = _facet_data(V.mesh, faces.master, None if given is None else -given)
-    facing = nearest(comm, others, ours["x"])
-    off = np.abs(facing["area"] / ours["area"] - 1) > _TANGENTIAL
-    if comm.allreduce(int(off.sum())):
+    if _facets_differ(faces):
         return None
     nodes = found["node"]
     itself = nodes == global_numbers(index_map, mine)
@@ -336,6 +331,19 @@ def _matched(faces: _Sides) -> Opposite | None:
     none[mine] = itself
     weights = np.ones((len(mine), 1))
     return Opposite(rows, nodes[:, None], weights, none, None, faces.nodes, faces.master)
+
+
+def _facets_differ(faces: _Sides) -> bool:
+    """Return whether a facet and the nearest master facet have different areas. Collective.
+
+    Nodes of finer facets lie between the nodes that have an opposing node.
+    """
+    domain, given = faces.V.mesh, faces.normal
+    ours = _facet_data(domain, faces.slave, given)
+    others = _facet_data(domain, faces.master, None if given is None else -given)
+    facing = nearest(domain.comm, others, ours["x"])
+    off = np.abs(facing["area"] / ours["area"] - 1) > _TANGENTIAL
+    return bool(domain.comm.allreduce(int(off.sum())))
 
 
 def _mortar(faces: _Sides) -> Opposite:

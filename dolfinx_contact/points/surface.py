@@ -126,19 +126,35 @@ class DiscreteSurface(ReadOnly):
             facets = exterior_facets(domain, contact.facets, getattr(contact, "tag", None), name)
         if self.axisymmetric:
             check_section(domain, facets, name)
-        # contact points and the law there
         self.submesh = create_facet_submesh(domain, facets)
         keep(self.submesh.mesh)
         self.given.scatter()
+        moves = follows(self.obstacle, getattr(contact, "sliding", None), linear=linear)
         if points_class is None:
-            sliding = getattr(contact, "sliding", None)
-            moves = follows(self.obstacle, sliding, linear=linear)
             points_class = _POINTS[contact.method or ("integral" if moves else "mixed")]
+        self._place_points(points_class)
+        # initial overlap, and gap and normal at displaced points
+        self._overlap = Overlap.of(name, contact.interference, contact.remove_overlap)
+        unset = contact.interference is None and contact.remove_overlap is None
+        self.start_depth: Array | None = None
+        if not self.between_bodies:
+            self.start_depth = np.maximum(-self.points.gaps, 0.0) if unset else None
+            self._settle_overlap(self.points.data.gap, self.points.vertex_gaps)
+        self.displaced = self._displaced_points() if moves else None
+        turns = moves and self.rigid_body is not None and self.rigid_body.turns
+        self.partner = Partner(self.rigid_body, self.node_positions, turns)
+        self.true_gaps = TrueGaps(u, self.points, self.obstacle)
+        self._mark = self.given.checksum()
+        self._place = self._place_of_obstacle()
+        self.moved_along = False
+
+    def _place_points(self, points_class: type[ContactPoints]) -> None:
+        """Create the contact points, the law there, and the multiplier. Collective."""
         self.points = points_class(
-            u.function_space,
+            self.u.function_space,
             self.submesh,
             self.degrees,
-            contact.quadrature_degree or 0,
+            self.description.quadrature_degree or 0,
             self.given,
             self.obstacle.opposite,
             axisymmetric=self.axisymmetric,
@@ -150,29 +166,19 @@ class DiscreteSurface(ReadOnly):
             if self.law.averaging is None
             else LawAmongPoints(self.law, self.points)
         )
-        self.multiplier = fem.Function(self.points.Q, name=f"{name}_traction")
-        self._overlap = Overlap.of(name, contact.interference, contact.remove_overlap)
-        unset = contact.interference is None and contact.remove_overlap is None
-        self.start_depth: Array | None = None
-        if not self.between_bodies:
-            self.start_depth = np.maximum(-self.points.gaps, 0.0) if unset else None
-            self._settle_overlap(self.points.data.gap, self.points.vertex_gaps)
-        # gap and normal at displaced points
-        sliding = getattr(contact, "sliding", None)
-        given = self.points, domain, self.obstacle, self.law_at_points, sliding
-        self.displaced: DisplacedPoints | None = displaced_points(*given, linear=linear, name=name)
-        if self.displaced is not None and self.displaced.ended:
+        self.multiplier = fem.Function(self.points.Q, name=f"{self.name}_traction")
+
+    def _displaced_points(self) -> DisplacedPoints:
+        """Return gap and normal at displaced points of a curved obstacle. Collective."""
+        displaced = displaced_points(
+            self.points, self.domain, self.obstacle, self.law_at_points, self.name
+        )
+        if displaced.ended:
             # a point below a rim and within a facet past it is held like one that slid there
             past = ", also past the rim, which holds a face that slides up to a facet"
             most = self._overlap.most if self._overlap.removed else 0.0
-            self._settle_overlap(*self.displaced.starts(most), past)
-        body = self.rigid_body
-        turns = self.displaced is not None and body is not None and body.turns
-        self.partner = Partner(body, self.node_positions, turns)
-        self.true_gaps = TrueGaps(u, self.points, self.obstacle)
-        self._mark = self.given.checksum()
-        self._place = self._place_of_obstacle()
-        self.moved_along = False
+            self._settle_overlap(*displaced.starts(most), past)
+        return displaced
 
     def _bind(self) -> None:
         """Evaluate obstacle and law as UFL on the mesh. Not collective.
