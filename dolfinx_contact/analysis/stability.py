@@ -29,7 +29,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from itertools import product
+from itertools import islice, product
 from typing import Any, Literal
 
 from petsc4py import PETSc
@@ -218,6 +218,7 @@ class _Gathered(DenseBody):
         T: rows of free tangents (k, unknowns).
         owner: points of these tangents (k,).
         along: components d.t of the slip directions along these tangents (k,).
+        D: rows of slips along the directions, as far as tangents are free (m, unknowns).
         choices, friction: values of `_Points` for all points.
         held: points whose normal motion is held by Dirichlet data (m,).
     """
@@ -244,6 +245,8 @@ class _Gathered(DenseBody):
         )
         self.C: Array = body.eta * self.K if self.C is None else self.C
         self.N, self.T = self.rows
+        self.D = np.zeros_like(self.N)
+        np.add.at(self.D, self.owner, self.along[:, None] * self.T)
         self.held = np.abs(self.N).max(axis=1, initial=0.0) == 0
 
 
@@ -389,19 +392,6 @@ def _of_spectrum(g: _Gathered, proportional: bool, eta: float) -> Stability:
     return Stability("stable", reason=reason)
 
 
-@dataclass
-class _Found:
-    """Result of the examined pieces.
-
-    Attributes:
-        growth: lambda of the fastest motion in the cones.
-        doubt: reason why another motion may grow; "" without doubt.
-    """
-
-    growth: float = 0.0
-    doubt: str = ""
-
-
 def _decided(g: _Gathered, max_count: int, *, quiet: bool) -> Stability:
     """Examine the pieces, beginning with slip at all points at a border.
 
@@ -413,24 +403,25 @@ def _decided(g: _Gathered, max_count: int, *, quiet: bool) -> Stability:
     border = np.flatnonzero(g.choices[:, 1] >= 0)
     options = [g.choices[p][g.choices[p] >= 0][::-1] for p in border]
     number = math.prod(len(w) for w in options)
-    seen = _Found()
-    looked = 0
-    for chosen in product(*options):
-        if looked == max_count:
-            break
-        looked += 1
+    looked = min(number, max_count)
+    growth = 0.0
+    doubt = ""
+    for chosen in islice(product(*options), looked):
         doing = g.choices[:, 0].copy()
         doing[border] = chosen
-        _look(g, doing, seen, quiet=quiet)
-    if seen.growth > 0:
+        fastest, reason = _look(g, doing, quiet=quiet)
+        growth = max(growth, fastest)
+        doubt = reason or doubt
+    if growth > 0:
+        label: Label = "unstable"
         reason = "a motion that grows leaves in the cones of the points at a border"
-        return Stability("unstable", seen.growth, len(border), looked, reason)
-    if looked < number:
-        reason = f"{looked} of {number} pieces were examined"
-        return Stability("not decided", 0.0, len(border), looked, reason)
-    if seen.doubt:
-        return Stability("not decided", 0.0, len(border), looked, seen.doubt)
-    return Stability("stable", 0.0, len(border), looked, f"nothing grows in any of {number} pieces")
+    elif looked < number:
+        label, reason = "not decided", f"{looked} of {number} pieces were examined"
+    elif doubt:
+        label, reason = "not decided", doubt
+    else:
+        label, reason = "stable", f"nothing grows in any of {number} pieces"
+    return Stability(label, growth, len(border), looked, reason)
 
 
 def _piece(g: _Gathered, doing: npt.NDArray[np.int64]) -> tuple[Array, Array, Array, Array]:
@@ -439,12 +430,10 @@ def _piece(g: _Gathered, doing: npt.NDArray[np.int64]) -> tuple[Array, Array, Ar
     stuck = doing == HOLDS
     sign = np.where(doing == AGAINST, -1.0, 1.0)
     pressed = (slips | stuck | (doing == FREE)) & ~g.held
-    # Tangents that are held: all of points that stick, those across the slip of others.
+    # Held tangents: all tangents of sticking points, and those across the slip of other points.
     moves = slips[g.owner] & (np.abs(g.along) > 0.5)
     tangents = (stuck | slips)[g.owner] & ~moves
-    D = np.zeros_like(g.N)
-    np.add.at(D, g.owner, g.along[:, None] * g.T)
-    G = g.N + (np.where(slips, sign * g.friction, 0.0))[:, None] * D
+    G = g.N + (np.where(slips, sign * g.friction, 0.0))[:, None] * g.D
     held = np.concatenate([g.N[pressed], g.T[tangents]])
     forces = np.concatenate([G[pressed], g.T[tangents]]) if slips.any() else None
     K, M, C, Z = g.projected(held, forces)
@@ -452,12 +441,18 @@ def _piece(g: _Gathered, doing: npt.NDArray[np.int64]) -> tuple[Array, Array, Ar
     return K, M, C, Z
 
 
-def _look(g: _Gathered, doing: npt.NDArray[np.int64], seen: _Found, *, quiet: bool) -> None:
-    """Search for lambda > 0 of a piece with vectors in its cones."""
+def _look(g: _Gathered, doing: npt.NDArray[np.int64], *, quiet: bool) -> tuple[float, str]:
+    """Search for lambda > 0 of a piece with vectors in its cones.
+
+    Returns:
+        Largest lambda, or 0, and the reason why another motion may grow, or "".
+    """
     K, M, C, Z = _piece(g, doing)
     n = len(K)
     if n == 0:
-        return
+        return 0.0, ""
+    growth = 0.0
+    doubt = ""
     inertia = np.linalg.inv(M)
     first = np.block([[np.zeros((n, n)), np.eye(n)], [-inertia @ K, -inertia @ C]])
     values, vectors = np.linalg.eig(first)
@@ -468,43 +463,45 @@ def _look(g: _Gathered, doing: npt.NDArray[np.int64], seen: _Found, *, quiet: bo
             continue
         if abs(value.imag) > _REAL * size:
             if not quiet:
-                seen.doubt = "an oscillation grows in a piece of the points at a border"
+                doubt = "an oscillation grows in a piece of the points at a border"
             continue
         turned = x / x[np.argmax(np.abs(x))]
-        v = Z @ turned.real
-        if any(_in_cones(g, doing, way * v, value.real) for way in (1.0, -1.0)):
-            seen.growth = max(seen.growth, float(value.real))
+        if _leaves(g, doing, Z @ turned.real, value.real):
+            growth = max(growth, float(value.real))
         else:
             outside.append(float(value.real))
     if (np.diff(np.sort(outside)) <= _DOUBLE * size).any():
-        seen.doubt = "motions that grow alike may leave together where none does alone"
+        doubt = "motions that grow alike may leave together where none does alone"
     resistance, motions = np.linalg.svd(K)[1:]
-    for v in motions[resistance <= _ROUND_OFF * resistance[0]]:
-        if any(_in_cones(g, doing, way * (Z @ v), 0.0) for way in (1.0, -1.0)):
-            seen.doubt = "a motion in the cones of the points at a border meets no resistance"
+    free = motions[resistance <= _ROUND_OFF * resistance[0]]
+    if any(_leaves(g, doing, Z @ v, 0.0) for v in free):
+        doubt = "a motion in the cones of the points at a border meets no resistance"
+    return growth, doubt
 
 
-def _in_cones(g: _Gathered, doing: npt.NDArray[np.int64], v: Array, growth: float) -> bool:
-    """Return whether a motion and its forces lie in the cones of the points at a border."""
+def _leaves(g: _Gathered, doing: npt.NDArray[np.int64], v: Array, growth: float) -> bool:
+    """Return whether v or -v and its forces lie in the cones of the points at a border."""
     components = np.concatenate([g.N[~g.held], g.T])
     load = g.K @ v + growth * (g.C @ v) + growth**2 * (g.M @ v)
     forces = np.linalg.lstsq(components.T, load, rcond=None)[0]
-    m = int((~g.held).sum())
+    normal, tangential = np.split(forces, [int((~g.held).sum())])
     rn = np.zeros(len(g.N))
-    shear = np.zeros(len(g.N))
-    slip = np.zeros(len(g.N))
-    rn[~g.held] = -forces[:m]
-    np.add.at(shear, g.owner, g.along * forces[m:])
-    np.add.at(slip, g.owner, g.along * (g.T @ v))
-    border = g.choices[:, 1] >= 0
-    grazing = g.choices[:, 1] == APART
+    rn[~g.held] = -normal
+    shear = np.bincount(g.owner, g.along * tangential, len(g.N))
     force = _CONE * np.abs(forces).max(initial=0.0)
     length = _CONE * np.abs(components @ v).max(initial=0.0)
-    opens = (g.N @ v <= length) | (doing != APART) | ~grazing
-    presses = (rn >= -force) | (doing == APART) | ~grazing
+    grazing = g.choices[:, 1] == APART
+    slips = (doing == ALONG) | (doing == AGAINST)
     sign = np.where(doing == AGAINST, -1.0, 1.0)
-    goes = (sign * slip >= -length) | ((doing != ALONG) & (doing != AGAINST))
-    # A shear at its bound, -F rn d, may only become smaller in terms of the bound.
-    within = (-shear <= g.friction * rn + force) | (doing != HOLDS)
-    within &= (shear <= g.friction * rn + force) | (doing != HOLDS) | ~grazing
-    return bool((opens & presses & goes & within)[border].all())
+
+    def admissible(way: float) -> bool:
+        bound = way * g.friction * rn + force
+        wrong = grazing & (doing == APART) & (way * (g.N @ v) > length)
+        wrong |= grazing & (doing != APART) & (way * rn < -force)
+        wrong |= slips & (way * sign * (g.D @ v) < -length)
+        # A shear at its bound, -F rn d, may only decrease relative to the bound.
+        wrong |= (doing == HOLDS) & (-way * shear > bound)
+        wrong |= (doing == HOLDS) & grazing & (way * shear > bound)
+        return not wrong[g.choices[:, 1] >= 0].any()
+
+    return admissible(1.0) or admissible(-1.0)

@@ -35,10 +35,11 @@ from dolfinx import fem
 
 from dolfinx_contact._forms import compiled_form
 from dolfinx_contact._install import slepc
-from dolfinx_contact._mpi import everywhere, on_root
+from dolfinx_contact._mpi import everywhere
 from dolfinx_contact._petsc import DEFAULTS as FACTOR
 from dolfinx_contact._petsc import options_in_database
 from dolfinx_contact._validate import nonnegative, positive
+from dolfinx_contact.analysis.rows import on_gathered
 from dolfinx_contact.analysis.slip import Slip
 from dolfinx_contact.body.bulk import weighted
 from dolfinx_contact.equations.contact import ContactEquations
@@ -156,7 +157,7 @@ class Spectrum:
 
     Attributes:
         values: eigenvalues lambda (k,).
-        vectors: displacements, owned (n, k); empty if they were not requested.
+        vectors: displacements, owned (n, k); (n, 0) if they were not requested.
         known_up_to: size up to which no eigenvalue is missing; infinite if all were computed.
     """
 
@@ -172,7 +173,8 @@ class Spectrum:
         size = np.abs(values).max(initial=0.0) or 1.0
         growth = np.round(values.real[upper] / size, 13)
         order = upper[np.lexsort((values.imag[upper], -growth))]
-        return cls(values[order], vectors[:, order] if vectors.size else vectors, known_up_to)
+        vectors = vectors[:, order] if vectors.shape[1] else vectors
+        return cls(values[order], vectors, known_up_to)
 
 
 class Vibrations:
@@ -214,33 +216,31 @@ class Vibrations:
 
     def _by_matrices(self, friction: Array, *, vectors: bool) -> tuple[Complex, Complex]:
         """Return all lambda, and displacements (n, k) of this rank."""
-        parts = self.comm.gather(friction)
         body, eta = self._dense, self._body.eta
 
-        def solved() -> tuple[Complex, Complex]:
+        def solved(friction: Array) -> tuple[Complex, Complex]:
             N, D, H = body.rows
-            F = np.concatenate(parts)[:, None]
-            K, M, C, Z = body.projected(np.concatenate([N, H]), np.concatenate([N + F * D, H]))
+            forces = np.concatenate([N + friction[:, None] * D, H])
+            K, M, C, Z = body.projected(np.concatenate([N, H]), forces)
             inertia = np.linalg.inv(M)
             A = inertia @ K
             if C is not None:
                 A = np.block([[np.zeros_like(A), np.eye(len(A))], [-A, -inertia @ C]])
-            if not vectors:
-                values: Complex = np.linalg.eigvals(A).astype(complex)
-                none = np.zeros((0, 0), dtype=complex)
-                return (values if C is not None else damped(values, eta)), none
-            values, x = (v.astype(complex) for v in np.linalg.eig(A))
-            x = x[: Z.shape[1]]
+            x: npt.NDArray[Any] = np.zeros((len(A), 0))
+            if vectors:
+                values, x = np.linalg.eig(A)
+            else:
+                values = np.linalg.eigvals(A)
             if C is None:
                 values = damped(values, eta)
                 x = np.concatenate([x, x], axis=1)
-            motions = np.zeros((len(body.free), len(values)), dtype=complex)
-            motions[body.free] = Z @ x
-            return values, motions
+            motions = np.zeros((len(body.free), x.shape[1]), dtype=complex)
+            motions[body.free] = Z @ x[: Z.shape[1]]
+            return values.astype(complex), motions
 
-        values, motions = on_root(self.comm, solved)
+        values, motions = on_gathered(self.comm, solved, friction)
         n, first = self._slip.D.getLocalSize()[1], self._slip.D.getOwnershipRangeColumn()[0]
-        return values, motions[first : first + n] if vectors else motions
+        return values, motions[first : first + n]
 
     def _by_slepc(self, friction: Array) -> tuple[Complex, Complex, float]:
         SLEPc = slepc()
