@@ -31,9 +31,9 @@ from dolfinx_contact.laws import status
 from dolfinx_contact.proofs import prove_solutions
 
 __all__ = [
-    "Cells",
     "Chart",
     "ChartCell",
+    "ChartCells",
     "ChartCurve",
     "count_solutions",
     "letters",
@@ -88,7 +88,7 @@ class ChartCell:
         return mus, ends[:, 0], ends[:, 1]
 
 
-class Cells(Generic[Cell]):
+class ChartCells(Generic[Cell]):
     """Cells that fill ranges of mu and gamma without overlap.
 
     Attributes:
@@ -153,7 +153,7 @@ class ChartCurve(CurveOverMu):
 
 
 @dataclass(frozen=True, eq=False)
-class Chart(Cells[ChartCell]):
+class Chart(ChartCells[ChartCell]):
     """Numbers of solutions over two parameters.
 
     Attributes:

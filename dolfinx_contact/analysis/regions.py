@@ -22,7 +22,7 @@ import numpy.typing as npt
 
 from dolfinx_contact._mpi import Arguments, collective
 from dolfinx_contact._validate import positive
-from dolfinx_contact.analysis.charts import Cells, ChartCell, letters, solutions_at
+from dolfinx_contact.analysis.charts import ChartCell, ChartCells, letters, solutions_at
 from dolfinx_contact.analysis.event_curves import EventCurve, EventCurves, layers, strips
 from dolfinx_contact.analysis.family import ContactFamily
 from dolfinx_contact.continuation.arguments import checked_range
@@ -65,7 +65,7 @@ class Region(ChartCell):
 
 
 @dataclass(frozen=True, eq=False)
-class Regions(Cells[Region]):
+class Regions(ChartCells[Region]):
     """Cells between curves.
 
     Attributes:

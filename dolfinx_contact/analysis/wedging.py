@@ -17,9 +17,10 @@ For one F this is a search in pairs of statuses. A region of them is empty if
     un_i / U_i + sum of alpha_i <= 1        (U_i: the largest un)
 
 has no solution. This is a linear program, which differs from region to region in bounds only, so
-that the dual simplex method goes on from the last tableau (`tableau`). HiGHS without warm starts
+that the dual simplex method continues from the last tableau (`tableau`). HiGHS without warm starts
 needed 1.7 times the time for 9 nodes (71 regions, here 73), and left a program of 17 nodes without
 an answer.
+
 By duality, for any y and lambda,
 
     sum_i y_i un_i + sum_ik (lambda - (M^T y)_ik) alpha_ik = lambda,    un = M alpha.
