@@ -14,17 +14,16 @@ from __future__ import annotations
 import os
 import sys
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 __all__ = [
+    "loads",
     "optional",
     "refuse_mixture",
     "refuse_serial_copies",
-    "require_dolfinx",
     "slepc",
     "warn_of_namesake",
 ]
@@ -35,6 +34,7 @@ _HERE = os.path.dirname(__file__)
 _THEIRS = ("newton_solver.py", "parallel_mesh_ghosting.py")
 #: Environment variables with the number of processes: Open MPI; MPICH and Intel MPI.
 _SIZES = ("OMPI_COMM_WORLD_SIZE", "PMI_SIZE")
+_OF_SOLVER = ("mpi4py", "petsc4py", "dolfinx", "basix", "ffcx", "ufl")
 
 
 def refuse_mixture(here: str = _HERE) -> None:
@@ -52,21 +52,39 @@ def refuse_mixture(here: str = _HERE) -> None:
         )
 
 
-def require_dolfinx(*modules: str) -> None:
-    """Raise ``ModuleNotFoundError`` if modules of DOLFINx or its dependencies are missing.
+def loads(package: str, modules: Mapping[str, Sequence[str]]) -> Callable[[str], Any]:
+    """Return the ``__getattr__`` of a package, which loads a module when one of its names is used.
 
-    Pip omits them without a message on systems without a wheel of the extra ``solver``.
+    Args:
+        package: name of the package.
+        modules: public names by module, relative to the package. Modules are attributes, too.
+
+    Returns:
+        Function that returns an attribute by name. It raises ``ModuleNotFoundError`` with advice if
+        DOLFINx or one of its dependencies is missing, which pip omits without a message on systems
+        without a wheel of the extra ``solver``.
     """
-    missing = [name for name in modules if find_spec(name) is None]
-    if missing:
-        raise ModuleNotFoundError(
-            f"DOLFINx with PETSc and MPI is needed, and there is no module {', '.join(missing)}. "
-            "python3 -m pip install 'signorini-coulomb[solver]' brings them on Linux (x86_64) with "
-            f"Python 3.12 or later (this one is {'.'.join(map(str, sys.version_info[:2]))} on "
-            f"{sys.platform}); elsewhere take them from Debian, conda or a container: "
-            "docs/install.md",
-            name=missing[0],
-        )
+    places = {name: module for module, names in modules.items() for name in names}
+
+    def attribute(name: str) -> Any:
+        if name not in places and name not in modules:
+            raise AttributeError(f"module {package!r} has no attribute {name!r}")
+        try:
+            module = import_module(f"{package}.{places.get(name, name)}")
+        except ModuleNotFoundError as error:
+            if error.name not in _OF_SOLVER:
+                raise
+            raise ModuleNotFoundError(
+                f"DOLFINx with PETSc and MPI is needed, and there is no module {error.name}. "
+                "python3 -m pip install 'signorini-coulomb[solver]' installs them on Linux "
+                "(x86_64) with Python 3.12 or later (this one is "
+                f"{'.'.join(map(str, sys.version_info[:2]))} on {sys.platform}); on other systems "
+                "use Debian, conda or a container: docs/install.md",
+                name=error.name,
+            ) from None
+        return getattr(module, name) if name in places else module
+
+    return attribute
 
 
 def warn_of_namesake(here: str = _HERE, path: Sequence[str] | None = None) -> None:
@@ -106,10 +124,15 @@ def _theirs_in(folder: str) -> list[str]:
 def refuse_serial_copies(environ: Mapping[str, str] = os.environ) -> None:
     """Raise ``RuntimeError`` if the launcher of another MPI started N runs of one rank each.
 
+    Without mpi4py, only journals can be read, and nothing is tested.
+
     Args:
         environ: environment of this process.
     """
-    from mpi4py import MPI
+    try:
+        from mpi4py import MPI
+    except ModuleNotFoundError:
+        return
 
     def number(name: str) -> int:
         text = environ.get(name)

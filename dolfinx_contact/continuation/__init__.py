@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Following solution branches of piecewise smooth systems in PETSc."""
 
+from dolfinx_contact._ending import Ending, Ends
 from dolfinx_contact.continuation.branch import (
     Branch,
     BranchPoint,
@@ -12,7 +13,6 @@ from dolfinx_contact.continuation.branch import (
     SpecialPoint,
 )
 from dolfinx_contact.continuation.diagram import explore
-from dolfinx_contact.continuation.ending import Ending, Ends
 from dolfinx_contact.continuation.follow import Follower, Route, follow, follower_for, points_at
 from dolfinx_contact.continuation.observer import (
     BranchStep,

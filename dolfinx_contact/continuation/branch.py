@@ -8,7 +8,7 @@ from typing import Any, Generic, Literal, TypeVar
 
 from petsc4py import PETSc
 
-from dolfinx_contact.continuation.ending import Ending, Ends
+from dolfinx_contact._ending import Ending, Ends
 from dolfinx_contact.continuation.system import Piece
 
 __all__ = [

@@ -18,6 +18,7 @@ from typing import Any
 
 from petsc4py import PETSc
 
+from dolfinx_contact._ending import Ending
 from dolfinx_contact._mpi import Arguments, collective
 from dolfinx_contact._validate import count, number, positive
 from dolfinx_contact.continuation.arguments import (
@@ -38,7 +39,6 @@ from dolfinx_contact.continuation.branch import (
     Ray,
     SpecialPoint,
 )
-from dolfinx_contact.continuation.ending import Ending
 from dolfinx_contact.continuation.follow import Follower, Route, follower_for
 from dolfinx_contact.continuation.observer import (
     BranchStep,

@@ -17,6 +17,7 @@ from petsc4py import PETSc
 
 import numpy as np
 
+from dolfinx_contact._ending import OTHER_CAUSE, Ending
 from dolfinx_contact._mpi import Arguments, collective, require, same_everywhere
 from dolfinx_contact._validate import number, one_of, positive
 from dolfinx_contact.continuation.arguments import (
@@ -37,7 +38,6 @@ from dolfinx_contact.continuation.branch import (
     SpecialPoint,
 )
 from dolfinx_contact.continuation.corrector import Corrector
-from dolfinx_contact.continuation.ending import OTHER_CAUSE, Ending
 from dolfinx_contact.continuation.layout import Layout
 from dolfinx_contact.continuation.locate import AT_BORDER
 from dolfinx_contact.continuation.observer import BranchStep, Observer, ObserverLike, Stop

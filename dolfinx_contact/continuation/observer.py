@@ -9,9 +9,9 @@ from typing import Any, TypeAlias, TypeVar
 
 from mpi4py import MPI
 
+from dolfinx_contact._ending import Ending, Ends
 from dolfinx_contact._mpi import everywhere
 from dolfinx_contact.continuation.branch import BranchPoint, Diagram, SpecialPoint
-from dolfinx_contact.continuation.ending import Ending, Ends
 from dolfinx_contact.continuation.parameters import StepControl
 
 __all__ = [

@@ -18,6 +18,7 @@ from petsc4py import PETSc
 
 import numpy as np
 
+from dolfinx_contact._ending import Ending
 from dolfinx_contact.continuation.affine import (
     TOLERANCE,
     AffinePiece,
@@ -36,7 +37,6 @@ from dolfinx_contact.continuation.branch import (
     SpecialPoint,
     kind_of_kink,
 )
-from dolfinx_contact.continuation.ending import Ending
 from dolfinx_contact.continuation.parameters import StepControl
 from dolfinx_contact.continuation.rays import AffineRay, Rays, neighbours, outgoing, same_direction
 from dolfinx_contact.continuation.system import Condensed, System

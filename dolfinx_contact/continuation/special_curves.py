@@ -37,6 +37,7 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
+from dolfinx_contact._ending import Ending
 from dolfinx_contact._mpi import Arguments, collective, require
 from dolfinx_contact._petsc import Factor
 from dolfinx_contact._validate import number, positive
@@ -47,7 +48,6 @@ from dolfinx_contact.continuation.arguments import (
     require_smooth,
 )
 from dolfinx_contact.continuation.branch import Branch, BranchPoint, Change, SpecialPoint
-from dolfinx_contact.continuation.ending import Ending
 from dolfinx_contact.continuation.factorised import BorderedMatrix
 from dolfinx_contact.continuation.follow import follow
 from dolfinx_contact.continuation.layout import Layout

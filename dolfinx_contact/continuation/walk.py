@@ -12,12 +12,12 @@ from typing import TypeAlias
 
 from petsc4py import PETSc
 
+from dolfinx_contact._ending import Ending
 from dolfinx_contact._petsc import staged
 from dolfinx_contact._progress import Progress
 from dolfinx_contact.continuation.arguments import leads_out, reason_to_stop
 from dolfinx_contact.continuation.bordered import Bordered
 from dolfinx_contact.continuation.branch import Branch, BranchPoint, FoundRays, Ray, SpecialPoint
-from dolfinx_contact.continuation.ending import Ending
 from dolfinx_contact.continuation.observer import (
     BranchStep,
     CollectiveObserver,

@@ -32,6 +32,7 @@ from typing import Any, ClassVar, Literal, TypeAlias
 
 import numpy as np
 
+from dolfinx_contact._ending import OTHER_CAUSE, Ending
 from dolfinx_contact._mpi import Arguments, anywhere, collective, require
 from dolfinx_contact.continuation.arguments import (
     check_rays,
@@ -43,7 +44,6 @@ from dolfinx_contact.continuation.arguments import (
 from dolfinx_contact.continuation.bordered import Bordered
 from dolfinx_contact.continuation.branch import BranchPoint, FoundRays, Ray, SpecialPoint
 from dolfinx_contact.continuation.corrector import Corrector
-from dolfinx_contact.continuation.ending import OTHER_CAUSE, Ending
 from dolfinx_contact.continuation.observer import Observer, ObserverLike, Stop
 from dolfinx_contact.continuation.parameters import StepControl
 from dolfinx_contact.continuation.walk import require_way

@@ -13,7 +13,7 @@ from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
-from dolfinx_contact.continuation.ending import Ending, Ends
+from dolfinx_contact._ending import Ending, Ends
 from dolfinx_contact.equations.state import State
 from dolfinx_contact.evolution.energy import Energies
 from dolfinx_contact.results.result import Result

@@ -36,10 +36,10 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
+from dolfinx_contact._ending import Ending
 from dolfinx_contact._mpi import anywhere, largest, total
 from dolfinx_contact.continuation import BranchStep, Follower, StepControl
 from dolfinx_contact.continuation.branch import BranchPoint, FoundRays, Ray, SpecialPoint
-from dolfinx_contact.continuation.ending import Ending
 from dolfinx_contact.continuation.ray_finder import KinkRays
 from dolfinx_contact.equations.data import Datum, data_of_surface
 from dolfinx_contact.equations.evaluation import Statuses

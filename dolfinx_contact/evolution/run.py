@@ -30,12 +30,12 @@ import numpy.typing as npt
 
 import ufl
 
+from dolfinx_contact._ending import Ending
 from dolfinx_contact._mpi import Arguments, collective, require
 from dolfinx_contact._progress import Progress
 from dolfinx_contact._validate import ReadOnly
 from dolfinx_contact.continuation.arguments import check_listeners, reason_to_stop
 from dolfinx_contact.continuation.branch import BranchPoint
-from dolfinx_contact.continuation.ending import Ending
 from dolfinx_contact.continuation.observer import (
     CollectiveObserver,
     Observer,

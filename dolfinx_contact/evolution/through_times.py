@@ -41,11 +41,11 @@ from typing import Any, Literal, TypeAlias, get_args
 import numpy as np
 import numpy.typing as npt
 
+from dolfinx_contact._ending import Ending
 from dolfinx_contact._mpi import anywhere
 from dolfinx_contact._validate import listed, one_of, positive
 from dolfinx_contact.body.cells import smallest_jacobian
 from dolfinx_contact.continuation.arguments import check_rays
-from dolfinx_contact.continuation.ending import Ending
 from dolfinx_contact.equations.evaluation import Statuses, differs
 from dolfinx_contact.evolution.energy import Forces, MotionEnergies
 from dolfinx_contact.evolution.history import EvolutionStep, History, NoContinuation

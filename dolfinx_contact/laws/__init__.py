@@ -31,29 +31,29 @@ bond, with or without memory, is an `Interface`: an energy and a potential of di
 histories `Regularised` needs a ``speed``, and `NormalCompliance` supports no tangential springs.
 """
 
-from importlib import import_module
 from typing import TYPE_CHECKING
 
-from dolfinx_contact.laws.answers import Answers, HeldAnswers, PointData
-from dolfinx_contact.laws.compiled import LawAtPoints
-from dolfinx_contact.laws.compliant import NormalCompliance, Regularised
-from dolfinx_contact.laws.friction import Coulomb, FrictionLaw, Frictionless, Tresca
-from dolfinx_contact.laws.law import (
-    Bond,
-    Border,
-    ContactPoint,
-    Internal,
-    Kernel,
-    Law,
-    StatusPiece,
-)
-from dolfinx_contact.laws.spreading import NonlocalCoulomb
-from dolfinx_contact.laws.status import MINUS, OPEN, PLUS, STICK
+from dolfinx_contact._install import loads
 
 if TYPE_CHECKING:
     from dolfinx_contact.laws.adhesion import RCCM
+    from dolfinx_contact.laws.answers import Answers, HeldAnswers, PointData
     from dolfinx_contact.laws.cohesive import BilinearCohesive, MaxwellLayer
+    from dolfinx_contact.laws.compiled import LawAtPoints
+    from dolfinx_contact.laws.compliant import NormalCompliance, Regularised
+    from dolfinx_contact.laws.friction import Coulomb, FrictionLaw, Frictionless, Tresca
     from dolfinx_contact.laws.interface import Interface, InterfaceState, Rates
+    from dolfinx_contact.laws.law import (
+        Bond,
+        Border,
+        ContactPoint,
+        Internal,
+        Kernel,
+        Law,
+        StatusPiece,
+    )
+    from dolfinx_contact.laws.spreading import NonlocalCoulomb
+    from dolfinx_contact.laws.status import MINUS, OPEN, PLUS, STICK
 
 __all__ = [
     "MINUS",
@@ -86,21 +86,22 @@ __all__ = [
     "Tresca",
 ]
 
-#: Laws with a memory are loaded when they are used.
-_LATER = {
-    "RCCM": "dolfinx_contact.laws.adhesion",
-    "BilinearCohesive": "dolfinx_contact.laws.cohesive",
-    "Interface": "dolfinx_contact.laws.interface",
-    "InterfaceState": "dolfinx_contact.laws.interface",
-    "MaxwellLayer": "dolfinx_contact.laws.cohesive",
-    "Rates": "dolfinx_contact.laws.interface",
-}
-
-
-def __getattr__(name: str) -> object:
-    if name in _LATER:
-        return getattr(import_module(_LATER[name]), name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+#: Public names by module. `laws.status` needs neither UFL nor DOLFINx.
+__getattr__ = loads(
+    __name__,
+    {
+        "adhesion": ("RCCM",),
+        "answers": ("Answers", "HeldAnswers", "PointData"),
+        "cohesive": ("BilinearCohesive", "MaxwellLayer"),
+        "compiled": ("LawAtPoints",),
+        "compliant": ("NormalCompliance", "Regularised"),
+        "friction": ("Coulomb", "FrictionLaw", "Frictionless", "Tresca"),
+        "interface": ("Interface", "InterfaceState", "Rates"),
+        "law": ("Bond", "Border", "ContactPoint", "Internal", "Kernel", "Law", "StatusPiece"),
+        "spreading": ("NonlocalCoulomb",),
+        "status": ("MINUS", "OPEN", "PLUS", "STICK"),
+    },
+)
 
 
 def __dir__() -> list[str]:

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Meshes from gmsh with named groups, bodies joined in one mesh, and cracks."""
 
-from importlib import import_module
 from typing import TYPE_CHECKING
 
+from dolfinx_contact._install import loads
 from dolfinx_contact.meshing.gmsh import (
     GmshMesh,
     NamedTags,
@@ -26,14 +26,8 @@ __all__ = [
     "read_mesh",
 ]
 
-#: What makes new meshes of others is loaded when it is used.
-_LATER = {"crack": "dolfinx_contact.meshing.cracks", "join": "dolfinx_contact.meshing.whole"}
-
-
-def __getattr__(name: str) -> object:
-    if name in _LATER:
-        return getattr(import_module(_LATER[name]), name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+#: Functions that make new meshes from others are loaded when they are used.
+__getattr__ = loads(__name__, {"cracks": ("crack",), "whole": ("join",)})
 
 
 def __dir__() -> list[str]:

@@ -14,7 +14,7 @@ import ufl
 
 from dolfinx_contact._geometry import unit
 from dolfinx_contact._validate import one_of, vector
-from dolfinx_contact.io.outside import OuterSurface, SurfaceState
+from dolfinx_contact.results.outer_surface import OuterSurface, SurfaceState
 
 __all__ = ["DrawnObstacle", "Look", "Options", "Scene", "finite_range", "options_of", "scene_of"]
 

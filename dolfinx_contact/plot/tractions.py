@@ -18,12 +18,13 @@ from scipy.sparse.csgraph import connected_components, depth_first_order
 
 from dolfinx_contact._geometry import area_vectors, unit
 from dolfinx_contact._mpi import Arguments, collective, same_everywhere
-from dolfinx_contact.io.outside import Arrays, gather_cells
+from dolfinx_contact.io.outside import gather_cells
 from dolfinx_contact.laws.status import COLOURS, NAMES
 from dolfinx_contact.plot.figures import INK, drawn_on_root, new_figure, save
 from dolfinx_contact.plot.in_2d import around, shade
 from dolfinx_contact.points.trace import vertex_numbers
 from dolfinx_contact.results.fields import STATUS_CODES, contact_fields, vertex_state
+from dolfinx_contact.results.outer_surface import Arrays
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -5,17 +5,22 @@
 `read_journal` reads them in any script, and `journal_of` makes a journal without the disk.
 """
 
-from dolfinx_contact.records.branch_record import BranchRecord
-from dolfinx_contact.records.functionals import leftmost, rightmost, total
+from typing import TYPE_CHECKING
+
+from dolfinx_contact._install import loads
 from dolfinx_contact.records.journal import (
     EvolutionJournal,
     Journal,
     PathJournal,
     read_journal,
 )
-from dolfinx_contact.records.points import journal_of
-from dolfinx_contact.records.series import write_series
-from dolfinx_contact.records.steps_record import EvolutionRecord, PathRecord
+
+if TYPE_CHECKING:
+    from dolfinx_contact.records.branch_record import BranchRecord
+    from dolfinx_contact.records.functionals import leftmost, rightmost, total
+    from dolfinx_contact.records.points import journal_of
+    from dolfinx_contact.records.series import write_series
+    from dolfinx_contact.records.steps_record import EvolutionRecord, PathRecord
 
 __all__ = [
     "BranchRecord",
@@ -31,3 +36,19 @@ __all__ = [
     "total",
     "write_series",
 ]
+
+#: Names that need DOLFINx; the reader of journals needs NumPy only.
+__getattr__ = loads(
+    __name__,
+    {
+        "branch_record": ("BranchRecord",),
+        "functionals": ("leftmost", "rightmost", "total"),
+        "points": ("journal_of",),
+        "series": ("write_series",),
+        "steps_record": ("EvolutionRecord", "PathRecord"),
+    },
+)
+
+
+def __dir__() -> list[str]:
+    return __all__

@@ -47,12 +47,12 @@ from typing import Any, ClassVar, TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from dolfinx_contact._ending import Ending, Ends
 from dolfinx_contact._install import optional
 from dolfinx_contact._validate import is_number
-from dolfinx_contact.continuation.ending import Ending, Ends
-from dolfinx_contact.io.outside import OuterSurface, SurfaceState, nested
 from dolfinx_contact.laws import status
 from dolfinx_contact.records.arrays import check, load
+from dolfinx_contact.results.outer_surface import OuterSurface, SurfaceState, nested
 
 __all__ = [
     "FILE_NAME",

@@ -24,7 +24,7 @@ from dolfinx_contact._files import os_error
 from dolfinx_contact._mpi import everywhere, on_root, require, same_everywhere
 from dolfinx_contact.continuation.observer import Observer
 from dolfinx_contact.io.files import agreed_path, output_folder
-from dolfinx_contact.io.outside import Outside, flat
+from dolfinx_contact.io.outside import Outside
 from dolfinx_contact.records.arrays import Arrays, DamagedFile, load, save
 from dolfinx_contact.records.fields import FieldArrays
 from dolfinx_contact.records.journal import (
@@ -38,6 +38,7 @@ from dolfinx_contact.records.journal import (
 from dolfinx_contact.records.journal_file import JournalFile, run_name
 from dolfinx_contact.records.manifest import difference
 from dolfinx_contact.records.points import places
+from dolfinx_contact.results.outer_surface import flat
 
 if TYPE_CHECKING:
     from dolfinx_contact.problem import ContactProblem

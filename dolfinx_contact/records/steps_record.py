@@ -21,9 +21,9 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
+from dolfinx_contact._ending import Ending, Ends
 from dolfinx_contact._mpi import everywhere, require, same_everywhere
 from dolfinx_contact.continuation.branch import BranchPoint
-from dolfinx_contact.continuation.ending import Ending, Ends
 from dolfinx_contact.continuation.layout import Layout
 from dolfinx_contact.continuation.observer import ObserverLike, Stop
 from dolfinx_contact.continuation.parameters import StepControl

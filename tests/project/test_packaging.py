@@ -17,8 +17,8 @@ import pytest
 from support.blocks import block
 
 import dolfinx_contact
-from dolfinx_contact import _install, meshing
-from dolfinx_contact._install import refuse_serial_copies, require_dolfinx
+from dolfinx_contact import meshing
+from dolfinx_contact._install import refuse_serial_copies
 from dolfinx_contact.plot import draw_diagram, picture_of_states
 from dolfinx_contact.records import Journal
 
@@ -187,26 +187,6 @@ def test_plots_name_the_missing_matplotlib(monkeypatch):
     system = type("System", (), {"problem": problem, "comm": COMM})
     with pytest.raises(ModuleNotFoundError, match="matplotlib is not installed"):
         picture_of_states("x.png", system, [None])
-
-
-def test_dolfinx_that_is_missing_is_named(monkeypatch):
-    """At import, before anything needing it."""
-    every = ("mpi4py", "petsc4py", "dolfinx")
-    require_dolfinx(*every)
-    there = _install.find_spec
-
-    def without_dolfinx(name):
-        return None if name == "dolfinx" else there(name)
-
-    monkeypatch.setattr(_install, "find_spec", without_dolfinx)
-    with pytest.raises(ModuleNotFoundError, match=r"there is no module dolfinx\. .*Python 3\.12"):
-        require_dolfinx(*every)
-    lines = (Path(_install.__file__).parent / "__init__.py").read_text().splitlines()
-    launcher = next(i for i, line in enumerate(lines) if line == "refuse_serial_copies()")
-    assert lines.index('require_dolfinx("mpi4py")') < launcher
-    assert lines.index('require_dolfinx("petsc4py", "dolfinx")') < min(
-        i for i, line in enumerate(lines) if "_petsc import" in line
-    )
 
 
 @serial

@@ -14,9 +14,8 @@ import numpy as np
 import pytest
 from support.textbook import coulomb_system
 
-from dolfinx_contact.continuation import Piece, System
+from dolfinx_contact.continuation import Ending, Piece, System
 from dolfinx_contact.continuation import rays as rays_module
-from dolfinx_contact.continuation.ending import Ending
 from dolfinx_contact.continuation.observer import Observer
 from dolfinx_contact.continuation.pivoting import Pivoting
 from dolfinx_contact.continuation.rays import (
