@@ -160,7 +160,7 @@ def _steps(journal: EvolutionJournal) -> DiagramData:
     start = journal.states[0]
     rows = [{"time": start.time, **start.energies}, *journal.rows()]
     if is_path:
-        rows[0]["gamma"] = start.run.gamma
+        rows[0]["gamma"] = start.gamma
     numbers = [name for name in dict.fromkeys(k for row in rows for k in row) if name != "step"]
     columns = {
         along if name == "time" else name: np.array([_number(row.get(name)) for row in rows])

@@ -13,16 +13,13 @@ import os
 import zipfile
 import zlib
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from dolfinx_contact._files import part_of, sync
+from dolfinx_contact.results.outer_surface import Arrays
 
-__all__ = ["Arrays", "DamagedFile", "check", "load", "save"]
-
-Arrays = dict[str, npt.NDArray[Any]]
+__all__ = ["DamagedFile", "check", "load", "save"]
 
 _DAMAGE = (zipfile.BadZipFile, zlib.error, EOFError, ValueError, NotImplementedError)
 

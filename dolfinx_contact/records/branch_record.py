@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Record of a continuation, from which an interrupted run can be resumed.
 
-A record is a folder with the journal (gamma, functionals, statuses, step data and special points of
-every accepted point) and checkpoints (unknowns and tangent of some points). A resumed run continues
-from the last checkpoint to the same points; points that were recorded after it are computed again
-and not recorded again.
+The journal has gamma, functionals, statuses, step data and special points of every accepted point.
+Checkpoints with unknowns and tangent of some points are enough, because a branch that continues
+from one passes through the same points.
 """
 
 from __future__ import annotations
@@ -32,12 +31,11 @@ from dolfinx_contact.continuation import (
     follower_for,
 )
 from dolfinx_contact.continuation.arguments import check_listeners, check_steps
-from dolfinx_contact.continuation.layout import Layout
 from dolfinx_contact.equations.data import data_within
 from dolfinx_contact.records.functionals import Functional, compiled, functional_forms
-from dolfinx_contact.records.journal import Explored, Journal, plain
+from dolfinx_contact.records.journal import Explored, Journal
 from dolfinx_contact.records.manifest import manifest_of, values_of
-from dolfinx_contact.records.points import JournalEntries
+from dolfinx_contact.records.points import BranchEntries
 from dolfinx_contact.records.record import Record, Resume
 
 if TYPE_CHECKING:
@@ -96,6 +94,8 @@ class BranchRecord(Record[Journal]):
                 branch = record.go_on()
     """
 
+    _part = "branch {}"
+
     def __init__(
         self,
         folder: str | os.PathLike[str],
@@ -114,7 +114,9 @@ class BranchRecord(Record[Journal]):
         same_everywhere(comm, every=int(every))
         self.system = system
         self.every = every
-        values = compiled(system.problem, functionals or {})
+        self._functionals = dict(functionals or {})
+        self._entries = BranchEntries(system, compiled(system.problem, self._functionals))
+        self._last: tuple[BranchPoint, int] | None = None  # last point, and its number
         super().__init__(
             folder,
             system.problem,
@@ -122,102 +124,69 @@ class BranchRecord(Record[Journal]):
             surface_displacement=surface_displacement,
             resume=resume,
         )
-        self._layout = Layout(system)
-        self._entries = JournalEntries(system, values)
-        self._last: tuple[BranchPoint, Stepping] | None = None
-        self._branch = 0
-        try:
-            self._open(functionals or {})
-        except Exception:
-            self.close()
-            raise
 
-    def _open(self, functionals: Mapping[str, Functional]) -> None:
-        """Compare the manifest with the recorded one, and begin a session. Collective."""
+    def _header(self) -> dict[str, Any]:
         system = self.system
         driven = system._driven_expressions
-        header = self.journal.header
-        now = manifest_of(system.problem, driven=driven)
-        now["parts"]["the functionals"] = list(functionals)
-        now["forms"] |= functional_forms(system, functionals)
+        recorded = self.journal.header
+        new = manifest_of(system.problem, driven=driven)
+        new["parts"]["the functionals"] = list(self._functionals)
+        new["forms"] |= functional_forms(system, self._functionals)
         # data may depend on gamma: compare them at the gamma of the first session
-        gamma = float(header.get("gamma", system.constant.value))
+        gamma = float(recorded.get("gamma", system.constant.value))
         with system.restored(always=True):
             system._set(gamma)
-            now["values"] = values_of(
+            new["values"] = values_of(
                 system.problem,
                 more=data_within(driven),
                 but=[*system._driven_functions, system.constant],
             )
-        if header:
-            self._require_same(header, now)
-        self._begin_session(now, functionals=list(functionals), gamma=gamma)
-
-    def close(self) -> None:
-        """Close the journal; the record can then be resumed."""
-        super().close()
-        self._entries.destroy()
+        self._require_same(recorded, new)
+        return {**new, "functionals": list(self._functionals), "gamma": gamma}
 
     # -- Observer --------------------------------------------------------------------------------
 
     def begin(self, task: Task, state: Stepping) -> None:
         """Record the beginning of a branch, or compare its task with the recorded one."""
         self._branch = task.branch
-        fixed = {
-            "gamma_range": [float(g) for g in task.gamma_range],
-            "gamma_scale": float(task.gamma_scale),
-            "control": plain(task.control),
-        }
-        if self._branch in self.journal.branches:
-            recorded = self.journal.branches[self._branch].task
-            at = f" in the task of branch {self._branch}"
-            self._require_same({"task": {k: recorded[k] for k in fixed}}, {"task": fixed}, at)
-            return
-        new = {**fixed, "max_steps": task.max_steps, "to_node": task.to_node}
-        self._append({"type": "branch", "branch": self._branch, "task": new})
+        self._last = None
+        self._begin(vars(task), free=("max_steps", "to_node"))
 
     def step(self, step: BranchStep, state: Stepping) -> None:
         """Record a point, unless it was recorded before the run was killed."""
         point = step.point
-        recorded = self.journal.branches[step.branch].points
-        self._last = point, state
-        if step.index < len(recorded):
+        number = len(self.journal.branches[self._branch].points)
+        self._last = point, step.index
+        if step.index < number:
             return
-        follows = step.index == len(recorded)
-        message = (
-            f"point {step.index} cannot follow the {len(recorded)} recorded of branch {step.branch}"
-        )
-        require(self.comm, follows, message)
+        message = f"point {step.index} cannot follow the {number} recorded of branch {self._branch}"
+        require(self.comm, step.index == number, message)
         entry = self._entries.point(step.index, point, step.special, state.x_scale)
-        name = _name(step.branch, step.index)
-        keys = self._write_surface(name, self.problem)
+        name = _name(self._branch, step.index)
+        keys: dict[str, str] = {}
         if step.index % self.every == 0 or step.special or state.ending is not None:
-            keys |= self._checkpoint(name, point)
-        entry |= {
+            keys = self._write_point_fields(name, point)
+        more = {
             "next_step": state.next_step,
             "x_scale": state.x_scale,
             "largest_distance": state.largest_distance,
-            "scales": list(self.system.scales),
-            "tangent_gamma": self._layout.gamma(point.tangent),
+            "scales": self.system.scales,
+            "ending": state.ending,
+            "reason": state.reason,
         }
-        if state.ending is not None:
-            entry |= {"ending": state.ending, "reason": state.reason}
-        if recorded and recorded[-1].status == entry["status"]:
-            del entry["status"]
-        self._append({"type": "point", "branch": step.branch, **entry, **keys})
+        self._write_point(name, {**entry, **more, **keys}, self.problem)
 
     def end(self, ended: Ends) -> None:
         """Record the end of a branch, with a checkpoint of its last point."""
-        branch = self.journal.branches[self._branch]
-        if branch.ending is ended.ending or self._last is None or ended.ending is None:
+        points = self.journal.branches[self._branch].points
+        # where more points were recorded before, the branch does not end here
+        if self._last is None or ended.ending is None or self._last[1] < len(points) - 1:
             return
-        point, stepping = self._last
-        if stepping.index < len(branch.points) - 1:
-            return  # more was recorded before, after which this is not the end
-        end = {"ending": ended.ending.name, "reason": ended.reason}
-        if branch.points[-1].checkpoint is None:
-            end |= self._checkpoint(_name(self._branch, stepping.index), point)
-        self._append({"type": "end", "branch": self._branch, **end})
+        point, index = self._last
+        keys: dict[str, str] = {}
+        if points[-1].checkpoint is None:
+            keys = self._write_point_fields(_name(self._branch, index), point)
+        self._write_end(ended, keys)
 
     def explored(self, diagram: Diagram) -> None:
         """Record the new nodes and edges of a diagram and the end of the exploration."""
@@ -233,14 +202,11 @@ class BranchRecord(Record[Journal]):
             self._append({"type": "edge", **ends})
         ended = Explored(diagram.ending, diagram.reason, diagram.complete)
         if diagram.ending is not None and ended != journal.explored:
-            self._append({"type": "explored", **plain(ended)})
+            self._append({"type": "explored", **vars(ended)})
 
-    def _checkpoint(self, name: str, point: BranchPoint) -> dict[str, str]:
+    def _write_point_fields(self, name: str, point: BranchPoint) -> dict[str, str]:
         """Write unknowns and tangent of a point, and return the keys. Collective."""
-        t = self.system.create_vector()
-        t.array[:] = point.tangent.array_r[: t.getLocalSize()]
-        keys = self._write_fields(name, {"tangent": t, "x": self._entries.unknowns(point)})
-        t.destroy()
+        keys = self._write_checkpoint(name, self._entries.split(point))
         self._entries.put(point)  # observers are called with the point in the problem
         return keys
 
@@ -265,19 +231,12 @@ class BranchRecord(Record[Journal]):
         Raises:
             ValueError: on every rank, if the point has no checkpoint, or the checkpoint is damaged.
         """
-        system = self.system
         p = self.journal.branches[branch].points[index]
-        if p.checkpoint is None or p.sum is None:
+        if p.checkpoint is None:
             raise ValueError(f"no fields were kept at point {index} of branch {branch}")
-        x, t = (system.create_vector() for _ in range(2))
-        self._read_fields(p.checkpoint, p.sum, {"tangent": t, "x": x})
-        y = self._layout.joined(x, p.gamma)
-        tangent = self._layout.joined(t, p.tangent_gamma)
-        for v in (x, t):
-            v.destroy()
-        system.scales = tuple(p.scales)
-        piece = system.piece_of(p.status)
-        point = BranchPoint(y, tangent, piece, p.gamma, p.step, p.corrections, p.tau)
+        self._read_checkpoint(p, self._entries.vectors)
+        self.system.scales = tuple(p.scales)
+        point = self._entries.joined(p)
         return point, Stepping(index, p.next_step, p.x_scale, p.largest_distance)
 
     def points(self, branch: int = 0) -> list[BranchPoint]:
@@ -335,7 +294,7 @@ class BranchRecord(Record[Journal]):
         self.system.scales = tuple(known.points[stepping.index].scales)
         # Pivoting has no length of steps.
         route: Route = "steps" if stepping.next_step > 0 else "pivoting"
-        x = self._entries.unknowns(point)
+        x = self._entries.split(point)["x"]
         control, scale = StepControl(**task["control"]), task["gamma_scale"]
         with (
             self.system.restored(),

@@ -5,21 +5,25 @@ A journal has one JSON object per line, and lines are only appended. `type` name
 
     header    manifest of the problem, once
     session   a recording run: ranks, versions, start time
-    branch    begin of a branch: number and task              end    ending of a branch or run
-    point     accepted point of a branch                      edge   branch of a diagram
-    node      bifurcation of a diagram, again when it grows   explored   end of an exploration
-    run       begin of a run of an evolution or path: task, and `after`, the state where it begins
-    state     start or accepted step of an evolution or path
+    begin     begin of a branch, or of a run of an evolution or path: number `branch`, `task`, and
+              `after`, the index of the state where a run begins
+    point     accepted point of a branch; start or accepted step of an evolution or path
+    end       ending of a branch or run that its last point does not have
+    node      bifurcation of a diagram, again when it grows
+    edge      branch of a diagram with its nodes
+    explored  end of the exploration of a diagram
 
-There are three sets of columns. Points of branches have `index`, `gamma`, `step`, `corrections`,
-`tau` (`continuation.BranchPoint`), `status` (letters of all contact points), `special` (points of
-`continuation.SpecialPoint` on the way, with `changes` of statuses at `x`), `norm` (length of the
-unknowns in units of steps), `functionals`, and step data for resumption. States have `index`,
-`time` (of a path: arc length), `status`, `size`, `energies`, `data` (`manifest.values_of`), `row`
-(of the table of steps), and `run`, with which the run continues: `number`, `length`, `settled` and
-`rate`, on a path `gamma`, `arrived` and `known` (`evolution.run.RunState`). Both name their files
-`checkpoint` and `surface`, with the fingerprints `sum` and `surface_sum`, and have the `ending` and
-`reason` of a run that ends there.
+A point has the number of its `branch`, its `index`, the `status` of all contact points as letters
+(only if it differs from the previous point of the branch), and the `ending` and `reason` of a
+branch or run that ends there. `checkpoint` and `surface` name its files, `sum` and `surface_sum`
+their fingerprints. There are three sets of further columns:
+
+- Branches: `gamma`, `step`, `corrections`, `tau` (`continuation.BranchPoint`), `special` (points of
+  `continuation.SpecialPoint` on the way, with `changes` of statuses at `x`), `norm` (length of the
+  unknowns in units of steps), `functionals`, and step data for resumption.
+- Evolutions: `time`, `size`, `energies`, `data` (`manifest.values_of`), `row` (of the table of
+  steps), and `run`, the items of `evolution.run.RunState`.
+- Paths: the columns of evolutions, with the arc length as `time`, and `gamma`.
 
 Every line contains its number and ends with the CRC-32 of the preceding text. A run may be killed
 at any time: an incomplete last line is ignored. Any other damaged or missing line is an error.
@@ -35,10 +39,9 @@ Reading a journal needs the standard library and NumPy only:
 from __future__ import annotations
 
 import json
-import math
 import os
 import zlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass
 from enum import Enum
 from pathlib import Path
@@ -60,33 +63,31 @@ __all__ = [
     "AnyJournal",
     "Entry",
     "EvolutionJournal",
-    "EvolutionRun",
     "Explored",
     "Journal",
-    "JournalBranch",
     "PathJournal",
+    "RecordedRun",
     "checkpoint_file",
     "encoded",
     "outer_surface_file",
     "parse",
-    "plain",
     "read_journal",
     "reread",
     "surface_file",
 ]
 
 FILE_NAME = "journal.jsonl"
-FORMAT = 4
+FORMAT = 5
 _CRC = ', "crc": "'
 
 
 def checkpoint_file(folder: Path, name: str) -> Path:
-    """Return the path of the file with the fields of a point or state."""
+    """Return the path of the file with the fields of a point."""
     return folder / "checkpoints" / f"{name}.npz"
 
 
 def surface_file(folder: Path, name: str) -> Path:
-    """Return the path of the file with the outer surface at a point or state."""
+    """Return the path of the file with the outer surface at a point."""
     return folder / "surface" / f"{name}.npz"
 
 
@@ -107,32 +108,24 @@ class Entry(dict[str, Any]):
         return self.get(name)
 
 
-def plain(value: Any) -> Any:
-    """Convert a value to JSON types.
+def encoded(entry: Mapping[str, Any]) -> bytes:
+    """Return the line of an entry, with its CRC; floats are written without loss of digits.
 
-    Numbers that are not finite become dictionaries such as ``{"float": "nan"}``. Dataclasses become
-    dictionaries without items that are None.
+    Numbers that are not finite are NaN and Infinity, as in the JSON of Python.
     """
-    if is_dataclass(value) and not isinstance(value, type):
-        value = {f.name: getattr(value, f.name) for f in fields(value)}
-        value = {name: item for name, item in value.items() if item is not None}
-    if isinstance(value, Mapping):
-        return {str(key): plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [plain(item) for item in value]
+    body = json.dumps(entry, default=_plain)[:-1]
+    return f'{body}{_CRC}{zlib.crc32(body.encode()):08x}"}}\n'.encode()
+
+
+def _plain(value: Any) -> Any:
+    """Convert a value without JSON type: enumeration, number or array of NumPy, dataclass."""
     if isinstance(value, Enum):
         return value.name
-    if isinstance(value, np.generic):
-        value = value.item()
-    if isinstance(value, float) and not math.isfinite(value):
-        return {"float": str(value)}
-    return value
-
-
-def encoded(entry: Mapping[str, Any]) -> bytes:
-    """Return the line of an entry, with its CRC; floats are written without loss of digits."""
-    body = json.dumps(plain(entry), allow_nan=False)[:-1]
-    return f'{body}{_CRC}{zlib.crc32(body.encode()):08x}"}}\n'.encode()
+    if isinstance(value, np.generic | np.ndarray):
+        return value.tolist()
+    if is_dataclass(value):
+        return {f.name: getattr(value, f.name) for f in fields(value)}
+    raise TypeError(f"{type(value).__name__} cannot be recorded")
 
 
 def reread(entry: Mapping[str, Any]) -> Entry:
@@ -149,17 +142,40 @@ def _decoded(line: bytes) -> Entry:
     body, mark, crc = line.decode().rpartition(_CRC)
     if not mark or crc != f'{zlib.crc32(body.encode()):08x}"}}':
         raise ValueError("its check sum is wrong")
-    entry: Entry = json.loads(body + "}", object_hook=_number)
+    entry: Entry = json.loads(body + "}", object_hook=Entry)
     return entry
 
 
-def _number(entry: dict[str, Any]) -> Any:
-    """Return the number that an object represents (see `plain`), or the object as an entry."""
-    word = entry.get("float")
-    return float(word) if len(entry) == 1 and isinstance(word, str) else Entry(entry)
-
-
 # -- journals --------------------------------------------------------------------------------------
+
+
+@dataclass
+class RecordedRun(Ends):
+    """A recorded branch, or a recorded run of an evolution or path.
+
+    Attributes:
+        task: attributes of its task by name; empty for a journal in memory.
+        points: entries of its points, in order; those of the first run include the start.
+        after: index of the state where a run begins; 0 for branches.
+        ending: kind of the ending; None if it has not ended.
+        reason: reason of the ending, as a sentence.
+    """
+
+    task: dict[str, Any] = field(default_factory=dict)
+    points: list[Entry] = field(default_factory=list)
+    after: int = 0
+    ending: Ending | None = None
+    reason: str = ""
+
+    @property
+    def kept(self) -> list[int]:
+        """Indices of the points with a checkpoint."""
+        return [p.index for p in self.points if p.checkpoint is not None]
+
+    @property
+    def complete(self) -> bool:
+        """Whether it reached the last of its times, or the end of its range."""
+        return self.ending is Ending.REACHED
 
 
 @dataclass
@@ -170,6 +186,7 @@ class AnyJournal:
         header: manifest of the problem, and positions of the contact points.
         sessions: one dictionary per recording run, with ranks, versions and start time; the first
             one contains the fingerprint of the outer surface.
+        branches: branches, or runs of an evolution or path, by number.
         lines: number of complete lines.
         length: size of the complete lines in bytes when the journal was read.
         torn: whether the last line was incomplete when the journal was read.
@@ -179,6 +196,7 @@ class AnyJournal:
     kind: ClassVar[str]
     header: dict[str, Any] = field(default_factory=dict)
     sessions: list[dict[str, Any]] = field(default_factory=list)
+    branches: dict[int, RecordedRun] = field(default_factory=dict)
     lines: int = 0
     length: int = 0
     torn: bool = False
@@ -191,28 +209,36 @@ class AnyJournal:
 
     @property
     def is_empty(self) -> bool:
-        """Whether no point or state was recorded yet."""
+        """Whether no point was recorded yet."""
         return not self.all_entries()
 
-    def entries(self, branch: int = 0) -> Sequence[Entry]:
+    def entries(self, branch: int = 0) -> list[Entry]:
         """Return the entries of all points of a branch, or of all states of a history or path.
 
         Raises:
             ValueError: if there is no such branch.
         """
+        return [p for _, p in self._points(branch)]
+
+    def all_entries(self) -> list[Entry]:
+        """Return the entries of the points of all branches or runs."""
+        return [p for _, p in self._points(None)]
+
+    def rows(self, branch: int | None = None) -> list[dict[str, Any]]:
+        """Return a table with a row per point.
+
+        Args:
+            branch: number of the branch or run; default: all.
+        """
         raise NotImplementedError
 
-    def all_entries(self) -> Sequence[Entry]:
-        """Return the entries of all points of all branches, or of all states."""
-        raise NotImplementedError
+    def columns(self, branch: int | None = None) -> dict[str, npt.NDArray[Any]]:
+        """Return `rows` as numpy arrays by name; columns with text or None have dtype object."""
+        return _columns(self.rows(branch))
 
-    def columns(self) -> dict[str, npt.NDArray[Any]]:
-        """Return all points or steps as numpy arrays by name."""
-        raise NotImplementedError
-
-    def to_pandas(self) -> Any:
-        """Return all points or steps as a pandas DataFrame; see `columns`."""
-        return optional("pandas", "records").DataFrame(self.columns())
+    def to_pandas(self, branch: int | None = None) -> Any:
+        """Return the points of one or all branches as a pandas DataFrame; see `columns`."""
+        return optional("pandas", "records").DataFrame(self.columns(branch))
 
     def surface(self) -> OuterSurface:
         """Return the undeformed outer surface of the bodies. Not collective.
@@ -245,7 +271,7 @@ class AnyJournal:
                 f"no displacement was recorded at point {index}: record with "
                 "surface_displacement=True"
             )
-        arrays = load(surface_file(self.folder, entry.surface), str(entry.surface_sum))
+        arrays = load(surface_file(self.folder, entry.surface), entry.surface_sum)
         return SurfaceState(**nested(arrays))
 
     def check_surfaces(self) -> None:
@@ -255,7 +281,7 @@ class AnyJournal:
         check(outer_surface_file(self.folder), self.sessions[0]["outer_surface"])
         for entry in self.all_entries():
             if entry.surface is not None:
-                check(surface_file(self.folder, entry.surface), str(entry.surface_sum))
+                check(surface_file(self.folder, entry.surface), entry.surface_sum)
 
     def take(self, entry: Entry) -> None:
         """Add the entry of the next line.
@@ -285,48 +311,41 @@ class AnyJournal:
 
     def _take(self, kind: str, entry: Entry) -> None:
         """Add an entry that is neither a header nor a session."""
-        raise NotImplementedError
+        number = entry.pop("branch")
+        if kind == "begin":
+            self.branches[number] = RecordedRun(entry.task, after=entry.after)
+            return
+        branch = self.branches[number]
+        if kind == "point":
+            if "status" not in entry:
+                entry["status"] = branch.points[-1].status
+            branch.points.append(entry)
+            branch.go_on()
+        elif entry.checkpoint is not None:
+            branch.points[-1] |= {"checkpoint": entry.checkpoint, "sum": entry.sum}
+        if entry.ending is not None:
+            branch.end(Ending[entry.ending], entry.reason)
+
+    def _points(self, branch: int | None) -> list[tuple[int, Entry]]:
+        """Return the points of one branch or of all, with the numbers of their branches."""
+        if branch is not None and not (is_number(branch) and branch in self.branches):
+            raise ValueError(f"no branch {branch} was recorded, only {sorted(self.branches)}")
+        numbers = sorted(self.branches) if branch is None else [branch]
+        return [(b, p) for b in numbers for p in self.branches[b].points]
 
 
 @dataclass
-class _Recorded(Ends):
-    """Base class of recorded branches and runs.
+class Explored(Ends):
+    """Ending of a recorded exploration of a diagram.
 
     Attributes:
-        ending: kind of the ending; None if the branch or run has not ended.
+        ending: kind of the ending; None if it has not ended.
         reason: reason of the ending, as a sentence.
+        complete: whether all rays of every node are known and have been followed.
     """
 
     ending: Ending | None = None
     reason: str = ""
-
-
-@dataclass
-class JournalBranch(_Recorded):
-    """A recorded branch.
-
-    Attributes:
-        task: attributes of `continuation.Task` by name; empty for a journal in memory.
-        points: entries of the points, in order.
-    """
-
-    task: dict[str, Any] = field(default_factory=dict)
-    points: list[Entry] = field(default_factory=list)
-
-    @property
-    def kept(self) -> list[int]:
-        """Indices of the points with a checkpoint."""
-        return [p.index for p in self.points if p.checkpoint is not None]
-
-
-@dataclass
-class Explored(_Recorded):
-    """Ending of a recorded exploration of a diagram.
-
-    Attributes:
-        complete: whether all rays of every node are known and have been followed.
-    """
-
     complete: bool = False
 
 
@@ -335,14 +354,12 @@ class Journal(AnyJournal):
     """Journal of branches.
 
     Attributes:
-        branches: branches by number.
         nodes: bifurcations of a diagram by number; empty if branches were followed one by one.
         edges: branches of a diagram with the nodes where they start and end, by number.
         explored: ending of the exploration; empty if further entries have been recorded since.
     """
 
     kind: ClassVar[str] = "branches"
-    branches: dict[int, JournalBranch] = field(default_factory=dict)
     nodes: list[Entry] = field(default_factory=list)
     edges: list[Entry] = field(default_factory=list)
     explored: Explored = field(default_factory=Explored)
@@ -357,12 +374,6 @@ class Journal(AnyJournal):
         """Whether the branches belong to a diagram and end at its nodes."""
         return bool(self.edges) or any(b.task.get("to_node") for b in self.branches.values())
 
-    def entries(self, branch: int = 0) -> list[Entry]:
-        return [p for _, p in self._points(branch)]
-
-    def all_entries(self) -> list[Entry]:
-        return [p for _, p in self._points(None)]
-
     def columns(self, branch: int | None = None) -> dict[str, npt.NDArray[Any]]:
         """Return the points of one branch or of all branches as numpy arrays by name, in order.
 
@@ -370,18 +381,13 @@ class Journal(AnyJournal):
         ``norm``, the functionals, the numbers of points ``open``, ``stick``, ``slip`` and
         ``clamped``, ``special`` (kinds of special points on the way to the point) and ``status``.
         """
-        rows = self._points(branch)
-        points = [p for _, p in rows]
-        table: dict[str, Any] = {"branch": np.array([b for b, _ in rows], int)}
-        for names, kind in ((("index", "corrections"), int), (_FLOATS, float)):
-            table |= {k: np.array([getattr(p, k) for p in points], kind) for k in names}
-        table |= {k: np.array([p.functionals[k] for p in points], float) for k in self.functionals}
-        counts = [status.count(p.status) for p in points]
-        table |= {k: np.array([c[k] for c in counts], int) for k in _COUNTS}
-        kinds = [" ".join(s.kind for s in p.special) for p in points]
-        table["special"] = np.array(kinds, dtype=object)
-        table["status"] = np.array([p.status for p in points], dtype=object)
-        return table
+        names = (*_INTEGERS, *_FLOATS, *self.functionals, *status.KINDS, "special", "status")
+        rows = [
+            {"branch": b, **p, **p.functionals, **status.count(p.status)}
+            | {"special": " ".join(s.kind for s in p.special)}
+            for b, p in self._points(branch)
+        ]
+        return _columns(rows, names)
 
     def rows(self, branch: int | None = None) -> list[dict[str, Any]]:
         """Return ``gamma``, ``status`` of the points that are not clamped, and the functionals.
@@ -420,10 +426,6 @@ class Journal(AnyJournal):
             "end": rows[-1],
         }
 
-    def to_pandas(self, branch: int | None = None) -> Any:
-        """Return the points of one or all branches as a pandas DataFrame; see `columns`."""
-        return optional("pandas", "records").DataFrame(self.columns(branch))
-
     def special(self, branch: int | None = None) -> Any:
         """Return the special points as a pandas DataFrame.
 
@@ -432,67 +434,45 @@ class Journal(AnyJournal):
         values of gamma between which it lies; None if it is located), and ``changes``, a list of
         dictionaries with the place ``x`` and the status ``before`` and ``after``.
         """
-        names = ["branch", "index", *_SPECIAL]
         rows = [
             {"branch": b, "index": p.index, **s} for b, p in self._points(branch) for s in p.special
         ]
+        names = ["branch", "index", *_SPECIAL]
         return optional("pandas", "records").DataFrame(rows, columns=names)
 
-    def _points(self, branch: int | None) -> list[tuple[int, Entry]]:
-        """Return the points of one branch or of all, with the numbers of their branches."""
-        if branch is not None and not (is_number(branch) and branch in self.branches):
-            raise ValueError(f"no branch {branch} was recorded, only {sorted(self.branches)}")
-        numbers = sorted(self.branches) if branch is None else [branch]
-        return [(b, p) for b in numbers for p in self.branches[b].points]
-
     def _take(self, kind: str, entry: Entry) -> None:
-        if kind != "explored":
-            self.explored = Explored()
-        if kind == "branch":
-            self.branches[entry["branch"]] = JournalBranch(task=entry["task"])
-        elif kind == "point":
-            branch = self.branches[entry.pop("branch")]
-            if "status" not in entry:  # as at the previous point
-                entry["status"] = branch.points[-1].status
-            branch.points.append(entry)
-            branch.go_on()
-            if entry.ending is not None:
-                branch.end(Ending[entry.ending], entry.reason)
-        elif kind == "end":
-            branch = self.branches[entry.pop("branch")]
-            branch.end(Ending[entry.ending], entry.reason)
-            if entry.checkpoint is not None:
-                branch.points[-1] |= {"checkpoint": entry.checkpoint, "sum": entry.sum}
-        elif kind == "node":
+        self.explored = Explored()
+        if kind == "node":
             number = entry.pop("node")
             self.nodes[number : number + 1] = [entry]  # again when it changes
         elif kind == "edge":
             self.edges.append(entry)
-        else:
+        elif kind == "explored":
             self.explored = Explored(Ending[entry.ending], entry.reason, entry.complete)
+        else:
+            super()._take(kind, entry)
 
 
+_INTEGERS = ("branch", "index", "corrections")
 _FLOATS = ("gamma", "step", "tau", "norm")
-_COUNTS = ("open", "stick", "slip", "clamped")
 _SPECIAL = ("kind", "smooth", "gamma", "parity", "others", "complete", "bracket", "changes")
 
 
-@dataclass
-class EvolutionRun(_Recorded):
-    """A recorded run.
+def _columns(
+    rows: Sequence[Mapping[str, Any]], names: Iterable[str] = ()
+) -> dict[str, npt.NDArray[Any]]:
+    """Return the values of rows as arrays by name.
 
-    Attributes:
-        task: task of the run, such as its times or range of gamma.
-        after: index of the state where it begins.
+    Args:
+        rows: rows of a table.
+        names: names of the columns; default: those of the first row.
     """
-
-    task: dict[str, Any] = field(default_factory=dict)
-    after: int = 0
-
-    @property
-    def complete(self) -> bool:
-        """Whether the run reached the last of its times, or the end of its range."""
-        return self.ending is Ending.REACHED
+    columns = {}
+    for name in names or (rows[0] if rows else ()):
+        values = [row[name] for row in rows]
+        numbers = all(isinstance(v, bool | int | float) for v in values)
+        columns[name] = np.array(values, dtype=None if numbers else object)
+    return columns
 
 
 @dataclass
@@ -506,39 +486,27 @@ class EvolutionJournal(AnyJournal):
 
     kind: ClassVar[str] = "an evolution"
     states: list[Entry] = field(default_factory=list)
-    runs: list[EvolutionRun] = field(default_factory=list)
+    runs: list[RecordedRun] = field(default_factory=list)
 
     def entries(self, branch: int = 0) -> list[Entry]:
         if branch != 0:
             raise ValueError(f"{self.kind} has no branches, so no branch {branch}")
         return self.states
 
-    def all_entries(self) -> list[Entry]:
-        return self.states
+    def rows(self, branch: int | None = None) -> list[dict[str, Any]]:
+        """Return the table of steps, with their ``status``, for `write_rows`.
 
-    def rows(self) -> list[dict[str, Any]]:
-        """Return the table of all steps, with their ``status``, for `write_rows`."""
-        return [s.row | {"status": s.status} for s in self.states if s.row is not None]
-
-    def columns(self) -> dict[str, npt.NDArray[Any]]:
-        """Return `rows` as numpy arrays by name; columns with text or None have dtype object."""
-        rows = self.rows()
-        columns = {}
-        for name in rows[0] if rows else ():
-            values = [row[name] for row in rows]
-            numbers = all(isinstance(v, bool | int | float) for v in values)
-            columns[name] = np.array(values, dtype=None if numbers else object)
-        return columns
+        Args:
+            branch: number of the run; default: all runs.
+        """
+        return [p.row | {"status": p.status} for _, p in self._points(branch) if p.row is not None]
 
     def _take(self, kind: str, entry: Entry) -> None:
-        if kind == "state":
-            if self.states:
-                self.runs[-1].go_on()
+        super()._take(kind, entry)
+        if kind == "point":
             self.states.append(entry)
-        elif kind == "run":
-            self.runs.append(EvolutionRun(**entry))
-        else:
-            self.runs[-1].end(Ending[entry.ending], entry.reason)
+        elif kind == "begin":
+            self.runs.append(self.branches[len(self.runs)])
 
 
 @dataclass
@@ -550,7 +518,7 @@ class PathJournal(EvolutionJournal):
     @property
     def gammas(self) -> npt.NDArray[np.float64]:
         """Loads at the start and at all accepted points."""
-        return np.array([s.run.gamma for s in self.states])
+        return np.array([s.gamma for s in self.states])
 
     @property
     def folds(self) -> list[dict[str, Any]]:

@@ -10,11 +10,11 @@ three sections, each a dictionary by the name of the item:
 - ``forms``: hashes of the UFL signatures of forms, obstacles and laws;
 - ``values``: Constants as their numbers, Functions as random projections.
 
-The projections of a Function f are p_k = sum_c w_k(c) f_c over the coefficients c of all cells, for
-two weights w_k in [-1, 1) that depend on the number of the cell in the input of the mesh and on the
-place of the coefficient within the cell. Two Functions are treated as equal if their projections
-agree to 1e-9 of sqrt(sum_c f_c^2). A hash of the values is not suitable: values computed on another
-number of ranks differ in their last digits.
+The projections of a Function f are p_k = sum_cj v_kc w_kj f_cj over the coefficients j of all cells
+c, for two pairs of random weights in [-1, 1). The cells have the numbers of the input of the mesh.
+Two Functions are treated as equal if their projections agree to 1e-9 of sqrt(sum_cj f_cj^2). A hash
+of the values is not suitable: values computed on another number of ranks differ in their last
+digits.
 """
 
 from __future__ import annotations
@@ -34,7 +34,9 @@ import ufl
 from dolfinx import fem, mesh
 
 from dolfinx_contact._compat import geometry_dofmap
+from dolfinx_contact._mpi import total
 from dolfinx_contact.equations.data import Datum, placed_data
+from dolfinx_contact.records.states import by_cells, coefficients, input_numbers
 
 if TYPE_CHECKING:
     from dolfinx_contact.points.surface import DiscreteSurface
@@ -74,16 +76,17 @@ def manifest_of(
     domain = problem.V.mesh
     spaces = [f.function_space for f in problem.fields]
     sizes = [V.dofmap.index_map.size_global * V.dofmap.index_map_bs for V in spaces]
-    cells = _input_cells(domain)
-    nodes = geometry_dofmap(domain)[: len(cells)]
+    number = domain.topology.index_map(domain.topology.dim).size_local
+    nodes = geometry_dofmap(domain)[:number]
     input_nodes = np.asarray(domain.geometry.input_global_indices, np.int64)[nodes]
-    coordinates = domain.geometry.x[nodes].reshape(len(cells), -1)
+    coordinates = domain.geometry.x[nodes].reshape(number, -1)
+    fixed = by_cells(domain, coefficients(problem.V, eq.constraints.fixed.reshape(-1)))
     parts = {
-        "the mesh": _hash(problem.comm, np.column_stack([cells, input_nodes])),
+        "the mesh": _hash(problem.comm, by_cells(domain, input_nodes)),
         "the coordinates of the mesh": _projected(domain, coordinates),
         "the number of unknowns": sum(sizes),
         "the elements": [str(V.ufl_element()) for V in spaces],
-        "the unknowns with Dirichlet conditions": _fixed(problem),
+        "the unknowns with Dirichlet conditions": _hash(problem.comm, fixed),
         "the method": [_rounded(words) for words in method],
     }
     bodies = {"the body": eq.bulk.residual, **(forms or {})}
@@ -112,7 +115,7 @@ def manifest_of(
         axisymmetric = " axisymmetric" if s.axisymmetric else ""
         law = f"{s.law_at_points.compiled.signature} {s.law.averaging!r}{axisymmetric}"
         signatures["the law" + of] = law
-    hashes = {name: _digest(text) for name, text in signatures.items()}
+    hashes = {name: _digest(text.encode()) for name, text in signatures.items()}
     return {"parts": parts, "forms": {_UFL: ufl.__version__, **hashes}}
 
 
@@ -132,11 +135,11 @@ def values_of(
         displacement, 0 at free unknowns.
     """
     eq = problem.equations
-    domain = problem.V.mesh
     no_length = _NO_LENGTH * eq.body_size
-    prescribed = np.asarray(eq.prescribed.values()).reshape(-1)
-    values = _projected(domain, _by_cells(problem.V, prescribed), no_length)
-    found: dict[str, Any] = {"the prescribed displacement": values}
+    prescribed = coefficients(problem.V, np.asarray(eq.prescribed.values()).reshape(-1))
+    found: dict[str, Any] = {
+        "the prescribed displacement": _projected(problem.V.mesh, prescribed, no_length)
+    }
     lengths = [f for s in eq.surfaces for f in ufl.algorithms.extract_coefficients(s.given.gap)]
     seen = list(but)
     for place, value in (*placed_data(eq, conditions=False), *more):
@@ -147,9 +150,9 @@ def values_of(
         while name in found:  # two Functions of one name in one form
             name += " (another)"
         if isinstance(value, fem.Function):
-            V = value.function_space
             least = no_length if any(value is f for f in lengths) else 0.0
-            found[name] = _projected(V.mesh, _by_cells(V, value.x.array), least)
+            V = value.function_space
+            found[name] = _projected(V.mesh, coefficients(V, value.x.array), least)
         else:
             found[name] = [float(v) for v in np.real(np.ravel(value.value))]
     return found
@@ -214,57 +217,40 @@ def _array(value: Any) -> npt.NDArray[Any]:
     return np.asarray(value.x.array if hasattr(value, "x") else value.value)
 
 
-def _by_cells(V: fem.FunctionSpace, values: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
-    """Return the coefficients of the owned cells, shape (cells, coefficients of a cell)."""
-    n = V.mesh.topology.index_map(V.mesh.topology.dim).size_local
-    bs = V.dofmap.index_map_bs
-    return np.real(values).reshape(-1, bs)[V.dofmap.list[:n]].reshape(n, -1)
-
-
-def _projected(
-    domain: mesh.Mesh, values: npt.NDArray[np.float64], least: float = 0.0
-) -> dict[str, Any]:
-    """Return two random projections of coefficients of the owned cells. Collective.
+def _projected(domain: mesh.Mesh, values: npt.NDArray[Any], least: float = 0.0) -> dict[str, Any]:
+    """Return two random projections of values at cells. Collective.
 
     Args:
-        domain: the mesh.
-        values: coefficients, shape (cells, coefficients of a cell).
+        domain: mesh.
+        values: values at the owned cells, shape (cells, values of a cell).
         least: size below which values count as zero.
     """
-    cells = _input_cells(domain)
-    sums = np.zeros(4)  # both projections, sum of squares, number of values
-    sums[3] = values.size
-    for j, column in enumerate(values.T):
-        bits = _mixed(np.stack([cells, np.full_like(cells, j)], axis=1), 3)
-        for k, part in enumerate((bits >> np.uint64(32), bits & np.uint64(0xFFFFFFFF))):
-            sums[k] += float(np.dot(part.astype(np.float64) / 2.0**31 - 1.0, column))
-        sums[2] += float(np.dot(column, column))
-    domain.comm.Allreduce(MPI.IN_PLACE, sums, op=MPI.SUM)
-    floor = least * float(np.sqrt(sums[3])) / _TOLERANCE
-    return {"projections": sums[:2].tolist(), "scale": max(float(np.sqrt(sums[2])), floor)}
+    cells = domain.topology.index_map(domain.topology.dim).size_global
+    # the numbers of this generator do not depend on the version of NumPy
+    generator = np.random.RandomState(0)
+    of_cells = generator.uniform(-1.0, 1.0, (cells, 2))[input_numbers(domain)[: len(values)]]
+    of_values = generator.uniform(-1.0, 1.0, (values.shape[1], 2))
+    real = np.real(values)
+    projections = np.sum(of_cells * (real @ of_values), axis=0)
+    sums = total(domain.comm, [*projections, np.vdot(real, real), real.size])
+    scale = max(sums[2] ** 0.5, least * sums[3] ** 0.5 / _TOLERANCE)
+    return {"projections": sums[:2].tolist(), "scale": float(scale)}
 
 
-def _hash(comm: MPI.Comm, rows: npt.NDArray[np.int64]) -> str:
+def _hash(comm: MPI.Comm, values: npt.NDArray[Any]) -> str:
+    """Return a hash of values on rank 0, on every rank. Collective."""
+    return comm.bcast(_digest(values.tobytes()))
+
+
+def _hash_of_rows(comm: MPI.Comm, rows: npt.NDArray[np.int64]) -> str:
     """Return a hash of the rows of all ranks, regardless of their order. Collective."""
-    sums = np.array([np.sum(_mixed(rows, seed), dtype=np.uint64) for seed in (1, 2)])
-    # Sums modulo 2^64 do not depend on the order.
-    comm.Allreduce(MPI.IN_PLACE, sums, op=MPI.SUM)
-    return "".join(f"{int(s):016x}" for s in sums)
+    parts = comm.gather(rows) or [rows]
+    whole = np.concatenate([part for part in parts if len(part)] or [rows])
+    return _hash(comm, whole[np.lexsort(whole.T)])
 
 
-def _mixed(rows: npt.NDArray[np.int64], seed: int) -> npt.NDArray[np.uint64]:
-    """Return a hash of every row, using the finaliser of splitmix64."""
-    h: npt.NDArray[np.uint64] = np.full(len(rows), seed, dtype=np.uint64)
-    for column in np.ascontiguousarray(rows).view(np.uint64).T:
-        h = (h ^ column) + np.uint64(0x9E3779B97F4A7C15)
-        h = (h ^ (h >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-        h = (h ^ (h >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-        h ^= h >> np.uint64(31)
-    return h
-
-
-def _digest(text: str) -> str:
-    return hashlib.sha256(text.encode()).hexdigest()[:32]
+def _digest(content: bytes) -> str:
+    return hashlib.sha256(content).hexdigest()[:32]
 
 
 def _rounded(text: str) -> str:
@@ -283,42 +269,19 @@ def _signature(e: Any, domain: mesh.Mesh) -> str:
 # -- parts -----------------------------------------------------------------------------------------
 
 
-def _input_cells(domain: mesh.Mesh) -> npt.NDArray[np.int64]:
-    """Return the numbers of the owned cells in the input of the mesh.
-
-    Raises:
-        ValueError: if they have none, as in a submesh.
-    """
-    try:
-        original = domain.topology.original_cell_index
-    except RuntimeError as error:
-        message = "a record needs a mesh whose cells have numbers of the input, not a submesh"
-        raise ValueError(message) from error
-    n = domain.topology.index_map(domain.topology.dim).size_local
-    return np.asarray(original[:n], np.int64)
-
-
-def _fixed(problem: ContactProblem) -> str:
-    """Return a hash of the unknowns with Dirichlet conditions, by input cells. Collective."""
-    cells = _input_cells(problem.V.mesh)
-    fixed = problem.equations.constraints.fixed
-    in_cells = fixed[problem.V.dofmap.list[: len(cells)]].reshape(len(cells), -1)
-    cell, place = np.nonzero(in_cells)
-    return _hash(problem.comm, np.stack([cells[cell], place.astype(np.int64)], axis=1))
-
-
 def _entities(domain: mesh.Mesh, dim: int, entities: npt.NDArray[np.int32]) -> str:
     """Return a hash of the owned ones among entities, by nodes of the input. Collective."""
     owned = entities[entities < domain.topology.index_map(dim).size_local]
     nodes = np.asarray(domain.geometry.input_global_indices, np.int64)
     # DOLFINx divides by their number.
     at = mesh.entities_to_geometry(domain, dim, owned) if len(owned) else np.zeros((0, 1), int)
-    return _hash(domain.comm, np.sort(nodes[at], axis=1))
+    return _hash_of_rows(domain.comm, np.sort(nodes[at], axis=1))
 
 
 def _domains(form: ufl.Form, domain: mesh.Mesh) -> str:
     """Return a hash of the cells or facets of the integrals of a form. Collective."""
-    cells = _input_cells(domain)
+    numbers = input_numbers(domain)
+    owned_cells = domain.topology.index_map(domain.topology.dim).size_local
     texts = []
     for integral in form.integrals():
         data = integral.subdomain_data()
@@ -333,10 +296,11 @@ def _domains(form: ufl.Form, domain: mesh.Mesh) -> str:
             parts = [np.ravel(part) for tag, part in data if not chosen or tag in chosen]
             columns = 1 if integral.integral_type() == "cell" else 2
             pairs = np.concatenate([np.zeros(0, np.int64), *parts]).reshape(-1, columns)
-            owned = pairs[pairs[:, 0] < len(cells)]
-            entities = _hash(domain.comm, np.column_stack([cells[owned[:, 0]], owned[:, 1:]]))
+            owned = pairs[pairs[:, 0] < owned_cells]
+            rows = np.column_stack([numbers[owned[:, 0]], owned[:, 1:]])
+            entities = _hash_of_rows(domain.comm, rows)
         texts.append(f"{integral.integral_type()} {ids} {entities}")
-    return _digest("; ".join(sorted(texts)))
+    return _digest("; ".join(sorted(texts)).encode())
 
 
 def _sliding(s: DiscreteSurface) -> list[Any]:

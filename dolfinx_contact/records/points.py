@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Entries of points and nodes of branches, equal on any number of ranks; journals in memory."""
+"""Columns of points and nodes of branches, equal on any number of ranks; journals in memory."""
 
 from __future__ import annotations
 
@@ -14,27 +14,73 @@ from dolfinx_contact._mpi import everywhere, same_everywhere
 from dolfinx_contact.continuation import Branch, BranchPoint, Change, Node, SpecialPoint
 from dolfinx_contact.continuation.follow import require_solutions
 from dolfinx_contact.continuation.layout import Layout
-from dolfinx_contact.equations.order import Gathered, by_coordinates
+from dolfinx_contact.equations.order import by_coordinates
 from dolfinx_contact.laws import status
 from dolfinx_contact.records.functionals import Functional, compiled
-from dolfinx_contact.records.journal import FORMAT, Journal, JournalBranch, reread
+from dolfinx_contact.records.journal import FORMAT, Entry, Journal, RecordedRun, reread
+from dolfinx_contact.records.states import places
 
 if TYPE_CHECKING:
     from dolfinx_contact.parametric import ParametricContact
-    from dolfinx_contact.problem import ContactProblem
 
-__all__ = ["JournalEntries", "journal_of", "places"]
-
-
-def places(problem: ContactProblem) -> dict[str, list[list[float]]]:
-    """Return the coordinates of the contact points by surface, in order. Collective."""
-    return {
-        s.name: Gathered(s.comm, s.positions, s.points.ids).positions.tolist()
-        for s in problem.surfaces
-    }
+__all__ = ["BranchEntries", "BranchPoints", "journal_of"]
 
 
-class JournalEntries:
+class BranchPoints:
+    """Conversion between points of branches, and columns and vectors. Collective.
+
+    Args:
+        system: contact problem with a parameter.
+
+    Attributes:
+        vectors: work vectors for the tangent and the unknowns, by name.
+    """
+
+    def __init__(self, system: ParametricContact):
+        self.vectors = {name: system.create_vector() for name in ("tangent", "x")}
+        self._system = system
+        self._layout = Layout(system)
+
+    def split(self, point: BranchPoint) -> dict[str, PETSc.Vec]:
+        """Return tangent and unknowns of a point in the work vectors. Not collective."""
+        for name, y in (("tangent", point.tangent), ("x", point.y)):
+            self.vectors[name].array[:] = y.array_r[: self._layout.local]
+        return self.vectors
+
+    def columns(self, point: BranchPoint) -> dict[str, Any]:
+        """Return the columns of a point; ``status`` has the letters of its piece."""
+        return {
+            "gamma": point.gamma,
+            "step": point.step,
+            "corrections": point.corrections,
+            "tau": point.tau,
+            "tangent_gamma": self._layout.gamma(point.tangent),
+            "status": self._system.letters(point.piece),
+        }
+
+    def joined(self, columns: Entry) -> BranchPoint:
+        """Return the point with given columns, and with the work vectors."""
+        return BranchPoint(
+            self._layout.joined(self.vectors["x"], columns.gamma),
+            self._layout.joined(self.vectors["tangent"], columns.tangent_gamma),
+            self._system.piece_of(columns.status),
+            columns.gamma,
+            columns.step,
+            columns.corrections,
+            columns.tau,
+        )
+
+    def put(self, point: BranchPoint) -> None:
+        """Put a point into the Functions of the problem."""
+        self._system.put(self.split(point)["x"], point.gamma, point.piece)
+
+    def destroy(self) -> None:
+        """Destroy the vectors."""
+        for x in self.vectors.values():
+            x.destroy()
+
+
+class BranchEntries(BranchPoints):
     """Entries of the journal for points and nodes of branches. Collective.
 
     Args:
@@ -45,20 +91,8 @@ class JournalEntries:
     def __init__(
         self, system: ParametricContact, functionals: Mapping[str, Callable[[], float]]
     ) -> None:
-        self._system = system
+        super().__init__(system)
         self._functionals = functionals
-        self._layout = Layout(system)
-        self._x = system.create_vector()
-        self._mx = system.create_vector()
-
-    def unknowns(self, point: BranchPoint) -> PETSc.Vec:
-        """Return the unknowns of a point, in a vector that is reused. Not collective."""
-        self._x.array[:] = point.y.array_r[: self._x.getLocalSize()]
-        return self._x
-
-    def put(self, point: BranchPoint) -> None:
-        """Put a point into the Functions of the problem. Collective."""
-        self._system.put(self.unknowns(point), point.gamma, point.piece)
 
     def point(
         self, index: int, point: BranchPoint, special: Sequence[SpecialPoint], x_scale: float = 1.0
@@ -76,15 +110,14 @@ class JournalEntries:
             self.put(point)  # a functional may have written to the Functions
             values[name] = functional()
         self.put(point)
-        self._system.metric(self._x, self._mx)
-        square = max(float(self._x.dot(self._mx)), 0.0)
+        x = self.vectors["x"]
+        weighted = x.duplicate()
+        self._system.metric(x, weighted)
+        square = max(float(x.dot(weighted)), 0.0)
+        weighted.destroy()
         return {
             "index": index,
-            "gamma": point.gamma,
-            "step": point.step,
-            "corrections": point.corrections,
-            "tau": point.tau,
-            "status": self._system.letters(point.piece),
+            **self.columns(point),
             "special": [self._special(s) for s in special],
             "norm": float(np.sqrt(square / x_scale)) if x_scale else 0.0,
             "functionals": values,
@@ -98,11 +131,6 @@ class JournalEntries:
         ]
         point = self._special(node.point) | {"method": node.point.method}
         return {"point": point, "rays": rays, "edges": list(node.edges)}
-
-    def destroy(self) -> None:
-        """Destroy the vectors."""
-        self._x.destroy()
-        self._mx.destroy()
 
     def _special(self, s: SpecialPoint) -> dict[str, Any]:
         """Return the entry of a special point. Collective."""
@@ -123,10 +151,13 @@ class JournalEntries:
             return []
         # every rank knows the places of its own points only
         system = self._system
-        own = [(i, c.point) for i, c in enumerate(changes) if c.rank == system.comm.rank]
-        parts = {i: (system.positions[k], system._ids[k]) for i, k in own}
-        known = {i: place for part in system.comm.allgather(parts) for i, place in part.items()}
-        x, ids = (np.array(v) for v in zip(*(known[i] for i in range(len(changes))), strict=True))
+        places_here = {
+            i: (system.positions[c.point], system._ids[c.point])
+            for i, c in enumerate(changes)
+            if c.rank == system.comm.rank
+        }
+        known = {i: v for part in system.comm.allgather(places_here) for i, v in part.items()}
+        x, ids = (np.array([known[i][k] for i in range(len(changes))]) for k in (0, 1))
         letters = [str(letter) for letter in status.letters(x.shape[1])]
         surfaces = [s.name for s in system.problem.surfaces]
         return [
@@ -179,14 +210,14 @@ def journal_of(
     values = compiled(system.problem, functionals or {})
     header = {"functionals": list(values), "points": places(system.problem), "format": FORMAT}
     journal = Journal(header=header)
-    entries = JournalEntries(system, values)
+    entries = BranchEntries(system, values)
     with system.restored(always=True):
         for number, branch in enumerate(branches):
             points = [
                 reread(entries.point(i, point, [s for s in branch.special if s.index == i]))
                 for i, point in enumerate(branch.points)
             ]
-            journal.branches[number] = JournalBranch(
+            journal.branches[number] = RecordedRun(
                 ending=branch.ending, reason=branch.reason, points=points
             )
     entries.destroy()

@@ -3,8 +3,12 @@
 
 A point or state is on the disk before the next one is computed: first its files of arrays, then
 the line of the journal that names them. This line is the commit: a run may be killed at any moment,
-and is resumed from the complete lines on any number of ranks. Every point has files of its own,
+and is resumed from the complete lines on any number of ranks. Points that were recorded after the
+last resumable point are computed again, and not recorded again. Every point has files of its own,
 because a process that is killed while it writes to an HDF5 file may damage what the file contained.
+
+`Record` does this for branches (`branch_record`), and for histories, motions and paths
+(`steps_record`), which differ in the columns of their points (`journal`).
 """
 
 from __future__ import annotations
@@ -12,24 +16,28 @@ from __future__ import annotations
 import logging
 import os
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Generic, Literal, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, Literal, TypeAlias, TypeVar
 
 from petsc4py import PETSc
 
 import numpy as np
 
+from dolfinx import fem
+
+from dolfinx_contact._ending import Ends
 from dolfinx_contact._files import os_error
 from dolfinx_contact._mpi import everywhere, on_root, require, same_everywhere
 from dolfinx_contact.continuation.observer import Observer
 from dolfinx_contact.io.files import agreed_path, output_folder
 from dolfinx_contact.io.outside import Outside
-from dolfinx_contact.records.arrays import Arrays, DamagedFile, load, save
-from dolfinx_contact.records.fields import FieldArrays
+from dolfinx_contact.records.arrays import DamagedFile, load, save
 from dolfinx_contact.records.journal import (
     FORMAT,
     AnyJournal,
+    Entry,
     checkpoint_file,
     outer_surface_file,
     reread,
@@ -37,8 +45,8 @@ from dolfinx_contact.records.journal import (
 )
 from dolfinx_contact.records.journal_file import JournalFile, run_name
 from dolfinx_contact.records.manifest import difference
-from dolfinx_contact.records.points import places
-from dolfinx_contact.results.outer_surface import flat
+from dolfinx_contact.records.states import StateArrays, places
+from dolfinx_contact.results.outer_surface import Arrays, flat
 
 if TYPE_CHECKING:
     from dolfinx_contact.problem import ContactProblem
@@ -54,11 +62,8 @@ T = TypeVar("T")
 R = TypeVar("R", bound="Record[Any]")
 
 
-class Record(Observer, Generic[J]):
+class Record(Observer, ABC, Generic[J]):
     """Folder with the journal and the array files of one contact problem. Collective.
-
-    An open record holds a file lock, so that no other process can write to it. If ``mpirun`` is
-    killed and some of its ranks survive, they keep the lock until they are terminated.
 
     Args:
         folder: folder of the record, created if necessary.
@@ -75,8 +80,11 @@ class Record(Observer, Generic[J]):
     Raises:
         OSError: on every rank, if the folder cannot be written to, another run records there, or
             the existence of a record contradicts ``resume``.
-        ValueError: on every rank, if the journal is damaged or of another kind.
+        ValueError: on every rank, if the journal is damaged, or of another kind or problem.
     """
+
+    #: Noun for a branch or run, with its number.
+    _part: ClassVar[str]
 
     def __init__(
         self,
@@ -94,7 +102,8 @@ class Record(Observer, Generic[J]):
         self._shows = bool(surface_displacement)
         same_everywhere(self.comm, surface_displacement=self._shows, resume=str(resume))
         agreed = agreed_path(self.comm, folder, "folder")
-        self.folder = agreed if resume is True else output_folder(self.comm, agreed)
+        self.folder: Path = agreed if resume is True else output_folder(self.comm, agreed)
+        self._branch = 0  # number of the branch or run that is being recorded
         self._file: JournalFile[J] | None = None  # on rank 0
         run = run_name(self.comm)
 
@@ -105,13 +114,20 @@ class Record(Observer, Generic[J]):
         self.journal: J = on_root(self.comm, opened)
         try:
             with everywhere(self.comm, "the fields of a record"):
-                self._fields = FieldArrays(problem)
+                self._states = StateArrays(problem)
                 self._outside = Outside(problem)
+            self._begin_session(self._header())
         except Exception:
             self.close()
             raise
 
-    # -- sessions ----------------------------------------------------------------------------------
+    @abstractmethod
+    def _header(self) -> dict[str, Any]:
+        """Return manifest and further items of the header. Collective.
+
+        Raises:
+            ValueError: on every rank, if they differ from the recorded ones.
+        """
 
     def _require_same(
         self, recorded: Mapping[str, Any], now: Mapping[str, Any], at: str = ""
@@ -119,24 +135,23 @@ class Record(Observer, Generic[J]):
         """Raise ``ValueError`` if the problem differs from the recorded problem. Collective.
 
         Args:
-            recorded: recorded sections of the manifest, by name.
+            recorded: recorded sections of the manifest by name; nothing is compared if it is empty.
             now: present sections of the manifest, by name.
             at: time or place of the comparison for the message, such as " at the time 1".
 
         Raises:
             ValueError: on every rank, with the first item that differs.
         """
-        items = (difference(recorded[section], now[section]) for section in now)
+        items = (difference(recorded[section], now[section]) for section in now if recorded)
         item = next((words for words in items if words), "")
         message = f"{self.folder} has the record of another problem; differs{at}: {item}"
         require(self.comm, not item, message)
 
-    def _begin_session(self, manifest: Mapping[str, Any], **more: Any) -> None:
+    def _begin_session(self, new: Mapping[str, Any]) -> None:
         """Write the header, if there is none, and the line of a session. Collective.
 
         Args:
-            manifest: sections of the manifest (`manifest_of`).
-            more: further items of the header, by name.
+            new: items of a new header.
 
         Raises:
             ValueError: on every rank, if a recorded outer surface is missing or was exchanged.
@@ -150,9 +165,9 @@ class Record(Observer, Generic[J]):
 
         on_root(self.comm, prepare)
         if not self.journal.header:
-            new = {"of": self.journal.kind, "format": FORMAT, "package": __version__}
-            new |= {"points": places(self.problem), "surface_displacement": self._shows}
-            self._append({"type": "header", **new, **more, **manifest})
+            common = {"of": self.journal.kind, "format": FORMAT, "package": __version__}
+            common |= {"points": places(self.problem), "surface_displacement": self._shows}
+            self._append({"type": "header", **common, **new})
         header = self.journal.header
         if header["package"] != __version__ and self.comm.rank == 0:
             logger.warning("recorded by %s, resumed by %s", header["package"], __version__)
@@ -166,7 +181,54 @@ class Record(Observer, Generic[J]):
 
     # -- writing -----------------------------------------------------------------------------------
 
-    def _write_fields(
+    def _begin(self, task: Mapping[str, Any], after: int = 0, *, free: Sequence[str] = ()) -> None:
+        """Record the beginning of a branch or run, or compare its task. Collective.
+
+        Args:
+            task: attributes of its task by name.
+            after: index of the state where a run begins.
+            free: attributes that need not be those of the recorded task.
+
+        Raises:
+            ValueError: on every rank, if it has begun in an earlier session with another task.
+        """
+        known = self.journal.branches.get(self._branch)
+        if known is None:
+            self._append({"type": "begin", "branch": self._branch, "task": task, "after": after})
+            return
+        recorded, now = (
+            {k: v for k, v in words.items() if k not in free}
+            for words in (known.task, reread(task))
+        )
+        place = f" in the task of {self._part.format(self._branch)}"
+        self._require_same({"task": recorded}, {"task": now}, place)
+
+    def _write_point(self, name: str, entry: Mapping[str, Any], law: ContactProblem) -> None:
+        """Record a point, which is in the problem. Collective.
+
+        Args:
+            name: name of the file with the outer surface.
+            entry: entry of the point, with the keys of its checkpoint if it has one.
+            law: problem under whose law the tables of contact points are evaluated.
+        """
+        points = self.journal.branches[self._branch].points
+        keys = self._write_surface(name, law) if self._shows else {}
+        if points and points[-1].status == entry["status"]:
+            entry = {k: v for k, v in entry.items() if k != "status"}
+        self._append({"type": "point", "branch": self._branch, **entry, **keys})
+
+    def _write_end(self, ended: Ends, keys: Mapping[str, str] | None = None) -> None:
+        """Record the ending of a branch or run, unless its last point has it. Collective.
+
+        Args:
+            ended: ending.
+            keys: keys of a checkpoint of the last point; default: none was written.
+        """
+        if self.journal.branches[self._branch].ending is not ended.ending:
+            ending = {"ending": ended.ending, "reason": ended.reason}
+            self._append({"type": "end", "branch": self._branch, **ending, **(keys or {})})
+
+    def _write_checkpoint(
         self, name: str, vectors: Mapping[str, PETSc.Vec], arrays: Arrays | None = None
     ) -> dict[str, str]:
         """Write the checkpoint of a point, and return its keys in the journal. Collective.
@@ -179,24 +241,11 @@ class Record(Observer, Generic[J]):
         Raises:
             OSError: on every rank, with the path, if it cannot be written; nothing of it remains.
         """
-        gathered = self._fields.gathered(vectors) | (arrays or {})
+        gathered = self._states.of_vectors(vectors) | (arrays or {})
         return {"checkpoint": name, "sum": self._save(checkpoint_file(self.folder, name), gathered)}
 
     def _write_surface(self, name: str, law: ContactProblem) -> dict[str, str]:
-        """Write the present outer surface, and return its keys in the journal. Collective.
-
-        Args:
-            name: name of the point.
-            law: problem under whose law the tables of contact points are evaluated.
-
-        Returns:
-            Keys of the line of the point; empty if the record has no surfaces.
-
-        Raises:
-            OSError: on every rank, with the path, if it cannot be written; nothing of it remains.
-        """
-        if not self._shows:
-            return {}
+        """Write the present outer surface, and return its keys in the journal. Collective."""
         state = self._outside.state(law)
         arrays: Arrays = {}
         if state is not None:  # double precision where values are differences of coordinates
@@ -248,16 +297,30 @@ class Record(Observer, Generic[J]):
 
     # -- reading -----------------------------------------------------------------------------------
 
-    def _read_fields(self, name: str, fingerprint: str, vectors: Mapping[str, PETSc.Vec]) -> Arrays:
-        """Fill vectors from a checkpoint, and return its arrays at points. Collective.
+    def _read_checkpoint(
+        self,
+        entry: Entry,
+        vectors: Mapping[str, PETSc.Vec],
+        functions: Mapping[str, fem.Function] | None = None,
+    ) -> Arrays:
+        """Read the checkpoint of a point. Collective.
+
+        Args:
+            entry: entry of the point.
+            vectors: vectors of unknowns to fill, by name.
+            functions: Functions to fill, by name; default: none.
+
+        Returns:
+            Arrays at contact points, on every rank.
 
         Raises:
             DamagedFile: on every rank, if the checkpoint is damaged or missing.
         """
         arrays: Arrays = {}
-        file = checkpoint_file(self.folder, name)
-        on_root(self.comm, lambda: arrays.update(load(file, fingerprint)))
-        self._fields.fill(vectors, arrays)
+        file = checkpoint_file(self.folder, entry.checkpoint)
+        on_root(self.comm, lambda: arrays.update(load(file, entry.sum)))
+        self._states.fill(vectors, arrays)
+        self._states.fill_functions(functions or {}, arrays)
         at_points = {k: v for k, v in arrays.items() if k.startswith(("statuses.", "memory."))}
         return self.comm.bcast(at_points)
 

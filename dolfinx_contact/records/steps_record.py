@@ -1,30 +1,26 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Records of histories, motions and paths, from which interrupted runs can be resumed.
 
-A record is a folder with the journal (energies and statuses of every accepted step) and a
-checkpoint of every step (displacement, multipliers, rigid bodies, statuses and memory; the velocity
-of a motion, the tangent of a path). A run is resumed from its last resumable step. Steps inside the
-search for a jump are not resumable, because they belong together. Recorded steps after the last
-resumable step are computed again but not recorded again.
+The journal has energies and statuses of every accepted step, and each step has a checkpoint:
+displacement, multipliers, rigid bodies, statuses and memory; the velocity of a motion, the tangent
+of a path. A run is resumed from its last resumable step. Steps inside the search for a jump are not
+resumable, because they belong together.
 """
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, replace
 from typing import Any, ClassVar, Generic, TypeVar
 
-from petsc4py import PETSc
-
 import numpy as np
-import numpy.typing as npt
+
+from dolfinx import fem
 
 from dolfinx_contact._ending import Ending, Ends
 from dolfinx_contact._mpi import everywhere, require, same_everywhere
-from dolfinx_contact.continuation.branch import BranchPoint
-from dolfinx_contact.continuation.layout import Layout
 from dolfinx_contact.continuation.observer import ObserverLike, Stop
 from dolfinx_contact.continuation.parameters import StepControl
 from dolfinx_contact.equations.state import State
@@ -41,15 +37,13 @@ from dolfinx_contact.evolution.run import Listeners, Runnable, RunState
 from dolfinx_contact.evolution.step import AcceptedState
 from dolfinx_contact.evolution.through_times import HistoryTask
 from dolfinx_contact.points.memory import Memory
-from dolfinx_contact.records.fields import PointArrays
 from dolfinx_contact.records.journal import (
     Entry,
     EvolutionJournal,
-    EvolutionRun,
     PathJournal,
-    plain,
 )
 from dolfinx_contact.records.manifest import data_restored, manifest_of, values_of
+from dolfinx_contact.records.points import BranchPoints
 from dolfinx_contact.records.record import Record, Resume
 
 __all__ = ["EvolutionRecord", "PathRecord", "StepsRecord"]
@@ -58,15 +52,18 @@ J = TypeVar("J", bound=EvolutionJournal)
 H = TypeVar("H", bound=History)
 
 _WITHOUT_CONTINUATION = (Ending.NO_SOLUTION, Ending.NOT_FOUND, Ending.NOT_SOLVED)
+#: Attributes of the state of a run that are recorded elsewhere.
+_ELSEWHERE = ("accepted", "ending", "reason", "passed")
 
 
 class StepsRecord(Record[J], Generic[J, H]):
-    """Base of the records of runs, with one entry per step. A collective context manager.
+    """Base of the records of runs, with one point per step. A collective context manager.
 
     Args:
         folder: folder of the record, created if necessary.
         runs: evolution or path whose runs are recorded.
         kind: class of the journal.
+        points: conversion of the points of a path; default: the runs are not those of a path.
         surface_displacement: whether the displacement of the outer surface is recorded, see
             `EvolutionRecord`.
         resume: whether an existing record is continued, see `EvolutionRecord`.
@@ -78,7 +75,8 @@ class StepsRecord(Record[J], Generic[J, H]):
         OSError, ValueError: on every rank, see `EvolutionRecord`.
     """
 
-    #: Words for the recorded evolution, and for the coordinate of its states.
+    _part = "the run"
+    #: Nouns for the recorded evolution, and for the coordinate of its states.
     _what: ClassVar[str]
     _along: ClassVar[str]
 
@@ -87,39 +85,34 @@ class StepsRecord(Record[J], Generic[J, H]):
         folder: str | os.PathLike[str],
         runs: Runnable[Any, H],
         kind: type[J],
+        points: BranchPoints | None = None,
         *,
         surface_displacement: bool,
         resume: Resume,
     ):
-        problem = runs.problem
-        super().__init__(
-            folder, problem, kind, surface_displacement=surface_displacement, resume=resume
-        )
         self._runs = runs
-        self._points = PointArrays(problem)
+        self._points = points
+        self._x = runs.problem.create_vector()
+        self._kept: Mapping[str, fem.Function] = getattr(runs, "kept", {})
         self._index = -1  # number of the state where the runs are
         self._last: AcceptedState | None = None  # that state
         self._resumed_state: RunState | None = None  # state from which a recorded run continues
-        try:
-            forms = {f"the form {i} of the motion": f for i, f in enumerate(runs.forms, 1)}
-            now = manifest_of(problem, method=runs.method, forms=forms, driven=runs.driven)
-            if self.journal.header:
-                self._require_same(self.journal.header, now)
-            if self.journal.states:
-                self._require_load(self.journal.states[-1])
-            self._begin_session(now)
-        except Exception:
-            self.close()
-            raise
+        super().__init__(
+            folder, runs.problem, kind, surface_displacement=surface_displacement, resume=resume
+        )
 
-    def _require_load(self, state: Entry) -> None:
-        """Require the recorded data under the load of a state. Collective."""
-        at = f"{self._along} {state.time:.10g}"
-        with self._looking():
-            with everywhere(self.comm, f"the load at {at}"):
+    def _header(self) -> dict[str, Any]:
+        runs = self._runs
+        forms = {f"the form {i} of the motion": f for i, f in enumerate(runs.forms, 1)}
+        new = manifest_of(self.problem, method=runs.method, forms=forms, driven=runs.driven)
+        self._require_same(self.journal.header, new)
+        for state in self.journal.states[-1:]:
+            at = f"{self._along} {state.time:.10g}"
+            with self._looking():
                 self._load(state)
-            now = values_of(self.problem, more=self._runs.data)
-        self._require_same({"values": state.data}, {"values": now}, f" at {at}")
+                values = values_of(self.problem, more=runs.data)
+            self._require_same({"values": state.data}, {"values": values}, f" at {at}")
+        return dict(new)
 
     # -- differences between histories and paths -------------------------------------------------
 
@@ -127,44 +120,8 @@ class StepsRecord(Record[J], Generic[J, H]):
         """Put the load of a state into the data of the problem. Collective."""
         raise NotImplementedError
 
-    def _more(self, run_state: RunState | None) -> Mapping[str, npt.ArrayLike]:
-        """Return the owned values of the vectors of a state in addition to the unknowns.
-
-        Args:
-            run_state: the state; None if only the names are needed.
-        """
-        raise NotImplementedError
-
-    def _put_more(self, state: Entry, vectors: Mapping[str, PETSc.Vec]) -> None:
-        """Put the items of `_more` into the problem. Collective.
-
-        Args:
-            state: entry of the state.
-            vectors: vectors of its checkpoint, by name.
-        """
-
-    def _goes_on(self, run_state: RunState) -> dict[str, Any]:
-        """Return additional items needed to continue a run. Collective."""
-        raise NotImplementedError
-
-    def _recalled(
-        self, state: Entry, accepted: AcceptedState, vectors: Mapping[str, PETSc.Vec]
-    ) -> RunState:
-        """Return the state of a run at a recorded state. Collective.
-
-        Args:
-            state: entry of the state.
-            accepted: the state, which is in the problem.
-            vectors: vectors of its checkpoint, by name.
-        """
-        raise NotImplementedError
-
     def _task(self, words: Mapping[str, Any]) -> Any:
         """Return the task of a recorded run."""
-        raise NotImplementedError
-
-    def _continued(self, run: EvolutionRun, task: Any, run_state: RunState) -> RunState:
-        """Return the state from which a run continues; `self._index` is its number."""
         raise NotImplementedError
 
     # -- recording -------------------------------------------------------------------------------
@@ -173,48 +130,58 @@ class StepsRecord(Record[J], Generic[J, H]):
         """Record the beginning of a new run; a resumed run is not recorded again. Collective.
 
         Raises:
-            ValueError: on every rank, if the record is closed, or the run does not begin at the
-                end of the record.
+            ValueError: on every rank, if the record is closed, the run does not begin at the end of
+                the record, or its task differs from the task of a killed run.
         """
         self._require_open()
         if state is self._resumed_state:
             return
+        runs = self.journal.runs
         states = self.journal.states
-        accepted = state.accepted
+        killed = bool(runs) and runs[-1].ending is None and self._last is None
+        self._branch = len(runs) - int(killed)
+        if killed:
+            self._begin(vars(task))
+        if len(states) == 1 and self._last is None:  # killed before its first step
+            self._index = 0
+            self._last = state.accepted
+        if states:
+            self._require_end(state.accepted)
+        if not killed:
+            self._begin(vars(task), after=max(self._index, 0))
         if not states:
             tables = [self.problem.table(s) for s in self.problem.surfaces]
             self._write_state(state, "".join(table.status for table in tables))
-        elif len(states) == 1 and self._last is None:
-            self._index = 0
-            self._last = accepted
+
+    def _require_end(self, accepted: AcceptedState) -> None:
+        """Raise ``ValueError`` on every rank if a state is not the end of the record."""
         last = self._last
         at_the_end = (
             last is not None
-            and self._index == len(states) - 1
+            and self._index == len(self.journal.states) - 1
             and last.time == accepted.time
             and np.array_equal(last.unknowns, accepted.unknowns)
         )
         message = (
             f"the {self._what} is at {self._along} {accepted.time:.10g} and not at the end of the "
-            f"record in {self.folder}, which is at {states[-1].time:.10g}: continue with "
-            f"{type(self).__name__}(..., resume=True).go_on(), or record to another folder"
+            f"record in {self.folder}, which is at {self.journal.states[-1].time:.10g}: continue "
+            f"with {type(self).__name__}(..., resume=True).go_on(), or record to another folder"
         )
         require(self.comm, at_the_end, message)
-        self._append({"type": "run", "task": asdict(task), "after": self._index})
 
     def step(self, step: EvolutionStep, state: RunState) -> None:
         """Record a step, unless it was recorded before the run was killed. Collective."""
         if self._index + 1 < len(self.journal.states):
             self._index += 1
             self._last = state.accepted
-            return
-        self._write_state(state, step.status, step.row())
+        else:
+            self._write_state(state, step.status, step.row())
 
     def end(self, ended: Ends) -> None:
         """Record the end of a run. Collective."""
-        if ended.ending is None or self._index < len(self.journal.states) - 1:
-            return  # more was recorded before, after which this is not the end
-        self._append({"type": "end", "ending": ended.ending, "reason": ended.reason})
+        # where more steps were recorded before, the run does not end here
+        if ended.ending is not None and self._index == len(self.journal.states) - 1:
+            self._write_end(ended)
 
     def _write_state(
         self, run_state: RunState, letters: str, row: dict[str, Any] | None = None
@@ -229,90 +196,34 @@ class StepsRecord(Record[J], Generic[J, H]):
         accepted = run_state.accepted
         index = self._index + 1
         name = f"state_{index:06d}"
-        values = values_of(self.problem, more=self._runs.data)
         square = self.comm.allreduce(float(np.dot(accepted.unknowns, accepted.unknowns)))
-        common = {k: getattr(run_state, k) for k in ("number", "length", "settled")}
-        common |= {"ending": run_state.ending, "reason": run_state.reason}
-        # files first, then the line that names them
-        vectors = self._vectors(run_state)
+        entry: dict[str, Any] = {
+            "index": index,
+            "time": accepted.time,
+            "gamma": accepted.state.gamma,
+            "status": letters,
+            "size": float(np.sqrt(square)),
+            "energies": asdict(accepted.energies),
+            "data": values_of(self.problem, more=self._runs.data),
+            "row": row,
+            "first": accepted.statuses is None,
+            "ending": run_state.ending,
+            "reason": run_state.reason,
+            "run": {k: v for k, v in vars(run_state).items() if k not in _ELSEWHERE},
+        }
+        vectors = {"x": self._x}
+        if self._points is not None and run_state.arrived is not None:
+            entry["run"]["arrived"] = self._points.columns(run_state.arrived)
+            vectors = self._points.split(run_state.arrived)
         self.problem.write(vectors["x"])
-        keys = self._write_fields(name, vectors, self._points.gathered(accepted))
-        for x in vectors.values():
-            x.destroy()
-        keys |= self._write_surface(name, self.problem.with_memory(accepted.state.previous))
-        self._append(
-            {
-                "type": "state",
-                "index": index,
-                "time": accepted.time,
-                "status": letters,
-                "size": float(np.sqrt(square)),
-                "energies": asdict(accepted.energies),
-                "data": values,
-                "row": row,
-                "first": accepted.statuses is None,
-                "run": common | self._goes_on(run_state),
-                **keys,
-            }
-        )
+        arrays = self._states.of_functions(self._kept) | self._states.of_points(accepted)
+        keys = self._write_checkpoint(name, vectors, arrays)
+        law = self.problem.with_memory(accepted.state.previous)
+        self._write_point(name, {**entry, **keys}, law)
         self._index = index
         self._last = accepted
 
-    def _vectors(self, run_state: RunState | None = None) -> dict[str, PETSc.Vec]:
-        """Return new vectors for a state, the unknowns last and 0. Collective."""
-        vectors = {}
-        for name, values in {**self._more(run_state), "x": ()}.items():
-            x = vectors[name] = self.problem.create_vector()
-            x.array[: np.size(values)] = values
-        return vectors
-
     # -- resuming --------------------------------------------------------------------------------
-
-    def _last_run(self) -> EvolutionRun:
-        if not self.journal.runs:
-            raise ValueError(
-                f"no run is in {self.folder}: run the {self._what} from its start, with "
-                f"{type(self).__name__}(..., resume=True), or remove the folder"
-            )
-        return self.journal.runs[-1]
-
-    def _stand_in_run(self, run: EvolutionRun) -> RunState:
-        """Go to the last state from which a recorded run can continue. Collective."""
-        states = self.journal.states
-        if run.ending is not None:
-            return self._stand_at([len(states) - 1])
-        settled = [i for i in range(run.after + 1, len(states)) if states[i].run.settled]
-        return self._stand_at([*reversed(settled), run.after])
-
-    def _stand_at(self, indices: Sequence[int]) -> RunState:
-        """Go to the first of several recorded states that is undamaged. Collective.
-
-        Args:
-            indices: numbers of the states, from the last one back.
-        """
-        self._index, run_state = self._last_undamaged(indices, lambda i: (i, self._run_state(i)))
-        self._last = run_state.accepted
-        return run_state
-
-    def _run_state(self, index: int) -> RunState:
-        """Return the state of a run at a recorded state, put into the problem. Collective.
-
-        Raises:
-            ValueError: on every rank, if its checkpoint is damaged.
-        """
-        state = self.journal.states[index]
-        vectors = self._vectors()
-        arrays = self._read_fields(state.checkpoint, state.sum, vectors)
-        self.problem.put(vectors["x"], self._points.statuses(arrays))
-        self._put_more(state, vectors)
-        energies = self._runs.account(**state.energies)
-        memory = self._points.memory(arrays)
-        stepper = self._runs.stepper(None)
-        accepted = stepper.recalled(state.time, memory, energies, first=state.first)
-        run_state = self._recalled(state, accepted, vectors)
-        for x in vectors.values():
-            x.destroy()
-        return run_state
 
     def go_on(
         self,
@@ -338,19 +249,55 @@ class StepsRecord(Record[J], Generic[J, H]):
             NoContinuation: see `QuasiStatic.run`.
             ValueError: on every rank, if no run was recorded, or its checkpoints are damaged.
         """
-        run = self._last_run()
-        run_state = self._stand_in_run(run)
+        states = self.journal.states
+        if not states:
+            raise ValueError(
+                f"no run is in {self.folder}: run the {self._what} from its start, with "
+                f"{type(self).__name__}(..., resume=True), or remove the folder"
+            )
+        self._branch = len(self.journal.runs) - 1
+        run = self.journal.runs[-1]
+        settled = [i for i in range(run.after + 1, len(states)) if states[i].run.settled]
+        indices = [len(states) - 1] if run.ending else [*reversed(settled), run.after]
+        self._index, run_state = self._last_undamaged(indices, lambda i: (i, self._run_state(i)))
+        self._last = run_state.accepted
         task = self._task(run.task)
-        if run.ending is not None:
-            self._runs.put(run_state)
-            history = self._runs.history(run_state)
-            history.end(run.ending, run.reason)
-            if run.ending in _WITHOUT_CONTINUATION and getattr(task, "at_jump", "stop") != "stop":
-                raise NoContinuation(run.reason, history)
-            return history
-        self._resumed_state = self._continued(run, task, run_state)
-        listeners = Listeners(stop, observer, self, progress)
-        return self._runs.go_on(task, self._resumed_state, listeners)
+        if run.ending is None:
+            if self._index == run.after:
+                run_state = self._runs.begun(task, run_state)
+            passed = tuple(s.time for s in states[run.after : self._index + 1])
+            self._resumed_state = replace(run_state, passed=passed)
+            listeners = Listeners(stop, observer, self, progress)
+            return self._runs.go_on(task, self._resumed_state, listeners)
+        self._runs.put(run_state)
+        history = self._runs.history(run_state)
+        history.end(run.ending, run.reason)
+        if run.ending in _WITHOUT_CONTINUATION and getattr(task, "at_jump", "stop") != "stop":
+            raise NoContinuation(run.reason, history)
+        return history
+
+    def _run_state(self, index: int) -> RunState:
+        """Return the state of a run at a recorded state, put into the problem. Collective.
+
+        Raises:
+            ValueError: on every rank, if its checkpoint is damaged.
+        """
+        state = self.journal.states[index]
+        run = dict(state.run)
+        points = None if run["arrived"] is None else self._points
+        vectors = {"x": self._x} if points is None else points.vectors
+        arrays = self._read_checkpoint(state, vectors, self._kept)
+        self.problem.put(vectors["x"], self._states.statuses(arrays))
+        self._load(state)
+        energies = self._runs.account(**state.energies)
+        memory = self._states.memory(arrays)
+        stepper = self._runs.stepper(None)
+        accepted = stepper.recalled(state.time, memory, energies, first=state.first)
+        if points is not None:
+            run["arrived"] = points.joined(run["arrived"])
+        if run["rate"] is not None:
+            run["rate"] = np.array(run["rate"])
+        return RunState(accepted, **run)
 
     # -- states ----------------------------------------------------------------------------------
 
@@ -452,36 +399,11 @@ class EvolutionRecord(StepsRecord[EvolutionJournal, History]):
         )
 
     def _load(self, state: Entry) -> None:
-        self.evolution.load(state.time)
-
-    def _more(self, run_state: RunState | None) -> Mapping[str, npt.ArrayLike]:
-        n = self.problem.equations.owned_sizes[0]
-        return {name: f.x.array[:n] for name, f in self.evolution.kept.items()}
-
-    def _goes_on(self, run_state: RunState) -> dict[str, Any]:
-        return {"rate": None if run_state.rate is None else run_state.rate.tolist()}
-
-    def _put_more(self, state: Entry, vectors: Mapping[str, PETSc.Vec]) -> None:
-        n = self.problem.equations.owned_sizes[0]
-        for name, f in self.evolution.kept.items():
-            f.x.array[:n] = vectors[name].array_r[:n]
-            f.x.scatter_forward()
-
-    def _recalled(
-        self, state: Entry, accepted: AcceptedState, vectors: Mapping[str, PETSc.Vec]
-    ) -> RunState:
-        run = state.run
-        rate = None if run.rate is None else np.array(run.rate)
-        ending = None if run.ending is None else Ending[run.ending]
-        return RunState(
-            accepted, run.length, run.number, ending=ending, reason=run.reason, rate=rate
-        )
+        with everywhere(self.comm, f"the load at the time {state.time:.10g}"):
+            self.evolution.load(state.time)
 
     def _task(self, words: Mapping[str, Any]) -> HistoryTask:
         return HistoryTask(**{**words, "times": tuple(words["times"])})
-
-    def _continued(self, run: EvolutionRun, task: HistoryTask, run_state: RunState) -> RunState:
-        return run_state if self._index > run.after else self.evolution.begun(task, run_state)
 
 
 class PathRecord(StepsRecord[PathJournal, PathHistory]):
@@ -532,85 +454,19 @@ class PathRecord(StepsRecord[PathJournal, PathHistory]):
         if not isinstance(path, ArcLength):
             raise ValueError(f"an ArcLength is needed, got {type(path).__name__}")
         self.path = path
-        self._layout = Layout(path.parametric)
         super().__init__(
             folder,
             path,
             PathJournal,
+            BranchPoints(path.parametric),
             surface_displacement=surface_displacement,
             resume=resume,
         )
 
     def _load(self, state: Entry) -> None:
-        self.path.parametric._set(state.run.gamma)
-
-    def _more(self, run_state: RunState | None) -> Mapping[str, npt.ArrayLike]:
-        if run_state is None or run_state.arrived is None:
-            return {"tangent": ()}
-        values = run_state.arrived.tangent.array_r
-        return {"tangent": values[: len(values) - int(self._layout.last)]}
-
-    def _goes_on(self, run_state: RunState) -> dict[str, Any]:
-        point = run_state.arrived
-        arrived = None
-        if point is not None:
-            arrived = {
-                "tangent": self._layout.gamma(point.tangent),
-                "piece": self.path.parametric.letters(point.piece),
-                "step": point.step,
-                "corrections": point.corrections,
-                "tau": point.tau,
-            }
-        return {"gamma": run_state.accepted.gamma, "arrived": arrived, "known": run_state.known}
-
-    def _put_more(self, state: Entry, vectors: Mapping[str, PETSc.Vec]) -> None:
-        self._load(state)
-
-    def _recalled(
-        self, state: Entry, accepted: AcceptedState, vectors: Mapping[str, PETSc.Vec]
-    ) -> RunState:
-        run = state.run
-        arrived = None
-        if (step := run.arrived) is not None:
-            arrived = BranchPoint(
-                self._layout.joined(vectors["x"], run.gamma),
-                self._layout.joined(vectors["tangent"], step.tangent),
-                self.path.parametric.piece_of(step.piece),
-                run.gamma,
-                step.step,
-                step.corrections,
-                step.tau,
-            )
-        return RunState(
-            accepted,
-            run.length,
-            number=run.number,
-            ending=None if run.ending is None else Ending[run.ending],
-            reason=run.reason,
-            arrived=arrived,
-            known=dict(run.known),
-            passed=(accepted.time,),
-        )
+        self.path.parametric._set(state.gamma)
 
     def _task(self, words: Mapping[str, Any]) -> PathTask:
         low, high = words["gamma_range"]
         control = StepControl(**words["control"])
         return PathTask(**{**words, "gamma_range": (low, high), "control": control})
-
-    def _continued(self, run: EvolutionRun, task: PathTask, run_state: RunState) -> RunState:
-        passed = tuple(s.time for s in self.journal.states[run.after : self._index + 1])
-        run_state = replace(run_state, passed=passed)
-        return self.path.begun(task, run_state) if self._index == run.after else run_state
-
-    def begin(self, task: PathTask, state: RunState) -> None:
-        """Record the beginning of a new run; a resumed run is not recorded again. Collective.
-
-        Raises:
-            ValueError: on every rank, if the run does not begin at the end of the record, or its
-                task differs from the task of the killed run that begins there.
-        """
-        runs = self.journal.runs
-        if runs and runs[-1].ending is None and self._last is None:
-            recorded = plain(self._task(runs[-1].task))
-            self._require_same({"task": recorded}, {"task": plain(task)}, " in the task of the run")
-        super().begin(task, state)

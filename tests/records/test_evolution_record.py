@@ -1,5 +1,7 @@
 """The record of evolutions: the journal, and runs that are interrupted or killed and resumed."""
 
+import shutil
+
 from mpi4py import MPI
 
 import numpy as np
@@ -109,13 +111,38 @@ def test_an_interrupted_history_resumes(case, whole, folder):
     path = folder / FILE_NAME
     if COMM.rank == 0:
         data = path.read_bytes()
-        path.write_bytes(data[: data.rindex(b'{"type": "state"') + 50])
+        path.write_bytes(data[: data.rindex(b'{"type": "point"') + 50])
         (folder / "checkpoints/.state_000008.part.npz").touch()
     COMM.barrier()
     assert read_journal(folder).torn
     with EvolutionRecord(folder, CASES[case](COMM), resume=True) as kept:
         assert kept.go_on().complete
     require_same(folder, whole(case))
+
+
+@pytest.mark.ranks(2)
+def test_a_history_killed_before_its_first_point_begins_again(whole, folder):
+    """The run has begun with its task, and not even its start was recorded."""
+    if COMM.rank == 0:
+        lines = (whole("pair") / FILE_NAME).read_bytes().splitlines(keepends=True)
+        (folder / FILE_NAME).write_bytes(b"".join(lines[:3]))
+        shutil.copy(whole("pair") / "surface.npz", folder)
+    COMM.barrier()
+    evolution = pair(COMM)
+    with EvolutionRecord(folder, evolution, resume=True) as kept:
+        assert kept.journal.is_empty
+        with pytest.raises(ValueError, match="no run is in"):
+            kept.go_on()
+        with pytest.raises(ValueError, match="differs in the task of the run: longest"):
+            evolution.run(TIMES, record=kept, longest=2 * LONGEST)
+        assert evolution.run(TIMES, record=kept, longest=LONGEST, start=virgin(evolution)).complete
+    require_same(folder, whole("pair"))
+
+
+def virgin(evolution):
+    """The state at rest without memory: another run of the evolution has failed at its begin."""
+    evolution.load(TIMES[0])
+    return evolution.problem.snapshot()
 
 
 def test_a_damaged_checkpoint_of_a_history_is_passed_over(whole, folder):

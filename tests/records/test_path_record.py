@@ -24,11 +24,11 @@ def require_same_path(folder, other):
     a, b = (read_journal(path) for path in (folder, other))
     np.testing.assert_allclose(a.gammas, b.gammas, rtol=0, atol=1e-10 * np.ptp(b.gammas))
     for s, t in zip(a.states, b.states, strict=True):
-        assert s.run.reason == t.run.reason
-        for name in ("tangent", "piece", "step") if t.run.arrived else ():
+        assert s.reason == t.reason
+        for name in ("tangent_gamma", "status", "step") if t.run.arrived else ():
             found = getattr(s.run.arrived, name)
             wanted = getattr(t.run.arrived, name)
-            assert found == (wanted if name == "piece" else pytest.approx(wanted, abs=1e-10))
+            assert found == (wanted if name == "status" else pytest.approx(wanted, abs=1e-10))
     assert [(r.reason, r.after) for r in a.runs] == [(r.reason, r.after) for r in b.runs]
 
 
@@ -124,7 +124,7 @@ def test_an_interrupted_path_resumes(case, whole, folder):
     known = read_journal(whole(case))
     seen = []
     # A point that shows other statuses than those by which it was come to, if there is one.
-    shows = [s.index for s in known.states[7:] if s.status != s.run.arrived.piece]
+    shows = [s.index for s in known.states[7:] if s.status != s.run.arrived.status]
     later = min(shows, default=7)
     assert (later > 7) == (case == "bonds")
     with pytest.raises(Stop):
@@ -135,7 +135,7 @@ def test_an_interrupted_path_resumes(case, whole, folder):
     file = folder / FILE_NAME
     if COMM.rank == 0:
         data = file.read_bytes()
-        file.write_bytes(data[: data.rindex(b'{"type": "state"') + 50])
+        file.write_bytes(data[: data.rindex(b'{"type": "point"') + 50])
         (folder / f"checkpoints/.state_{later + 1:06d}.part.npz").touch()
     COMM.barrier()
     assert read_journal(folder).torn
@@ -161,17 +161,17 @@ def test_an_interrupted_path_resumes(case, whole, folder):
     ],
 )
 def test_path_killed_between_points_resumes(after, whole, folder):
-    """After the start of a run there or back; after its end, with the closing line missing."""
+    """After the start of a run there or back, and after the last point of a run."""
     known = whole("crack")
     if COMM.rank == 0:
         lines = (known / FILE_NAME).read_bytes().splitlines(keepends=True)
         kinds = [line.split(b'"')[3].decode() for line in lines]
-        assert kinds[:4] == ["header", "session", "state", "run"]
-        turn = kinds.index("end")
-        ends = {"the start": 4, "the last point": turn, "the turn": turn + 2}
+        assert kinds[:4] == ["header", "session", "begin", "point"]
+        turn = kinds.index("begin", 4)
+        ends = {"the start": 4, "the last point": turn, "the turn": turn + 1}
         (folder / FILE_NAME).write_bytes(b"".join(lines[: ends[after]]))
         (folder / "checkpoints").mkdir()
-        for state in range(kinds[: ends[after]].count("state")):
+        for state in range(kinds[: ends[after]].count("point")):
             name = f"checkpoints/state_{state:06d}.npz"
             shutil.copy(known / name, folder / name)
         shutil.copy(known / "surface.npz", folder / "surface.npz")

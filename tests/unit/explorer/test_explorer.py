@@ -42,7 +42,7 @@ from dolfinx_contact.records import (
     read_journal,
     total,
 )
-from dolfinx_contact.records.journal import FILE_NAME, Entry, JournalBranch
+from dolfinx_contact.records.journal import FILE_NAME, Entry, RecordedRun
 
 pytest.importorskip("plotly", reason="plotly is not installed")
 COMM = MPI.COMM_WORLD
@@ -303,7 +303,7 @@ def plain_journal(gamma, functionals=None, reason=""):
                    special=[], functionals={k: float(v[i]) for k, v in known.items()})
         for i, g in enumerate(gamma)
     ]  # fmt: skip
-    branch = JournalBranch(points=points, ending=Ending.REACHED, reason=reason)
+    branch = RecordedRun(points=points, ending=Ending.REACHED, reason=reason)
     return Journal(header={"functionals": list(known), "points": {}}, branches={0: branch})
 
 
