@@ -7,6 +7,7 @@ import signal
 import subprocess
 import time
 from contextlib import contextmanager
+from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -14,14 +15,21 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from support import recorded_run
+from support import recorded_evolution, recorded_path
 from support.blocks import block
-from support.recorded_run import moved_block, record, resume
+from support.recorded_run import moved_block, record, record_in
 
-from dolfinx_contact.continuation import Observer, follow
+from dolfinx_contact.continuation import BranchStep, Observer, StepControl
 from dolfinx_contact.io import write_contact_table, write_fields, write_summary
 from dolfinx_contact.materials import LinearElastic
-from dolfinx_contact.records import BranchRecord, journal_file, read_journal, write_series
+from dolfinx_contact.records import (
+    BranchRecord,
+    EvolutionRecord,
+    PathRecord,
+    journal_file,
+    read_journal,
+    write_series,
+)
 from dolfinx_contact.records.journal import FILE_NAME
 
 COMM = MPI.COMM_WORLD
@@ -163,65 +171,96 @@ def test_full_disk_keeps_table_and_summary(folder):
 
 
 class Fills(Observer):
-    """The disk is full from a point on."""
+    """The disk is full after point 4: no file may be larger than ``size()`` bytes."""
 
-    def __init__(self, at, size):
-        self.at = at
+    def __init__(self, size):
         self.size = size
 
     def step(self, step, state):
-        if step.index == self.at:
+        number = step.index if isinstance(step, BranchStep) else step.number
+        if number == 4:
             COMM.barrier()
             hard = resource.getrlimit(resource.RLIMIT_FSIZE)[1]
             resource.setrlimit(resource.RLIMIT_FSIZE, (self.size(), hard))
             COMM.barrier()
 
 
-def run_until_full(folder, every, size):
-    """Nine steps on a disk that is full after the fifth point."""
+def branch(folder, observer=None, *, resume=False, every=5):
+    """A branch of nine steps with a checkpoint at every fifth point."""
     system, functionals = moved_block(COMM)
-    fills = Fills(4, size)
-    with BranchRecord(folder, system, functionals, every=every) as r, full(resource.RLIM_INFINITY):
-        follow(
-            system,
-            recorded_run.start(system),
-            0.0,
-            gamma_range=(-0.1, 1.0),
-            control=recorded_run.CONTROL,
-            max_steps=9,
-            observer=fills,
-            record=r,
-        )
+    with BranchRecord(folder, system, functionals, every=every, resume=resume) as kept:
+        if resume:
+            kept.go_on()
+        else:
+            record_in(kept, max_steps=9, observer=observer)
+
+
+def history(folder, observer=None, *, resume=False):
+    """A history with a checkpoint at every step."""
+    evolution = recorded_evolution.pair(COMM, n=2)
+    with EvolutionRecord(folder, evolution, resume=resume) as kept:
+        if resume:
+            kept.go_on()
+        else:
+            evolution.run([0.0, 1.0, 3.0], longest=0.4, record=kept, observer=observer)
+
+
+def path(folder, observer=None, *, resume=False):
+    """A path of nine steps with a checkpoint at every step."""
+    made = recorded_path.made("bonds")
+    control = StepControl(maximum=recorded_path.LONGEST)
+    with PathRecord(folder, made, resume=resume) as kept:
+        if resume:
+            kept.go_on()
+        else:
+            ends = {"gamma_range": (0.0, 0.7), "max_steps": 9}
+            made.run(**ends, control=control, record=kept, observer=observer)
 
 
 @pytest.mark.ranks(2)
 @pytest.mark.parametrize(
-    ("every", "room", "name"),
+    ("run", "room", "name"),
     [
-        (100, 60, FILE_NAME),
-        (5, 0, "branch_0000_point_000005"),
+        (partial(branch, every=100), 60, FILE_NAME),
+        (branch, 0, "branch_0000_point_000005"),
+        (history, 60, FILE_NAME),
+        (history, None, "state_000005"),
+        (path, 60, FILE_NAME),
+        (path, None, "state_000005"),
     ],
+    ids=["branch line", "branch file", "history line", "history file", "path line", "path file"],
 )
-def test_a_record_on_a_full_disk_is_resumed(folder, every, room, name):
-    """Full in a line of the journal, or in a checkpoint: the points before it are kept."""
-    path = folder / "cut" / FILE_NAME
-    whole = folder / "whole"
-    place = path if name == FILE_NAME else path.parent / "checkpoints" / f"{name}.npz"
-    with fails(place):
-        run_until_full(folder / "cut", every, lambda: path.stat().st_size + room)
+def test_a_record_on_a_full_disk_is_resumed(folder, run, room, name):
+    """Full in a line of the journal, or in a checkpoint: earlier points remain recorded.
+
+    Args:
+        run: function that records in a folder, or resumes there.
+        room: bytes by which the journal may grow; None: no file may have more than 1000 bytes.
+        name: file that cannot be written.
+    """
+    file = folder / "cut" / FILE_NAME
+    place = file if name == FILE_NAME else file.parent / "checkpoints" / f"{name}.npz"
+
+    def size():
+        return 1000 if room is None else file.stat().st_size + room
+
+    with fails(place), full(resource.RLIM_INFINITY):
+        run(folder / "cut", Fills(size))
     found = contents(folder / "cut")
     assert not [p for p in found if "part" in p or "lock" in p]
     assert not [p for p in found if "000005" in p]
     journal = read_journal(folder / "cut")
-    assert not journal.torn  # a half line was cut off
-    assert len(journal.branches[0].points) == 5
-    system, functionals = moved_block(COMM)
-    record(system, functionals, whole, max_steps=9)
-    resume(folder / "cut", system, functionals, max_steps=9)
-    a, b = (read_journal(f).columns() for f in (folder / "cut", whole))
-    for key in ("gamma", "volume", "force"):
-        np.testing.assert_allclose(a[key], b[key], rtol=1e-8, atol=1e-8)
-    assert a["status"].tolist() == b["status"].tolist()
+    assert not journal.torn  # the incomplete line was removed
+    assert len(journal.entries()) == 5
+    run(folder / "whole")
+    run(folder / "cut", resume=True)
+    a, b = (read_journal(folder / name) for name in ("cut", "whole"))
+    assert len(b.entries()) > 5
+    assert [p.status for p in a.entries()] == [p.status for p in b.entries()]
+    for found, wanted in zip(a.rows(), b.rows(), strict=True):
+        for key, value in wanted.items():
+            if isinstance(value, float):
+                np.testing.assert_allclose(found[key], value, rtol=1e-8, atol=1e-8, err_msg=key)
 
 
 @pytest.mark.ranks(2)
