@@ -230,26 +230,27 @@ def body_fields(
 def _interpolate(f: fem.Function, e: Any, cells: npt.NDArray[np.int32] | None) -> None:
     """Interpolate an expression into a discontinuous Function of degree 1, in all or some cells."""
     W = f.function_space
+    e = of_cells(e, W.mesh)
     points = interpolation_points(W)
-    by_cells = is_of_cells(e)
-    if not (by_cells or _jumps_by_place(e)):
+    if not _jumps_by_place(e):
         f.interpolate(fem.Expression(e, points), cells0=cells)
         return
     # At a corner the condition has the same value for all adjacent cells; slightly inside a cell it
     # has the value of the cell.
-    share = 1.0 if by_cells else _INSIDE
-    inside = points + share * (points.mean(axis=0) - points)
-    if cells is None:
-        here = W.mesh.topology.index_map(W.mesh.topology.dim)
-        cells = np.arange(here.size_local + here.num_ghosts, dtype=np.int32)
+    inside = points + _INSIDE * (points.mean(axis=0) - points)
+    cells = _all_cells(W.mesh) if cells is None else cells
     dofs = W.dofmap.list[cells]
     size = W.dofmap.index_map_bs
     # A rank may have none of the cells.
     values = fem.Expression(e, inside).eval(W.mesh, cells).reshape(*dofs.shape, size)
-    if not by_cells:
-        middle = values.mean(axis=1, keepdims=True)
-        values = middle + (values - middle) / (1 - _INSIDE)
-    f.x.array.reshape(-1, size)[dofs] = values
+    middle = values.mean(axis=1, keepdims=True)
+    f.x.array.reshape(-1, size)[dofs] = middle + (values - middle) / (1 - _INSIDE)
+
+
+def _all_cells(domain: mesh.Mesh) -> npt.NDArray[np.int32]:
+    """Return the local cells, ghosts included."""
+    cells = domain.topology.index_map(domain.topology.dim)
+    return np.arange(cells.size_local + cells.num_ghosts, dtype=np.int32)
 
 
 def of_cells(e: Any, domain: mesh.Mesh) -> Any:
@@ -262,14 +263,12 @@ def of_cells(e: Any, domain: mesh.Mesh) -> Any:
     if not is_of_cells(e):
         return e
     f = fem.Function(fem.functionspace(domain, ("DG", 0, e.ufl_shape)))
-    dim = domain.topology.dim
-    here = domain.topology.index_map(dim)
-    cells = np.arange(here.size_local + here.num_ghosts, dtype=np.int32)
-    values = compiled_expression(e, np.full((1, dim), 0.5)).eval(domain, cells)
+    cells = _all_cells(domain)
+    middle = np.full((1, domain.topology.dim), 0.5)
+    values = compiled_expression(e, middle).eval(domain, cells)
     dofs = f.function_space.dofmap.list[cells, 0]
-    f.x.array.reshape(-1, f.function_space.dofmap.index_map_bs)[dofs] = values.reshape(
-        len(cells), -1
-    )
+    bs = f.function_space.dofmap.index_map_bs
+    f.x.array.reshape(-1, bs)[dofs] = values.reshape(len(cells), bs)
     return f
 
 

@@ -111,11 +111,10 @@ def look(view: Any, source: Any) -> None:
     elif sizes[thin] <= 0.1 * max(sizes):
         direction = [0.15, -0.25, 0.15]
         direction[thin] = 1.0
-    middle = [(x[0] + x[1]) / 2, (x[2] + x[3]) / 2, (x[4] + x[5]) / 2]
-    view.CameraFocalPoint = middle
+    view.CameraFocalPoint = (0.0, 0.0, 0.0)
+    view.CameraPosition = direction
     view.CameraViewUp = (0.0, 1.0, 0.0) if thin == 2 else (0.0, 0.0, 1.0)
-    view.CameraPosition = [m + 3.0 * max(sizes) * d for m, d in zip(middle, direction, strict=True)]
-    simple.ResetCamera(view)
+    simple.ResetCamera(view)  # to the centre of the source, at a distance from which it is seen
 
 
 def views_for(count: int) -> tuple[Any, list[Any]]:

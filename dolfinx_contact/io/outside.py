@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Outside",
+    "VertexMeans",
     "gather_cells",
     "patch",
 ]
@@ -42,12 +43,44 @@ _COLUMNS = (
 _OF_LAWS = ("adhesion", "bond", "slid")
 
 
+class VertexMeans:
+    """Means of a field over the cells at each vertex, weighted by the hat function of the vertex.
+
+    With the vertex rule these are means of the values at the vertex in the adjacent cells, so that
+    continuous fields are exact.
+
+    Args:
+        V: linear space of the vertices.
+        scalars: UFL scalars by cell tag, None for all cells.
+        tags: cell tags; default: none.
+        rule: quadrature rule.
+    """
+
+    def __init__(
+        self,
+        V: fem.FunctionSpace,
+        scalars: Mapping[int | None, Any],
+        tags: mesh.MeshTags | None = None,
+        **rule: Any,
+    ):
+        q = ufl.TestFunction(V)
+        dx = ufl.Measure(
+            "dx", V.mesh, subdomain_data=tags, metadata={"quadrature_degree": 1, **rule}
+        )
+        terms = [e * q * (dx if tag is None else dx(tag)) for tag, e in scalars.items()]
+        self._form = fem.form(sum(terms))
+        self._weights = _assembled(fem.form(q * dx))
+
+    def __call__(self) -> npt.NDArray[np.float64]:
+        """Return the means at the local vertices. Collective."""
+        return _assembled(self._form) / self._weights
+
+
 class Outside:
     """The outer surface of the bodies of a problem and its states. Collective.
 
     The equivalent strain is sqrt(2/3 e : e) with the deviator e of the Green-Lagrange strain (plane
-    in 2D, with the circumferential strain for bodies of revolution). Its value at a vertex is the
-    mean over the adjacent cells, weighted by the hat function of the vertex.
+    in 2D, with the circumferential strain for bodies of revolution), see `VertexMeans`.
 
     Args:
         problem: contact problem with the displacement.
@@ -64,21 +97,8 @@ class Outside:
         self.V = fem.functionspace(domain, ("Lagrange", 1))
         self.numbers = vertex_numbers(self.V)
         self.cells = _outer_cells(self.V)
-        vectors = fem.functionspace(domain, ("Lagrange", 1, (domain.topology.dim,)))
-        self._moved = fem.Function(vectors)
-        self._strain: tuple[fem.Form, npt.NDArray[np.float64]] | None = None
-
-    def strain(self) -> npt.NDArray[np.float64]:
-        """Return the equivalent strain at the local vertices. Collective."""
-        if self._strain is None:
-            w = ufl.TestFunction(self.V)
-            dx = ufl.dx(domain=self.V.mesh, metadata={"quadrature_degree": 2})
-            weights = _assembled(fem.form(w * dx))
-            revolves = any(s.axisymmetric for s in self.problem.surfaces)
-            equivalent = _equivalent_strain(self.problem.u, revolves)
-            self._strain = fem.form(equivalent * w * dx), weights
-        form, weights = self._strain
-        return _assembled(form) / weights
+        self._moved = fem.Function(fem.functionspace(domain, ("Lagrange", 1, problem.u.ufl_shape)))
+        self._strain: VertexMeans | None = None
 
     def gather(self, values: Mapping[str, npt.NDArray[Any]]) -> Arrays:
         """Gather values at the local vertices on rank 0, see `gather_cells`. Collective."""
@@ -86,41 +106,29 @@ class Outside:
 
     def inside(self, values: Mapping[str, npt.NDArray[Any]]) -> Arrays:
         """Gather values and the displacement ``u`` at the vertices of all cells. Collective."""
-        domain = self.V.mesh
-        self._moved.interpolate(self.problem.u)
-        u = self._moved.x.array.reshape(-1, domain.topology.dim)
-        cells = self.V.dofmap.list[: domain.topology.index_map(domain.topology.dim).size_local]
-        every = {"u": u, **values}
+        topology = self.V.mesh.topology
+        cells = self.V.dofmap.list[: topology.index_map(topology.dim).size_local]
+        every = {"u": self._displacement(), **values}
         return gather_cells(self.problem.comm, self.V, cells, every, self.numbers)
 
     def surface(self) -> OuterSurface | None:
         """Return the outer surface on rank 0, None on other ranks. Collective."""
-        problem = self.problem
+        surfaces = self.problem.surfaces
         body = self.gather({})
-        contact: dict[str, Arrays] = {}
-        opposite: dict[str, Arrays] = {}
-        obstacles: dict[str, Arrays] = {}
-        for s in problem.surfaces:
-            contact[s.name] = self._face(s.submesh.parent_facets)
-            if s.between_bodies:
-                opposite[s.name] = self._face(s.obstacle.opposite.master_facets)
-            else:
-                obstacles[s.name] = _obstacle(s)
+        contact = {s.name: self._face(s.submesh.parent_facets) for s in surfaces}
+        pairs = {s.name: s.obstacle.opposite for s in surfaces if s.between_bodies}
+        opposite = {name: self._face(pair.master_facets) for name, pair in pairs.items()}
+        obstacles = {s.name: _obstacle(s) for s in surfaces if not s.between_bodies}
         if not body:
             return None
         nodes = body["nodes"]
-
-        def on_surface(faces: Mapping[str, Arrays]) -> dict[str, Cells]:
-            places = {k: np.searchsorted(nodes, face["nodes"]) for k, face in faces.items()}
-            return {k: places[k][face["cells"]] for k, face in faces.items()}
-
         return OuterSurface(
             body["x"],
             nodes,
             body["cells"],
-            on_surface(contact),
-            on_surface(opposite),
-            {k: face["cells"] for k, face in obstacles.items()},
+            {name: np.searchsorted(nodes, corners) for name, corners in contact.items()},
+            {name: np.searchsorted(nodes, corners) for name, corners in opposite.items()},
+            {name: face["cells"] for name, face in obstacles.items()},
         )
 
     def state(self, law: ContactProblem | None = None) -> SurfaceState | None:
@@ -131,9 +139,11 @@ class Outside:
                 constructor.
         """
         problem = self.problem if law is None else law
-        self._moved.interpolate(problem.u)
-        dim = problem.V.mesh.topology.dim
-        seen = self.gather({"u": self._moved.x.array.reshape(-1, dim), "strain": self.strain()})
+        if self._strain is None:
+            revolves = any(s.axisymmetric for s in problem.surfaces)
+            strain = _equivalent_strain(self.problem.u, revolves)
+            self._strain = VertexMeans(self.V, {None: strain}, quadrature_degree=2)
+        seen = self.gather({"u": self._displacement(), "strain": self._strain()})
         patches = {s.name: _obstacle(s) for s in problem.surfaces if not s.between_bodies}
         tables = {s.name: _columns(problem.table(s)) for s in problem.surfaces}
         if not seen:
@@ -141,12 +151,21 @@ class Outside:
         obstacles = {k: np.array([p["floor"], p["moved"], p["n"]]) for k, p in patches.items()}
         return SurfaceState(seen["u"], seen["strain"], obstacles, tables)
 
-    def _face(self, facets: npt.NDArray[np.int32]) -> Arrays:
-        """Gather owned facets of the body on rank 0. Collective."""
+    def _displacement(self) -> npt.NDArray[np.float64]:
+        """Return the displacement at the local vertices, shape (n, dim). Collective."""
+        self._moved.interpolate(self.problem.u)
+        return self._moved.x.array.reshape(-1, len(self.problem.u))
+
+    def _face(self, facets: npt.NDArray[np.int32]) -> Cells:
+        """Return the input numbers of the vertices of facets, of all ranks on rank 0. Collective.
+
+        Args:
+            facets: local facets of this rank; those of other ranks are left out.
+        """
         topology = self.V.mesh.topology
         owned = facets[facets < topology.index_map(topology.dim - 1).size_local]
-        closures = facet_closures(self.V, owned)
-        return gather_cells(self.problem.comm, self.V, closures, {}, self.numbers)
+        corners = self.numbers[facet_closures(self.V, owned)]
+        return np.concatenate(self.problem.comm.gather(corners) or [corners])
 
 
 def _columns(table: ContactTable) -> Arrays:
@@ -198,18 +217,18 @@ def _assembled(form: fem.Form) -> npt.NDArray[np.float64]:
 def _equivalent_strain(u: fem.Function, revolves: bool) -> ufl.core.expr.Expr:
     """Return sqrt(2/3 e : e) with the deviator e of the Green-Lagrange strain."""
     dim = len(u)
-    gradient = ufl.grad(u)
+    H = ufl.grad(u)
+    across = 1.0
+    if revolves:
+        across = 1.0 + u[0] / ufl.SpatialCoordinate(u.function_space.mesh)[0]
     F = ufl.as_matrix(
         [
-            [gradient[i, j] + (i == j) if max(i, j) < dim else float(i == j) for j in range(3)]
-            for i in range(3)
+            [(H[i, j] if max(i, j) < dim else 0.0) + float(i == j) for j in range(3)]
+            for i in range(dim)
         ]
+        + [[0.0, 0.0, across]] * (3 - dim)
     )
-    E = (F.T * F - ufl.Identity(3)) / 2
-    if revolves:
-        around = 1 + u[0] / ufl.SpatialCoordinate(u.function_space.mesh)[0]
-        E += ufl.as_matrix([[0, 0, 0], [0, 0, 0], [0, 0, (around**2 - 1) / 2]])
-    e = ufl.dev(E)
+    e = ufl.dev((F.T * F - ufl.Identity(3)) / 2)
     return ufl.sqrt(2 / 3 * ufl.inner(e, e))
 
 
@@ -243,19 +262,14 @@ def gather_cells(
         ``cells``, ``nodes`` (their numbers), ``x`` and the values on rank 0; an empty dictionary on
         other ranks.
     """
-    nodes, local = np.unique(cells, return_inverse=True)
-    mine = {
-        "cells": numbers[nodes][local].reshape(cells.shape),
-        "nodes": numbers[nodes],
-        "x": node_positions(V)[nodes],
-        **{k: v[nodes] for k, v in values.items()},
-    }
-    parts = comm.gather(mine)
+    at_corners = {"x": node_positions(V), **values}
+    parts = comm.gather(
+        {"cells": numbers[cells], **{name: v[cells] for name, v in at_corners.items()}}
+    )
     if parts is None:
         return {}
-    parts = [p for p in parts if len(p["nodes"])]
-    joined = {k: np.concatenate([p[k] for p in parts]) for k in mine}
-    number, first = np.unique(joined.pop("nodes"), return_index=True)
-    places = np.searchsorted(number, joined.pop("cells"))
-    at_nodes = {k: v[first] for k, v in joined.items()}
-    return {"cells": places, "nodes": number, **at_nodes}
+    joined = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+    corners = joined.pop("cells")
+    nodes, first, places = np.unique(corners, return_index=True, return_inverse=True)
+    at_nodes = {name: v.reshape(-1, *v.shape[2:])[first] for name, v in joined.items()}
+    return {"cells": places.reshape(corners.shape), "nodes": nodes, **at_nodes}

@@ -4,14 +4,20 @@
 VTX (``.bp``, a folder) is written by ADIOS2; VTK is a ``.pvd`` that names the ``.pvtu`` of each
 time and the ``.vtu`` of each rank. Cells of displacements of degree 2 are Lagrange cells, so that
 nothing is lost. The Functions of a file have one mesh and one Lagrange element.
+
+DOLFINx writes into a hidden folder. When all files are complete they replace the files of earlier
+states, so that these remain if the disk is full or the process is killed.
 """
 
 from __future__ import annotations
 
+import errno
 import logging
 import os
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+import re
+import shutil
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Literal, TypeAlias
 
@@ -20,13 +26,19 @@ from mpi4py import MPI
 from dolfinx import fem, io
 
 from dolfinx_contact._compat import VTXFile, has_vtx
-from dolfinx_contact._files import os_error
-from dolfinx_contact._mpi import everywhere, require, same_everywhere
-from dolfinx_contact.io.files import aside, output_folder, write_script
+from dolfinx_contact._files import os_error, sync
+from dolfinx_contact._mpi import everywhere, on_root, require, same_everywhere
+from dolfinx_contact.io.files import output_folder
 
 __all__ = ["Fields", "Format", "Writer", "checked_format"]
 
 logger = logging.getLogger(__name__)
+
+_SCRIPT = "paraview.py"
+#: Files in a folder of ADIOS2, whose numbers depend on ranks and steps.
+_OF_ADIOS = re.compile(r"(data|md|mmd)\.\d+|md\.idx|profiling\.json|active")
+#: Names of files in a ``.pvd`` and a ``.pvtu``.
+_NAMED = re.compile(r'\b(?:file|Source)="([^"/]+)"')
 
 #: Format of files; None means VTX, or VTK if DOLFINx was built without ADIOS2.
 Format: TypeAlias = Literal["vtx", "vtk"] | None
@@ -54,8 +66,9 @@ def checked_format(comm: MPI.Comm, format: Format) -> Literal["vtx", "vtk"]:
 class Writer:
     """Writer of a series of states, with a script ``paraview.py`` that shows them. Collective.
 
-    The first state opens the files in a hidden folder. Later states are copied to its Functions.
-    At the end of the context, the files are moved to their folder and replace earlier files.
+    The first state opens the files. Later states are copied to its Functions. At the end of the
+    context, the files replace earlier files of the same names, in both formats. After an error
+    earlier files remain.
 
     Args:
         comm: communicator.
@@ -65,6 +78,10 @@ class Writer:
 
     Attributes:
         files: final paths of the files; empty before the first state.
+
+    Raises:
+        OSError: on every rank, with the path, from any method if a file cannot be written or
+            replaced, for example because a folder of the same name exists.
     """
 
     def __init__(
@@ -75,13 +92,16 @@ class Writer:
         self._prefix = prefix
         self.folder = output_folder(comm, folder)
         self.files: list[Path] = []
+        self._part = self.folder / f".{prefix}write_fields.part"
         self._first: Fields = {}
-        self._writers: list[VTXFile | io.VTKFile] = []
-        self._stack = ExitStack()
+        self._writers: dict[str, VTXFile | io.VTKFile] = {}
 
     def __enter__(self) -> Writer:
-        name = f"{self._prefix}write_fields"
-        self._part = self._stack.enter_context(aside(self._comm, self.folder, name, self._prefix))
+        def start() -> None:
+            shutil.rmtree(self._part, ignore_errors=True)  # left by a killed run
+            self._part.mkdir()
+
+        self._on_root(start)
         return self
 
     def write(self, time: float, fields: Fields) -> None:
@@ -90,24 +110,16 @@ class Writer:
         Args:
             time: time of the state.
             fields: Functions by file; the files and their order must be the same for all states.
-
-        Raises:
-            OSError: on every rank, with the path, if a file cannot be written.
         """
         self._first = self._first or fields
         self.files = [self.folder / (stem + self._suffix) for stem in self._first]
-        for number, (stem, functions) in enumerate(self._first.items()):
+        for stem, functions in self._first.items():
             for f, g in zip(functions, fields[stem], strict=True):
                 f.x.array[:] = g.x.array
-            with self._errors(number):
-                if number == len(self._writers):
-                    comm = functions[0].function_space.mesh.comm
-                    file = self._part / (stem + self._suffix)
-                    if self._suffix == ".bp":
-                        self._writers.append(VTXFile(comm, file, functions))
-                    else:
-                        self._writers.append(io.VTKFile(comm, file, "w"))
-                writer = self._writers[number]
+            with self._errors(stem):
+                if stem not in self._writers:
+                    self._writers[stem] = self._opened(stem, functions)
+                writer = self._writers[stem]
                 if isinstance(writer, VTXFile):
                     writer.write(time)
                 else:
@@ -116,34 +128,149 @@ class Writer:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: object
     ) -> None:
-        with self._stack:
+        try:
             self._close()
-            if error is not None:
-                raise error  # the files are not moved
-            if self._first:
-                write_script(self._comm, self._part, self.folder)
+            if error is None:
+                self._comm.barrier()
+                self._on_root(self._replace)
+        finally:
+            if self._comm.rank == 0:
+                shutil.rmtree(self._part, ignore_errors=True)
 
     def _close(self) -> None:
-        """Finish the files. Collective."""
-        for number, writer in enumerate(self._writers):
-            with self._errors(number):
+        """Finish the files and destroy their writers. Collective.
+
+        A `VTKFile` writes once more when it is destroyed, which must happen before the files move.
+        """
+        for stem, writer in self._writers.items():
+            with self._errors(stem):
                 writer.close()
-        self._writers = []  # a VTKFile that is destroyed later would write once more
+        self._writers = {}
+
+    def _opened(self, stem: str, functions: Sequence[fem.Function]) -> VTXFile | io.VTKFile:
+        """Open a file. Collective."""
+        comm = functions[0].function_space.mesh.comm
+        file = self._part / (stem + self._suffix)
+        if self._suffix == ".bp":
+            return VTXFile(comm, file, functions)
+        return io.VTKFile(comm, file, "w")
 
     @contextmanager
-    def _errors(self, number: int) -> Iterator[None]:
+    def _errors(self, stem: str) -> Iterator[None]:
         """Raise an error of a file as ``OSError`` with its path on every rank. Collective."""
-        stem, functions = list(self._first.items())[number]
-        path = self._part / (stem + self._suffix)
+        path = self.folder / (stem + self._suffix)
         try:
-            with everywhere(functions[0].function_space.mesh.comm, f"writing {path}"):
+            with everywhere(self._comm, f"writing {path}"):
                 try:
                     yield
                 except (OSError, RuntimeError) as error:
                     raise os_error(error, path) from error
         except OSError:
-            for writer in self._writers:
+            for writer in self._writers.values():
                 if isinstance(writer, VTXFile):
                     writer.abandon()
-            self._writers = []
+            self._writers = {}
             raise
+
+    def _on_root(self, do: Callable[[], None]) -> None:
+        """Call a function on rank 0; errors name final paths instead of hidden ones. Collective."""
+
+        def done() -> None:
+            try:
+                do()
+            except OSError as error:
+                path = Path(error.filename or self.folder)
+                if path.is_relative_to(self._part):
+                    path = self.folder / path.relative_to(self._part)
+                raise os_error(error, path) from error
+
+        on_root(self._comm, done)
+
+    def _replace(self) -> None:
+        """Replace earlier files by the new ones. On rank 0."""
+        if self._first:
+            _write_script(self._part, self.folder)
+        new = sorted(self._part.iterdir(), key=lambda p: (not p.is_dir(), p.name))  # folders first
+        for path in new:
+            _require_replaceable(path, self.folder / path.name)
+            _require_complete(path)
+        for path in (self._part, *self._part.rglob("*")):
+            sync(path)
+        stems = {p.stem for p in new if p.suffix in (".bp", ".pvd")}
+        if self._prefix:
+            earlier = self.folder.glob(f"{self._prefix}*")
+            stems |= {p.stem for p in earlier if p.suffix in (".bp", ".pvd")}
+        older = {file for stem in stems for file in _files_of(self.folder, stem)}
+        before = self._part / "before"  # removed with the hidden folder
+        before.mkdir()
+        for path in new:
+            file = self.folder / path.name
+            if file.is_dir():
+                file.rename(before / path.name)
+            path.replace(file)
+            older.discard(file)
+        for file in older:
+            file.rename(before / file.name)
+        sync(self.folder)
+
+
+def _write_script(part: Path, folder: Path) -> None:
+    """Write ``paraview.py``, which shows the results in its folder. On rank 0.
+
+    Another file of that name is kept, with a warning.
+
+    Args:
+        part: folder in which it is written.
+        folder: final folder, stored in the script because ParaView does not always pass the path of
+            a script. The folder may be moved.
+    """
+    text = Path(__file__).with_name("in_paraview.py").read_text()
+    head = "".join(text.splitlines(keepends=True)[:2]).encode()
+    file = folder / _SCRIPT
+    if file.is_file() and not file.read_bytes().startswith(head):
+        message = "%s is not one of this package, and is left unchanged: no script for ParaView"
+        logger.warning(message, file)
+        return
+    text = text.replace('WRITTEN_TO = ""', f"WRITTEN_TO = {str(folder.resolve())!r}")
+    (part / _SCRIPT).write_text(text)
+
+
+def _require_complete(path: Path) -> None:
+    """Raise ``OSError`` for a truncated file of VTK: DOLFINx does not report a full disk."""
+    if path.suffix in (".pvd", ".pvtu", ".vtu"):
+        with path.open("rb") as file:
+            file.seek(max(path.stat().st_size - 32, 0))
+            if not file.read().rstrip().endswith(b"</VTKFile>"):
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
+
+
+def _require_replaceable(new: Path, old: Path) -> None:
+    """Raise ``OSError`` if a file would replace a folder, or a folder foreign files."""
+    number = 0
+    if old.is_dir() and not new.is_dir():
+        number = errno.EISDIR
+    elif old.is_dir() and not _is_of_adios(old):
+        number = errno.EEXIST
+    elif new.is_dir() and old.is_file():
+        number = errno.ENOTDIR
+    if number:
+        raise OSError(number, os.strerror(number), str(old))
+
+
+def _is_of_adios(folder: Path) -> bool:
+    """Return whether all files of a folder are files of ADIOS2."""
+    return folder.is_dir() and all(_OF_ADIOS.fullmatch(p.name) for p in folder.iterdir())
+
+
+def _files_of(folder: Path, stem: str) -> set[Path]:
+    """Return the existing files of fields in both formats; those of VTK name one another."""
+    bp = folder / f"{stem}.bp"
+    found = {bp} if _is_of_adios(bp) else set()
+    names = [f"{stem}.pvd"]
+    while names:
+        file = folder / names.pop()
+        if file.is_file():
+            found.add(file)
+            if file.suffix != ".vtu":
+                names += _NAMED.findall(file.read_text(errors="replace"))
+    return found

@@ -18,13 +18,13 @@ import numpy as np
 import numpy.typing as npt
 
 import ufl
-from dolfinx import fem, la, mesh
+from dolfinx import fem, mesh
 
 from dolfinx_contact._mpi import Arguments, collective
 from dolfinx_contact._ufl import refuse_other_mesh
 from dolfinx_contact._validate import number
 from dolfinx_contact.io.fields import check_stress, of_cells, von_mises
-from dolfinx_contact.io.outside import Outside
+from dolfinx_contact.io.outside import Outside, VertexMeans
 from dolfinx_contact.plot.figures import Drawing, drawn_on_root, save
 from dolfinx_contact.plot.scene import Look, Options, Scene, in_space, options_of, scene_of
 
@@ -175,13 +175,13 @@ def body_scene(
         label = "von Mises stress"
         stresses = stress if isinstance(stress, Mapping) else {None: stress}
         sizes = {tag: von_mises(stresses[tag]) for tag in sorted(stresses)}
-        local["field"] = _averaged(outside.V, sizes, tags, quadrature_degree=2)
+        local["field"] = _means(outside.V, sizes, tags, quadrature_degree=2)
     elif isinstance(options.field, str):  # the displacement needs no projection
         label = options.field
     elif options.field is not None:
         label = getattr(options.field, "name", "field")
         vertices = {"quadrature_rule": "vertex"}
-        local["field"] = _averaged(outside.V, {None: options.field}, None, **vertices)
+        local["field"] = _means(outside.V, {None: options.field}, None, **vertices)
     on_surface = outside.gather(local)
     inside = outside.inside(local) if options.clip is not None else {}
     if surface is None or state is None:
@@ -202,34 +202,13 @@ def body_scene(
     return scene
 
 
-def _averaged(
+def _means(
     V: fem.FunctionSpace,
     scalars: Mapping[int | None, Any],
     tags: mesh.MeshTags | None,
     **rule: Any,
 ) -> Array:
-    """Average a field to the local vertices; NaN where it is not finite. Collective.
-
-    The weights are the hat functions. With the vertex rule the average is that of the values at the
-    vertex in the adjacent cells, so that continuous fields are exact.
-
-    Args:
-        V: linear space of the vertices.
-        scalars: UFL scalars by cell tag, None for all cells.
-        tags: cell tags.
-        rule: quadrature rule.
-    """
-    q = ufl.TestFunction(V)
-    dx = ufl.Measure("dx", V.mesh, subdomain_data=tags, metadata={"quadrature_degree": 1, **rule})
-    parts = [(of_cells(e, V.mesh), tag) for tag, e in scalars.items()]
-    whole = sum(e * q * (dx if tag is None else dx(tag)) for e, tag in parts)
-    sums = []
-    for form in (whole, q * dx):
-        b = la.vector(V.dofmap.index_map, 1)
-        b.array[:] = 0.0
-        fem.assemble_vector(b.array, fem.form(form))
-        b.scatter_reverse(la.InsertMode.add)
-        b.scatter_forward()
-        sums.append(b.array.copy())
-    means = sums[0] / sums[1]
+    """Return the `VertexMeans` of a field; NaN where it is not finite. Collective."""
+    everywhere = {tag: of_cells(e, V.mesh) for tag, e in scalars.items()}
+    means = VertexMeans(V, everywhere, tags, **rule)()
     return np.asarray(np.where(np.isfinite(means), means, np.nan))
