@@ -29,12 +29,15 @@ def _check(a: Arguments) -> None:
 class EvolutionSeries:
     """Observer that writes the accepted steps of an evolution. A collective context manager.
 
-    ``evolution_body.bp`` holds the displacement, ``evolution_contact.bp`` (or
-    ``evolution_contact_NAME.bp``) the fields of a contact surface, ``..._opposite.bp`` those of the
-    master of a pair, over the time of the evolution; ``evolution_body_stress.bp`` contains the
-    stresses, if requested; ``steps.csv`` is the table of steps. With
-    ``format="vtk"`` it is ``evolution_body.pvd`` with a ``.vtu`` of each time, ... ``paraview.py``
-    in the folder shows them. Each row of the table is on the disk before the next step is computed.
+    Files over the time of the evolution, with the suffix ``.pvd`` instead of ``.bp`` for
+    ``format="vtk"``; the script ``paraview.py`` in the folder shows them:
+
+    - ``evolution_body.bp``: displacement of the bodies.
+    - ``evolution_body_stress.bp``: stresses, if requested.
+    - ``evolution_contact.bp`` or ``evolution_contact_NAME.bp``: fields of a contact surface;
+      ``..._opposite.bp``: fields of the master of a pair.
+    - ``steps.csv``: table of steps. Each row is on the disk before the next step is computed.
+
     Fields are complete when the context ends, also after an error, up to the last accepted step;
     files of an earlier series are then removed. `EvolutionRecord` keeps the fields of a killed run.
 

@@ -59,12 +59,13 @@ def write_fields(
 ) -> list[Path]:
     """Write a state of a problem for ParaView. Collective.
 
-    ``body.bp`` holds the displacement, ``body_stress.bp`` the stresses with the displacement of the
-    vertices, and ``contact.bp`` (or ``contact_NAME.bp``, if a surface has another name) the fields
-    of a contact surface; of a pair of bodies these are on the slave, and ``contact_opposite.bp``
-    (``contact_NAME_opposite.bp``) holds those of the master. ``format="vtk"`` writes ``body.pvd``,
-    ... instead, with a ``.vtu`` of each rank. The script ``paraview.py`` in the folder shows them:
-    ``paraview --script=FOLDER/paraview.py``.
+    - ``body.bp``: displacement of the bodies.
+    - ``body_stress.bp``: stresses, with the displacement of the vertices.
+    - ``contact.bp``, or ``contact_NAME.bp`` if a surface has another name: fields of a contact
+      surface, on the slave of a pair; ``..._opposite.bp``: fields of the master of a pair.
+    - ``paraview.py``: a script that shows them, ``paraview --script=FOLDER/paraview.py``.
+
+    With ``format="vtk"`` the files are ``body.pvd``, ..., with a ``.vtu`` of each rank.
 
     Args:
         folder: output folder, created if necessary. Files of an earlier state with the same names,

@@ -43,8 +43,8 @@ class MasterFace:
     Attributes:
         submesh: mesh of the facets.
         vertices: scalar P1 space on it.
-        areas: areas of the local vertices, integrated like those of the slave: by the vertex rule
-            for matching nodes and nodal contact, otherwise by hat functions.
+        areas: areas of the local vertices, integrated as on the slave: by the vertex rule for
+            matching nodes and nodal contact, otherwise by hat functions.
         trace: nodes of the displacement at the local vertices.
         normals: outward unit normals at the local vertices, shape (n, dim).
     """

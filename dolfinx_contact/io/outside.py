@@ -160,7 +160,7 @@ class Outside:
         """Return the input numbers of the vertices of facets, of all ranks on rank 0. Collective.
 
         Args:
-            facets: local facets of this rank; those of other ranks are left out.
+            facets: local facets of this rank; ghosts are left out.
         """
         topology = self.V.mesh.topology
         owned = facets[facets < topology.index_map(topology.dim - 1).size_local]

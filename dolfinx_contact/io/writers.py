@@ -263,7 +263,7 @@ def _is_of_adios(folder: Path) -> bool:
 
 
 def _files_of(folder: Path, stem: str) -> set[Path]:
-    """Return the existing files of fields in both formats; those of VTK name one another."""
+    """Return the existing files of fields in both formats; files of VTK name one another."""
     bp = folder / f"{stem}.bp"
     found = {bp} if _is_of_adios(bp) else set()
     names = [f"{stem}.pvd"]

@@ -155,7 +155,7 @@ class RecordedRun(Ends):
 
     Attributes:
         task: attributes of its task by name; empty for a journal in memory.
-        points: entries of its points, in order; those of the first run include the start.
+        points: entries of its points, in order; the first run begins with the start.
         after: index of the state where a run begins; 0 for branches.
         ending: kind of the ending; None if it has not ended.
         reason: reason of the ending, as a sentence.
@@ -465,7 +465,7 @@ def _columns(
 
     Args:
         rows: rows of a table.
-        names: names of the columns; default: those of the first row.
+        names: names of the columns; default: keys of the first row.
     """
     columns = {}
     for name in names or (rows[0] if rows else ()):

@@ -187,7 +187,7 @@ class Record(Observer, ABC, Generic[J]):
         Args:
             task: attributes of its task by name.
             after: index of the state where a run begins.
-            free: attributes that need not be those of the recorded task.
+            free: attributes that may differ from the recorded task.
 
         Raises:
             ValueError: on every rank, if it has begun in an earlier session with another task.

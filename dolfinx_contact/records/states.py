@@ -182,7 +182,7 @@ def by_cells(domain: mesh.Mesh, values: npt.NDArray[T]) -> npt.NDArray[T]:
         values: values at the owned cells of this rank, shape (n, k).
 
     Returns:
-        Values at all cells on rank 0, shape (number, k); those of the rank on other ranks.
+        Values at all cells on rank 0, shape (number, k); on other ranks, the given values.
 
     Raises:
         ValueError: on every rank, if the cells of the mesh have no numbers, as in a submesh.

@@ -63,7 +63,7 @@ class StepsRecord(Record[J], Generic[J, H]):
         folder: folder of the record, created if necessary.
         runs: evolution or path whose runs are recorded.
         kind: class of the journal.
-        points: conversion of the points of a path; default: the runs are not those of a path.
+        points: conversion of the points of a path; default: None, for histories and motions.
         surface_displacement: whether the displacement of the outer surface is recorded, see
             `EvolutionRecord`.
         resume: whether an existing record is continued, see `EvolutionRecord`.
