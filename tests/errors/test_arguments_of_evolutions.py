@@ -246,6 +246,23 @@ def test_nscd_refuses_arguments(arguments, message):
 
 
 @pytest.mark.ranks(2)
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"max_time": 0.0}, "max_time must be a positive time"),
+        ({"rest": 1.0}, "rest must be between 0 and 1"),
+        ({"observer": 3}, "observer must be"),
+        ({"progress": 3}, "progress must be"),
+    ],
+)
+def test_settle_refuses_arguments(arguments, message):
+    problem, _ = block("tri", 2)
+    motion = NSCD(problem, 1.0, dt=0.1)
+    with pytest.raises(ValueError, match=message):
+        motion.settle(**({"max_time": 1.0} | arguments))
+
+
+@pytest.mark.ranks(2)
 def test_velocity_level_refuses_laws():
     problem, _ = block("tri", 2)
     u = problem.u

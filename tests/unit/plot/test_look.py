@@ -221,3 +221,14 @@ def test_plane_bodies_are_drawn(folder):
     plot.picture_of_contact(folder / "contact.svg", problem)
     assert (folder / "body.pdf").read_bytes().startswith(b"%PDF")
     assert (folder / "contact.svg").read_bytes().startswith(b"<?xml")
+
+
+@pytest.mark.skipif(COMM.size > 1, reason="not collective")
+def test_reference_curves_are_black_lines_of_their_own():
+    x = np.linspace(0.0, 1.0, 50)
+    measured = {"measured": (x[::10], x[::10])}
+    axes = plot.draw_curves(None, {"ours": (x, x)}, marks=measured, dotted={"exact": (x, x**2)})
+    found = {line.get_label(): line for line in axes.lines}
+    assert set(found) == {"ours", "measured", "exact"}
+    assert found["exact"].get_color() == "black"
+    np.testing.assert_array_equal(found["exact"].get_ydata(), x**2)
