@@ -74,12 +74,6 @@ def test_a_closed_crack_transmits_a_uniform_pressure():
     squeezed([(0, 0.25, 0.75)])
 
 
-def test_cracks_that_cross_are_refused_with_the_way_to_do_it():
-    with pytest.raises(ValueError, match="each arm needs a group of its own"):
-        squeezed([(0, 0.25, 0.75), (1, 0.25, 0.75)])
-    squeezed([(axis, *ends) for axis in (0, 1) for ends in ((0.25, 0.5), (0.5, 0.75))])
-
-
 def overlapped(interference):
     """Two blocks of height 1 with held ends: an overlap d is pressed by E d / 2."""
     both = two_blocks((2, 1), (2, 1), depth=1.0)

@@ -9,8 +9,8 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from support.bodies import SlipWeakening, block, free_row, one_point, table_of
-from support.checks import assert_close, assert_warned
+from support.bodies import block, free_row, one_point, table_of
+from support.checks import assert_close
 
 import ufl
 
@@ -151,56 +151,10 @@ def pulled(K, times, at_jump):
     return evolution.run(times, locate_jumps=True, at_jump=at_jump, shortest=1e-3)
 
 
-@pytest.mark.parametrize(("K", "times"), [(0.5, [0.0, 2.0, 5.0]), (5.0, [0.0, 0.8, 1.6, 2.4, 4.0])])
-def test_a_bond_snaps_on_a_soft_spring_alone(K, times):
-    history = pulled(K, times, "jump" if K < 3 else "raise")
-    assert_close([s.time for s in jumps_of(history)], [3.0] if K < 3 else [], 1e-3)
-    for step in history.steps:
-        assert_close(state_of(step)[1], 0.1 * bond(K, step.time), 1e-4)
-
-
 def test_an_evolution_ends_where_a_bond_snaps():
     with pytest.raises(NoContinuation) as error:
         pulled(0.5, [0.0, 2.0, 5.0], "raise")
     assert_close(error.value.history.time, 3.0, 1e-3)
-
-
-WEAKENING = SlipWeakening(0.6, 0.2, 0.1)
-
-
-def weakened(k, times, at_jump):
-    """A point under pressure 1, dragged by a spring ``k``."""
-    _, evolution = history_of_a_point([[k, 0.0], [0.0, 1.0]], WEAKENING, lambda t: (t, -1.0))
-    return evolution.run(times, locate_jumps=True, at_jump=at_jump)
-
-
-def root(k, U):
-    """The first slip at which the spring has no more than friction."""
-    slips = np.linspace(0, U, 200001)
-    left = k * (U - slips) - (0.2 + 0.4 * np.exp(-slips / 0.1))
-    return slips[np.argmax(left <= 0)]
-
-
-def test_slip_weakening_on_a_soft_spring_jumps():
-    """The load turns back where slip begins, U = 0.6 / k."""
-    history = weakened(1.0, [0.0, 0.2, 0.4, 0.55, 0.8, 1.0], "jump")
-    assert_close(history.time, 1.0)
-    (leap,) = jumps_of(history)
-    assert_close(leap.time, 0.6, 1e-3)
-    for step in history.steps:
-        right = root(1.0, step.time) if step.time > 0.6 else 0.0
-        assert_close(state_of(step)[0], right, 1e-3)
-    # Steps after the jump are shortened again.
-    assert sum(leap.time < s.time < leap.time + 1e-3 for s in history.steps) > 3
-    with pytest.raises(NoContinuation) as error:
-        weakened(1.0, [0.0, 0.3, 0.9], "raise")
-    assert_close(error.value.history.time, 0.6, 1e-4)
-
-
-def test_slip_weakening_on_a_stiff_spring_does_not_jump():
-    history = weakened(10.0, [0.0, 0.04, 0.08, 0.2, 0.4], "raise")
-    for step in history.steps:
-        assert_close(state_of(step)[0], root(10.0, step.time), 1e-4)
 
 
 # --- histories of one point under other loads ---
@@ -282,26 +236,6 @@ def test_a_load_that_leaps_is_no_loss_of_solutions(at_jump):
     assert_close(history.time, 0.8)
     for step in history.steps:
         assert_close(state_of(step)[0], 0.75 if step.time >= 0.5 else 0.0)
-
-
-def begun(aside):
-    """A history whose start was solved with the top ``aside``; slip at its end."""
-    body, energy = one_point([[2.0, 0.0], [0.0, 1.0]])
-    problem = body.problem(Coulomb(0.5), energy)
-    body.move_top(aside, -1.0)
-    problem.solve()
-    history = QuasiStatic(problem, lambda t: body.move_top(0.1 * t, -1.0)).run([0.0, 0.5, 1.0])
-    return state_of(history.steps[-1])
-
-
-def test_a_start_that_is_not_a_solution_is_warned_of(caplog):
-    begun(1.0)
-    assert_warned(caplog, "start of the evolution is no.* solution.*[0-9]")
-
-
-def test_a_start_that_is_a_solution_sticks():
-    slip, _, force = begun(0.0)
-    assert_close([slip, force[0]], [0.0, -0.2])
 
 
 def rubber(**options):

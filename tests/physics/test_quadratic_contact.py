@@ -4,8 +4,7 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from support.blocks import block, box, facets
-from support.manufactured import GapField
+from support.blocks import block
 from support.mortars import (
     BASE,
     CASES,
@@ -20,7 +19,6 @@ from support.mortars import (
 from support.pairs import displacement, held
 
 import ufl
-from dolfinx import fem
 
 from dolfinx_contact import ContactPair, ContactProblem, Coulomb, Frictionless, Sphere
 from dolfinx_contact.materials import LinearElastic, NeoHookean
@@ -153,88 +151,3 @@ def test_quadratic_contact_has_a_reduced_problem():
     problem.u.x.array[:] = 0.0
     again = problem.solve(algorithm="lemke").tables["contact"].force
     np.testing.assert_allclose(again, force, atol=1e-11 * np.abs(force).max())
-
-
-def own_solution(domain, lower, top, height, young, poisson):
-    """Return gaps and pressures at the vertices of a block on a parabola.
-
-    Stiffness by DOLFINx, hat functions by Gauss's rule, and an active set.
-
-    Args:
-        domain: mesh of triangles.
-        lower: facets of the lower face.
-        top: facets of the upper face, which is moved down.
-        height: displacement of the upper face, downwards.
-        young: Young's modulus.
-        poisson: Poisson's ratio.
-
-    Returns:
-        Positions along the face, mean gaps and pressures, shape (n,) each, sorted.
-    """
-    V = fem.functionspace(domain, ("Lagrange", 2, (2,)))
-    u, v = ufl.TrialFunction(V), ufl.TestFunction(V)
-    mu = young / (2 * (1 + poisson))
-    lmbda = young * poisson / ((1 + poisson) * (1 - 2 * poisson))
-    e = ufl.sym(ufl.grad(u))
-    stress = lmbda * ufl.tr(e) * ufl.Identity(2) + 2 * mu * e
-    form = fem.form(ufl.inner(stress, ufl.sym(ufl.grad(v))) * ufl.dx)
-    K = fem.assemble_matrix(form).to_scipy().toarray()
-    nodes = V.tabulate_dof_coordinates()[:, 0]
-    on_face = fem.locate_dofs_topological(V, 1, lower)
-    on_face = on_face[np.argsort(nodes[on_face])]
-    held = fem.locate_dofs_topological(V, 1, top)
-    fixed = np.concatenate([2 * held, 2 * held + 1])
-    free = np.setdiff1d(np.arange(len(K)), fixed)
-    x = np.zeros(len(K))
-    x[2 * held + 1] = -height
-    # integrals over the edges of vertex, midpoint, vertex
-    s, w = np.polynomial.legendre.leggauss(5)
-    s, w = (s + 1) / 2, w / 2
-    hats = np.stack([1 - s, s])
-    shapes = np.stack([(1 - s) * (1 - 2 * s), 4 * s * (1 - s), s * (2 * s - 1)])
-    n = len(on_face) // 2 + 1
-    M = np.zeros((n, len(K)))
-    areas, gaps = np.zeros(n), np.zeros(n)
-    for k in range(n - 1):
-        edge = on_face[2 * k : 2 * k + 3]
-        start, end = nodes[edge[[0, 2]]]
-        rule = (end - start) * w
-        at = [k, k + 1]
-        M[np.ix_(at, 2 * edge + 1)] += np.einsum("iq,q,jq->ij", hats, rule, shapes)
-        areas[at] += hats @ rule
-        gaps[at] += hats @ (rule * (start + (end - start) * s - 0.4) ** 2 / 2)
-    moved = np.linalg.solve(K[np.ix_(free, free)], np.column_stack([-K[free] @ x, M[:, free].T]))
-    x[free] = moved[:, 0]
-    start = gaps + M @ x
-    S = M[:, free] @ moved[:, 1:]
-    closed = start < 0
-    for _ in range(50):
-        pressure = np.zeros(n)
-        pressure[closed] = np.linalg.solve(S[np.ix_(closed, closed)], -start[closed])
-        gap = start + S @ pressure
-        new = np.where(closed, pressure > 0, gap < 0)
-        if np.array_equal(new, closed):
-            break
-        closed = new
-    return nodes[on_face[::2]], gap / areas, pressure
-
-
-@pytest.mark.verifies(
-    "mixed contact",
-    "Signorini",
-    reference="independent code: assembly in numpy",
-    aspects=("2D",),
-)
-def test_quadratic_contact_agrees_with_an_own_assembly():
-    """Gaps and pressures of a few lines of numpy that share nothing with the package."""
-    domain = box(COMM, 6, "tri")
-    floor = GapField((ufl.SpatialCoordinate(domain)[0] - 0.4) ** 2 / 2)
-    given = dict(domain=domain, degree=2, law=Frictionless(), options=TIGHT)
-    problem = block(obstacle=floor, top=(0.0, -0.05), **given)
-    table = problem.solve().tables["contact"]
-    sides = facets(domain, 1, 0.0), facets(domain, 1, 1.0)
-    x, gap, pressure = own_solution(domain, *sides, 0.05, 1000.0, 0.3)
-    assert 0 < np.count_nonzero(pressure) < len(x)
-    np.testing.assert_allclose(table.x[:, 0], x, atol=1e-12)
-    np.testing.assert_allclose(table.pressure, pressure, atol=1e-9 * pressure.max())
-    np.testing.assert_allclose(table.un, gap, atol=1e-11)
