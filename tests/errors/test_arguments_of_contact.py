@@ -5,7 +5,7 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from support import pairs
-from support.blocks import box
+from support.blocks import block, box
 from support.curved_obstacles import OnBody
 from support.mortars import pair_of, stacked
 from support.pairs import MATERIAL, displacement, refused
@@ -325,3 +325,9 @@ def test_rigid_body_refuses_arguments(arguments, message):
     arguments = {"shape": PLANE, "about": (0, 1)} | arguments
     with pytest.raises(ValueError, match=message):
         RigidBody(arguments.pop("shape"), **arguments)
+
+
+def test_half_space_refuses_a_normal_of_length_zero():
+    flat = HalfSpace((0.0, 0.0), (0.0, 0.0))
+    with pytest.raises(ValueError, match="normal of the half-space must be 2 finite numbers, not"):
+        block(cell="tri", n=2, obstacle=flat)

@@ -16,6 +16,7 @@ from dolfinx_contact import (
     ContactProblem,
     ContactSurface,
     Coulomb,
+    Cylinder,
     Frictionless,
     HalfSpace,
     LevelSet,
@@ -100,6 +101,15 @@ def test_open_points_in_the_obstacle_are_found(log):
     assert result.counts["open"] == 5
     assert result.misfit == pytest.approx(0.08, rel=0.01)
     assert said(log, "misfit of 'contact'")
+
+
+def test_a_cylinder_between_contact_points_gives_a_warning(log):
+    """It is half as deep in the facets as its radius, and no contact point touches it."""
+    rod = Cylinder((0.25, 0.0, -0.05), (0.0, 1.0, 0.0), 0.1)
+    problem = block(n=2, cell="hex", law=Frictionless(), top=(0.0, 0.0, 0.0), obstacle=rod)
+    (found,) = problem.solve().indicators.surfaces.values()
+    assert found.between_points == pytest.approx(0.5, rel=1e-9)
+    assert said(log, "between_points of 'contact'")
 
 
 # -- det F ---------------------------------------------------------------------------------------
