@@ -20,7 +20,8 @@ mean = np.average(table.pressure[region], weights=table.area[region])
 print(f"mean pressure {mean:.4f} on a length of {table.area[region].sum():.4f}")
 one = fem.Constant(wheel.body.mesh, 1.0)
 measures = [wheel.body.ds("tread"), wheel.body.dx("tyre")]
-length, area = (fem.assemble_scalar(fem.form(one * m)) for m in measures)  # of this rank
+parts = [fem.assemble_scalar(fem.form(one * m)) for m in measures]  # of this rank
+length, area = (wheel.body.mesh.comm.allreduce(part) for part in parts)
 print(f"over the whole tread {table.rn.sum() / length:.4f}, volume per thickness {area:.4f}")
 assert np.isclose(length, table.area.sum())
 assert np.isclose(area, 0.64 * np.pi, rtol=0.01)

@@ -4,7 +4,8 @@
 # To save a movie of the deformation, `plot.film` draws states one after the other and writes a GIF,
 # or an MP4 with imageio-ffmpeg: the states of a history, those of a record (`record.state(k)`), or
 # the shapes of a vibration. `scale` magnifies the displacement, which the title states; `stress`,
-# `field` and in 3D `view` and `clip` are those of pictures.
+# `field` and in 3D `view` and `clip` are those of pictures. To begin with the initial state, pass
+# `[start, *(step.state for step in history.steps)]` with `start = problem.snapshot()`.
 
 import numpy as np
 from common import Block

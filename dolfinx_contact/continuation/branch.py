@@ -175,8 +175,8 @@ class Branch(Ends):
     def __str__(self) -> str:
         ends = [f"{p.gamma:.6g}" for p in self.points[:: max(len(self.points) - 1, 1)]]
         return (
-            f"{len(self.points)} points, gamma from {' to '.join(ends)}, {len(self.folds)} folds, "
-            f"{len(self.bifurcations)} bifurcations: {self.reason}"
+            f"{len(self.points)} points, gamma from {' to '.join(ends)}, folds: {len(self.folds)}, "
+            f"bifurcations: {len(self.bifurcations)}; {self.reason}"
         )
 
     @property
@@ -265,7 +265,8 @@ class Diagram(Ends):
     start_correction: float = 0.0
 
     def __str__(self) -> str:
-        lines = [f"{len(self.edges)} branches, {len(self.nodes)} bifurcations: {self.reason}"]
+        numbers = f"branches: {len(self.edges)}, bifurcations: {len(self.nodes)}"
+        lines = [f"{numbers}; {self.reason}"]
         return "\n".join([*lines, *(f"{k}: {branch}" for k, branch in enumerate(self.branches))])
 
     @property
