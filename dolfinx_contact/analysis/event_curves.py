@@ -101,9 +101,10 @@ class CurveOverMu:
         raise NotImplementedError
 
     def crossings(self, other: CurveOverMu) -> list[float]:
-        """Return all mu at which this curve crosses another one, rising, up to round-off.
+        """Return all mu at which this curve crosses another one, in increasing order.
 
-        Crossings are found where the order of the curves differs between two `breaks`.
+        Between two neighbouring `breaks` of either curve, the curves cross if their order at these
+        two values differs. Crossings are exact up to round-off.
         """
         low = max(self.span[0], other.span[0])
         high = min(self.span[1], other.span[1])

@@ -57,7 +57,9 @@ _EXACT = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1
 
 @dataclass(frozen=True, eq=False)
 class StaticState:
-    """Best state at rest with given open points.
+    """State at rest, with given open points, at the largest factor of the load cycle.
+
+    Corners are the extreme loads of the cycle.
 
     Attributes:
         least: smallest factor with such a state; infinite if there is none.

@@ -95,7 +95,8 @@ class _Spread:
 class LawAmongPoints(LawAtPoints):
     """A nonlocal law on the contact points of a surface. Collective, like its methods.
 
-    The contributions of the points around are a further field of the law, known from the pressures.
+    The weighted sum of the pressures at the other points enters the law as a field. It is evaluated
+    from the present pressures.
 
     Args:
         law: law with an `averaging`.
