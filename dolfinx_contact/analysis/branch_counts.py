@@ -43,7 +43,7 @@ _APART = 1e-6  # distance of special points that count as one, relative to the r
 
 @dataclass(frozen=True, eq=False)
 class ProvedCount:
-    """The solutions at one gamma.
+    """Solutions at one gamma.
 
     Attributes:
         gamma: parameter.
@@ -216,7 +216,7 @@ def prove_counts(
 
 
 def default_gammas(branches: Iterable[Branch], most: int) -> list[float]:
-    """The ends of the range, and middles of the longest intervals between special points."""
+    """Return the ends of the range, and the middles of the longest intervals between events."""
     followed = [b for b in branches if b.points]
     every = [p.gamma for b in followed for p in (b.points[0], b.points[-1])]
     every += [s.gamma for b in followed for s in b.special]

@@ -223,7 +223,7 @@ class Chart(ChartCells[ChartCell]):
 
 
 def _check_sum(content: dict[str, Any]) -> str:
-    """CRC-32 of the content of a file."""
+    """Return the CRC-32 of the content of a file."""
     return f"{zlib.crc32(json.dumps(content, sort_keys=True).encode()):08x}"
 
 

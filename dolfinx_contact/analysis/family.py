@@ -89,7 +89,7 @@ class ContactFamily:
         vars(self).update(state, comm=MPI.COMM_SELF)
 
     def are_small(self, slips: Iterable[Array]) -> bool:
-        """Whether the slips (m,) of solutions are within `reach`."""
+        """Return whether the slips (m,) of solutions are within `reach`."""
         reach = self.reach
         return reach is None or all(bool(np.all(np.abs(slip) <= reach)) for slip in slips)
 

@@ -96,9 +96,9 @@ class Regions(ChartCells[Region]):
 
 
 def _changes_at(below: Region, above: Region) -> bool:
-    """Whether two cells differ as the curves between them require.
+    """Return whether two cells differ as the curves between them require.
 
-    Across a fold there are two solutions more, or less, across an event one is replaced.
+    Across a fold, two solutions appear or vanish; across an event, one solution is replaced.
     """
     mu = below.middle[0]
     lower = set(below.solutions)

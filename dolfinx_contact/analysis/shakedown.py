@@ -108,7 +108,7 @@ class Shakedown:
         return tuple(c for c in within if c.ending in slips)
 
     def __str__(self) -> str:
-        """The bound, whether it is sufficient, and the endings of the cycles."""
+        """Return the bound, whether it is sufficient, and the endings of the cycles."""
         bound = _in_words(self.ranges)
         if self.upper > self.factor * (1 + 1e-6):
             bound += f" (no more than {self.upper:.9g})"
@@ -120,7 +120,7 @@ class Shakedown:
 
 
 def _in_words(ranges: Ranges) -> str:
-    """Factors with states at rest."""
+    """Describe the factors with states at rest."""
     if not ranges:
         return "no factor has a state at rest"
     if ranges == ((0.0, np.inf),):
@@ -215,7 +215,7 @@ def shakedown(
 
 
 def _same(reduced: list[PointProblem]) -> PointProblem:
-    """The points under the first load, if all have the same stiffness and friction."""
+    """Return the points under the first load; all must have the same stiffness and friction."""
     first = reduced[0]
     size = float(np.abs(first.S).max())
     for points in reduced[1:]:
@@ -237,7 +237,7 @@ def shakedown_of(
     starts: int = 4,
     seconds: float = 60.0,
 ) -> Shakedown:
-    """The same for contact points, with loads of the corners (K, dim m). Not collective."""
+    """Return the result for contact points and loads of the corners (K, dim m). Not collective."""
     begun = time.monotonic()
     steady = loads[0] if steady is None else steady
     opened = _statically(points, steady)[1][:, -1] <= 0
@@ -275,7 +275,7 @@ def shakedown_of(
 
 
 def _factor_of(ranges: Ranges) -> float:
-    """Default factor of the cycles: in the last range, below its end."""
+    """Return the default factor of the cycles, which lies in the last range, below its end."""
     a, b = ranges[-1] if ranges else (0.0, 0.0)
     if b == np.inf:
         return max(1.0, 2.0 * a)
@@ -283,7 +283,7 @@ def _factor_of(ranges: Ranges) -> float:
 
 
 def _theorem(points: PointProblem) -> tuple[bool, str]:
-    """Whether the existence of a state at rest is sufficient for rest, and why."""
+    """Return whether the existence of a state at rest is sufficient for rest, and the reason."""
     m, d = points.number, points.dim
     rubs = (points.friction > 0) | (points.bound > 0)
     tangents = np.zeros((m, d), dtype=bool)
@@ -316,7 +316,7 @@ def _theorem(points: PointProblem) -> tuple[bool, str]:
 
 
 def _eliminated(S: Array, free: Flags) -> Array:
-    """The stiffness of the other components if the free ones bear no force."""
+    """Return the stiffness of the other components if the free ones bear no force."""
     if not free.any():
         return S
     inner = np.linalg.solve(S[np.ix_(free, free)], S[np.ix_(free, ~free)])
@@ -324,7 +324,7 @@ def _eliminated(S: Array, free: Flags) -> Array:
 
 
 def _statically(points: PointProblem, p: Array) -> tuple[Array, Array]:
-    """A solution of the static problem, displacements and forces (m, dim)."""
+    """Return a solution of the static problem: displacements and forces (m, dim)."""
     at = replace(points, p=p, S_error=None, p_error=None)
     return one_solution(at, "no solution under the first load")
 

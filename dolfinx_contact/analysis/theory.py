@@ -50,7 +50,7 @@ def theory_of(eq: ContactEquations) -> Theory:
 
 
 def _coefficients(eq: ContactEquations) -> bool | None:
-    """Whether a coefficient of friction is positive; None for other laws. Collective."""
+    """Return whether a coefficient of friction is positive; None for other laws. Collective."""
     if not all(s.law.bound_kind in ("proportional", "given") for s in eq.surfaces):
         return None
     x = eq.unknowns.create_vector()

@@ -38,16 +38,9 @@ Array = npt.NDArray[np.float64]
 _ENOUGH = 1e-7  # least eigenvalue, relative to a unit diagonal, at which a search ends
 _SPREAD = 12.0  # of the logarithms of the weights
 _TAUS = 0.05, 0.01, 0.003  # of the soft minimum
-_STEPS = (
-    2.0,
-    1.3,
-    1.1,
-    1.03,
-    1.01,
-    1.003,
-    1.001,
-)  # by which the friction is raised, as long as that goes
-_MOST = 1e3  # factor at which this ends
+#: Factors by which the friction is raised, each as long as weights are found.
+_STEPS = (2.0, 1.3, 1.1, 1.03, 1.01, 1.003, 1.001)
+_MOST = 1e3  # largest factor
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +100,7 @@ class WeightedForm:
         return min(best, _MOST)
 
     def _search(self, logs: Array, factor: float, effort: int, end: float) -> Array | None:
-        """Logarithms of weights with which the sum is positive definite at a factor, or None."""
+        """Return logarithms of weights that make the sum positive definite at a factor, or None."""
         R = self.S + factor * self.G
         diagonal = np.diag(R)
         if (diagonal <= 0).any():
