@@ -83,7 +83,7 @@ class RigidBodies:
         return next((i for i, b in enumerate(self.bodies) if b is body), None)
 
     def slice_of(self, body: RigidBody | None) -> slice:
-        """Return the slice of the unknowns of a body; empty for None."""
+        """Return the places of the unknowns of a body; empty for None."""
         number = self._number(body)
         return slice(0, 0) if number is None else self.slices[number]
 

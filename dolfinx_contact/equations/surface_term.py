@@ -12,6 +12,7 @@ where q are the unknowns of the rigid body that it touches and Phi its motions a
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -120,9 +121,14 @@ class SurfaceTerm:
 
     # -- motion relative to a rigid body ---------------------------------------------------------
 
+    @cached_property
+    def part(self) -> slice:
+        """Places of the motion of the rigid body among the unknowns q; empty without one."""
+        return self.rigid.slice_of(self.surface.rigid_body)
+
     def _motion(self, q: Array) -> Array:
         """Return the motion of the rigid body of the surface; empty without one."""
-        return self.rigid.of_body(q, self.surface.rigid_body)
+        return q[self.part] / self.rigid.units[self.part]
 
     def relative(self, u: Array, q: Array) -> Array:
         """Return displacements of nodes relative to the obstacle, shape (n, dim). Not collective.
@@ -167,24 +173,23 @@ class SurfaceTerm:
         if s.displaced is not None:
             x = x + u.reshape(-1, s.dim)[: s.owned_nodes]
             moved = self._motion(q)[: s.dim]
-        part = self.rigid.slice_of(body)
         found = body.kinematics.resultant(x, forces.reshape(-1, s.dim), moved)
-        rows[part] = found / self.rigid.units[part]
+        rows[self.part] = found / self.rigid.units[self.part]
         if s.axisymmetric:  # other components cancel around the axis
-            rows[part][[0, 2]] = 0.0
+            rows[self.part][[0, 2]] = 0.0
         return rows
 
     def motions_at_points(self) -> Array:
         """Return Phi, motions of the points by unknown of the body, shape (n, dim, k)."""
         s = self.surface
         body = s.rigid_body
-        part = self.rigid.slice_of(body)
-        moved = np.zeros((s.points.number, s.dim, part.stop - part.start))
+        units = self.rigid.units[self.part]
+        moved = np.zeros((s.points.number, s.dim, len(units)))
         if body is None:
             return moved
         operator = s.constant_operator("a rigid body that moves")
         x = s.node_positions[: s.owned_nodes]
-        for k, unit in enumerate(np.diag(1.0 / self.rigid.units[part])):
+        for k, unit in enumerate(np.diag(1.0 / units)):
             moved[:, :, k] = operator.apply(body.kinematics.field(x, unit))
         return moved
 

@@ -328,10 +328,9 @@ class Reduction:
         """Return -Phi, from motions of rigid bodies to jumps at points of a surface."""
         s = term.surface
         moved = -term.motions_at_points()
-        part = term.rigid.slice_of(s.rigid_body)
         n = s.points.number * s.dim
         first = s.constant_operator("the condensed problem").B.getOwnershipRange()[0]
-        columns = np.arange(part.start, part.stop)
+        columns = np.arange(term.part.start, term.part.stop)
         rows = np.broadcast_to(first + np.arange(n)[:, None], (n, len(columns)))
         return self._matrix(n, rows, np.broadcast_to(columns, rows.shape), moved)
 

@@ -16,6 +16,7 @@ break one by one until the next state is reached.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 from petsc4py import PETSc
 
@@ -23,8 +24,9 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact.equations.contact import ContactEquations
-from dolfinx_contact.equations.held_bonds import HeldBonds
 from dolfinx_contact.equations.surface_term import SurfaceTerm
+from dolfinx_contact.laws import Answers, HeldAnswers
+from dolfinx_contact.points.kinematics import Kinematics
 from dolfinx_contact.solvers.history import Attempt
 from dolfinx_contact.solvers.linear import LinearSolver
 from dolfinx_contact.solvers.newton import Newton
@@ -38,6 +40,27 @@ Array = npt.NDArray[np.float64]
 _NEAR = 1e-2, 1e-3, 1e-4, 1e-6, 1e-8
 _HELD_RESIDUAL = 1e-9  # relative residual that suffices while bonds are held
 _ROUNDS = 2000  # largest number of rounds
+
+
+@dataclass(frozen=True, eq=False)
+class HeldBonds(SurfaceTerm):
+    """Term of a contact surface whose bonds have a given strength.
+
+    Attributes:
+        strength: strength of the bonds (`Law.weakening`), shape (n,).
+    """
+
+    strength: Array | None = None
+
+    def _answers(
+        self, at: Kinematics, traction: Array, held: npt.NDArray[np.int8] | None
+    ) -> Answers:
+        weakening = self.surface.law.weakening
+        assert weakening is not None
+        assert self.strength is not None
+        fields = {**at.data.fields, weakening.name: self.strength}
+        data = replace(at.data, fields=fields)
+        return HeldAnswers(self.surface.law_at_points(at.jump, traction, data))
 
 
 def release_bonds(
