@@ -67,6 +67,7 @@ class Attempt:
         restless: coordinates of points that changed status in the last step, by surface name.
         limit: cost at which the strategy gives up.
         evaluations: number of residual evaluations.
+        linear_solver_failed: whether it ended because PETSc did not solve a linear system.
         state: evaluation at the solution, until the result is made; None if it must be repeated.
         series: further values reported by an algorithm, by name, one per iterate unless the
             algorithm states otherwise.
@@ -79,6 +80,7 @@ class Attempt:
     restless: dict[str, list[list[float]]] = field(default_factory=dict)
     limit: float = math.inf
     evaluations: int = 0
+    linear_solver_failed: bool = False
     state: Evaluation | None = None
     series: dict[str, list[float]] = field(default_factory=dict)
 

@@ -36,12 +36,14 @@ class LinearSolver:
         corrects: whether `correct` is implemented.
         reduction: reduction of the residual by the last solve; 0 if unknown.
         is_followed_with: whether a branch is followed with this solver.
+        is_iterative: whether the user's options choose an iterative method.
     """
 
     name: str
     corrects = False
     reduction = 0.0
     is_followed_with = False
+    is_iterative = False
     matrix: PETSc.Mat
     defaults: dict[str, Any]
 
@@ -120,7 +122,8 @@ class Direct(LinearSolver):
         self._jacobian = Jacobian(equations)
         self.matrix = self._jacobian.matrix
         self._residual = 0.0  # relative residual of the last solve
-        if (equations.options.value("pc_type") or "lu") not in ("lu", "cholesky"):
+        self.is_iterative = (equations.options.value("pc_type") or "lu") not in ("lu", "cholesky")
+        if self.is_iterative:
             factor = ("pc_factor_mat_solver_type", "mat_mumps_icntl_14")
             self.defaults = {k: v for k, v in Direct.defaults.items() if k not in factor}
 

@@ -238,6 +238,7 @@ class Newton:
             attempt.reason = "converged"
         elif reason != _STOPPED:
             attempt.reason = self._explain()
+            attempt.linear_solver_failed = reason == _LINEAR
             ksp.reset()  # MUMPS does not recover from a singular matrix
         return bool(reason > 0)
 

@@ -166,6 +166,8 @@ def solve(
             inverting = strategy
             x.copy(turned)
         progress.clear()
+        if attempt.linear_solver_failed and linear().is_iterative:
+            break  # systems of other strategies are like these
         if equations.comm.rank == 0:
             # The error of a failed solve lists all attempts; a later success is not doubtful.
             logger.info("%s failed: %s", strategy, again or attempt.reason)
@@ -195,6 +197,12 @@ def _diagnosis(eq: ContactEquations, attempts: list[Attempt]) -> str:
             f"the bulk has kinks in u, by {eq.bulk.kinks}: if its residual jumps there, it has in "
             "general no root, and friction or a threshold on a face must be a law of a contact "
             "surface instead, such as Tresca"
+        )
+    if attempts[-1].linear_solver_failed:
+        lines.append(
+            "the iterative solver that the options choose failed, and no other strategy was tried: "
+            "the Jacobian is indefinite and not symmetric; leave out ksp_type and pc_type, or take "
+            "linear_solver='amg'"
         )
     for a in attempts:
         worst = f", residual {a.steps[-1].measures.worst:.2g}" if a.steps else ""

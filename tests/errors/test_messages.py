@@ -14,6 +14,7 @@ from dolfinx import fem
 from dolfinx_contact import (
     ContactProblem,
     ContactSurface,
+    ConvergenceError,
     Coulomb,
     HalfSpace,
     ParametricContact,
@@ -125,6 +126,13 @@ def test_failure_of_a_linear_solver_is_the_reason_of_the_attempt(options, words)
     assert "cycle" not in attempt.reason
     for word in words:
         assert word in attempt.reason
+
+
+def test_no_other_strategy_follows_a_failure_of_the_chosen_iterative_solver():
+    options = {"ksp_type": "gmres", "pc_type": "none", "ksp_max_it": 2}
+    with pytest.raises(ConvergenceError, match="linear_solver='amg'") as info:
+        block(options=options).solve()
+    assert [a.strategy for a in info.value.attempts] == ["full steps"]
 
 
 def test_iterative_solvers_work_without_a_factorisation_package():
