@@ -240,6 +240,7 @@ def test_record_refuses_functionals_without_a_number(folder, functional, error, 
     assert len(set(COMM.allgather(str(info.value)))) == 1
 
 
+@pytest.mark.ranks(2)
 @pytest.mark.skipif(COMM.size == 1, reason="for ranks that differ")
 def test_record_refuses_functionals_that_differ_between_ranks(folder):
     with pytest.raises(ValueError, match=r"differs between ranks .*: sum over them"):
