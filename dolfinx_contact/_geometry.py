@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 __all__ = [
     "area_vector_rates",
     "area_vectors",
+    "connected_parts",
     "dot",
     "edges_of",
     "global_numbers",
@@ -57,6 +58,23 @@ def global_numbers(index_map: Any, local: npt.NDArray[Any]) -> npt.NDArray[np.in
     """Return the global numbers of local places of an index map, of any shape."""
     numbers = index_map.local_to_global(local.reshape(-1).astype(np.int32))
     return np.asarray(numbers, dtype=np.int64).reshape(local.shape)
+
+
+def connected_parts(
+    count: int, first: npt.NDArray[np.int64], second: npt.NDArray[np.int64]
+) -> npt.NDArray[np.int64]:
+    """Return the connected part of each vertex of a graph, shape (count,).
+
+    Args:
+        count: number of vertices.
+        first: vertex at one end of each link.
+        second: vertex at the other end.
+    """
+    from scipy import sparse  # a static solve does not need it
+
+    links = sparse.coo_array((np.ones(len(first)), (first, second)), shape=(count, count))
+    found = sparse.csgraph.connected_components(links, directed=False)[1]
+    return np.asarray(found, dtype=np.int64)
 
 
 def dot(a: Array, b: Array) -> Array:

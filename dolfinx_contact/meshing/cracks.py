@@ -13,13 +13,12 @@ from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 import basix
 from dolfinx import mesh
 
 from dolfinx_contact._arrays import Ints, Mask
+from dolfinx_contact._geometry import connected_parts
 from dolfinx_contact._mpi import Arguments, collective, keep, on_root
 from dolfinx_contact._validate import listed
 from dolfinx_contact.meshing.gmsh import GmshMesh, NamedTags
@@ -148,12 +147,6 @@ def _listed(groups: Iterable[int | str]) -> list[int | str]:
     return chosen
 
 
-def _parts(number: int, first: Ints, second: Ints) -> Ints:
-    """Return the connected parts of a graph by its links, shape (number,)."""
-    links = coo_array((np.ones(len(first)), (first, second)), shape=(number, number))
-    return np.asarray(connected_components(links, directed=False)[1], dtype=np.int64)
-
-
 class _Around:
     """Cells around the nodes of the crack.
 
@@ -198,7 +191,7 @@ class _Around:
         facet = np.broadcast_to(self.ids[:, :, None], at.shape)[used]
         pairs = np.stack([self.cells.reshape(-1)[corner], facet])
         link = np.unique(pairs, axis=1, return_inverse=True)[1].reshape(-1)
-        fans = _parts(n * k + int(link.max(initial=-1)) + 1, corner, n * k + link)[: n * k]
+        fans = connected_parts(n * k + int(link.max(initial=-1)) + 1, corner, n * k + link)[: n * k]
         mine = np.flatnonzero(marked[self.cells].reshape(-1))
         # the fan with the first cell keeps the node
         _, firsts, fan = np.unique(fans[mine], return_index=True, return_inverse=True)
@@ -280,7 +273,9 @@ def _divided(whole: WholeMesh, tags: list[int]) -> tuple[WholeMesh, dict[int, li
         number = number.reshape(-1)
         inner = meeting[number] == 2
         facet = np.repeat(np.arange(len(here)), len(rim))[inner]
-        arm = _parts(len(here) + len(meeting), facet, len(here) + number[inner])[: len(here)]
+        arm = connected_parts(len(here) + len(meeting), facet, len(here) + number[inner])[
+            : len(here)
+        ]
         middles = whole.x[whole.facets[here]].mean(axis=1)
         parts = np.unique(arm)
         centres = np.array([middles[arm == part].mean(axis=0) for part in parts])
@@ -320,18 +315,20 @@ def _sides(
     m = len(cells)
     # items with a common doubled node are on one side
     item, node = np.nonzero(several[nodes])
-    patch = _parts(m + len(several), item, m + nodes[item, node])[:m]
+    patch = connected_parts(m + len(several), item, m + nodes[item, node])[:m]
     by_facet = np.argsort(number, kind="stable").reshape(-1, 2)
     a, b = patch[by_facet].T
     # every patch twice, as the first side and as the second
     count = int(patch.max()) + 1
-    label = _parts(2 * count, np.concatenate([a, a + count]), np.concatenate([b + count, b]))
+    label = connected_parts(
+        2 * count, np.concatenate([a, a + count]), np.concatenate([b + count, b])
+    )
     if (label[patch] == label[patch + count]).any():
         raise ValueError(
             f"the facets with the tag {tag} have no two sides: arms of a branched crack need "
             "groups of their own, and a crack must not meet itself"
         )
-    piece = _parts(count, a, b)[patch]
+    piece = connected_parts(count, a, b)[patch]
     # the first side at the first facet of every piece, in order of coordinates
     materials = np.full(len(whole.cells), np.iinfo(np.int32).min, dtype=np.int64)
     materials[whole.tagged_cells] = whole.cell_values

@@ -64,7 +64,7 @@ from dolfinx_contact.points.evaluation import (
 )
 from dolfinx_contact.points.kinematics import rotation
 from dolfinx_contact.points.memory import Memory
-from dolfinx_contact.points.rigid_body import RigidBody
+from dolfinx_contact.points.rigid_body import RigidBody, shape_of
 
 __all__ = ["DisplacedPoints", "TrueGaps", "displaced_points", "follows"]
 
@@ -89,9 +89,8 @@ def follows(obstacle: Obstacle, sliding: SlidingKind | None, *, linear: bool) ->
         return False
     if sliding is not None:
         return sliding == "large"
-    body = obstacle if isinstance(obstacle, RigidBody) else None
-    turns = body is not None and body.turns
-    return not (linear or turns) and known_displaced(obstacle if body is None else body.shape)
+    turns = isinstance(obstacle, RigidBody) and obstacle.turns
+    return not (linear or turns) and known_displaced(shape_of(obstacle))
 
 
 def displaced_points(
@@ -113,16 +112,17 @@ def displaced_points(
     Raises:
         ValueError: on every rank, if large sliding is not possible.
     """
-    body = obstacle if isinstance(obstacle, RigidBody) else None
-    known = known_displaced(obstacle if body is None else body.shape)
-    free = body is not None and body.turns_freely
-    turns = body is not None and body.turns
+    free = isinstance(obstacle, RigidBody) and obstacle.turns_freely
+    turns = isinstance(obstacle, RigidBody) and obstacle.turns
     friction = STICK in law.codes
     bonded = law.compiled.bonded
     whole = bool(set(law.compiled.names) & set(before(law.dim)))
     given = f"there is no friction with the law {law.law.name}, which"
     for good, why in (
-        (known, "the obstacle is known in the reference configuration alone: it needs a method at"),
+        (
+            known_displaced(shape_of(obstacle)),
+            "the obstacle is known in the reference configuration alone: it needs a method at",
+        ),
         (not free, "a rigid body that turns freely turns little; hold or prescribe its rotation"),
         (points.method != "mixed", "gaps of mixed contact are averages around nodes; take another"),
         (law.law.averaging is None, f"{given} averages the pressure around points"),
@@ -162,7 +162,7 @@ class DisplacedPoints:
     ):
         self._points = points
         self._domain = domain
-        self._whole = obstacle.shape if isinstance(obstacle, RigidBody) else obstacle
+        self._whole = shape_of(obstacle)
         shape = self._shape(points.removed_overlap)
         self.ended = shape is not self._whole
         self.friction = friction
@@ -337,7 +337,7 @@ class TrueGaps:
         self._u = u
         self._points = points
         self._body = obstacle if isinstance(obstacle, RigidBody) else None
-        self._shape = obstacle if self._body is None else self._body.shape
+        self._shape = shape_of(obstacle)
         domain, dim = u.function_space.mesh, points.dim
         #: Displacement and rotation of the rigid body.
         self._shift = fem.Constant(domain, np.zeros(dim))

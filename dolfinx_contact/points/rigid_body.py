@@ -29,7 +29,7 @@ from dolfinx_contact._validate import ReadOnly, listed, scalar, vector, word
 from dolfinx_contact.obstacles import Obstacle, Outline, has_ufl, is_uniform
 from dolfinx_contact.points.rigid_kinematics import RigidKinematics
 
-__all__ = ["COMPONENTS", "RigidBody", "number"]
+__all__ = ["COMPONENTS", "RigidBody", "number", "shape_of"]
 
 
 #: Names of the components of a rigid motion, by dimension.
@@ -217,6 +217,11 @@ class RigidBody(ReadOnly, Obstacle):
 
 
 _TOLERANCE = 1e-9  # displacement by a unit motion below which a point does not move
+
+
+def shape_of(obstacle: Obstacle) -> Obstacle:
+    """Return the shape of a rigid body; any other obstacle itself."""
+    return obstacle.shape if isinstance(obstacle, RigidBody) else obstacle
 
 
 def number(e: Any) -> float:

@@ -58,6 +58,7 @@ from dolfinx_contact.points.displaced_faces import (
     outward_at_points,
     slave_triangles,
 )
+from dolfinx_contact.points.rigid_body import shape_of
 from dolfinx_contact.points.surface import DiscreteSurface
 from dolfinx_contact.rigid_surfaces import RigidSurface
 from dolfinx_contact.rigid_surfaces.closest import ClosestFacets
@@ -428,7 +429,7 @@ def _of_pair(
 
 def _slip_over_facets(s: DiscreteSurface, contact: ContactState) -> float:
     """Return the slip in a step over the larger facet size of body and obstacle."""
-    shape = _shape(s)
+    shape = shape_of(s.obstacle)
     if not isinstance(shape, RigidSurface):
         return 0.0
     width = max(s.points.geometry.facet_size, shape.facet_size)
@@ -549,11 +550,6 @@ def _spin(eq: ContactEquations, s: DiscreteSurface, contact: ContactState) -> fl
 # -- edges of the obstacle -----------------------------------------------------------------------
 
 
-def _shape(s: DiscreteSurface) -> Any:
-    """The obstacle, or the shape of the rigid body."""
-    return s.obstacle if s.rigid_body is None else s.rigid_body.shape
-
-
 def _between_points(s: DiscreteSurface, state: Evaluation) -> float:
     """Depth of the obstacle in a facet, between contact points, over the facet size. Collective."""
     depth = _deepest(s, state.u.reshape(-1, s.dim))
@@ -593,7 +589,7 @@ def _deepest(s: DiscreteSurface, u: Array) -> float:
 
 def _probes(s: DiscreteSurface, box: tuple[Array, Array], spacing: float) -> tuple[Array, float]:
     """Points (n, dim) of an obstacle in space, and the radius of a ball around each of them."""
-    shape = _shape(s)
+    shape = shape_of(s.obstacle)
     if isinstance(shape, RigidSurface):
         points = shape.points + s.partner.dragged(shape.points)
         return np.concatenate(

@@ -18,7 +18,7 @@ import numpy as np
 import scipy
 
 from dolfinx_contact._arrays import Array, Ints, Mask
-from dolfinx_contact._geometry import unit
+from dolfinx_contact._geometry import connected_parts, unit
 from dolfinx_contact.rigid_surfaces.normals import corner_normals, crossed, without_tips
 
 __all__ = ["Triangulation", "mended", "merged", "triangulated"]
@@ -148,14 +148,14 @@ class _Ridges:
                 for p in (self.first[joined], self.second[joined])
             ]
             links.append(np.stack(ends, axis=1))
-        return _parts(cells.size, *np.concatenate(links).T)
+        return connected_parts(cells.size, *np.concatenate(links).T)
 
 
 def merged(points: Array, cells: Ints) -> tuple[Array, Ints]:
     """Merge points that coincide up to 1e-7 of the extent, and drop points without a facet."""
     size = float(np.linalg.norm(np.ptp(points, axis=0)))
     pairs = scipy.spatial.cKDTree(points).query_pairs(_SAME * size, output_type="ndarray")
-    group = _parts(len(points), *pairs.T)
+    group = connected_parts(len(points), *pairs.T)
     used, renumbered = np.unique(group[cells], return_inverse=True)
     first = np.unique(group, return_index=True)[1]
     return points[first[used]], renumbered.reshape(cells.shape).astype(np.int64)
@@ -235,7 +235,7 @@ def triangulated(
     point_normals = np.zeros_like(points)
     np.add.at(point_normals, cells, _angles(corners)[..., None] * normals[:, None])
     same = np.linalg.norm(normals[first] - normals[second], axis=1) < _COPLANAR
-    planes = _parts(len(cells), first[same], second[same])
+    planes = connected_parts(len(cells), first[same], second[same])
     bends = _bends_at_creases(corners, normals, ridges, at_crease, planes)
     return Triangulation(
         points,
@@ -294,7 +294,7 @@ def _check_sides(points: Array, cells: Ints, ridges: _Ridges, name: str, *, inwa
             f"{'points' if ridges.dim == 2 else 'edges'} between two are oriented inconsistently, "
             f"first at {_at(points[ridges.nodes[ridges.first[unlike][0]]])}; mend=True flips them"
         )
-    part = _parts(len(cells), *ridges.facets)
+    part = connected_parts(len(cells), *ridges.facets)
     volume = np.bincount(part, _volumes(points, cells))
     wrong = (volume < 0) & (np.bincount(part, ridges.rims.any(axis=1)) == 0)
     if wrong.any() and not inward:
@@ -400,13 +400,6 @@ def _at(x: Array) -> str:
 # -- connected parts -------------------------------------------------------------------------------
 
 
-def _parts(count: int, first: Ints, second: Ints) -> Ints:
-    """Return the component index of each vertex of a graph, shape (count,)."""
-    links = scipy.sparse.coo_array((np.ones(len(first)), (first, second)), shape=(count, count))
-    found = scipy.sparse.csgraph.connected_components(links, directed=False)[1]
-    return np.asarray(found, dtype=np.int64)
-
-
 def _fans_of_points(cells: Ints, fans: Ints) -> Ints:
     """Return the number of fans at each point, shape (m,)."""
     return np.bincount(np.unique(np.stack([cells.ravel(), fans], axis=1), axis=0)[:, 0])
@@ -414,7 +407,7 @@ def _fans_of_points(cells: Ints, fans: Ints) -> Ints:
 
 def _turned(count: int, first: Ints, second: Ints, alike: Mask) -> tuple[Mask, Ints]:
     """Return the facets to flip to agree with the first facet of their part, and the parts."""
-    part = _parts(count, first, second)
+    part = connected_parts(count, first, second)
     # a link of weight 2 flips the facet, one of weight 1 does not
     links = scipy.sparse.csr_array((alike + 1, (first, second)), shape=(count, count))
     both = links + links.T
