@@ -215,7 +215,7 @@ def test_tests_of_several_ranks_are_marked():
     several = r"^((?:@.*\n)*@pytest\.mark\.skipif\(COMM\.size == 1,.*\n(?:@.*\n)*)def test_"
     for path in TESTS.rglob("test_*.py"):
         text = path.read_text()
-        marked = "pytestmark = pytest.mark.ranks(" in text
+        marked = re.search(r"^pytestmark = \[?\s*pytest\.mark\.ranks\(", text, flags=re.MULTILINE)
         for decorators in re.findall(several, text, flags=re.MULTILINE):
             assert marked or "mark.ranks(" in decorators, path.stem
 
