@@ -6,7 +6,7 @@ claims to be complete has all of them, whatever its longest step, its units and 
 
 import numpy as np
 import pytest
-from support.bodies import block, free_row, one_point
+from support.bodies import free_row, one_point
 from support.checks import assert_close
 
 import ufl
@@ -192,25 +192,3 @@ def test_a_load_turns_back_where_a_point_with_much_friction_slips(name):
     assert_close(table.un[k], max(end, 0.0), 1e-9)
     assert_close(table.ut[k], [*aside, 0.0])
     assert_close(table.force[k, -1], max(-4 * end, 0.0))
-
-
-def test_the_path_of_an_uneven_block_does_not_depend_on_its_longest_step():
-    found = []
-    for longest in (0.02, 0.06):
-        body = block((3, 2), (1.0, 0.5))
-        x = body.domain.geometry.x
-        inner = x[:, 1] < 0.49
-        middle = inner & (x[:, 0] > 0.01) & (x[:, 0] < 0.99)
-        x[middle, 0] += 0.2 / 3 * np.sin(7 * x[middle, 0] + 3 * x[middle, 1])
-        x[inner & (x[:, 1] > 0.01), 1] += 0.03
-        problem = body.problem(RCCM(C, 0.0, 0.01), body.elastic(30.0, 0.3))
-        X = ufl.SpatialCoordinate(body.domain)
-        path = path_of(body, problem, lambda g, X=X: (0, g * (1 + 0.6 * X[0])))
-        control = StepControl(maximum=longest, initial=longest)
-        history = path.run(gamma_range=(0.0, 0.3), control=control)
-        assert history.complete
-        assert_close(history.steps[-1].gamma, 0.3)
-        gaps = history.steps[-1].result.tables["contact"].un
-        found.append(([p.gamma for p in history.folds], gaps))
-    assert_close(found[1][0], found[0][0], 1e-4)
-    assert_close(found[1][1], found[0][1], 1e-4)

@@ -17,7 +17,6 @@ import ufl
 from dolfinx import fem
 
 from dolfinx_contact import (
-    RCCM,
     ContactPair,
     ContactProblem,
     Coulomb,
@@ -29,7 +28,7 @@ from dolfinx_contact import (
     materials,
 )
 from dolfinx_contact.continuation import Observer, Observers, StepControl, explore, follow
-from dolfinx_contact.evolution import ArcLength, QuasiStatic
+from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.records import BranchRecord, read_journal
 
 COMM = MPI.COMM_WORLD
@@ -297,31 +296,3 @@ def test_an_observer_of_two_bodies_reads_force_gap_and_way():
     assert_close(way, -0.01 * gammas)
     assert_close(force, 1000.0 / 1.5 * np.maximum(depth, 0.0))
     assert_close(lowest, np.maximum(-depth, 0.0))
-
-
-@pytest.mark.parametrize("kind", ["path", "history"])
-def test_observers_of_paths_and_histories_read_the_bonds(kind):
-    """A lifted block: springs of bond and body in a row, and the bond stands."""
-    body = block((1, 1))
-    problem = body.problem(RCCM(100.0, 100.0, 0.01))
-    seen = []
-
-    def observer(step):
-        table = table_of(problem)
-        lift = step.gamma if kind == "path" else 0.005 * step.time
-        seen.append((lift, -np.sum(table.rn_adh), np.min(table.beta), np.max(table.un)))
-
-    if kind == "path":
-        gamma = fem.Constant(body.domain, 0.0)
-        lift = ufl.as_vector((0.0, gamma))
-        path = ArcLength(ParametricContact(problem, gamma, driven=[(body.moved, lift)]))
-        control = StepControl(maximum=0.2)
-        path.run(gamma_range=(0.0, 0.005), observer=observer, control=control)
-    else:
-        evolution = QuasiStatic(problem, lambda t: body.move_top(0.0, 0.005 * t))
-        evolution.run([0.0, 0.4, 1.0], observer=observer)
-    lifts, traction, beta, opening = np.array(seen).T
-    assert_close(lifts[-1], 0.005)
-    assert_close(traction, lifts / (1 / 100.0 + 1 / 1000.0))
-    assert_close(beta, np.ones(len(seen)))
-    assert_close(100.0 * opening, traction)

@@ -1,7 +1,5 @@
 """The record of paths by arc length: runs that are interrupted or killed and resumed, and back."""
 
-import shutil
-
 from mpi4py import MPI
 
 import numpy as np
@@ -150,34 +148,6 @@ def test_an_interrupted_path_resumes(case, whole, folder):
     for found, wanted in zip(*fields, strict=True):
         scale = COMM.allreduce(np.abs(wanted).max(initial=0), op=MPI.MAX)
         np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-10 * scale)
-
-
-@pytest.mark.parametrize(
-    "after",
-    [
-        pytest.param("the start", marks=pytest.mark.long),
-        pytest.param("the last point", marks=pytest.mark.long),
-        pytest.param("the turn", marks=pytest.mark.long),
-    ],
-)
-def test_path_killed_between_points_resumes(after, whole, folder):
-    """After the start of a run there or back, and after the last point of a run."""
-    known = whole("crack")
-    if COMM.rank == 0:
-        lines = (known / FILE_NAME).read_bytes().splitlines(keepends=True)
-        kinds = [line.split(b'"')[3].decode() for line in lines]
-        assert kinds[:4] == ["header", "session", "begin", "point"]
-        turn = kinds.index("begin", 4)
-        ends = {"the start": 4, "the last point": turn, "the turn": turn + 1}
-        (folder / FILE_NAME).write_bytes(b"".join(lines[: ends[after]]))
-        (folder / "checkpoints").mkdir()
-        for state in range(kinds[: ends[after]].count("point")):
-            name = f"checkpoints/state_{state:06d}.npz"
-            shutil.copy(known / name, folder / name)
-        shutil.copy(known / "surface.npz", folder / "surface.npz")
-    COMM.barrier()
-    resume("crack", folder)
-    require_same_path(folder, known)
 
 
 def test_a_path_record_refuses_other_problems_and_ranges(whole, folder):
