@@ -88,7 +88,10 @@ class BadLaw(FrictionLaw):
 #: Call, pattern of the message, and class of the error (default: ValueError).
 MISUSE = {
     # surfaces
-    "tags of another mesh": (lambda w: discretised(w, tags_of(w.other), tag=7), "of another mesh"),
+    "tags of another mesh": (
+        lambda w: discretised(w, tags_of(w.other), tag=7),
+        "belong to another mesh",
+    ),
     "tags of cells": (
         lambda w: discretised(w, tags_of(w.domain, 2), tag=7),
         "of dimension 1, not 2",
