@@ -105,15 +105,16 @@ def look(view: Any, source: Any) -> None:
     sizes = [x[1] - x[0], x[3] - x[2], x[5] - x[4]]
     thin = sizes.index(min(sizes))
     direction = [1.0, -1.7, 0.9]
+    along_z = sizes[2] <= 0.1 * max(sizes)
     if sizes[2] <= 1e-9 * max(sizes):
-        thin = 2
         direction = [0.0, 0.0, 1.0]
     elif sizes[thin] <= 0.1 * max(sizes):
+        along_z = thin == 2
         direction = [0.15, -0.25, 0.15]
         direction[thin] = 1.0
     view.CameraFocalPoint = (0.0, 0.0, 0.0)
     view.CameraPosition = direction
-    view.CameraViewUp = (0.0, 1.0, 0.0) if thin == 2 else (0.0, 0.0, 1.0)
+    view.CameraViewUp = (0.0, 1.0, 0.0) if along_z else (0.0, 0.0, 1.0)
     simple.ResetCamera(view)  # to the centre of the source, at a distance from which it is seen
 
 
