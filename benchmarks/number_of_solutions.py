@@ -12,8 +12,8 @@ alone matters. `find_solutions` counts them.
   symmetry, between rigid walls. A soft foundation on its top (0.01 E over the height) holds it
   vertically.
 
-Rate law: the wedge is pushed between its walls; then a load of a twentieth pulls it out.
-The solutions of the step from the pushed state to the load that pulls are counted.
+Rate law: the wedge is pushed between its walls; then a load, a twentieth of the one that pushed,
+pulls it out. The solutions of the step from the pushed state to the load that pulls are counted.
 
     docker/run python3 benchmarks/number_of_solutions.py --output number.json --picture number.png
 """

@@ -2,11 +2,11 @@
 """What does friction between two bodies cost over the same bodies glued?
 
 A block of n cells an edge, pressed and drawn aside, on a wider base with a mesh of its own, coupled
-by the mortar. The yardstick is the linear elastic solve of both with the faces tied by the same
-mortar: with u = P x, the slave's nodes being means of the master's, conjugate gradients on P^T K P
-by the fastest setting of multigrid. Both sides make the mortar themselves. For the rest, and for
-the options, see `elasticity_ratio.py`; the part ``pair`` of the contact solve is the set-up of the
-pair.
+by the mortar method. The reference is the linear elastic solve of both with the faces tied by the
+same mortar operator: u = P x, where P replaces the slave's nodes by weighted means of the master's,
+solved by conjugate gradients on P^T K P with the fastest setting of multigrid. The times of both
+include the mortar operator. Everything else is as in `elasticity_ratio.py`, also the options; the
+part ``pair`` of the contact solve is the construction of the `ContactPair`.
 
     mpirun -n 2 python3 benchmarks/pair_ratio.py --n 32 --settings few --output pair.json
 """
@@ -37,7 +37,7 @@ BASE = 1.5  # width of the base over that of the block
 
 
 def bodies(args, n, comm):
-    """Space, and tags of the facets: a block of unit size on a base."""
+    """Return the space and the facet tags of a block of unit size on a base."""
     m = max(round(BASE * n * args.coarser), 1)
     w = (BASE - 1) / 2
     parts = [
@@ -78,7 +78,7 @@ def pair_of(args, u, tags):
 
 
 def tie(args, u, tags):
-    """P = I - T B, with T from the points of the mortar to the slave's dofs; and these dofs."""
+    """Return P = I - T B and the tied dofs; T puts values at contact points to the slave's dofs."""
     pair = ContactPair(u, tags, slave=SLAVE, master=MASTER, law=Coulomb(args.friction))
     points = discretise(pair).points
     comm = u.function_space.mesh.comm
@@ -111,7 +111,7 @@ def tie(args, u, tags):
 
 
 def elasticity(args, V, tags, settings):
-    """Functions by name, each a linear elastic solve with the bodies glued."""
+    """Return linear elastic solves with the bodies glued, as functions by name of the setting."""
     make = (lambda: conditions(args, V, tags)), args.poisson, args.tolerance
     return {
         s.name: elastic_solve.run_of(s, V, *make, tie=lambda u: tie(args, u, tags))

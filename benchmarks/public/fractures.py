@@ -15,8 +15,8 @@ that GEOS tabulates ("Fracture Intersection Problem", read off a figure with abo
 largest value). `one group` is the same problem with all facets in one group, which `crack` divides
 into three arms.
 
-The remote stress is prescribed as the displacement of a uniform strain at the distance of
-`--reach` fracture lengths; a finite body changes the results by about the square of its inverse.
+The remote stress is prescribed as the displacement of a uniform strain at the edges of a square,
+`--reach` fracture lengths away from its centre; this changes the results by about 1 / reach^2.
 
     python3 benchmarks/public/fractures.py --output fractures.json
 """

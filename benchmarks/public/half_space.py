@@ -3,8 +3,9 @@
 
 The compliance of constant tractions on rectangular elements (Boussinesq, Cerruti) makes a
 `PointProblem`, which the package's semismooth Newton method solves. Discretisation and data are
-those of the examples of CONTACT (open-source version, revision 2707), so that results agree to
-its printed digits up to its tolerances and, in rolling, up to its step of distance:
+those of the examples of CONTACT (open-source version, revision 2707), except for the elements of
+`bentall`, which are twice as long. Results agree to the digits that CONTACT prints, up to its
+tolerances and, in rolling, up to its step of distance:
 
 - `cattaneo`: two polyethylene spheres, pressed and then sheared by 7/8 of the largest friction
   force;

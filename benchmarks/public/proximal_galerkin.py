@@ -5,9 +5,9 @@ The latent variable proximal point algorithm (Keith and Surowiec, Found. Comput.
 Dokken, Farrell, Keith, Papadopoulos and Surowiec, Comput. Methods Appl. Mech. Engng 445, 2025)
 replaces the inequality u.n <= g by u.n + exp(psi) = g with a latent variable psi on the contact
 face, and solves a smooth problem for each proximal parameter alpha_k. This script is written from
-these equations, with the parameters of the authors' Signorini example: alpha_k = 0.005 2^k, P2
-for displacement and latent variable, tolerance 1e-6 for Newton's method (1e-5 in the first step)
-and for the change of the displacement.
+these equations, with the parameters of the authors' Signorini example: alpha_k = 0.005 2^k
+for k = 1, 2, ..., P2 for displacement and latent variable, tolerance 1e-6 for Newton's method (1e-5
+in the first step) and for the change of the displacement.
 
 A unit square or cube (E = 2e4, nu = 0.3) is pressed by a tenth of its height on a rigid
 paraboloid of radius 2. Both methods have the same mesh, displacement space, normal (vertical) and
@@ -125,7 +125,7 @@ def proximal(block, first=0.005, tolerance=1e-6, latent_degree=2, latent=0.0):
 
     Args:
         block: body, whose displacement is the start and is overwritten.
-        first: proximal parameter alpha_0; the step k has alpha_0 2^k.
+        first: alpha_0; step k = 1, 2, ... has the proximal parameter alpha_0 2^k.
         tolerance: for Newton's method and for the change of the displacement.
         latent_degree: degree of the latent variable.
         latent: constant start of the latent variable.

@@ -8,7 +8,8 @@ plane strain, mu = 5/14, bulk modulus 5/3: its left side is clamped, and the rig
 moves down by 0.5. The medium has 2e-6 of the stiffness.
 
 Here the same solid on the same bilinear quadrilaterals has a frictionless `ContactPair` in large
-sliding. The forces of the demo were computed with FElupe 11.3.0, with all settings as published.
+sliding. The forces of the demo were computed with FElupe 11.3.0; only the number of cells was
+changed.
 
     python3 benchmarks/public/third_medium.py --levels 1 2 4
 """

@@ -359,7 +359,8 @@ class Prescribed:
 
     Attributes:
         part: prescribed part of the way from a start to the user's data; 1 outside of `ramped`.
-        unknowns: map from the prescribed displacement to the unknowns; None: they are equal.
+        unknowns: map from prescribed displacements to the unknowns of a step, which differ from
+            them in time integration; None: they are equal.
     """
 
     def __init__(self, V: fem.FunctionSpace, constraints: Constraints, rigid: RigidBodies):
@@ -419,7 +420,9 @@ class Prescribed:
 
     @contextmanager
     def ramped(self, u: Array, q: Array) -> Iterator[None]:
-        """Prescribe `part` of the way from a start to the user's data while the context lasts.
+        """Let `part`, which the caller sets, count from a start while the context lasts.
+
+        Prescribed is then the part of the way from the start to the user's data.
 
         Args:
             u: displacement at all local dofs at the start.

@@ -1,18 +1,17 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""The contact problem H(x) = 0: equilibrium of the body, and the laws at contact points.
 
-H is a sum of terms over a list:
+H has rows of the displacement u, of the multipliers l and of the rigid bodies q:
 
     H_u = R(u) - sum B^T W t,           the body (`body.bulk`, with loads and springs), and surfaces
     H_l = E^T W (t - tau(j, t)),        the law of each surface or pair (`surface_term`)
     H_q = sum Phi^T B^T W t - F,        the rigid bodies (`rigid_bodies`).
 
-Axisymmetry is a weight of the integrals in R and of the areas W.
+`surface_term` defines the symbols. In axisymmetry the integrals in R and the areas W are weighted.
 
-Dirichlet data g enter every row linearly: rows are evaluated at the unknowns, and their derivatives
-along the step to g are added. Newton's method thus needs no unknowns that satisfy the data, and the
-columns of Dirichlet dofs are empty. Rows of Dirichlet dofs, of removed multipliers and of
-prescribed motions are
+Rows are evaluated at the unknowns, which need not satisfy the Dirichlet data g; the derivatives of
+the rows along the step to g are added. Columns of Dirichlet dofs in the Jacobian are thus empty off
+the diagonal. Rows of Dirichlet dofs, of removed multipliers and of prescribed motions are
 
     H = k (x - g)
 

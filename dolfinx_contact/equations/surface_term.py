@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""The term of one contact surface or pair in H.
 
-With the contact points of areas W, their jumps j(u, q), tractions t = E l and the answer tau of the
-law, a surface adds
+Contact points have areas W, jumps j(u, q) and tractions t = E l of the multipliers l; the law
+answers tau. B takes displacements to jumps (`points.operators`). A surface adds
 
     H_u += -B^T W t,    H_l = E^T W (t - tau(j, t; statuses)),    H_q += Phi^T B^T W t,
 
-where q are the unknowns of the rigid body that it touches and Phi its motions at the nodes.
+where q are the unknowns of the rigid body that it touches, and Phi its motions at the nodes by
+unknown.
 """
 
 from __future__ import annotations

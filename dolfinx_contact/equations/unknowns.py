@@ -37,7 +37,8 @@ class Unknowns:
     Attributes:
         sizes: numbers of owned unknowns: displacement, multipliers by surface, rigid bodies.
         global_sizes: the same over all ranks.
-        units: factors from the unknowns of the PETSc vectors to the user's units, one per field.
+        units: factors from the unknowns of the PETSc vectors to the user's units, one per field; 1
+            for the rigid bodies, which have units of their own (`RigidBodies.units`).
     """
 
     def __init__(

@@ -48,7 +48,7 @@ def pressed(dim, cells, friction):
 
 
 def rule(corners, points=3):
-    """Return points and weights of Gauss's rule on a simplex, exact to degree 3 in its plane."""
+    """Return points and weights of a Gauss rule on a simplex, exact for polynomials of degree 3."""
     s, w = np.polynomial.legendre.leggauss(points)
     s, w = (s + 1) / 2, w / 2
     d = len(corners) - 1
@@ -82,7 +82,7 @@ def gradients(x):
 
 
 def forces(x, u, cells):
-    """Return the forces that hold the nodes of quadratic simplices, shape (nodes, dim)."""
+    """Return the nodal forces in equilibrium with the stresses, shape (nodes, dim)."""
     dim = x.shape[1]
     lame = YOUNG * POISSON / ((1 + POISSON) * (1 - 2 * POISSON))
     shear = YOUNG / (2 * (1 + POISSON))
