@@ -662,12 +662,12 @@ class ContactProblem(ReadOnly):
         return self._linear()
 
     def table(
-        self, surface: Contact | DiscreteSurface, *, state: State | None = None
+        self, surface: Contact | DiscreteSurface | str, *, state: State | None = None
     ) -> ContactTable:
         """Tabulate the contact points of a surface. Collective.
 
         Args:
-            surface: surface of this problem.
+            surface: surface of this problem, or its name.
             state: state to evaluate; default: present values of the Functions.
         """
         number = self.surfaces.index(self.discrete(surface))
@@ -677,7 +677,7 @@ class ContactProblem(ReadOnly):
             return contact_table(eq, number, evaluation, support_at_nodes(eq, evaluation))
 
     def contact_fields(
-        self, surface: Contact | DiscreteSurface, *, state: State | None = None
+        self, surface: Contact | DiscreteSurface | str, *, state: State | None = None
     ) -> dict[str, fem.Function]:
         """Return pressure, shear, gap and other fields on a surface as Functions. Collective.
 
@@ -691,7 +691,7 @@ class ContactProblem(ReadOnly):
         2 pi r, the difference vanishes under mesh refinement.
 
         Args:
-            surface: surface of this problem.
+            surface: surface of this problem, or its name.
             state: state to evaluate; default: present values of the Functions.
 
         Returns:
@@ -730,12 +730,12 @@ class ContactProblem(ReadOnly):
             return contact_fields(problem.equations, number, problem.evaluate())
 
     def support_forces(
-        self, surface: Contact | DiscreteSurface, *, state: State | None = None
+        self, surface: Contact | DiscreteSurface | str, *, state: State | None = None
     ) -> npt.NDArray[np.float64]:
         """Return the Dirichlet reactions on the body at local vertices of a surface. Collective.
 
         Args:
-            surface: surface of this problem.
+            surface: surface of this problem, or its name.
             state: state to evaluate; default: present values of the Functions.
 
         Returns:
@@ -746,11 +746,11 @@ class ContactProblem(ReadOnly):
             reactions = support_at_nodes(self.equations, problem.evaluate())
         return forces_at_vertices(self.V, s.submesh, s.points.vertex_trace_dofs, reactions)
 
-    def discrete(self, surface: Contact | DiscreteSurface) -> DiscreteSurface:
+    def discrete(self, surface: Contact | DiscreteSurface | str) -> DiscreteSurface:
         """Return the discretisation of a contact surface of this problem.
 
         Args:
-            surface: description of a contact surface, or its discretisation.
+            surface: description of a contact surface, its discretisation, or its name.
 
         Returns:
             Discrete surface with the contact points of this rank and their multiplier, a Function
@@ -760,7 +760,7 @@ class ContactProblem(ReadOnly):
             ValueError: if the surface does not belong to the problem.
         """
         for s in self.surfaces:
-            if surface is s or surface is s.description:
+            if surface is s or surface is s.description or surface == s.name:
                 return s
         names = [s.name for s in self.surfaces]
         raise ValueError(f"a surface of this problem is needed, one of {names}; got {surface!r}")

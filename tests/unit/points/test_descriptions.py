@@ -70,9 +70,13 @@ def test_a_problem_finds_its_surfaces_by_description():
     assert problem.discrete(contact) is problem.surfaces[0]
     problem.solve()
     assert problem.table(contact).rn.sum() == problem.table(problem.surfaces[0]).rn.sum()
+    assert problem.discrete(contact.name) is problem.surfaces[0]
+    assert problem.table(contact.name).rn.sum() == problem.table(contact).rn.sum()
     (other,) = block().contacts
     with pytest.raises(ValueError, match="a surface of this problem is needed, one of"):
         problem.table(other)
+    with pytest.raises(ValueError, match="a surface of this problem is needed, one of"):
+        problem.table("no such surface")
 
 
 PAIR = {"slave": 3, "master": 2}
