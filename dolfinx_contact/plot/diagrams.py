@@ -35,6 +35,8 @@ _MARKS = {
 _PROVED = "#00694b"
 _OPEN = "#9a5b00"
 _LONGEST_NAME = 60  # characters of a name in the legend
+_LEGEND_COLUMNS = 2
+_LEGEND_ROW = 0.2  # height of a row of the legend, in inches
 _MANY = 60  # number of contact points from which on strips show counts
 
 
@@ -98,7 +100,8 @@ def draw_diagram(
     shown = branches[:strips]
     columns = len(labels) if len(labels) < 4 else 2
     rows = -(-len(labels) // columns)
-    heights = [4.8 if rows == columns == 1 else 3.4 * rows, 2.0 * len(shown) + 0.4]
+    legend = _LEGEND_ROW * -(-len(branches) // _LEGEND_COLUMNS)
+    heights = [(4.8 if rows == columns == 1 else 3.4 * rows) + legend, 2.0 * len(shown) + 0.4]
     figure = new_figure((max(9.0, 4.2 * columns), sum(heights)))
     parts = figure.subfigures(2, 1, height_ratios=heights) if shown else [figure]
     panels = parts[0].subplots(rows, columns, squeeze=False).ravel()
@@ -112,7 +115,11 @@ def draw_diagram(
     for axes in panels[len(labels) :]:
         axes.set_axis_off()
     panels[0].set_title(title or "Solutions", loc="left", pad=_TITLE_PAD if solutions else None)
-    panels[0].legend(frameon=False, fontsize=9)
+    # below the panels, where it covers no branch
+    named = zip(*panels[0].get_legend_handles_labels(), strict=True)
+    handles, texts = zip(*sorted(named, key=lambda pair: pair[1] not in words), strict=True)
+    place: dict[str, Any] = dict(loc="outside lower center", ncols=_LEGEND_COLUMNS, fontsize=9)
+    parts[0].legend(handles, texts, frameon=False, **place)
     if shown:
         _draw_strips(parts[1], journal, shown)
     save(figure, file)

@@ -269,10 +269,14 @@ def test_uniqueness_distinguishes_one_solution_from_three(folder):
         assert len(found.inside) + found.at_rest == c.number
     with pytest.raises(FileExistsError, match="overwrite"):
         counts.save(folder / "counts")
-    plot.draw_diagram(folder / "with.svg", journal, "sum_rn", proved=counts)
+    figure = plot.draw_diagram(folder / "with.svg", journal, "sum_rn", proved=counts)
     picture = (folder / "with.svg").read_text()
     assert picture.count("<!-- 3, proved -->") == 2
     assert picture.count("<!-- 1, proved -->") == 2
+    figure.draw_without_rendering()
+    (legend,) = figure.subfigs[0].legends
+    assert len(legend.get_texts()) >= len(diagram.branches)
+    assert legend.get_window_extent().y1 < figure.axes[0].get_tightbbox().y0
 
 
 @pytest.mark.ranks(2)
