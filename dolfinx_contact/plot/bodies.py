@@ -143,7 +143,8 @@ def title_of(words: str, scale: float, title: str | None = None) -> str:
     """Title of a picture, which mentions a scale of the displacement other than 1."""
     if title is not None:
         return title
-    return words if scale == 1 else f"{words}, displacement x {scale:g}"
+    scaled = "" if scale == 1 else f"displacement x {scale:g}"
+    return ", ".join(word for word in (words, scaled) if word)
 
 
 # -- gathering -----------------------------------------------------------------------------------

@@ -160,6 +160,25 @@ def test_arrows_have_a_reference_length():
         assert text.get_text() == "load (3)"
 
 
+def test_a_state_without_time_has_the_scale_alone_as_title(folder):
+    from PIL import Image
+
+    problem = block(n=2, top=(0.0, -0.01))
+    problem.solve()
+    look = dict(field=ufl.SpatialCoordinate(problem.V.mesh)[0])
+    state = problem.snapshot()
+
+    def magnified():
+        problem.u.x.array[:] *= 2.0
+        yield "displacement x 2"
+
+    plot.film(folder / "state.gif", problem, [state], scale=2.0, **look)
+    plot.film(folder / "text.gif", problem, magnified(), **look)
+    if COMM.rank == 0:
+        pictures = [Image.open(folder / name).convert("RGB") for name in ("state.gif", "text.gif")]
+        np.testing.assert_array_equal(*map(np.asarray, pictures))
+
+
 @pytest.mark.ranks(2)
 @pytest.mark.parametrize("law", [Coulomb(0.3), Frictionless()])
 @pytest.mark.parametrize("way", [-0.01, 0.01])
