@@ -136,12 +136,14 @@ assert sum(p.gamma == 1 for p in ends) == len(found.found)
 
 # The diagram is drawn from the record, and so is an interactive page for the browser (also by
 # `python3 -m dolfinx_contact explore triangle -o triangle.html`). A click on a point of the diagram
-# shows the deformed body and the contact points.
+# shows the deformed body and the contact points. `counts` adds the numbers of solutions at both
+# loads, with their proofs.
 
 labels = {"ut": "$u_t$ of A", "un": "gap of A", "force": "normal force"}
 journal = records.read_journal("triangle")
 plot.draw_diagram("diagram.png", journal, labels, strips=0)
-explorer("explorer.html", "triangle", labels=labels, title="A triangle on a floor")
+counts = [found, opposite]
+explorer("explorer.html", "triangle", counts=counts, labels=labels, title="A triangle on a floor")
 
 # The four states at the ends, with displacements magnified by two:
 
