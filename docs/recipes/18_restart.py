@@ -6,6 +6,10 @@
 # `resume="if_exists"`, the record of an earlier run is continued with the same steps. `go_on`
 # returns the new steps only; `read_journal` has all of them. Branches have `BranchRecord`, paths
 # `PathRecord`. Here an exception represents the kill, and the second pass the second run.
+#
+# A run that has ended is not continued. To extend it, call `record.go_on()`, which returns to the
+# last state, and then `sliding.run([1.0, 1.2], record=record)`. With `surface_displacement=True`
+# a record stores the deformed body, which `explorer` shows.
 
 from contextlib import suppress
 
