@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 __all__ = [
     "area_vector_rates",
     "area_vectors",
+    "by_coordinates",
     "connected_parts",
     "dot",
     "edges_of",
@@ -28,6 +29,7 @@ __all__ = [
 
 Array = npt.NDArray[np.float64]
 
+_SAME = 1e-9  # difference, relative to the largest extent, that counts as round-off
 _TINY = 1e-300  # length below which a vector is not normalised
 #: Node positions of the living spaces, with the checksum of their mesh. DOLFINx visits all cells
 #: for them at each call, which takes fifty times as long as the checksum (measured).
@@ -75,6 +77,29 @@ def connected_parts(
     links = sparse.coo_array((np.ones(len(first)), (first, second)), shape=(count, count))
     found = sparse.csgraph.connected_components(links, directed=False)[1]
     return np.asarray(found, dtype=np.int64)
+
+
+def by_coordinates(x: Array, ids: npt.NDArray[np.int64] | None = None) -> npt.NDArray[np.intp]:
+    """Return the order by x, then y, then z, up to round-off.
+
+    Args:
+        x: positions, shape (n, dim).
+        ids: keys that distinguish points at one place, such as the sides of a crack, independent of
+            ranks, shape (n, k); default: none.
+    """
+    ids = np.zeros((len(x), 0), dtype=np.int64) if ids is None else ids
+    least = _SAME * np.ptp(x, axis=0).max(initial=0.0)
+    keys = [_grouped(column, least) for column in x.T]
+    return np.lexsort([*ids.T[::-1], *keys[::-1]])
+
+
+def _grouped(values: npt.NDArray[np.float64], least: float) -> npt.NDArray[np.int64]:
+    """Return ranks in the order of values, equal for values that differ by at most ``least``."""
+    order = np.argsort(values)
+    steps = np.diff(values[order]) > least
+    places: npt.NDArray[np.int64] = np.zeros(len(values), dtype=np.int64)
+    places[order[1:]] = np.cumsum(steps)
+    return places
 
 
 def dot(a: Array, b: Array) -> Array:

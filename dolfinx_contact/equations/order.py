@@ -11,33 +11,11 @@ from mpi4py import MPI
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["Gathered", "by_coordinates"]
+from dolfinx_contact._geometry import by_coordinates
+
+__all__ = ["Gathered"]
 
 T = TypeVar("T", bound=np.generic)
-
-_SAME = 1e-9  # difference, relative to the largest extent, that counts as round-off
-
-
-def by_coordinates(x: npt.NDArray[np.float64], ids: npt.NDArray[np.int64]) -> npt.NDArray[np.intp]:
-    """Return the order by x, then y, then z, up to round-off.
-
-    Args:
-        x: positions, shape (n, dim).
-        ids: keys that distinguish points at one place, such as the sides of a crack, independent of
-            ranks, shape (n, k).
-    """
-    least = _SAME * np.ptp(x, axis=0).max(initial=0.0)
-    keys = [_grouped(column, least) for column in x.T]
-    return np.lexsort([*ids.T[::-1], *keys[::-1]])
-
-
-def _grouped(values: npt.NDArray[np.float64], least: float) -> npt.NDArray[np.int64]:
-    """Return ranks in the order of values, equal for values that differ by at most ``least``."""
-    order = np.argsort(values)
-    steps = np.diff(values[order]) > least
-    places: npt.NDArray[np.int64] = np.zeros(len(values), dtype=np.int64)
-    places[order[1:]] = np.cumsum(steps)
-    return places
 
 
 class Gathered:

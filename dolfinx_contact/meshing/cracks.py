@@ -18,7 +18,7 @@ import basix
 from dolfinx import mesh
 
 from dolfinx_contact._arrays import Ints, Mask
-from dolfinx_contact._geometry import connected_parts
+from dolfinx_contact._geometry import area_vectors, by_coordinates, connected_parts
 from dolfinx_contact._mpi import Arguments, collective, keep, on_root
 from dolfinx_contact._validate import listed
 from dolfinx_contact.meshing.gmsh import GmshMesh, NamedTags
@@ -279,7 +279,7 @@ def _divided(whole: WholeMesh, tags: list[int]) -> tuple[WholeMesh, dict[int, li
         middles = whole.x[whole.facets[here]].mean(axis=1)
         parts = np.unique(arm)
         centres = np.array([middles[arm == part].mean(axis=0) for part in parts])
-        order = np.lexsort(np.round(centres - centres.min(axis=0), 12).T[::-1])
+        order = by_coordinates(centres)
         first = int(values.max()) + 1
         arms[tag] += range(first, first + len(parts) - 1)
         for new, part in zip(arms[tag], parts[order], strict=True):
@@ -334,13 +334,15 @@ def _sides(
     materials[whole.tagged_cells] = whole.cell_values
     of_items = materials[around.near[cells]]
     old = whole.cells[around.near[cells]]
-    middle = whole.x[old[np.arange(m)[:, None], around.corners[places]]].mean(axis=1)
+    corners = whole.x[old[np.arange(m)[:, None], around.corners[places]]]
+    middle = corners.mean(axis=1)
     is_first = np.zeros(m, dtype=bool)
     for p in np.unique(piece):
         here = by_facet[piece[by_facet[:, 0]] == p]
         at = middle[here[:, 0]]
-        one, two = here[np.lexsort(np.round(at - at.min(axis=0), 12).T[::-1])[0]]
-        outward = middle[one] - whole.x[old[one]].mean(axis=0)
+        one, two = here[by_coordinates(at)[0]]
+        outward = area_vectors(corners[[one]])[0]
+        outward *= np.sign(outward @ (middle[one] - whole.x[old[one]].mean(axis=0)))
         leading = outward[np.flatnonzero(np.abs(outward) > 1e-9 * np.abs(outward).max())[0]]
         swap = leading <= 0 if of_items[one] == of_items[two] else of_items[one] > of_items[two]
         mine = np.flatnonzero(piece == p)

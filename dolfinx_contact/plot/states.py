@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from dolfinx_contact._geometry import by_coordinates
 from dolfinx_contact._install import optional
 from dolfinx_contact._mpi import Arguments, collective
 from dolfinx_contact._validate import number
-from dolfinx_contact.equations.order import by_coordinates
 from dolfinx_contact.io.outside import patch
 from dolfinx_contact.laws.status import COLOURS, NAMES
 from dolfinx_contact.plot.bodies import body_scene

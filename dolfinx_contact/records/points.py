@@ -10,11 +10,11 @@ from petsc4py import PETSc
 
 import numpy as np
 
+from dolfinx_contact._geometry import by_coordinates
 from dolfinx_contact._mpi import everywhere, same_everywhere
 from dolfinx_contact.continuation import Branch, BranchPoint, Change, Node, SpecialPoint
 from dolfinx_contact.continuation.follow import require_solutions
 from dolfinx_contact.continuation.layout import Layout
-from dolfinx_contact.equations.order import by_coordinates
 from dolfinx_contact.laws import status
 from dolfinx_contact.records.functionals import Functional, compiled
 from dolfinx_contact.records.journal import FORMAT, Entry, Journal, RecordedRun, reread
