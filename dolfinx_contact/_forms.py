@@ -105,6 +105,10 @@ def derived_form(
     mesh = original.integrals()[0].ufl_domain().ufl_cargo()
     given = original.coefficients() if functions is None else functions
     constants = original.constants()
+    values = [c.value for c in constants if isinstance(c, fem.Constant)]
+    values += [f.x.array for f in original.coefficients() if isinstance(f, fem.Function)]
+    if any(np.iscomplexobj(v) for v in values):
+        raise ValueError("a Constant or Function has complex values: give real ones")
     known = _compiled.get(key) if _tags_agree(original) else None
     here = known is not None
     if mesh.comm.size > 1:
@@ -149,10 +153,6 @@ def _tags_agree(form: ufl.Form) -> bool:
 def _compiled_anew(form: ufl.Form, entity_maps: Any) -> fem.Form:
     """Compile a form, using the cache by signature. Collective."""
     maps = {} if entity_maps is None else {"entity_maps": entity_maps}
-    values = [c.value for c in form.constants() if isinstance(c, fem.Constant)]
-    values += [f.x.array for f in form.coefficients() if isinstance(f, fem.Function)]
-    if any(np.iscomplexobj(v) for v in values):
-        raise ValueError("a Constant or Function has complex values: give real ones")
     ((domain, tags),) = form.subdomain_data().items()
     for kind, given in tags.items():
         if any(each is not given[0] for each in given):
