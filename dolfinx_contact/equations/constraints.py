@@ -359,7 +359,7 @@ class Prescribed:
 
     Attributes:
         part: prescribed part of the way from a start to the user's data; 1 outside of `ramped`.
-        unknowns: map from prescribed displacements to the unknowns of a step, which differ from
+        to_unknowns: map from prescribed displacements to the unknowns of a step, which differ from
             them in time integration; None: they are equal.
     """
 
@@ -369,7 +369,7 @@ class Prescribed:
         self._rigid = rigid
         self.part = 1.0
         self._start: tuple[Array, Array] | None = None
-        self.unknowns: Callable[[Array], Array] | None = None
+        self.to_unknowns: Callable[[Array], Array] | None = None
 
     @cached_property
     def _components(
@@ -403,8 +403,8 @@ class Prescribed:
     def values(self) -> Array:
         """Return prescribed values at the local nodes, shape (n, dim), 0 at free dofs."""
         values = self._constraints.values(fill=0.0)
-        if self.unknowns is not None:
-            values = self.unknowns(values.reshape(-1)).reshape(values.shape)
+        if self.to_unknowns is not None:
+            values = self.to_unknowns(values.reshape(-1)).reshape(values.shape)
         if self._start is not None:
             start = self._start[0].reshape(values.shape)
             values = start + self.part * (values - start)

@@ -221,9 +221,9 @@ class ContactEquations:
             statuses: statuses for the laws; default: those determined by the unknowns.
         """
         at = self.contact(x, statuses)
-        held = [self.stiffness_scale * owned for owned in self.unknowns.blocks(x)[1:-1]]
-        parts = zip(self.terms, at.surfaces, held, strict=True)
-        return np.concatenate([term.law_rows(found.off, h) for term, found, h in parts])
+        identity = [self.stiffness_scale * owned for owned in self.unknowns.blocks(x)[1:-1]]
+        parts = zip(self.terms, at.surfaces, identity, strict=True)
+        return np.concatenate([term.law_rows(found.off, i) for term, found, i in parts])
 
     def rates(
         self,
@@ -267,10 +267,10 @@ class ContactEquations:
         laws = [np.zeros_like(found.traction) for found in at.surfaces]
         return Rows(body, laws, np.zeros(self.rigid.size))
 
-    def _law_rows(self, rows: Rows, held: Sequence[Array | float]) -> list[Array]:
+    def _law_rows(self, rows: Rows, identity: Sequence[Array | float]) -> list[Array]:
         """Return the rows of the multipliers, with those of removed ones."""
-        parts = zip(self.terms, rows.laws, held, strict=True)
-        return [term.law_rows(off, h) for term, off, h in parts]
+        parts = zip(self.terms, rows.laws, identity, strict=True)
+        return [term.law_rows(off, i) for term, off, i in parts]
 
     # -- data ------------------------------------------------------------------------------------
 

@@ -67,7 +67,7 @@ class SurfaceTerm:
     # -- evaluation ------------------------------------------------------------------------------
 
     def evaluate(
-        self, u: Array, q: Array, multipliers: Array, held: npt.NDArray[np.int8] | None
+        self, u: Array, q: Array, multipliers: Array, statuses: npt.NDArray[np.int8] | None
     ) -> ContactState:
         """Evaluate kinematics and law.
 
@@ -75,23 +75,23 @@ class SurfaceTerm:
             u: displacement at all local dofs.
             q: unknowns of the rigid bodies.
             multipliers: owned multipliers, a stress.
-            held: statuses for the law, shape (n,); None: those determined by the unknowns.
+            statuses: statuses for the law, shape (n,); None: those determined by the unknowns.
         """
         s = self.surface
         at = self.kinematics(u, q)
         traction = s.points.traction(np.where(self.removed, 0.0, multipliers))
-        answers = self._answers(at, traction, held)
-        codes = answers.required if held is None else held
+        answers = self._answers(at, traction, statuses)
+        codes = answers.required if statuses is None else statuses
         absent = at.operator.absent
         if absent is not None:
             codes = np.where(absent, s.law_at_points.codes[0], codes)
         return ContactState(at, traction, codes, answers)
 
     def _answers(
-        self, at: Kinematics, traction: Array, held: npt.NDArray[np.int8] | None
+        self, at: Kinematics, traction: Array, statuses: npt.NDArray[np.int8] | None
     ) -> Answers:
         """Return the answers of the law to jumps and tractions."""
-        return self.surface.law_at_points(at.jump, traction, at.data, held)
+        return self.surface.law_at_points(at.jump, traction, at.data, statuses)
 
     def kinematics(self, u: Array, q: Array) -> Kinematics:
         """Return gap, slip and B at a displacement and unknowns of the rigid bodies."""
@@ -230,14 +230,14 @@ class SurfaceTerm:
             change = change + body.kinematics.crossed(turning, found.answer) - back
         rows.laws[self.number] = rows.laws[self.number] - change
 
-    def law_rows(self, off: Array, held: Array | float) -> Array:
+    def law_rows(self, off: Array, identity: Array | float) -> Array:
         """Return the owned rows of the multipliers, shape (k,).
 
         Args:
             off: residuals of the tractions at the points, shape (n, dim).
-            held: rows of removed multipliers, shape (k,).
+            identity: rows of removed multipliers, shape (k,).
         """
-        return np.where(self.removed, held, self.surface.points.rows(off))
+        return np.where(self.removed, identity, self.surface.points.rows(off))
 
 
 def _remembered(s: DiscreteSurface, at: ContactState) -> dict[str, Array]:

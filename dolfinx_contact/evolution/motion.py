@@ -197,7 +197,7 @@ class MotionStepper(Stepper):
             return law.equations, at_end
 
         # Dirichlet data prescribe u_1, the unknown is w
-        eq.prescribed.unknowns = lambda values: step.seen(values, body.origin)
+        eq.prescribed.to_unknowns = lambda values: step.seen(values, body.origin)
         try:
             # 1. solve the static problem for w
             contact = problem.with_memory(self._memory_of_laws(accepted, step, dq))
@@ -210,7 +210,7 @@ class MotionStepper(Stepper):
             b = motion_at(law.equations, at_end, at_end.u, self._velocity.x.array.copy())
             energies = account(accepted.energies, law.equations, solution, a, b, dq)
         finally:
-            eq.prescribed.unknowns = None
+            eq.prescribed.to_unknowns = None
         friction = energies.dissipated - accepted.energies.dissipated
         result = replace(result, energies=result.energies | {"friction": friction})
         self._held.watch(a, b, step)

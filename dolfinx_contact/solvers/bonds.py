@@ -53,7 +53,7 @@ class HeldBonds(SurfaceTerm):
     strength: Array | None = None
 
     def _answers(
-        self, at: Kinematics, traction: Array, held: npt.NDArray[np.int8] | None
+        self, at: Kinematics, traction: Array, statuses: npt.NDArray[np.int8] | None
     ) -> Answers:
         weakening = self.surface.law.weakening
         assert weakening is not None

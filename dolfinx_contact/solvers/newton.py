@@ -431,8 +431,9 @@ class Newton:
         if loose:
             held = ", hold the rigid body" if self.equations.rigid.bodies else ""
             self._run.attempt.reason = (
-                f"a rigid motion of the body is free ({loose}): neither Dirichlet data nor contact "
-                f"holds it. Add a Dirichlet condition{held}, or start from a state in contact"
+                f"a rigid motion of the body is free ({loose}): neither Dirichlet data nor the "
+                f"contact of this iterate holds it. Add a Dirichlet condition{held}, or start from "
+                "a state in contact"
             )
             self._run.floating = FloatingBodyError(self._run.attempt.reason)
         return bool(loose)
