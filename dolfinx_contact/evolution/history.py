@@ -118,6 +118,12 @@ class History(Ends):
     ending: Ending | None = None
     reason: str = "not ended"
 
+    def __str__(self) -> str:
+        """Return the number of steps, the times and the ending as text."""
+        number = len(self.steps)
+        many = f"{number} step{'' if number == 1 else 's'}"
+        return f"{many} from time {self.start:.6g} to {self.time:.6g}: {self.reason}"
+
     @property
     def complete(self) -> bool:
         """Whether the history reached the last of the times, or the end of the range."""
@@ -203,6 +209,13 @@ class PathHistory(History):
 
     gamma: float = 0.0
     steps: list[PathStep] = field(default_factory=list)  # type: ignore[assignment]
+
+    def __str__(self) -> str:
+        """Return the number of points, the loads and the ending as text."""
+        number = len(self.steps)
+        many = f"{number} point{'' if number == 1 else 's'}"
+        last = self.steps[-1].gamma if self.steps else self.gamma
+        return f"{many} from gamma {self.gamma:.6g} to {last:.6g}: {self.reason}"
 
     @property
     def folds(self) -> list[PathStep]:

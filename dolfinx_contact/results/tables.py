@@ -93,6 +93,15 @@ class ContactTable:
     axisymmetric: bool = False
     slid: npt.NDArray[np.float64] | None = None
 
+    def __str__(self) -> str:
+        """Return the numbers of points, normal force and largest pressure as text."""
+        counts = ", ".join(f"{n} {kind}" for kind, n in status.count(self.status).items() if n)
+        pressure = np.max(self.pressure, initial=0.0)
+        return (
+            f"{self.name}: {len(self.letters)} points ({counts}), "
+            f"sum of normal forces {self.rn.sum():.6g}, largest pressure {pressure:.6g}"
+        )
+
     def resultant(self, forces: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         """Return the sum of forces (n, dim); only the axial part for bodies of revolution.
 

@@ -100,6 +100,8 @@ def test_going_back_unloads():
     k = 1.0
     there = path.run(gamma_range=ENDS, stop=broken_by_half)
     assert there.reason == "far enough"
+    assert str(there).startswith(f"{len(there.steps)} points from gamma 0 to ")
+    assert str(there).endswith(": far enough")
     assert there.ending is Ending.STOPPED
     assert not there.complete
     (r,) = set(np.round(opening(there.steps[-1]), 12))

@@ -272,6 +272,7 @@ def test_given_times_are_hit_exactly():
     evolution = QuasiStatic(problem, cycle(top))
     history = evolution.run([0.0, 0.1, 0.1 + 0.2])
     assert [s.time for s in history.steps] == [0.1, 0.1 + 0.2]
+    assert str(history) == "2 steps from time 0 to 0.3: the last time is reached"
     # 0.3 is the end of the last run up to round-off
     history = evolution.run([0.3, 1.3, 1.5], longest=0.4)
     np.testing.assert_allclose(
