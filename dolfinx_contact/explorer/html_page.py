@@ -10,6 +10,7 @@ import re
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from html.entities import html5
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -124,7 +125,7 @@ def explorer(
         counts: numbers of solutions, shown at their gamma: results of `find_solutions` or
             `analysis.prove_counts`, or `SolutionCount`.
         title: title; by default the name of the record.
-        labels: displayed names of columns, by column.
+        labels: displayed names of columns, by column; formulas between dollars are shown as text.
         units: units of "length", "force" and "stress".
         error: largest error of a displacement, relative to the largest displacement; from 1e-4 to
             0.1.
@@ -343,6 +344,7 @@ class _Page:
         if unknown and check:
             raise ValueError(f"there is no column {unknown[0]!r}; columns: {', '.join(columns)}")
         title = self.title or name
+        labels = {column: _without_tex(text) for column, text in self.labels.items()}
         functionals = content.pop("functionals", [])
         meta = {
             "series": [],
@@ -362,7 +364,7 @@ class _Page:
             "notes": notes,
             "arrays": arrays.formats,
             "columns": [
-                {"name": n, "label": self.labels.get(n, n), "functional": n in functionals}
+                {"name": n, "label": labels.get(n, n), "functional": n in functionals}
                 for n in columns
             ],
         }
@@ -418,12 +420,22 @@ def _statuses() -> dict[str, dict[str, str]]:
     kinds = {letter: kind for kind, letters in status.KINDS.items() for letter in letters}
     return {
         letter: {
-            "name": re.sub(r"\$(u_t [<>] 0)\$", r"\1", name),
+            "name": _without_tex(name),
             "colour": status.COLOURS[letter],
             "kind": kinds[letter],
         }
         for letter, name in status.NAMES.items()
     }
+
+
+def _without_tex(text: str) -> str:
+    """Return formulas between dollars as plain text: ``$\\gamma_1$`` as "γ_1"."""
+
+    def plain(formula: re.Match[str]) -> str:
+        symbols = re.sub(r"\\([A-Za-z]+) ?", lambda c: html5.get(f"{c[1]};", c[1]), formula[1])
+        return re.sub("[{}]", "", symbols)
+
+    return re.sub(r"\$([^$]+)\$", plain, text)
 
 
 def _script(name: str, kind: str, content: str) -> str:

@@ -322,6 +322,16 @@ def test_names_of_users_are_text(tmp_path):
     np.testing.assert_array_equal(page.column(evil), [1, 2])
 
 
+@serial
+def test_labels_of_pictures_are_shown_without_tex(tmp_path):
+    """The same labels serve `draw_diagram`, which takes TeX, and the page."""
+    file = tmp_path / "page.html"
+    labels = {"gamma": r"load $\gamma_{max}$", "ut": "$u_t$ of A, 3 $"}
+    explorer(file, plain_journal([0, 1], {"ut": [1, 2]}, "ended"), labels=labels)
+    shown = [c["label"] for c in read(file).meta["columns"]]
+    assert shown[:2] == ["load γ_max", "u_t of A, 3 $"]
+
+
 # -- charts ----------------------------------------------------------------------------------------
 
 
