@@ -429,7 +429,7 @@ def _statuses() -> dict[str, dict[str, str]]:
 
 
 def _without_tex(text: str) -> str:
-    """Return formulas between dollars as plain text: ``$\\gamma_1$`` as "γ_1"."""
+    r"""Return formulas between dollars as plain text: ``$\gamma_1$`` as "γ_1"."""
 
     def plain(formula: re.Match[str]) -> str:
         symbols = re.sub(r"\\([A-Za-z]+) ?", lambda c: html5.get(f"{c[1]};", c[1]), formula[1])
