@@ -79,6 +79,7 @@ _SURFACES = f"numbers of a law change as surface.law.friction.value = 0.5; for o
 
 
 _IN_MOTION = "the state belongs to a motion, whose inertia forces are not part of a static problem"
+_NOT_SOLVED = "solve again if data have changed; after `step.solve()`, ask `step.uniqueness()`"
 
 
 def _classical() -> ModuleType:
@@ -910,7 +911,7 @@ class ContactProblem(ReadOnly):
             validate(eq, x)
             evaluation = problem.evaluate()
             moves = state is not None and state.velocity is not None
-            require_solution(problem, _IN_MOTION if moves else "")
+            require_solution(problem, _IN_MOTION if moves else _NOT_SOLVED)
             answer = uniqueness(eq, problem._linear, x, evaluation, proof_seconds, problem.state_at)
             proved = answer.verdict == "proved"
             violation = small_sliding_violated(eq, evaluation) if proved else ""
