@@ -79,7 +79,7 @@ def manifest_of(
     number = domain.topology.index_map(domain.topology.dim).size_local
     nodes = geometry_dofmap(domain)[:number]
     input_nodes = np.asarray(domain.geometry.input_global_indices, np.int64)[nodes]
-    coordinates = domain.geometry.x[nodes].reshape(number, -1)
+    coordinates = domain.geometry.x[nodes].reshape(number, 3 * nodes.shape[1])
     fixed = by_cells(domain, coefficients(problem.V, eq.constraints.fixed.reshape(-1)))
     parts = {
         "the mesh": _hash(problem.comm, by_cells(domain, input_nodes)),
