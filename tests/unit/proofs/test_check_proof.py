@@ -165,6 +165,7 @@ def test_checker_refuses_other_files(stored, monkeypatch, capsys):
         ("steps", np.array("[{"), "is no proof"),
         ("steps", np.array("3"), "was changed"),
         ("digests", np.array(["", ""]), "was changed"),
+        ("digests", parts["digests"][::-1], "was changed"),
     ):
         np.savez(stored, **{**parts, name: value})
         code, errors = status()
@@ -330,6 +331,90 @@ def said(proved):
         "states": [q.state.tolist() for q in proved.inside],
         "away": [q.away.tolist() for q in proved.inside],
     }
+
+
+def of_kind(*kinds, **new):
+    """Return a forgery that changes all steps of some kinds."""
+
+    def forge(proof):
+        for step in proof.steps:
+            if step["do"] in kinds:
+                step |= {key: change(step, proof) for key, change in new.items()}
+
+    return forge
+
+
+def filled(value):
+    """Return a change that fills an array of a step with a number."""
+    return lambda step, _: np.full_like(np.array(step["weights"]), value).tolist()
+
+
+def exchange_points(proof):
+    last = proof.problem.points - 1
+    for step in proof.steps:
+        if "point" in step:
+            step["point"] = last - step["point"]
+        if "codes" in step:
+            step["codes"] = step["codes"][::-1]
+        if step["do"] == "exclude" and proof.problem.dim == 2:
+            step["what"] = [[last - point, status] for point, status in step["what"]]
+
+
+def exchange_multipliers(proof):
+    """Shift the multipliers by one step; those of singular pieces alone may remain."""
+    if any(step["do"] == "exclude" for step in proof.steps):
+        proof.vectors.append(proof.vectors.pop(0))
+
+
+def exclude_everything(step, proof):
+    if proof.problem.dim == 3:
+        return list(range(8))
+    return [[point, status] for point in range(proof.problem.points) for status in range(7)]
+
+
+LEAVES = "pieces", "only", "leaf"
+#: Changes of a stored proof that would prove something false, or nothing, if it were accepted.
+FORGERIES = {
+    "the last leaf is missing": lambda proof: proof.steps.pop(),
+    "a leaf is repeated": lambda proof: proof.steps.append(proof.steps[-1]),
+    "the steps are reversed": lambda proof: proof.steps.reverse(),
+    "the load is forgotten": of_kind(*LEAVES, do=lambda *_: "rest"),
+    "multipliers belong to other steps": exchange_multipliers,
+    "leaves are declared empty": of_kind(*LEAVES, do=lambda *_: "empty", y=lambda *_: 0),
+    "open regions are declared empty": of_kind("open", do=lambda *_: "empty", y=lambda *_: 0),
+    "bounds are not numbers": of_kind("bound", value=lambda *_: np.nan),
+    "bounds are minus infinity": of_kind("bound", value=lambda *_: -np.inf),
+    "bounds are lowered by a half": of_kind(
+        "bound", value=lambda step, _: step["value"] - 0.5 * abs(step["value"])
+    ),
+    "all statuses or cells are excluded": of_kind("exclude", what=exclude_everything),
+    "a branch repeats its first part": of_kind(
+        "branch", parts=lambda step, _: [step["parts"][0]] * len(step["parts"])
+    ),
+    "points are exchanged": exchange_points,
+    "another piece is the only solution": of_kind(
+        "only", "leaf", codes=lambda step, _: [0] * len(step["codes"])
+    ),
+    "weights are infinite": of_kind("only", weights=filled(np.inf)),
+    "weights are negative": of_kind("only", weights=filled(-1.0)),
+    "the slope of a uniqueness is not a number": of_kind("only", mu=lambda *_: np.nan),
+}
+
+
+@pytest.mark.parametrize("forge", FORGERIES.values(), ids=FORGERIES)
+def test_a_forgery_of_whole_steps_is_refused(forge):
+    """Its digests are those of the changed steps."""
+    forged = 0
+    for stored in STORED:
+        proof = certificate_of(copy.deepcopy(stored))
+        before = proof.digest
+        forge(proof)
+        if proof.digest == before:
+            continue
+        forged += 1
+        with pytest.raises(InvalidCertificate):
+            check(proof)
+    assert forged > 0
 
 
 @pytest.mark.parametrize("number", range(len(STORED)))
