@@ -32,7 +32,7 @@ __all__ = [
     "Outside",
     "VertexMeans",
     "gather_cells",
-    "patch",
+    "obstacle_facets",
 ]
 
 #: Stored columns of a `ContactTable`.
@@ -100,16 +100,19 @@ class Outside:
         self._moved = fem.Function(fem.functionspace(domain, ("Lagrange", 1, problem.u.ufl_shape)))
         self._strain: VertexMeans | None = None
 
-    def gather(self, values: Mapping[str, npt.NDArray[Any]]) -> Arrays:
-        """Gather values at the local vertices on rank 0, see `gather_cells`. Collective."""
-        return gather_cells(self.problem.comm, self.V, self.cells, values, self.numbers)
+    def gather(self, values: Mapping[str, npt.NDArray[Any]], *, whole: bool = False) -> Arrays:
+        """Gather the displacement ``u`` and other values on rank 0, see `gather_cells`. Collective.
 
-    def inside(self, values: Mapping[str, npt.NDArray[Any]]) -> Arrays:
-        """Gather values and the displacement ``u`` at the vertices of all cells. Collective."""
+        Args:
+            values: values at the local vertices, by name.
+            whole: whether all cells are gathered instead of the outer ones; default: False.
+        """
+        self._moved.interpolate(self.problem.u)
+        u = self._moved.x.array.reshape(-1, len(self.problem.u))
         topology = self.V.mesh.topology
         cells = self.V.dofmap.list[: topology.index_map(topology.dim).size_local]
-        every = {"u": self._displacement(), **values}
-        return gather_cells(self.problem.comm, self.V, cells, every, self.numbers)
+        chosen = cells if whole else self.cells
+        return gather_cells(self.problem.comm, self.V, chosen, {"u": u, **values}, self.numbers)
 
     def surface(self) -> OuterSurface | None:
         """Return the outer surface on rank 0, None on other ranks. Collective."""
@@ -118,7 +121,7 @@ class Outside:
         contact = {s.name: self._face(s.submesh.parent_facets) for s in surfaces}
         pairs = {s.name: s.obstacle.opposite for s in surfaces if s.between_bodies}
         opposite = {name: self._face(pair.master_facets) for name, pair in pairs.items()}
-        obstacles = {s.name: _obstacle(s) for s in surfaces if not s.between_bodies}
+        obstacles = {s.name: obstacle_facets(s) for s in surfaces if not s.between_bodies}
         if not body:
             return None
         nodes = body["nodes"]
@@ -143,18 +146,13 @@ class Outside:
             revolves = any(s.axisymmetric for s in problem.surfaces)
             strain = _equivalent_strain(self.problem.u, revolves)
             self._strain = VertexMeans(self.V, {None: strain}, quadrature_degree=2)
-        seen = self.gather({"u": self._displacement(), "strain": self._strain()})
-        patches = {s.name: _obstacle(s) for s in problem.surfaces if not s.between_bodies}
+        seen = self.gather({"strain": self._strain()})
+        patches = {s.name: obstacle_facets(s) for s in problem.surfaces if not s.between_bodies}
         tables = {s.name: _columns(problem.table(s)) for s in problem.surfaces}
         if not seen:
             return None
         obstacles = {k: np.array([p["floor"], p["moved"], p["n"]]) for k, p in patches.items()}
         return SurfaceState(seen["u"], seen["strain"], obstacles, tables)
-
-    def _displacement(self) -> npt.NDArray[np.float64]:
-        """Return the displacement at the local vertices, shape (n, dim). Collective."""
-        self._moved.interpolate(self.problem.u)
-        return self._moved.x.array.reshape(-1, len(self.problem.u))
 
     def _face(self, facets: npt.NDArray[np.int32]) -> Cells:
         """Return the input numbers of the vertices of facets, of all ranks on rank 0. Collective.
@@ -176,31 +174,29 @@ def _columns(table: ContactTable) -> Arrays:
     return found | {f"internal.{name}": values for name, values in table.internal.items()}
 
 
-def _obstacle(s: DiscreteSurface) -> Arrays:
-    """Gather the facets of an obstacle, or the opposing points of the surface (see `patch`)."""
-    outline = s.obstacle.outline
-    if outline is None:
-        return patch(s)
-    x, cells, n = outline
-    return {"cells": cells, "floor": x, "moved": s.partner.dragged(x), "n": n}
+def obstacle_facets(s: DiscreteSurface) -> Arrays:
+    """Gather the facets of an obstacle, or the facets opposite to a surface. Collective.
 
-
-def patch(s: DiscreteSurface) -> Arrays:
-    """Gather a contact surface and its obstacle on rank 0. Collective."""
+    Returns:
+        ``cells``, and at their vertices the present position ``floor``, the displacement ``moved``
+        and the normal ``n`` into the obstacle; an empty dictionary on other ranks than 0 if they
+        are opposite to the surface.
+    """
+    if s.obstacle.outline is not None:
+        x, facets, n = s.obstacle.outline
+        return {"cells": facets, "floor": x, "moved": s.partner.dragged(x), "n": n}
     points = s.points
-    u, x = (v[points.vertex_trace_dofs] for v in (s.u.x.array.reshape(-1, s.dim), s.node_positions))
-    body = s.rigid_body
-    gap = points.vertex_gaps
+    trace = points.vertex_trace_dofs
+    u = s.u.x.array.reshape(-1, s.dim)
     n = points.vertex_normals
-    floor = x + gap[:, None] * n
+    floor = s.node_positions[trace] + points.vertex_gaps[:, None] * n
     if s.displaced is not None:
-        motion = None if body is None else body.values
-        seen = s.partner.relative(s.u.x.array.reshape(-1, s.dim), motion)[points.vertex_trace_dofs]
+        motion = None if s.rigid_body is None else s.rigid_body.values
+        seen = s.partner.relative(u, motion)[trace]
         gap, normal = s.displaced.at_vertices(seen)
-        floor = x + seen + gap[:, None] * normal
+        floor = s.node_positions[trace] + seen + gap[:, None] * normal
         _, n = s.at_vertices(seen)
-    moved = s.partner.dragged(floor)
-    values = {"u": u, "n": n, "floor": floor, "moved": moved, "ids": points.vertex_ids}
+    values = {"n": n, "floor": floor, "moved": s.partner.dragged(floor)}
     V = points.vertices
     cells = V.dofmap.list[: s.submesh.mesh.topology.index_map(s.dim - 1).size_local]
     return gather_cells(s.comm, V, cells, values, vertex_numbers(V))

@@ -33,6 +33,7 @@ __all__ = [
     "senses",
     "without_damage",
     "word",
+    "words",
 ]
 
 #: Open without friction; stick; slip with u_t > 0 (in 3D: slip); slip with u_t < 0.
@@ -139,6 +140,12 @@ def word(codes: npt.ArrayLike, dim: int = 2) -> str:
 def count(word: str) -> dict[str, int]:
     """Return the numbers of open, sticking, slipping and clamped points in a string of letters."""
     return {kind: sum(map(word.count, those)) for kind, those in KINDS.items()}
+
+
+def words(letters: str) -> str:
+    """Return the numbers of points of each status, such as "3 stick, 2 open"."""
+    present = [k for k in NAMES if k in letters]
+    return ", ".join(f"{letters.count(k)} {NAMES[k]}" for k in present)
 
 
 def closed(codes: npt.NDArray[np.int8]) -> npt.NDArray[np.bool_]:

@@ -1,12 +1,11 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Pictures: curves, diagrams, bodies, contact faces, and films."""
 
-from dolfinx_contact.plot.bodies import picture_of_body
+from dolfinx_contact.plot.bodies import picture_of_body, picture_of_states
 from dolfinx_contact.plot.curves import draw_chart, draw_curves, draw_polar
 from dolfinx_contact.plot.diagrams import draw_diagram
 from dolfinx_contact.plot.films import film
 from dolfinx_contact.plot.scene import Look
-from dolfinx_contact.plot.states import picture_of_states
 from dolfinx_contact.plot.tractions import picture_of_contact
 
 __all__ = [

@@ -1,67 +1,44 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Pictures of deformed bodies with their obstacles.
+"""Pictures of deformed bodies with their obstacles, and of several states side by side.
 
-The visible part is gathered to rank 0: the boundary of a body in 3D (and its interior for a
-section), the cells of a body in 2D, the contact surfaces and the obstacles. Rank 0 draws with
-matplotlib in 2D and with PyVista in 3D.
+The visible part is gathered to rank 0 (`scene_of`), which draws with matplotlib in 2D and with
+PyVista in 3D.
 """
 
 from __future__ import annotations
 
-import os
-from collections.abc import Mapping
-from dataclasses import replace
-from pathlib import Path
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
-import numpy.typing as npt
 
-import ufl
-from dolfinx import fem, mesh
-
+from dolfinx_contact._install import optional
 from dolfinx_contact._mpi import Arguments, collective
-from dolfinx_contact._ufl import refuse_other_mesh
-from dolfinx_contact._validate import number
-from dolfinx_contact.io.fields import check_stress, of_cells, von_mises
-from dolfinx_contact.io.outside import Outside, VertexMeans
-from dolfinx_contact.plot.figures import Drawing, drawn_on_root, save
-from dolfinx_contact.plot.scene import Look, Options, Scene, in_space, options_of, scene_of
+from dolfinx_contact.laws import status
+from dolfinx_contact.plot.figures import Drawing, File, drawn_on_root, new_figure, save
+from dolfinx_contact.plot.in_2d import draw_2d, draw_body, legend_of_statuses
+from dolfinx_contact.plot.scene import Array, Look, Scene, scene_of
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from dolfinx_contact.continuation import BranchPoint, Solution
     from dolfinx_contact.equations.state import State
+    from dolfinx_contact.parametric import ParametricContact
     from dolfinx_contact.problem import ContactProblem
 
-__all__ = ["body_scene", "check_look", "draw_scene", "picture_of_body", "title_of"]
-
-Array = npt.NDArray[np.float64]
-
-_NOT_FINITE = " (grey: not a number)"
+__all__ = ["draw_scene", "picture_of_body", "picture_of_states"]
 
 
-def _check_body(a: Arguments) -> None:
-    a.file = None if a.file is None else Path(a.file)
-    check_look(a)
-
-
-def check_look(a: Arguments) -> None:
-    """Validate the scale and the look of a picture or film of a problem. Not collective."""
-    a.scale = number(a.scale, "the scale of the displacement")
-    domain = a.problem.V.mesh
-    options = options_of(domain.topology.dim, **a.look)
-    if isinstance(options.field, ufl.core.expr.Expr):
-        refuse_other_mesh(options.field, domain, "the field")
-
-
-@collective("a picture", _check_body)
+@collective("a picture")
 def picture_of_body(
-    file: str | os.PathLike[str] | None,
+    file: File,
     problem: ContactProblem,
     *,
     state: State | None = None,
     stress: Any = None,
     scale: float = 1.0,
-    title: str | None = None,
+    title: str = "Deformed body",
     **look: Unpack[Look],
 ) -> Drawing | None:
     """Draw the deformed body with its obstacles and the rims of its contact surfaces. Collective.
@@ -76,9 +53,10 @@ def picture_of_body(
         state: state to draw, default the current Functions.
         stress: 3 x 3 UFL stress (``material.full_stress(u)``), or one for each cell tag as in
             `write_fields`. The colours are the von Mises stress, averaged to the vertices.
-        scale: factor of the displacement and of the motion of obstacles, default 1. Bodies that are
-            drawn with a larger displacement overlap resting obstacles.
-        title: title of the picture, default the name of the picture and the scale.
+        scale: factor of the displacement and of the motion of obstacles, default 1; other factors
+            are added to the title. The initial gap is not magnified: a warning is logged if the
+            body is drawn through an obstacle.
+        title: title of the picture.
         look: field, view, section, arrows: see `Look`.
 
     Returns:
@@ -97,13 +75,12 @@ def picture_of_body(
             plot.picture_of_body("block.pdf", problem, stress=steel.full_stress(u), view="-y")
             plot.picture_of_body("drag.png", problem, clip="-y", arrows={"drag": (top, motion)})
     """
-    options = options_of(problem.V.mesh.topology.dim, **look)
-    with problem.at(state):
-        scene = body_scene(problem, stress, scale, options, title_of("Deformed body", scale, title))
+    with problem.at(state) as shown:
+        scene = scene_of(shown, stress, scale, title, **look)
 
     def draw() -> Drawing:
         assert scene is not None
-        drawing = draw_scene(scene, options)
+        drawing = draw_scene(scene.above(scene.x))
         save(drawing, file)
         return drawing
 
@@ -112,8 +89,6 @@ def picture_of_body(
 
 def draw_scene(
     scene: Scene,
-    options: Options,
-    *,
     reach: Array | None = None,
     limits: tuple[float, float] | None = None,
     width: int = 1600,
@@ -122,94 +97,92 @@ def draw_scene(
 
     Args:
         scene: bodies and obstacles.
-        options: options of the picture.
-        reach: points that must be visible (k, 3), default bodies and obstacles.
+        reach: points that must be visible, shape (k, dim); default: bodies and obstacles.
         limits: ends of the colours, default those of the scene.
-        width: approximate width in pixels, default 1600.
+        width: approximate width in pixels.
     """
-    if reach is None:
-        scene = scene.above(scene.x)
-        reach = np.concatenate([scene.x, *(o.x for o in scene.obstacles)])
-    if scene.x[:, 2].any():
-        from dolfinx_contact.plot.in_3d import draw_3d
+    reach = scene.reach() if reach is None else reach
+    if scene.x.shape[1] == 2:
+        return draw_2d(scene, reach, limits, width)
+    from dolfinx_contact.plot.in_3d import draw_3d
 
-        return draw_3d(scene, options, reach, limits, width)
-    from dolfinx_contact.plot.in_2d import draw_2d
-
-    return draw_2d(scene, options, reach, limits, width)
+    return draw_3d(scene, reach, limits, width)
 
 
-def title_of(words: str, scale: float, title: str | None = None) -> str:
-    """Title of a picture, which mentions a scale of the displacement other than 1."""
-    if title is not None:
-        return title
-    scaled = "" if scale == 1 else f"displacement x {scale:g}"
-    return ", ".join(word for word in (words, scaled) if word)
+def _check_states(a: Arguments) -> None:
+    a.points = list(a.points)
+    if a.system.problem.V.mesh.geometry.dim != 2 or not a.points:
+        raise ValueError("picture_of_states requires a body in 2D and at least one point")
 
 
-# -- gathering -----------------------------------------------------------------------------------
-
-
-def body_scene(
-    problem: ContactProblem, stress: Any, scale: float, options: Options, title: str
-) -> Scene | None:
-    """Gather bodies and obstacles at the current Functions. Collective.
+@collective("a picture of states", _check_states)
+def picture_of_states(
+    file: File,
+    system: ParametricContact,
+    points: Sequence[BranchPoint | Solution],
+    *,
+    titles: Sequence[str] = (),
+    scale: float = 1.0,
+) -> Figure | None:
+    """Draw states of a body in 2D side by side, with the statuses of contact points. Collective.
 
     Args:
-        problem: contact problem.
-        stress: see `picture_of_body`.
-        scale: factor of the displacement.
-        options: options of the picture.
-        title: title of the picture.
+        file: picture in any format of matplotlib; None writes nothing.
+        system: system of the points; its Functions are those of the last point afterwards.
+        points: points of branches, or `Solutions.found`.
+        titles: titles of the panels, default gamma and the numbers of points of each status.
+        scale: factor of the displacement, default 1.
 
     Returns:
-        The scene on rank 0, None on other ranks.
+        The figure on rank 0, None on other ranks.
+
+    Raises:
+        ModuleNotFoundError: on every rank, if matplotlib is not installed.
+        OSError: on every rank, if the file cannot be written; an existing file is then unchanged.
+        ValueError: on every rank, if the body is not 2D, there is no point, the scale is not
+            finite, or arguments differ between ranks.
     """
-    tags = check_stress(problem, stress)
-    outside = Outside(problem)
-    surface = outside.surface()
-    state = outside.state()
-    # the field at the local vertices
-    label = ""
-    local: dict[str, Array] = {}
-    if options.field is None and stress is not None:
-        label = "von Mises stress"
-        stresses = stress if isinstance(stress, Mapping) else {None: stress}
-        sizes = {tag: von_mises(stresses[tag]) for tag in sorted(stresses)}
-        local["field"] = _means(outside.V, sizes, tags, quadrature_degree=2)
-    elif isinstance(options.field, str):  # the displacement needs no projection
-        label = options.field
-    elif options.field is not None:
-        label = getattr(options.field, "name", "field")
-        vertices = {"quadrature_rule": "vertex"}
-        local["field"] = _means(outside.V, {None: options.field}, None, **vertices)
-    on_surface = outside.gather(local)
-    inside = outside.inside(local) if options.clip is not None else {}
-    if surface is None or state is None:
-        return None
+    optional("matplotlib", "pictures")
+    scenes = []
+    captions = []
+    for point in points:
+        tables = system.result_at(point).tables.values()
+        words = status.words("".join(table.status for table in tables))
+        captions.append(rf"$\gamma$ = {point.gamma:.4g}: {words}")
+        scenes.append(scene_of(system.problem, None, scale, "", field="displacement"))
 
-    def values(arrays: Mapping[str, Array], u: Array) -> Array | None:
-        if not label:
-            return None
-        return arrays["field"] if local else np.linalg.norm(u, axis=1)
+    def draw() -> Figure:
+        panels = [scene for scene in scenes if scene is not None]
+        figure = _draw_states(panels, titles or captions, scale)
+        save(figure, file)
+        return figure
 
-    field = values(on_surface, state.u)
-    if field is not None and not np.isfinite(field).all():
-        label += _NOT_FINITE
-    scene = replace(scene_of(surface, state, scale), values=field, label=label, title=title)
-    if inside:
-        x = inside["x"] + scale * in_space(inside["u"])
-        scene = replace(scene, inside=(x, inside["cells"], values(inside, inside["u"])))
-    return scene
+    return drawn_on_root(system.comm, draw)
 
 
-def _means(
-    V: fem.FunctionSpace,
-    scalars: Mapping[int | None, Any],
-    tags: mesh.MeshTags | None,
-    **rule: Any,
-) -> Array:
-    """Return the `VertexMeans` of a field; NaN where it is not finite. Collective."""
-    everywhere = {tag: of_cells(e, V.mesh) for tag, e in scalars.items()}
-    means = VertexMeans(V, everywhere, tags, **rule)()
-    return np.asarray(np.where(np.isfinite(means), means, np.nan))
+def _draw_states(scenes: Sequence[Scene], titles: Sequence[str], scale: float) -> Figure:
+    """Draw scenes side by side, with one scale of colours and a legend of statuses."""
+    # slender bodies in a column or a row, others in a square
+    every = np.concatenate([scene.x for scene in scenes])
+    low, high = every.min(axis=0), every.max(axis=0)
+    ratio = float(np.divide(*(high - low)[::-1]))
+    columns = int(np.clip(np.ceil(np.sqrt(len(scenes) * ratio)), 1, len(scenes)))
+    rows = -(-len(scenes) // columns)
+    width = min(12.0 / columns, 9.0 / rows / ratio)
+    size = max(columns * width + 1.3, 4.5), rows * (width * ratio + 0.4) + 0.9
+    figure = new_figure(size, "compressed")
+    panels = figure.subplots(rows, columns, squeeze=False).ravel()
+    highest = max(float(np.max(s.values)) for s in scenes if s.values is not None)
+    limits = 0.0, highest or 1.0
+    for axes, scene, title in zip(panels, scenes, titles, strict=False):
+        shades = draw_body(axes, scene.above(every), np.stack([low, high]), limits)
+        look: dict[str, Any] = dict(edgecolors="0.2", linewidths=0.2, zorder=3)
+        colours = [status.COLOURS[k] for k in scene.letters]
+        axes.scatter(*scene.points.T, s=14 if len(colours) <= 40 else 8, c=colours, **look)
+        axes.set_title(title, fontsize=10, wrap=True)
+    for axes in panels:
+        axes.set_axis_off()
+    label = "|u|" if scale == 1 else f"|u|, drawn x {scale:.3g}"
+    figure.colorbar(shades, ax=list(panels), aspect=30, pad=0.01).set_label(label)
+    legend_of_statuses(figure, "".join(scene.letters for scene in scenes))
+    return figure

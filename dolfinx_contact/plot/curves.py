@@ -3,14 +3,13 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact.plot.figures import FILLS, LINES, new_figure, save
+from dolfinx_contact.plot.figures import FILLS, LINES, File, new_figure, save
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -21,7 +20,6 @@ __all__ = ["draw_chart", "draw_curves", "draw_polar"]
 
 #: Abscissae and ordinates.
 Curve: TypeAlias = "tuple[npt.ArrayLike, npt.ArrayLike]"
-File: TypeAlias = "str | os.PathLike[str] | None"
 
 _REFERENCE_STYLES = (":", "--", "-.")
 _FEW = 20  # number of points up to which the points of a line are marked
@@ -53,14 +51,13 @@ def draw_curves(
 
     Raises:
         OSError: with the path, if it cannot be written; an existing file is then unchanged.
-        ValueError: if there is nothing to draw, or a curve has different numbers of abscissae and
-            ordinates.
+        ValueError: if a curve has different numbers of abscissae and ordinates.
     """
     lines = [(name, curve, "-") for name, curve in curves.items()]
     lines += [(name, curve, "o") for name, curve in (marks or {}).items()]
     for i, (name, curve) in enumerate((dotted or {}).items()):
         lines.append((name, curve, _REFERENCE_STYLES[i % len(_REFERENCE_STYLES)]))
-    axes = _checked_axes({**curves, **(marks or {}), **(dotted or {})}, (6.4, 4.4))
+    axes = new_figure((6.4, 4.4)).add_subplot()
     for i, (name, (x, y), style) in enumerate(lines):
         style += "o" if style == "-" and np.size(x) <= _FEW else ""
         colour = "black" if style in _REFERENCE_STYLES else LINES[i % len(LINES)]
@@ -69,13 +66,9 @@ def draw_curves(
     if loglog:
         axes.set(xscale="log", yscale="log")
     axes.set(xlabel=labels[0], ylabel=labels[1])
-    axes.set_title(title or "", loc="left")
     axes.grid(color="0.92")
     axes.set_axisbelow(True)
-    if any(not name.startswith("_") for name, *_ in lines):
-        axes.legend(frameon=False, fontsize=9)
-    save(axes.figure, file)
-    return axes
+    return _finish(axes, file, title)
 
 
 def draw_polar(
@@ -94,34 +87,25 @@ def draw_polar(
 
     Raises:
         OSError: with the path, if it cannot be written; an existing file is then unchanged.
-        ValueError: if there is nothing to draw, or a curve has different numbers of angles and
-            radii.
+        ValueError: if a curve has different numbers of angles and radii.
     """
-    axes = _checked_axes(curves, (5.4, 5.4), projection="polar")
+    axes = new_figure((5.4, 5.4)).add_subplot(projection="polar")
     for i, (name, (angles, radii)) in enumerate(curves.items()):
-        theta = np.asarray(angles, dtype=np.float64)
-        r = np.asarray(radii, dtype=np.float64)
-        r = np.where(np.isfinite(r), r, np.nan)
-        closed = np.append(theta, theta[:1] + 2 * np.pi), np.append(r, r[:1])
+        r = np.where(np.isfinite(radii), radii, np.nan)
+        closed = np.append(angles, np.ravel(angles)[:1] + 2 * np.pi), np.append(r, r[:1])
         axes.plot(*closed, "-o", color=LINES[i % len(LINES)], lw=1.6, ms=3.5, label=name)
     axes.set_ylim(bottom=0.0)
     axes.set_xlabel(label)
+    return _finish(axes, file, title, loc="upper right")
+
+
+def _finish(axes: Axes, file: File, title: str | None, **legend: Any) -> Axes:
+    """Add title and legend, and write the figure."""
     axes.set_title(title or "", loc="left")
-    axes.legend(frameon=False, fontsize=9, loc="upper right")
+    if axes.get_legend_handles_labels()[1]:
+        axes.legend(frameon=False, fontsize=9, **legend)
     save(axes.figure, file)
     return axes
-
-
-def _checked_axes(curves: Mapping[str, Curve], size: tuple[float, float], **options: Any) -> Axes:
-    """Return axes of a new figure, or raise ``ValueError`` for curves that cannot be drawn."""
-    if not curves:
-        raise ValueError("there is nothing to draw")
-    for name, (x, y) in curves.items():
-        if np.ndim(x) != 1 or np.shape(x) != np.shape(y):
-            polar = "projection" in options
-            first, second = ("angles", "radii") if polar else ("abscissae", "ordinates")
-            raise ValueError(f"{name!r} has {np.shape(x)} {first} and {np.shape(y)} {second}")
-    return new_figure(size).add_subplot(**options)
 
 
 def draw_chart(
@@ -155,44 +139,46 @@ def draw_chart(
         OSError: with the path, if it cannot be written; an existing file is then unchanged.
         ValueError: if a set of statuses has no name, or the chart has no cells.
     """
-    from dolfinx_contact.analysis.chart_regions import chart_scene
+    from matplotlib.patches import Patch
+
+    from dolfinx_contact.analysis.chart_regions import Area, chart_scene
 
     scene = chart_scene(chart, curves)
-    axes = new_figure((6.4, 6.0)).add_subplot()
-    look: dict[str, Any] = dict(lw=0, antialiased=False)
-    hatches = {True: None, False: "///"}
+    areas: list[tuple[Any, str, bool]]  # outline, word, and whether the number is proved
     if names is None:
-        counts = sorted({len(region.solutions[0]) for region in scene.regions})
-        legend = {f"{n} solution{'s' * (n != 1)}": FILLS[n % len(FILLS)] for n in counts}
-        for region in scene.regions:
-            colour = FILLS[len(region.solutions[0]) % len(FILLS)]
-            for outline in region.outlines:
-                axes.fill(*outline.T, facecolor=colour, hatch=hatches[region.proved], **look)
+        numbers = {len(region.solutions[0]) for region in scene.regions}
+        colours = {_solutions(n): FILLS[n % len(FILLS)] for n in sorted(numbers)}
+        areas = [
+            (outline, _solutions(len(region.solutions[0])), region.proved)
+            for region in scene.regions
+            for outline in region.outlines
+        ]
     else:
-        present = {c.solutions for c in chart.cells}
-        if present - set(names):
-            raise ValueError(f"no names are given for {sorted(present - set(names))}")
+        unnamed = {c.solutions for c in chart.cells} - set(names)
+        if unnamed:
+            raise ValueError(f"no names are given for {sorted(unnamed)}")
         colours = {word: FILLS[i % len(FILLS)] for i, word in enumerate(names.values())}
-        words = {names[solutions] for solutions in present}
-        legend = {word: colour for word, colour in colours.items() if word in words}
-        for c in chart.cells:
-            colour = colours[names[c.solutions]]
-            axes.fill_between(*c.outline(), facecolor=colour, hatch=hatches[c.proved], **look)
+        areas = [(Area(*c.outline()).outline, names[c.solutions], c.proved) for c in chart.cells]
+    axes = new_figure((6.4, 6.0)).add_subplot()
+    for outline, word, proved in areas:
+        hatch = None if proved else "///"
+        axes.fill(*outline.T, facecolor=colours[word], hatch=hatch, lw=0, antialiased=False)
     for curve in scene.curves:
         axes.plot(*np.array(curve.points).T, color="black", lw=1.8 if curve.kind == "fold" else 0.7)
     if curves is not None and curves.cusps:
         axes.plot(*np.array(curves.cusps).T, "o", color="black", ms=5)
     axes.set(xlim=scene.ranges[0], ylim=scene.ranges[1], xlabel=labels[0], ylabel=labels[1])
     axes.set_title(title or "", loc="left")
-    _legend_of_fills(axes, legend, chart.proved, 4 if names is None else 2)
+    present = {word for _, word, _ in areas}
+    fills = {word: dict(facecolor=c) for word, c in colours.items() if word in present}
+    if not chart.proved:
+        fills["at least"] = dict(facecolor="white", hatch="///")
+    handles = [Patch(edgecolor="0.4", label=word, **fill) for word, fill in fills.items()]
+    columns = 4 if names is None else 2
+    axes.figure.legend(handles=handles, loc="outside lower center", ncols=columns, frameon=False)
     save(axes.figure, file)
     return axes
 
 
-def _legend_of_fills(axes: Axes, colours: Mapping[str, str], proved: bool, columns: int) -> None:
-    from matplotlib.patches import Patch
-
-    handles = [Patch(facecolor=c, edgecolor="0.4", label=word) for word, c in colours.items()]
-    if not proved:
-        handles.append(Patch(facecolor="white", edgecolor="0.4", hatch="///", label="at least"))
-    axes.figure.legend(handles=handles, loc="outside lower center", ncols=columns, frameon=False)
+def _solutions(n: int) -> str:
+    return f"{n} solution{'s' * (n != 1)}"

@@ -55,8 +55,8 @@ def draw_diagram(
 
     The upper part shows the functionals over gamma with folds and bifurcations. The lower part has
     a strip for each of the first branches over the distance along the branch, in units of steps:
-    the status of every contact point in the order of coordinates, or the numbers of points of each
-    status if there are more than 60 points.
+    the status of every contact point, numbered in the order of coordinates, or the numbers of
+    points of each status if there are more than 60 points.
 
     Args:
         file: picture in any format of matplotlib; None writes nothing.
@@ -128,9 +128,7 @@ def draw_diagram(
 
 def _status_name(journal: Journal, branch: int) -> str:
     """Name of a branch by the statuses at its last point, such as "branch 0: 3 stick, 2 open"."""
-    letters = journal.columns(branch)["status"][-1]
-    counts = {name: letters.count(k) for k, name in status.NAMES.items() if k in letters}
-    words = ", ".join(f"{count} {name}" for name, count in counts.items())
+    words = status.words(journal.columns(branch)["status"][-1])
     return f"branch {branch}: {words}" if len(words) <= _LONGEST_NAME else f"branch {branch}"
 
 
@@ -177,11 +175,11 @@ def _draw_strips(figure: Any, journal: Journal, branches: Sequence[int]) -> None
     letters = list(status.NAMES)
     colours = ListedColormap(list(status.COLOURS.values()))
     panels = figure.subplots(len(branches), 1, squeeze=False)[:, 0]
-    present = set()
+    present: set[str] = set()
     for axes, b in zip(panels, branches, strict=True):
         c = journal.columns(b)
         codes = np.array([[letters.index(x) for x in word] for word in c["status"]]).T
-        present |= set(np.unique(codes))
+        present |= set("".join(c["status"]))
         along = np.cumsum(c["step"])
         if len(codes) > _MANY:
             counts = [(codes == k).sum(axis=0) for k in range(len(letters))]
@@ -190,10 +188,10 @@ def _draw_strips(figure: Any, journal: Journal, branches: Sequence[int]) -> None
         else:
             # the status of a point of the branch is drawn up to the next one
             edges = np.append(along, along[-1] + (0.01 * along[-1] or 1.0))
-            look = dict(cmap=colours, vmin=-0.5, vmax=len(letters) - 0.5)
-            label, heights = _rows(journal, len(codes))
-            axes.pcolormesh(edges, heights, codes, **look)
-            axes.set_ylabel(label)
+            rows = np.arange(len(codes) + 1) + 0.5
+            axes.pcolormesh(edges, rows, codes, cmap=colours, vmin=-0.5, vmax=len(letters) - 0.5)
+            axes.set_ylabel("contact point")
+            axes.yaxis.get_major_locator().set_params(integer=True)
         for p in journal.branches[b].points:
             if any(s.kind != "event" for s in p.special):
                 axes.axvline(along[p.index], color="black", lw=1.0, ls=(0, (4, 2)))
@@ -201,19 +199,9 @@ def _draw_strips(figure: Any, journal: Journal, branches: Sequence[int]) -> None
         axes.margins(x=0)
     panels[-1].set_xlabel("distance along the branch")
     handles = [
-        Patch(facecolor=status.COLOURS[letters[k]], edgecolor="0.5", label=status.NAMES[letters[k]])
-        for k in sorted(present)
+        Patch(facecolor=status.COLOURS[k], edgecolor="0.5", label=status.NAMES[k])
+        for k in letters
+        if k in present
     ]
     place: dict[str, Any] = dict(loc="outside lower center", ncols=len(handles), frameon=False)
     figure.legend(handles=handles, **place)
-
-
-def _rows(journal: Journal, count: int) -> tuple[str, Any]:
-    """Label and ends of the rows of contact points: coordinates if these rise, else numbers."""
-    places = list(journal.places.values())
-    if len(places) == 1 and count > 1:
-        axis = int(np.argmax(np.ptp(places[0], axis=0)))
-        x = places[0][:, axis]
-        if (np.diff(x) > 0).all():
-            return "xyz"[axis], np.concatenate([x[:1], (x[1:] + x[:-1]) / 2, x[-1:]])
-    return "contact point", np.arange(count + 1.0)

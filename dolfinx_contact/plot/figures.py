@@ -6,12 +6,11 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 from mpi4py import MPI
 
 import numpy as np
-import numpy.typing as npt
 
 from dolfinx_contact._files import part_of
 from dolfinx_contact._install import optional
@@ -22,11 +21,12 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 __all__ = [
-    *("FIELD", "FILLS", "FLOOR", "INK", "LINES", "NOT_FINITE", "TINTS", "Drawing"),
+    *("FIELD", "FILLS", "FLOOR", "INK", "LINES", "NOT_FINITE", "TINTS", "Drawing", "File"),
     *("drawn_on_root", "new_figure", "save"),
 ]
 
 Drawing: TypeAlias = "Figure | pyvista.Plotter"
+File: TypeAlias = "str | os.PathLike[str] | None"
 
 #: Colours of lines, by Okabe and Ito, which most colour-blind readers distinguish.
 LINES = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#000000")
@@ -43,11 +43,12 @@ FIELD = "Spectral_r"  # colour map of fields
 _DPI = 130
 
 
-def new_figure(size: tuple[float, float]) -> Figure:
+def new_figure(size: tuple[float, float], layout: str = "constrained") -> Figure:
     """Return an empty figure without a window.
 
     Args:
         size: width and height in inches.
+        layout: layout engine of matplotlib; "compressed" for axes with an equal aspect.
 
     Raises:
         ModuleNotFoundError: if matplotlib is not installed.
@@ -56,12 +57,12 @@ def new_figure(size: tuple[float, float]) -> Figure:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=size, layout="constrained")
+    figure = Figure(figsize=size, layout=layout)
     FigureCanvasAgg(figure)
     return figure
 
 
-def save(drawing: Drawing, file: str | os.PathLike[str] | None) -> None:
+def save(drawing: Drawing, file: File) -> None:
     """Write a figure or the view of a plotter; without a file do nothing. Not collective.
 
     Raises:
@@ -72,21 +73,10 @@ def save(drawing: Drawing, file: str | os.PathLike[str] | None) -> None:
     with part_of(Path(file)) as part:
         if hasattr(drawing, "savefig"):
             drawing.savefig(part, dpi=_DPI, bbox_inches="tight", pad_inches=0.1)
-        elif part.suffix == ".png":
-            drawing.screenshot(part)
-        else:
-            _save_pixels(np.asarray(drawing.screenshot(None, return_img=True)), part)
+        else:  # VTK cannot write PDF or SVG with transparent parts
+            from matplotlib.image import imsave
 
-
-def _save_pixels(pixels: npt.NDArray[Any], file: Path) -> None:
-    """Write an image as a page of PDF or SVG, which VTK cannot write with transparent parts."""
-    height, width = pixels.shape[:2]
-    figure = new_figure((width / 200, height / 200))
-    figure.set_layout_engine("none")
-    axes = figure.add_axes((0, 0, 1, 1))
-    axes.imshow(pixels, interpolation="none")
-    axes.set_axis_off()
-    figure.savefig(file, dpi=200)
+            imsave(part, np.asarray(drawing.screenshot(None, return_img=True)), dpi=200)
 
 
 def drawn_on_root(comm: MPI.Comm, draw: Callable[[], Drawing]) -> Drawing | None:

@@ -7,7 +7,7 @@ Frames are drawn like `picture_of_body`. All frames have the same colours, obsta
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
@@ -29,9 +29,10 @@ from dolfinx_contact._mpi import (
 from dolfinx_contact._validate import is_number
 from dolfinx_contact.equations.state import State
 from dolfinx_contact.evolution.history import EvolutionStep
-from dolfinx_contact.plot.bodies import body_scene, check_look, draw_scene, title_of
+from dolfinx_contact.plot.bodies import draw_scene
 from dolfinx_contact.plot.figures import Drawing
-from dolfinx_contact.plot.scene import Look, Options, Scene, finite_range, options_of
+from dolfinx_contact.plot.in_2d import range_of
+from dolfinx_contact.plot.scene import Look, Scene, scene_of
 
 if TYPE_CHECKING:
     from dolfinx_contact.problem import ContactProblem
@@ -45,22 +46,15 @@ _RATES = (0.01, 1000.0)  # frames a second that GIF can store
 
 
 def _check_film(a: Arguments) -> None:
-    a.file, a.rate = _checked_file(a.file, a.rate)
-    check_look(a)
-
-
-def _checked_file(file: str | os.PathLike[str], rate: Any) -> tuple[Path, float]:
-    """Return the path and the rate of a film, or raise an error. Not collective."""
-    path = Path(file)
-    if path.suffix not in _SUFFIXES:
-        raise ValueError(f"animations are .gif or .mp4, not {path.name}")
-    if not (is_number(rate) and _RATES[0] <= rate <= _RATES[1]):
-        low, high = _RATES
-        raise ValueError(f"the rate must be a number from {low} to {high} a second, got {rate!r}")
+    a.file = Path(a.file)
+    if a.file.suffix not in _SUFFIXES:
+        raise ValueError(f"animations are .gif or .mp4, not {a.file.name}")
+    low, high = _RATES
+    if not (is_number(a.rate) and low <= a.rate <= high):
+        raise ValueError(f"the rate must be a number from {low} to {high} a second, got {a.rate!r}")
     optional("imageio", "pictures")
-    if path.suffix == ".mp4":
+    if a.file.suffix == ".mp4":
         optional("imageio_ffmpeg", "pictures", in_debian=False)
-    return path, float(rate)
 
 
 @collective("a film", _check_film, local=("states",))
@@ -84,7 +78,7 @@ def film(
             ``map(record.state, range(10))`` with a record; or a generator that sets the
             displacement of the problem and yields a text for the title.
         stress: 3 x 3 UFL stress of the displacement, or one for each cell tag as in `write_fields`.
-        scale: factor of the displacement, default 1; other factors are added to the title.
+        scale: factor of the displacement, default 1; see `picture_of_body`.
         title: title, before the time or the load of a state, or its text.
         rate: frames a second, default 10.
         **look: field, view, clip, arrows: see `Look`. Without a stress and ``field`` the
@@ -116,22 +110,21 @@ def film(
     comm = problem.comm
     if stress is None:
         look = Look(field="displacement") | look
-    options = options_of(problem.V.mesh.topology.dim, **look)
     before = problem.u.x.array.copy()
-    frames: list[Scene | None] = []
+    scenes: list[Scene | None] = []
     try:
         for state in _in_turn(comm, states):
             finite = bool(np.isfinite(problem.u.x.array).all())
-            message = f"the displacement of state {len(frames)} has an entry that is not finite"
+            message = f"the displacement of state {len(scenes)} has an entry that is not finite"
             require(comm, finite, message)
-            words = title_of(", ".join(w for w in (title, _words(state)) if w), scale)
-            with problem.at(state if isinstance(state, State) else None):
-                frames.append(body_scene(problem, stress, scale, options, words))
+            words = ", ".join(filter(None, [title, _words(state)]))
+            with problem.at(state if isinstance(state, State) else None) as shown:
+                scenes.append(scene_of(shown, stress, scale, words, **look))
     finally:
         problem.u.x.array[:] = before
-    require(comm, bool(frames), "there are no states to show")
+    require(comm, bool(scenes), "there are no states to show")
     path = Path(file)
-    on_root(comm, lambda: _write([f for f in frames if f is not None], options, path, rate))
+    on_root(comm, lambda: _write([scene for scene in scenes if scene is not None], path, rate))
     return path
 
 
@@ -159,29 +152,21 @@ def _words(state: State | str) -> str:
     return "" if state.time is None else f"time {state.time:.4g}"
 
 
-def _write(scenes: Sequence[Scene], options: Options, file: Path, rate: float) -> None:
+def _write(scenes: list[Scene], file: Path, rate: float) -> None:
     """Draw frames and write them as a film. Not collective."""
     from imageio import v2 as imageio
 
     # the same obstacles, visible box and colours in all frames
-    bodies = _corners([scene.x for scene in scenes])
-    scenes = [scene.above(bodies) for scene in scenes]
-    reach = _corners([bodies, *(o.x for s in scenes for o in s.obstacles)])
-    values = [scene.coloured for scene in scenes if scene.coloured is not None]
-    limits = finite_range(np.concatenate(values)) if values else None
-    look: dict[str, Any] = dict(reach=reach, limits=limits, width=_WIDTH)
-    pixels = [_pixels(draw_scene(scene, options, **look)) for scene in scenes]
+    every = np.concatenate([scene.x for scene in scenes])
+    scenes = [scene.above(every) for scene in scenes]
+    reach = np.concatenate([scene.reach() for scene in scenes])
+    fields = [scene.values for scene in scenes if scene.values is not None]
+    limits = range_of(np.concatenate(fields)) if fields else None
+    pixels = [_pixels(draw_scene(scene, reach, limits, _WIDTH)) for scene in scenes]
     is_gif = file.suffix == ".gif"
     timing = dict(duration=1000 / rate, loop=0) if is_gif else dict(fps=rate, macro_block_size=2)
     with part_of(file) as part:
         imageio.mimwrite(part, pixels, **timing)
-
-
-def _corners(points: Sequence[npt.NDArray[np.float64]]) -> npt.NDArray[np.float64]:
-    """Corners (8, 3) of the box around points."""
-    every = np.concatenate(points)
-    ends = np.stack([every.min(axis=0), every.max(axis=0)], axis=1)
-    return np.array(np.meshgrid(*ends)).reshape(3, -1).T
 
 
 def _pixels(drawing: Drawing) -> npt.NDArray[np.uint8]:

@@ -1,22 +1,32 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Options of pictures of bodies, and scenes: bodies and obstacles in one state, as drawn."""
+"""Scenes: bodies and obstacles in one state, as they are drawn, gathered on rank 0."""
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any, TypeAlias, TypedDict
+from dataclasses import dataclass, field, replace
+from itertools import product
+from typing import TYPE_CHECKING, Any, TypeAlias, TypedDict
 
 import numpy as np
 import numpy.typing as npt
+from scipy.linalg import null_space
 
 import ufl
 
-from dolfinx_contact._geometry import unit
-from dolfinx_contact._validate import one_of, vector
-from dolfinx_contact.results.outer_surface import OuterSurface, SurfaceState
+from dolfinx_contact._geometry import by_coordinates, unit
+from dolfinx_contact._ufl import refuse_other_mesh
+from dolfinx_contact._validate import number, one_of, vector
+from dolfinx_contact.io.fields import check_stress, of_cells, von_mises
+from dolfinx_contact.io.outside import Outside, VertexMeans, obstacle_facets
 
-__all__ = ["DrawnObstacle", "Look", "Options", "Scene", "finite_range", "options_of", "scene_of"]
+if TYPE_CHECKING:
+    from dolfinx_contact.problem import ContactProblem
+
+__all__ = ["DrawnObstacle", "Look", "Scene", "around", "scene_of"]
+
+logger = logging.getLogger(__name__)
 
 Array = npt.NDArray[np.float64]
 Cells = npt.NDArray[np.int64]
@@ -29,6 +39,8 @@ _AXES: dict[str, Array] = {
     for sign, factor in (("", 1.0), ("-", -1.0))
 }
 _PLANE = 1e-9  # difference of the normals of an obstacle up to which it is a plane
+_OVERLAP = 0.005  # visible overlap of a magnified body and an obstacle, relative to the body
+_ARROW = 0.2  # length of the longest arrow, relative to the diagonal of the picture
 
 
 class Look(TypedDict, total=False):
@@ -53,59 +65,94 @@ class Look(TypedDict, total=False):
 
 
 @dataclass(frozen=True)
-class Options:
-    """Validated entries of a `Look`.
+class DrawnObstacle:
+    """A rigid obstacle, as it is drawn.
 
     Attributes:
-        field: ``"displacement"``, a UFL scalar, or None.
+        x: coordinates of its vertices, shape (m, dim).
+        cells: vertices of its facets.
+        n: normals at the vertices, into the obstacle, shape (m, dim).
+        is_plane: True if the obstacle is a plane that is still to be extended below the bodies.
+    """
+
+    x: Array
+    cells: Cells
+    n: Array
+    is_plane: bool
+
+    def below(self, points: Array) -> DrawnObstacle:
+        """Replace a plane by the rectangle, in 2D the segment, below points (n, dim)."""
+        if not self.is_plane:
+            return self
+        n = self.n[0]
+        axes = null_space(n[None])
+        along = points @ axes
+        low, high = along.min(axis=0), along.max(axis=0)
+        rim = 0.1 * float(np.max(high - low))
+        corners = np.array(list(product(*zip(low - rim, high + rim, strict=True))))
+        x = corners @ axes.T + (self.x[0] @ n) * n
+        return DrawnObstacle(x, np.arange(len(x))[None], np.tile(n, (len(x), 1)), False)
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Bodies and obstacles in one state, as they are drawn.
+
+    Attributes:
+        x: coordinates of the displaced vertices, shape (n, dim).
+        cells: vertices of the cells in 2D and for a section, of the facets of the boundary in 3D.
+        slaves: vertices of the facets of each contact surface.
+        masters: vertices of the facets of each opposite surface of a pair.
+        obstacles: rigid obstacles.
+        values: field at the vertices, shape (n,); None without a field.
+        label: label of the field.
+        points: positions of the contact points that are vertices, in 2D, shape (m, 2).
+        letters: letters of their statuses.
+        title: title of the picture.
         eye: unit vector from the body to the eye; None for the default.
         clip: point (None for the middle) and unit normal of a section; None without one.
-        arrows: points and vectors by name, shape (2, n, 3) each.
+        arrows: points and vectors by name, shape (2, k, dim) each.
     """
 
-    field: Any
-    eye: Array | None
-    clip: tuple[Array | None, Array] | None
-    arrows: dict[str, Array]
+    x: Array
+    cells: Cells
+    slaves: list[Cells]
+    masters: list[Cells]
+    obstacles: list[DrawnObstacle]
+    values: Array | None
+    label: str
+    title: str
+    points: Array
+    letters: str = ""
+    eye: Array | None = None
+    clip: tuple[Array | None, Array] | None = None
+    arrows: dict[str, Array] = field(default_factory=dict)
+
+    def above(self, points: Array) -> Scene:
+        """Return the scene with plane obstacles as rectangles below points (n, dim)."""
+        return replace(self, obstacles=[o.below(points) for o in self.obstacles])
+
+    def reach(self) -> Array:
+        """Return the points that must be visible, shape (m, dim)."""
+        return np.concatenate([self.x, *(o.x for o in self.obstacles)])
+
+    def scaled_arrows(self, reach: Array) -> dict[str, Array]:
+        """Return points and vectors of the arrows in the lengths of the picture, by legend."""
+        length = _ARROW * float(np.linalg.norm(np.ptp(reach, axis=0)))
+        found = {}
+        for name, (points, vectors) in self.arrows.items():
+            longest = float(np.linalg.norm(vectors, axis=1).max())
+            scaled = np.stack([points, length / (longest or 1.0) * vectors])
+            found[f"{name} ({longest:.3g})"] = scaled
+        return found
 
 
-def options_of(
-    dim: int,
-    *,
-    field: Any = None,
-    view: Any = None,
-    clip: Any = None,
-    arrows: Mapping[str, tuple[Any, Any]] | None = None,
-) -> Options:
-    """Validate a `Look`. Not collective.
+def around(cells: Cells) -> Cells:
+    """Vertices of segments, triangles or quadrilaterals in the order around the cell."""
+    return cells[:, [0, 1, 3, 2]] if cells.shape[1] == 4 else cells
 
-    Args:
-        dim: dimension of the body.
-        field: entry of `Look`, like the following arguments.
-        view: see `Look`.
-        clip: see `Look`.
-        arrows: see `Look`.
 
-    Raises:
-        ValueError: if a value is not admissible.
-    """
-    if dim == 2 and not (view is None and clip is None):
-        raise ValueError("view and clip are for bodies in 3D")
-    scalar = isinstance(field, ufl.core.expr.Expr) and field.ufl_shape == ()
-    if not (scalar or field is None or (isinstance(field, str) and field == "displacement")):
-        raise ValueError(f"field must be 'displacement' or a UFL scalar, got {field!r}")
-    plane = None
-    if clip is not None:
-        pair = not isinstance(clip, str) and len(clip) == 2
-        point, normal = clip if pair else (None, clip)
-        at = None if point is None else vector(point, "the point of clip", 3)
-        plane = at, _direction(normal, "the normal of clip")
-    return Options(
-        field=field,
-        eye=None if view is None else _direction(view, "view"),
-        clip=plane,
-        arrows={name: _arrows(name, *arrow, dim) for name, arrow in (arrows or {}).items()},
-    )
+# -- validation ----------------------------------------------------------------------------------
 
 
 def _direction(value: Any, name: str) -> Array:
@@ -115,122 +162,144 @@ def _direction(value: Any, name: str) -> Array:
     return unit(vector(value, name, 3, zero=False))
 
 
+def _plane(clip: Any) -> tuple[Array | None, Array]:
+    """Return point and normal of a section."""
+    pair = not isinstance(clip, str) and len(clip) == 2
+    point, normal = clip if pair else (None, clip)
+    at = None if point is None else vector(point, "the point of clip", 3)
+    return at, _direction(normal, "the normal of clip")
+
+
 def _arrows(name: str, points: Any, vectors: Any, dim: int) -> Array:
-    """Return points and vectors of arrows, shape (2, n, 3)."""
+    """Return points and vectors of arrows, shape (2, k, dim)."""
     pair = np.broadcast_arrays(np.atleast_2d(points), np.atleast_2d(vectors))
     arrows = np.array(pair, dtype=np.float64)
     if arrows.shape[-1] != dim or not np.isfinite(arrows).all():
         raise ValueError(f"the arrows {name!r} must be finite points and vectors in {dim}D")
-    return np.pad(arrows, ((0, 0), (0, 0), (0, 3 - dim)))
+    return arrows
 
 
-# -- scenes --------------------------------------------------------------------------------------
+# -- gathering -----------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class DrawnObstacle:
-    """An obstacle, as it is drawn.
-
-    Attributes:
-        x: coordinates of its vertices (m, 3).
-        cells: vertices of its facets.
-        n: normals at the vertices, into the obstacle (m, 3).
-        is_plane: True if the obstacle is a plane that is still to be replaced by a rectangle.
-    """
-
-    x: Array
-    cells: Cells
-    n: Array
-    is_plane: bool
-
-    def below(self, points: Array) -> DrawnObstacle:
-        """Replace a plane by a rectangle, in 2D a segment, below points (n, 3)."""
-        if not self.is_plane:
-            return self
-        n = self.n[0]
-        is_flat = not points[:, 2].any()
-        first = np.eye(3)[2] if is_flat else np.eye(3)[np.argmin(np.abs(n))]
-        first = unit(np.cross(n, first))
-        axes = np.array([first] if is_flat else [first, np.cross(n, first)])
-        along = points @ axes.T
-        rim = 0.1 * float(np.ptp(along, axis=0).max())
-        ends = np.stack([along.min(axis=0) - rim, along.max(axis=0) + rim], axis=1)
-        grid = np.stack(np.meshgrid(*ends, indexing="ij"), axis=-1).reshape(-1, len(axes))
-        corners = grid @ axes + (self.x[0] @ n) * n
-        cells = np.arange(len(corners))[None]
-        return DrawnObstacle(corners, cells, np.tile(n, (len(corners), 1)), False)
-
-
-@dataclass(frozen=True)
-class Scene:
-    """Bodies and obstacles in one state, as they are drawn.
-
-    Attributes:
-        x: coordinates of the displaced vertices (n, 3).
-        cells: vertices of the cells of a body in 2D, of the facets of the boundary in 3D.
-        slaves: vertices of the facets of each contact surface.
-        masters: vertices of the facets of each opposite surface of a pair.
-        obstacles: rigid obstacles.
-        values: field at the vertices (n,); None without a field.
-        label: label of the field.
-        inside: coordinates, cells, and field of the whole body, for a section.
-        marks: positions of contact points in 2D (m, 2) and the letters of their statuses.
-        title: title of the picture.
-    """
-
-    x: Array
-    cells: Cells
-    slaves: list[Cells]
-    masters: list[Cells]
-    obstacles: list[DrawnObstacle]
-    values: Array | None = None
-    label: str = ""
-    inside: tuple[Array, Cells, Array | None] | None = None
-    marks: tuple[Array, str] | None = None
-    title: str = ""
-
-    @property
-    def coloured(self) -> Array | None:
-        """Field of the drawn part, the interior in a section."""
-        return self.values if self.inside is None else self.inside[2]
-
-    def above(self, points: Array) -> Scene:
-        """Return the scene with plane obstacles as rectangles below points (n, 3)."""
-        return replace(self, obstacles=[o.below(points) for o in self.obstacles])
-
-
-def scene_of(surface: OuterSurface, state: SurfaceState, scale: float) -> Scene:
-    """Place bodies and obstacles at a state. Not collective.
+def scene_of(
+    problem: ContactProblem,
+    stress: Any,
+    scale: float,
+    title: str,
+    *,
+    field: Any = None,
+    view: Any = None,
+    clip: Any = None,
+    arrows: Mapping[str, tuple[Any, Any]] | None = None,
+) -> Scene | None:
+    """Gather bodies and obstacles at the present Functions. Collective.
 
     Args:
-        surface: outer surface of the bodies.
-        state: displacement, and position and motion of the obstacles.
-        scale: factor of the displacement and of the motion.
+        problem: contact problem.
+        stress: see `picture_of_body`.
+        scale: factor of the displacement and of the motion of obstacles.
+        title: title of the picture, to which a factor other than 1 is added.
+        field: entry of `Look`, like the following arguments.
+        view: see `Look`.
+        clip: see `Look`.
+        arrows: see `Look`.
+
+    Returns:
+        The scene on rank 0, None on other ranks.
+
+    Raises:
+        ValueError: on every rank, if an argument is not admissible.
     """
+    domain = problem.V.mesh
+    dim = domain.geometry.dim
+    scale = number(scale, "the scale of the displacement")
+    if dim == 2 and not (view is None and clip is None):
+        raise ValueError("view and clip are for bodies in 3D")
+    eye = None if view is None else _direction(view, "view")
+    plane = None if clip is None else _plane(clip)
+    known = {name: _arrows(name, *arrow, dim) for name, arrow in (arrows or {}).items()}
+    if scale != 1:
+        title = ", ".join(filter(None, [title, f"displacement x {scale:g}"]))
+    # bodies
+    outside = Outside(problem)
+    label, local = _field_at_vertices(problem, outside, stress, field)
+    surface = outside.surface()
+    body = outside.gather(local, whole=clip is not None)
+    faces = {s.name: obstacle_facets(s) for s in problem.surfaces if not s.between_bodies}
+    tables = [problem.table(s) for s in problem.surfaces]
+    if surface is None:
+        return None
+    x = body["x"][:, :dim] + scale * body["u"]
+    values = body.get("field")
+    if values is not None and not np.isfinite(values).all():
+        label += " (grey: not a number)"
+    here = np.searchsorted(body["nodes"], surface.nodes)
+    slaves = {name: here[cells] for name, cells in surface.contact.items()}
+    # contact points that are vertices
+    points, letters = np.zeros((0, dim)), ""
+    for table in tables if dim == 2 else []:
+        vertices = np.unique(slaves[table.name])
+        if len(vertices) == len(table.letters):
+            order = by_coordinates(body["x"][vertices], body["nodes"][vertices, None])
+            points = np.concatenate([points, x[vertices[order]]])
+            letters += "".join(table.letters)
+    # obstacles
     obstacles = []
-    for name, cells in surface.obstacles.items():
-        floor, motion, n = (in_space(values) for values in state.obstacles[name])
-        # an obstacle with facets of its own (a rigid surface) is drawn with these
-        at_points = 0 < len(n) == len(np.unique(surface.contact[name]))
+    for name, face in faces.items():
+        n = unit(face["n"])
+        floor = face["floor"][:, :dim] + scale * face["moved"]
+        vertices = np.unique(slaves[name])
+        at_points = 0 < len(n) == len(vertices)  # otherwise a rigid surface with facets of its own
         is_plane = at_points and bool(np.ptp(n, axis=0).max() < _PLANE)
-        obstacles.append(DrawnObstacle(floor + scale * motion, cells, unit(n), is_plane))
+        obstacles.append(DrawnObstacle(floor, face["cells"], n, is_plane))
+        if at_points and scale != 1:
+            depth = np.max(np.sum((x[vertices] - floor) * n, axis=1))
+            if depth > _OVERLAP * np.max(np.ptp(body["x"], axis=0)):
+                message = "%r is drawn through its obstacle: the displacement is magnified %g "
+                message += "times, the initial gap is not"
+                logger.warning(message, name, scale)
     return Scene(
-        x=surface.x + scale * in_space(state.u),
-        cells=surface.cells,
-        slaves=list(surface.contact.values()),
-        masters=list(surface.opposite.values()),
+        x=x,
+        cells=body["cells"],
+        slaves=list(slaves.values()),
+        masters=[here[cells] for cells in surface.opposite.values()],
         obstacles=obstacles,
+        values=values,
+        label=label,
+        title=title,
+        points=points,
+        letters=letters,
+        eye=eye,
+        clip=plane,
+        arrows=known,
     )
 
 
-def in_space(vectors: npt.NDArray[Any]) -> Array:
-    """Append zeros to vectors in 2D."""
-    return np.pad(vectors, ((0, 0), (0, 3 - vectors.shape[1])))
+def _field_at_vertices(
+    problem: ContactProblem, outside: Outside, stress: Any, field: Any
+) -> tuple[str, dict[str, Array]]:
+    """Return the label of the field, and its values at the local vertices as "field". Collective.
 
-
-def finite_range(values: Array) -> tuple[float, float]:
-    """Smallest and largest finite value, as different ends of a range of colours."""
-    finite = values[np.isfinite(values)]
-    low, high = (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 0.0)
-    low = 0.0 if abs(low) < 1e-9 * high else low  # no digits of round-off at a bar
-    return (low, high) if high > low else (low, low + (abs(low) or 1.0))
+    Values that are not finite are NaN. Without a field, the dictionary is empty.
+    """
+    domain = problem.V.mesh
+    tags = check_stress(problem, stress)
+    rule: dict[str, Any] = {"quadrature_rule": "vertex"}
+    fields: dict[int | None, Any]
+    if isinstance(field, str) and field == "displacement":
+        label, fields = field, {None: ufl.sqrt(ufl.dot(problem.u, problem.u))}
+    elif isinstance(field, ufl.core.expr.Expr) and field.ufl_shape == ():
+        refuse_other_mesh(field, domain, "the field")
+        label, fields = getattr(field, "name", "field"), {None: field}
+    elif field is not None:
+        raise ValueError(f"field must be 'displacement' or a UFL scalar, got {field!r}")
+    elif stress is None:
+        return "", {}
+    else:
+        label, rule = "von Mises stress", {"quadrature_degree": 2}
+        stresses = stress if isinstance(stress, Mapping) else {None: stress}
+        fields = {tag: von_mises(stresses[tag]) for tag in sorted(stresses)}
+    by_tag = {tag: of_cells(e, domain) for tag, e in fields.items()}
+    means = VertexMeans(outside.V, by_tag, tags if label == "von Mises stress" else None, **rule)()
+    return label, {"field": np.where(np.isfinite(means), means, np.nan)}

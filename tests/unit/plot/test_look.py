@@ -6,8 +6,8 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from matplotlib.legend import Legend
 from support.blocks import block
+from support.recorded_run import moved_block, start
 
 import ufl
 from dolfinx import fem, mesh
@@ -21,6 +21,7 @@ from dolfinx_contact import (
     HalfSpace,
     plot,
 )
+from dolfinx_contact.continuation import follow
 from dolfinx_contact.laws import status
 from dolfinx_contact.materials import LinearElastic
 
@@ -54,12 +55,12 @@ def peeled(dim, strength=1.0):
 
 
 def lines_of(figure):
-    """Curves of a picture of contact by name, their positions and values in order."""
+    """Values of the curves of a picture of contact by name, in the order of positions."""
     found = {}
     for line in figure.axes[0].lines:
-        order = np.argsort(line.get_xdata())
-        values = np.asarray(line.get_ydata())[order]
-        found[line.get_label()] = values[np.isfinite(values)]
+        x, y = map(np.asarray, line.get_data())
+        _, first = np.unique(x[np.isfinite(x)], return_index=True)
+        found[line.get_label()] = y[np.isfinite(x)][first]
     return found
 
 
@@ -180,6 +181,48 @@ def test_a_state_without_time_has_the_scale_alone_as_title(folder):
 
 
 @pytest.mark.ranks(2)
+def test_a_magnified_body_in_its_obstacle_is_warned_of(caplog):
+    """The initial gap of 0.1 is closed, and the displacement magnified ten times."""
+    problem = block(n=2, top=(0.0, -0.15), obstacle=HalfSpace((0.0, -0.1), (0.0, 1.0)))
+    problem.solve()
+    figure = plot.picture_of_body(None, problem)
+    assert not caplog.records
+    figure = plot.picture_of_body(None, problem, scale=10.0)
+    if COMM.rank == 0:
+        (record,) = caplog.records
+        assert "drawn through its obstacle: the displacement is magnified 10" in record.getMessage()
+        assert figure.get_suptitle() == "Deformed body, displacement x 10"
+
+
+@pytest.mark.ranks(2)
+def test_tractions_of_a_curved_surface_are_drawn_over_its_length():
+    """The surface has three sides of a square, which are followed from one end to the other."""
+
+    def sides(domain):
+        away = lambda x: np.isclose(x[1], 0) | np.isclose(x[0], 0) | np.isclose(x[0], 1)  # noqa: E731
+        return mesh.locate_entities_boundary(domain, 1, away)
+
+    figure = plot.picture_of_contact(None, block(n=4, where=sides))
+    if COMM.rank == 0:
+        axes = figure.axes[0]
+        x = axes.lines[0].get_xdata()
+        positions = np.unique(np.round(x[np.isfinite(x)], 9))
+        np.testing.assert_allclose(positions, np.linspace(0.0, 3.0, 13), atol=1e-9)
+        assert axes.get_xlabel() == "length along the surface, from (0, 1)"
+
+
+@pytest.mark.ranks(2)
+def test_states_have_their_gamma_and_statuses_as_titles():
+    system, _ = moved_block(COMM)
+    branch = follow(system, start(system), 0.0, gamma_range=(0.0, 0.3))
+    figure = plot.picture_of_states(None, system, branch.points[:1] + branch.points[-1:])
+    words = [status.words(system.result_at(p).tables["contact"].status) for p in branch.points]
+    if COMM.rank == 0:
+        titles = [axes.get_title() for axes in figure.axes if axes.get_title()]
+        assert titles == [rf"$\gamma$ = {g}: {words[k]}" for g, k in ((0, 0), (0.3, -1))]
+
+
+@pytest.mark.ranks(2)
 @pytest.mark.parametrize("law", [Coulomb(0.3), Frictionless()])
 @pytest.mark.parametrize("way", [-0.01, 0.01])
 def test_senses_of_slip_are_those_of_the_table(law, way):
@@ -189,7 +232,7 @@ def test_senses_of_slip_are_those_of_the_table(law, way):
     figure = plot.picture_of_contact(None, problem)
     if COMM.rank > 0:
         return
-    legend = next(a for a in figure.axes[0].artists if isinstance(a, Legend))
+    (legend,) = figure.legends
     names = [status.NAMES[letter] for letter in table.letters]
     expected = {f"{name} ({names.count(name)})" for name in names}
     assert {text.get_text() for text in legend.get_texts()} == expected
