@@ -241,7 +241,7 @@ def solutions(b, name):
     assert b.where() == [0, min(range(len(gammas)), key=lambda i: abs(gammas[i] - 0.033))]
     b.find("[data-tab='values']").click()
     b.wait("!byId('values').hidden")
-    assert f"{b.ask('now.index')} of" in b.find("#values").text
+    assert f"point {b.ask('now.index')} (0 to" in b.find("#values").text
     b.no_errors()
 
 
@@ -336,6 +336,22 @@ def chart(b):
     b.no_errors()
 
 
+def history(b):
+    """A history opens at its last step, with the friction bound and without round-off."""
+    b.open("history")
+    last = b.ask("META.series[0].count") - 1
+    assert b.where() == [0, last]
+    assert f"step {last} (0 to {last})" in b.find("#where").text
+    assert "friction bound" in b.find("#points thead").text
+    assert "± friction bound" in b.ask("byId('face').data.map((t) => t.name)")
+    assert b.ask("[written(3e-17, 6, 1), written(3e-17, 6, 1e-16), written(3e-5, 6, 1)]") == [
+        *("0", "3.0000e-17", "3.0000e-5"),
+    ]
+    assert "e-17" not in b.find("#points").text
+    b.picture("history")
+    b.no_errors()
+
+
 def odd(b):
     """Records without bodies, of one point, and of ten thousand."""
     b.open("bare")
@@ -344,7 +360,7 @@ def odd(b):
     b.settled()
     assert b.find("#values").text
     b.open("one")
-    assert "point 0 of 0" in b.ask("byId('where').textContent")
+    assert "point 0 (the only point)" in b.ask("byId('where').textContent")
     b.open("long")
     begun = time.monotonic()
     assert (
@@ -409,9 +425,7 @@ def main():
         chart(b)
         b.picture("chart")
         odd(b)
-        b.open("history")
-        b.picture("history")
-        b.no_errors()
+        history(b)
     finally:
         b.close()
     for check, flags, size in (

@@ -92,5 +92,7 @@ async function recordedTable(surface, state) {
     const at = (state - group.first) * row;
     table[name] = arrays[i].subarray(at, at + row);
   });
+  // Records hold the bound of the friction force; the page shows it next to the shear.
+  table.bound = table.bound.map((force, i) => (table.area[i] > 0 ? force / table.area[i] : 0));
   return table;
 }

@@ -150,8 +150,10 @@ function pointsTrace(x, y, by, kinds, colours) {
 function tooltip(series, index) {
   const s = META.series[series];
   const names = [...new Set([META.along, byId("axis-x").value, byId("axis-y").value])];
-  const lines = [`<b>${plain(s.name)}</b>, point ${index}`];
-  for (const name of names) lines.push(`${plain(label(name))} = ${written(valueAt(series, index, name))}`);
+  const noun = META.along === "gamma" ? "point" : "step";
+  const lines = [`<b>${plain(s.name)}</b>, ${noun} ${index}`];
+  for (const name of names) lines.push(`${plain(label(name))} = ` +
+    writtenOf(name, valueAt(series, index, name)));
   lines.push(plain(runs(diagram.words[s.first + index])).replace(/(.{50,70}?,) /g, "$1<br>"));
   return lines.join("<br>");
 }

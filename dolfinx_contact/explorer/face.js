@@ -5,10 +5,21 @@ const MOST_ARROWS = 300; // of a map
 const TITLES = { un: "gap", ut: "tangential displacement", pressure: "pressure", shear: "shear",
   status: "status", area: "area", slid: "distance slipped", bound: "friction bound" };
 const UNITS = { un: "length", ut: "length", pressure: "stress", shear: "stress", rn: "force",
-  rt: "force", slid: "length", x: "length", y: "length", z: "length" };
+  rt: "force", bound: "stress", slid: "length", x: "length", y: "length", z: "length" };
 
 function titleOf(name) {
   return withUnit(TITLES[name] || name.replace("internal.", ""), UNITS[name]);
+}
+
+/** Size of the values of a column of contact points, relative to which round-off is judged. */
+function scaleOf(face, name) {
+  if ("xyz".includes(name)) return META.body.size;
+  const quantity = UNITS[name];
+  if (quantity === "stress") return Math.max(...META.surfaces.map((one) => one.traction));
+  if (quantity === "force") return Math.max(...META.surfaces.map((one) => one.force));
+  const range = face.ranges[name] || [0, 0];
+  const own = Math.max(-range[0], range[1]);
+  return quantity === "length" ? Math.max(own, META.fields.displacement.largest) : own;
 }
 
 function faceNow() {
@@ -19,10 +30,14 @@ function pointWords(face, table, i) {
   const letter = String.fromCharCode(table.letters[i]);
   const dim = META.body.dim;
   const along = (name) => tangential(face, table, name, i);
-  const place = Array.from(table.x.subarray(dim * i, dim * (i + 1)), (c) => written(c, 4));
+  const place = Array.from(table.x.subarray(dim * i, dim * (i + 1)),
+    (c) => written(c, 4, META.body.size));
+  const value = (name, number) => written(number, 6, scaleOf(face, name));
+  const bound = face.ranges.bound[1] > 0 ? ` (friction bound ${value("bound", table.bound[i])})` : "";
   return [`<b>${plain(face.name)}</b>, point ${i}`, `at (${place.join(", ")})`,
-    plain(statusOf(letter).name), `gap ${written(table.un[i])}`,
-    `pressure ${written(table.pressure[i])}`, `shear ${written(along("shear"))}`].join("<br>");
+    plain(statusOf(letter).name), `gap ${value("un", table.un[i])}`,
+    `pressure ${value("pressure", table.pressure[i])}`,
+    `shear ${value("shear", along("shear"))}${bound}`].join("<br>");
 }
 
 /** A tangential vector as a number: along t = (-n_y, n_x) in 2D, its length in 3D. */
@@ -59,20 +74,27 @@ async function along(face, table) {
     marker: { size: face.points > 80 ? 5 : 7, color: order.map((i) => statuses[i]),
       line: { color: colour, width: 1 } } });
   const by = byId("face-colour").value;
-  const data = by === "status" || by === "pressure" || by === "shear" || by === "none"
+  const isTraction = ["status", "pressure", "shear", "bound", "none"].includes(by);
+  const data = isTraction
     ? [line((i) => table.pressure[i], "pressure", "#1f2933"),
       line((i) => tangential(face, table, "shear", i), "shear", "#c0392b")]
     : [line((i) => (face.components[by] > 1 ? tangential(face, table, by, i) : table[by][i]),
       TITLES[by] || by, "#1f2933")];
-  const [low, high] = data.length === 2
-    ? [Math.min(0, -face.ranges.shear[1]), Math.max(face.ranges.pressure[1], face.ranges.shear[1])]
+  const most = Math.max(face.ranges.shear[1], face.ranges.bound[1]);
+  const [low, high] = isTraction ? [-most, Math.max(face.ranges.pressure[1], most)]
     : [Math.min(0, ...data[0].y), Math.max(0, ...data[0].y)];
   const more = 0.06 * (high - low || 1);
+  // The shear lies between the friction bound and its negative.
+  if (isTraction && face.ranges.bound[1] > 0) {
+    for (const sign of [1, -1]) data.push({ type: "scatter", mode: "lines", x: s,
+      y: order.map((i) => sign * table.bound[i]), name: "± friction bound", legendgroup: "bound",
+      showlegend: sign > 0, hoverinfo: "skip", line: { color: "#c0392b", width: 1.2, dash: "dot" } });
+  }
   data.push(pickedTrace(face, s, data[0].y, order));
   await Plotly.react("face", data, plainLayout({
     xaxis: axis(withUnit("distance along the face", "length")),
-    yaxis: axis(data.length === 3 ? withUnit("traction", "stress") : titleOf(by),
-      data.length === 3 ? { range: [low - more, high + more] } : {}),
+    yaxis: axis(isTraction ? withUnit("traction", "stress") : titleOf(by),
+      isTraction ? { range: [low - more, high + more] } : {}),
     legend: { orientation: "h", y: 1.02, yanchor: "bottom", x: 0 },
     margin: { l: 64, r: 12, t: 26, b: 44 }, uirevision: face.name + by,
   }), SMALL);

@@ -346,6 +346,7 @@ class _Page:
         title = self.title or name
         labels = {column: _without_tex(text) for column, text in self.labels.items()}
         functionals = content.pop("functionals", [])
+        scales = content.pop("scales", {})
         meta = {
             "series": [],
             "points": 0,
@@ -364,7 +365,12 @@ class _Page:
             "notes": notes,
             "arrays": arrays.formats,
             "columns": [
-                {"name": n, "label": labels.get(n, n), "functional": n in functionals}
+                {
+                    "name": n,
+                    "label": labels.get(n, n),
+                    "functional": n in functionals,
+                    "scale": scales.get(n, 0.0),
+                }
                 for n in columns
             ],
         }
@@ -410,6 +416,7 @@ def _content(arrays: Arrays, diagram: DiagramData) -> dict[str, Any]:
         "along": diagram.along,
         "points": firsts[-1],
         "functionals": diagram.functionals,
+        "scales": diagram.scales(),
         "axes": diagram.axes,
         "series": series,
     }

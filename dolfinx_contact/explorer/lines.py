@@ -57,6 +57,7 @@ class DiagramData:
         functionals: names of columns requested by the user, or contact forces.
         lines: lines in order.
         unfinished: whether the record is being written or was interrupted.
+        alike: groups of columns that share a scale, such as the components of a force.
     """
 
     kind: str
@@ -65,6 +66,21 @@ class DiagramData:
     functionals: list[str]
     lines: list[BranchLine] = field(default_factory=list)
     unfinished: bool = False
+    alike: list[list[str]] = field(default_factory=list)
+
+    def scales(self) -> dict[str, float]:
+        """Return the largest modulus of each column, or of its group in `alike`."""
+        columns = {
+            n: np.concatenate([line.columns[n] for line in self.lines]) for n in self.columns
+        }
+        sizes = {
+            name: float(np.abs(values[np.isfinite(values)]).max(initial=0.0))
+            for name, values in columns.items()
+        }
+        for group in self.alike:
+            largest = max((sizes[name] for name in group), default=0.0)
+            sizes |= dict.fromkeys(group, largest)
+        return sizes
 
     @property
     def axes(self) -> tuple[str, str]:
@@ -185,7 +201,9 @@ def _steps(journal: EvolutionJournal) -> DiagramData:
     ending = "" if last is None else last.reason
     line = BranchLine(name, 0, columns, statuses, marks, False, ending)
     unfinished = last is None or last.ending is None
-    return DiagramData(f"a {name}", along, names, functionals, [line], unfinished)
+    alike = [[n for n in columns if n in start.energies]]
+    alike += [[n for n in forces if n in columns and n[:-2] == place] for place in journal.places]
+    return DiagramData(f"a {name}", along, names, functionals, [line], unfinished, alike)
 
 
 def _span(values: Array) -> float:

@@ -25,9 +25,8 @@ async function choose(series, index, share = 0) {
   byId("series").value = String(now.series);
   byId("slider").max = String(last);
   byId("slider").value = String(now.index);
-  const point = now.share ? `between points ${now.index} and ${now.index + 1}` : `point ${now.index}`;
-  byId("where").textContent =
-    `${point} of ${last}:  ${label(META.along)} = ${written(valueNow(META.along))}`;
+  byId("where").textContent = `${placeInWords(now.series, now.index, now.share)}:  ` +
+    `${label(META.along)} = ${writtenOf(META.along, valueNow(META.along))}`;
   await redraw();
   keep();
 }
@@ -214,9 +213,10 @@ function controls() {
     TITLES[name] || name.replace("internal.", "")]), ["none", "none"]]);
 }
 
-/** Where a page begins: where tractions are largest, or at the end of a record that grows. */
+/** Where a page begins: a branch where tractions are largest, histories and paths at their end. */
 function first() {
-  if (META.reload || !META.body) return [0, META.reload ? Infinity : 0];
+  if (META.reload || META.along !== "gamma") return [0, Infinity];
+  if (!META.body) return [0, 0];
   const at = diagram.states.indexOf(META.body.start);
   const series = META.series.findIndex((s) => s.first <= at && at < s.first + s.count);
   return series < 0 ? [0, 0] : [series, at - META.series[series].first];

@@ -20,8 +20,11 @@ Array = npt.NDArray[np.float64]
 Cells = npt.NDArray[np.int64]
 
 #: Columns of contact tables in a page, besides those of contact laws. Forces follow from tractions.
-_COLUMNS = ("x", "area", "un", "ut", "n", "pressure", "shear", "support", "letters", "bond", "slid")
-_COLOURED = ("pressure", "shear", "un", "ut")
+_COLUMNS = (
+    *("x", "area", "un", "ut", "n", "pressure", "shear", "bound", "support", "letters", "bond"),
+    "slid",
+)
+_COLOURED = ("pressure", "shear", "bound", "un", "ut")
 _GROUP = 16  # number of states whose tables are decoded together
 _CANDIDATES = 8  # number of facets that are tried for a point
 _SMALL = 0.03  # displacements below this fraction of the size of the body are exaggerated
@@ -215,17 +218,22 @@ def _tables(arrays: Arrays, states: Sequence[Any], name: str, key: str) -> dict[
         }
         groups.append({"first": start, "arrays": stored})
     lengths = {c: np.linalg.norm(v, axis=2) if v.ndim > 2 else v for c, v in columns.items()}
+    # The friction bound of records is a force; the page shows it as a traction.
+    area = columns["area"]
+    lengths["bound"] = np.divide(lengths["bound"], area, out=np.zeros_like(area), where=area > 0)
     names = [*_COLOURED, *(c for c in columns if c == "slid" or c.startswith("internal."))]
     ranges = {}
     for column in names:
         finite = lengths[column][np.isfinite(lengths[column])]
         ranges[column] = [float(finite.min(initial=0.0)), float(finite.max(initial=0.0))]
-    traction = np.hypot(lengths["shear"], lengths["pressure"]).max(axis=1, initial=0.0)
+    traction_at_points = np.hypot(lengths["shear"], lengths["pressure"])
+    traction = traction_at_points.max(axis=1, initial=0.0)
     return {
         "groups": groups,
         "components": {c: v.shape[2] if v.ndim > 2 else 1 for c, v in columns.items()},
         "ranges": ranges,
-        "traction": float(traction.max()),
+        "traction": float(traction.max(initial=0.0)),
+        "force": float((traction_at_points * area).max(initial=0.0)),
         "pressed": int(traction.argmax()) if traction.any() else len(states) - 1,
     }
 

@@ -7,7 +7,9 @@ const sorting = { column: 0, down: false, all: false };
 /** Head and rows of the table of contact points. */
 function contactRows(face, table) {
   const dim = META.body.dim;
-  const names = ["", ..."xyz".slice(0, dim), "status", "un", "ut", "pressure", "shear", "rn", "rt"];
+  const bounded = face.ranges.bound[1] > 0;
+  const names = ["", ..."xyz".slice(0, dim), "status", "un", "ut", "pressure", "shear",
+    ...(bounded ? ["bound"] : []), "rn", "rt"];
   const more = Object.keys(table).filter((name) => name.startsWith("internal.") || name === "slid");
   const found = [];
   for (let i = 0; i < face.points; i++) {
@@ -15,10 +17,11 @@ function contactRows(face, table) {
     const place = Array.from(table.x.subarray(dim * i, dim * (i + 1)));
     const status = String.fromCharCode(table.letters[i]);
     found.push([i, ...place, status, table.un[i], along("ut"), table.pressure[i], along("shear"),
-      table.pressure[i] * table.area[i], along("shear") * table.area[i],
+      ...(bounded ? [table.bound[i]] : []), table.pressure[i] * table.area[i], along("shear") * table.area[i],
       ...more.map((name) => table[name][i])]);
   }
-  return { names: [...names, ...more], rows: found, status: dim + 1 };
+  const scales = [...names, ...more].map((name) => scaleOf(face, name));
+  return { names: [...names, ...more], rows: found, status: dim + 1, scales };
 }
 
 async function drawPoints() {
@@ -30,7 +33,7 @@ async function drawPoints() {
     target.replaceChildren(element("p", "No contact points were recorded here.", "nothing"));
     return;
   }
-  const { names, rows: found, status } = contactRows(face, table);
+  const { names, rows: found, status, scales } = contactRows(face, table);
   const by = sorting.column;
   const order = (a, b) => (typeof a === "string" ? a.localeCompare(b)
     : (Number.isNaN(a) ? Infinity : a) - (Number.isNaN(b) ? Infinity : b));
@@ -40,8 +43,9 @@ async function drawPoints() {
   const head = made.createTHead().insertRow();
   names.forEach((name, i) => {
     const mark = i === by ? (sorting.down ? " ▾" : " ▴") : "";
-    const cell = element("th", (i === 0 ? "#" : withUnit(name.replace("internal.", ""),
-      UNITS[name])) + mark, i === status ? "words" : "");
+    const shownName = name === "bound" ? TITLES.bound : name.replace("internal.", "");
+    const cell = element("th", (i === 0 ? "#" : withUnit(shownName, UNITS[name])) + mark,
+      i === status ? "words" : "");
     cell.dataset.column = i;
     cell.title = TITLES[name] || "";
     head.append(cell);
@@ -59,7 +63,7 @@ async function drawPoints() {
         cell.className = "words";
         cell.append(key, statusOf(value).name);
       } else {
-        cell.textContent = written(value);
+        cell.textContent = written(value, 6, scales[i]);
         if (typeof value === "number" && i > 0) cell.title = String(value);
       }
     });
@@ -95,9 +99,8 @@ function drawValues() {
     const row = made.insertRow();
     row.append(element("td", name, "words"), element("td", value));
   };
-  const point = now.share ? `between ${now.index} and ${now.index + 1}` : `${now.index}`;
-  add("point", `${point} of ${s.count - 1}, ${s.name}`);
-  for (const { name } of META.columns) add(label(name), written(valueNow(name), 10));
+  add("place", placeInWords(now.series, now.index, now.share));
+  for (const { name } of META.columns) add(label(name), writtenOf(name, valueNow(name), 10));
   const parts = [made];
   const here = now.share ? [] : s.marks.filter((mark) => mark.index === now.index);
   for (const mark of here) parts.unshift(element("p", `${mark.kind}: ${mark.text}`));
@@ -179,7 +182,7 @@ function drawSolutions() {
       for (const { name } of columns) {
         const low = valueAt(one.series, one.from, name);
         const high = one.share ? valueAt(one.series, one.from + 1, name) : low;
-        line.append(element("td", written(low + one.share * (high - low))));
+        line.append(element("td", writtenOf(name, low + one.share * (high - low))));
       }
       line.append(element("td", runs(diagram.words[s.first + one.index]), "words long"));
       line.addEventListener("click", () => choose(one.series, one.from, one.share));

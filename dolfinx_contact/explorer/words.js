@@ -14,10 +14,13 @@ const LIGHT = [
 const FONT = { family: 'system-ui, "Segoe UI", "DejaVu Sans", sans-serif', size: 12,
   color: "#1f2933" };
 
-/** A number for people. */
-function written(value, digits = 6) {
+const ROUND_OFF = 1e-12; // relative to the scale of a value
+
+/** A number for people; round-off relative to `scale` is written as 0. */
+function written(value, digits = 6, scale = 0) {
   if (value === null || value === undefined || Number.isNaN(value)) return "–";
   if (!Number.isFinite(value)) return String(value);
+  if (Math.abs(value) <= ROUND_OFF * scale) return "0";
   const size = Math.abs(value);
   if (size !== 0 && (size < 1e-4 || size >= 1e7)) return value.toExponential(digits - 2);
   return String(Number(value.toPrecision(digits)));
@@ -65,6 +68,21 @@ function runs(word) {
 function label(name) {
   const column = META.columns.find((c) => c.name === name);
   return column ? column.label : name;
+}
+
+/** A value of a column of the diagram, in words. */
+function writtenOf(name, value, digits = 6) {
+  const column = META.columns.find((c) => c.name === name);
+  return written(value, digits, column ? column.scale : 0);
+}
+
+/** Place on a series in words: steps of a history or path and points of a branch count from 0. */
+function placeInWords(series, index, share = 0) {
+  const s = META.series[series];
+  const noun = META.along === "gamma" ? "point" : "step";
+  const place = share ? `between ${noun}s ${index} and ${index + 1}` : `${noun} ${index}`;
+  const last = s.count > 1 ? ` (0 to ${s.count - 1})` : ` (the only ${noun})`;
+  return (META.series.length > 1 ? `${s.name}, ` : "") + place + last;
 }
 
 function many(n) {
