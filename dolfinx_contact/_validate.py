@@ -7,9 +7,10 @@ collective; `_mpi.collective` raises the error of one rank on every rank.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from contextlib import suppress
 from copy import copy
+from dataclasses import FrozenInstanceError
 from functools import wraps
 from inspect import isfunction
 from typing import Any, ClassVar, TypeGuard, TypeVar
@@ -29,6 +30,7 @@ __all__ = [
     "number",
     "one_of",
     "positive",
+    "read_only",
     "scalar",
     "vector",
     "word",
@@ -172,6 +174,24 @@ def word(value: Any, name: str) -> str:
 # -- compiled objects ------------------------------------------------------------------------------
 
 _SEALED = "_sealed"
+
+
+def read_only(advice: str) -> Callable[[type[_T]], type[_T]]:
+    """Return a decorator of frozen dataclasses that adds advice to the error of an assignment.
+
+    Args:
+        advice: remedy for the message, with ``{name}`` in the place of the attribute.
+    """
+
+    def decorate(cls: type[_T]) -> type[_T]:
+        def refuse(self: Any, name: str, value: Any) -> None:
+            known = f"{name} of {type(self).__name__} cannot be set"
+            raise FrozenInstanceError(f"{known}: {advice.format(name=name)}")
+
+        setattr(cls, "__setattr__", refuse)  # noqa: B010
+        return cls
+
+    return decorate
 
 
 class ReadOnly:

@@ -194,12 +194,19 @@ def _check_young(young: Any, poisson: Any) -> None:
     )
 
 
+def _kind_of(u: Any) -> str:
+    """Return the name of the kind of an argument as users know it."""
+    if isinstance(u, ufl.Argument):
+        return "a TestFunction" if u.number() == 0 else "a TrialFunction"
+    return type(u).__name__
+
+
 def _require_displacement(u: Any) -> None:
     """Raise ``ValueError`` if ``u`` is not a vector Function."""
     if not isinstance(u, fem.Function):
         raise ValueError(
-            "a material needs the displacement, a Function (from its energy UFL makes residual and "
-            f"derivative), got {type(u).__name__}"
+            "a material needs the displacement, a fem.Function, also for a linear body, since "
+            f"residual and stiffness are derived from its energy; got {_kind_of(u)}"
         )
     if len(u.ufl_shape) != 1:
         raise ValueError(f"the displacement must be a vector Function, got shape {u.ufl_shape}")

@@ -407,10 +407,15 @@ def _vanishes(form: ufl.Form, u: fem.Function) -> bool:
 
 def _require_bulk(bulk: ufl.Form, u: fem.Function) -> None:
     """Raise ``ValueError`` if a form is neither an energy nor a residual of ``u``."""
+    arguments = bulk.arguments()
+    if any(a.number() > 0 for a in arguments):
+        raise ValueError(
+            "the bulk form contains a TrialFunction: write it with the displacement u, a "
+            "fem.Function, also for a linear body; the stiffness is derived from it"
+        )
     if not any(f is u for f in bulk.coefficients()):
         raise ValueError("the bulk form does not contain the displacement u")
-    arguments = bulk.arguments()
-    if len(arguments) > 1 or any(a.ufl_function_space() != u.function_space for a in arguments):
+    if any(a.ufl_function_space() != u.function_space for a in arguments):
         raise ValueError(
             "the bulk must be an energy (no test function) or a residual with one test function of "
             "the space of the displacement"

@@ -48,6 +48,7 @@ from dolfinx_contact.laws.law import (
     Scalar,
     Sign,
     StatusPiece,
+    constant_law,
 )
 from dolfinx_contact.laws.status import DAMAGING, OPEN, PLUS
 
@@ -59,6 +60,7 @@ _ORIGIN = Internal("origin", vector=True, hidden=True)
 _STIFFNESS = "stiffness"  # field of a compliant surface
 
 
+@constant_law
 @dataclass(frozen=True)
 class RCCM(Law):
     """Adhesion, friction and unilateral contact (Raous, Cangemi and Cocou).

@@ -10,11 +10,12 @@ from typing import Any, ClassVar
 import ufl
 
 from dolfinx_contact.laws.interface import Interface, InterfaceState, Rates
-from dolfinx_contact.laws.law import Internal, Scalar, Sign
+from dolfinx_contact.laws.law import Internal, Scalar, Sign, constant_law
 
 __all__ = ["BilinearCohesive", "MaxwellLayer"]
 
 
+@constant_law
 @dataclass(frozen=True)
 class BilinearCohesive(Interface):
     r"""Cohesive bond: the traction rises linearly, then falls linearly to zero.
@@ -73,6 +74,7 @@ class BilinearCohesive(Interface):
         return a * (a + b) / (a + b - state["damage"] * b)
 
 
+@constant_law
 @dataclass(frozen=True)
 class MaxwellLayer(Interface):
     r"""Thin viscoelastic layer: spring and dashpot in series, in parallel with another spring.

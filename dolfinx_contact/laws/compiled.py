@@ -22,7 +22,7 @@ import ufl
 from ufl.corealg.traversal import unique_pre_traversal
 
 from dolfinx_contact._mpi import everywhere
-from dolfinx_contact._ufl import depends_on, not_affine
+from dolfinx_contact._ufl import data_of, depends_on, not_affine
 from dolfinx_contact.laws.answers import Answers, Array, Codes, PointData
 from dolfinx_contact.laws.law import Law, StatusPiece, checked_pieces
 from dolfinx_contact.laws.roots import Roots
@@ -83,6 +83,24 @@ class _Written:
         return flat.components
 
 
+def _refuse_other_data(law: Law, scalars: list[Any], w: Any) -> None:
+    """Raise ``ValueError`` if a law uses Constants or Functions that are not fields of the law.
+
+    Args:
+        law: law, for the message.
+        scalars: expressions of the law.
+        w: Function with the fields of the law.
+    """
+    data = [d for e in scalars for d in (*data_of(e)[0], *data_of(e)[1])]
+    other = [type(d).__name__ for d in data if d is not w]
+    if other:
+        raise ValueError(
+            f"the formulas of the law {type(law).__name__} contain a {other[0]} that is not one of "
+            "its fields; only fields are known at the contact points. Declare a dataclass field, "
+            f"such as `friction: Any`, give the {other[0]} as its value, and write self.friction"
+        )
+
+
 class CompiledLaw:
     """Compiled law, shared by all laws of the same kind.
 
@@ -114,7 +132,9 @@ class CompiledLaw:
             kept = [name for name in law.memory(dim) if name not in law.given]
             given = dim, law.given, kept, law.unknowns(dim)
             every = Symbols(*given, from_memory(dim, kept), local=local)
-            memory = every.used(_Written(law, every).scalars)
+            scalars = _Written(law, every).scalars
+            _refuse_other_data(law, scalars, every.w)
+            memory = every.used(scalars)
             symbols = Symbols(*given, memory, local=local)
             written = _Written(law, symbols)
         self.names = symbols.names

@@ -31,7 +31,15 @@ import ufl
 
 from dolfinx_contact._validate import is_number
 from dolfinx_contact.laws.friction import FrictionLaw, Frictionless
-from dolfinx_contact.laws.law import Border, ContactPoint, Kernel, Scalar, Sign, StatusPiece
+from dolfinx_contact.laws.law import (
+    Border,
+    ContactPoint,
+    Kernel,
+    Scalar,
+    Sign,
+    StatusPiece,
+    constant_law,
+)
 from dolfinx_contact.laws.status import MINUS, PLUS, STICK
 
 __all__ = ["NormalCompliance", "Regularised"]
@@ -121,6 +129,7 @@ class _AroundFriction(FrictionLaw):
         return self.friction.entered(a)
 
 
+@constant_law
 @dataclass(frozen=True)
 class NormalCompliance(_AroundFriction):
     """Compliant surface with the pressure p = C (u_n)_+^m, optionally with friction.
@@ -187,6 +196,7 @@ class NormalCompliance(_AroundFriction):
         return replace(a, pressure=C * a.u_n * power, shear=shear, touches=a.r * a.u_n)
 
 
+@constant_law
 @dataclass(frozen=True)
 class Regularised(_AroundFriction):
     """Regularised friction: the shear b phi(x) increases with the scaled slip x.

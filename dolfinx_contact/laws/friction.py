@@ -23,6 +23,7 @@ from dolfinx_contact.laws.law import (
     Scalar,
     Sign,
     StatusPiece,
+    constant_law,
 )
 from dolfinx_contact.laws.status import MINUS, OPEN, PLUS, STICK, WHERE_OPEN
 
@@ -165,6 +166,7 @@ class Frictionless(FrictionLaw):
         return 0.0 * p
 
 
+@constant_law
 @dataclass(frozen=True)
 class Coulomb(FrictionLaw):
     """Coulomb friction; the static law is ``|lambda_t| <= F |lambda_n|``.
@@ -188,6 +190,7 @@ class Coulomb(FrictionLaw):
         return ufl.gt(self.friction, 0.0)
 
 
+@constant_law
 @dataclass(frozen=True)
 class Tresca(FrictionLaw):
     """Tresca friction: prescribed friction bound ``|lambda_t| <= g`` on the whole surface.

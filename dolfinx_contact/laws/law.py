@@ -27,7 +27,7 @@ import ufl
 from dolfinx import fem, mesh
 
 from dolfinx_contact._ufl import refuse_other_mesh
-from dolfinx_contact._validate import instance, one_of
+from dolfinx_contact._validate import instance, one_of, read_only
 from dolfinx_contact.laws.status import BROKEN, DAMAGING, MINUS, WHERE_OPEN
 
 __all__ = [
@@ -43,6 +43,7 @@ __all__ = [
     "Sign",
     "StatusPiece",
     "checked_pieces",
+    "constant_law",
     "obeys",
 ]
 
@@ -54,6 +55,13 @@ Scalar: TypeAlias = Any
 BoundKind: TypeAlias = Literal["proportional", "given", "other"]
 #: Admissible changes of an internal variable.
 Monotone: TypeAlias = Literal["any", "falls", "grows"]
+
+
+#: Decorator of frozen laws: the error of an assignment names the way to change a number.
+constant_law = read_only(
+    "laws are read-only. After surface = ContactSurface(..., law=law), surface.law.{name}.value = "
+    "... changes the number between two solves"
+)
 
 
 class Kernel(NamedTuple):

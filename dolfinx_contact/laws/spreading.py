@@ -27,7 +27,7 @@ import ufl
 
 from dolfinx_contact._validate import is_number
 from dolfinx_contact.laws.friction import FrictionLaw
-from dolfinx_contact.laws.law import ContactPoint, Kernel, Scalar, Sign
+from dolfinx_contact.laws.law import ContactPoint, Kernel, Scalar, Sign, constant_law
 
 __all__ = ["KERNELS", "NonlocalCoulomb", "whole"]
 
@@ -57,6 +57,7 @@ def whole(shape: str, dim: int) -> float:
     return float(quad(lambda x: float(omega(np.array(x))) * ring(x), 0.0, 1.0, epsabs=1e-14)[0])
 
 
+@constant_law
 @dataclass(frozen=True)
 class NonlocalCoulomb(FrictionLaw):
     """Coulomb friction with the bound F times the average pressure of neighbouring points.

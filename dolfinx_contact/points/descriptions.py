@@ -29,6 +29,7 @@ from dolfinx_contact._validate import (
     instance,
     one_of,
     positive,
+    read_only,
     scalar,
     vector,
     word,
@@ -37,7 +38,7 @@ from dolfinx_contact.laws import Frictionless, Law
 from dolfinx_contact.meshing import GmshMesh
 from dolfinx_contact.obstacles import Obstacle, has_ufl
 from dolfinx_contact.points.rigid_body import RigidBody
-from dolfinx_contact.points.trace import checked_planes
+from dolfinx_contact.points.trace import checked_planes, exterior_facets
 
 __all__ = [
     "Contact",
@@ -297,6 +298,27 @@ def _compared(a: Arguments) -> dict[str, Any]:
 
 T = TypeVar("T")
 
+_ADVICE = (
+    "descriptions are read-only. Between two solves surface.law.friction.value = ... changes a "
+    "number of the law, and the Constants of an obstacle move it; for other changes make another "
+    "surface and another problem"
+)
+
+
+def _described(contact: Contact) -> str:
+    """Return kind, name, law and obstacle of a description as text."""
+    words = [repr(contact.name), f"law {type(contact.law).__name__}"]
+    if isinstance(contact, ContactSurface):
+        words.append(f"obstacle {type(contact.obstacle).__name__}")
+        tags = {"tag": contact.tag}
+    elif isinstance(contact, ContactPair):
+        words.append(f"{contact.sliding} sliding")
+        tags = {"slave": contact.slave, "master": contact.master}
+    else:
+        tags = {"tag": contact.tag}
+    words += [f"{kind} {tag!r}" for kind, tag in tags.items() if tag is not None]
+    return f"<{type(contact).__name__} {', '.join(words)}>"
+
 
 def _declared(
     what: str, check: Callable[[Arguments], Any], local: Collection[str]
@@ -306,7 +328,8 @@ def _declared(
     def decorate(cls: type[T]) -> type[T]:
         validated = collective(what, check, compare=_compared, local=local)
         setattr(cls, "__init__", validated(getattr(cls, "__init__")))  # noqa: B009, B010
-        return cls
+        setattr(cls, "__repr__", _described)  # noqa: B010
+        return read_only(_ADVICE)(cls)
 
     return decorate
 
@@ -382,6 +405,10 @@ class ContactSurface:
     remove_overlap: float | None = None
     axisymmetric: bool = False
     name: str = "contact"
+
+    def __post_init__(self) -> None:
+        # a tag without facets is an error here, not only in the problem
+        exterior_facets(self.u.function_space.mesh, self.facets, self.tag, self.name)
 
 
 @_declared("a contact pair", _check_pair, ("facets", "master_facets"))

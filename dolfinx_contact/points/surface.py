@@ -148,6 +148,14 @@ class DiscreteSurface(ReadOnly):
         self._place = self._place_of_obstacle()
         self.moved_along = False
 
+    def __repr__(self) -> str:
+        where = f" on rank {self.comm.rank}" if self.comm.size > 1 else ""
+        return (
+            f"<{type(self).__name__} {self.name!r}: {self.points.number} contact points{where}, "
+            f"{self.points.method}, law {type(self.law).__name__}, obstacle "
+            f"{type(self.obstacle).__name__}>"
+        )
+
     def _place_points(self, points_class: type[ContactPoints]) -> None:
         """Create the contact points, the law there, and the multiplier. Collective."""
         self.points = points_class(

@@ -36,6 +36,7 @@ import logging
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import combinations_with_replacement
 from typing import TypeAlias
 
 from petsc4py import PETSc
@@ -71,6 +72,7 @@ _FOLLOWING = "load following"
 _LIMITS = {_BONDS: 2000.0, "pivoting": 500.0, "line search": 80.0, _INCREMENTS: 400.0}
 _HELD = 1  # Newton steps in which expected statuses are held
 _SMALLEST = 1e-4  # smallest increment of the load, relative to the first one
+_SOFT = 1e-12  # energy of a uniform strain that is round-off, relative to the largest one
 
 Monitor: TypeAlias = Callable[[Step], None] | None
 #: Function of unknowns, attempt and monitor that returns whether the unknowns are a solution.
@@ -154,9 +156,11 @@ def solve(
             again = "a rigid motion is free there too" if floating else ""
             attempt.reason = str(error)
             floating[strategy] = error
+        drifts = strategy in floating
         if attempt.converged and (reason := diverged(equations, x)):
             attempt.converged = False
             attempt.reason = reason
+            drifts = True
         if attempt.converged:
             objection = inverted(equations, x)
             if not objection:
@@ -166,6 +170,8 @@ def solve(
             inverting = strategy
             x.copy(turned)
         progress.clear()
+        if len(attempts) == 1 and drifts and (soft := _soft_strain(equations)):
+            raise ConvergenceError(soft, attempts)
         if attempt.linear_solver_failed and linear().is_iterative:
             break  # systems of other strategies are like these
         if equations.comm.rank == 0:
@@ -178,6 +184,44 @@ def solve(
     if attempts[0].strategy in floating:
         raise FloatingBodyError(attempts[0].reason, attempts)
     raise ConvergenceError(_diagnosis(equations, attempts), attempts)
+
+
+def _soft_strain(eq: ContactEquations) -> str:
+    """Return the message for a linear body without stiffness against a uniform strain; "" if none.
+
+    Collective. The bilinear form of the stiffness is evaluated on all displacements that are linear
+    in the coordinates and symmetric.
+    """
+    if not eq.bulk.linear:
+        return ""
+    K = eq.bulk.stiffness(eq.bulk.displacement.x.array)
+    dim = len(eq.bulk.displacement)
+    x = eq.V.tabulate_dof_coordinates()[: eq.V.dofmap.index_map.size_local, :dim]
+    strains = []
+    for i, j in combinations_with_replacement(range(dim), 2):
+        strain = np.zeros((dim, dim))
+        strain[i, j] = strain[j, i] = 1.0
+        strains.append(strain)
+    fields, products = K.createVecRight(), K.createVecLeft()
+    energies = np.zeros((len(strains), len(strains)))
+    for k, strain in enumerate(strains):
+        fields.array[:] = (x @ strain).ravel()
+        K.mult(fields, products)
+        forces = products.array_r.reshape(-1, dim)
+        energies[:, k] = [np.sum(forces * (x @ other)) for other in strains]
+    fields.destroy()
+    products.destroy()
+    energies = eq.comm.allreduce(energies)
+    values, vectors = np.linalg.eigh((energies + energies.T) / 2)
+    if abs(values[0]) > _SOFT * np.abs(values).max():
+        return ""
+    worst = sum(c * strain for c, strain in zip(vectors[:, 0], strains, strict=True))
+    worst = np.round(worst / np.abs(worst).max(), 3) + 0.0
+    return (
+        f"the body has no stiffness against the uniform strain {worst.tolist()}: its energy must "
+        "grow with every strain, shear included; look at its moduli and at missing terms. The "
+        "displacement and the multipliers are as they were before the solve."
+    )
 
 
 def _diagnosis(eq: ContactEquations, attempts: list[Attempt]) -> str:

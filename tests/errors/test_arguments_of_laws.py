@@ -1,7 +1,7 @@
 """Arguments that laws of contact and friction refuse: one table for each law."""
 
 import logging
-from dataclasses import dataclass
+from dataclasses import FrozenInstanceError, dataclass
 from typing import Any
 
 from mpi4py import MPI
@@ -11,10 +11,20 @@ import pytest
 from support.blocks import block, same_tables
 from support.bonds import C, W, bonded
 
+from dolfinx import fem
+
 from dolfinx_contact import RCCM, Coulomb, NonlocalCoulomb, NormalCompliance, Regularised
 from dolfinx_contact.analysis import stability_at_rest
 from dolfinx_contact.evolution import QuasiStatic
-from dolfinx_contact.laws import OPEN, Border, Interface, Internal, Law, StatusPiece
+from dolfinx_contact.laws import (
+    OPEN,
+    Border,
+    FrictionLaw,
+    Interface,
+    Internal,
+    Law,
+    StatusPiece,
+)
 from dolfinx_contact.points.memory import Memory
 
 COMM = MPI.COMM_WORLD
@@ -228,3 +238,22 @@ def test_own_law_refuses_pieces_without_statuses(pieces, message):
 
     with pytest.raises(ValueError, match=message):
         block(law=Own())
+
+
+@pytest.mark.ranks(2)
+def test_own_law_refuses_data_that_are_not_its_fields():
+    problem = block()
+    factor = fem.Constant(problem.V.mesh, 0.5)
+
+    class Own(FrictionLaw):
+        def bound(self, a, p):
+            return factor * p
+
+    with pytest.raises(ValueError, match="the law Own contain a Constant that is not one of its"):
+        block(law=Own())
+
+
+@pytest.mark.parametrize("law", [Coulomb(0.3), RCCM(C, C, W), NormalCompliance(1e3)])
+def test_assignment_to_a_law_names_the_way_to_change_it(law):
+    with pytest.raises(FrozenInstanceError, match=r"surface\.law\.friction\.value"):
+        law.friction = 0.5

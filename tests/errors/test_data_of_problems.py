@@ -82,24 +82,24 @@ def test_surface_refuses_a_tag_without_facets():
     with pytest.raises(
         ValueError, match=r"no facet has the tag 3; tags of the mesh: \[7\]"
     ) as info:
-        discrete(u, where=tags, tag=3)
+        surface(u, where=tags, tag=3)
     same_on_every_rank(info)
     with pytest.raises(ValueError, match="need a tag"):
-        discrete(u, where=tags)
+        surface(u, where=tags)
     assert discrete(u, where=tags, tag=7).points.space.dofmap.index_map.size_global == 5
 
 
 def test_surface_refuses_an_empty_list_of_facets():
     _, u = square()
     with pytest.raises(ValueError, match="no facet was given"):
-        discrete(u, where=np.array([], dtype=np.int32))
+        surface(u, where=np.array([], dtype=np.int32))
 
 
 def test_surface_refuses_interior_facets():
     domain, u = square()
     inside = mesh.locate_entities(domain, 1, lambda x: np.isclose(x[1], 0.5))
     with pytest.raises(ValueError, match="4 facets lie inside the body") as info:
-        discrete(u, where=inside)
+        surface(u, where=inside)
     same_on_every_rank(info)
 
 
@@ -254,6 +254,17 @@ def test_failed_solve_names_an_energy_of_the_wrong_sign():
     with pytest.raises(ConvergenceError) as failure:
         problem.solve()
     assert "its energy falls with a strain" in str(failure.value).splitlines()[1]
+
+
+def test_solve_refuses_a_body_without_shear_stiffness():
+    """The first attempt names the strain, so that the load is not followed for a minute."""
+    _, u = square()
+    energy = 500.0 * ufl.div(u) ** 2 * ufl.dx
+    problem = ContactProblem(energy, u, [surface(u)], bcs=[clamp(u, 1, 1.0, (0.01, -0.02))])
+    with pytest.raises(ConvergenceError, match="no stiffness against the uniform strain") as info:
+        problem.solve()
+    same_on_every_rank(info)
+    assert len(info.value.attempts) == 1
 
 
 @pytest.mark.chatty
@@ -446,11 +457,14 @@ def test_problem_refuses_forms_surfaces_and_conditions():
     for bulk, message in (
         (MATERIAL.energy(other) * ufl.dx, "does not contain"),
         (ufl.inner(u, v) * ufl.dx, "one test function of the space"),
+        (ufl.div(ufl.TrialFunction(u.function_space)) ** 2 * ufl.dx, "contains a TrialFunction"),
         (MATERIAL.energy(u), "must be a UFL form"),
     ):
         with pytest.raises(ValueError, match=message):
             ContactProblem(bulk, u, [surface(u)])
     energy = MATERIAL.energy(u) * ufl.dx
+    with pytest.raises(ValueError, match="got a TrialFunction"):
+        MATERIAL.energy(ufl.TrialFunction(u.function_space))
     with pytest.raises(ValueError, match="at least one contact surface"):
         ContactProblem(energy, u, [])
     with pytest.raises(ValueError, match="made with the displacement"):

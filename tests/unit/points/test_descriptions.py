@@ -62,6 +62,7 @@ def test_a_description_is_frozen_and_its_law_has_constants():
     assert isinstance(surface.law.friction, fem.Constant)
     with pytest.raises(FrozenInstanceError):
         surface.law = Coulomb(0.1)
+    assert repr(surface) == "<ContactSurface 'contact', law Coulomb, obstacle HalfSpace>"
 
 
 def test_a_problem_finds_its_surfaces_by_description():
