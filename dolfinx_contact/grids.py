@@ -35,7 +35,7 @@ def graded(length: float, size: float, fine: int, coarse: int) -> Array:
         Increasing coordinates, shape (fine + coarse + 1,).
 
     Raises:
-        ValueError: if the fine cells fill the length, or there are no coarse cells.
+        ValueError: if the fine cells fill the length, or no coarse cells remain.
     """
     if not (size > 0 and fine >= 0 and coarse >= 1 and fine * size < length < np.inf):
         raise ValueError(f"{fine} cells of size {size} and {coarse} more do not fill {length}")

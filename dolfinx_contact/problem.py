@@ -886,7 +886,7 @@ class ContactProblem(ReadOnly):
            another solution is found quickly, that solution is returned, and a warning is logged.
         2. Otherwise, up to a few hundred points: the weaker criterion of Renard
            (`analysis.renard_criterion`).
-        3. If no certificate applies and there is no Coulomb friction: the theorems of `theory`.
+        3. If no certificate applies and no law is Coulomb friction: the theorems of `theory`.
 
         The verdict is ``"not proved"`` if the assumption of small sliding is violated
         (`Result.warnings`), because the solved problem then differs from the contact problem of

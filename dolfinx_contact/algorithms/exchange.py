@@ -92,7 +92,7 @@ def load_points(file: str | os.PathLike[str]) -> PointProblem:
             ``.dat`` (Siconos).
 
     Raises:
-        FileNotFoundError: if there is no such file.
+        FileNotFoundError: if the file does not exist.
         ValueError: if the content does not fit the format, or the compliance is singular; then use
             `load_local`.
         ModuleNotFoundError: for HDF5 without h5py.
@@ -101,14 +101,14 @@ def load_points(file: str | os.PathLike[str]) -> PointProblem:
     if path.suffix in (*_HDF5, ".dat"):
         return _read(path, lambda: _local(path).points())
     if path.is_file() and not zipfile.is_zipfile(path):
-        raise ValueError(f"{path} is no npz file")
+        raise ValueError(f"{path} is not an npz file")
     try:
         with np.load(path, allow_pickle=False) as data:
             content: Arrays = dict(data)
     except FileNotFoundError:
         raise
     except Exception as error:
-        raise ValueError(f"{path} is no npz file: {error}") from None
+        raise ValueError(f"{path} is not an npz file: {error}") from None
     stored = str(content.pop("format", "nothing"))
     if stored != FORMAT:
         raise ValueError(f"{path} has no points: its format is {stored!r}, not {FORMAT!r}")
@@ -129,7 +129,7 @@ def load_local(file: str | os.PathLike[str]) -> LocalProblem:
         file: file name with the suffix ``.hdf5`` or ``.h5`` (FCLib), or another one (Siconos).
 
     Raises:
-        FileNotFoundError: if there is no such file.
+        FileNotFoundError: if the file does not exist.
         ValueError: if the content does not fit the format.
         ModuleNotFoundError: for HDF5 without h5py.
     """

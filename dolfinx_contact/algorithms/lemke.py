@@ -125,7 +125,7 @@ def coulomb_by_lemke(
     """
     given = PointProblem(S, p, friction, bound)  # type: ignore[arg-type]
     if given.dim != 2:
-        raise ValueError("friction in space is no complementarity problem but for a polygon")
+        raise ValueError("friction in 3D is a complementarity problem only with a friction polygon")
     contact, stiffness, length = given.scaled()
     r, pivots = _by_lemke(contact, 2)
 

@@ -53,7 +53,7 @@ class ProvedCount:
         branches: number of the branch of each solution (the first, where several meet); -1 for a
             solution on no branch.
         unfound: numbers of branches that pass here with a state that is none of the solutions.
-        certificate: proof that there are no others; None if there is none, or if the solutions were
+        certificate: proof of completeness; None if it is missing, or if the solutions were
             enumerated and no proof confirms it.
         seconds: computing time.
     """

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Charts: numbers of solutions of a contact problem over two parameters, in cells.
 
-All solutions in the middle of each cell are searched, with a proof that there are no others
+All solutions in the middle of each cell are searched, with a proof of completeness
 (`proofs`). A cell is divided if a curve of folds passes through it, or if the number of solutions
 of a neighbour differs where no curve is known to pass. Proofs hold in the middles: it is not proved
 that nothing changes within a cell.
@@ -240,7 +240,7 @@ def solutions_at(
         family: problem with two parameters.
         places: (mu, gamma) of the places.
         known: statuses of solutions to start from, for each place.
-        seconds: time of a proof.
+        seconds: time limit of one proof, in seconds.
         what: name of the task, for the progress line and errors.
 
     Returns:

@@ -118,11 +118,11 @@ class CurveOverMu:
 
 @dataclass(frozen=True, eq=False)
 class EventCurve(CurveOverMu):
-    """Successive segments, mu rising.
+    """Chain of curve segments with increasing mu.
 
     Attributes:
-        kind: kind of all segments.
-        segments: segments in order.
+        kind: kind of all segments, "fold" or "event".
+        segments: segments, each beginning where the preceding one ends.
     """
 
     kind: str

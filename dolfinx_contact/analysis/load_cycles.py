@@ -9,8 +9,9 @@ solution, Lemke's method finds one in the plane, and Gauss-Seidel in space.
 After a cycle in which no closed point has slipped, opened or closed, the points remain at rest: the
 same state holds at its corners in the next cycle, and by convexity between them. (Points may also
 open and close without slip, which counts as rest at the steps; points without friction slide
-freely, which is no slip.) If displacements repeat with slip, friction dissipates the same work in
-every cycle (alternating slip). If they grow by the same amount in each cycle, it is ratcheting.
+freely, which does not count as slip.) If displacements repeat with slip, friction dissipates the
+same work in every cycle (alternating slip). If they grow by the same amount in each cycle, it is
+ratcheting.
 """
 
 from __future__ import annotations

@@ -76,7 +76,7 @@ class Regions(ChartCells[Region]):
 
     @property
     def explained(self) -> bool:
-        """Whether solutions change as the curves require, and nowhere else."""
+        """Whether the number of solutions changes across each curve as required, and only there."""
         return all(_changes_at(*pair) for pair in self._one_above_the_other()) and all(
             a.solutions == b.solutions for a, b in self._side_by_side()
         )

@@ -241,7 +241,15 @@ def _require_nodes_of_one(eq: ContactEquations, touching: Flags, loose: Flags) -
 
 
 def free_motions(eq: ContactEquations, blocks: Sequence[PETSc.Mat]) -> Array:
-    """Return rigid motions held neither by Dirichlet data nor by rows. Collective."""
+    """Return the rigid motions that neither Dirichlet data nor constraint rows hold. Collective.
+
+    Args:
+        eq: contact problem.
+        blocks: matrices whose rows are constraints of the displacement.
+
+    Returns:
+        Basis of the free motions, one per row.
+    """
     motions = eq.scaling.loose.of_body
     if len(motions) == 0:
         return motions

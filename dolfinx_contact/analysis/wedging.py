@@ -73,7 +73,7 @@ class Wedging:
     """Smallest friction with which a body stays wedged.
 
     Attributes:
-        friction: friction of `state`; infinite if there is no state up to 1000.
+        friction: friction of `state`; infinite if no state was found up to 1000.
         lower: friction below which no such state exists, proved if `complete`; 0 otherwise. In 2D
             it equals ``friction`` up to 1e-7.
         complete: whether the search came to its end.

@@ -195,7 +195,7 @@ class Krylov:
         near: PETSc.Vec | None = None,
         model: ModelTest | None = None,
     ) -> bool:
-        """Solve with J; False if that fails.
+        """Solve a linear system with J; return whether it succeeded.
 
         Args:
             rhs: right-hand side.

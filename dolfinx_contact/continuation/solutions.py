@@ -2,7 +2,7 @@
 r"""Search for several solutions at one gamma, on one branch or on several.
 
 1. If the pieces are affine cones, a solution at gamma is a ray of the cones under the total load.
-   `rays.py` computes the rays by enumeration, which proves that there are no others, or by
+   `rays.py` computes the rays by enumeration, which proves completeness, or by
    unfolding.
 2. If there are too many pieces, or affine pieces that are not cones, the system may provide a proof
    (`System.prove`).
@@ -163,7 +163,7 @@ def find_solutions(
 
     The data of the system (Functions, statuses and gamma of a contact problem) are restored. If the
     pieces are not affine, the first solution is computed from a guess by the solver of the system
-    (`ContactProblem.solve` for a contact problem). There is no proof if the model is not valid for
+    (`ContactProblem.solve` for a contact problem). No proof is given if the model is not valid for
     a solution, for example if small sliding is assumed between bodies or on curved obstacles and
     the sliding is not small.
 
@@ -178,7 +178,7 @@ def find_solutions(
         max_iterations: largest number of iterations of a run of Newton's method.
         tolerance: relative residual of a solution.
         deflation: True to use deflation even if the pieces are affine.
-        proof_seconds: time limit of a proof that there are no other solutions; 0 for no proof. The
+        proof_seconds: time limit of the proof of completeness, in seconds; 0 for no proof. The
             proof is tried if there are too many affine pieces to enumerate, or if friction has a
             prescribed bound.
 

@@ -296,7 +296,7 @@ class System:
             gamma: parameter.
 
         Returns:
-            Solution, a new vector, or None; description of the attempts, "" if there is no solver.
+            Solution, a new vector, or None; description of the attempts, "" without a solver.
         """
         return None, ""
 

@@ -112,11 +112,11 @@ def _placed(
 
 
 class Constancy:
-    """Data that must keep the values that they have when this is made.
+    """Test that data keep the values that they have at construction.
 
     Args:
         comm: communicator of all ranks with these data.
-        data: the data.
+        data: tested data.
     """
 
     def __init__(self, comm: MPI.Comm, data: Sequence[Datum]):
@@ -125,9 +125,9 @@ class Constancy:
         self._values = [d.values.copy() for d in self._data]
 
     def changed(self) -> str:
-        """Place of a datum that has changed by more than 1e-9 of its size; "" if none. Collective.
+        """Return the place of a datum that has changed by more than 1e-9 of its size. Collective.
 
-        Of a Constant with both values.
+        The text includes both values of a Constant; it is empty if nothing has changed.
         """
         if not self._data:
             return ""

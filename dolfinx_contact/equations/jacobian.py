@@ -351,13 +351,13 @@ class RigidTerms:
 
 
 class SpreadTerms:
-    """Entries of one surface with a nonlocal law. Collective, as its methods are.
+    """Jacobian entries of one surface with a nonlocal law. All methods are collective.
 
     Args:
         surface: contact surface.
         unit: factor from unknowns to multipliers.
-        bodies: places of displacements, -1 if fixed, shape (groups, k, dim).
-        multipliers: places of the multipliers, -1 if removed, shape (groups, l, dim).
+        bodies: global indices of the displacements, -1 if fixed, shape (groups, k, dim).
+        multipliers: global indices of the multipliers, -1 if removed, shape (groups, l, dim).
         unknowns: number of unknowns of this rank.
     """
 

@@ -281,7 +281,7 @@ class ParametricEquations(System):
 
     @property
     def kinks(self) -> str:  # type: ignore[override]
-        """Kinks of the bulk in u, which the statuses do not show; "" if there are none."""
+        """Description of kinks of the bulk in u, which no status represents; "" without any."""
         text = self.equations.bulk.kinks
         return f"the bulk has kinks in u: {text}" if text else ""
 

@@ -297,7 +297,7 @@ class MotionStepper(Stepper):
     ) -> Array:
         """Return the gap such that the gap at w has the sign of un'_1 + e un'_0.
 
-        The gap is large if the forecast is open, so that there is no contact force.
+        The gap is large if the forecast is open, so that the contact force vanishes.
 
         Args:
             eq: equations of the step.

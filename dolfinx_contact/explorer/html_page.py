@@ -186,7 +186,7 @@ def watch(
         units: units of quantities.
         error: largest relative error of a displacement.
         seconds: time between two readings of the journal, and between two reloads of the page.
-        report: function called with a sentence when a page was written, or there is no point yet.
+        report: function called with a sentence after each page, and while no point is recorded.
 
     Returns:
         Path of the page.

@@ -57,7 +57,7 @@ def write_rows(
 
     Raises:
         OSError: on every rank, with the path, if it cannot be written; an earlier file remains.
-        ValueError: on every rank, if there is no row.
+        ValueError: on every rank, if ``rows`` is empty.
     """
 
     def text() -> str:

@@ -89,7 +89,7 @@ def crack(
         New mesh with all tags and names.
 
     Raises:
-        ValueError: on every rank, if there is no such group, a new name is the name of another
+        ValueError: on every rank, if a group does not exist, a new name is the name of another
             group, a facet lies on the boundary, an arm does not have two sides, no node of an arm
             can be doubled, the cells are curved, or tags are missing or belong to another mesh or
             to other entities.

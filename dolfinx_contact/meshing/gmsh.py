@@ -116,7 +116,7 @@ class GmshMesh(NamedTuple):
         """Return the local indices of the facets of the group ``name``. Collective.
 
         Raises:
-            ValueError: on every rank, if there is no such group, or ranks request different ones.
+            ValueError: on every rank, if no group has this name, or ranks request different ones.
         """
         tags = self._named_facets
         return np.asarray(tags.find(tags.tag(name)), dtype=np.int32)
@@ -148,7 +148,7 @@ class GmshMesh(NamedTuple):
             name: name of the group.
 
         Raises:
-            ValueError: on every rank, if there is no such group, ranks request different ones, or
+            ValueError: on every rank, if no group has this name, ranks request different ones, or
                 the space is not on the mesh.
         """
         facets = self.facets(name)
@@ -159,7 +159,7 @@ class GmshMesh(NamedTuple):
         """Return the measure of the facets of the group ``name`` for loads. Collective.
 
         Raises:
-            ValueError: on every rank, if there is no such group, ranks request different ones, or
+            ValueError: on every rank, if no group has this name, ranks request different ones, or
                 facets of the group lie inside of the body, where ``ds`` is 0.
         """
         tag = self._named_facets.tag(name)
@@ -177,7 +177,7 @@ class GmshMesh(NamedTuple):
             metadata: metadata of the measure, such as ``quadrature_degree=4``.
 
         Raises:
-            ValueError: on every rank, if there is no such group, or ranks request different ones.
+            ValueError: on every rank, if no group has this name, or ranks request different ones.
         """
         return ufl.Measure(
             "dx",
@@ -248,7 +248,7 @@ def read_mesh(
         groups: required names of groups of facets; default: none.
 
     Raises:
-        FileNotFoundError: on every rank, if there is no such file.
+        FileNotFoundError: on every rank, if the file does not exist.
         ValueError: on every rank, if gmsh cannot read it, it does not fit, or arguments differ
             between ranks; see `mesh_from_gmsh`.
     """

@@ -44,7 +44,7 @@ _MOVES = 1e-6  # a weight that is none of round-off
 def resting(V: fem.FunctionSpace, opposite: Opposite, fixed: Mask) -> Mask:
     """Return the mask of components in which neither a node nor its opposing point moves.
 
-    Collective. There is no jump without an opposing point.
+    Collective. Without an opposing point the jump is not defined.
 
     Args:
         V: displacement space.
@@ -98,18 +98,19 @@ def shared(
     idle: Mask,
     areas: Array,
 ) -> tuple[PETSc.Mat, Array, Mask]:
-    """Return means over the functions of vertices and those that they take. Collective.
+    """Return means over the enlarged basis functions of the vertices. Collective.
 
     Args:
         vertices: scalar P1 space of the slave facets.
-        given: mask of the local vertices whose function is given away, ghosts included.
-        idle: mask of the local vertices that take none.
-        areas: areas of the owned vertices.
+        given: mask of the local vertices whose basis function is distributed to their neighbours,
+            ghosts included.
+        idle: mask of the local vertices that receive no basis function.
+        areas: areas of the owned vertices, shape (n,).
 
     Returns:
-        Matrix of the means, in which a vertex that is given away has its own row; areas of the
-        owned vertices with those that they take; and the mask of the vertices whose functions
-        could be given away.
+        Matrix of the means, in which a distributed vertex has its own row; areas of the enlarged
+        functions of the owned vertices, shape (n,); and the mask of the vertices whose basis
+        function could be distributed.
     """
     n = len(areas)
     shares, given = _shares(vertices, given, idle)
@@ -130,16 +131,17 @@ def shared(
 def receiving_vertices(
     vertices: fem.FunctionSpace, given: Mask, idle: Mask
 ) -> tuple[Ints, Array, Mask]:
-    """Return the vertices that take the functions of the local vertices. Collective.
+    """Return the vertices to which the basis functions of removed vertices are added. Collective.
 
     Args:
         vertices: scalar P1 space of the slave facets.
-        given: mask of the local vertices whose function is given away, ghosts included.
-        idle: mask of the local vertices that take none.
+        given: mask of the local vertices whose basis function is distributed to their neighbours,
+            ghosts included.
+        idle: mask of the local vertices that receive no basis function.
 
     Returns:
-        Global vertices and shares (n, k); vertices of share 0 are copies of any; and the mask of
-        the vertices whose functions could be given away.
+        Global indices of the receiving vertices and their shares, shape (n, k) each, padded with
+        shares of 0; and the mask of the vertices whose basis function could be distributed.
     """
     shares, given = _shares(vertices, given, idle)
     index_map = vertices.dofmap.index_map
@@ -148,10 +150,11 @@ def receiving_vertices(
 
 
 def _shares(vertices: fem.FunctionSpace, given: Mask, idle: Mask) -> tuple[PETSc.Mat, Mask]:
-    """Return the shares a, rows of all functions and columns of kept ones, and the mask `given`.
+    """Return the matrix of shares, from kept functions to all functions, and the mask `given`.
 
-    The vertices around a vertex that is given away take equal parts. If these are given away too,
-    the parts continue until they are taken. A function that no vertex can take is kept.
+    The basis function of a vertex is distributed in equal parts to the vertices around it. If one
+    of these is distributed as well, its part is passed on. A function that no vertex can receive
+    is kept.
     """
     index_map = vertices.dofmap.index_map
     comm = vertices.mesh.comm

@@ -73,23 +73,23 @@ class Memory:
         return type(self), tuple(getattr(self, f.name) for f in fields(self))
 
     def fits(self, number: int, dim: int) -> bool:
-        """Return whether it belongs to a number of points."""
+        """Return whether the memory has the shape for ``number`` points in ``dim`` dimensions."""
         lengths = all(len(values) == number for values in self.fields.values())
         vectors = [self.jump] if self.place is None else [self.jump, self.place]
         return lengths and all(values.shape == (number, dim) for values in vectors)
 
     @property
     def slides(self) -> bool:
-        """Whether it belongs to faces that slide over each other."""
+        """Whether the memory is that of faces sliding over each other."""
         return self.displacement is not None
 
     @property
     def follows(self) -> bool:
-        """Whether it belongs to points that follow a curved obstacle."""
+        """Whether the memory contains positions on a curved obstacle."""
         return self.place is not None
 
     def later(self, step: float) -> Memory:
-        """Return the same memory for a step of another duration."""
+        """Return a copy of the memory for a step of duration ``step``."""
         return replace(self, step=step)
 
     def reference(self, n: Array) -> Array:

@@ -28,7 +28,7 @@ __all__ = ["LawAmongPoints", "Neighbours", "spreading_matrix"]
 
 
 def spreading_matrix(comm: MPI.Comm, x: Array, areas: Array, kernel: Kernel) -> PETSc.Mat:
-    """Return N on the points of all ranks. Collective.
+    """Return the averaging matrix N of a nonlocal law, distributed by points. Collective.
 
     Args:
         comm: communicator.

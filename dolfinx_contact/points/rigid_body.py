@@ -48,7 +48,7 @@ class RigidBody(ReadOnly, Obstacle):
     3D the components of the rotation vector); free rotations are small.
 
     Several contact surfaces may touch one rigid body. Problems with rigid bodies are solved by the
-    direct solver; there is no multigrid for them.
+    direct solver; multigrid does not support them.
 
     Args:
         shape: obstacle in its initial position.

@@ -67,7 +67,7 @@ def exterior_facets(domain: mesh.Mesh, facets: Any, tag: int | str | None, name:
         name: name of the surface for messages.
 
     Raises:
-        ValueError: on every rank, if there is no such facet, a facet lies inside the body, no group
+        ValueError: on every rank, if no facet is found, a facet lies inside the body, no group
             has the name, or the MeshTags belong to another mesh.
     """
     comm = domain.comm

@@ -1928,7 +1928,7 @@ class SpaceDifferences:
         """Return whether the weighted sum is proved to be positive definite within all errors.
 
         Args:
-            weights: nonnegative weights (9, m) of the forms; ignored where there is no form.
+            weights: nonnegative weights (9, m) of the forms; ignored where a form is absent.
             mu: nonnegative weight of the squares of the vanishing components.
         """
         if not ((weights >= 0).all() and np.isfinite(weights).all() and 0 <= mu < np.inf):
@@ -2306,13 +2306,13 @@ class Certificate:
             raise FileNotFoundError(f"there is no file {path}")
         try:
             if not zipfile.is_zipfile(path):
-                raise ValueError("it is no npz file")
+                raise ValueError("it is not an npz file")
             with np.load(path, allow_pickle=False) as archive:
                 found = {name: archive[name] for name in archive.files}
             missing = {*_DATA, "steps", "vectors"} - set(found)
             if missing:
                 raise ValueError(
-                    f"it is no certificate: parts are missing: {', '.join(sorted(missing))}"
+                    f"it is not a certificate: parts are missing: {', '.join(sorted(missing))}"
                 )
             kind = str(found.get("format", _FORMAT))
             if kind != _FORMAT:
@@ -2323,7 +2323,7 @@ class Certificate:
             proof = cls(problem, json.loads(str(found["steps"])), list(found["vectors"]))
             digests = [problem.digest, proof.digest]
         except Exception as error:  # a file that is not a proof may cause any error
-            raise InvalidCertificate(f"{path} is no proof: {error}") from error
+            raise InvalidCertificate(f"{path} is not a proof: {error}") from error
         if "format" in found or "digests" in found:
             stated = found.get("digests", np.zeros(0)).tolist()
             for what, now, then in zip(("data", "steps"), digests, [*stated, "", ""], strict=False):
@@ -2397,7 +2397,7 @@ class Proved:
     def verdict(self) -> Verdict:
         """Completeness of the proved solutions.
 
-        ``"complete"``: there are no other solutions. ``"degenerate"``: other solutions are possible
+        ``"complete"``: no other solution exists. ``"degenerate"``: other solutions are possible
         only in `border` and `singular`. ``"open"``: regions are undecided.
         """
         if self.open_regions:

@@ -50,12 +50,15 @@ def unknowns(problem: ReducedProblem, codes: Codes, a: Array, r: Array) -> Array
 
 
 def solved_piece(problem: ReducedProblem, codes: Codes, z: Array) -> Array | None:
-    """Unknowns of the solution of a piece, by Newton's method; None if it finds none.
+    """Return the solution of a piece computed by Newton's method; None if it does not converge.
 
     Args:
-        problem: scaled.
-        codes: statuses (m,).
-        z: start (m, 3).
+        problem: scaled problem.
+        codes: statuses of the points, shape (m,).
+        z: initial guess of the unknowns, shape (m, 3).
+
+    Returns:
+        Unknowns of the piece, shape (m, 3).
     """
     z = z.copy()
     slips = ((codes == 2) | (codes == 5)) & ((problem.friction > 0) | (problem.g > 0))

@@ -9,7 +9,7 @@ they satisfy dr.da = 0 and can be eliminated from S da - dr = dgamma q:
 
 for the components k of points at the apex and the free components e. S' is positive definite like
 S. The rays, normalised by dgamma = 1 or -1, are the solutions of the reduced problems with the
-loads q' and -q', and `solutions.py` proves completeness. There are no rays with dgamma = 0, since
+loads q' and -q', and `solutions.py` proves completeness. Rays with dgamma = 0 do not exist, since
 da.S' da = da.dr <= 0 at the apex.
 
 For slipping points and points at a border between two statuses, dr.da may have either sign, and

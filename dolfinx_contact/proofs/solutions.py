@@ -56,7 +56,7 @@ class ProvedSolutions:
     """Solutions of a reduced problem, and the result of the proof of completeness.
 
     Attributes:
-        verdict: ``"complete"``: there are no solutions other than ``solutions``. ``"degenerate"``:
+        verdict: ``"complete"``: ``solutions`` are all solutions. ``"degenerate"``:
             other solutions are possible only at the states ``border`` (within their error bounds)
             and in the pieces ``singular``, which may contain continua. ``"open"``: further
             solutions, in 3D also continua, may exist with the statuses ``open_regions``.

@@ -191,7 +191,7 @@ class _PlaneForm:
         self.c1 = k1 * s * s
         self.c2 = k2 / (s * s)
         B = s[:, None] * B * s
-        # A theta without effect is no variable.
+        # A theta without effect is not a variable.
         self.tilted = np.flatnonzero(tilted & np.any(B != 0, axis=1))
         self.B = B[self.tilted]
         self.F = friction[self.tilted]

@@ -216,7 +216,7 @@ class AnyJournal:
         """Return the entries of all points of a branch, or of all states of a history or path.
 
         Raises:
-            ValueError: if there is no such branch.
+            ValueError: if the branch does not exist.
         """
         return [p for _, p in self._points(branch)]
 

@@ -133,7 +133,7 @@ class HeldBody:
         unit: unit of the multipliers, of the size of the stiffness.
         prefix: prefix of PETSc options.
         counted: whether the matrix may be indefinite or singular, and its inertia is required;
-            default: if there are no rows.
+            default: if the matrix has no rows.
 
     Attributes:
         sizes: numbers of unknowns of this rank: all fields together, then the blocks of p.

@@ -23,7 +23,7 @@ class Uniqueness:
     Attributes:
         verdict: ``"proved"`` if the solution is proved to be the only one, ``"others exist"`` if
             another solution is known, otherwise ``"not proved"``.
-        reason: certificate or theorem used in the proof, or the reason why there is no proof.
+        reason: certificate or theorem used in the proof, or the reason why the proof failed.
         other: another solution, for `ContactProblem.restore`; None if none is known.
     """
 

@@ -95,7 +95,7 @@ def _of_text(path: Path, text: str) -> Array:
 def _of_gmsh(path: Path, group: str | int | None) -> tuple[Array, Ints]:
     """Return points and facets of a group of curves (2D) or surfaces (3D) of a gmsh file.
 
-    Without a group, all surfaces are read, or all curves if there are no surfaces.
+    Without a group, all surfaces are read, or all curves if the file has none.
     """
     gmsh = optional("gmsh", "gmsh")
     with empty_model(gmsh) as model:

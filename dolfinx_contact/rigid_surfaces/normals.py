@@ -20,9 +20,9 @@ Noisy points, or facets that do not approximate a smooth surface, such as those 
 partly a crease, can give normals that do not fit any facet. Therefore no normal deviates from the
 guess by more than the normals of the facets around the point, or around an adjacent point.
 
-At a *tip*, such as the apex of a cone, there is no tangent plane. There n_a.(x_b - x_a) has the
-same sign for all edges, and n_b.(x_b - x_a) is much smaller. At the pole of a sphere the two are
-opposite instead.
+At a *tip*, such as the apex of a cone, the tangent plane is not defined. There n_a.(x_b - x_a) has
+the same sign for all edges, and n_b.(x_b - x_a) is much smaller. At the pole of a sphere the two
+are opposite instead.
 """
 
 from __future__ import annotations

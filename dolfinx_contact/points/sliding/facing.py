@@ -316,7 +316,7 @@ class Facing:
 
     @property
     def mirrors(self) -> Array:
-        """1, or -1 along axes across which facets are images, shape (p, dim)."""
+        """Sign of each axis, -1 if the master facet is a mirror image along it, shape (p, dim)."""
         return self.found.mirrors[self.master]
 
     @property

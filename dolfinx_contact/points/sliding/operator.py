@@ -149,4 +149,4 @@ class SlidingOperator(Operator):
         return self.faces.forces(facing, np.zeros_like(mine), on_master)
 
     def destroy(self) -> None:
-        """Do nothing, since there are no matrices."""
+        """Do nothing: the operator has no matrices."""

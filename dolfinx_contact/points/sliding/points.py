@@ -84,7 +84,7 @@ class SlidingPair(DiscreteSurface):
             self.points.remove_overlap_of_mesh()
 
     def check_gaps(self) -> None:
-        """There are no given gaps."""
+        """Do nothing: gaps are always computed."""
 
     def hold(self, fixed: Mask, crossing: Mask) -> None:
         """Raise ``ValueError`` if nodes can leave their planes of symmetry. Collective."""

@@ -453,7 +453,7 @@ def test_explorer_command_writes_a_page(branch, folder, capsys):
         (["--label", "gamma"], "--label is NAME=VALUE, got 'gamma'"),
         (["--proof", "x=none.npz"], "--proof is GAMMA=FILE with a number"),
         (["--proof", "1=none.npz"], "there is no file none.npz"),
-        (["--proof", f"1={branch / FILE_NAME}"], "is no proof: it is no npz file\n"),
+        (["--proof", f"1={branch / FILE_NAME}"], "is not a proof: it is not an npz file\n"),
         (["--label", "nothing=x"], "there is no column 'nothing'"),
         (["--error", "7"], "error must be a number from"),
     ]:

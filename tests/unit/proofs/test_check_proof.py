@@ -152,17 +152,17 @@ def test_checker_refuses_other_files(stored, monkeypatch, capsys):
     for content in (b"", b"no proof", whole[: len(whole) // 2], whole[:-30]):
         stored.write_bytes(content)
         code, errors = status()
-        assert (code, "is no proof" in errors) == (1, True)
+        assert (code, "is not a proof" in errors) == (1, True)
         assert "pickle" not in errors
     for name, value, words in (
         ("format", np.array("dolfinx_contact proof 2"), "of the format"),
         ("S", parts["S"].astype(np.float32), "no double numbers"),
-        ("S", parts["S"].astype(object), "is no proof"),
+        ("S", parts["S"].astype(object), "is not a proof"),
         ("S", -parts["S"], "not positive definite"),
         ("p", parts["p"][:1], "must have the shape"),
         ("p", parts["p"] * np.nan, "not finite"),
-        ("steps", np.array("[" * 100_000), "is no proof"),
-        ("steps", np.array("[{"), "is no proof"),
+        ("steps", np.array("[" * 100_000), "is not a proof"),
+        ("steps", np.array("[{"), "is not a proof"),
         ("steps", np.array("3"), "was changed"),
         ("digests", np.array(["", ""]), "was changed"),
         ("digests", parts["digests"][::-1], "was changed"),

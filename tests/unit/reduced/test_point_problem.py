@@ -278,7 +278,7 @@ def test_load_points_refuses_other_files(tmp_path):
     with pytest.raises(FileNotFoundError):
         load_points(file)
     file.write_text("nothing")
-    with pytest.raises(ValueError, match=r"is no npz file$"):
+    with pytest.raises(ValueError, match=r"is not an npz file$"):
         load_points(file)
     np.savez(file, S=np.eye(2))
     with pytest.raises(ValueError, match="has no points: its format is 'nothing'"):
