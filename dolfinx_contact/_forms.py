@@ -91,7 +91,7 @@ def derived_form(
     Args:
         name: unique name of the derived form.
         original: original form.
-        make: function that returns the derived form, called unless it is in the cache; its result
+        make: function returning the derived form, called unless it is in the cache; its result
             must depend on the original form only.
         spaces: function spaces of the arguments; default: those of the original form.
         functions: Functions of the derived form, in the order of those of the original form;

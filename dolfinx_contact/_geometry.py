@@ -84,7 +84,7 @@ def by_coordinates(x: Array, ids: npt.NDArray[np.int64] | None = None) -> npt.ND
 
     Args:
         x: positions, shape (n, dim).
-        ids: keys that distinguish points at one place, such as the sides of a crack, independent of
+        ids: keys distinguishing points at one place, such as the sides of a crack, independent of
             ranks, shape (n, k); default: none.
     """
     ids = np.zeros((len(x), 0), dtype=np.int64) if ids is None else ids
@@ -94,7 +94,7 @@ def by_coordinates(x: Array, ids: npt.NDArray[np.int64] | None = None) -> npt.ND
 
 
 def _grouped(values: npt.NDArray[np.float64], least: float) -> npt.NDArray[np.int64]:
-    """Return ranks in the order of values, equal for values that differ by at most ``least``."""
+    """Return ranks in the order of values, equal for values differing by at most ``least``."""
     order = np.argsort(values)
     steps = np.diff(values[order]) > least
     places: npt.NDArray[np.int64] = np.zeros(len(values), dtype=np.int64)

@@ -60,7 +60,7 @@ def loads(package: str, modules: Mapping[str, Sequence[str]]) -> Callable[[str],
         modules: public names by module, relative to the package. Modules are attributes, too.
 
     Returns:
-        Function that returns an attribute by name. It raises ``ModuleNotFoundError`` with advice if
+        Function returning an attribute by name. It raises ``ModuleNotFoundError`` with advice if
         DOLFINx or one of its dependencies is missing, which pip omits without a message on systems
         without a wheel of the extra ``solver``.
     """
@@ -113,7 +113,7 @@ def warn_of_namesake(here: str = _HERE, path: Sequence[str] | None = None) -> No
 
 
 def _theirs_in(folder: str) -> list[str]:
-    """Return the names in a folder that belong to asimov-contact; none if it is not a folder."""
+    """Return the names in a folder belonging to asimov-contact; none if it is not a folder."""
     try:
         names = sorted(os.listdir(folder))
     except OSError:
@@ -159,7 +159,7 @@ def optional(package: str, extra: str, *, in_debian: bool = True) -> Any:
 
     Args:
         package: name of the package or of a module in it.
-        extra: extra of this distribution that contains the package.
+        extra: extra of this distribution containing the package.
         in_debian: whether Debian's package suffices.
 
     Raises:

@@ -206,7 +206,7 @@ def collective(
         what: description of the call for notes of errors.
         check: function of the arguments by name, called on each rank, that raises ``ValueError``.
             It may replace arguments, for example an iterator by a list. Default: none.
-        compare: function of the validated arguments that returns values to compare, by name,
+        compare: function of the validated arguments returning values to compare, by name,
             instead of arguments of these names or in addition to them. Functions among the values
             are called. It is used on several ranks only. Default: none.
         local: names of arguments that may differ between ranks, such as indices of facets.

@@ -254,7 +254,7 @@ def refuse_other_condition(bc: fem.DirichletBC, domain: mesh.Mesh) -> None:
 
 
 def described(value: Any, domain: mesh.Mesh) -> str:
-    """Return the content of an argument as text, equal on ranks that pass the same argument.
+    """Return the content of an argument as text, equal on ranks passing the same argument.
 
     UFL is described by the values of its Constants and by its signature, which contains neither the
     counts of UFL's objects nor the values of Functions, which are distributed over the ranks.

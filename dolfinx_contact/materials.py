@@ -246,7 +246,7 @@ class Material:
     def mean_dilatation_energy(self, u: fem.Function, dx: ufl.Measure = ufl.dx) -> ufl.Form:
         """Return the integrated energy for nearly incompressible quadrilaterals or hexahedra.
 
-        The part that grows with lambda depends on the change of volume of the whole cell, which is
+        The part growing with lambda depends on the change of volume of the whole cell, which is
         exact for distorted cells too; the other part is integrated by ``dx``. This is B-bar
         (Nagtegaal, Parks and Rice, Comput. Methods Appl. Mech. Engrg. 4, 1974, 153-177; Hughes,
         Int. J. Numer. Methods Engrg. 15, 1980, 1413-1418), in large strain with the ratio of the
@@ -261,7 +261,7 @@ class Material:
         Raises:
             ValueError: if the cells are simplices (use u of degree 2 there), if edges are curved,
                 if u is not Lagrange of degree 1, if ``dx`` is not a measure of cells, or if the
-                energy that grows with lambda does not depend on the change of volume only (plane
+                energy growing with lambda does not depend on the change of volume only (plane
                 stress, which does not lock, `StVenantKirchhoff`, and user-defined materials).
         """
         _require_measure(dx)
@@ -374,7 +374,7 @@ class Material:
         raise NotImplementedError
 
     def _volume_energy(self, u: fem.Function, dilatation: Any, ratio: Any) -> Any:
-        """Return the part of the stored energy that grows with lambda."""
+        """Return the part of the stored energy growing with lambda."""
         raise NotImplementedError
 
     def _energy_of(self, u: fem.Function, H: Any) -> Any:
@@ -498,7 +498,7 @@ class Separable(Elastic):
         raise NotImplementedError
 
     def _volume(self, u: fem.Function, J: Any) -> Any:
-        """Energy that grows with lambda."""
+        """Energy growing with lambda."""
         raise NotImplementedError
 
 

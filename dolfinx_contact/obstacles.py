@@ -94,7 +94,7 @@ def _direction(domain: mesh.Mesh, value: Any, what: str) -> Any:
 
 
 def _distance(domain: mesh.Mesh, across: Any, radius: Any) -> tuple[Any, Any]:
-    """Return gap and normal of a surface at a radius, from the vector that leads to the point."""
+    """Return gap and normal of a surface at a radius, from the vector leading to the point."""
     if not isinstance(radius, ufl.core.expr.Expr):
         radius = fem.Constant(domain, positive(radius, "the radius", "positive"))
     if radius.ufl_shape != ():
@@ -120,7 +120,7 @@ class Outline(NamedTuple):
 
 
 class Start(NamedTuple):
-    """Initial position of a face on an obstacle that ends at a rim.
+    """Initial position of a face on an obstacle ending at a rim.
 
     Attributes:
         gap: gaps; points past the rim leave gradually, shape (n,).
@@ -164,11 +164,11 @@ class Obstacle:
     def ended(self, face: Callable[[], tuple[Any, Any]]) -> Obstacle:
         """Return this obstacle with a gap that opens gradually beyond its rim.
 
-        A face that slides past the rim of an open surface loses contact over one facet. Obstacles
+        A face sliding past the rim of an open surface loses contact over one facet. Obstacles
         without a rim return themselves.
 
         Args:
-            face: function that returns UFL expressions of the facet sizes of the sliding face and
+            face: function returning UFL expressions of the facet sizes of the sliding face and
                 of the overlap removed at the start.
         """
         return self

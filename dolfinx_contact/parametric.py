@@ -186,7 +186,7 @@ class ParametricContact(ReadOnly, ParametricEquations):
         self._warned.update(warnings)
 
     def _put(self, x: PETSc.Vec, gamma: float, piece: Piece) -> Callable[[], Evaluation]:
-        """Write a point into the problem; return a function that evaluates its contact state."""
+        """Write a point into the problem; return a function evaluating its contact state."""
         self._set(gamma)
         statuses = self.statuses_of(piece)
         assert statuses is not None
@@ -261,7 +261,7 @@ class ParametricContact(ReadOnly, ParametricEquations):
 
     @contextmanager
     def restored(self, *, always: bool = False) -> Iterator[None]:
-        """Context manager that restores Functions, statuses, gamma and Dirichlet data.
+        """Context manager restoring Functions, statuses, gamma and Dirichlet data.
 
         Args:
             always: whether to restore them on every exit; default: only after an error.

@@ -363,7 +363,7 @@ class ContactProblem(ReadOnly):
 
     @collective("a step", _check_step)
     def step_from(self, state: State, *, step: float = 0.0) -> ContactProblem:
-        """Return the problem of one step that begins in a state. Collective.
+        """Return the problem of one step beginning in a state. Collective.
 
         In the returned problem, friction opposes the slip increment since the state, and laws with
         internal variables continue from their values in the state. In this problem, by contrast,
@@ -377,7 +377,7 @@ class ContactProblem(ReadOnly):
         Args:
             state: state at the beginning of the step.
             step: duration of the step, a non-negative time; default: 0, an instantaneous step.
-                Laws that depend on a viscosity or a velocity require a positive duration.
+                Laws depending on a viscosity or a velocity require a positive duration.
 
         Raises:
             ValueError: on every rank, if the state does not belong to this problem.
@@ -561,7 +561,7 @@ class ContactProblem(ReadOnly):
 
     @contextmanager
     def restored(self, *, always: bool = False) -> Iterator[None]:
-        """Context manager that restores Functions, rigid bodies and statuses after an error.
+        """Context manager restoring Functions, rigid bodies and statuses after an error.
 
         Args:
             always: whether to restore them on every exit, not only after an error.
@@ -610,7 +610,7 @@ class ContactProblem(ReadOnly):
 
     @contextmanager
     def at(self, state: State | None) -> Iterator[ContactProblem]:
-        """Context manager that writes a state to the Functions and restores them on exit.
+        """Context manager writing a state to the Functions and restoring them on exit.
 
         Within the context, the contact law is the law of the step that ended in the state.
         Collective.
@@ -825,7 +825,7 @@ class ContactProblem(ReadOnly):
             monitor: read-only function of the iterates, see `solve`.
             increments: initial number of load increments, see `solve`.
             progress: whether rank 0 shows the progress, see `solve`.
-            shown: function of the solution that returns the equations and the evaluation used for
+            shown: function of the solution returning the equations and the evaluation used for
                 tables and indicators; default: equations and evaluation of the solution.
         """
         trial = trial or Trial()

@@ -58,7 +58,7 @@ Local = tuple[int, Array, Array, Array]  # dim, W, q, mu with the normal first
 
 
 def save_points(file: str | os.PathLike[str], problem: PointProblem) -> None:
-    """Write a problem, in place of a file that exists already.
+    """Write a problem to a file, replacing an existing one.
 
     Args:
         file: file name with the suffix ``.npz``, or ``.hdf5`` or ``.h5`` for FCLib.

@@ -256,7 +256,7 @@ class Algorithm:
         raise NotImplementedError
 
     def described(self) -> str:
-        """Return the name with the options that differ from their defaults."""
+        """Return the name with the options differing from their defaults."""
         other = [
             f"{f.name}={getattr(self, f.name)!r}"
             for f in fields(self)

@@ -153,7 +153,7 @@ def _polished(
     Args:
         contact: reduced problem in 2D.
         r: contact forces from Lemke's method, shape (m, 2).
-        measure: function of displacements and forces that returns the violation of the laws.
+        measure: function of displacements and forces returning the violation of the laws.
         enough: violation at which no further step is taken.
 
     Returns:
@@ -243,13 +243,13 @@ class _Tableau:
         self._since = 0  # pivots since the table was made from the data
 
     def first(self) -> int:
-        """Let z_0 enter the basis and return the variable that leaves it."""
+        """Let z_0 enter the basis and return the variable leaving it."""
         least = self.values.min()
         tied = np.flatnonzero(self.values <= least + _TIE * np.abs(self._q).max())
         return self._pivot(int(tied[-1]), self.n)  # the lexicographically least of them
 
     def enter(self, variable: int) -> int:
-        """Let a variable enter the basis and return the variable that leaves it."""
+        """Let a variable enter the basis and return the variable leaving it."""
         column = int(np.flatnonzero(self.nonbasic == variable)[0])
         return self._pivot(self._row(column), column)
 

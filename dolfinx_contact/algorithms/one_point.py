@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Contact problem of a single point, the local problem of nonsmooth Gauss-Seidel.
 
-S a = r + b with the stiffness S (dim, dim) of the point and a load b that contains the coupling to
+S a = r + b with the stiffness S (dim, dim) of the point and a load b containing the coupling to
 the other, fixed points. In 2D the statuses are tried one after the other, each with an explicit
 solution. In 3D, slip means rt = -mu at with mu >= 0. A slipping point in contact satisfies
 (St + mu) at = bt, and mu |at| = F rn + g is a scalar equation for mu. It is solved in the

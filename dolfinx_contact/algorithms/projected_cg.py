@@ -151,7 +151,7 @@ class _GivenBound:
         self._refresh()
 
     def _feasible(self, d: Array) -> float:
-        """Return the largest step length along -d that remains feasible."""
+        """Return the largest feasible step length along -d."""
         most = np.inf
         falls = d[:, -1] > 0
         if falls.any():

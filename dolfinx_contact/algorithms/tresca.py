@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Fixed-point iteration of Tresca's problems on the friction bounds.
 
-S(g) = F rn(g) maps friction bounds g to the bounds that follow from the normal forces rn(g) of
+S(g) = F rn(g) maps friction bounds g to the bounds following from the normal forces rn(g) of
 Tresca's problem. Coulomb friction is a fixed point of S (Haslinger, Math. Methods Appl. Sci. 5,
 1983; Raous, CISM 570, 2017, section 3c). For each g, Tresca's problem is convex and has a unique
 solution. The bounds are relaxed, g <- g + omega (S(g) - g), with a fixed omega or with Aitken's,

@@ -52,7 +52,7 @@ class ProvedCount:
             system without statuses.
         branches: number of the branch of each solution (the first, where several meet); -1 for a
             solution on no branch.
-        unfound: numbers of branches that pass here with a state that is none of the solutions.
+        unfound: numbers of branches passing here with a state that is none of the solutions.
         certificate: proof of completeness; None if it is missing, or if the solutions were
             enumerated and no proof confirms it.
         seconds: computing time.

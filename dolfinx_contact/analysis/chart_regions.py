@@ -156,7 +156,7 @@ def _between(
 
 
 def _regions(areas: Sequence[Area], chart: Chart | Regions, ranges: Ranges) -> list[ChartRegion]:
-    """Join areas that touch and have as many solutions."""
+    """Join touching areas with equal numbers of solutions."""
     middles = np.array([cell.middle for cell in chart.cells])
     proofs = np.array([cell.proved for cell in chart.cells])
     sets = [tuple(cell.solutions) for cell in chart.cells]

@@ -348,7 +348,7 @@ class _Counting:
     """Counting in cells that are divided at borders.
 
     Attributes:
-        raster: number of solutions of the cell that contains each finest cell.
+        raster: number of solutions of the cell containing each finest cell.
     """
 
     def __init__(

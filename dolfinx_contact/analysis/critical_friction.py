@@ -7,7 +7,7 @@ r_n = S_nt v. If
 
     S_tt v = F S_nt v,
 
-v can be added to a solution that slips with this F, as long as v is real, pressure remains and the
+v can be added to a solution slipping with this F, as long as v is real, pressure remains and the
 slip keeps its direction (Hassani, Hild, Ionescu and Sakki, A mixed finite element method and
 solution multiplicity for Coulomb frictional contact, Comput. Methods Appl. Mech. Engrg. 192, 2003;
 Hassani, Hild and Ionescu, Sufficient conditions of non-uniqueness for the Coulomb friction problem,

@@ -187,7 +187,7 @@ class _Search:
         return float(max(k * np.abs(w[:, :2]).max(), np.abs(w[:, 2:]).max()))
 
     def _borders_at(self, w: Array, mu: float) -> list[Codes] | None:
-        """Return all borders that contain a state; None if there are too many."""
+        """Return all borders containing a state; None if there are too many."""
         f = self.family
         tolerance = _HELD * self._size(w)
         held = [f.held(i, w[i], mu, tolerance) for i in range(f.points)]

@@ -69,7 +69,7 @@ class Regions(ChartCells[Region]):
     """Cells between curves.
 
     Attributes:
-        cells: cells that cover the ranges, sorted by mu and gamma.
+        cells: cells covering the ranges, sorted by mu and gamma.
     """
 
     cells: tuple[Region, ...]

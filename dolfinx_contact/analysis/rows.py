@@ -57,7 +57,7 @@ def static_equations(problem: Any) -> ContactEquations:
     """Return the equations of a contact problem whose laws do not depend on time. Collective.
 
     Raises:
-        ValueError: on every rank, for another object, for a law that depends on time, or if the
+        ValueError: on every rank, for another object, for a law depending on time, or if the
             present data of laws and material are not admissible (`equations.validation`).
     """
     eq = getattr(problem, "equations", None)
@@ -165,7 +165,7 @@ def matrix_of_product(
     Args:
         comm: communicator.
         size: number of rows of this rank.
-        product: function of x and y that writes A x to y.
+        product: function of x and y writing A x to y.
     """
     A = PETSc.Mat().createPython(((size, None), (size, None)), _Product(product), comm=comm)
     A.setUp()

@@ -7,7 +7,7 @@ directionally unstable if there are lambda > 0 and v with
 
     (K + lambda C + lambda^2 M) v = B^T r
 
-with v and r in the cones of these points. Then v e^{lambda t} is a motion that leaves from
+with v and r in the cones of these points. Then v e^{lambda t} is a motion leaving from
 arbitrarily near the equilibrium (A. P. da Costa, J. A. C. Martins, I. N. Figueiredo and
 J. J. Judice, The directional instability problem in systems with frictional contacts, Comput.
 Methods Appl. Mech. Engrg. 193, 2004).
@@ -15,7 +15,7 @@ Methods Appl. Mech. Engrg. 193, 2004).
 If no point is at a border, the motions form a linear space: sticking points are held, others slide
 without friction or are open. For a symmetric stiffness and a dissipative damping, a factorisation
 counts the negative eigenvalues of K on this space, and K + lambda C + lambda^2 M has one negative
-eigenvalue for each motion that grows faster than lambda. Follower loads (pressure on a part of the
+eigenvalue for each motion growing faster than lambda. Follower loads (pressure on a part of the
 surface) make K nonsymmetric. Then all eigenvalues are needed, real or complex (flutter); they
 depend on mass and damping, and even small damping may destabilise.
 

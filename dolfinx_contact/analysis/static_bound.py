@@ -374,7 +374,7 @@ def largest_factor(
 def states_at_rest(
     points: PointProblem, load: Array, opened: Flags, number: int
 ) -> list[tuple[Array, Array]]:
-    """Return states at rest under a load, with slips far in random directions.
+    """Return states at rest under a load that are extreme in random directions of slip.
 
     Args:
         points: stiffness and laws.

@@ -97,7 +97,7 @@ def _check_modes(a: Arguments) -> None:
 
 
 class SteadySliding(ReadOnly):
-    """Vibrations of a body that slides steadily over an obstacle. Collective.
+    """Vibrations of a body sliding steadily over an obstacle. Collective.
 
     Args:
         problem: contact problem, nodal or mixed. A nonlinear bulk is linearised at the displacement

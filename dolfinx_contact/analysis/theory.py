@@ -10,7 +10,7 @@ body, gaps that are linear in the displacement (small sliding), and the law node
 - With Coulomb friction, there is at least one solution for any coefficient: the pressure of
   Tresca's solution depends continuously on its friction bound, which yields a fixed point by
   Brouwer's theorem (Haslinger, Math. Methods Appl. Sci. 5, 1983). The solution is unique
-  below a coefficient that depends on the mesh and is not computable; uniqueness therefore needs a
+  below a coefficient depending on the mesh and is not computable; uniqueness therefore needs a
   certificate.
 
 Definiteness is decided by the signs of the pivots of K, up to round-off.

@@ -122,7 +122,7 @@ def vertex_moments(domain: mesh.Mesh) -> tuple[Array, Array, Array]:
 
 
 def cells_around(domain: mesh.Mesh, points: Array) -> npt.NDArray[np.int64]:
-    """Return the number of cells that contain each point, over all ranks, shape (n,). Collective.
+    """Return the number of cells containing each point, over all ranks, shape (n,). Collective.
 
     Args:
         domain: mesh.

@@ -97,7 +97,7 @@ class TimeStep:
         return np.asarray(w0 + self.share * (w - w0))
 
     def seen(self, u: Array, w0: Array) -> Array:
-        """Return the unknown w that corresponds to the displacement u_1 = ``u``."""
+        """Return the unknown w corresponding to the displacement u_1 = ``u``."""
         return np.asarray(w0 + (u - w0) / self.share)
 
 

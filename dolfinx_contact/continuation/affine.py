@@ -116,7 +116,7 @@ class AffineSystem:
         return np.asarray(np.linalg.pinv(self.bases), dtype=float)
 
     def tangent_cone(self, w: Array, tolerance: float) -> AffineSystem:
-        """Return the system M dw = dgamma q of the directions that lead out of the state ``w``.
+        """Return the system M dw = dgamma q of the directions leading out of the state ``w``.
 
         The allowed statuses of a point are those whose cones contain its numbers in ``w``. Only the
         inequalities that are active at ``w`` remain.

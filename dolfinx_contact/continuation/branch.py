@@ -56,7 +56,7 @@ class Change:
     """A change of status of one point.
 
     Attributes:
-        rank: rank that owns the point.
+        rank: rank owning the point.
         point: local number of the point on this rank.
         before: status before the change.
         after: status after the change.
@@ -93,7 +93,7 @@ def kind_of_kink(meets: bool, turned: bool) -> Kind:
 
 @dataclass(frozen=True)
 class FoundRays(Generic[R]):
-    """Rays that lead out of a point, as found by a search.
+    """Rays leading out of a point, as found by a search.
 
     Attributes:
         rays: rays in any order: `Ray`, `AffineRay`, or `BranchPoint`, the point with the tangent of
@@ -219,7 +219,7 @@ class Node:
         point: special point, as computed on the first branch that reached it. At a start of the
             exploration its `incoming` and `onwards` are None, and all rays are in its `others`.
         rays: all outgoing rays, the reverse of the incoming one included.
-        edges: for each ray, number of the branch that leaves or arrives along it; None without one.
+        edges: for each ray, number of the branch leaving or arriving along it; None without one.
     """
 
     point: SpecialPoint

@@ -5,7 +5,7 @@
    every outgoing ray is taken; if there are more than two, the start is a node.
 2. A branch ends at its first bifurcation, which becomes a node with all of its rays. A branch that
    arrives at an existing node takes the ray by which it arrives, so that none is traced twice.
-3. Where the range of gamma ends at a kink, rays that lead back into the range are traced as well.
+3. Where the range of gamma ends at a kink, rays leading back into the range are traced as well.
 4. From every ray without a branch a new branch starts, until none is left.
 """
 
@@ -108,11 +108,11 @@ def explore(
         max_seconds: time after which no branch is begun.
         route: ``"pivoting"`` from vertex to vertex of affine pieces; ``"steps"`` by predictor and
             corrector; ``"auto"`` by pivoting where possible.
-        stop: function of every accepted step that returns the reason to end the branch there, or ""
+        stop: function of every accepted step returning the reason to end the branch there, or ""
             to continue. A stopped branch leaves the diagram incomplete.
         observer: function of every step of all branches, or an `Observer`. `BranchStep.branch` is
             the number of the branch.
-        record: observer that stores every point before ``observer`` is called, such as a
+        record: observer storing every point before ``observer`` is called, such as a
             `records.BranchRecord`.
         progress: True to show the progress on the standard error stream of rank 0; by default after
             some seconds.
@@ -309,7 +309,7 @@ class _Explorer:
 
         Args:
             found: all rays of the point.
-            inside: rays that lead into the range of gamma.
+            inside: rays leading into the range of gamma.
         """
         point = inside[0]
         existing = self._node_at(point.y)

@@ -10,7 +10,7 @@ gamma, and W = A_0^{-1} U,
 
 (Sherman, Morrison and Woodbury; W. W. Hager, SIAM Rev. 31, 1989). Each column of W costs one solve
 with A_0. The columns A_0^{-1} E are kept for later matrices. If there are many unknowns, A_0 also
-serves matrices that differ slightly everywhere. In both cases GMRES reduces the residual to
+serves matrices differing slightly everywhere. In both cases GMRES reduces the residual to
 round-off. If it needs many iterations, or the matrix differs too much, the matrix is factorised.
 """
 
@@ -84,7 +84,7 @@ class BorderedMatrix:
 
 
 class _RowUpdate:
-    """Solver for A_1 that uses the factorisation of A_0. Methods are collective.
+    """Solver for A_1 using the factorisation of A_0. Methods are collective.
 
     Args:
         factor: factorisation of A_0.

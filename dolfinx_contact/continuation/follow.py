@@ -108,12 +108,12 @@ def follow(
         max_steps: largest number of steps, after which the incomplete branch is returned.
         route: ``"pivoting"`` from vertex to vertex of affine pieces; ``"steps"`` by predictor and
             corrector; ``"auto"`` by pivoting where possible.
-        stop: function of every accepted step that returns the reason to end the branch there, or ""
+        stop: function of every accepted step returning the reason to end the branch there, or ""
             to continue. During the call the problem is in the state of the point: Functions,
             statuses, gamma and data driven by gamma (`System.put`). It is not called for the last
-            point of a branch that ends by itself.
+            point of a branch ending by itself.
         observer: function of every step, start and end included, or an `Observer`.
-        record: observer that stores every point before ``observer`` is called, such as a
+        record: observer storing every point before ``observer`` is called, such as a
             `records.BranchRecord`.
         progress: True to show the progress on the standard error stream of rank 0; by default after
             some seconds.
@@ -249,7 +249,7 @@ class Follower(Walker):
     def _piece_from(self, y: PETSc.Vec, sign: float) -> Piece:
         """Return the piece on which a branch leaves ``y``.
 
-        If borders begin to exist exactly at this gamma, as with friction that grows from zero,
+        If borders begin to exist exactly at this gamma, as with friction growing from zero,
         several pieces meet without an event. Then the piece just beyond this gamma is used.
         """
         x, gamma = self.bordered.split(y)

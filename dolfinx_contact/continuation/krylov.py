@@ -56,7 +56,7 @@ class ModelTest:
 
     Args:
         forcing: rule for the relative tolerance of linear solves.
-        remainder: function that returns the norm of H after a correction, in the rows in which the
+        remainder: function returning the norm of H after a correction, in the rows in which the
             linear model is inexact.
     """
 
@@ -70,7 +70,7 @@ class ModelTest:
         Args:
             norm: norm of the residual.
             size: norm of the right-hand side in the rows of H.
-            solution: function that returns the iterate.
+            solution: function returning the iterate.
         """
         reduction = norm / size
         if not self._forcing.is_due(reduction):

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Location of events, folds and bifurcations between two points of a branch.
 
-A scalar that changes sign between the two points is located along the branch to round-off by secant
+A scalar changing sign between the two points is located along the branch to round-off by secant
 steps with the Illinois rule: the value at an end that stays twice in a row counts half, so that the
 bracket shrinks from both sides. Each trial point is corrected from the chord of the bracket, whose
 distance from the branch decreases with the square of the bracket; so the corrector does not end on
@@ -52,7 +52,7 @@ class _End(Generic[V]):
 
 
 def _shrunk(low: _End[V], high: _End[V], new: _End[V], *, beyond: bool) -> tuple[_End[V], _End[V]]:
-    """Return the bracket after a trial that lies before or ``beyond`` the zero."""
+    """Return the bracket after a trial lying before or ``beyond`` the zero."""
     staying = low if beyond else high
     staying.weight /= 2 if staying.stayed else 1
     staying.stayed = True
@@ -272,7 +272,7 @@ class Locator:
     def rescaled(self, point: BranchPoint) -> BranchPoint:
         """Return the point with a unit tangent, after setting the scale of x if it is not set.
 
-        The first tangent that moves x sets the scale.
+        The first tangent moving x sets the scale.
         """
         b = self.bordered
         b.set_scale(point.tangent, point.y)

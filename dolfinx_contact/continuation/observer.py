@@ -181,7 +181,7 @@ class _FunctionObserver(Observer):
 
 
 class _Forwarding(Observer):
-    """Base class of observers that pass every call on."""
+    """Base class of observers passing every call on."""
 
     def _forward(self, method: str, *what: Any) -> None:
         raise NotImplementedError
@@ -213,7 +213,7 @@ class Observers(_Forwarding):
 class CollectiveObserver(_Forwarding):
     """Call an observer with the accepted state in the problem, and raise its errors on all ranks.
 
-    The state is put into the problem before every call, so that an observer that writes to the
+    The state is put into the problem before every call, so that an observer writing to the
     Functions cannot disturb another one.
 
     Args:

@@ -221,7 +221,7 @@ class Pivoting(Walker):
     def _rays_onwards(
         self, w: Array, gamma: float, ray: AffineRay, before: AffinePiece | None
     ) -> Rays:
-        """Return the rays that lead out of a vertex, without the one that leads back.
+        """Return the rays leading out of a vertex, without the one that leads back.
 
         If one point changes its status and the parity is positive, no other branch meets there, and
         the only ray is on the piece beyond. Otherwise the rays of the tangent cone are computed.

@@ -60,7 +60,7 @@ class Kink:
     """A kinked point, which is at a border of its piece.
 
     Attributes:
-        rank: rank that owns the point.
+        rank: rank owning the point.
         point: local number of the point on this rank.
         code: status on the incoming piece.
         target: status beyond the border.

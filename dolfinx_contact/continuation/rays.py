@@ -76,7 +76,7 @@ class Rays(FoundRays[AffineRay]):
     """The outgoing rays of a tangent cone.
 
     Attributes:
-        continua: pieces that contain more than single rays, each with the elements of `rays` that
+        continua: pieces containing more than single rays, each with the elements of `rays` that
             lie in it or on its border.
     """
 
@@ -156,7 +156,7 @@ def _with_proof(cone: AffineSystem, unfolded: Rays, proof: RayProof) -> Rays:
 
 
 def _rays_in(cone: AffineSystem, codes: Codes, rays: Sequence[AffineRay]) -> tuple[AffineRay, ...]:
-    """Return the rays that lie in one piece or on its border."""
+    """Return the rays lying in one piece or on its border."""
     points = np.arange(cone.points)
     return tuple(
         r
@@ -364,7 +364,7 @@ def _other_end(unfolded: AffineSystem, ray: AffineRay) -> AffineRay | None:
 
 
 def _far_end(piece: AffinePiece, gamma: float, sense: float) -> AffineRay | None:
-    """Return the ray at the far end of a branch that starts on a piece; None if not found.
+    """Return the ray at the far end of a branch starting on a piece; None if not found.
 
     Args:
         piece: piece of the start.

@@ -321,7 +321,7 @@ class System:
         """Raise ``ValueError`` if the data are not valid at one of these increasing values."""
 
     def restored(self, *, always: bool = False) -> AbstractContextManager[None]:
-        """Return a context that restores the user's data after an error; default: do nothing.
+        """Return a context restoring the user's data after an error; default: do nothing.
 
         Args:
             always: whether to restore the data in any case.
@@ -373,7 +373,7 @@ class Condensed(Protocol):
         """Return the piece with these statuses."""
 
     def point(self, i: int) -> tuple[int, int]:
-        """Return the rank that owns point ``i``, and its local number there."""
+        """Return the rank owning point ``i``, and its local number there."""
 
     @property
     def always_solvable(self) -> bool:

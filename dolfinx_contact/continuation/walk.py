@@ -178,7 +178,7 @@ class Walker(ABC):
         """Trace a branch, yielding its points. Record the ending of the branch where it ends.
 
         Args:
-            branch: branch that contains its start.
+            branch: branch containing its start.
             origin: first point of the whole branch, at which a closed branch ends.
             gamma_range: range of gamma.
         """
@@ -212,10 +212,10 @@ class Walker(ABC):
             gamma_range: range of gamma; the branch ends at either end.
             max_steps: largest number of steps from the first point of the branch.
             to_node: True to end at the first bifurcation, as in a diagram.
-            stop: function of every accepted step that returns the reason to end the branch there,
+            stop: function of every accepted step returning the reason to end the branch there,
                 or "" to continue; default: the branch is not stopped.
             observer: observer of every accepted point, ``start`` included; called after ``stop``.
-            record: observer that stores every point before ``observer`` is called; default: none.
+            record: observer storing every point before ``observer`` is called; default: none.
             progress: True to show the progress on the standard error stream of rank 0, None to show
                 it after some seconds; default: False.
             branch_id: number of the branch, for the observer.

@@ -83,7 +83,7 @@ class ContactEquations:
         nodes: positions of the local nodes of the displacement, shape (n, dim).
         axisymmetric: whether the body is a body of revolution.
         linear: whether H is linear in the displacement as long as no status changes.
-        dragging: names of surfaces with a warning about an obstacle that moves along itself.
+        dragging: names of surfaces with a warning about an obstacle moving along itself.
     """
 
     def __init__(
@@ -217,7 +217,7 @@ class ContactEquations:
         """Return the owned contact rows of H, without evaluating the body.
 
         Args:
-            x: unknowns that satisfy the Dirichlet conditions.
+            x: unknowns satisfying the Dirichlet conditions.
             statuses: statuses for the laws; default: those determined by the unknowns.
         """
         at = self.contact(x, statuses)
@@ -335,7 +335,7 @@ class ContactEquations:
         return equations
 
     def memory_after(self, at: Evaluation) -> tuple[Memory, ...]:
-        """Return the memory after a step that ends in this state. Not collective."""
+        """Return the memory after a step ending in this state. Not collective."""
         return tuple(term.memory_after(at) for term in self.terms)
 
 

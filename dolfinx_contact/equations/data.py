@@ -101,7 +101,7 @@ def data_in(e: Any, place: str) -> Iterator[Datum]:
 def _placed(
     place: str, functions: Sequence[Any], constants: Sequence[Any], e: Any = None
 ) -> Iterator[Datum]:
-    """As `data_in`, with the Functions and Constants of ``e``."""
+    """Yield the data of `data_in`, from given Functions and Constants of ``e``."""
     for f in functions:
         if isinstance(f, Measured):  # computed at the points from data that do not change
             continue

@@ -312,7 +312,7 @@ def _sliding_terms(eq: ContactEquations, numbering: _Numbering) -> list[tuple[in
 
 @dataclass(frozen=True)
 class RigidTerms:
-    """Entries of one surface that touches a rigid body.
+    """Entries of one surface touching a rigid body.
 
     Attributes:
         surface: contact surface.

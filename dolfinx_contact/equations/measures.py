@@ -2,7 +2,7 @@
 """Relative residuals of H in physical units: forces, constraints and the friction cone.
 
 Forces are compared with the largest nodal force (reactions, contact forces, first residual). Gaps
-and slips are compared with the largest displacement. In a body that sticks everywhere displacements
+and slips are compared with the largest displacement. In a body sticking everywhere displacements
 are round-off; the length scale is then the displacement that a contact force would cause at its
 node alone (`held_back`). Thus the test is independent of the user's units, and a small contact row
 cannot hide behind a large force row.

@@ -24,7 +24,7 @@ class Gathered:
     Args:
         comm: communicator.
         x: positions of the points of this rank, shape (n, dim).
-        ids: keys that distinguish points at one place (`by_coordinates`), shape (n, k).
+        ids: keys distinguishing points at one place (`by_coordinates`), shape (n, k).
 
     Attributes:
         positions: positions of all points, in order, shape (number, dim).
@@ -58,7 +58,7 @@ class Gathered:
         return {k: np.concatenate([part[k] for part in parts])[self._order] for k in values}
 
     def owner(self, i: int) -> tuple[int, int]:
-        """Return the rank that owns point ``i``, and its number among the points there."""
+        """Return the rank owning point ``i``, and its number among the points there."""
         place = int(self._order[i])
         rank = int(np.searchsorted(self._starts, place, side="right") - 1)
         return rank, place - int(self._starts[rank])

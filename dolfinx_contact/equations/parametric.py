@@ -80,7 +80,7 @@ class ParametricEquations(System):
         equations: contact problem.
         gamma: parameter, a scalar Constant in the bulk, a law, an obstacle, or the load or motion
             of a rigid body.
-        linear: function that returns the linear solver of the problem.
+        linear: function returning the linear solver of the problem.
         driven: pairs of a Function used in a Dirichlet condition and its value, a UFL expression of
             gamma and the position.
 
@@ -156,7 +156,7 @@ class ParametricEquations(System):
 
     @property
     def _driven_functions(self) -> list[fem.Function]:
-        """Functions of Dirichlet conditions that depend on gamma."""
+        """Functions of Dirichlet conditions depending on gamma."""
         return [d.function for d in self._driven]
 
     @property

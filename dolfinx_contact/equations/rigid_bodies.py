@@ -3,7 +3,7 @@ r"""Unknowns of rigid bodies and their rows of H.
 
 Unknowns q are displacements, and rotations times a length, the largest distance of a contact point
 from the reference point. All unknowns are thus lengths and all rows forces. Rank 0 owns them, after
-its other unknowns. With the forces f = B^T W t of the surfaces that touch a body,
+its other unknowns. With the forces f = B^T W t of the surfaces touching a body,
 
     H_q = Phi^T f - F    where q is free,    H_q = k (q - q_prescribed)    elsewhere.
 """

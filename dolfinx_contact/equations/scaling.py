@@ -165,7 +165,7 @@ def automatic_augmentation(
 
     The automatic r is close to Young's modulus divided by the size of the touching part of the
     body, taken from the diagonal of the stiffness; in a pair, both bodies act in series. With a
-    small r, a point that slips in the wrong direction sticks next; with a large one (such as the
+    small r, a point slipping in the wrong direction sticks next; with a large one (such as the
     nodal stiffness) it slips in the other direction, and Newton's method cycles. The diagonal of a
     nearly incompressible body reflects its resistance to compression, by which it hardly yields in
     contact. Beyond Poisson's ratio 0.4, r therefore decreases with the square root of the

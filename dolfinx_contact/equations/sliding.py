@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Contact terms of the Jacobian for faces that slide over each other.
+r"""Contact terms of the Jacobian for faces sliding over each other.
 
 The contact terms of H depend on the displacements u, the vectors m(u) from which the normals are
 computed, and the multipliers l. With D = dm/du the terms of the Jacobian are

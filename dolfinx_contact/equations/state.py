@@ -30,7 +30,7 @@ class State:
         multipliers: local values of the multiplier of each surface, a stress.
         statuses: status codes of the contact points of each surface (`laws.status`).
         motions: displacement and rotation of each rigid body, lengths and radians.
-        memory: memory of each surface for a step that begins in this state.
+        memory: memory of each surface for a step beginning in this state.
         previous: memory of each surface at the beginning of the step that ended in this state;
             None for each surface under the static law.
         time: time of the state in an evolution; None for other states.

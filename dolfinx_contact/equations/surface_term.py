@@ -108,7 +108,7 @@ class SurfaceTerm:
         return np.asarray(s.points.gaps - np.sum(jumps * s.points.data.n, axis=1))
 
     def memory_after(self, at: Evaluation) -> Memory:
-        """Return the memory after a step that ends in a state. Not collective."""
+        """Return the memory after a step ending in a state. Not collective."""
         s = self.surface
         found = at.surfaces[self.number]
         nodes = at.u.reshape(-1, s.dim)[: s.owned_nodes] if s.slides else None

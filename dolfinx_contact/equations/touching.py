@@ -60,7 +60,7 @@ def touching(eq: ContactEquations, load: float, state: Evaluation) -> Statuses:
     """Return statuses in which all points stick that the load may close. Collective.
 
     If that leaves a rigid body loose, the points nearest to it stick as well, as many as are needed
-    to hold it, because the load presses it against them. Likewise for a loose body that touches at
+    to hold it, because the load presses it against them. Likewise for a loose body touching at
     a few points only, such as one that rests on a bump.
 
     Args:

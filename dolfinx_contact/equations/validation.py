@@ -278,9 +278,9 @@ def check_times(eq: ContactEquations) -> None:
 
 
 def _objection_to_time(s: DiscreteSurface, memory: Memory | None) -> str:
-    """Return the objection to a law that lacks something under a memory. Not collective.
+    """Return the objection to a law lacking something under a memory. Not collective.
 
-    See `Law.lacks`. A law that depends on the time needs a step with a duration
+    See `Law.lacks`. A law depending on the time needs a step with a duration
     (`CompiledLaw.needs_time`).
     """
     history = memory is not None and memory.step > 0

@@ -21,7 +21,7 @@ Therefore the residue of a run falls with the first power of its step length whe
 smoothly. A residue that does not fall is a jump of the state, whose energy goes into motion.
 
 Loads are defined by the rows of the undeformed body, R(0) = -f. In a body with initial stress, or
-with loads that follow the body, the remainder counts as stored. If a problem is given by a
+with loads following the body, the remainder counts as stored. If a problem is given by a
 residual, the stored energy is integrated from the forces by the trapezoidal rule, which is exact
 for a linear body.
 

@@ -140,7 +140,7 @@ class History(Ends):
         return self.steps[-1].energies if self.steps else self.before
 
     def at(self, time: float) -> EvolutionStep:
-        """Return the step that ends at a time.
+        """Return the step ending at a time.
 
         Raises:
             KeyError: if no step ends at the time.
@@ -159,7 +159,7 @@ class History(Ends):
 class PathStep(EvolutionStep):
     """An accepted point of a path; `start` and `time` are arc lengths from the start of the path.
 
-    If `method` says that all statuses that meet at the point were tried, `directions` is the number
+    If `method` says that all statuses meeting at the point were tried, `directions` is the number
     of solutions of the rate problem, without the one that leads back. If a smooth bifurcation lies
     on the step, `directions` counts the path and both senses of the other branch.
 

@@ -16,7 +16,7 @@ differs from a large change in one step: halving the step does not reduce it. Ch
 and faster changes after kinks, shrink with the step. `find_jump` searches a step by halves.
 
 A change that does not shrink is not a proof, because the solver may have passed over a solution.
-Therefore the branch of solutions H(x, gamma; m_n) = 0 that begins at the start of the step
+Therefore the branch of solutions H(x, gamma; m_n) = 0 beginning at the start of the step
 (gamma = 0, `rate_problem`) is finally followed from kink to kink. If it leads to gamma = 1, a
 solution continues the evolution. If gamma turns back at a smooth fold, or at a kink all of whose
 pieces were tried, on this branch and on all that leave it towards larger gamma, no solution

@@ -170,12 +170,12 @@ class QuasiStatic(Evolution):
         A history takes exactly the given times. Each step has indicators of a jump of the state
         within it (``result.indicators.step``) with one warning. ``longest`` divides long intervals
         into equal steps. ``halve_steps`` and ``locate_jumps`` insert steps, which are marked
-        (`EvolutionStep.inserted`). Shorter steps change the results of laws that depend on
+        (`EvolutionStep.inserted`). Shorter steps change the results of laws depending on
         time.
 
         In a jump the state changes suddenly although the load changes little. If a run cannot
         continue, ``history.reason`` or the error states whether this is proved: along every
-        solution that leads out of the state, the load would have to decrease. The proof applies to
+        solution leading out of the state, the load would have to decrease. The proof applies to
         a step of the shortest length. A step that was not solved proves nothing. Discontinuous
         data are not a jump.
 
@@ -208,7 +208,7 @@ class QuasiStatic(Evolution):
                 `EvolutionStep.directions`: True: at the start of every step, in 2D with nodal
                 contact; False: never. None (default): with ``locate_jumps``, up to sixteen points,
                 where the statuses of the previous step do not hold; otherwise never.
-            extrapolate: whether, for bodies that slide over each other, the solver starts at the
+            extrapolate: whether, for bodies sliding over each other, the solver starts at the
                 extrapolation of the previous step, and at the previous state if that fails. This
                 saves iterations in steps up to about one facet. A resumed run extrapolates from its
                 second step. Default: False.

@@ -16,7 +16,7 @@ Solutions are searched in this order:
    border, all at once, or the steepest one at a time if that cycles. The direction is oriented such
    that det [J; t^T] keeps its sign, as it does along a path unless another path crosses. This
    distinguishes snap-back from unloading.
-3. All pieces that meet at the state, if there are at most 256. The result is complete: there may be
+3. All pieces meeting at the state, if there are at most 256. The result is complete: there may be
    several directions, or none.
 4. H itself, with recomputed statuses, next to the state.
 
@@ -112,7 +112,7 @@ class RateProblem:
         Args:
             piece: piece of the last step.
             t: its direction at the state.
-            every: whether all pieces that meet are tried if the statuses of the last step fail,
+            every: whether all pieces meeting are tried if the statuses of the last step fail,
                 also if Newton's method finds a direction.
 
         Returns:

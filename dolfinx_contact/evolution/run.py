@@ -165,9 +165,9 @@ class Listeners:
     """Functions and observers that users pass to a run; see `QuasiStatic.run`.
 
     Attributes:
-        stop: function of an accepted step that returns the reason to end the run there, or "".
+        stop: function of an accepted step returning the reason to end the run there, or "".
         observer: observer of every accepted step.
-        record: record that stores every accepted step.
+        record: record storing every accepted step.
         progress: whether rank 0 shows the progress of the run.
     """
 
@@ -325,11 +325,11 @@ class Runnable(ReadOnly, Generic[T, H]):
         raise NotImplementedError
 
     def history(self, run_state: RunState) -> H:
-        """Return an empty history that starts from a state of a run."""
+        """Return an empty history starting from a state of a run."""
         raise NotImplementedError
 
     def begun(self, task: T, run_state: RunState) -> RunState:
-        """Return the state of a new run that starts where another one has ended."""
+        """Return the state of a new run starting where another one has ended."""
         raise NotImplementedError
 
     def _rule(self, stepper: Stepper, task: T, run_state: RunState) -> Rule[T]:

@@ -220,7 +220,7 @@ class Stepper:
     # -- the start of a run ----------------------------------------------------------------------
 
     def require_repeatable(self, time: float, later: float) -> None:
-        """Refuse a load that depends on earlier calls; the load of a time is set. Collective.
+        """Refuse a load depending on earlier calls; the load of a time is set. Collective.
 
         Shorter steps call the load with times in any order.
 

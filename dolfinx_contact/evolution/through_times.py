@@ -14,7 +14,7 @@ and hits the given times exactly. Further steps are inserted only on request:
                 steps cost less than the further `strategies`.
     jumps       a step is searched for a jump (`jumps`) if its rates exceed twice those of the step
                 before: rates of `StateChanges.parts`, and of the largest change at a point
-                of each surface. Points that begin to slip may move with half the rate of the body.
+                of each surface. Points beginning to slip may move with half the rate of the body.
     locate      a step in which a point closes is tried again with h/2.
 
 A motion is at rest, which ends a run by the rule `ToRest`, once its kinetic energy E has satisfied
@@ -102,7 +102,7 @@ class HistoryTask:
         locate_jumps: whether sudden steps are searched for jumps.
         halve: whether steps that are not solved are halved.
         rays: whether all solutions of the rate problem are computed; None: only for up to sixteen
-            points, at steps that change the statuses.
+            points, at steps changing the statuses.
         extrapolate: whether the solver starts from the extrapolated last step if bodies slide.
 
     Raises:
@@ -466,7 +466,7 @@ class ThroughTimes(Rule[HistoryTask]):
         )
 
     def _not_solved(self, length: float, error: ConvergenceError) -> str:
-        """Return the reason of a run that ends because a step was not solved."""
+        """Return the reason of a run ending because a step was not solved."""
         return (
             f"no solution was found beyond the time {self.state.accepted.time:.10g}, in a step of "
             f"{length:.2g}, which was not solved: {error}{'' if self.task.halve else _HALVE}"
@@ -506,7 +506,7 @@ class ThroughTimes(Rule[HistoryTask]):
 
 
 class ToRest(ThroughTimes):
-    """Rule of a motion that ends when the body is at rest, or at the last time."""
+    """Rule of a motion ending when the body is at rest, or at the last time."""
 
     def __init__(self, stepper: Stepper, task: HistoryTask, state: RunState):
         super().__init__(stepper, task, state)

@@ -57,7 +57,7 @@ class DiagramData:
         functionals: names of columns requested by the user, or contact forces.
         lines: lines in order.
         unfinished: whether the record is being written or was interrupted.
-        alike: groups of columns that share a scale, such as the components of a force.
+        alike: groups of columns sharing a scale, such as the components of a force.
     """
 
     kind: str

@@ -27,7 +27,7 @@ def _check(a: Arguments) -> None:
 
 
 class EvolutionSeries:
-    """Observer that writes the accepted steps of an evolution. A collective context manager.
+    """Observer writing the accepted steps of an evolution. A collective context manager.
 
     Files over the time of the evolution, with the suffix ``.pvd`` instead of ``.bp`` for
     ``format="vtk"``; the script ``paraview.py`` in the folder shows them:

@@ -7,7 +7,7 @@
 The left view shows the deformed body, coloured by the von Mises stress, or by the displacement if
 there is no stress. The right views show the contact surfaces, coloured by pressure and status. For
 a pair of bodies these are on the slave; the view below shows the pressure on the master, from the
-file that ends in _opposite. If the folder contains branches as well as a state, the group written
+file ending in _opposite. If the folder contains branches as well as a state, the group written
 last is shown. Files that end in .bp require the reader ADIOS2VTXReader; ParaView's default choice
 cannot read them.
 """

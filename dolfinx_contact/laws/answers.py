@@ -90,7 +90,7 @@ class Answers:
         law: compiled law.
         values: values of its compiled expressions.
         spreading: averaging of a nonlocal law; default: None (local law).
-        turning: function of the statuses that returns the derivatives of the traction with respect
+        turning: function of the statuses returning the derivatives of the traction with respect
             to the displacement, shape (n, dim, dim), including the changes of jumps and normals;
             default: None (fixed normals).
 

@@ -107,7 +107,7 @@ class CompiledLaw:
     Args:
         law: law of this kind, whose fields are replaced by symbols.
         dim: dimension, 2 or 3.
-        comm: communicator of the ranks that compile together.
+        comm: communicator of the ranks compiling together.
 
     Attributes:
         names: names of all fields: fields of the law, used fields of the memory
@@ -280,7 +280,7 @@ class LawAtPoints:
         law: law; its field values are passed with the data of the points.
         dim: dimension, 2 or 3.
         number: number of points.
-        comm: communicator of the ranks that compile together.
+        comm: communicator of the ranks compiling together.
 
     Attributes:
         codes: status codes; where several statuses are admissible, the first one is used.

@@ -203,7 +203,7 @@ class Regularised(_AroundFriction):
 
     The scaled slip is x = |u_t|/eps in a static problem and |du_t|/(eps dt) in a history. A point
     with x < 1 counts as stuck although it creeps. A static problem requires ``width``, a history
-    ``speed``, and a history that begins with a static solve both.
+    ``speed``, and a history beginning with a static solve both.
 
     Attributes:
         friction: friction law to regularise, with the radius b of its friction disc.

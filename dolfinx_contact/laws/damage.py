@@ -2,7 +2,7 @@
 r"""Time step of the bond intensity beta in UFL, for a given spring energy.
 
 The law is b beta' = -(w - E beta)^-, where E is twice the spring energy per area of an intact bond.
-If the bond recovers, b beta' = w - E beta up to beta = 1. A step that starts from beta_n satisfies
+If the bond recovers, b beta' = w - E beta up to beta = 1. A step starting from beta_n satisfies
 
     b (s - beta)/tau = E beta - w   as long as beta < c,   otherwise beta = c,
 

@@ -196,7 +196,7 @@ class Tresca(FrictionLaw):
     """Tresca friction: prescribed friction bound ``|lambda_t| <= g`` on the whole surface.
 
     As in the mathematical literature, friction also acts on open parts of the surface. To avoid
-    this, multiply the bound by a field that vanishes there.
+    this, multiply the bound by a field vanishing there.
 
     Attributes:
         threshold: friction bound g >= 0, a traction; same types as `Coulomb.friction`.

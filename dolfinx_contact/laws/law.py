@@ -99,7 +99,7 @@ class ContactPoint:
             law.
         before: jump at the last accepted state of an evolution, a vector; ``jump`` contains only
             its normal part. Zero under the static law.
-        step: time since the last accepted state; negative under the static law. A law that uses it
+        step: time since the last accepted state; negative under the static law. A law using it
             must define the static case by a comparison with 0, for example for the speed:
             ``ufl.conditional(ufl.gt(a.step, 0.0), (a.slid - a.slid_before) / a.step, 0.0)``.
             Otherwise it can only be used in a history.
@@ -167,7 +167,7 @@ class Internal:
     """Internal variable of a law, stored in memory at each accepted state.
 
     Attributes:
-        name: name of the variable; a scalar has the name of the field that contains its initial
+        name: name of the variable; a scalar has the name of the field containing its initial
             value.
         change: ``"any"``; ``"falls"`` or ``"grows"`` for the single scalar that weakens a bond.
         end: final value of a monotone variable; None without a limit.
@@ -282,7 +282,7 @@ class Law:
     values may change between solves (``surface.law.friction.value = 0.2``). In `pieces` they are
     symbols for the values at a point. Laws of one class are compiled once, so nothing except the
     fields may vary between points or between solves. Pressure and shear of a point are *augmented*.
-    At states that satisfy the law, the required traction does not depend on r.
+    At states satisfying the law, the required traction does not depend on r.
     """
 
     #: Whether open points are traction-free.
@@ -338,7 +338,7 @@ class Law:
 
     @property
     def kind(self) -> Hashable | None:
-        """Cache key, equal for laws that differ only in the fields in `given`; None: no sharing."""
+        """Cache key, equal for laws differing only in the fields in `given`; None: no sharing."""
         cls: Any = type(self)
         return cls if "__dataclass_fields__" in vars(cls) else None
 

@@ -36,7 +36,7 @@ class Roots:
         equations: equations of the law, by name.
         solved: symbols for the solutions, by name.
         w: Function with the data of a point; the last components are the solutions.
-        comm: communicator of the ranks that compile together.
+        comm: communicator of the ranks compiling together.
     """
 
     def __init__(

@@ -219,7 +219,7 @@ class Values:
     Args:
         components: UFL scalars in ``w``.
         w: Function with the data of a point, one component per datum.
-        comm: communicator of the ranks that compile together.
+        comm: communicator of the ranks compiling together.
     """
 
     def __init__(self, components: Sequence[Any], w: fem.Function, comm: MPI.Comm):

@@ -39,7 +39,7 @@ def draw_curves(
 
     Args:
         file: picture in any format of matplotlib; None writes nothing.
-        curves: lines by name. Names that begin with an underscore are not in the legend.
+        curves: lines by name. Names beginning with an underscore are not in the legend.
         marks: curves drawn as points, by name.
         dotted: reference curves, drawn black and dotted or dashed, by name.
         labels: labels of the axes, TeX between dollars.

@@ -89,11 +89,11 @@ def film(
         The file.
 
     Raises:
-        ModuleNotFoundError: on every rank, if a package that writes such a file is not installed.
+        ModuleNotFoundError: on every rank, if a package writing such a file is not installed.
         OSError: on every rank, if the file cannot be written; an existing file is then unchanged.
         RuntimeError: on every rank, if VTK needs a display in 3D and there is none.
         ValueError: on every rank, for another suffix, a rate out of 0.01 to 1000, no states, a
-            displacement that is not finite, or arguments that differ between ranks.
+            displacement that is not finite, or arguments differing between ranks.
 
     Example:
         ::

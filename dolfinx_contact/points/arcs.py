@@ -12,7 +12,7 @@ surface, in its tangent plane at y and turned there by the smallest rotation tha
     a = theta/2 / sin(theta/2).
 
 It is the arc itself on planes, circles, spheres and circular cylinders, however long up to half a
-turn; elsewhere curvature that changes leaves an error of higher order. It is zero where y = y_o.
+turn; elsewhere varying curvature leaves an error of higher order. It is zero where y = y_o.
 """
 
 from __future__ import annotations

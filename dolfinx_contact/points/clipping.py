@@ -107,7 +107,7 @@ class Cover:
         return Cover(self.slave, self.master, *facets, *shapes)
 
     def places(self) -> tuple[Ints, Ints, Array]:
-        """Return the opposing points of slave corners, each as often as pieces meet there.
+        """Return the opposing points of slave corners, one for each piece at the corner.
 
         Returns:
             Global slave nodes (n,), master nodes (n, k), and their weights of degree 1.

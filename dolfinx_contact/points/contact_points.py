@@ -76,7 +76,7 @@ class ContactPoints(ABC):
         number_everywhere: number of points on all ranks.
         areas: areas W of the points (lengths in 2D), shape (n,).
         positions: positions, shape (n, dim).
-        ids: keys that distinguish points at one place on any number of ranks, shape (n, k).
+        ids: keys distinguishing points at one place on any number of ranks, shape (n, k).
         data: normals, gaps, augmentation and fields of the law at the points.
         gaps: initial gaps at the points, shape (n,); the mixed method has averages in `data`.
         aside: tangential part of the average of g n in the mixed method, shape (n, dim).

@@ -526,7 +526,7 @@ class SelfContact:
     above, the default makes its upper half the slave. A facet does not oppose itself, facets that
     share a node with it, facets that look the same way, and facets behind it through the body.
     Where the body is thinner than ``search_distance``, the initial overlap must be less than half
-    its thickness T, or less than (d + T)/2 at facets that start at a depth d inside the body.
+    its thickness T, or less than (d + T)/2 at facets starting at a depth d inside the body.
 
     Args:
         u: displacement of the body, a vector Lagrange Function of degree 1.
@@ -540,7 +540,7 @@ class SelfContact:
         interference: see `ContactPair`.
         remove_overlap: see `ContactPair`.
         symmetry: see `ContactPair`. Facets meet the mirror images of others, as in the whole model.
-            Use a `HalfSpace` for parts that touch the plane of symmetry itself.
+            Use a `HalfSpace` for parts touching the plane of symmetry itself.
         name: name of the surface in messages and tables.
 
     Raises:

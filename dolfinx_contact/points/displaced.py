@@ -22,7 +22,7 @@ of any angle,
 
     x = X_0 + Q^T (X + u - X_0 - d_0),
 
-so that points that stick to a turning body do not slip; jumps and normals are turned by Q for the
+so that points sticking to a turning body do not slip; jumps and normals are turned by Q for the
 law. Moving an obstacle by Constants changes its shape and place but not its material points: both y
 and y_o belong to its present position, and its tangential motion drags nothing.
 

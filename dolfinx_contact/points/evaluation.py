@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Data of a contact surface in UFL, and their values at the contact points.
 
-Points that belong to no quadrature rule are evaluated on the cells of a small mesh: coordinates,
+Points belonging to no quadrature rule are evaluated on the cells of a small mesh: coordinates,
 Functions and Constants in the expressions are replaced by their values at a point, one value of
 each per cell (`ScatteredEvaluator`).
 """

@@ -53,7 +53,7 @@ def facets_along_normals(
         slave: slave facets of this rank.
         master: middles ``"x"`` of the master facets of this rank, ``"key"`` that identifies a
             facet, shape (m, k), and other data.
-        radii: radii of balls around the middles that contain the facets, shape (m,).
+        radii: radii of balls around the middles containing the facets, shape (m,).
         depth: distance along the normal by slave facet, shape (n,).
         skin: additional distance.
 

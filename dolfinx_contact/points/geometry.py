@@ -30,7 +30,7 @@ class SurfaceFacets:
         trace: local node of `V` at each local vertex.
 
     Attributes:
-        trace: as given.
+        trace: local node of `V` at each local vertex.
         corners: local vertices of the facets, shape (n, k).
     """
 
@@ -77,11 +77,11 @@ class SurfaceGeometry:
         vertex_areas: areas, shape (n,).
         circumferences: ratios of swept areas to areas of the section, shape (n,); 1 for bodies that
             are not bodies of revolution.
-        whole: function that returns the areas with and without an opposing point.
+        whole: function returning the areas with and without an opposing point.
 
     Attributes:
         vertex_areas: areas with an opposing point, and those taken over from other vertices.
-        circumferences: as given.
+        circumferences: ratios of swept areas to areas of the section, shape (n,).
         covered_areas: areas with an opposing point; None if all areas have one.
     """
 

@@ -37,7 +37,7 @@ class Kinematics:
         jump: jump in the law, shape (n, dim).
         reference: part of the jump that memory hides from the law, shape (n, dim).
         data: data of the law, with normals and gaps at the state.
-        place: displacement of points that follow a curved obstacle, in its frame, shape (n, dim);
+        place: displacement of points following a curved obstacle, in its frame, shape (n, dim);
             None for other points.
         frame: rotation of that frame, shape (dim, dim); None if it does not turn.
         motion: motion of the rigid body with which the frame turns, shape (k,); None if it does not

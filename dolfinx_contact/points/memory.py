@@ -15,7 +15,7 @@ where the point was on it (`displaced`), and the memory has j_n in the frame of 
 A memory is frozen: H reads it, and nothing in a solve writes it. Accepting a step makes a new
 memory, rejecting a step keeps the old one. It also contains the fields that a law remembers (such
 as the intensity of an adhesion); such a law sees the whole of j_n and the duration of the step,
-because friction acts on increments and adhesion on total jumps. Laws that depend on the distance
+because friction acts on increments and adhesion on total jumps. Laws depending on the distance
 slipped in contact find it there too: it is summed over the accepted steps and never decreases.
 """
 
@@ -103,7 +103,7 @@ class Memory:
 
 
 def with_memory(law: CompiledLaw, memory: Memory | None, data: PointData) -> PointData:
-    """Return point data with the memory, for laws that use it.
+    """Return point data with the memory, for laws using it.
 
     Args:
         law: compiled law.

@@ -10,7 +10,7 @@ With a constant B, jumps and tractions are weighted sums of nodal vectors (`Sten
     j = B u,    t = E l,    B = b (x) I,    E = e (x) I,
 
 with the scalar weights b and e of the nodes of the displacement and of the multiplier. Points form
-groups that share their nodes: the points of a facet, or single points.
+groups sharing their nodes: the points of a facet, or single points.
 
 Code that needs a constant B (matrices that are set up once, condensation onto the contact points,
 proofs) takes it from `DiscreteSurface.constant_operator`, which refuses any other.

@@ -20,7 +20,7 @@ class Partner:
     Attributes:
         body: rigid body; None if the obstacle is not a rigid body.
         x: positions of the local nodes of the displacement, shape (nodes, dim).
-        turns: whether the surface follows a rigid body that rotates by any angle.
+        turns: whether the surface follows a rigid body rotating by any angle.
     """
 
     body: RigidBody | None

@@ -75,7 +75,7 @@ class DiscreteSurface(ReadOnly):
         points: contact points of this rank with their operators.
         law_at_points: compiled law.
         displaced: gap and normal at displaced points; None in small sliding.
-        true_gaps: function that returns distances of the displaced points to the obstacle.
+        true_gaps: function returning distances of the displaced points to the obstacle.
         moved_along: whether the last change of its Constants moved the obstacle along its surface.
         start_depth: depth of the points in the obstacle at the start, shape (n,); None for pairs,
             and if the description has interference or remove_overlap.

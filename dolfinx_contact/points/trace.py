@@ -231,7 +231,7 @@ def across_planes(
 
     Args:
         V: Lagrange space.
-        slave: mask of the local nodes on the face that ends at the planes.
+        slave: mask of the local nodes on the face ending at the planes.
         master: mask of the local nodes on the other face, which has images behind them.
         planes: positions of the planes of symmetry by axis.
         name: name of the surface for messages.
@@ -362,7 +362,7 @@ def point_ids(
     cells: Indices | None = None,
     numbers: Ints | None = None,
 ) -> tuple[Ints, Ints]:
-    """Return keys that distinguish contact points at one place, on any number of ranks.
+    """Return keys distinguishing contact points at one place, on any number of ranks.
 
     Args:
         vertices: scalar P1 space on a facet submesh.

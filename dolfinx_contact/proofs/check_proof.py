@@ -181,7 +181,7 @@ def least_eigenvalue(S: Array, error: Array) -> float:
 class Ball:
     """Array of real numbers with error bounds, |x - value| <= radius in every entry.
 
-    The operators return a Ball that contains the exact results for all numbers in their operands.
+    The operators return a Ball containing the exact results for all numbers in their operands.
     Operands that are arrays or numbers are exact. A single operation has a rounding error of at
     most u |value| (u = 2^-53), and a matrix product with inner dimension n one of at most
     gamma_n |A| |B| in any order of summation (Higham, section 3.5). Errors of the operands are
@@ -637,7 +637,7 @@ def used(problem: ReducedProblem) -> npt.NDArray[np.bool_]:
 
 
 def restricted(problem: ReducedProblem, allowed: Masks, ub: Array) -> Array:
-    """Return the bounds (6, m), set to 0 for slots that vanish in all allowed statuses."""
+    """Return the bounds (6, m), set to 0 for slots vanishing in all allowed statuses."""
     has = has_status(allowed)
     return np.where((has[:, :, None] & used(problem)).any(axis=1).T, ub, 0.0)
 
@@ -1299,7 +1299,7 @@ class Cells:
         return frozenset(int(kind) for kind in self.kind[self.node == point])
 
     def hull(self, point: int) -> tuple[float, float] | None:
-        """Return the first diamond angle and the width of an arc that contains all arcs of a point.
+        """Return the first diamond angle and the width of an arc containing all arcs of a point.
 
         None if the point has no arc.
         """
@@ -1523,7 +1523,7 @@ class SpacePiece(_Piece):
         e: approximate slip directions (m, 2); 0 for other points.
         inverse: approximate inverse C of the Jacobian (3 m, 3 m).
         residual: bounds of the absolute values of C f (3 m,).
-        radius: radii of the ball around z that contains the solution (m, 3).
+        radius: radii of the ball around z containing the solution (m, 3).
     """
 
     problem: ReducedProblem
@@ -2153,7 +2153,7 @@ def _normal(piece: SpacePiece, most: Array, i: int, kinds: frozenset[int], made:
 def _of_arcs(
     piece: SpacePiece, cells: Cells, most: Array, i: int, made: _Forms, opens: bool
 ) -> None:
-    """Add the forms A, Q and P of a point that slips in b and has no stick cell."""
+    """Add the forms A, Q and P of a point slipping in b without a stick cell."""
     found = angles_of(piece, cells, i)
     far = np.inf if found is None else max(abs(found[0]), abs(found[1]))
     if far >= 2.8:
@@ -2380,7 +2380,7 @@ class Proved:
 
     Attributes:
         inside: solutions of pieces that strictly satisfy all inequalities.
-        border: states of pieces that satisfy an inequality only within the error bounds; each may
+        border: states of pieces satisfying an inequality only within the error bounds; each may
             or may not be a solution.
         singular: statuses (m,) of pieces that may contain one solution, none or a continuum.
         open_regions: sets of statuses (in space, cells) about which nothing is proved.
@@ -2751,7 +2751,7 @@ def follow(
     """Check one step of a proof.
 
     Args:
-        certificate: proof that contains the step.
+        certificate: proof containing the step.
         step: step in the format above.
         region: region on which the step acts; changed by the step ``bound``.
         proved: container to which the proved statements are added.
@@ -2810,7 +2810,7 @@ def _all_pieces(
     """Solve all pieces of a leaf; vectors may prove that singular pieces are empty.
 
     Args:
-        certificate: proof that contains the vectors.
+        certificate: proof containing the vectors.
         singular: pairs of the statuses of a singular piece and the index of a vector.
         region: region of the leaf.
         proved: container to which the proved statements are added.

@@ -108,7 +108,7 @@ def is_only(
 def _of_one_point(
     problem: ReducedProblem, piece: PieceSolution | SpacePiece | None, effort: int
 ) -> Certificate | None:
-    """Return a proof that consists of a single step; None if that step fails."""
+    """Return a proof consisting of a single step; None if that step fails."""
     search: Any = (PlaneSearch if problem.dim == 2 else SpaceSearch)(problem, np.inf)
     region = whole_region(search.problem)
     if search.step(region, do="rest") is not None:

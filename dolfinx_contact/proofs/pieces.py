@@ -102,7 +102,7 @@ def piece_at(problem: ReducedProblem, a: Array, r: Array) -> SpacePiece | None:
     """The piece of a solution, with bounds of its errors; None if that cannot be proved.
 
     Args:
-        problem: scaled.
+        problem: scaled problem.
         a: displacements (m, 3).
         r: forces (m, 3).
     """
@@ -146,7 +146,7 @@ def relaxed(
     Undecided points get the statuses that their numbers require, until these stay.
 
     Args:
-        problem: scaled.
+        problem: scaled problem.
         kinds: kinds of the cells of the points.
         codes: statuses to begin with (m,).
         z: unknowns of their piece (m, 3).

@@ -44,7 +44,7 @@ Codes = npt.NDArray[np.int8]
 
 @dataclass(frozen=True, eq=False)
 class ProvedRays:
-    """Rays that leave a state, and the result of the proof of completeness.
+    """Rays leaving a state, and the result of the proof of completeness.
 
     Attributes:
         verdict: ``"complete"``, ``"degenerate"`` or ``"open"``, as in `ProvedSolutions`.

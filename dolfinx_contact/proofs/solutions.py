@@ -63,7 +63,7 @@ class ProvedSolutions:
         solutions: proved solutions. Solutions that Newton's method finds in open regions after the
             time limit are included, but are not part of the certificate.
         border: states at borders of pieces, which may or may not be solutions.
-        singular: statuses of pieces that contain one solution, none or a continuum.
+        singular: statuses of pieces containing one solution, none or a continuum.
         open_regions: undecided sets of statuses as bit masks (m,); in 3D undecided cells with the
             reason.
         certificate: proof, which can be saved (`Certificate.save`) and checked again (`check`).

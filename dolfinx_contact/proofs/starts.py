@@ -117,7 +117,7 @@ def _random_forces(problem: ReducedProblem, number: int, random: np.random.Gener
 def forces_within(
     problem: ReducedProblem, regions: Sequence[Cells], number: int, random: np.random.Generator
 ) -> Array:
-    """Forces of cells of regions, these in turn (number, 3 m)."""
+    """Return random forces within the cells of each region in turn, shape (number, 3 m)."""
     m = problem.points
     scale = max(1.0, float(np.abs(problem.p).max())) * 10 ** random.uniform(-1, 1, (number, 1))
     order = random.permutation(len(regions))

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Weights of quadratic inequalities that make their weighted sum positive definite.
 
-With the rows that vanish eliminated and the form scaled to a unit diagonal, the least eigenvalue of
+With the vanishing rows eliminated and the form scaled to a unit diagonal, the least eigenvalue of
 the weighted sum is maximised over the logarithms of the weights, in 2D also over theta. Several
 small eigenvalues are replaced by the soft minimum -tau log sum exp(-lambda / tau), with the
 derivatives of the eigenvalues. Nothing is proved here: `check_proof.Differences` and

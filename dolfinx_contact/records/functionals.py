@@ -151,7 +151,7 @@ def functional_forms(
 
 
 def _content(problem: ContactProblem, name: str, f: Functional) -> str:
-    """Return the content of a functional as text, equal on ranks that pass the same one."""
+    """Return the content of a functional as text, equal on ranks passing the same one."""
     if isinstance(f, ufl.Form):
         if f.arguments():
             raise ValueError(f"the functional {name!r} must be a scalar form")
@@ -162,7 +162,7 @@ def _content(problem: ContactProblem, name: str, f: Functional) -> str:
 
 
 def _evaluator(problem: ContactProblem, name: str, f: Functional) -> Callable[[], float]:
-    """Return the function that evaluates a functional; it is collective."""
+    """Return the function evaluating a functional; it is collective."""
     comm = problem.comm
     if isinstance(f, ufl.Form):
         maps = merge_entity_maps([s.submesh for s in problem.surfaces])

@@ -15,7 +15,7 @@ A journal has one JSON object per line, and lines are only appended. `type` name
 
 A point has the number of its `branch`, its `index`, the `status` of all contact points as letters
 (only if it differs from the previous point of the branch), and the `ending` and `reason` of a
-branch or run that ends there. `checkpoint` and `surface` name its files, `sum` and `surface_sum`
+branch or run ending there. `checkpoint` and `surface` name its files, `sum` and `surface_sum`
 their fingerprints. There are three sets of further columns:
 
 - Branches: `gamma`, `step`, `corrections`, `tau` (`continuation.BranchPoint`), `special` (points of
@@ -174,7 +174,7 @@ class RecordedRun(Ends):
 
     @property
     def complete(self) -> bool:
-        """Whether it reached the last of its times, or the end of its range."""
+        """Whether the run reached the last of its times, or the end of its range."""
         return self.ending is Ending.REACHED
 
 

@@ -159,7 +159,7 @@ def values_of(
 
 
 def difference(recorded: Mapping[str, Any], now: Mapping[str, Any]) -> str:
-    """Return the first item that differs in two sections, with both values; "" if none."""
+    """Return the first item differing in two sections, with both values; "" if none."""
     if recorded.get(_UFL) != now.get(_UFL):
         return ""  # signatures of the same form depend on the version of UFL
     for name in dict.fromkeys((*recorded, *now)):

@@ -59,7 +59,7 @@ class BranchPoints:
         }
 
     def joined(self, columns: Entry) -> BranchPoint:
-        """Return the point with given columns, and with the work vectors."""
+        """Return the point with the given scalars and the vectors read last."""
         return BranchPoint(
             self._layout.joined(self.vectors["x"], columns.gamma),
             self._layout.joined(self.vectors["tangent"], columns.tangent_gamma),

@@ -331,7 +331,7 @@ class Record(Observer, ABC, Generic[J]):
 
         Args:
             indices: indices of the states, from the last one back.
-            read: function that reads a state.
+            read: function reading a state.
 
         Raises:
             ValueError: on every rank, if all checkpoints are damaged.

@@ -326,7 +326,7 @@ class StepsRecord(Record[J], Generic[J, H]):
 
     @contextmanager
     def _looking(self) -> Iterator[None]:
-        """Context manager that restores state and data of the problem on exit. Collective."""
+        """Context manager restoring state and data of the problem on exit. Collective."""
         system = getattr(self._runs, "parametric", self.problem)
         with data_restored(self.problem), system.restored(always=True):
             yield

@@ -90,7 +90,7 @@ class GatheredPoints:
         return self._gathered(values[self.local])
 
     def owner(self, i: int) -> tuple[int, int]:
-        """Return the rank that owns point ``i``, and its local number there. Collective."""
+        """Return the rank owning point ``i``, and its local number there. Collective."""
         rank, number = self._gathered.owner(i)
         mine = int(self.local[number]) if self.comm.rank == rank else None
         return rank, int(self.comm.bcast(mine, root=rank))

@@ -270,7 +270,7 @@ class Reduction:
     # -- points ----------------------------------------------------------------------------------
 
     def point(self, i: int) -> tuple[int, int]:
-        """Return the rank that owns point ``i``, and its local number there. Collective."""
+        """Return the rank owning point ``i``, and its local number there. Collective."""
         return self.points.owner(i)
 
     def codes(self, piece: Piece) -> npt.NDArray[np.int8]:

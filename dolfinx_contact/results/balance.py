@@ -305,7 +305,7 @@ class RigidBodyResult:
         name: name of the body.
         components: names of the components of its motion.
         motion: displacement and rotation (radians), by component.
-        contact: contact force and moment of all surfaces that touch the body, by component.
+        contact: contact force and moment of all surfaces touching the body, by component.
         load: given forces and moments, 0 where the motion is prescribed.
         support: reactions to prescribed motions, 0 where the motion is free.
         dim: dimension, 2 or 3.

@@ -90,7 +90,7 @@ def vertex_state(eq: ContactEquations, number: int, evaluation: Evaluation) -> d
         and radius ``bound`` of the friction disc. Forces are divided by the whole vertex areas,
         including parts without an opposing surface. ``open`` and ``slip`` are the fractions of the
         area around a vertex with that status (0 or 1 if the vertices are the contact points); in 2D
-        ``plus`` and ``minus`` are the fractions that slip with u_t > 0 and u_t < 0. Both are 0
+        ``plus`` and ``minus`` are the fractions slipping with u_t > 0 and u_t < 0. Both are 0
         without friction if the point has not moved since the last step.
     """
     s = eq.surfaces[number]

@@ -649,7 +649,7 @@ def _across(
     contact: ContactState,
     held: Marks,
 ) -> float:
-    """Fraction of the normal forces that act across the face of the body. Collective."""
+    """Fraction of the normal forces acting across the face of the body. Collective."""
     u = state.u.reshape(-1, s.dim)
     follows = s.displaced is not None or (s.obstacle.flat and not eq.bulk.linear)
     outward = outward_at_points(s, u if follows else np.zeros_like(u))

@@ -224,7 +224,7 @@ def collect(
         eq: equations of the contact problem.
         state: evaluation at the solution, with reactions.
         attempts: strategies that were tried; the last one converged.
-        shown: function of the solution that returns the equations and the evaluation used for
+        shown: function of the solution returning the equations and the evaluation used for
             tables and indicators; default: equations and evaluation of the solution. In dynamics,
             they belong to the end of the step, which differs from the solution.
 

@@ -148,7 +148,7 @@ class ContactTable:
         """Return the columns of ``contact.csv`` by name, shape (n,) each.
 
         Vectors are split into three components; those along z are 0 in 2D. Laws with adhesion add
-        ``rn_adh``, ``rt_adh``, their variables, and ``bond``; laws that depend on the slip distance
+        ``rn_adh``, ``rt_adh``, their variables, and ``bond``; laws depending on the slip distance
         add ``slid``.
         """
         vectors = {"": self.x, "ut_": self.ut, "rt_": self.rt, "support_": self.support}
@@ -366,7 +366,7 @@ def _letters_of_bonds(
 def _letters_of_motion(
     ut: npt.NDArray[np.float64], n: npt.NDArray[np.float64], least: float
 ) -> npt.NDArray[np.str_]:
-    """Return the letters of closed points that move by ``ut`` (n, dim), beyond ``least``."""
+    """Return the letters of closed points moving by ``ut`` (n, dim), beyond ``least``."""
     size = np.linalg.norm(ut, axis=1)
     sliding: Any = "s"
     if ut.shape[1] == 2:

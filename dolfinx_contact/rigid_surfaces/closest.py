@@ -141,7 +141,7 @@ class ClosestFacets:
 
 
 def _covered(corners: Array) -> tuple[Array, Ints, Array]:
-    """Return balls that cover all facets: centres, facet indices and radii."""
+    """Return balls covering all facets: centres, facet indices and radii."""
     owners = np.arange(len(corners))
     largest = float(np.ptp(corners.reshape(-1, corners.shape[2]), axis=0).max()) / _PARTS
     target = max(largest, 2.0 * float(np.median(_radii(corners))))

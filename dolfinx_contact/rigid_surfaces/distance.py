@@ -23,7 +23,7 @@ where o is the overlap removed from the gap, if any. The surface is thus extende
 circle that turns down, but the normal remains m. Contact forces therefore decrease to zero as
 points leave and keep their direction. With a sharper end, normals would push points off the
 surface, where no equilibrium is nearby. The extension shrinks with the facets of the sliding face.
-A point that starts below the rim and past it has the overlap -z, like the adjacent part of the
+A point starting below the rim and past it has the overlap -z, like the adjacent part of the
 face, so it leaves as if it had started on the surface.
 """
 
@@ -165,7 +165,7 @@ class _Places:
 def _ended(
     away: Array, m: Array, turn: Array, along: Array, b: Array, low: Array
 ) -> tuple[Mask, Array, Array]:
-    """Return the mask of points that leave past a rim, with their gaps and gap gradients.
+    """Return the mask of points leaving past a rim, with their gaps and gap gradients.
 
     Args:
         away: vectors from the closest points to the points, shape (n, dim).

@@ -10,7 +10,7 @@ combinations along edges of facets, thus satisfy
 The normals of any other smooth surface satisfy this condition up to the order h^3. They are
 computed by least squares, as close to an initial guess as the condition allows, since edges do not
 determine the normals of strips of facets. The guess is the sum over the facets around a point of
-e_1 x e_2 / (|e_1|^2 |e_2|^2), with the edges e_1, e_2 that meet there; it is exact for a sphere
+e_1 x e_2 / (|e_1|^2 |e_2|^2), with the edges e_1, e_2 meeting there; it is exact for a sphere
 through the points (Max, J. Graphics Tools 4(2), 1999). For segments the guess is the sum of n_s /
 |s|, which is exact for a circle. Between a flat and a curved part the guess is the normal of the
 flat part, which is preserved. A flat part has at least two triangles; otherwise single triangles of

@@ -44,7 +44,7 @@ class RigidSurface(ReadOnly, Obstacle):
     ``mend`` flips the facets: each connected part keeps the orientation of most of its area, and
     closed parts get outward normals. ``mend`` also merges coincident points, removes degenerate
     facets with two coincident corners (common in STL files) and repeated facets, and splits facets
-    at points of rims that lie on their edges. With ``reverse`` the body is on the opposite side,
+    at points of rims lying on their edges. With ``reverse`` the body is on the opposite side,
     for example inside a die.
 
     *Edges.* Normals approximate the normals of a smooth surface through the points. They are

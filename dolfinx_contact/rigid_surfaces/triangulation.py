@@ -338,7 +338,7 @@ def _check_torn(points: Array, cells: Ints, ridges: _Ridges, rims: Mask, name: s
 
 
 def _points_on_rims(points: Array, cells: Ints, ridges: _Ridges) -> tuple[Ints, Ints]:
-    """Return points of rims that lie inside rim edges, or in 2D inside segments.
+    """Return points of rims lying inside rim edges, or in 2D inside segments.
 
     Returns:
         Edges, by facet and corner (in 2D segments), and points, ordered along each edge.

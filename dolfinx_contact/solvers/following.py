@@ -38,7 +38,7 @@ class Loaded(ParametricEquations):
 
     Args:
         equations: contact problem under the whole load.
-        linear: function that returns its linear solver.
+        linear: function returning its linear solver.
         x0: solution x_0 at s = 0.
     """
 
@@ -107,9 +107,9 @@ def follow_load(
 
     Args:
         equations: contact problem under the whole load.
-        linear: function that returns its linear solver.
+        linear: function returning its linear solver.
         x: start; receives the solution.
-        attempt: attempt that records the reason of a failure.
+        attempt: attempt recording the reason of a failure.
         most: largest number of iterations at a point of the branch.
     """
     if most < 1:

@@ -49,7 +49,7 @@ class LinearSolver:
 
     @property
     def preconditioner(self) -> Preconditioner | None:
-        """Preconditioner for systems that contain the Jacobian; None if it must be factorised."""
+        """Preconditioner for systems containing the Jacobian; None if it must be factorised."""
         return None
 
     def attach(self, ksp: PETSc.KSP, remainder: Callable[[PETSc.Vec], float]) -> None:
@@ -57,7 +57,7 @@ class LinearSolver:
 
         Args:
             ksp: linear solver of SNES.
-            remainder: function of a correction that returns the norm of H after it, in the rows of
+            remainder: function of a correction returning the norm of H after it, in the rows of
                 the contact conditions; collective.
         """
 

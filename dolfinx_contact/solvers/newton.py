@@ -3,8 +3,8 @@
 
 The statuses are determined again at every iterate before residual and Jacobian are evaluated, so
 the Jacobian is an element of the generalised Jacobian of H. The only exception is the first step
-from a body that touches nothing, which uses guessed statuses. Convergence is judged block by block
-(`measures`). Full steps that return to earlier statuses are stopped as a cycle.
+from a body touching nothing, which uses guessed statuses. Convergence is judged block by block
+(`measures`). Full steps returning to earlier statuses are stopped as a cycle.
 
 SNES requests residual, Jacobian and convergence in separate calls. They share the evaluation at the
 unknowns of the call (`Newton._evaluated`), which is repeated only if the unknowns differ.
@@ -57,7 +57,7 @@ class _Run:
     """Arguments and progress of one run of Newton's method.
 
     Attributes:
-        attempt: attempt that records the iterates.
+        attempt: attempt recording the iterates.
         held: statuses with which H is evaluated; None: those determined by the unknowns.
         most: number of steps after which the run ends; None: only at a solution.
         load: applied part of the load.
@@ -193,7 +193,7 @@ class Newton:
 
         Args:
             x: start; receives the solution, or the last iterate.
-            attempt: attempt that records the iterates, the reason of the end, and the evaluation
+            attempt: attempt recording the iterates, the reason of the end, and the evaluation
                 at a solution of H under the whole load.
             start: evaluation at the start under the whole load, if available.
             held: statuses with which H is evaluated; default: those determined by the unknowns.

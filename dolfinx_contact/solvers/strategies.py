@@ -427,7 +427,7 @@ def raise_load(solver: Newton, x: PETSc.Vec, attempt: Attempt, increments: int) 
     Args:
         solver: Newton's method.
         x: start; receives the solution.
-        attempt: attempt that records the iterates.
+        attempt: attempt recording the iterates.
         increments: initial number of increments.
     """
     eq = solver.equations

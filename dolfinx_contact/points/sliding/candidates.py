@@ -107,7 +107,7 @@ class Master:
         self._mirrors: Array = np.array(list(product(*signs)))
 
     def images(self, x: Array, reach: float) -> tuple[Faces, Array]:
-        """Return facets and images that lie behind planes by less than a distance.
+        """Return facets and images lying behind planes by less than a distance.
 
         Args:
             x: positions of the corners, shape (n, b, dim).

@@ -83,7 +83,7 @@ class SlidingFaces:
             dim).
         images: factors of sums around vertices by their mirror images, shape (vertices, dim).
         removed: removed overlaps of the mesh at the local vertices.
-        lost: mask of the facets of one face that start inside the body with nothing in reach.
+        lost: mask of the facets of one face starting inside the body with nothing in reach.
     """
 
     found: Candidates
@@ -339,7 +339,7 @@ class SlidingFaces:
         return np.minimum(0.5 * (start + thickness), self._depth)
 
     def _behind(self, pairs: Ints) -> tuple[Ints, Array]:
-        """Return the pairs of facets that lie behind each other in the mesh, and distances."""
+        """Return the pairs of facets lying behind each other in the mesh, and distances."""
         self.found = replace(self.found, pairs=pairs)
         common = self._covered(self._reference, self._found_before, farthest=0.0)
         return np.stack([common.facet, common.other], axis=1), np.abs(_heights(common))

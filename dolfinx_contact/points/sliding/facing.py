@@ -31,7 +31,7 @@ The tractions t of the nodes are nominal; their forces are w N_a t on the slave,
 on the master, t = sum_a N_a t_a (Puso and Laursen, CMAME 193, 2004; Poulios and Renard, Comput.
 Struct. 153, 2015). Limits of the parts are not differentiated.
 
-The gap of a hardly covered node, as at the edge of a master that moves over it, is known only at
+The gap of a hardly covered node, as at the edge of a master moving over it, is known only at
 the edge. Its law is weighted by the share s = W_a / (c A_a), 1 at most, of a part
 c of its area A_a; the remainder of its traction is the mean of the tractions around it,
 

@@ -19,11 +19,11 @@ __all__ = ["SlidingOperator"]
 
 @dataclass(frozen=True, eq=False)
 class SlidingOperator(Operator):
-    """B at a displacement.
+    """Operator B from displacements to jumps, for faces that slide, at one displacement.
 
     Attributes:
-        faces: slave and master.
-        facing: opposing parts.
+        faces: facets of slave and master.
+        facing: opposing parts of both faces.
         number: number of contact points, the owned vertices of the slave.
         x: positions of the corners of the slave facets, shape (n, k, dim).
     """

@@ -296,7 +296,7 @@ class SlidingFacets(Obstacle):
 
 
 class SlidingPoints(NodePoints):
-    """Nodes of a slave that slides over its master; see `facing`.
+    """Nodes of a slave sliding over its master; see `facing`.
 
     Attributes:
         faces: slave and master.
