@@ -69,7 +69,7 @@ html_copy_source = False
 html_theme_options = {
     "show_toc_level": 2,
     "navigation_depth": 2,
-    "header_links_before_dropdown": 7,
+    "header_links_before_dropdown": 8,
     "navbar_align": "left",
     "navbar_end": ["theme-switcher"],
     "footer_start": ["copyright"],
