@@ -462,7 +462,7 @@ MISUSE = {
     # materials
     "stress of a trial function": (
         lambda w: MATERIAL.stress(ufl.TrialFunction(w.V)),
-        "needs the displacement, a Function .* got Argument",
+        "needs the displacement, a fem.Function, .* got a TrialFunction",
     ),
     "energy of an expression": (lambda w: MATERIAL.energy(2 * w.u), "needs the displacement"),
     "Young's modulus in words": (
