@@ -32,11 +32,10 @@ from dolfinx_contact.obstacles import Obstacle
 from dolfinx_contact.points.clipping import Cover, Faces, cover
 from dolfinx_contact.points.descriptions import Overlap
 from dolfinx_contact.points.evaluation import at_nodes
-from dolfinx_contact.points.facing import candidates, faces_of
 from dolfinx_contact.points.mortar import between, coupling
 from dolfinx_contact.points.operators import rows_of, rows_with_ghosts
 from dolfinx_contact.points.revolution import mirrored
-from dolfinx_contact.points.search import around, nearest
+from dolfinx_contact.points.search import around, faces_of, nearest, opposing_facets
 from dolfinx_contact.points.trace import (
     at_global_places,
     facet_normals,
@@ -366,7 +365,7 @@ def _mortar(faces: _Sides) -> Opposite:
     if faces.normal is not None:
         require(comm, degree == 1, f"{name}: a given normal needs degree 1 here")
         mine = _projected_faces(faces.normal, mine)
-    theirs, pairs = candidates(comm, mine, faces_of(V, faces.master))
+    theirs, pairs = opposing_facets(comm, mine, faces_of(V, faces.master))
     common = cover(mine, theirs, pairs, deepest=size)
     marked = np.unique(common.facet)
     require(comm, bool(comm.allreduce(len(marked))), f"{name}: nothing is opposite")

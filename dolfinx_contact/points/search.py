@@ -1,15 +1,20 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Spatial search among the points of all ranks.
+"""Spatial search among the points and facets of all ranks.
 
 No rank holds all points. Each rank queries the ranks whose bounding boxes may contain the required
 points; these search their own points in a tree and send the answers back. Points have named data:
 `Columns` maps names to arrays with one entry per point, and ``"x"`` is the position. Data are sent
 as numbers in double precision, which is exact for integers below 2^53.
+
+Facets are found by balls around them. Small sliding searches once, around the nearest facets
+(`opposing_facets`); large sliding searches again after large displacements, within a given distance
+(`facets_along_normals`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 from mpi4py import MPI
@@ -18,15 +23,26 @@ import numpy as np
 import numpy.typing as npt
 import scipy
 
-from dolfinx_contact._arrays import Array, Ints
+import basix
+from dolfinx import fem
 
-__all__ = ["Columns", "around", "near_rays", "nearest"]
+from dolfinx_contact._arrays import Array, Indices, Ints
+from dolfinx_contact._geometry import dot, global_numbers, node_positions
+from dolfinx_contact.points.clipping import Faces
+from dolfinx_contact.points.trace import facet_closures, facet_normals
+
+__all__ = ["Columns", "around", "faces_of", "facets_along_normals", "nearest", "opposing_facets"]
 
 #: Data of points by name, arrays of shape (n, ...).
 Columns = Mapping[str, npt.NDArray[Any]]
 #: Function from a `scipy.spatial.cKDTree` of points and data of questions to pairs of numbers of
 #: questions and points. (SciPy loads its trees at the first search.)
 Selection = Callable[[Any, Columns], tuple[Ints, Ints]]
+
+
+def _in_balls(tree: scipy.spatial.cKDTree, questions: Columns) -> tuple[Ints, Ints]:
+    """Return pairs of questions and points of a tree within their distances."""
+    return _pairs(tree.query_ball_point(questions["x"], questions["reach"]))
 
 
 def nearest(comm: MPI.Comm, known: Columns, x: Array) -> dict[str, npt.NDArray[Any]]:
@@ -40,33 +56,19 @@ def nearest(comm: MPI.Comm, known: Columns, x: Array) -> dict[str, npt.NDArray[A
     Returns:
         Data of the nearest points, shape (n, ...); infinite positions if no rank has a point.
     """
-    rows = _packed(known)
-    dim = x.shape[1]
     boxes = _Boxes(comm, known["x"], x)
-    ranks = boxes.near <= np.nanmin(boxes.far, axis=0, initial=np.inf) * (1 + 1e-12)
-    places = [np.flatnonzero(asked) for asked in ranks]
-    questions = _exchanged(comm, [x[i] for i in places])
-    tree = boxes.tree
-    answers = [
-        rows[tree.query(q)[1]] if tree is not None and len(q) else rows[:0] for q in questions
-    ]
+    reach = np.nanmin(boxes.far, axis=0, initial=np.inf) * (1 + 1e-12)
+    i, rows = _answers(comm, boxes, known, {"x": x, "reach": reach}, _nearest_in)
+    distance = np.linalg.norm(rows[:, : x.shape[1]] - x[i], axis=1)
+    order = np.lexsort((distance, i))
+    places, first = np.unique(i[order], return_index=True)
     best = np.full((len(x), rows.shape[1]), np.inf)
-    distance = np.full(len(x), np.inf)
-    for i, part in zip(places, _exchanged(comm, answers), strict=True):
-        d = np.linalg.norm(part[:, :dim] - x[i], axis=1)
-        closer = d < distance[i]
-        best[i[closer]] = part[closer]
-        distance[i[closer]] = d[closer]
+    best[places] = rows[order[first]]
     return _unpacked(best, known)
 
 
-def in_balls(tree: scipy.spatial.cKDTree, questions: Columns) -> tuple[Ints, Ints]:
-    """Return pairs of questions and points of a tree within their distances."""
-    return _pairs(tree.query_ball_point(questions["x"], questions["reach"]))
-
-
 def around(
-    comm: MPI.Comm, known: Columns, wanted: Columns, select: Selection = in_balls
+    comm: MPI.Comm, known: Columns, wanted: Columns, select: Selection = _in_balls
 ) -> tuple[Ints, dict[str, npt.NDArray[Any]]]:
     """Return the known points, of any rank, within a distance of each place. Collective.
 
@@ -80,21 +82,93 @@ def around(
     Returns:
         Numbers of places, shape (pairs,), and data of points near them, shape (pairs, ...).
     """
-    rows, asked = _packed(known), _packed(wanted)
     boxes = _Boxes(comm, known["x"], wanted["x"])
-    places = [np.flatnonzero(near <= wanted["reach"]) for near in boxes.near]
-    answers = []
-    for q in _exchanged(comm, [np.column_stack([i, asked[i]]) for i in places]):
-        i: Ints = np.zeros(0, dtype=np.int64)
-        k = i
-        if boxes.tree is not None and len(q):
-            i, k = select(boxes.tree, _unpacked(q[:, 1:], wanted))
-        answers.append(np.column_stack([q[i, 0], rows[k]]))
-    found = np.concatenate(_exchanged(comm, answers))
-    return found[:, 0].astype(np.int64), _unpacked(found[:, 1:], known)
+    i, rows = _answers(comm, boxes, known, wanted, select)
+    return i, _unpacked(rows, known)
 
 
-def near_rays(tree: scipy.spatial.cKDTree, q: Columns, radii: Array) -> tuple[Ints, Ints]:
+def faces_of(V: fem.FunctionSpace, facets: Indices) -> Faces:
+    """Return the facets owned by this rank."""
+    domain = V.mesh
+    dim = V.mesh.geometry.dim
+    owned = facets[facets < domain.topology.index_map(dim - 1).size_local]
+    closures = facet_closures(V, owned)
+    corners = len(basix.topology(domain.basix_cell())[dim - 1][0])
+    x = node_positions(V)[:, :dim][closures[:, :corners]]
+    nodes = global_numbers(V.dofmap.index_map, closures)
+    return Faces(x, facet_normals(domain, owned), nodes)
+
+
+def facets_along_normals(
+    comm: MPI.Comm,
+    slave: Faces,
+    master: Columns,
+    radii: Array,
+    depth: Array,
+    skin: float = 0.0,
+) -> tuple[dict[str, npt.NDArray[Any]], Ints]:
+    """Return master facets, of any rank, that the normals of slave facets may meet. Collective.
+
+    A facet counts if it lies at most at a distance before or behind the slave facet along the
+    normal, and across the normal not farther than both facets reach.
+
+    Args:
+        comm: communicator.
+        slave: slave facets of this rank.
+        master: middles ``"x"`` of the master facets of this rank, ``"key"`` that identifies a
+            facet, shape (m, k), and other data.
+        radii: radii of balls around the middles that contain the facets, shape (m,).
+        depth: distance along the normal by slave facet, shape (n,).
+        skin: additional distance.
+
+    Returns:
+        Data of the facets, each once in the order of the keys, and pairs of numbers of slave and
+        master facets in ascending order, shape (pairs, 2).
+    """
+    middles, across = slave.balls
+    across = across + skin
+    largest = comm.allreduce(float(np.max(radii, initial=0.0)), op=max)
+    reach = np.hypot(depth + across + largest, across + largest)
+    wanted = {"x": middles, "normal": slave.normals, "across": across, "depth": depth}
+    select = partial(_near_rays, radii=radii)
+    i, found = around(comm, master, wanted | {"reach": reach}, select)
+    _, first, k = np.unique(found["key"], axis=0, return_index=True, return_inverse=True)
+    pairs = np.column_stack([i, k.reshape(-1)])
+    facets = {name: values[first] for name, values in found.items()}
+    return facets, pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
+
+
+def opposing_facets(comm: MPI.Comm, slave: Faces, master: Faces) -> tuple[Faces, Ints]:
+    """Return facets of the master, of any rank, that may oppose slave facets. Collective.
+
+    An opposing facet at an angle of less than 60 degrees is at most twice as far as the nearest one
+    plus half the sizes of both.
+
+    Returns:
+        Facets, and pairs of numbers of slave and master facets.
+    """
+    middles, radius = slave.balls
+    others, theirs = master.balls
+    largest = comm.allreduce(float(np.max(theirs, initial=0.0)), op=max)
+    distance = np.linalg.norm(nearest(comm, {"x": others}, middles)["x"] - middles, axis=1)
+    reach = 2 * (distance + largest) + radius
+    known = {"x": others, "key": master.nodes, "corners": master.x, "normal": master.normals}
+    found, pairs = facets_along_normals(comm, slave, known, theirs, reach)
+    i, k = pairs.T
+    near = np.linalg.norm(found["x"][k] - middles[i], axis=1) <= reach[i]
+    return Faces(found["corners"], found["normal"], found["key"]), pairs[near]
+
+
+# -- search on a rank ------------------------------------------------------------------------------
+
+
+def _nearest_in(tree: scipy.spatial.cKDTree, questions: Columns) -> tuple[Ints, Ints]:
+    """Return the nearest point of a tree for each question."""
+    found = tree.query(questions["x"])[1]
+    return np.arange(len(found)), found
+
+
+def _near_rays(tree: scipy.spatial.cKDTree, q: Columns, radii: Array) -> tuple[Ints, Ints]:
     """Return pairs of rays and balls of this rank in cylinders around the rays.
 
     Rays are bisected, and halves without a ball nearby dropped. The cost therefore grows with the
@@ -124,7 +198,7 @@ def near_rays(tree: scipy.spatial.cKDTree, q: Columns, radii: Array) -> tuple[In
     pairs = np.unique(i[parts] * tree.n + k)
     i, k = pairs // tree.n, pairs % tree.n
     off = tree.data[k] - q["x"][i]
-    along = np.sum(off * q["normal"][i], axis=1)
+    along = dot(off, q["normal"][i])
     aside = np.linalg.norm(off - along[:, None] * q["normal"][i], axis=1)
     limit = q["across"][i] + radii[k]
     kept = (np.abs(along) <= q["depth"][i] + limit) & (aside <= limit)
@@ -156,6 +230,23 @@ class _Boxes:
         self.near = np.linalg.norm(np.maximum(below, above).clip(0.0), axis=2)
         self.far = np.linalg.norm(np.maximum(np.abs(below), np.abs(above)), axis=2)
         self.tree = scipy.spatial.cKDTree(known) if len(known) else None
+
+
+def _answers(
+    comm: MPI.Comm, boxes: _Boxes, known: Columns, wanted: Columns, select: Selection
+) -> tuple[Ints, Array]:
+    """Return numbers of places and packed data of the points selected for them. Collective."""
+    rows, asked = _packed(known), _packed(wanted)
+    places = [np.flatnonzero(near <= wanted["reach"]) for near in boxes.near]
+    answers = []
+    for q in _exchanged(comm, [np.column_stack([i, asked[i]]) for i in places]):
+        i: Ints = np.zeros(0, dtype=np.int64)
+        k = i
+        if boxes.tree is not None and len(q):
+            i, k = select(boxes.tree, _unpacked(q[:, 1:], wanted))
+        answers.append(np.column_stack([q[i, 0], rows[k]]))
+    found = np.concatenate(_exchanged(comm, answers))
+    return found[:, 0].astype(np.int64), found[:, 1:]
 
 
 def _pairs(lists: npt.NDArray[np.object_]) -> tuple[Ints, Ints]:
