@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Contact laws compiled from UFL: values and derivatives at contact points.
 
-Contact points are represented by the cells of a separate small mesh, with one value of each datum
-per cell. A compiled law therefore depends only on the kind of the law and on the dimension, not on
-the discretisation.
+A compiled law depends only on the kind of the law and on the dimension, not on the discretisation
+(`_pointwise`).
 """
 
 from __future__ import annotations
@@ -22,12 +21,13 @@ import ufl
 from ufl.corealg.traversal import unique_pre_traversal
 
 from dolfinx_contact._mpi import everywhere
+from dolfinx_contact._pointwise import Flat, Values
 from dolfinx_contact._ufl import data_of, depends_on, not_affine
 from dolfinx_contact.laws.answers import Answers, Array, Codes, PointData
 from dolfinx_contact.laws.law import Law, StatusPiece, checked_pieces
 from dolfinx_contact.laws.roots import Roots
 from dolfinx_contact.laws.still import known_step
-from dolfinx_contact.laws.symbols import SLID, Flat, Symbols, Values, from_memory
+from dolfinx_contact.laws.symbols import SLID, Symbols, from_memory
 
 __all__ = ["CompiledLaw", "LawAtPoints"]
 

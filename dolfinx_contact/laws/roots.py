@@ -13,8 +13,9 @@ import numpy.typing as npt
 import ufl
 from dolfinx import fem
 
+from dolfinx_contact._pointwise import Flat, Values
 from dolfinx_contact.laws.law import Equations
-from dolfinx_contact.laws.symbols import Flat, Solved, Values
+from dolfinx_contact.laws.symbols import Solved
 
 __all__ = ["Roots"]
 

@@ -1,50 +1,34 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""UFL symbols for the data of a contact point, used to compile laws, and their evaluation.
-
-Contact points are represented by the cells of a separate small mesh, with one value of each datum
-per cell.
-"""
+"""UFL symbols for the data of a contact point, used to compile laws."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import Any, NamedTuple
 
-from mpi4py import MPI
-
-import numpy as np
-import numpy.typing as npt
-
-import basix.ufl
 import ufl
-from dolfinx import fem, mesh
 from ufl.corealg.traversal import unique_pre_traversal
 
-from dolfinx_contact._forms import compiled_expression
+from dolfinx_contact._pointwise import point_data
 from dolfinx_contact.laws.law import ContactPoint, Equations
 
 __all__ = [
     "AROUND",
-    "CHUNK",
     "SLID",
     "STEP",
-    "Flat",
     "Solved",
     "Symbols",
-    "Values",
     "before",
     "from_memory",
     "variable",
 ]
 
-Array = npt.NDArray[np.float64]
 #: Field of a nonlocal law: the average over neighbouring points.
 AROUND = ".around"
 #: Time since the last accepted state, and slip distance at that state.
 STEP = ".step"
 SLID = ".slid"
-CHUNK = 256  # number of points evaluated at once
 _FIRST_LABEL = 10**9  # larger than the labels assigned by UFL
 _FIRST_SOLVED = 1000  # offset from the first label
 
@@ -121,11 +105,9 @@ class Symbols:
         self._given = list(given)
         self._kept = list(kept)
         self.names = [*self._given, *memory, *([] if local else [AROUND])]
-        points = mesh.create_interval(MPI.COMM_SELF, CHUNK, (0.0, 1.0))
         first = 3 * dim + 2 + len(self.names)
         width = first + sum(n + n * n for n in unknowns.values())
-        element = basix.ufl.element("DG", "interval", 0, shape=(width,))
-        self.w = w = fem.Function(fem.functionspace(points, element))
+        self.w = w = point_data(width)
         self.jump, self.traction, self.n = (
             variable(ufl.as_vector([w[i * dim + k] for k in range(dim)]), i) for i in range(3)
         )
@@ -191,55 +173,3 @@ class Symbols:
         jump = before(self._dim)
         found |= set(jump) if found & set(jump) else set()
         return [name for name in from_memory(self._dim, self._kept) if name in found]
-
-
-# -- values ----------------------------------------------------------------------------------------
-
-
-class Flat:
-    """List of the scalar components of UFL expressions."""
-
-    def __init__(self) -> None:
-        self.components: list[Any] = []
-
-    def add(self, expression: Any) -> list[int]:
-        """Append the components of an expression and return their numbers."""
-        e = ufl.as_ufl(expression)
-        first = len(self.components)
-        self.components += [e[i] for i in np.ndindex(e.ufl_shape)] if e.ufl_shape else [e]
-        return list(range(first, len(self.components)))
-
-
-class Values:
-    """Compiled UFL scalars, evaluated at any number of contact points. Collective.
-
-    Points are cells of a mesh with one value of ``w`` per cell; several evaluations are made if
-    there are more points than cells.
-
-    Args:
-        components: UFL scalars in ``w``.
-        w: Function with the data of a point, one component per datum.
-        comm: communicator of the ranks compiling together.
-    """
-
-    def __init__(self, components: Sequence[Any], w: fem.Function, comm: MPI.Comm):
-        self.components = list(components)
-        self._w = w
-        self._mesh = w.function_space.mesh
-        self._dofs = w.function_space.dofmap.list[:, 0]
-        middle = np.array([[0.5]])
-        self._compiled = compiled_expression(ufl.as_vector(self.components), middle, comm)
-
-    def __call__(self, columns: Array) -> Array:
-        """Return values (n, components) for the data ``columns``, shape (n, components of w)."""
-        n = len(columns)
-        chunk = len(self._dofs)
-        width = len(self.components)
-        given = self._w.x.array.reshape(chunk, -1)
-        found = np.empty((n, width))
-        for a in range(0, n, chunk):
-            part = columns[a : a + chunk]
-            given[self._dofs[: len(part)]] = part
-            cells = np.arange(len(part), dtype=np.int32)
-            found[a : a + chunk] = self._compiled.eval(self._mesh, cells).reshape(len(part), width)
-        return found

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Data of a contact surface in UFL, and their values at the contact points.
 
-Points belonging to no quadrature rule are evaluated on the cells of a small mesh: coordinates,
-Functions and Constants in the expressions are replaced by their values at a point, one value of
-each per cell (`ScatteredEvaluator`).
+At points that belong to no quadrature rule, coordinates, Functions and Constants in the expressions
+are replaced by their values (`ScatteredEvaluator`).
 """
 
 from __future__ import annotations
@@ -13,8 +12,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache, cached_property
 from typing import Any
-
-from mpi4py import MPI
 
 import numpy as np
 
@@ -31,6 +28,7 @@ from dolfinx_contact._arrays import Array, Indices
 from dolfinx_contact._compat import facet_integration_entities, interpolation_points
 from dolfinx_contact._forms import compiled_expression, compiled_form
 from dolfinx_contact._mpi import SharedValues
+from dolfinx_contact._pointwise import Flat, Values, point_data
 from dolfinx_contact._ufl import data_of
 from dolfinx_contact.obstacles import Measured, Obstacle
 from dolfinx_contact.points.trace import owned_exterior
@@ -45,8 +43,6 @@ __all__ = [
     "measure_of",
 ]
 
-_CHUNK = 256  # points evaluated at once
-
 
 class _Columns:
     """Components of UFL expressions as columns of an array.
@@ -57,12 +53,13 @@ class _Columns:
     """
 
     def __init__(self, expressions: Mapping[str, Any], first: Any):
-        self.components = [first]
+        flat = Flat()
+        flat.add(first)
         self._places: dict[str, tuple[slice, tuple[int, ...]]] = {}
         for name, e in expressions.items():
-            start = len(self.components)
-            self.components += [e[i] for i in np.ndindex(e.ufl_shape)] if e.ufl_shape else [e]
-            self._places[name] = slice(start, len(self.components)), e.ufl_shape
+            numbers = flat.add(e)
+            self._places[name] = slice(numbers[0], numbers[-1] + 1), e.ufl_shape
+        self.components = flat.components
 
     def by_name(self, values: Array) -> dict[str, Array]:
         """Return an array (n, ...) for each expression from the columns (n, width)."""
@@ -292,40 +289,28 @@ class ScatteredEvaluator:
             functions |= dict.fromkeys(ufl.algorithms.extract_coefficients(e))
             constants |= dict.fromkeys(extract_constants(e))
         self._functions, self._constants = list(functions), list(constants)
-        # one cell of a small mesh per point, with all data as values of a Function
+        # all data of a point as values of a Function
         given = [ufl.SpatialCoordinate(domain), *functions, *constants]
         ends = np.cumsum([int(np.prod(g.ufl_shape, dtype=int)) for g in given])
-        little = mesh.create_interval(MPI.COMM_SELF, _CHUNK, (0.0, 1.0))
-        element = basix.ufl.element("DG", "interval", 0, shape=(int(ends[-1]),))
-        self._w = w = fem.Function(fem.functionspace(little, element))
-        self._dofs = w.function_space.dofmap.list[:, 0]
+        w = point_data(int(ends[-1]))
         known = {
             g: ufl.as_tensor(part.reshape(g.ufl_shape).tolist()) if g.ufl_shape else part[0]
             for g, part in zip(given, np.split(np.array(list(w)), ends[:-1]), strict=True)
         }
         # FFCx does not compile expressions of numbers alone: the first column prevents them
         self._columns = _Columns({name: ufl.replace(e, known) for name, e in every.items()}, w[0])
-        self._compiled = compiled_expression(
-            ufl.as_vector(self._columns.components), np.array([[0.5]]), domain.comm
-        )
+        self._values = Values(self._columns.components, w, domain.comm)
 
     def __call__(self) -> dict[str, Array]:
         """Return an array per expression over the points of this rank. Not collective."""
         n = len(self._cells)
-        values = np.empty((n, len(self._columns.components)))
+        values: Array = np.empty((0, len(self._columns.components)))
         if n:
             data = [self._x[:, : self._dim]]
             data += [f.eval(self._x, self._cells).reshape(n, -1) for f in self._functions]
             sizes = [(np.ravel(c.value), (n, np.size(c.value))) for c in self._constants]
             data += [np.broadcast_to(*size) for size in sizes]
-            given = np.concatenate(data, axis=1)
-            mine = self._w.x.array.reshape(_CHUNK, -1)
-            for a in range(0, n, _CHUNK):
-                part = given[a : a + _CHUNK]
-                mine[self._dofs[: len(part)]] = part
-                cells = np.arange(len(part), dtype=np.int32)
-                found = self._compiled.eval(self._w.function_space.mesh, cells)
-                values[a : a + _CHUNK] = found.reshape(len(part), -1)
+            values = self._values(np.concatenate(data, axis=1))
         return self._columns.by_name(values)
 
 
