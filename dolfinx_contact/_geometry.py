@@ -24,7 +24,9 @@ __all__ = [
     "mesh_mark",
     "node_positions",
     "ratio",
+    "tangential",
     "unit",
+    "unit_rates",
 ]
 
 Array = npt.NDArray[np.float64]
@@ -107,9 +109,25 @@ def dot(a: Array, b: Array) -> Array:
     return np.asarray(np.sum(a * b, axis=-1))
 
 
+def tangential(v: Array, n: Array) -> Array:
+    """Return the parts of vectors (..., dim) across unit vectors n (..., dim)."""
+    return np.asarray(v - dot(v, n)[..., None] * n)
+
+
 def unit(v: Array) -> Array:
     """Normalise vectors (..., dim); zero vectors remain zero."""
     return np.asarray(v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), _TINY))
+
+
+def unit_rates(n: Array, length: Array) -> Array:
+    """Return the derivatives of unit vectors n = m / |m| by m, shape (..., dim, dim).
+
+    Args:
+        n: unit vectors, shape (..., dim).
+        length: lengths of the vectors m, shape (...,).
+    """
+    along = n[..., :, None] * n[..., None, :]
+    return np.asarray((np.eye(n.shape[-1]) - along) / length[..., None, None])
 
 
 def ratio(a: Array, b: Array) -> Array:

@@ -15,6 +15,7 @@ import numpy as np
 import basix
 
 from dolfinx_contact._arrays import Array, Ints, Mask
+from dolfinx_contact._geometry import dot
 
 __all__ = [
     "Cover",
@@ -200,7 +201,7 @@ def cover(
         steep: cosine of the largest angle at which facets face each other.
     """
     i, k = pairs.T
-    facing = np.sum(slave.normals[i] * master.normals[k], axis=1) < -steep
+    facing = dot(slave.normals[i], master.normals[k]) < -steep
     i = i[facing]
     k = k[facing]
     centre = slave.x.mean(axis=1)
@@ -230,7 +231,7 @@ def cover(
 def _axes(faces: Faces) -> Array:
     """Return unit vectors in the planes of facets, shape (n, dim, dim - 1)."""
     first = faces.x[:, 1] - faces.x[:, 0]
-    first -= np.sum(first * faces.normals, axis=1)[:, None] * faces.normals
+    first -= dot(first, faces.normals)[:, None] * faces.normals
     first /= np.linalg.norm(first, axis=1, keepdims=True)
     if faces.x.shape[2] == 2:
         return np.asarray(first[:, :, None])

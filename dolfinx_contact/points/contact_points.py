@@ -28,6 +28,7 @@ from dolfinx import fem
 
 from dolfinx_contact._arrays import Array, Indices, Ints, Mask
 from dolfinx_contact._compat import FacetSubmesh, merge_entity_maps
+from dolfinx_contact._geometry import dot
 from dolfinx_contact._mpi import SharedValues
 from dolfinx_contact.body.bulk import circumference
 from dolfinx_contact.laws import PointData
@@ -250,7 +251,7 @@ class ContactPoints(ABC):
         self.aside = np.zeros_like(normal)
         offset = self._averaged(self._average, gap[:, None] * normal, normal)
         if offset is not None:
-            gap = np.sum(offset * normal, axis=1)
+            gap = dot(offset, normal)
             self.aside = offset - gap[:, None] * normal
         self.data = PointData(normal, gap, self.from_vertices(self.r), fields_of(mine))
 

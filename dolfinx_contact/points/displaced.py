@@ -46,7 +46,7 @@ from dolfinx import fem, mesh
 
 from dolfinx_contact._arrays import Array
 from dolfinx_contact._compat import merge_entity_maps
-from dolfinx_contact._geometry import node_positions
+from dolfinx_contact._geometry import dot, node_positions
 from dolfinx_contact._mpi import require
 from dolfinx_contact.laws import LawAtPoints, PointData
 from dolfinx_contact.laws.status import STICK
@@ -222,7 +222,7 @@ class DisplacedPoints:
     def _started(self, x: Array, of_face: Mapping[str, Array], most: float) -> Array:
         """Return gaps at points x (n, dim); see `starts`."""
         start = self._whole.starts(x, of_face["width"])
-        facing = np.sum(start.normal * of_face["out"], axis=1) > _FACING
+        facing = dot(start.normal, of_face["out"]) > _FACING
         removed = (start.height < 0.0) & (start.height >= -most * (1.0 + _SAME))
         removed &= start.held | facing
         return np.asarray(np.where(removed, start.height, start.gap) + of_face["removed"])
@@ -253,7 +253,7 @@ class DisplacedPoints:
         normal, seen = found["normal"], found["seen"]
         if self._points.removed_overlap is not None:
             # points on the obstacle do not touch yet, whatever the sign of round-off
-            gap = -np.sum(seen * normal, axis=1)
+            gap = -dot(seen, normal)
             none_yet = np.where(np.abs(gap) <= self._no_gap, gap, 0.0)
             seen = seen + none_yet[:, None] * normal
         turn, moved = found["turn"], found["moved"]

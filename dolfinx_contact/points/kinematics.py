@@ -19,6 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dolfinx_contact._arrays import Array
+from dolfinx_contact._geometry import dot, tangential
 from dolfinx_contact.laws import PointData
 from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.points.operators import Operator
@@ -57,13 +58,13 @@ class Kinematics:
     @property
     def gap(self) -> Array:
         """Gaps, shape (n,); averages around nodes in the mixed method."""
-        return np.asarray(self.data.gap - np.sum(self.jump * self.data.n, axis=1))
+        return np.asarray(self.data.gap - dot(self.jump, self.data.n))
 
     @property
     def increment(self) -> Array:
         """Slips since the last accepted step, shape (n, dim); total slips under the static law."""
         n = self.data.n
-        return np.asarray(self.jump - np.sum(self.jump * n, axis=1)[:, None] * n)
+        return tangential(self.jump, n)
 
     @property
     def slip(self) -> Array:
@@ -98,7 +99,7 @@ class Kinematics:
         Args:
             v: displacement of the owned nodes relative to the rigid body, shape (nodes, dim).
         """
-        return np.asarray(np.sum(self.gap_slope * self.operator.rate(v), axis=1))
+        return dot(self.gap_slope, self.operator.rate(v))
 
 
 def rotation(o: Array, n: Array) -> Array:
@@ -107,7 +108,7 @@ def rotation(o: Array, n: Array) -> Array:
     If n = -o, where no rotation is the smallest, vectors across o are unchanged.
     """
     dim = n.shape[-1]
-    c = np.maximum(1.0 + np.sum(n * o, axis=-1), _OPPOSITE)
+    c = np.maximum(1.0 + dot(n, o), _OPPOSITE)
     along = np.eye(dim) - o[..., :, None] * o[..., None, :]
     turned = np.eye(dim) - ((n + o) / c[..., None])[..., :, None] * n[..., None, :]
     return np.asarray(turned @ along)

@@ -28,6 +28,7 @@ from typing import Any
 import numpy as np
 
 from dolfinx_contact._arrays import Array, Codes
+from dolfinx_contact._geometry import dot, tangential
 from dolfinx_contact.laws import PointData
 from dolfinx_contact.laws.compiled import CompiledLaw
 from dolfinx_contact.laws.status import closed
@@ -94,11 +95,11 @@ class Memory:
 
     def reference(self, n: Array) -> Array:
         """Return the part of j_n along the surface with normals ``n``, shape (n, dim)."""
-        return np.asarray(self.jump - np.sum(self.jump * n, axis=1)[:, None] * n)
+        return tangential(self.jump, n)
 
     def reference_rate(self, n: Array, rate: Array) -> Array:
         """Return the rate of `reference` for a rate of the normals ``n``, shape (n, dim)."""
-        along, turning = (np.sum(self.jump * v, axis=1)[:, None] for v in (n, rate))
+        along, turning = (dot(self.jump, v)[:, None] for v in (n, rate))
         return np.asarray(-turning * n - along * rate)
 
 
@@ -131,7 +132,7 @@ def slid_after(data: PointData, jump: Array, statuses: Codes) -> Array:
         jump: jumps in the law at the end of the step, shape (n, dim).
         statuses: statuses at the end of the step; open points move without slipping.
     """
-    along = jump - np.sum(jump * data.n, axis=1)[:, None] * data.n
+    along = tangential(jump, data.n)
     step = np.where(closed(statuses), np.linalg.norm(along, axis=1), 0.0)
     return np.asarray(data.fields[SLID] + step)
 

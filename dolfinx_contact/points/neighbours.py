@@ -15,6 +15,7 @@ from petsc4py import PETSc
 import numpy as np
 
 from dolfinx_contact._arrays import Array, Codes
+from dolfinx_contact._geometry import dot
 from dolfinx_contact._petsc import triplet_matrix
 from dolfinx_contact.laws import Answers, Kernel, Law, LawAtPoints, PointData
 from dolfinx_contact.laws.spreading import KERNELS, whole
@@ -137,11 +138,11 @@ class LawAmongPoints(LawAtPoints):
         still = np.zeros(self.number)
         fields = [rates.fields.get(name, still) for name in self.compiled.names[:-1]]
         given = np.column_stack([rates.n, *fields])
-        change = np.where(closed(codes), np.sum(changes * given, axis=1), 0.0)
+        change = np.where(closed(codes), dot(changes, given), 0.0)
         # a gap is a negative jump along the normal
-        change -= rates.gap * np.sum(spread.by_jump * data.n, axis=1)
+        change -= rates.gap * dot(spread.by_jump, data.n)
         if moved is not None:
-            change += np.sum(spread.by_jump * moved, axis=1)
+            change += dot(spread.by_jump, moved)
         moving = _with(rates, self.neighbours(change))
         return super().rate(jump, traction, around, moving, codes, moved)
 

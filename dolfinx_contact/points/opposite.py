@@ -24,7 +24,7 @@ import ufl
 from dolfinx import fem, mesh
 
 from dolfinx_contact._arrays import Array, Indices, Ints, Mask
-from dolfinx_contact._geometry import global_numbers, node_positions
+from dolfinx_contact._geometry import dot, global_numbers, node_positions
 from dolfinx_contact._mpi import SharedValues, require
 from dolfinx_contact._petsc import triplet_matrix
 from dolfinx_contact.body.rigid import bounding_box
@@ -250,7 +250,7 @@ def _to_surface(
     """Return gaps and normals of a given surface at the slave nodes, zero elsewhere. Collective."""
     gaps, shape = at_nodes(W, surface)
     on_slave = nodes_on(W, faces.slave)
-    turned = (np.sum(shape * normals, axis=1) < _FACING)[: W.dofmap.index_map.size_local]
+    turned = (dot(shape, normals) < _FACING)[: W.dofmap.index_map.size_local]
     count = W.mesh.comm.allreduce(int((turned & on_slave[: len(turned)]).sum()))
     require(
         W.mesh.comm,
@@ -266,7 +266,7 @@ def _gaps(faces: _Sides, opposite: Opposite) -> Array:
     """Return gaps at local nodes along the normals; large without an opposing point. Collective."""
     V, x = faces.V, faces.x
     there = opposite.values(V.mesh.comm, x[: V.dofmap.index_map.size_local], len(x))
-    gaps = np.sum((there - x) * faces.normals(V), axis=1)
+    gaps = dot(there - x, faces.normals(V))
     gaps[np.abs(gaps) <= _ROUND_OFF * faces.size] = 0.0
     low, high = bounding_box(V.mesh.comm, x)
     if not opposite.matching:
@@ -296,7 +296,7 @@ def _matched(faces: _Sides) -> Opposite | None:
     found = nearest(comm, known, x[mine])
     offset = found["x"] - x[mine]
     n = faces.normals(V)[mine]
-    gap = np.sum(offset * n, axis=1)
+    gap = dot(offset, n)
     aside = np.linalg.norm(offset - gap[:, None] * n, axis=1)
     unmatched = np.asarray(~(aside <= _TANGENTIAL * faces.size))
     owned = mine < index_map.size_local
@@ -306,7 +306,7 @@ def _matched(faces: _Sides) -> Opposite | None:
         return None
     nodes = found["node"]
     itself = nodes == global_numbers(index_map, mine)
-    turned = np.sum(found["normal"] * n, axis=1) > 0.5
+    turned = dot(found["normal"], n) > 0.5
     require(
         comm,
         not (turned & ~itself).any(),

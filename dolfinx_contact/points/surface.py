@@ -13,7 +13,7 @@ from dolfinx import fem
 
 from dolfinx_contact._arrays import Array, Indices, Ints, Mask
 from dolfinx_contact._compat import create_facet_submesh
-from dolfinx_contact._geometry import node_positions
+from dolfinx_contact._geometry import dot, node_positions
 from dolfinx_contact._mpi import everywhere, keep, require, same_everywhere
 from dolfinx_contact._ufl import described, refuse_displacement, refuse_other_mesh
 from dolfinx_contact._validate import ReadOnly
@@ -419,7 +419,7 @@ class DiscreteSurface(ReadOnly):
             gap, normal = self.displaced.at_vertices(jump)
             return gap, normal if frame is None else normal @ frame.T
         normal = self.points.vertex_normals
-        return self.points.vertex_gaps - np.sum(jump * normal, axis=1), normal
+        return self.points.vertex_gaps - dot(jump, normal), normal
 
 
 _POINTS: dict[ContactMethod, type[ContactPoints]] = {

@@ -18,7 +18,7 @@ from dolfinx import fem, la, mesh
 from dolfinx_contact import _geometry
 from dolfinx_contact._arrays import Array, Indices, Ints, Mask
 from dolfinx_contact._compat import geometry_dofmap, is_topology_of
-from dolfinx_contact._geometry import node_positions
+from dolfinx_contact._geometry import dot, node_positions
 from dolfinx_contact._mpi import SharedValues, anywhere, everywhere, require, same_everywhere
 from dolfinx_contact._validate import count, instance, number, one_of
 from dolfinx_contact.body.cells import midpoints
@@ -196,7 +196,7 @@ def facet_normals(domain: mesh.Mesh, facets: Indices, *, unit: bool = True) -> A
     normals = _geometry.area_vectors(x)
     to_cells = domain.topology.connectivity(dim - 1, dim)
     inside = midpoints(domain, to_cells.array[to_cells.offsets[facets]]) - x.mean(axis=1)
-    normals[np.sum(inside * normals, axis=1) > 0] *= -1.0
+    normals[dot(inside, normals) > 0] *= -1.0
     return _geometry.unit(normals) if unit else normals
 
 

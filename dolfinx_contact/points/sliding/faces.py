@@ -288,7 +288,7 @@ class SlidingFaces:
         corners = self._found_before
         normals = unit(self.found.senses[:, None] * area_vectors(corners))
         mine = unit(self._facets.vectors(self._reference))
-        facing = np.sum(mine[i] * normals[k], axis=1) < -_STEEP_ITSELF
+        facing = dot(mine[i], normals[k]) < -_STEEP_ITSELF
         way = self._reference.mean(axis=1)[i] - corners.mean(axis=1)[k]
         near = np.linalg.norm(way, axis=1) < _NEAR * self._skin
         way = np.where(np.abs(way) <= _SAME * self._skin, 0.0, way)

@@ -55,7 +55,15 @@ from functools import cached_property
 import numpy as np
 
 from dolfinx_contact._arrays import Array, Ints
-from dolfinx_contact._geometry import area_vector_rates, area_vectors, edges_of, ratio
+from dolfinx_contact._geometry import (
+    area_vector_rates,
+    area_vectors,
+    dot,
+    edges_of,
+    ratio,
+    tangential,
+    unit_rates,
+)
 from dolfinx_contact.points.clipping import basis, slopes
 from dolfinx_contact.points.kinematics import rotation
 from dolfinx_contact.points.sliding.candidates import Candidates
@@ -90,9 +98,7 @@ class CastRays:
     @property
     def by_normal(self) -> Array:
         """Derivative dn/dm, shape (p, q, dim, dim)."""
-        n = self.normal
-        along = n[..., :, None] * n[..., None, :]
-        return np.asarray((np.eye(n.shape[-1]) - along) / self.length[..., None, None])
+        return unit_rates(self.normal, self.length)
 
 
 def cast(x: Array, m: Array, y: Array, eta: Array) -> CastRays:
@@ -183,7 +189,7 @@ def spins(before: Array, now: Array, sense: Array) -> tuple[Array, Array]:
     for i, (start, end) in enumerate(zip(starts, ends, strict=True)):
         by_corners[:, end] += by_edges[:, i]
         by_corners[:, start] -= by_edges[:, i]
-    by_normal = np.cross(o, normal) / (1.0 + np.sum(o * normal, axis=1))[:, None]
+    by_normal = np.cross(o, normal) / (1.0 + dot(o, normal))[:, None]
     rates = sense[:, None, None, None] * area_vector_rates(now)
     by_corners += np.einsum("ni,nikj->nkj", by_normal / length, rates)
     return np.arctan2(s, c), by_corners
@@ -262,9 +268,7 @@ class Nodal:
     @cached_property
     def by_normal(self) -> Array:
         """Derivative dn/dm, shape (n, dim, dim)."""
-        n = self.normal
-        along = n[:, :, None] * n[:, None]
-        return np.asarray((np.eye(n.shape[1]) - along) / self.length[:, None, None])
+        return unit_rates(self.normal, self.length)
 
     @cached_property
     def by_turning(self) -> Array:
@@ -274,9 +278,9 @@ class Nodal:
         """
         n = self.normal
         o = self.before
-        d = self.slip - np.sum(self.slip * o, axis=1)[:, None] * o
-        b = np.sum(n * d, axis=1)[:, None]
-        c = (1.0 + np.sum(n * o, axis=1))[:, None]
+        d = tangential(self.slip, o)
+        b = dot(n, d)[:, None]
+        c = (1.0 + dot(n, o))[:, None]
         turned = -(n + o)[:, :, None] * (d / c - b * o / c**2)[:, None]
         turned -= (b / c)[:, :, None] * np.eye(n.shape[1])
         slip = np.einsum("nij,nj->ni", self._turned, self.slip)
