@@ -37,9 +37,12 @@ __all__ = [
     "SharedValues",
     "anywhere",
     "collective",
+    "count_of",
     "everywhere",
     "keep",
     "largest",
+    "maximum",
+    "minimum",
     "on_root",
     "require",
     "same_everywhere",
@@ -383,6 +386,21 @@ def largest(comm: MPI.Comm, values: npt.ArrayLike) -> Array:
     maxima = np.empty_like(local)
     comm.Allreduce(local, maxima, op=_LARGEST)
     return maxima.reshape(np.shape(values))
+
+
+def maximum(comm: MPI.Comm, values: npt.ArrayLike, initial: float = 0.0) -> float:
+    """Return the largest number of all ranks, at least ``initial``. Collective."""
+    return float(comm.allreduce(float(np.max(values, initial=initial)), op=max))
+
+
+def minimum(comm: MPI.Comm, values: npt.ArrayLike, initial: float = 0.0) -> float:
+    """Return the smallest number of all ranks, at most ``initial``. Collective."""
+    return float(comm.allreduce(float(np.min(values, initial=initial)), op=min))
+
+
+def count_of(comm: MPI.Comm, mask: npt.ArrayLike) -> int:
+    """Return the number of entries set in the masks of all ranks. Collective."""
+    return int(comm.allreduce(int(np.count_nonzero(mask))))
 
 
 def anywhere(comm: MPI.Comm, *here: bool) -> list[bool]:

@@ -29,7 +29,7 @@ from dolfinx import fem
 from dolfinx_contact._arrays import Array, Indices, Ints, Mask
 from dolfinx_contact._compat import FacetSubmesh, merge_entity_maps
 from dolfinx_contact._geometry import dot
-from dolfinx_contact._mpi import SharedValues
+from dolfinx_contact._mpi import SharedValues, maximum
 from dolfinx_contact.body.bulk import circumference
 from dolfinx_contact.laws import PointData
 from dolfinx_contact.points.descriptions import ContactMethod
@@ -231,7 +231,7 @@ class ContactPoints(ABC):
     def choices(self) -> list[float]:
         """Further numbers that records compare. Collective."""
         removed = [] if self.removed_overlap is None else self.removed_overlap.x.array
-        largest = self.comm.allreduce(float(np.max(removed, initial=0.0)), op=max)
+        largest = maximum(self.comm, removed)
         # without the digits that depend on the number of ranks
         return [] if self.removed_overlap is None else [float(f"{largest:.6g}")]
 

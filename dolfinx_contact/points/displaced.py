@@ -47,7 +47,7 @@ from dolfinx import fem, mesh
 from dolfinx_contact._arrays import Array
 from dolfinx_contact._compat import merge_entity_maps
 from dolfinx_contact._geometry import dot, node_positions
-from dolfinx_contact._mpi import require
+from dolfinx_contact._mpi import maximum, require
 from dolfinx_contact.laws import LawAtPoints, PointData
 from dolfinx_contact.laws.status import STICK
 from dolfinx_contact.laws.symbols import before
@@ -190,8 +190,7 @@ class DisplacedPoints:
         expressions["moved"] = ufl.diff(self.seen, x)
         self._evaluate = points.evaluator(expressions)
         self._at_vertices: tuple[fem.Function, Evaluator] | None = None
-        largest = float(np.max(np.abs(points.positions), initial=0.0))
-        self._no_gap = _ROUND_OFF * points.comm.allreduce(largest, op=max)
+        self._no_gap = _ROUND_OFF * maximum(points.comm, np.abs(points.positions))
 
     def _shape(self, removed: fem.Function | None) -> Obstacle:
         """Return the obstacle for the sliding face, with a removed overlap."""

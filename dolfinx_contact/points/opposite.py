@@ -25,7 +25,7 @@ from dolfinx import fem, mesh
 
 from dolfinx_contact._arrays import Array, Indices, Ints, Mask
 from dolfinx_contact._geometry import dot, global_numbers, node_positions
-from dolfinx_contact._mpi import SharedValues, require
+from dolfinx_contact._mpi import SharedValues, count_of, minimum, require
 from dolfinx_contact._petsc import triplet_matrix
 from dolfinx_contact.body.rigid import bounding_box
 from dolfinx_contact.obstacles import Obstacle
@@ -190,7 +190,7 @@ class OppositeFacets(Obstacle):
             corners[W.dofmap.list] = V.dofmap.list[:, : W.dofmap.list.shape[1]]
             gaps = _gaps(faces, found)[corners]
             allowed = (_OVERLAP if found.matching else CURVED_OVERLAP) * size
-            worst = comm.allreduce(float(np.min(gaps, initial=0.0)), op=min)
+            worst = minimum(comm, gaps)
             unless = "if slave and master do not look away from each other"
             overlap.require(comm, worst, allowed, name, unless)
             # without a press fit, an admissible overlap is round-off or due to chords of curves
@@ -240,8 +240,7 @@ class _Sides:
 
     def owned(self, local: Mask) -> int:
         """Return the number of owned nodes of a mask on all ranks. Collective."""
-        mine = local[: self.V.dofmap.index_map.size_local]
-        return int(self.V.mesh.comm.allreduce(int(mine.sum())))
+        return count_of(self.V.mesh.comm, local[: self.V.dofmap.index_map.size_local])
 
 
 def _to_surface(
@@ -251,7 +250,7 @@ def _to_surface(
     gaps, shape = at_nodes(W, surface)
     on_slave = nodes_on(W, faces.slave)
     turned = (dot(shape, normals) < _FACING)[: W.dofmap.index_map.size_local]
-    count = W.mesh.comm.allreduce(int((turned & on_slave[: len(turned)]).sum()))
+    count = count_of(W.mesh.comm, turned & on_slave[: len(turned)])
     require(
         W.mesh.comm,
         count == 0,
@@ -300,7 +299,7 @@ def _matched(faces: _Sides) -> Opposite | None:
     aside = np.linalg.norm(offset - gap[:, None] * n, axis=1)
     unmatched = np.asarray(~(aside <= _TANGENTIAL * faces.size))
     owned = mine < index_map.size_local
-    if comm.allreduce(int((unmatched & owned).sum())):
+    if count_of(comm, unmatched & owned):
         return None
     if _facets_differ(faces):
         return None
@@ -316,7 +315,7 @@ def _matched(faces: _Sides) -> Opposite | None:
     radius = np.full(len(mine), _TANGENTIAL * faces.size)
     near, _ = around(comm, {"x": x[on_master]}, {"x": found["x"], "reach": radius})
     double = np.bincount(near, minlength=len(mine)) > 1
-    ambiguous = comm.allreduce(int((double & owned & ~itself).sum()))
+    ambiguous = count_of(comm, double & owned & ~itself)
     require(
         comm,
         not ambiguous,
@@ -342,7 +341,7 @@ def _facets_differ(faces: _Sides) -> bool:
     others = _facet_data(domain, faces.master, None if given is None else -given)
     facing = nearest(domain.comm, others, ours["x"])
     off = np.abs(facing["area"] / ours["area"] - 1) > _TANGENTIAL
-    return bool(domain.comm.allreduce(int(off.sum())))
+    return bool(count_of(domain.comm, off))
 
 
 def _mortar(faces: _Sides) -> Opposite:
@@ -415,7 +414,7 @@ def _means(V: fem.FunctionSpace, A: PETSc.Mat, on_slave: Mask) -> tuple[Ints, In
 def _refuse_aslant(domain: mesh.Mesh, slave: Indices, normal: Array, name: str) -> None:
     """Raise ``ValueError`` if a given normal does not fit the slave facets. Collective."""
     owned = slave[slave < domain.topology.index_map(domain.topology.dim - 1).size_local]
-    count = domain.comm.allreduce(int((facet_normals(domain, owned) @ normal < _ASLANT).sum()))
+    count = count_of(domain.comm, facet_normals(domain, owned) @ normal < _ASLANT)
     require(
         domain.comm,
         not count,

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from dolfinx_contact._arrays import Indices, Mask
-from dolfinx_contact._mpi import SharedValues, keep, require
+from dolfinx_contact._mpi import SharedValues, keep, minimum, require
 from dolfinx_contact.points.descriptions import ContactPair, Overlap
 from dolfinx_contact.points.held_ends import held_in_place, in_place, resting
 from dolfinx_contact.points.opposite import Opposite, OppositeFacets
@@ -56,8 +56,7 @@ class DiscretePair(DiscreteSurface):
         """Raise ``ValueError`` if a given gap is negative by more than is allowed. Collective."""
         if not self._given_gap:
             return
-        worst = float(np.min(self.points.vertex_gaps, initial=np.inf))
-        worst = self.comm.allreduce(worst, op=min)
+        worst = minimum(self.comm, self.points.vertex_gaps, np.inf)
         words = "interference=True for a press fit"
         if self._overlap.presses:
             words = f"interference allows {self._overlap.most:.3g}"

@@ -14,7 +14,7 @@ from dolfinx import fem, mesh
 
 from dolfinx_contact._arrays import Array, Indices, Mask
 from dolfinx_contact._geometry import node_positions
-from dolfinx_contact._mpi import require
+from dolfinx_contact._mpi import maximum, minimum, require
 
 __all__ = ["axis_condition", "check_section", "mirrored", "on_axis"]
 
@@ -26,7 +26,7 @@ def on_axis(V: fem.FunctionSpace) -> Mask:
     """Return the mask of the local nodes on the axis. Collective."""
     domain = V.mesh
     r = domain.geometry.x[:, 0]
-    largest = domain.comm.allreduce(float(np.max(r, initial=0.0)), op=max)
+    largest = maximum(domain.comm, r)
     return np.asarray(np.abs(node_positions(V)[:, 0]) <= _NEAR * largest)
 
 
@@ -38,8 +38,8 @@ def check_section(domain: mesh.Mesh, facets: Indices, name: str) -> None:
     comm = domain.comm
     require(comm, domain.geometry.dim == 2, f"{name}: an axisymmetric body is meshed in 2D")
     r = domain.geometry.x[:, 0]
-    smallest = comm.allreduce(float(np.min(r, initial=np.inf)), op=min)
-    largest = comm.allreduce(float(np.max(r, initial=-np.inf)), op=max)
+    smallest = minimum(comm, r, np.inf)
+    largest = maximum(comm, r, -np.inf)
     require(
         comm,
         smallest >= -_NEAR * largest,

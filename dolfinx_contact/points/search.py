@@ -28,6 +28,7 @@ from dolfinx import fem
 
 from dolfinx_contact._arrays import Array, Indices, Ints
 from dolfinx_contact._geometry import dot, global_numbers, node_positions
+from dolfinx_contact._mpi import maximum
 from dolfinx_contact.points.clipping import Faces
 from dolfinx_contact.points.trace import facet_closures, facet_normals
 
@@ -127,7 +128,7 @@ def facets_along_normals(
     """
     middles, across = slave.balls
     across = across + skin
-    largest = comm.allreduce(float(np.max(radii, initial=0.0)), op=max)
+    largest = maximum(comm, radii)
     reach = np.hypot(depth + across + largest, across + largest)
     wanted = {"x": middles, "normal": slave.normals, "across": across, "depth": depth}
     select = partial(_near_rays, radii=radii)
@@ -149,7 +150,7 @@ def opposing_facets(comm: MPI.Comm, slave: Faces, master: Faces) -> tuple[Faces,
     """
     middles, radius = slave.balls
     others, theirs = master.balls
-    largest = comm.allreduce(float(np.max(theirs, initial=0.0)), op=max)
+    largest = maximum(comm, theirs)
     distance = np.linalg.norm(nearest(comm, {"x": others}, middles)["x"] - middles, axis=1)
     reach = 2 * (distance + largest) + radius
     known = {"x": others, "key": master.nodes, "corners": master.x, "normal": master.normals}

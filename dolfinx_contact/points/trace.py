@@ -19,7 +19,15 @@ from dolfinx_contact import _geometry
 from dolfinx_contact._arrays import Array, Indices, Ints, Mask
 from dolfinx_contact._compat import geometry_dofmap, is_topology_of
 from dolfinx_contact._geometry import dot, node_positions
-from dolfinx_contact._mpi import SharedValues, anywhere, everywhere, require, same_everywhere
+from dolfinx_contact._mpi import (
+    SharedValues,
+    anywhere,
+    count_of,
+    everywhere,
+    maximum,
+    require,
+    same_everywhere,
+)
 from dolfinx_contact._validate import count, instance, number, one_of
 from dolfinx_contact.body.cells import midpoints
 from dolfinx_contact.meshing.gmsh import GmshMesh, NamedTags
@@ -244,7 +252,7 @@ def across_planes(
     x = node_positions(V)[:, : V.mesh.geometry.dim]
     owned = V.dofmap.index_map.size_local
     across: Mask = np.zeros(x.shape, dtype=bool)
-    size = comm.allreduce(float(np.max(np.abs(x), initial=0.0)), op=max)
+    size = maximum(comm, np.abs(x))
     for axis, place in planes.items():
         off = x[:, axis] - place
         near = np.abs(off) <= _ON_PLANE * size
@@ -272,7 +280,7 @@ def across_planes(
 def facets_in_common(domain: mesh.Mesh, slave: Indices, master: Indices) -> int:
     """Return the number of facets in two lists of local facets. Collective."""
     owned = domain.topology.index_map(domain.topology.dim - 1).size_local
-    return int(domain.comm.allreduce(int((np.intersect1d(slave, master) < owned).sum())))
+    return count_of(domain.comm, np.intersect1d(slave, master) < owned)
 
 
 def unit_field(domain: mesh.Mesh, vectors: Array) -> tuple[fem.Function, Any]:

@@ -28,7 +28,7 @@ from dolfinx_contact._geometry import (
     ratio,
     unit,
 )
-from dolfinx_contact._mpi import SharedValues, require
+from dolfinx_contact._mpi import SharedValues, maximum, require
 from dolfinx_contact._petsc import logged
 from dolfinx_contact.body.cells import cells_around
 from dolfinx_contact.points.clipping import Cover, Faces, basis, cover, slopes
@@ -253,7 +253,7 @@ class SlidingFaces:
         x = self.master.positions(self._X, found)
         master = Faces(x, unit(found.senses[:, None] * area_vectors(x)), found.nodes)
         common = cover(slave, master, found.pairs, far, farthest=far, least=_LEAST_COVER)
-        return self.comm.allreduce(float(np.max(-_heights(common), initial=0.0)), op=max)
+        return maximum(self.comm, -_heights(common))
 
     def sharpest_edge(self) -> tuple[float, Array]:
         """Return the largest angle in degrees between facet and node normals at edges, and where.

@@ -15,7 +15,7 @@ from dolfinx import fem, mesh
 
 from dolfinx_contact._arrays import Array, Indices, Mask
 from dolfinx_contact._geometry import node_positions
-from dolfinx_contact._mpi import keep, require
+from dolfinx_contact._mpi import count_of, keep, maximum, minimum, require
 from dolfinx_contact.body.rigid import bounding_box
 from dolfinx_contact.laws import LawAtPoints
 from dolfinx_contact.laws.symbols import before
@@ -89,7 +89,7 @@ class SlidingPair(DiscreteSurface):
     def hold(self, fixed: Mask, crossing: Mask) -> None:
         """Raise ``ValueError`` if nodes can leave their planes of symmetry. Collective."""
         free = self.points.across[: self.owned_nodes] & ~fixed[: self.owned_nodes]
-        count = self.comm.allreduce(int(free.any(axis=1).sum()))
+        count = count_of(self.comm, free.any(axis=1))
         require(
             self.comm,
             count == 0,
@@ -142,12 +142,12 @@ class SlidingPair(DiscreteSurface):
         """Raise ``ValueError`` if faces overlap by too much in the mesh. Collective."""
         points, overlap = self.points, self._overlap
         gaps = points.known.facing.nodal.gap[: points.number]
-        worst = self.comm.allreduce(float(np.min(gaps, initial=0.0)), op=min)
+        worst = minimum(self.comm, gaps)
         words = "or remove_overlap for a start without stress"
         overlap.require(self.comm, worst, _OVERLAP * points.geometry.facet_size, self.name, words)
         depth = points.depth
         if self._itself:
-            lost = self.comm.allreduce(int(points.faces.lost.sum()))
+            lost = count_of(self.comm, points.faces.lost)
             require(
                 self.comm,
                 lost == 0,
@@ -254,7 +254,7 @@ class SlidingFacets(Obstacle):
         )
         sides = nodes_on(V, slave), nodes_on(V, master)
         n = V.dofmap.index_map.size_local
-        shared = comm.allreduce(int((sides[0] & sides[1])[:n].sum()))
+        shared = count_of(comm, (sides[0] & sides[1])[:n])
         words = f"{name}: slave and master share {shared} nodes of the mesh"
         require(comm, shared == 0 or itself, words)
         if depth is None:
@@ -277,7 +277,7 @@ class SlidingFacets(Obstacle):
         normals = outward_normals(V, slave)[0]
         normals[self.opposite.across] = 0.0
         left = np.linalg.norm(normals[sides[0]], axis=1)
-        count = comm.allreduce(int((left < _ALONG).sum()))
+        count = count_of(comm, left < _ALONG)
         require(
             comm,
             count == 0,
@@ -344,7 +344,7 @@ class SlidingPoints(NodePoints):
     @property
     def choices(self) -> list[float]:
         """Search distance, planes of symmetry and removed overlap. Collective."""
-        taken = self.comm.allreduce(float(np.max(self.faces.removed, initial=0.0)), op=max)
+        taken = maximum(self.comm, self.faces.removed)
         planes = [float(v) for plane in sorted(self._opposite.planes.items()) for v in plane]
         # without the digits that depend on the number of ranks
         return [self.depth, *planes, float(f"{taken:.6g}")]
