@@ -13,9 +13,21 @@ opposite to x_o at the last accepted state, or in the reference configuration wi
 
     y = x + g(x) n(x),    y_o = x_o + g(x_o) n(x_o).
 
-It is turned with the normal (`arcs`), but not about it: where a face spins about the normal, the
+It is turned with the normal, but not about it: where a face spins about the normal, the
 slip is the chord of the step, whose angle is the indicator `spin`. Points that keep their place on
 the obstacle do not slip. For a law without friction, the slip is all of (I - n n^T) d.
+
+With two normals o and n at an angle theta, the arc of constant curvature between y_o and y is
+longer than its chord c by theta/2 / sin(theta/2). Its tangents make half that angle with the chord,
+in the plane of both normals; across that plane nothing turns. The slip along the surface, in its
+tangent plane at y and turned there by the smallest rotation that takes o to n, is therefore
+
+    s = P c - (A c.(n - o) + D c.(n + o)) P o,    c = y - y_o,    P = I - n n^T,
+    A = (a - C)/(4 C q),    D = 1/(4 C^2),    q = sin^2(theta/2),    C = cos(theta/2),
+    a = theta/2 / sin(theta/2).
+
+It is the arc itself on planes, circles, spheres and circular cylinders, up to half a turn;
+elsewhere a curvature that changes leaves an error of higher order. It is zero if y = y_o.
 
 A rigid body sees points in its own frame: with its displacement d_0 and its rotation Q about X_0,
 of any angle,
@@ -71,6 +83,9 @@ __all__ = ["DisplacedPoints", "TrueGaps", "displaced_points", "follows"]
 _FACING = 0.5  # smallest cosine between the normals of a face and of the obstacle that it faces
 _SAME = 1e-9  # relative excess of a removed overlap that counts as round-off
 _ROUND_OFF = 1e-14  # gap that is round-off, relative to the largest coordinate
+_SMALL = 3e-3  # q below which the series is exact to round-off
+# coefficients of (a - C)/q in powers of q
+_SERIES = (2 / 3, 1 / 5, 3 / 28, 5 / 72, 35 / 704)
 
 
 def follows(obstacle: Obstacle, sliding: SlidingKind | None, *, linear: bool) -> bool:
@@ -176,12 +191,10 @@ class DisplacedPoints:
         self.given = Given(left, normal, points.given.fields)
         expressions = {"gap": left, "normal": normal}
         if friction:
-            from dolfinx_contact.points.arcs import slip_along
-
             there = start + self._moved_before
             gap_before, normal_before = shape.at(domain, there)
             way = x + gap * normal - there - gap_before * normal_before
-            slip = slip_along(way, normal_before, normal)
+            slip = _slip_along(way, normal_before, normal)
             expressions["normal_before"] = normal_before
         else:
             slip = x - start - ufl.dot(x - start, normal) * normal
@@ -363,3 +376,27 @@ class TrueGaps:
             self._shift.value = body.displacement
             self._turn.value = body.kinematics.rotation(body.values).T
         return self._evaluate()["gap"][: self._points.number]
+
+
+def _slip_along(way: Any, before: Any, normal: Any) -> Any:
+    """Return the slip s in UFL, a vector across the present normal.
+
+    Args:
+        way: chord c from the earlier to the present opposing place.
+        before: unit normal o at the earlier place.
+        normal: unit normal n at the present place.
+    """
+    turned = normal - before
+    both = normal + before
+    q = ufl.dot(turned, turned) / 4
+    cosine = ufl.sqrt(1.0 - q)
+    # The branch that does not apply is differentiated as well, and must be finite.
+    large = ufl.conditional(ufl.gt(q, _SMALL), q, _SMALL)
+    sine = ufl.sqrt(large)
+    exact = (ufl.asin(sine) / sine - ufl.sqrt(1.0 - large)) / large
+    series = sum(c * q**k for k, c in enumerate(_SERIES) if k) + _SERIES[0]
+    stretch = ufl.conditional(ufl.gt(q, _SMALL), exact, series)
+    part = stretch / (4 * cosine) * ufl.dot(way, turned)
+    part += ufl.dot(way, both) / (4 * (1.0 - q))
+    along = before - ufl.dot(before, normal) * normal
+    return way - ufl.dot(way, normal) * normal - part * along
