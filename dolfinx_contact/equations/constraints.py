@@ -22,8 +22,7 @@ from dolfinx import fem, la
 from dolfinx_contact._mpi import SharedValues, largest, require, total
 from dolfinx_contact.equations.rigid_bodies import RigidBodies
 from dolfinx_contact.laws.status import STICK
-from dolfinx_contact.points.crossings import crossings
-from dolfinx_contact.points.held_ends import resting
+from dolfinx_contact.points.shared_functions import crossings, resting
 from dolfinx_contact.points.surface import DiscreteSurface
 from dolfinx_contact.points.trace import facet_closures
 
@@ -76,7 +75,8 @@ class Constraints:
         crossing: list[Mask] = [np.zeros_like(s.points.vertex_gaps, dtype=bool) for s in surfaces]
         crossed: Mask = np.zeros(len(self.fixed), dtype=bool)
         if any(s.between_bodies for s in surfaces):
-            crossing, crossed = crossings(V, surfaces, self.fixed)
+            faces = [(s.points, s.obstacle.opposite) for s in surfaces]
+            crossing, crossed = crossings(V, faces, self.fixed)
         for s, vertices in zip(surfaces, crossing, strict=True):
             s.hold(self.fixed, vertices)
         _warn_of_common_nodes(surfaces, crossed)

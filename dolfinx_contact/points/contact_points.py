@@ -2,14 +2,14 @@
 """Contact points of a surface: three discretisations of the same law.
 
 - ``"nodal"``: the points are the mesh nodes of the surface (vertex rule, P1 displacement). The
-  conditions hold node by node (`node_points`).
+  conditions hold node by node (`placements`).
 - ``"integral"``: the points are Gauss points of facets, or of the common parts of two faces that do
-  not match; P1 or P2 displacement. The conditions hold weakly (`integral_points`).
+  not match; P1 or P2 displacement. The conditions hold weakly (`placements`).
 - ``"mixed"``: the points are the vertices, and the multiplier is continuous and linear on every
   facet; P1 or P2 displacement. The conditions hold at every vertex for the means of gap and slip
   with the hat function of the vertex as weight (Hild, Int. J. Appl. Math. Comput. Sci. 12, 2002,
   section 2; Hild and Laborde, Appl. Numer. Math. 41, 2002). B is the inverse of the lumped mass
-  times the integrals of hat functions and displacements (`node_points`).
+  times the integrals of hat functions and displacements (`placements`).
 """
 
 from __future__ import annotations
@@ -323,7 +323,9 @@ class ContactPoints(ABC):
         return weighted.reshape(-1) if self.E is None else multiplied_transposed(self.E, weighted)
 
     def give(self, given: Mask, idle: Mask) -> Mask:
-        """Give the functions of vertices to those around them, once; see `held_ends`. Collective.
+        """Give the functions of vertices to those around them, once. Collective.
+
+        See `shared_functions`.
 
         Args:
             given: mask of the local vertices, ghosts included.

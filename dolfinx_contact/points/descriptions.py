@@ -431,10 +431,10 @@ class ContactPair:
     counts with its covered part; facets covered by less than 5 % are dropped.
 
     Pairs may meet, as the arms of crossing cracks or the joints between blocks do. Where the jumps
-    around such a crossing depend on each other (`points.crossings`) the crossing carries no contact
-    of its own (status d): its neighbours along each arm take its part, so that uniform tractions
-    are transmitted. Each arm needs two facets between a crossing and its end or the next crossing,
-    multipliers of degree 1, and matching faces.
+    around such a crossing depend on each other (`points.shared_functions`), the crossing carries no
+    contact of its own (status d): its neighbours along each arm take its part, so that uniform
+    tractions are transmitted. Each arm needs two facets between a crossing and its end or the next
+    crossing, multipliers of degree 1, and matching faces.
 
     **Small sliding** (default): a point keeps its opposing point along the reference normal. A
     solve measures the resulting error and warns if it is not small.

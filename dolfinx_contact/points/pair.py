@@ -8,9 +8,9 @@ import numpy as np
 from dolfinx_contact._arrays import Indices, Mask
 from dolfinx_contact._mpi import SharedValues, keep, minimum, require
 from dolfinx_contact.points.descriptions import ContactPair, Overlap
-from dolfinx_contact.points.held_ends import held_in_place, in_place, resting
 from dolfinx_contact.points.opposite import Opposite, OppositeFacets
 from dolfinx_contact.points.revolution import check_section
+from dolfinx_contact.points.shared_functions import held_in_place, in_place, resting
 from dolfinx_contact.points.surface import DiscreteSurface
 from dolfinx_contact.points.trace import exterior_facets
 
@@ -67,9 +67,10 @@ class DiscretePair(DiscreteSurface):
         )
 
     def hold(self, fixed: Mask, crossing: Mask) -> None:
-        """Give away the functions of nodes without a multiplier; see `held_ends`. Collective.
+        """Give away the functions of nodes without a multiplier. Collective.
 
-        For faces that do not match these are also the nodes whose jump is fixed.
+        See `shared_functions`. For faces that do not match these are also the nodes whose jump is
+        fixed.
 
         Raises:
             ValueError: if no node beside a crossing can take its function, or a multiplier of

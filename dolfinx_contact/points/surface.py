@@ -24,13 +24,12 @@ from dolfinx_contact.points.contact_points import ContactPoints
 from dolfinx_contact.points.descriptions import Contact, ContactMethod, Overlap, displacement_degree
 from dolfinx_contact.points.displaced import DisplacedPoints, TrueGaps, displaced_points, follows
 from dolfinx_contact.points.evaluation import Evaluator, Given
-from dolfinx_contact.points.integral_points import FacetPoints
 from dolfinx_contact.points.kinematics import Kinematics, Partner
 from dolfinx_contact.points.memory import Memory, with_memory
 from dolfinx_contact.points.neighbours import LawAmongPoints
-from dolfinx_contact.points.node_points import AveragedPoints, NodePoints
 from dolfinx_contact.points.operators import ConstantOperator
 from dolfinx_contact.points.opposite import CURVED_OVERLAP
+from dolfinx_contact.points.placements import AveragedPoints, FacetPoints, NodePoints
 from dolfinx_contact.points.revolution import check_section
 from dolfinx_contact.points.rigid_body import RigidBody
 from dolfinx_contact.points.trace import exterior_facets

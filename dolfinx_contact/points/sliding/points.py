@@ -23,9 +23,9 @@ from dolfinx_contact.obstacles import Obstacle
 from dolfinx_contact.points.descriptions import ContactMethod, ContactPair, SelfContact
 from dolfinx_contact.points.kinematics import Kinematics
 from dolfinx_contact.points.memory import Memory, with_memory
-from dolfinx_contact.points.node_points import NodePoints
 from dolfinx_contact.points.opposite import Opposite
 from dolfinx_contact.points.pair import facets_of_sides
+from dolfinx_contact.points.placements import NodePoints
 from dolfinx_contact.points.sliding.faces import SlidingFaces
 from dolfinx_contact.points.sliding.operator import SlidingOperator
 from dolfinx_contact.points.surface import DiscreteSurface

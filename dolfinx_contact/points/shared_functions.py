@@ -1,25 +1,35 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Mortar nodes whose jump Dirichlet data fix: their dual functions go to the adjacent nodes.
+r"""Nodes without a multiplier of their own: crossings of pairs, and held ends of mortars.
 
-Where a slave node p is held and so is the master at its place, as at the end of an interface that
-meets a support, the jump is not an unknown. The dual function psi_p covers the adjacent slave
-facets and may overlap free master nodes. A multiplier of its own would constrain these alone, the
-more strongly the smaller int psi_p N_k is, and have the size of its inverse. It is removed, and
-the other nodes take its function,
+*Crossings.* Where cracks cross, k nodes lie at one place, and the pairs have as many jumps between
+them as there are arms. The jumps of a closed loop sum to zero,
+
+    (u_1 - u_2) + (u_2 - u_3) + ... + (u_k - u_1) = 0,
+
+so that one of them depends on the others: if all stick, their multipliers are not unique and the
+matrix is singular. As at the crosspoints of mortar methods, none of these nodes has a multiplier
+(Wohlmuth, SIAM J. Numer. Anal. 38, 2000, section 2). A node of several pairs whose jumps form no
+loop, for example of a body on which two others stand, keeps all of its multipliers.
+
+*Held ends.* Where a mortar node p is held and so is the master at its place, as at the end of an
+interface that meets a support, the jump is not an unknown. The dual function psi_p covers the
+adjacent slave facets and may overlap free master nodes. A multiplier of its own would constrain
+these alone, the more strongly the smaller int psi_p N_k is, and have the size of its inverse. It is
+removed. A held node opposite to a free master keeps its multiplier: both still push each other.
+
+The adjacent nodes take the functions of these nodes,
 
     psi_q + sum_p a_qp psi_p,    sum_q a_qp = 1,
 
 so that they still sum to 1 everywhere, and a uniform traction is transmitted to the master up to
-the support. They remain biorthogonal to the free slave nodes (Wohlmuth, SIAM J. Numer. Anal. 38,
-2000, section 2; in 3D Puso, Int. J. Numer. Methods Eng. 59, 2004). A held node opposite to a free
-master keeps its multiplier: both still push each other.
-
-The same holds where pairs cross (`crossings`), also for matching faces; in the integral method the
-hat functions N_p of the multiplier are given away.
+the support. They remain biorthogonal to the free slave nodes (Wohlmuth, as above; in 3D Puso, Int.
+J. Numer. Methods Eng. 59, 2004). In the integral method the hat functions N_p of the multiplier are
+given away.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -31,14 +41,98 @@ from dolfinx import fem, la
 
 from dolfinx_contact._arrays import Array, Ints, Mask
 from dolfinx_contact._geometry import global_numbers
+from dolfinx_contact._mpi import SharedValues
 from dolfinx_contact._petsc import triplet_matrix
+from dolfinx_contact.points.contact_points import ContactPoints
 from dolfinx_contact.points.operators import multiplied, rows_of, rows_with_ghosts
 from dolfinx_contact.points.opposite import Opposite
+from dolfinx_contact.points.trace import at_global_places, sums_at_global_places
 
-__all__ = ["held_in_place", "in_place", "receiving_vertices", "resting", "shared"]
+__all__ = ["crossings", "held_in_place", "in_place", "receiving_vertices", "resting", "shared"]
+
+_MOVES = 1e-6  # weight that is not round-off
 
 
-_MOVES = 1e-6  # a weight that is none of round-off
+def crossings(
+    V: fem.FunctionSpace,
+    surfaces: Sequence[tuple[ContactPoints, Opposite | None]],
+    fixed: Mask,
+) -> tuple[list[Mask], Mask]:
+    """Return the places at which jumps of pairs form loops. Collective.
+
+    Args:
+        V: displacement space.
+        surfaces: contact points and opposing points of the surfaces of one problem; only pairs
+            whose faces match are considered.
+        fixed: mask of the components fixed by Dirichlet data, shape (local nodes, dim).
+
+    Returns:
+        Mask of the local vertices of each surface, and mask of the local nodes of the displacement
+        on both faces.
+    """
+    comm = V.mesh.comm
+    nodes_of = V.dofmap.index_map
+    maps = [points.vertices.dofmap.index_map for points, _ in surfaces]
+    if all(opposite is None for _, opposite in surfaces):
+        none = [np.zeros(m.size_local + m.num_ghosts, dtype=bool) for m in (*maps, nodes_of)]
+        return none[:-1], none[-1]
+    # edges: surface, vertex, and nodes at both ends of the jump there
+    surface: list[Ints] = [np.zeros(0, dtype=np.int64)]
+    vertex: list[Ints] = [np.zeros(0, dtype=np.int64)]
+    both: list[Ints] = [np.zeros((0, 2), dtype=np.int64)]
+    for i, (points, opposite) in enumerate(surfaces):
+        if opposite is None or not opposite.matching:
+            continue
+        nodes = points.vertex_trace_dofs[: maps[i].size_local]
+        rests = resting(V, opposite, fixed)[nodes].all(axis=1)
+        here, there = global_numbers(nodes_of, nodes), opposite.at(nodes)[0][:, 0]
+        surface.append(np.full(np.count_nonzero(~rests), i))
+        vertex.append(np.flatnonzero(~rests))
+        both.append(np.column_stack([here, there])[~rests])
+    ends = np.concatenate(both)
+    several = at_global_places(comm, _counts(V, ends), ends) > 1
+    # few are left, since nodes of one pair have one jump
+    left = np.flatnonzero(several.all(axis=1))
+    left = left[_in_loops(comm.allgather(ends[left]), comm.rank)]
+    numbers, vertices = (np.concatenate(part)[left] for part in (surface, vertex))
+    marks = []
+    for i, index_map in enumerate(maps):
+        at = vertices[numbers == i]
+        marks.append(SharedValues(index_map).sums(at, np.ones(len(at))) > 0)
+    counts = SharedValues(nodes_of).from_owners(_counts(V, ends[left]))
+    return marks, np.asarray(counts > 0)
+
+
+def _counts(V: fem.FunctionSpace, ends: Ints) -> Array:
+    """Return the number of edges with the given ends (n, 2) at the owned nodes. Collective."""
+    owned = V.dofmap.index_map.size_local
+    return sums_at_global_places(V.mesh.comm, owned, ends.reshape(-1), np.ones(ends.size))
+
+
+def _in_loops(parts: Sequence[Ints], rank: int) -> Mask:
+    """Return the mask of the edges of a rank in or between loops, which have no free end.
+
+    Args:
+        parts: ends of the edges by rank, shape (n, 2) each.
+        rank: number of the rank.
+    """
+    ends = np.concatenate(parts)
+    left: Mask = np.ones(len(ends), dtype=bool)
+    _, nodes = np.unique(ends, return_inverse=True)
+    nodes = nodes.reshape(ends.shape)
+    while True:
+        counts = np.bincount(nodes[left].reshape(-1), minlength=int(nodes.max(initial=0)) + 1)
+        stays: Mask = left & (counts[nodes] > 1).all(axis=1)
+        if (stays == left).all():
+            break
+        left = stays
+    first = sum(len(part) for part in parts[:rank])
+    return np.asarray(left[first : first + len(parts[rank])])
+
+
+# -- functions that other nodes take ---------------------------------------------------------------
+
+# -- held nodes ------------------------------------------------------------------------------------
 
 
 def resting(V: fem.FunctionSpace, opposite: Opposite, fixed: Mask) -> Mask:
