@@ -36,7 +36,6 @@ from dolfinx_contact.laws.law import obeys
 from dolfinx_contact.laws.status import STICK, closed
 from dolfinx_contact.materials import Axisymmetric, materials_in
 from dolfinx_contact.points.descriptions import Contact
-from dolfinx_contact.points.displaced_faces import outward_at_points
 from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.points.surface import DiscreteSurface
 from dolfinx_contact.points.trace import rounded
@@ -362,7 +361,7 @@ def check_sides(eq: ContactEquations) -> None:
             continue
         # contact points nearest to the obstacle whose normal points against the outward normal
         n = s.points.data.n
-        outward = outward_at_points(s, np.zeros_like(s.node_positions))
+        outward = s.points.outward(np.zeros_like(s.node_positions))
         against = np.sum(n * outward, axis=1) < _AGAINST
         tied = np.flatnonzero(against & (gaps <= nearest + 1e-9 * eq.body_size))
         # The order of coordinates makes the reported place the same on any number of ranks.

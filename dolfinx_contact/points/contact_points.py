@@ -28,7 +28,7 @@ from dolfinx import fem
 
 from dolfinx_contact._arrays import Array, Indices, Ints, Mask
 from dolfinx_contact._compat import FacetSubmesh, merge_entity_maps
-from dolfinx_contact._geometry import dot
+from dolfinx_contact._geometry import dot, unit
 from dolfinx_contact._mpi import SharedValues, maximum
 from dolfinx_contact.body.bulk import circumference
 from dolfinx_contact.laws import PointData
@@ -278,6 +278,19 @@ class ContactPoints(ABC):
             normal: normals, or their rates, shape (n, dim).
         """
         return None if self._shared is None else multiplied(self._shared, offset)
+
+    def outward(self, u: Array) -> Array:
+        """Return outward unit normals of the face at the points (n, dim). Collective.
+
+        They are means of the area vectors around the vertices.
+
+        Args:
+            u: displacement of the local nodes, shape (nodes, dim).
+        """
+        facets = self.facets
+        vectors = facets.vectors(facets.reference + facets.at_corners(u))
+        at_vertices = facets.around_vertices(vectors)
+        return unit(np.stack([self.from_vertices(v) for v in at_vertices.T], axis=1))
 
     def set_augmentation(self, r: Array) -> None:
         """Set r at the local vertices."""

@@ -1,10 +1,17 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Facets of a surface at any displacement, areas of its vertices, and sizes of its facets."""
+"""Facets of a surface at any displacement, areas of its vertices, and sizes of its facets.
+
+Facets of degree 2 and quadrilaterals are divided into simplices. To measure the distance from a
+master, its simplices are gathered on every rank, as those of rigid surfaces are, so that one search
+serves both.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cached_property
+from itertools import pairwise
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -14,14 +21,26 @@ from dolfinx import fem
 from dolfinx_contact._arrays import Array, Indices, Ints
 from dolfinx_contact._compat import FacetSubmesh
 from dolfinx_contact._forms import compiled_form
-from dolfinx_contact._geometry import area_vectors, dot, node_positions
-from dolfinx_contact.points.trace import facet_normals
+from dolfinx_contact._geometry import area_vectors, dot, node_positions, unit
+from dolfinx_contact._mpi import SharedValues
+from dolfinx_contact.points.trace import facet_closures, facet_normals
+from dolfinx_contact.rigid_surfaces.closest import ClosestFacets
 
-__all__ = ["SurfaceFacets", "SurfaceGeometry"]
+__all__ = ["SurfaceFacets", "SurfaceGeometry", "distance_from_face", "simplices_of"]
+
+#: Simplices of the nodes of a facet, by dimension and number of nodes, in the order of Basix.
+_SIMPLICES: dict[tuple[int, int], Any] = {
+    (2, 2): [[0, 1]],
+    (2, 3): [[0, 2], [2, 1]],
+    (3, 3): [[0, 1, 2]],
+    (3, 4): [[0, 1, 2], [1, 3, 2]],
+    (3, 6): [[0, 5, 4], [5, 1, 3], [4, 3, 2], [3, 4, 5]],
+    (3, 9): [[i, j, 8] for i, j in pairwise((0, 4, 1, 6, 3, 7, 2, 5, 0))],
+}
 
 
 class SurfaceFacets:
-    """Facets of a surface that this rank owns, at any displacement. Not collective.
+    """Facets of a surface that this rank owns, at any displacement.
 
     Args:
         V: displacement space.
@@ -32,6 +51,7 @@ class SurfaceFacets:
     Attributes:
         trace: local node of `V` at each local vertex.
         corners: local vertices of the facets, shape (n, k).
+        exchange: exchange of values at the local vertices between ranks.
     """
 
     def __init__(
@@ -46,6 +66,7 @@ class SurfaceFacets:
         self._facets = submesh.parent_facets[:owned]
         self.trace = trace
         self.corners: Ints = vertices.dofmap.list[:owned].astype(np.int64)
+        self.exchange = SharedValues(vertices.dofmap.index_map)
 
     def at_corners(self, values: Array) -> Array:
         """Return values at the corners (n, k, dim) from those at the local nodes (nodes, dim)."""
@@ -54,7 +75,7 @@ class SurfaceFacets:
     @cached_property
     def reference(self) -> Array:
         """Positions of the corners in the mesh, shape (n, k, dim)."""
-        return self.at_corners(node_positions(self._V)[:, : self._V.mesh.geometry.dim])
+        return self.at_corners(_positions(self._V))
 
     @cached_property
     def sense(self) -> Array:
@@ -65,6 +86,25 @@ class SurfaceFacets:
     def vectors(self, x: Array) -> Array:
         """Return outward area vectors (n, dim) for positions of the corners (n, k, dim)."""
         return np.asarray(self.sense[:, None] * area_vectors(x))
+
+    def around_vertices(self, of_facets: Array) -> Array:
+        """Return sums of facet vectors (n, dim) around the local vertices. Collective."""
+        parts = np.repeat(of_facets[:, None], self.corners.shape[1], axis=1)
+        return self.exchange.sums(self.corners, parts)
+
+    def simplices(self, u: Array) -> tuple[Array, Ints, Array]:
+        """Return the facets at a displacement of the local nodes (nodes, dim), divided.
+
+        Returns:
+            Positions of the local vertices (n, dim), vertices of the simplices (m, dim), and
+            outward unit normals of the simplices (m, dim).
+        """
+        now = (_positions(self._V) + u)[self.trace]
+        pieces = _SIMPLICES[now.shape[1], self.corners.shape[1]]
+        simplices = self.corners[:, pieces].reshape(-1, now.shape[1])
+        normals = area_vectors(now[simplices])
+        sense = np.repeat(self.vectors(now[self.corners]), len(pieces), axis=0)
+        return now, simplices, unit(normals * np.sign(dot(normals, sense))[:, None])
 
 
 class SurfaceGeometry:
@@ -136,3 +176,61 @@ class SurfaceGeometry:
         index_map = self._vertices.dofmap.index_map
         total = self._vertices.mesh.comm.allreduce(float(np.sum(values[: index_map.size_local])))
         return float(total / index_map.size_global)
+
+
+def _positions(V: fem.FunctionSpace) -> Array:
+    """Return positions of the local nodes, shape (nodes, dim)."""
+    return node_positions(V)[:, : V.mesh.geometry.dim]
+
+
+# -- distances from a master -----------------------------------------------------------------------
+
+
+class DistanceFromFace(NamedTuple):
+    """Distances of points from a face.
+
+    Attributes:
+        gap: signed distances along the normals of the face, positive outside, shape (n,).
+        beyond: distances beyond the edge of the face, shape (n,).
+        normal: outward unit normals of the face, shape (n, dim).
+    """
+
+    gap: Array
+    beyond: Array
+    normal: Array
+
+
+def simplices_of(V: fem.FunctionSpace, facets: Indices, u: Array) -> tuple[Array, float]:
+    """Return simplices of facets in the mesh and displaced, on every rank. Collective.
+
+    Args:
+        V: displacement space.
+        facets: local facets, ghosts included.
+        u: displacement of the local nodes, shape (nodes, dim).
+
+    Returns:
+        Corners (2, n, dim, dim) in the mesh and displaced, ordered so that `area_vectors` of the
+        mesh point outward; and the mean size of a facet.
+    """
+    domain, dim = V.mesh, V.mesh.geometry.dim
+    owned = facets[facets < domain.topology.index_map(dim - 1).size_local]
+    closures = facet_closures(V, owned)
+    X = _positions(V)
+    pieces = _SIMPLICES[dim, closures.shape[1]]
+    both = np.stack([X[closures], (X + u)[closures]])[:, :, pieces].reshape(2, -1, dim, dim)
+    outward = np.repeat(facet_normals(domain, owned), len(pieces), axis=0)
+    inward = dot(area_vectors(both[0]), outward) < 0.0
+    both[:, inward] = both[:, inward, ::-1]
+    both = np.concatenate(domain.comm.allgather(both), axis=1)
+    area = np.linalg.norm(area_vectors(both[0]), axis=1).mean() * len(pieces)
+    return both, float(area) ** (1 / (dim - 1))
+
+
+def distance_from_face(corners: Array, x: Array) -> DistanceFromFace:
+    """Return distances of points (m, dim) from simplices (n, dim, dim). Not collective."""
+    cells = np.arange(corners.shape[0] * corners.shape[1]).reshape(corners.shape[:2])
+    closest = ClosestFacets(corners.reshape(-1, corners.shape[2]), cells)(x)
+    normal = unit(area_vectors(corners[closest.facets]))
+    gap = dot(x - closest.feet, normal)
+    beyond = np.linalg.norm(x - closest.feet - gap[:, None] * normal, axis=1)
+    return DistanceFromFace(gap, beyond, normal)

@@ -52,12 +52,7 @@ from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import ContactState, Evaluation
 from dolfinx_contact.laws.status import STICK, closed
 from dolfinx_contact.obstacles import Cylinder, Sphere, is_uniform
-from dolfinx_contact.points.displaced_faces import (
-    closest_on_face,
-    master_simplices,
-    outward_at_points,
-    slave_triangles,
-)
+from dolfinx_contact.points.geometry import distance_from_face, simplices_of
 from dolfinx_contact.points.rigid_body import shape_of
 from dolfinx_contact.points.surface import DiscreteSurface
 from dolfinx_contact.rigid_surfaces import RigidSurface
@@ -387,10 +382,11 @@ def _of_pair(
     u = state.u.reshape(-1, s.dim)
     touching = closed(contact.statuses) & ~held
     # compare the master where it is with the master of the mesh, whose facets may be chords
-    master, width = master_simplices(s, u)
+    facets = s.obstacle.opposite.master_facets
+    master, width = simplices_of(s.u.function_space, facets, u)
     x = s.positions
-    before = closest_on_face(master[0], x)
-    after = closest_on_face(master[1], x + s.displacements(u))
+    before = distance_from_face(master[0], x)
+    after = distance_from_face(master[1], x + s.displacements(u))
     cosine = np.clip(-dot(n, before.normal), _FACING, 1.0)
     law = s.points.data.gap - dot(jump, n)
     true = s.points.data.gap + (after.gap - before.gap) / cosine
@@ -406,7 +402,7 @@ def _of_pair(
     area = s.comm.allreduce(float(s.points.areas.sum()))
     width = min(width, max(area ** (1 / (s.dim - 1)), found.facet))
     # normals
-    outward = [outward_at_points(s, v) for v in (u, np.zeros_like(u))]
+    outward = [s.points.outward(v) for v in (u, np.zeros_like(u))]
     turn = np.maximum(
         _angles(n, outward[0]) - _angles(n, outward[1]),
         _angles(n, -after.normal) - _angles(n, -before.normal),
@@ -558,7 +554,7 @@ def _between_points(s: DiscreteSurface, state: Evaluation) -> float:
 
 def _deepest(s: DiscreteSurface, u: Array) -> float:
     """The same on this rank: depths of corners, edges, centres and axes in the nearest facets."""
-    now, cells, normals = slave_triangles(s, u)
+    now, cells, normals = s.points.facets.simplices(u)
     if not len(cells):
         return 0.0
     corners = now[cells]
@@ -569,10 +565,8 @@ def _deepest(s: DiscreteSurface, u: Array) -> float:
     probes = probes[((probes > low - reach) & (probes < high + reach)).all(axis=1)]
     if not len(probes):
         return 0.0
-    found, parts = ClosestFacets(now, cells)(probes)
-    off = probes - np.einsum("nk,nkd->nd", parts, corners[found])
-    height = dot(off, normals[found])
-    distance = np.linalg.norm(off, axis=1)
+    found, parts, feet, distance = ClosestFacets(now, cells)(probes)
+    height = dot(probes - feet, normals[found])
     depth = radius - np.where(height < 0.0, -distance, distance)
     # subtract the depth of the nearest contact point and a removed overlap
     away = np.linalg.norm(corners[found] - probes[:, None], axis=2).min(axis=1)
@@ -652,7 +646,7 @@ def _across(
     """Fraction of the normal forces acting across the face of the body. Collective."""
     u = state.u.reshape(-1, s.dim)
     follows = s.displaced is not None or (s.obstacle.flat and not eq.bulk.linear)
-    outward = outward_at_points(s, u if follows else np.zeros_like(u))
+    outward = s.points.outward(u if follows else np.zeros_like(u))
     n = contact.data.n
     force = np.maximum(-dot(contact.traction, n), 0.0) * s.points.areas
     force = np.where(held, 0.0, _touching(contact, force))

@@ -17,6 +17,7 @@ are examined only if they may be closer.
 from __future__ import annotations
 
 from itertools import chain, combinations
+from typing import NamedTuple
 
 import numpy as np
 import scipy
@@ -24,7 +25,7 @@ import scipy
 from dolfinx_contact._arrays import Array, Ints
 from dolfinx_contact._geometry import area_vectors
 
-__all__ = ["ClosestFacets", "closest_on"]
+__all__ = ["ClosestFacets", "ClosestPoints", "closest_on"]
 
 
 _FIRST = 8  # nearest balls, whose facets give an upper bound of the distance
@@ -95,6 +96,22 @@ def _dot(a: Array, b: Array) -> Array:
     return np.asarray(np.einsum("ni,ni->n", a, b))
 
 
+class ClosestPoints(NamedTuple):
+    """Points of a surface that are closest to given points.
+
+    Attributes:
+        facets: facets, shape (n,).
+        parts: barycentric coordinates in the facets, shape (n, k).
+        feet: positions, shape (n, dim).
+        distance: distances from the given points, shape (n,).
+    """
+
+    facets: Ints
+    parts: Array
+    feet: Array
+    distance: Array
+
+
 class ClosestFacets:
     """Search for the closest facet and point of a surface. Not collective.
 
@@ -109,12 +126,12 @@ class ClosestFacets:
         self._largest = float(self._radii.max())
         self._tree = scipy.spatial.cKDTree(self._centres)
 
-    def __call__(self, x: Array) -> tuple[Ints, Array]:
-        """Return the closest facet (n,) and barycentric coordinates (n, k) of points (n, dim)."""
+    def __call__(self, x: Array) -> ClosestPoints:
+        """Return the closest points of the surface to points (n, dim)."""
         count = min(_FIRST, self._tree.n)
         away, balls = self._tree.query(x, k=range(1, count + 1))
-        facets, parts, distance = self._among(x, balls.reshape(-1), np.full(len(x), count))
-        within = _LARGER * (distance + self._largest)
+        closest = self._among(x, balls.reshape(-1), np.full(len(x), count))
+        within = _LARGER * (closest.distance + self._largest)
         left = np.flatnonzero((away[:, -1] < within) & (count < self._tree.n))
         sizes = self._tree.query_ball_point(x[left], within[left], return_length=True)
         groups = np.cumsum(sizes) // _PAIRS
@@ -123,13 +140,15 @@ class ClosestFacets:
             balls = np.fromiter(chain.from_iterable(found), dtype=np.int64)
             points = np.repeat(some, [len(f) for f in found])
             apart = np.linalg.norm(x[points] - self._centres[balls], axis=1)
-            near = apart <= _LARGER * (distance[points] + self._radii[balls])
+            near = apart <= _LARGER * (closest.distance[points] + self._radii[balls])
             sizes = np.bincount(points[near], minlength=len(x))[some]
-            facets[some], parts[some], _ = self._among(x[some], balls[near], sizes)
-        return facets, parts
+            nearer = self._among(x[some], balls[near], sizes)
+            for values, new in zip(closest, nearer, strict=True):
+                values[some] = new
+        return closest
 
-    def _among(self, x: Array, balls: Ints, sizes: Ints) -> tuple[Ints, Array, Array]:
-        """Return the closest facet among the given balls of each point, and its distance."""
+    def _among(self, x: Array, balls: Ints, sizes: Ints) -> ClosestPoints:
+        """Return the closest points on the facets of the given balls of each point."""
         owners = self._owners[balls]
         points = np.repeat(np.arange(len(x)), sizes)
         parts = closest_on(x[points], self._corners[owners])
@@ -137,7 +156,7 @@ class ClosestFacets:
         distances = np.linalg.norm(x[points] - feet, axis=1)
         first = np.cumsum(sizes) - sizes
         best = np.lexsort((owners, distances, points))[first]
-        return owners[best], parts[best], distances[best]
+        return ClosestPoints(owners[best], parts[best], feet[best], distances[best])
 
 
 def _covered(corners: Array) -> tuple[Array, Ints, Array]:

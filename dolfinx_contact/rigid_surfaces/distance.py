@@ -84,9 +84,8 @@ def distances_from(
         removed: overlaps o removed from the gaps, shape (n,); None for no overlap.
     """
     finite: Mask = np.asarray(np.isfinite(x).all(axis=1))
-    facets, parts = closest(np.where(finite[:, None], x, surface.points[0]))
+    facets, parts, feet, _ = closest(np.where(finite[:, None], x, surface.points[0]))
     corners = surface.points[surface.cells[facets]]
-    feet = np.einsum("nk,nki->ni", parts, corners)
     on = _Places(surface, facets, parts)
     away = x - feet
     flat = surface.normals[facets]

@@ -62,7 +62,6 @@ class SlidingFaces:
     Args:
         V: displacement space of degree 1.
         slave: facets of the slave.
-        vertices: scalar P1 space on the mesh of the slave.
         master: local facets of the master, ghosts included.
         depth: search distance before and behind the slave.
         across: mask of the components across planes of symmetry, on which normals and slips are
@@ -92,7 +91,6 @@ class SlidingFaces:
         self,
         V: fem.FunctionSpace,
         slave: SurfaceFacets,
-        vertices: fem.FunctionSpace,
         master: Indices,
         depth: float,
         *,
@@ -110,7 +108,7 @@ class SlidingFaces:
         # nodes and mirror images
         trace = slave.trace
         self.nodes = SharedValues(V.dofmap.index_map)
-        self.vertices = SharedValues(vertices.dofmap.index_map)
+        self.vertices = slave.exchange
         self.kept: Array = np.where(across[trace], 0.0, 1.0)
         self.images: Array = self.kept * 2.0 ** across[trace].sum(axis=1, keepdims=True)
         if axisymmetric:
@@ -176,9 +174,7 @@ class SlidingFaces:
 
     def at_nodes(self, of_facets: Array) -> Array:
         """Return sums of facet vectors (n, dim) around local vertices, with mirror images."""
-        k = self.corners.shape[1]
-        every = np.arange(len(self.corners))
-        return self.images * self.sums(every, np.repeat(of_facets[:, None], k, axis=1))
+        return self.images * self._facets.around_vertices(of_facets)
 
     def forces(self, facing: Facing, mine: Array, theirs: Array) -> Array:
         """Return forces at the owned displacement dofs, flat.

@@ -313,7 +313,6 @@ class SlidingPoints(NodePoints):
         self.faces = SlidingFaces(
             self._V,
             self.facets,
-            self.vertices,
             opposite.master_facets,
             opposite.depth,
             across=opposite.across,
