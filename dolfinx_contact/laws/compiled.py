@@ -26,8 +26,7 @@ from dolfinx_contact._ufl import data_of, depends_on, not_affine
 from dolfinx_contact.laws.answers import Answers, Array, Codes, PointData
 from dolfinx_contact.laws.law import Law, StatusPiece, checked_pieces
 from dolfinx_contact.laws.roots import Roots
-from dolfinx_contact.laws.still import known_step
-from dolfinx_contact.laws.symbols import SLID, Symbols, from_memory
+from dolfinx_contact.laws.symbols import SLID, Symbols, from_memory, known_step
 
 __all__ = ["CompiledLaw", "LawAtPoints"]
 

@@ -32,8 +32,7 @@ from typing import Any
 
 import ufl
 
-from dolfinx_contact.laws.interface_point import InterfacePoint
-from dolfinx_contact.laws.interface_state import InterfaceState, Rates
+from dolfinx_contact.laws.interface_point import InterfacePoint, InterfaceState, Rates
 from dolfinx_contact.laws.law import (
     Bond,
     Border,

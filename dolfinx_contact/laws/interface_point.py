@@ -1,0 +1,385 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Interface at a point: energy, dissipation and their derivatives in UFL."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, Protocol
+
+import numpy as np
+
+import ufl
+from ufl.algorithms import expand_derivatives
+from ufl.classes import Variable, Zero
+from ufl.corealg.map_dag import map_expr_dag
+from ufl.corealg.multifunction import MultiFunction
+
+from dolfinx_contact._ufl import depends_on
+from dolfinx_contact.laws.friction import FrictionLaw
+from dolfinx_contact.laws.law import ContactPoint, Internal, StatusPiece
+from dolfinx_contact.laws.symbols import variable
+
+__all__ = ["InterfacePoint", "InterfaceState", "Rates"]
+
+
+@dataclass(frozen=True)
+class InterfaceState:
+    """State of an interface in UFL.
+
+    Attributes:
+        opening: opening [u_n] >= 0.
+        moved: tangential jump [u_t] since the start of the history, a vector.
+        n: unit normal, from the body into the obstacle.
+        internal: internal variables by name; also available as ``state[name]``.
+        pressure: contact pressure p, 0 at open points; available to the dissipation only.
+        reaction: positive part of the sum of contact and adhesive pressure; available to the
+            dissipation only.
+    """
+
+    opening: Any
+    moved: Any
+    n: Any
+    internal: Mapping[str, Any]
+    pressure: Any = None
+    reaction: Any = None
+
+    @property
+    def jump(self) -> Any:
+        """Jump [u] of the displacement, body minus obstacle, a vector."""
+        return self.moved - self.opening * self.n
+
+    def __getitem__(self, name: str) -> Any:
+        return self.internal[name]
+
+
+@dataclass(frozen=True)
+class Rates:
+    """Rates of the state of an interface in UFL.
+
+    Attributes:
+        slip: slip speed |[u_t]'| >= 0.
+        internal: rates of the internal variables by name; also available as ``rates[name]``.
+    """
+
+    slip: Any
+    internal: Mapping[str, Any]
+
+    def __getitem__(self, name: str) -> Any:
+        return self.internal[name]
+
+
+_FIRST = 5000  # label offset of variables of differentiation
+_PER_LEVEL = 100
+_POINTS = 4  # number of quadrature points
+_SHORTEST = 1e-60
+_NO_PACE = 1e-290
+
+
+class Potentials(Protocol):
+    """Energy and dissipation of an interface (protocol)."""
+
+    internal: tuple[Internal, ...]
+    needs_pressure: bool
+
+    def energy(self, state: InterfaceState) -> Any:
+        """Return the surface energy Psi."""
+
+    def dissipation(self, rates: Rates, state: InterfaceState) -> Any:
+        """Return the potential of dissipation Phi."""
+
+    def cost(self, start: InterfaceState, end: InterfaceState) -> Any:
+        """Return the integral of dPhi/da' . da between two states, or None."""
+
+
+class InterfacePoint:
+    """Interface at a point, for given values of its variables.
+
+    Args:
+        law: law with its fields at the point.
+        a: contact point.
+        opening: opening [u_n].
+        values: values of the variables.
+        start: values of the variables at the last accepted state.
+        unknown: names of the variables to be solved for.
+        is_open: whether the point is open; None if not yet determined.
+        level: number that distinguishes the differentiation variables of nested points, one more
+            than that of the points in ``values``.
+    """
+
+    def __init__(
+        self,
+        law: Potentials,
+        a: ContactPoint,
+        opening: Any,
+        values: Mapping[str, Any],
+        start: Mapping[str, Any],
+        unknown: Sequence[Internal],
+        is_open: bool | None,
+        level: int,
+    ):
+        self._law = law
+        self._a = a
+        self.start = dict(start)
+        self.unknown = list(unknown)
+        self._is_open = is_open
+        self._level = level
+        self._signs = {x.name: x.sense for x in law.internal}
+        n = a.n
+        moved = a.u_t + a.before - ufl.dot(a.before, n) * n
+        self._moves = [name for name, v in values.items() if v is not start[name]]
+        self._opening, self._moved, *mine = self._variables([opening, moved, *values.values()])
+        self.values = dict(zip(values, mine, strict=True))
+        #: At open points pressure and reaction are zero.
+        self.state = InterfaceState(self._opening, self._moved, n, self.values)
+        self.energy = ufl.as_ufl(law.energy(self.state))
+        # Without time (negative step) all rates are set to nearly zero, because the square root in
+        # the speed is not differentiable at 0. In a step of zero length nothing changes.
+        time = ufl.conditional(ufl.gt(a.step, _SHORTEST), a.step, _SHORTEST)
+        self._pace = ufl.conditional(ufl.ge(a.step, 0.0), 1.0 / time, _NO_PACE)
+
+    def _variables(self, expressions: Sequence[Any], first: int = 0) -> list[Any]:
+        """Return the expressions as variables of differentiation."""
+        first += _FIRST + _PER_LEVEL * self._level
+        return [variable(e, first + i) for i, e in enumerate(expressions)]
+
+    # -- the energy ------------------------------------------------------------------------------
+
+    @cached_property
+    def _pull(self) -> Any:
+        """Derivative dPsi/d[u_n]."""
+        return _slope(self.energy, self._opening)
+
+    @cached_property
+    def _along(self) -> Any:
+        """Derivative dPsi/d[u_t]."""
+        g = _slope(self.energy, self._moved)
+        n = self._a.n
+        return g - ufl.dot(g, n) * n
+
+    @property
+    def traction(self) -> Any:
+        """Traction on the body from the energy."""
+        return self._pull * self._a.n - self._along
+
+    def scale(self, name: str) -> Any:
+        """Return the factor that converts the force on a variable to a traction."""
+        law = self._law
+        a = self._a
+        zero = self._a.n * 0.0
+        rest = InterfacePoint(
+            law, a, ufl.as_ufl(0.0), self.start, self.start, [], True, self._level
+        )
+        closed, at_rest = self._variables([ufl.as_ufl(0.0), zero])
+        still = InterfaceState(closed, at_rest, a.n, rest.values)
+        force = _slope(ufl.as_ufl(law.energy(still)), rest.values[name])
+        own = _slope(self.energy, self.values[name])
+        level = abs(self.resisted(name)) + abs(force) + abs(own - force)
+        return ufl.conditional(ufl.gt(level, 0.0), ufl.sqrt(a.r / level), 0.0)
+
+    # -- the dissipation -------------------------------------------------------------------------
+
+    @property
+    def speed(self) -> Any:
+        """Slip speed |[u_t]'|."""
+        square = ufl.dot(self._a.u_t, self._a.u_t)
+        return ufl.conditional(ufl.gt(square, 0.0), ufl.sqrt(square), 0.0) * self._pace
+
+    @cached_property
+    def pressure(self) -> Any:
+        if self._is_open:
+            return ufl.as_ufl(0.0)
+        p = self.soft.p
+        return p if self._is_open is False else _positive(p)
+
+    def _potential(
+        self, pressure: Any, speed: Any, share: float = 1.0
+    ) -> tuple[Any, dict[str, Any]]:
+        """Return Phi and its rates as variables of differentiation; "" is the key of the speed.
+
+        The variables are evaluated after the fraction ``share`` of the step.
+        """
+        reaction = pressure if isinstance(self._pull, Zero) else _positive(pressure - self._pull)
+        reaction = ufl.as_ufl(0.0) if isinstance(ufl.as_ufl(pressure), Zero) else reaction
+        inner = self.values
+        if share < 1.0:
+            inner = {name: self._part(name, share) for name in inner}
+        state = replace(self.state, internal=inner, pressure=pressure, reaction=reaction)
+        known = {
+            name: (v - self.start[name]) * self._pace if name in self._moves else v * 0.0
+            for name, v in self.values.items()
+        }
+        slip, *mine = self._variables([speed, *known.values()], 50)
+        by = dict(zip(known, mine, strict=True))
+        phi = ufl.as_ufl(self._law.dissipation(Rates(slip, by), state))
+        signed = _Signed({slip: 1} | {by[name]: s for name, s in self._signs.items() if s})
+        return map_expr_dag(signed, phi), {"": slip} | by
+
+    @cached_property
+    def _slopes(self) -> dict[str, Any]:
+        """Derivatives dPhi/da', by name of the variable."""
+        phi, rates = self._potential(self.pressure, self._own_speed)
+        return {name: _slope(phi, rate) for name, rate in rates.items() if name}
+
+    def _part(self, name: str, share: float) -> Any:
+        """Return the value of a variable after the fraction ``share`` of the step."""
+        return (1.0 - share) * self.start[name] + share * self.values[name]
+
+    @property
+    def spent(self) -> Any:
+        """Energy per area dissipated by the variables in the step.
+
+        It is the integral of dPhi/da'(a) . da between the two values, computed by the Gauss rule
+        unless the law defines `cost`.
+        """
+        known = self._law.cost(replace(self.state, internal=self.start), self.state)
+        if known is not None:
+            return known
+        found: Any = ufl.as_ufl(0.0)
+        for at, weight in zip(*np.polynomial.legendre.leggauss(_POINTS), strict=True):
+            share = 0.5 + 0.5 * float(at)
+            phi, rates = self._potential(self.pressure, self._own_speed, share)
+            for name in self._moves:
+                moved = self.values[name] - self.start[name]
+                lost = ufl.inner(_slope(phi, rates[name]), moved)
+                # The resistance of a variable may be infinite at its end.
+                some = ufl.ne(ufl.inner(moved, moved), 0.0)
+                found += 0.5 * float(weight) * ufl.conditional(some, lost, 0.0)
+        return found
+
+    @property
+    def _own_speed(self) -> Any:
+        return self.speed if self._slips else ufl.as_ufl(0.0)
+
+    @property
+    def _slips(self) -> bool:
+        return not (self._is_open and self._law.needs_pressure)
+
+    def resisted(self, name: str) -> Any:
+        """Return the resistance dPhi/da' of a variable."""
+        return self._slopes[name]
+
+    def driven(self, name: str) -> Any:
+        """Return dPsi/da + dPhi/da' of a variable, which is zero while the variable changes."""
+        return _slope(self.energy, self.values[name]) + self.resisted(name)
+
+    def determines(self, name: str) -> bool:
+        """Return whether `driven` depends on an unknown variable, so it can be solved for it."""
+        force = self.driven(name)
+        return not all(isinstance(_slope(force, self.values[x.name]), Zero) for x in self.unknown)
+
+    def resistance(self, pressure: Any, speed: Any) -> Any:
+        """Return dPhi/d|[u_t]'|, the radius of the friction disc, a traction."""
+        phi, rates = self._potential(ufl.as_ufl(pressure), ufl.as_ufl(speed))
+        return _slope(phi, rates[""])
+
+    @property
+    def _viscous(self) -> bool:
+        """Whether the radius of the friction disc depends on the speed."""
+        phi, rates = self._potential(ufl.as_ufl(1.0), self.speed)
+        return depends_on(_slope(phi, rates[""]), rates[""])
+
+    @property
+    def knows_speed(self) -> bool:
+        """Whether Phi is not 1-homogeneous in the rates."""
+        phi, rates = self._potential(self.pressure, self.speed)
+        pairs = ((v, w) for v in rates.values() for w in rates.values())
+        return any(depends_on(_slope(phi, v), w) for v, w in pairs)
+
+    # -- contact and friction --------------------------------------------------------------------
+
+    @cached_property
+    def soft(self) -> ContactPoint:
+        """Contact point for contact and friction, without the traction of the energy.
+
+        Springs count as additional augmentation. Pressure and shear therefore decrease when the
+        body moves away, for any spring stiffness.
+        """
+        a = self._a
+        pull = self._pull
+        if self._is_open:
+            pull = pull + _positive(_slope(self._pull, self._opening)) * a.u_n
+        H = _slope(_slope(self.energy, self._moved), self._moved)
+        n = a.n
+        spring = _positive((ufl.tr(H) - ufl.dot(n, ufl.dot(H, n))) / (a.dim - 1))
+        return replace(a, traction=a.traction - pull * n, shear=a.s + self._along - spring * a.u_t)
+
+    @cached_property
+    def _friction(self) -> _Friction:
+        viscous = self._viscous
+        presses = self._law.needs_pressure
+        free = bool(self._is_open) and not presses
+        return _Friction(self.resistance, self.speed, self._pace, viscous, presses, free)
+
+    @property
+    def contact(self) -> Mapping[int, StatusPiece]:
+        """Pieces of contact and friction without the energy."""
+        return self._friction.pieces(self.soft)
+
+    @property
+    def grips(self) -> Any:
+        """UFL condition under which friction acts; None: always."""
+        return self._friction.grips(self._a)
+
+
+@dataclass(frozen=True)
+class _Friction(FrictionLaw):
+    """Friction derived from a potential.
+
+    Attributes:
+        resistance: function from pressure and speed to the radius of the friction disc.
+        speed: slip speed.
+        pace: ratio of slip speed to slip distance.
+        viscous: whether the radius depends on the slip speed.
+        presses: whether friction acts at closed points only.
+        free: whether the point is open and subject to friction.
+    """
+
+    resistance: Callable[[Any, Any], Any]
+    speed: Any
+    pace: Any
+    viscous: bool
+    presses: bool
+    free: bool
+
+    @property
+    def needs_pressure(self) -> bool:  # type: ignore[override]
+        return self.presses
+
+    def _pressure(self, p: Any) -> Any:
+        return ufl.as_ufl(0.0) if self.free else p
+
+    def bound(self, a: ContactPoint, p: Any) -> Any:
+        return self.resistance(self._pressure(p), self.speed)
+
+    def disc(self, a: ContactPoint, slid: Any) -> Any:
+        return self.resistance(self._pressure(a.p), slid * self.pace)
+
+    def grips(self, a: ContactPoint) -> Any:
+        if self.viscous:
+            return None
+        return ufl.gt(self.resistance(self._pressure(1.0), ufl.as_ufl(0.0)), 0.0)
+
+
+class _Signed(MultiFunction):  # type: ignore[misc]
+    """Replace absolute values of expressions of known sign, which are not differentiable at 0."""
+
+    def __init__(self, signs: Mapping[Any, int]):
+        super().__init__()
+        self._signs = signs
+
+    def expr(self, o: Any, *operands: Any) -> Any:
+        return self.reuse_if_untouched(o, *operands)
+
+    def abs(self, o: Any, operand: Any) -> Any:
+        sign = self._signs.get(operand)
+        return self.reuse_if_untouched(o, operand) if sign is None else sign * operand
+
+
+def _slope(e: Any, by: Variable) -> Any:
+    return expand_derivatives(ufl.diff(e, by))
+
+
+def _positive(e: Any) -> Any:
+    return e if isinstance(e, Zero) else ufl.conditional(ufl.gt(e, 0.0), e, 0.0)
