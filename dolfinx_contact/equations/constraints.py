@@ -350,7 +350,7 @@ def _fixed_on_support(s: DiscreteSurface, fixed: Mask) -> Mask:
 
 
 class Prescribed:
-    """Prescribed displacements and motions of rigid bodies: the user's data, or a part of them.
+    """Prescribed displacements and motions of rigid bodies: the user's data, or a fraction of them.
 
     Args:
         V: space of the displacement.
@@ -358,7 +358,8 @@ class Prescribed:
         rigid: rigid bodies.
 
     Attributes:
-        part: prescribed part of the way from a start to the user's data; 1 outside of `ramped`.
+        fraction: fraction of the way from a start to the user's data that is prescribed; 1 outside
+            of `ramped`.
         to_unknowns: map from prescribed displacements to the unknowns of a step, which differ from
             them in time integration; None: they are equal.
     """
@@ -367,7 +368,7 @@ class Prescribed:
         self._V = V
         self._constraints = constraints
         self._rigid = rigid
-        self.part = 1.0
+        self.fraction = 1.0
         self._start: tuple[Array, Array] | None = None
         self.to_unknowns: Callable[[Array], Array] | None = None
 
@@ -407,7 +408,7 @@ class Prescribed:
             values = self.to_unknowns(values.reshape(-1)).reshape(values.shape)
         if self._start is not None:
             start = self._start[0].reshape(values.shape)
-            values = start + self.part * (values - start)
+            values = start + self.fraction * (values - start)
         return np.where(self._constraints.fixed, values, 0.0)
 
     def motions(self) -> Array:
@@ -415,22 +416,23 @@ class Prescribed:
         values = self._rigid.numbers() * self._rigid.units
         if self._start is not None:
             start = self._start[1]
-            values = start + self.part * (values - start)
+            values = start + self.fraction * (values - start)
         return np.where(self._rigid.fixed, values, 0.0)
 
     @contextmanager
     def ramped(self, u: Array, q: Array) -> Iterator[None]:
-        """Let `part`, which the caller sets, count from a start while the context lasts.
+        """Prescribe a fraction of the way from a start to the user's data, at first 0.
 
-        Prescribed is then the part of the way from the start to the user's data.
+        The caller sets `fraction` while the context lasts.
 
         Args:
             u: displacement at all local dofs at the start.
             q: unknowns of the rigid bodies at the start.
         """
         self._start = u.copy(), q.copy()
+        self.fraction = 0.0
         try:
             yield
         finally:
             self._start = None
-            self.part = 1.0
+            self.fraction = 1.0

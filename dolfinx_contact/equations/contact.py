@@ -297,7 +297,7 @@ class ContactEquations:
 
     @contextmanager
     def ramped(self, x: PETSc.Vec) -> Iterator[None]:
-        """Prescribe the part `prescribed.part` of the way from ``x`` to the data."""
+        """Prescribe a fraction of the way from ``x`` to the data, at first 0; see `Prescribed`."""
         with self.prescribed.ramped(self.unknowns.displacement(x), self.unknowns.motions(x)):
             yield
 

@@ -142,7 +142,7 @@ class ContactTerms:
                 _Block(s, eq.unknowns.units[i + 1], bodies, multipliers, coupling)
             ]
             if s.rigid_body is not None:
-                places = np.where(eq.rigid.fixed, -1, rigid)[term.part]
+                places = np.where(eq.rigid.fixed, -1, rigid)[term.motion_slice]
                 at_points = term.motions_at_points()
                 blocks.append(
                     RigidTerms(s, eq.unknowns.units[i + 1], places, multipliers, at_points)

@@ -363,7 +363,7 @@ class LooseMotions:
         jumps = np.zeros((self._bodies.size, s.points.number, s.dim))
         if s.rigid_body is None:
             return jumps[self._free]
-        jumps[term.part] = -np.moveaxis(term.motions_at_points(), 2, 0)
+        jumps[term.motion_slice] = -np.moveaxis(term.motions_at_points(), 2, 0)
         return jumps[self._free]
 
     def not_held(self, statuses: Statuses, state: Evaluation | None = None) -> str:

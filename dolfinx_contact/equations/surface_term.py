@@ -123,13 +123,13 @@ class SurfaceTerm:
     # -- motion relative to a rigid body ---------------------------------------------------------
 
     @cached_property
-    def part(self) -> slice:
+    def motion_slice(self) -> slice:
         """Places of the motion of the rigid body among the unknowns q; empty without one."""
         return self.rigid.slice_of(self.surface.rigid_body)
 
     def _motion(self, q: Array) -> Array:
         """Return the motion of the rigid body of the surface; empty without one."""
-        return q[self.part] / self.rigid.units[self.part]
+        return q[self.motion_slice] / self.rigid.units[self.motion_slice]
 
     def relative(self, u: Array, q: Array) -> Array:
         """Return displacements of nodes relative to the obstacle, shape (n, dim). Not collective.
@@ -175,16 +175,16 @@ class SurfaceTerm:
             x = x + u.reshape(-1, s.dim)[: s.owned_nodes]
             moved = self._motion(q)[: s.dim]
         found = body.kinematics.resultant(x, forces.reshape(-1, s.dim), moved)
-        rows[self.part] = found / self.rigid.units[self.part]
+        rows[self.motion_slice] = found / self.rigid.units[self.motion_slice]
         if s.axisymmetric:  # other components cancel around the axis
-            rows[self.part][[0, 2]] = 0.0
+            rows[self.motion_slice][[0, 2]] = 0.0
         return rows
 
     def motions_at_points(self) -> Array:
         """Return Phi, motions of the points by unknown of the body, shape (n, dim, k)."""
         s = self.surface
         body = s.rigid_body
-        units = self.rigid.units[self.part]
+        units = self.rigid.units[self.motion_slice]
         moved = np.zeros((s.points.number, s.dim, len(units)))
         if body is None:
             return moved

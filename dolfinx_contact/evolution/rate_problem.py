@@ -323,7 +323,6 @@ def loaded(problem: ContactProblem) -> Iterator[tuple[Loaded, PETSc.Vec]]:
     problem.write(x)
     try:
         with equations.ramped(x):
-            equations.prescribed.part = 0.0
             system = Loaded(equations, lambda: problem.linear_solver, x)
             try:
                 yield system, x

@@ -330,7 +330,7 @@ class Reduction:
         moved = -term.motions_at_points()
         n = s.points.number * s.dim
         first = s.constant_operator("the condensed problem").B.getOwnershipRange()[0]
-        columns = np.arange(term.part.start, term.part.stop)
+        columns = np.arange(term.motion_slice.start, term.motion_slice.stop)
         rows = np.broadcast_to(first + np.arange(n)[:, None], (n, len(columns)))
         return self._matrix(n, rows, np.broadcast_to(columns, rows.shape), moved)
 

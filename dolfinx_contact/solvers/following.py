@@ -32,9 +32,9 @@ Array = npt.NDArray[np.float64]
 
 
 class Loaded(ParametricEquations):
-    """H(x, s) - (1 - s) H(x_0, 0): the contact problem with a part s of its load.
+    """H(x, s) - (1 - s) H(x_0, 0): the contact problem with a fraction s of its load.
 
-    It must be created and used within `ContactEquations.ramped` from x_0, at first with the part 0.
+    It must be created and used within `ContactEquations.ramped` from x_0, at first with s = 0.
 
     Args:
         equations: contact problem under the whole load.
@@ -61,7 +61,7 @@ class Loaded(ParametricEquations):
         return off <= _ROUND_OFF * eq.stiffness_scale * size
 
     def _set(self, gamma: float) -> None:
-        self.equations.prescribed.part = gamma
+        self.equations.prescribed.fraction = gamma
 
     def _evaluate(
         self, x: PETSc.Vec, gamma: float, b: PETSc.Vec, piece: Piece | None
@@ -84,11 +84,11 @@ class Loaded(ParametricEquations):
 
     def _data_rates(self) -> tuple[Array, Array, Array]:
         prescribed = self.equations.prescribed
-        part = prescribed.part
-        prescribed.part = 1.0
+        fraction = prescribed.fraction
+        prescribed.fraction = 1.0
         displacements = prescribed.values() - self._start
         motions = self.equations.prescribed.motions() - self._motions
-        prescribed.part = part
+        prescribed.fraction = fraction
         return displacements.reshape(-1), np.zeros_like(motions), motions
 
     def destroy(self) -> None:
@@ -117,7 +117,6 @@ def follow_load(
         return False
     control = StepControl(corrections=min(most, StepControl().corrections))
     with equations.ramped(x):
-        equations.prescribed.part = 0.0
         return _follow(Loaded(equations, linear, x), x, attempt, control)
 
 

@@ -436,11 +436,10 @@ def raise_load(solver: Newton, x: PETSc.Vec, attempt: Attempt, increments: int) 
     good, offset = x.duplicate(), x.duplicate()
     try:
         with eq.ramped(x):
-            eq.prescribed.part = 0.0
             eq.residual(x, offset)
             while done < 1.0:
                 x.copy(good)
-                load = eq.prescribed.part = min(1.0, done + step)
+                load = eq.prescribed.fraction = min(1.0, done + step)
                 solved = solver.run(x, attempt, load=load, offset=offset)
                 if solved and (objection := inverted(eq, x)):
                     solved = False
