@@ -3,8 +3,7 @@
 
 No rank holds all points. Each rank queries the ranks whose bounding boxes may contain the required
 points; these search their own points in a tree and send the answers back. Points have named data:
-`Columns` maps names to arrays with one entry per point, and ``"x"`` is the position. Data are sent
-as numbers in double precision, which is exact for integers below 2^53.
+`Columns` maps names to arrays with one entry per point, and ``"x"`` is the position.
 
 Facets are found by balls around them. Small sliding searches once, around the nearest facets
 (`opposing_facets`); large sliding searches again after large displacements, within a given distance
@@ -36,6 +35,8 @@ __all__ = ["Columns", "around", "faces_of", "facets_along_normals", "nearest", "
 
 #: Data of points by name, arrays of shape (n, ...).
 Columns = Mapping[str, npt.NDArray[Any]]
+#: The same data as a structured array with one row per point.
+Rows = npt.NDArray[Any]
 #: Function from a `scipy.spatial.cKDTree` of points and data of questions to pairs of numbers of
 #: questions and points. (SciPy loads its trees at the first search.)
 Selection = Callable[[Any, Columns], tuple[Ints, Ints]]
@@ -59,13 +60,14 @@ def nearest(comm: MPI.Comm, known: Columns, x: Array) -> dict[str, npt.NDArray[A
     """
     boxes = _Boxes(comm, known["x"], x)
     reach = np.nanmin(boxes.far, axis=0, initial=np.inf) * (1 + 1e-12)
-    i, rows = _answers(comm, boxes, known, {"x": x, "reach": reach}, _nearest_in)
-    distance = np.linalg.norm(rows[:, : x.shape[1]] - x[i], axis=1)
-    order = np.lexsort((distance, i))
+    i, found = _answers(comm, boxes, known, {"x": x, "reach": reach}, _nearest_in)
+    order = np.lexsort((np.linalg.norm(found["x"] - x[i], axis=1), i))
     places, first = np.unique(i[order], return_index=True)
-    best = np.full((len(x), rows.shape[1]), np.inf)
-    best[places] = rows[order[first]]
-    return _unpacked(best, known)
+    best = {name: np.zeros((len(x), *v.shape[1:]), v.dtype) for name, v in found.items()}
+    best["x"] += np.inf
+    for name, values in found.items():
+        best[name][places] = values[order[first]]
+    return best
 
 
 def around(
@@ -84,8 +86,7 @@ def around(
         Numbers of places, shape (pairs,), and data of points near them, shape (pairs, ...).
     """
     boxes = _Boxes(comm, known["x"], wanted["x"])
-    i, rows = _answers(comm, boxes, known, wanted, select)
-    return i, _unpacked(rows, known)
+    return _answers(comm, boxes, known, wanted, select)
 
 
 def faces_of(V: fem.FunctionSpace, facets: Indices) -> Faces:
@@ -235,19 +236,20 @@ class _Boxes:
 
 def _answers(
     comm: MPI.Comm, boxes: _Boxes, known: Columns, wanted: Columns, select: Selection
-) -> tuple[Ints, Array]:
-    """Return numbers of places and packed data of the points selected for them. Collective."""
-    rows, asked = _packed(known), _packed(wanted)
-    places = [np.flatnonzero(near <= wanted["reach"]) for near in boxes.near]
+) -> tuple[Ints, dict[str, npt.NDArray[Any]]]:
+    """Return numbers of places, and data of the points selected for them. Collective."""
+    asked = _rows({"place": np.arange(len(wanted["x"])), **wanted})
+    questions = [asked[near <= wanted["reach"]] for near in boxes.near]
     answers = []
-    for q in _exchanged(comm, [np.column_stack([i, asked[i]]) for i in places]):
+    for q in _exchanged(comm, questions):
         i: Ints = np.zeros(0, dtype=np.int64)
         k = i
         if boxes.tree is not None and len(q):
-            i, k = select(boxes.tree, _unpacked(q[:, 1:], wanted))
-        answers.append(np.column_stack([q[i, 0], rows[k]]))
-    found = np.concatenate(_exchanged(comm, answers))
-    return found[:, 0].astype(np.int64), found[:, 1:]
+            i, k = select(boxes.tree, _by_name(q))
+        chosen = {name: values[k] for name, values in known.items()}
+        answers.append(_rows({"place": q["place"][i], **chosen}))
+    found = _by_name(np.concatenate(_exchanged(comm, answers)))
+    return found.pop("place"), found
 
 
 def _pairs(lists: npt.NDArray[np.object_]) -> tuple[Ints, Ints]:
@@ -256,38 +258,35 @@ def _pairs(lists: npt.NDArray[np.object_]) -> tuple[Ints, Ints]:
     return i, np.array([k for part in lists for k in part], dtype=np.int64)
 
 
-def _width(values: npt.NDArray[Any]) -> int:
-    return int(np.prod(values.shape[1:], dtype=int))
+def _rows(columns: Columns) -> Rows:
+    """Return named data as a structured array with one row per point."""
+    rows = np.empty(len(columns["x"]), [(k, v.dtype, v.shape[1:]) for k, v in columns.items()])
+    for name, values in columns.items():
+        rows[name] = values
+    return rows
 
 
-def _packed(columns: Columns) -> Array:
-    """Return named data as columns of one array (n, width), positions first."""
-    ordered = [columns["x"], *(v for name, v in columns.items() if name != "x")]
-    return np.column_stack([v.reshape(len(v), _width(v)) for v in ordered]).astype(np.float64)
+def _by_name(rows: Rows) -> dict[str, npt.NDArray[Any]]:
+    """Return the columns of a structured array as separate arrays."""
+    return {name: np.ascontiguousarray(rows[name]) for name in rows.dtype.names or ()}
 
 
-def _unpacked(rows: Array, like: Columns) -> dict[str, npt.NDArray[Any]]:
-    """Return named data from rows; ``like`` gives names, shapes and types."""
-    names = ["x", *(name for name in like if name != "x")]
-    ends = np.cumsum([_width(like[name]) for name in names])
-    parts = np.split(rows, ends[:-1], axis=1)
-    with np.errstate(invalid="ignore"):  # infinite rows have no integers
-        return {
-            name: part.reshape(len(rows), *like[name].shape[1:]).astype(like[name].dtype)
-            for name, part in zip(names, parts, strict=True)
-        }
-
-
-def _exchanged(comm: MPI.Comm, parts: list[Array]) -> list[Array]:
+def _exchanged(comm: MPI.Comm, parts: list[Rows]) -> list[Rows]:
     """Return the array that each rank has for this one. Collective.
 
     Args:
         comm: communicator.
-        parts: array for every rank, shape (n, columns).
+        parts: array for every rank, shape (n,).
     """
     counts = comm.alltoall([len(p) for p in parts])
-    received = [np.empty((n, parts[0].shape[1])) for n in counts]
-    requests = [comm.Irecv(a, source=r) for r, a in enumerate(received) if len(a)]
-    requests += [comm.Isend(np.ascontiguousarray(p), dest=r) for r, p in enumerate(parts) if len(p)]
+    received = [np.empty(n, dtype=parts[0].dtype) for n in counts]
+    requests = [
+        comm.Irecv([a.view(np.uint8), MPI.BYTE], source=r) for r, a in enumerate(received) if len(a)
+    ]
+    requests += [
+        comm.Isend([np.ascontiguousarray(p).view(np.uint8), MPI.BYTE], dest=r)
+        for r, p in enumerate(parts)
+        if len(p)
+    ]
     MPI.Request.Waitall(requests)
     return received
