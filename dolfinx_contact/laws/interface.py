@@ -26,8 +26,9 @@ zero, and only the rate-independent part of the dissipation remains.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Hashable, Iterator, Mapping
 from dataclasses import replace
+from itertools import product
 from typing import Any
 
 import ufl
@@ -44,8 +45,6 @@ from dolfinx_contact.laws.law import (
 from dolfinx_contact.laws.status import BROKEN, DAMAGING, OPEN, PLUS, WHERE_OPEN
 
 __all__ = ["Interface", "InterfaceState", "Rates"]
-
-_WORDS = {OPEN: "rests", DAMAGING: "changes", BROKEN: "ends"}
 
 
 class Interface(Law):
@@ -102,19 +101,21 @@ class Interface(Law):
             return None
         return ufl.le(x.sense * (x.end - state[x.name]), 0.0)
 
-    def unknowns(self, dim: int) -> Mapping[str, int]:
+    def unknowns(self, dim: int) -> Mapping[Hashable, int]:
         if sum(x.change != "any" for x in self.internal) > 1:
             raise ValueError(f"{self.name}: only one variable may be monotone")
         smooth = sum(dim if x.vector else 1 for x in self.internal if x is not self.weakening)
         sizes = {f: smooth + (f == DAMAGING) for f in self._families}
-        return {_name(o, f): n for o in (True, False) for f, n in sizes.items() if n}
+        return {(o, f): n for o in (True, False) for f, n in sizes.items() if n}
 
-    def equations(self, a: ContactPoint) -> Mapping[str, Equations]:
+    def equations(self, a: ContactPoint) -> Mapping[Hashable, Equations]:
         self._check_time(a)
-        found = {}
+        found = dict[Hashable, Equations]()
         x = self.weakening
-        for name in self.unknowns(a.dim):
-            side = self._side(a, *_which(name), level=0)
+        for is_open, family in product((True, False), self._families):
+            side = self._side(a, is_open, family, level=0)
+            if not side.unknown:
+                continue
             start = [s for v in side.unknown for s in _scalars(side.start[v.name])]
             residual = [f for v in side.unknown for f in _scalars(side.driven(v.name))]
             for v in side.unknown:
@@ -124,9 +125,8 @@ class Interface(Law):
                         "what resists its rate changes with it; a variable needs an energy that is "
                         "no linear function of it, or a dissipation that is none of its rate"
                     )
-            monotone = x is not None and x in side.unknown
-            sense = x.sense if monotone and x is not None else 0
-            found[name] = Equations(residual, start, sense, x.end if monotone and x else None)
+            bounds = (x.sense, x.end) if x is not None and x in side.unknown else ()
+            found[is_open, family] = Equations(residual, start, *bounds)
         return found
 
     def pieces(self, a: ContactPoint) -> Mapping[int, StatusPiece]:
@@ -195,7 +195,7 @@ class Interface(Law):
                 values[v.name] = start[v.name] if family == OPEN else last
             else:
                 unknown.append(v)
-        numbers = list(a.solved.get(_name(is_open, family), ()))
+        numbers = list(a.solved.get((is_open, family), ()))
         for v in unknown:
             n = a.dim if v.vector else 1
             mine = numbers[:n]
@@ -308,11 +308,3 @@ def _borders(
     if grips is not None:
         slips = PLUS + (WHERE_OPEN if code > WHERE_OPEN else 0)
         yield Border(distance, slips + family, _both(where, ufl.Not(grips)))
-
-
-def _name(is_open: bool, family: int) -> str:
-    return f"{'open' if is_open else 'closed'}, {_WORDS[family]}"
-
-
-def _which(name: str) -> tuple[bool, int]:
-    return next((o, f) for o in (True, False) for f in _WORDS if _name(o, f) == name)

@@ -107,7 +107,7 @@ class ContactPoint:
             the total slip.
         kept: internal variables at the last accepted state that are not fields of the law, by name
             (`Internal.components`).
-        solved: solutions of the equations of the law (`Law.equations`), by name.
+        solved: solutions of the equations of the law, by the keys of `Law.equations`.
     """
 
     jump: Any
@@ -125,7 +125,7 @@ class ContactPoint:
     step: Any = None
     slid_before: Any = 0.0
     kept: Mapping[str, Any] = field(default_factory=dict)
-    solved: Mapping[str, tuple[Any, ...]] = field(default_factory=dict)
+    solved: Mapping[Hashable, tuple[Any, ...]] = field(default_factory=dict)
 
     @property
     def t(self) -> Any:
@@ -342,12 +342,12 @@ class Law:
         cls: Any = type(self)
         return cls if "__dataclass_fields__" in vars(cls) else None
 
-    def unknowns(self, dim: int) -> Mapping[str, int]:
-        """Return the number of unknowns of each system of `equations`, by name."""
+    def unknowns(self, dim: int) -> Mapping[Hashable, int]:
+        """Return the number of unknowns of each system of `equations`, by its key."""
         return {}
 
-    def equations(self, a: ContactPoint) -> Mapping[str, Equations]:
-        """Return the nonlinear equations whose solutions are in ``a.solved``, by name."""
+    def equations(self, a: ContactPoint) -> Mapping[Hashable, Equations]:
+        """Return the nonlinear equations whose solutions are in ``a.solved``, by any keys."""
         return {}
 
     def memory(self, dim: int) -> list[str]:

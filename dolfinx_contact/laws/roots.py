@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Hashable, Mapping
 
 from mpi4py import MPI
 
@@ -34,16 +34,16 @@ class Roots:
     """Solutions of the equations of a law, with the inverse of their Jacobian matrices.
 
     Args:
-        equations: equations of the law, by name.
-        solved: symbols for the solutions, by name.
+        equations: equations of the law, by any keys.
+        solved: symbols for the solutions, by the same keys.
         w: Function with the data of a point; the last components are the solutions.
         comm: communicator of the ranks compiling together.
     """
 
     def __init__(
         self,
-        equations: Mapping[str, Equations],
-        solved: Mapping[str, Solved],
+        equations: Mapping[Hashable, Equations],
+        solved: Mapping[Hashable, Solved],
         w: fem.Function,
         comm: MPI.Comm,
     ):

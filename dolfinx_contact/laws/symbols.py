@@ -6,7 +6,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Hashable, Iterable, Mapping
 from dataclasses import replace
 from operator import eq, ge, gt, le, lt, ne
 from typing import Any, NamedTuple
@@ -87,7 +87,7 @@ class Symbols:
         dim: dimension, 2 or 3.
         given: names of the fields of the law.
         kept: names of additional data in memory.
-        unknowns: number of unknowns of each system of equations, by name (`Law.unknowns`).
+        unknowns: number of unknowns of each system of equations (`Law.unknowns`).
         memory: names of the data in memory that are used (`from_memory`).
         local: whether the law depends on its own point only; if False, the last field is `AROUND`.
 
@@ -105,7 +105,7 @@ class Symbols:
         dim: int,
         given: Iterable[str],
         kept: Iterable[str],
-        unknowns: Mapping[str, int],
+        unknowns: Mapping[Hashable, int],
         memory: Iterable[str],
         *,
         local: bool,
@@ -123,7 +123,7 @@ class Symbols:
         columns = range(3 * dim + 2, first)
         self.fields = [variable(w[column], 3 + i) for i, column in enumerate(columns)]
         self._known = dict(zip(self.names, self.fields, strict=True))
-        self.solved: dict[str, Solved] = {}
+        self.solved: dict[Hashable, Solved] = {}
         for name, n in unknowns.items():
             numbers = tuple(variable(w[first + i], _FIRST_SOLVED + first + i) for i in range(n))
             inverse = [[w[first + n + n * i + k] for k in range(n)] for i in range(n)]
@@ -159,7 +159,7 @@ class Symbols:
         """Symbol for the time since the last accepted state; None if it is not used."""
         return self._known.get(STEP)
 
-    def exact(self, equations: Mapping[str, Equations]) -> dict[str, tuple[Any, ...]]:
+    def exact(self, equations: Mapping[Hashable, Equations]) -> dict[Hashable, tuple[Any, ...]]:
         """Return the solutions of equations, differentiable with respect to all data.
 
         This is one Newton step with a constant inverse Jacobian G. At the root F = 0 the expression
