@@ -48,6 +48,10 @@ class Candidates:
     known: Ints
     places: Ints
 
+    def faces(self, x: Array) -> Faces:
+        """Return the master facets at positions of their corners, shape (n, b, dim)."""
+        return Faces(x, unit(self.senses[:, None] * area_vectors(x)), self.nodes)
+
 
 def candidates(
     comm: MPI.Comm, slave: Faces, master: Faces, marks: Array, depth: float, skin: float

@@ -21,7 +21,6 @@ from dolfinx import fem
 from dolfinx_contact._arrays import Array, Indices, Ints, Mask
 from dolfinx_contact._geometry import (
     area_vector_rates,
-    area_vectors,
     dot,
     global_numbers,
     node_positions,
@@ -228,14 +227,13 @@ class SlidingFaces:
         none = np.zeros((len(x), 0), dtype=np.int64)
         return Faces(x, unit(self._facets.vectors(x)), none)
 
-    def _covered(self, slave: Array, master: Array, **limits: float) -> Cover:
+    def _covered(
+        self, slave: Array, master: Array, deepest: float | Array, **limits: float
+    ) -> Cover:
         """Return opposing parts of the slave and the candidates at positions of their corners."""
-        normals = unit(self.found.senses[:, None] * area_vectors(master))
-        mine, theirs = self._slave(slave), Faces(master, normals, self.found.nodes)
-        deepest = self._deepest if "farthest" not in limits else self._depth
+        mine, theirs = self._slave(slave), self.found.faces(master)
         limits = {"farthest": self._depth, "steep": _STEEP} | limits
-        pairs = self.found.pairs
-        return cover(mine, theirs, pairs, deepest, least=_LEAST_COVER, **limits)
+        return cover(mine, theirs, self.found.pairs, deepest, least=_LEAST_COVER, **limits)
 
     def farthest_behind(self, far: float) -> float:
         """Return the distance behind the slave of the nearest opposing facet in the mesh.
@@ -246,8 +244,7 @@ class SlidingFaces:
         slave = self._slave(self._reference)
         sought = self.master.images(self._X[self.master.places], far)
         found = candidates(self.comm, slave, *sought, far, 0.0)
-        x = self.master.positions(self._X, found)
-        master = Faces(x, unit(found.senses[:, None] * area_vectors(x)), found.nodes)
+        master = found.faces(self.master.positions(self._X, found))
         common = cover(slave, master, found.pairs, far, farthest=far, least=_LEAST_COVER)
         return maximum(self.comm, -_heights(common))
 
@@ -282,9 +279,8 @@ class SlidingFaces:
         """
         i, k = self.found.pairs.T
         corners = self._found_before
-        normals = unit(self.found.senses[:, None] * area_vectors(corners))
-        mine = unit(self._facets.vectors(self._reference))
-        facing = dot(mine[i], normals[k]) < -_STEEP_ITSELF
+        mine, theirs = self._slave(self._reference), self.found.faces(corners)
+        facing = dot(mine.normals[i], theirs.normals[k]) < -_STEEP_ITSELF
         way = self._reference.mean(axis=1)[i] - corners.mean(axis=1)[k]
         near = np.linalg.norm(way, axis=1) < _NEAR * self._skin
         way = np.where(np.abs(way) <= _SAME * self._skin, 0.0, way)
@@ -337,7 +333,7 @@ class SlidingFaces:
     def _behind(self, pairs: Ints) -> tuple[Ints, Array]:
         """Return the pairs of facets lying behind each other in the mesh, and distances."""
         self.found = replace(self.found, pairs=pairs)
-        common = self._covered(self._reference, self._found_before, farthest=0.0)
+        common = self._covered(self._reference, self._found_before, self._depth, farthest=0.0)
         return np.stack([common.facet, common.other], axis=1), np.abs(_heights(common))
 
     # -- a state ---------------------------------------------------------------------------------
@@ -364,7 +360,7 @@ class SlidingFaces:
         # spins and slips since the last accepted state
         old, old_theirs = self._reference, self._found_before
         if before is not None:
-            old = self._facets.at_corners(self._X + self.nodes.from_owners(before))
+            old = self.positions(before)
             old_theirs = self._found_before + self.master.vectors(before, self.found)
         old_m = self.at_nodes(self._facets.vectors(old))
         mine_spun, by_mine = spins(old, mine, self._facets.sense)
@@ -406,7 +402,7 @@ class SlidingFaces:
     def _pieces(self, mine: Array, theirs: Array) -> tuple[Ints, Ints, Array, Array, Array]:
         """Return opposing parts: facets, basis, weights, and places on the master."""
         limits = {} if self._direction is None else {"steep": _STEEP_ITSELF}
-        common = self._covered(mine, theirs, **limits)
+        common = self._covered(mine, theirs, self._deepest, **limits)
         rule = common.rule(_DEGREES[self.dim])
         facet = common.facet
         shape = basis(rule.mine, self.corners.shape[1], 1)
