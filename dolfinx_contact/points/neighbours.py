@@ -7,7 +7,7 @@ their areas. No rank holds more of the surface than lies around its own points.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -80,14 +80,14 @@ class Neighbours:
         return multiplied(self.matrix, values[:, None])[:, 0]
 
 
+@dataclass(eq=False)
 class _Spread:
     """Contributions of points to those around them; see `laws.answers.Spreading`."""
 
-    def __init__(self, neighbours: Neighbours, around: Array, by_jump: Array, by_traction: Array):
-        self.neighbours = neighbours
-        self.around = around
-        self.by_jump = by_jump
-        self.by_traction = by_traction
+    neighbours: Neighbours
+    around: Array
+    by_jump: Array
+    by_traction: Array
 
     def __call__(self, values: Array) -> Array:
         return self.neighbours(values)

@@ -125,12 +125,7 @@ class ConstantOperator(Operator):
     B: PETSc.Mat
 
     def apply(self, v: Array) -> Array:
-        x, y = self.B.createVecs()
-        x.array[:] = v.reshape(-1)
-        self.B.mult(x, y)
-        values = y.array_r.reshape(-1, v.shape[1]).copy()
-        x.destroy(), y.destroy()
-        return np.asarray(values)
+        return multiplied(self.B, v.reshape(-1, 1)).reshape(-1, v.shape[1])
 
     def rate(self, v: Array) -> Array:
         return self.apply(v)
