@@ -3,7 +3,7 @@
 #
 # Write a `FrictionLaw` and its `bound`, the largest shear at the pressure p, in UFL. At a point
 # `a.slid` is the distance slipped and `a.step` the length of the time step; the quotient below is
-# the sliding velocity. The static law has no time: say what holds there by comparing `a.step` with
+# the sliding velocity. The static law has no time: define its value by comparing `a.step` with
 # 0. A history remembers the distance. Friction that weakens with the speed has
 # {doc}`a recipe of its own <41_velocity_weakening>`.
 

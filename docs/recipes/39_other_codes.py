@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-# # I come from Abaqus, GetFEM or code_aster: what are the words here?
+# # I come from Abaqus, GetFEM or code_aster: terms of this package
 #
 # | Abaqus | code_aster | GetFEM | here |
 # |---|---|---|---|
