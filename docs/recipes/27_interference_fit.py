@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-# # How do I model an interference fit?
+# # How do I model an interference fit, or bodies that initially penetrate?
 #
 # If bodies penetrate initially, use a `ContactPair` with `interference=True`. The overlap is drawn
 # or given by a negative `gap`. This models press fits and shrink fits. The solution presses the

@@ -6,6 +6,7 @@
 # points whose status keeps changing; `attempts` contains the iterates. Then:
 #
 # - check that supports or friction hold the body;
+# - check that the energy grows with every strain (the message names a strain without stiffness);
 # - let the body touch at the start;
 # - apply the load in increments;
 # - try `algorithm="lemke"` in 2D.

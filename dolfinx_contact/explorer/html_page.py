@@ -299,7 +299,8 @@ class _Page:
             notes.append("The record is being written, or its run was interrupted.")
         package = journal.header.get("package")
         about = f"{len(diagram.lines)} branches, " if len(diagram.lines) > 1 else ""
-        about = f"{diagram.kind} · {about}{len(numbers)} point{'s' * (len(numbers) != 1)}"
+        noun = "point" if diagram.along == "gamma" else "state"
+        about = f"{diagram.kind} · {about}{len(numbers)} {noun}{'s' * (len(numbers) != 1)}"
         content["about"] = about + (f" · recorded by dolfinx_contact {package}" if package else "")
         # Columns of steps are unknown before the first step.
         check = not (diagram.unfinished and len(numbers) == 1)
