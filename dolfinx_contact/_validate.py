@@ -127,7 +127,10 @@ def instance(value: Any, name: str, kind: type[_T], hint: str = "") -> _T:
     """
     if not isinstance(value, kind):
         must = f"{'an' if kind.__name__[0] in 'AEIO' else 'a'} {kind.__name__}{hint and ', '}{hint}"
-        raise ValueError(f"{name} must be {must}, got {type(value).__name__}")
+        got = type(value).__name__
+        if isinstance(value, type):
+            got = f"the class {value.__name__} itself: write {value.__name__}(...)"
+        raise ValueError(f"{name} must be {must}, got {got}")
     return value
 
 

@@ -556,7 +556,10 @@ class ContactProblem(ReadOnly):
             ]
             and [len(v) for v in state.statuses] == [s.points.number for s in self.surfaces]
         )
-        words = "a State of this problem, of the same mesh, surfaces and number of ranks"
+        words = (
+            "a State of this problem, of the same mesh, surfaces and number of ranks, as "
+            "problem.snapshot() returns"
+        )
         require(self.comm, fits, f"state must be {words}; got {type(state).__name__}")
 
     @contextmanager

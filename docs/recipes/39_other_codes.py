@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-# # I come from Abaqus, GetFEM or code_aster: terms of this package
+# # How do the terms of Abaqus, GetFEM and code_aster translate?
 #
 # | Abaqus | code_aster | GetFEM | here |
 # |---|---|---|---|

@@ -94,8 +94,10 @@ def check(
     Raises:
         ValueError: if they do not.
     """
-    if isinstance(surfaces, Contact) or isinstance(bcs, fem.DirichletBC):
-        raise ValueError("surfaces and bcs must be lists")
+    for name, value in (("surfaces", surfaces), ("bcs", bcs)):
+        if isinstance(value, Contact | fem.DirichletBC):
+            kind = type(value).__name__
+            raise ValueError(f"{name} must be a list, got one {kind}: put it in brackets")
     surfaces, bcs = as_list(surfaces, "surfaces"), as_list(bcs, "bcs")
     if not all(isinstance(s, Contact) for s in surfaces):
         raise ValueError("surfaces must be a list of ContactSurface, ContactPair or SelfContact")
