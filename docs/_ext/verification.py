@@ -311,8 +311,8 @@ def _raises(module: Module, function: ast.FunctionDef) -> bool:
 def _on_ranks(module: Module, function: ast.FunctionDef) -> bool:
     """Return whether a test also runs on two ranks without the option --long.
 
-    The test, one of its cases or its file has the mark `ranks`, and the test is not marked `long`,
-    `chatty` or skipped on several ranks.
+    The test, one of its cases or its file has the mark `ranks`, and the test is not marked `long`
+    or `chatty`.
     """
     marks = list(function.decorator_list)
     if "pytestmark" in module.values:
@@ -321,8 +321,6 @@ def _on_ranks(module: Module, function: ast.FunctionDef) -> bool:
     for mark in marks:
         text = ast.unparse(mark)
         if re.fullmatch(r"pytest\.mark\.(chatty|long)", text):
-            return False
-        if text.startswith("pytest.mark.skipif") and ".size > 1" in text:
             return False
     return any("pytest.mark.ranks(" in ast.unparse(mark) for mark in marks)
 

@@ -2,12 +2,8 @@
 
 import csv
 
-from mpi4py import MPI
-
 import pytest
 from support.demo_numbers import NUMBERS, ROOT, TABLE, run
-
-pytestmark = pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="demos write to one folder")
 
 #: Demos that take a few seconds; the others run with --long.
 QUICK = ("block", "hild_triangle", "friction_parameter", "critical_friction", "two_cylinders")

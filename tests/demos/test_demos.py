@@ -8,8 +8,6 @@ import sys
 import time
 from pathlib import Path
 
-from mpi4py import MPI
-
 import cases.greco_block
 import cases.hild_triangle
 import cases.sliding_solution
@@ -216,7 +214,6 @@ def keep(name, seconds):
 
 
 @pytest.mark.long
-@pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="it starts its own processes")
 @pytest.mark.parametrize("case", CASES, ids=lambda path: path.stem)
 def test_case_runs_at_its_defaults(case, tmp_path):
     # The process must not count as a rank of the tests.

@@ -4,8 +4,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-from mpi4py import MPI
-
 import pytest
 
 SCRIPT = """
@@ -44,7 +42,6 @@ print("done")
 """
 
 
-@pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="processes of their own")
 @pytest.mark.parametrize(
     "launcher",
     [

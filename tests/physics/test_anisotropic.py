@@ -13,7 +13,6 @@ from dolfinx_contact.analysis import critical_friction
 from dolfinx_contact.continuation import follow
 
 COMM = MPI.COMM_WORLD
-serial = pytest.mark.skipif(COMM.size > 1, reason="the same on every number of ranks, and long")
 
 
 @pytest.mark.parametrize(("fibres", "degrees"), [(0.0, 0.0), (20.0, 0.0), (20.0, 90.0)])
@@ -59,7 +58,6 @@ def test_anisotropic_threshold_agrees_with_a_thick_layer():
     assert found == pytest.approx(-compliance[1, 1] / compliance[1, 0], rel=1e-4)
 
 
-@serial
 @pytest.mark.verifies(
     "critical friction",
     "anisotropic bodies",
@@ -83,7 +81,6 @@ def rows(folder, *more):
     return summary["rows"]
 
 
-@serial
 @pytest.mark.long
 def test_finer_meshes_have_more_solutions(folder):
     below, beyond = rows(folder)

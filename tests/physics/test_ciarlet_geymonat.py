@@ -1,14 +1,10 @@
 """Six branches of a hyperelastic block, against GetFEM on the same 10 x 20 mesh."""
 
-from mpi4py import MPI
-
 import cases.ciarlet_geymonat as demo
 import numpy as np
 import pytest
 from support.harness import varied
 
-COMM = MPI.COMM_WORLD
-serial = pytest.mark.skipif(COMM.size > 1, reason="the same on every number of ranks, and long")
 COARSE = ("--nx", "10", "--ny", "20")
 
 # Statuses and corners (ut_left, un_left, ut_right, un_right, sum_rt, sum_rn) at the far ends, by an
@@ -59,9 +55,7 @@ def check(summary, length=1.0, force=1.0):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(
-    "r", [None, *(pytest.param(r, marks=[serial, pytest.mark.long]) for r in (0.3, 300.0))]
-)
+@pytest.mark.parametrize("r", [None, 0.3, 300.0])
 @pytest.mark.verifies(
     "hyperelastic bodies",
     "all solutions",
@@ -82,7 +76,6 @@ def test_ciarlet_geymonat_block_has_six_branches(folder, r):
         assert (folder / name).stat().st_size > 10_000
 
 
-@serial
 @pytest.mark.long
 @pytest.mark.verifies(
     "units",

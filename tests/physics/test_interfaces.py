@@ -3,8 +3,6 @@
 from dataclasses import dataclass
 from typing import Any
 
-from mpi4py import MPI
-
 import numpy as np
 import pytest
 from scipy.optimize import minimize
@@ -18,7 +16,6 @@ from dolfinx_contact.evolution import ArcLength, QuasiStatic
 from dolfinx_contact.laws import Interface, Internal
 from dolfinx_contact.laws.status import BROKEN, DAMAGING
 
-COMM = MPI.COMM_WORLD
 C = 100.0
 W = 1.0
 
@@ -83,7 +80,6 @@ class Creeping(Interface):
 
 
 @pytest.mark.each_value
-@pytest.mark.skipif(COMM.size > 1, reason="one point")
 @pytest.mark.parametrize(("dim", "end"), [(2, None), (2, 0.0), (3, None)])
 @pytest.mark.parametrize("viscosity", [0.0, 0.3])
 def test_interface_adhesion_agrees_with_rccm_at_a_point(dim, end, viscosity):
@@ -203,7 +199,6 @@ def test_interface_friction_agrees_with_tresca(cell):
     assert max(np.abs(f).max(initial=0.0) for f in rubbed) > 0.1
 
 
-@pytest.mark.skipif(COMM.size > 1, reason="one point")
 @pytest.mark.parametrize("dim", [2, pytest.param(3, marks=pytest.mark.long)])
 @pytest.mark.verifies(
     "Maxwell layer",
@@ -237,7 +232,6 @@ def test_maxwell_layer_relaxes_as_implicit_euler(dim):
     assert 0.9 < np.log2(off[1] / off[2]) < 1.1
 
 
-@pytest.mark.skipif(COMM.size > 1, reason="one point")
 @pytest.mark.verifies(
     "bilinear cohesion", reference="closed form: traction, secant and cost", aspects=("2D",)
 )
@@ -291,7 +285,6 @@ def test_bar_on_cohesion_turns_back(k):
     assert history.energies.damage == pytest.approx(0.05 * strength * (a + b) / 2, rel=1e-6)
 
 
-@pytest.mark.skipif(COMM.size > 1, reason="one point")
 @pytest.mark.parametrize("dim", [2, pytest.param(3, marks=pytest.mark.long)])
 @pytest.mark.verifies(
     "interfaces of one's own",

@@ -13,7 +13,6 @@ from support.harness import varied
 from dolfinx_contact.continuation import explore, follow
 
 COMM = MPI.COMM_WORLD
-serial = pytest.mark.skipif(COMM.size > 1, reason="the same on every number of ranks, and long")
 
 
 def start_of(system):
@@ -124,7 +123,6 @@ def test_coarse_triangle_has_the_enumerated_solutions(folder):
 
 
 @pytest.mark.long
-@serial
 def test_friction_decides_on_the_number_of_solutions():
     """On the 64-node mesh three solutions exist for gamma > 0 iff F >= 1.6588005832."""
     for friction, count in ((1.6588, 1), (1.6589, 3)):
@@ -135,7 +133,6 @@ def test_friction_decides_on_the_number_of_solutions():
         assert len(ends) == count
 
 
-@serial
 @pytest.mark.long
 @pytest.mark.parametrize("route", ["pivoting", "steps"])
 @pytest.mark.verifies(
@@ -173,7 +170,6 @@ def test_linear_triangle_does_not_depend_on_units_and_numbering(folder, route):
             assert statuses == [s["status"] for s in reference["solutions"][end]]
 
 
-@serial
 @pytest.mark.long
 @pytest.mark.verifies(
     "pivoting",

@@ -4,12 +4,9 @@ import csv
 import itertools
 import sys
 
-from mpi4py import MPI
-
 import pytest
 from support.manufactured import CASES, TABLE
 
-pytestmark = pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="orders are those of one rank")
 SHORT = [name for name, case in CASES.items() if not case.long]
 LONG = [name for name, case in CASES.items() if case.long]
 

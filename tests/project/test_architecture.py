@@ -8,8 +8,6 @@ from collections import Counter
 from functools import cache
 from pathlib import Path
 
-from mpi4py import MPI
-
 import pytest
 
 from dolfinx_contact.points.surface import DiscreteSurface
@@ -109,7 +107,6 @@ def loaded_by(statement):
     return done.stdout.split()
 
 
-@pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="starts a process of its own")
 def test_what_a_static_solve_does_not_need_is_not_loaded():
     """Proofs, paths and other algorithms are not loaded before using them."""
     loaded = loaded_by(f"from {PACKAGE} import ContactProblem")
@@ -176,7 +173,6 @@ def test_public_classes_have_names_of_their_own():
     assert not {k: v for k, v in known.items() if len(v) > 1}
 
 
-@pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="starts a process of its own")
 def test_continuation_imports_neither_ufl_nor_dolfinx():
     """Importing it loads neither UFL nor DOLFINx."""
     loaded = loaded_by(f"import {PACKAGE}.continuation")
@@ -211,10 +207,14 @@ def trees():
 
 
 def test_tests_of_several_ranks_are_marked():
-    """A test needing several ranks is marked `ranks`, or is in a file of which all are."""
+    """A test needing several ranks is marked `ranks`, or is in a file of which all are.
+
+    Tests without the mark run on one rank alone and need no other.
+    """
     several = r"^((?:@.*\n)*@pytest\.mark\.skipif\(COMM\.size == 1,.*\n(?:@.*\n)*)def test_"
     for path in TESTS.rglob("test_*.py"):
         text = path.read_text()
+        assert not re.search(r"skipif\([\w.]*size > 1", text), path.stem
         marked = re.search(r"^pytestmark = \[?\s*pytest\.mark\.ranks\(", text, flags=re.MULTILINE)
         for decorators in re.findall(several, text, flags=re.MULTILINE):
             assert marked or "mark.ranks(" in decorators, path.stem

@@ -85,7 +85,6 @@ def test_benchmark_of_a_motion_has_its_ratios(folder):
     assert all(s["closed"] == record["sliding"]["points"] for s in record["sliding"]["steps"])
 
 
-@pytest.mark.skipif(COMM.size > 1, reason="one process is enough")
 def test_what_has_grown_over_commits_is_told(tmp_path, capsys):
     """A growing count, and a ratio growing by more than the noise."""
     values = {"ratio": [2.0, 2.1, 2.0, 2.15, 2.6], "count newton": [5.0, 5.0, 5.0, 6.0, 5.0]}

@@ -4,8 +4,6 @@ import sys
 from dataclasses import fields, replace
 from pathlib import Path
 
-from mpi4py import MPI
-
 import numpy as np
 import pytest
 
@@ -15,9 +13,6 @@ import judge
 import problems
 import with_ours
 
-pytestmark = pytest.mark.skipif(
-    MPI.COMM_WORLD.size > 1, reason="the codes run on one rank, and the judge knows no ranks"
-)
 SMALL = {
     "greco": lambda: problems.greco(8),
     "dragged": lambda: problems.dragged(5),
@@ -45,7 +40,6 @@ def found(problem, u, forces=None):
     return {name for name, v in values.items() if v >= 1e-3}
 
 
-@pytest.mark.ranks(2)
 @pytest.mark.verifies(
     "Coulomb", reference="independent code: the judge of benchmarks/codes", aspects=("2D", "3D")
 )
@@ -121,7 +115,6 @@ def test_a_motion_is_judged():
     assert through["penetration"] > 1e-3
 
 
-@pytest.mark.ranks(2)
 def test_what_is_no_answer_is_refused():
     problem = problems.wedge(6)
     u, forces = answer(problem)

@@ -9,8 +9,6 @@ import sys
 import types
 from pathlib import Path
 
-from mpi4py import MPI
-
 import matplotlib.image
 import pytest
 
@@ -46,7 +44,6 @@ def run(script, tmp_path, monkeypatch):
     return runpy.run_path(str(script))
 
 
-@pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="recipes write to a folder of one rank")
 @pytest.mark.parametrize("recipe", scripts(RECIPES), ids=name_of)
 def test_recipe_runs(recipe, tmp_path, monkeypatch, capsys):
     run(recipe, tmp_path, monkeypatch)
@@ -54,7 +51,6 @@ def test_recipe_runs(recipe, tmp_path, monkeypatch, capsys):
     assert capsys.readouterr().out or pictures  # the page has something to show
 
 
-@pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="tutorials write to a folder of one rank")
 @pytest.mark.parametrize("tutorial", scripts(TUTORIALS), ids=name_of)
 def test_tutorial_runs(tutorial, tmp_path, monkeypatch):
     run(tutorial, tmp_path, monkeypatch)
@@ -178,7 +174,6 @@ def private_words(text):
     return found
 
 
-@pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="reads files only")
 def test_docstrings_of_the_package_are_plain():
     found = [
         f"{path.relative_to(PACKAGE)}:{line}: {word!r}; rather: {plain}"
@@ -201,7 +196,6 @@ def test_private_words_are_found(sentence, words):
     assert [word for _, word, _ in private_words(text)] == words
 
 
-COMM = MPI.COMM_WORLD
 README = Path(__file__).parents[2] / "README.md"
 EXAMPLES = re.findall(r"```python\n(.*?)```", README.read_text(), flags=re.DOTALL)
 
@@ -235,7 +229,6 @@ def test_landing_page_example_has_three_proved_solutions(capsys):
     assert {word[1:] for word in letters} == {"o" * 15 + "d"}
 
 
-@pytest.mark.skipif(COMM.size > 1, reason="looks at text")
 def test_readme_shows_the_output_of_its_example(folder, monkeypatch, capsys):
     monkeypatch.chdir(folder)
     exec(EXAMPLES[0], {})
@@ -256,7 +249,6 @@ def places(file):
     return {re.sub(r"[^a-z0-9 -]", "", text.lower()).replace(" ", "-") for text in headings}
 
 
-@pytest.mark.skipif(COMM.size > 1, reason="looks at files")
 def test_links_lead_to_files():
     pages = [README, *(README.parent / "docs" / "guide").glob("*.md")]
     count = 0
@@ -280,7 +272,6 @@ def cells():
 
 
 @pytest.mark.long
-@pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="a notebook is one process")
 def test_notebook_shows_its_pictures(folder, monkeypatch):
     """The notebook solves, finds three solutions, and shows a picture and a diagram."""
     shown = []

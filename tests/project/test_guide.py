@@ -175,7 +175,6 @@ def test_two_solves_start_from_the_same_state():
     assert shear[1] > 1.5 * shear[0] > 0
 
 
-@pytest.mark.skipif(COMM.size > 1, reason="starts a process of its own")
 def test_log_of_the_guide_appears():
     *_, code = examples("solving.md")
     solve = "from support.blocks import block\nblock(n=2).solve()\n"

@@ -9,11 +9,7 @@ import time
 from itertools import pairwise
 from pathlib import Path
 
-from mpi4py import MPI
-
 import pytest
-
-pytestmark = pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="a shell script: serial")
 
 TREE = Path(__file__).resolve().parents[2]
 # Each stub adds its arguments, one a line, and an empty line to a log beside it.

@@ -4,16 +4,12 @@ import re
 import sys
 from pathlib import Path
 
-from mpi4py import MPI
-
 import pytest
 
 ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT / "docs" / "_ext"))
 
 import verification as manual  # noqa: E402
-
-pytestmark = pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="files are read, by one process")
 
 BODY = """
     found = pressed(2)
@@ -107,7 +103,6 @@ def test_comparisons_of_helpers_count():
         "",
         RANKS + "@pytest.mark.chatty\n",
         RANKS + "@pytest.mark.long\n",
-        RANKS + '@pytest.mark.skipif(COMM.size > 1, reason="one point")\n',
     ],
 )
 def test_manual_marks_tests_on_one_rank(marks):

@@ -32,7 +32,6 @@ SYSTEM = {
     "slepc4py",
     "mpi4py",
 }  # from Debian, conda or Docker
-serial = pytest.mark.skipif(COMM.size > 1, reason="one process is enough")
 
 
 def imported(text):
@@ -48,7 +47,6 @@ def imported(text):
     return {name.partition(".")[0] for name in names}
 
 
-@serial
 def test_everything_that_is_imported_is_declared():
     project = tomllib.loads((TREE / "pyproject.toml").read_text())["project"]
     extras = project["optional-dependencies"]
@@ -63,7 +61,6 @@ def test_everything_that_is_imported_is_declared():
     assert (TREE / "dolfinx_contact" / "py.typed").exists()
 
 
-@serial
 def test_mpi_is_loaded_before_compiled_modules():
     """Also where a script begins with this package; wheels do not find their MPI otherwise."""
     code = """
@@ -91,7 +88,6 @@ def first_compiled(text, folder):
     return None
 
 
-@serial
 def test_scripts_begin_with_mpi():
     """Demos, recipes, tutorials and examples, so that they run on wheels."""
     first = {}
@@ -106,7 +102,6 @@ def test_scripts_begin_with_mpi():
     assert set(first.values()) <= {"mpi4py", "dolfinx_contact", None}, first
 
 
-@serial
 @pytest.mark.parametrize(
     ("name", "value"), [("OMPI_COMM_WORLD_SIZE", "2"), ("PMI_SIZE", "3"), ("PMIX_RANK", "1")]
 )
@@ -119,7 +114,6 @@ def test_serial_copies_are_refused(name, value):
     refuse_serial_copies({"PMI_SIZE": "many"})
 
 
-@serial
 def test_serial_copies_are_refused_at_import():
     done = subprocess.run(
         [sys.executable, "-c", "import dolfinx_contact"],
@@ -151,7 +145,6 @@ def missing(monkeypatch, *packages):
     monkeypatch.setattr(sys, "meta_path", [Nowhere(), *sys.meta_path])
 
 
-@serial
 def test_installed_command_is_the_module(monkeypatch, capsys):
     """It is `python3 -m dolfinx_contact` with the same command line."""
     project = tomllib.loads((TREE / "pyproject.toml").read_text())["project"]
@@ -189,7 +182,6 @@ def test_plots_name_the_missing_matplotlib(monkeypatch):
         picture_of_states("x.png", system, [None])
 
 
-@serial
 @pytest.mark.parametrize("output", ["out put", 'it\'s "here"'])
 def test_demo_works_in_a_folder_with_blanks(tmp_path, output):
     """Also in a checkout whose path has blanks."""
@@ -211,7 +203,6 @@ def test_demo_works_in_a_folder_with_blanks(tmp_path, output):
     assert f"<{output}/dragged_body>" in words
 
 
-@serial
 def test_recipes_have_the_version_and_what_is_required():
     """`packaging/`: conda, Spack, Debian; `make packages` builds and tries the last."""
     version = re.escape(dolfinx_contact.__version__)

@@ -20,7 +20,6 @@ PAGE = Path(__file__).parents[2] / "docs" / "theory" / "reference_implementation
 FRICTION = 0.6
 YOUNG = 1000.0
 R = 800.0
-pytestmark = pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="the reference is serial")
 
 
 @pytest.fixture(scope="module")

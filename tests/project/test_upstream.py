@@ -5,12 +5,9 @@ import subprocess
 import sys
 from pathlib import Path
 
-from mpi4py import MPI
-
 import numpy as np
 import pytest
 
-COMM = MPI.COMM_WORLD
 TREE = Path(__file__).resolve().parents[2]
 
 SCRIPT = """
@@ -51,7 +48,6 @@ print(*np.ravel(found).tolist())
 
 
 @pytest.mark.long
-@pytest.mark.skipif(COMM.size > 1, reason="one process is enough")
 def test_quadrature_of_tetrahedra_is_pinned(tmp_path):
     """Basix after 0.11 has another default rule from degree 4 to 8."""
     forces = []

@@ -26,10 +26,7 @@ from support.properties import (
 )
 from support.random_bodies import Case
 
-serial = pytest.mark.skipif(COMM.size > 1, reason="problems of one process")
 
-
-@serial
 @pytest.mark.verifies(
     "Signorini",
     "Coulomb",
@@ -45,7 +42,6 @@ def test_solutions_do_not_depend_on_axes_and_units(request):
     examine(stays_under_places, request)
 
 
-@serial
 @pytest.mark.verifies(
     "balance of forces",
     "nodal contact",
@@ -57,13 +53,11 @@ def test_forces_balance_node_by_node(request):
     examine(balances, request)
 
 
-@serial
 def test_solution_for_new_data_is_that_of_a_new_problem(request):
     """A problem that is solved again with other data is as good as new."""
     examine(solves_again, request)
 
 
-@serial
 @pytest.mark.verifies(
     "all solutions", reference="itself: a solve beside an enumeration", aspects=("2D", "3D")
 )
@@ -71,14 +65,12 @@ def test_a_solve_finds_one_of_all_solutions(request):
     examine(is_among_all, request)
 
 
-@serial
 @pytest.mark.verifies("quasi-static", reference="itself: the static problem", aspects=("2D", "3D"))
 def test_history_of_one_step_is_a_solve(request):
     """A history of one step from rest is a solve."""
     examine(is_a_history_of_one_step, request)
 
 
-@serial
 @pytest.mark.verifies(
     "energies of histories",
     reference="independent code: sums of forces times slips, step by step",
@@ -88,7 +80,6 @@ def test_a_history_accounts_for_its_energies(request):
     examine(accounts_for_energies, request)
 
 
-@serial
 @pytest.mark.verifies(
     "records of histories", reference="itself: a run that is not interrupted", aspects=("records",)
 )
@@ -97,14 +88,12 @@ def test_an_interrupted_history_resumes_to_the_same_end(request):
     examine(resumes, request)
 
 
-@serial
 @pytest.mark.verifies("Tresca", reference="theorem: minima over nested sets", aspects=("2D", "3D"))
 def test_energy_falls_under_refinement(request):
     """The least energy falls under refinement, twice."""
     examine(falls_under_refinement, request)
 
 
-@serial
 def test_refinement_of_a_body_that_slides_as_a_whole():
     """Its energy is nothing but round-off, which does not fall."""
     falls_under_refinement(Case(cells=(1, 1), law="frictionless", push=0.0, drag=(0.05,)))
@@ -118,7 +107,6 @@ def test_all_ranks_find_what_one_rank_finds():
     holds(on_every_rank(stays_on_ranks), drawn, examples=5)
 
 
-@serial
 @pytest.mark.long
 @pytest.mark.parametrize("name", seeded_faults.FAULTS)
 def test_a_seeded_fault_is_seen(name):
@@ -126,7 +114,6 @@ def test_a_seeded_fault_is_seen(name):
     assert " fails with example " in seeded_faults.seen(name)
 
 
-@serial
 @pytest.mark.long
 def test_no_property_fails_without_a_fault(capsys):
     seeded_faults.draw()

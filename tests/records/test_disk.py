@@ -36,7 +36,6 @@ COMM = MPI.COMM_WORLD
 TREE = Path(__file__).resolve().parents[2]
 MATERIAL = LinearElastic.from_young(1000.0, 0.3)
 pytestmark = pytest.mark.usefixtures("nothing_hangs")
-serial = pytest.mark.skipif(COMM.size > 1, reason="one process, or processes of its own")
 
 
 @contextmanager
@@ -339,7 +338,6 @@ def state(thread):
         return "X"
 
 
-@serial
 @pytest.mark.skipif(
     find_spec("dolfinx_solver") is not None,
     reason="MPICH of the wheel has processes between mpiexec and its ranks",

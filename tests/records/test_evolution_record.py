@@ -22,7 +22,6 @@ from dolfinx_contact.records import BranchRecord, EvolutionRecord, read_journal
 from dolfinx_contact.records.journal import FILE_NAME
 
 COMM = MPI.COMM_WORLD
-serial = pytest.mark.skipif(COMM.size > 1, reason="starts processes of its own")
 NUMBERS = ("time", "length", "external", "stored", "dissipated")
 
 
@@ -219,7 +218,6 @@ def test_a_submesh_is_refused(folder):
 
 
 @pytest.mark.long
-@serial
 @pytest.mark.parametrize("case", ["crack", "pair", "fine motion"])
 @pytest.mark.verifies(
     "records of histories",

@@ -13,7 +13,6 @@ from dolfinx_contact.records import BranchRecord, EvolutionRecord, PathRecord, r
 from dolfinx_contact.records.journal import FILE_NAME
 
 COMM = MPI.COMM_WORLD
-serial = pytest.mark.skipif(COMM.size > 1, reason="starts processes of its own")
 
 
 def require_same_path(folder, other):
@@ -198,7 +197,6 @@ def test_a_path_record_refuses_other_problems_and_ranges(whole, folder):
 # -- kills -----------------------------------------------------------------------------------------
 
 
-@serial
 @pytest.mark.parametrize("case", ["bonds", "crack", "pair"])
 @pytest.mark.verifies(
     "records of paths",

@@ -14,8 +14,6 @@ from support.recorded_run import moved_block, record
 from dolfinx_contact.continuation import StepControl
 from dolfinx_contact.records import EvolutionRecord, PathRecord, read_journal
 
-serial = pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="starts processes of its own")
-
 #: Beginning of a program in which only the standard library and NumPy can be imported.
 WITHOUT_DOLFINX = """
 import sys
@@ -72,7 +70,6 @@ def run(program, *arguments):
     )
 
 
-@serial
 @pytest.mark.parametrize(
     ("make", "kind"),
     [(branch, "Journal"), (history, "EvolutionJournal"), (path, "PathJournal")],
@@ -93,7 +90,6 @@ def test_numpy_suffices_to_read_a_journal(make, kind, folder):
     assert found["tables"] == {k: sorted(v) for k, v in state.tables.items()}
 
 
-@serial
 @pytest.mark.parametrize("name", ["ContactProblem", "records.BranchRecord", "laws.Coulomb"])
 def test_missing_dolfinx_is_named_with_advice(name):
     module, _, attribute = f"dolfinx_contact.{name}".rpartition(".")

@@ -30,7 +30,6 @@ from dolfinx_contact.records import (
 from dolfinx_contact.records.journal import FILE_NAME
 
 COMM = MPI.COMM_WORLD
-serial = pytest.mark.skipif(COMM.size > 1, reason="starts processes of its own")
 NUMBERS = ("gamma", "step", "norm", "volume", "force")
 
 
@@ -450,7 +449,6 @@ def test_a_journal_without_a_complete_line_starts_afresh(folder):
 # -- kills -----------------------------------------------------------------------------------------
 
 
-@serial
 @pytest.mark.verifies(
     "records of branches",
     reference="itself: the branch that nothing ended",

@@ -3,8 +3,6 @@
 import importlib.util
 from pathlib import Path
 
-from mpi4py import MPI
-
 import numpy as np
 import pytest
 
@@ -19,7 +17,6 @@ from dolfinx_contact.algorithms import (
 from dolfinx_contact.proofs import ReducedProblem, prove_solutions
 
 SICONOS = Path(__file__).parents[2] / "data" / "siconos"
-pytestmark = pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="one process is enough")
 
 
 def rigid_block(velocity, friction):

@@ -2,8 +2,6 @@
 
 import itertools
 
-from mpi4py import MPI
-
 import numpy as np
 import pytest
 from scipy.linalg import block_diag
@@ -17,9 +15,6 @@ from dolfinx_contact.algorithms import PointProblem
 from dolfinx_contact.analysis import shakedown, wedging_friction
 from dolfinx_contact.analysis.shakedown import shakedown_of
 from dolfinx_contact.evolution import QuasiStatic
-
-COMM = MPI.COMM_WORLD
-serial = pytest.mark.skipif(COMM.size > 1, reason="numpy alone, the same on every rank")
 
 
 def points(S, friction):
@@ -52,7 +47,6 @@ def random_case(rng, *, coupled=True, most=3):
     return points(S, F), steady + 0.5 * rng.normal(size=(2, 2 * m)), steady
 
 
-@serial
 @pytest.mark.verifies(
     "shakedown",
     reference="closed form: two points whose slips press each other, by hand",
@@ -78,7 +72,6 @@ def test_two_points_shake_down_as_by_hand(c):
         assert "about to slip" in str(found)
 
 
-@serial
 @pytest.mark.verifies(
     "shakedown",
     reference="closed form: one point, F N / d below its wedging friction k_t/|k|, else infinite",
@@ -98,7 +91,6 @@ def test_one_point_shakes_down_to_its_closed_form(F):
         assert "every factor" in str(found)
 
 
-@serial
 @pytest.mark.verifies(
     "shakedown",
     reference="closed form: k_t - s^2/k_j of a point joined to one that slides freely",
@@ -121,7 +113,6 @@ def test_frictionless_neighbour_lowers_the_critical_friction(F):
     np.testing.assert_allclose(found.factor, alone.factor, rtol=1e-9)
 
 
-@serial
 @pytest.mark.verifies(
     "shakedown",
     reference="closed form: F N over the radius of the circle about three shears",
@@ -145,7 +136,6 @@ def test_shears_in_space_shake_down_to_their_circle():
     assert {c.ending for c in over.cycles} == {"alternating slip"}
 
 
-@serial
 @pytest.mark.verifies(
     "shakedown",
     reference="closed form: a point that the steady load opens; its factors are two intervals",
@@ -169,7 +159,6 @@ def test_factors_need_not_begin_with_zero():
     assert {c.ending for c in beyond.cycles} == {"rest"}
 
 
-@serial
 @pytest.mark.verifies(
     "shakedown",
     reference="closed form: a point without friction passes its shear on to another, q / k of it",
@@ -194,7 +183,6 @@ def test_points_without_friction_slide_freely():
     assert {c.ending for c in free.cycles} == {"rest"}
 
 
-@serial
 def test_a_smooth_point_in_space_opens_at_its_closed_form():
     """One point without friction: its pressure N vanishes where the factor is N / d."""
     steady = np.array([0.0, 0.0, -1.5])
@@ -248,7 +236,6 @@ def by_displacements(given, loads, steady):
     return best
 
 
-@serial
 @pytest.mark.verifies(
     "shakedown",
     reference="independent code: a program in all displacements, over all sets of open points",
@@ -263,7 +250,6 @@ def test_shakedown_agrees_with_another_program():
         np.testing.assert_allclose(found.factor, by_displacements(given, loads, steady), rtol=1e-7)
 
 
-@serial
 @pytest.mark.verifies(
     "shakedown",
     reference="theorem: without coupling cycles come to rest below the bound; none above",

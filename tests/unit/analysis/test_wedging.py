@@ -2,8 +2,6 @@
 
 import itertools
 
-from mpi4py import MPI
-
 import cases.wedging
 import numpy as np
 import pytest
@@ -15,8 +13,6 @@ from dolfinx_contact.algorithms import PointProblem
 from dolfinx_contact.analysis import critical_friction, wedging_friction
 from dolfinx_contact.analysis.wedging import wedging_of
 
-COMM = MPI.COMM_WORLD
-serial = pytest.mark.skipif(COMM.size > 1, reason="numpy alone, the same on every rank")
 TABLE = {
     (1.0, 1.0): {1: 2.0, 2: 11 / 6, 4: 1.70689477},
     (100.0, 82.0): {1: 1.901099, 2: 1.736633, 4: 1.64042448},
@@ -46,7 +42,6 @@ def check_state(found, S, dim):
     assert (np.abs(un[letters == "c"]) <= 1e-9 * np.abs(u).max()).all()
 
 
-@serial
 @pytest.mark.verifies(
     "critical friction",
     reference="closed form: kt/|k| of one node, and 1/|A^-1 k| in 3D",
@@ -104,7 +99,6 @@ def is_wedged(S, closed, friction):
     return found.status == 0
 
 
-@serial
 @pytest.mark.parametrize("number", [8, pytest.param(100, marks=pytest.mark.long)])
 @pytest.mark.verifies(
     "critical friction",
@@ -188,7 +182,6 @@ def load_over_force(friction, points, closed):
     return 1 / z[1::2][closed].sum()
 
 
-@serial
 @pytest.mark.parametrize("contrast", [1.0, 1e3, 1e6, 1e9])
 @pytest.mark.verifies(
     "critical friction",

@@ -13,8 +13,6 @@ from dolfinx import fem
 from dolfinx_contact import Coulomb, ParametricContact, Sphere
 from dolfinx_contact.continuation import find_solutions
 
-serial = pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="long, and the same on every rank")
-
 
 def whole(system, x):
     return np.concatenate(system.comm.allgather(x.array_r.copy()))
@@ -33,7 +31,7 @@ def test_goulds_problem_has_three_solutions():
     assert not solutions.complete
 
 
-@pytest.mark.parametrize("deflation", [False, pytest.param(True, marks=[serial, pytest.mark.long])])
+@pytest.mark.parametrize("deflation", [False, pytest.param(True, marks=pytest.mark.long)])
 @pytest.mark.verifies(
     "all solutions",
     reference="closed form: open, stick and slip of Hild's element",
@@ -60,7 +58,7 @@ def test_open_stick_and_slip_of_one_element_are_found(deflation):
     [
         (8, 8.3, False),
         (4, 9.05, False),
-        pytest.param(4, 9.05, True, marks=[serial, pytest.mark.long]),
+        pytest.param(4, 9.05, True, marks=pytest.mark.long),
     ],
 )
 def test_triangle_has_three_solutions(n, vertical, deflation):

@@ -47,7 +47,6 @@ from dolfinx_contact.records.journal import FILE_NAME, Entry, RecordedRun
 pytest.importorskip("plotly", reason="plotly is not installed")
 COMM = MPI.COMM_WORLD
 KEPT = {"surface_displacement": True}
-serial = pytest.mark.skipif(COMM.size > 1, reason="nothing is computed on ranks")
 
 
 # -- a reader of pages, by itself ------------------------------------------------------------------
@@ -308,7 +307,6 @@ def plain_journal(gamma, functionals=None, reason=""):
     return Journal(header={"functionals": list(known), "points": {}}, branches={0: branch})
 
 
-@serial
 def test_names_of_users_are_text(tmp_path):
     """Names with tags, quotes, placeholders of the template and letters of all kinds."""
     evil = "</script><script>alert(1)</script> \u2028 @DATA@ \"'&lt; ü γ 接触"
@@ -323,7 +321,6 @@ def test_names_of_users_are_text(tmp_path):
     np.testing.assert_array_equal(page.column(evil), [1, 2])
 
 
-@serial
 def test_labels_of_pictures_are_shown_without_tex(tmp_path):
     """The same labels serve `draw_diagram`, which takes TeX, and the page."""
     file = tmp_path / "page.html"
@@ -352,7 +349,6 @@ def chart_of_a_wedge():
     return Chart(tuple(cells), (*folds, ChartCurve("event", ((0.0, 1.0), (4.0, 1.5)))))
 
 
-@serial
 @pytest.mark.verifies(
     "explorer", "charts", reference="closed form: areas of the regions of a wedge", aspects=("2D",)
 )
@@ -470,7 +466,6 @@ def test_explorer_command_writes_a_page(branch, folder, capsys):
             assert name in out
 
 
-@serial
 @pytest.mark.skipif(shutil.which("node") is None, reason="there is no node to read the scripts")
 def test_scripts_are_read_by_node():
     for file in files("dolfinx_contact.explorer").iterdir():

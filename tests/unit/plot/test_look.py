@@ -285,7 +285,6 @@ def test_plane_bodies_are_drawn(folder):
     assert (folder / "contact.svg").read_bytes().startswith(b"<?xml")
 
 
-@pytest.mark.skipif(COMM.size > 1, reason="not collective")
 def test_reference_curves_are_black_lines_of_their_own():
     x = np.linspace(0.0, 1.0, 50)
     measured = {"measured": (x[::10], x[::10])}

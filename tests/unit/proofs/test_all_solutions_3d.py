@@ -24,7 +24,6 @@ from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.proofs import check
 
 COMM = MPI.COMM_WORLD
-serial = pytest.mark.skipif(COMM.size > 1, reason="long, and the same on every rank")
 
 #: Cells, load, friction; normal forces of the solutions that another program finds, which condenses
 #: the same tetrahedra on its own and starts Newton's method some thousand times.
@@ -47,7 +46,7 @@ TABLE = {
     [
         "2x1",
         pytest.param("2x2", marks=pytest.mark.long),
-        *(pytest.param(c, marks=[serial, pytest.mark.long]) for c in list(TABLE)[2:]),
+        *(pytest.param(c, marks=pytest.mark.long) for c in list(TABLE)[2:]),
     ],
 )
 @pytest.mark.verifies(
@@ -230,7 +229,6 @@ def test_another_solution_comes_with_a_solution_in_space(caplog):
     assert COMM.rank > 0 or "there is another" in caplog.text
 
 
-@serial
 def test_uniqueness_is_proved_by_search():
     """Where the certificate does not hold and no other solution is found, time helps."""
     words = ["--cells", "4", "2", "--load", "-1", ".2", "-.3", "--friction", "2"]

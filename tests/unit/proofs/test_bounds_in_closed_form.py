@@ -9,8 +9,6 @@ import itertools
 from fractions import Fraction
 from operator import add, mul, sub, truediv
 
-from mpi4py import MPI
-
 import numpy as np
 import pytest
 
@@ -28,7 +26,6 @@ from dolfinx_contact.proofs.check_proof import (
     solved,
 )
 
-pytestmark = pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="numpy alone, one process")
 #: One node with an open state, a stick and a slip to the left, in scaled units.
 THREE = (np.array([[2.0, 1.0], [1.0, 2.0]]), np.array([-2.5, -1.0]), np.array([3.0]))
 

@@ -1,7 +1,5 @@
 """Proofs of all solutions, against the enumeration of all statuses."""
 
-from mpi4py import MPI
-
 import numpy as np
 import pytest
 from support.enumeration import enumerated, random_problem
@@ -15,9 +13,6 @@ from dolfinx_contact.proofs import (
     prove_solutions,
 )
 from dolfinx_contact.proofs.check_proof import StatusRegion, solve_piece
-
-serial = pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="the same on every rank")
-pytestmark = serial
 
 
 def statuses(solutions):

@@ -12,8 +12,6 @@ import sys
 import tempfile
 from pathlib import Path
 
-from mpi4py import MPI
-
 import numpy as np
 import pytest
 from support.enumeration import enumerated, random_problem
@@ -27,7 +25,6 @@ from dolfinx_contact.proofs import (
 )
 from dolfinx_contact.proofs import check_proof as cp
 
-pytestmark = pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="numpy alone, one process")
 CHECKER = Path(cp.__file__)
 DATA = ("S", "p", "friction", "bound", "S_error", "p_error")
 #: Runs a script where nothing but the standard library, and what else is named, can be imported.

@@ -34,7 +34,6 @@ from dolfinx_contact.proofs import ReducedProblem, check
 from dolfinx_contact.proofs.rays import apex_problem, prove_rays
 
 COMM = MPI.COMM_WORLD
-serial = pytest.mark.skipif(COMM.size > 1, reason="long, and the same on every rank")
 
 
 def found_at(system, gamma, **how):
@@ -121,7 +120,6 @@ def test_a_proof_is_of_one_gamma_however_it_enters(kind, cells):
         s.destroy()
 
 
-@serial
 @pytest.mark.parametrize(
     ("n", "friction"),
     [(32, 1.8), *(pytest.param(n, 1.7, marks=pytest.mark.long) for n in (64, 128))],
@@ -135,7 +133,6 @@ def test_the_seed_example_is_complete(n, friction):
     assert words(system, solutions) == ["-" + rest, "k" + rest, "o" + rest]
 
 
-@serial
 def test_all_solutions_of_a_vee_are_proved():
     """13 nodes at a gamma between the folds."""
     args = cases.followed_mesh.arguments(["--size", "0.03"])
@@ -152,7 +149,6 @@ ARMS += [(0.15 + 0.8 / 2**0.5, 0.65 / 2**0.5), (0.15 + 0.5 / 2**0.5, 0.95 / 2**0
 ARMS += [(0.3, 0.15 + 0.15 * 2**0.5), (0.3, 0.8), (0, 0.8)]
 
 
-@serial
 @pytest.mark.parametrize(("gamma", "count"), [(0.38, 1), (0.4, 3)])
 @pytest.mark.verifies(
     "all solutions",

@@ -1,7 +1,5 @@
 """All solutions of reduced problems in space: proofs and the checker."""
 
-from mpi4py import MPI
-
 import numpy as np
 import pytest
 from support.space_problems import (
@@ -27,8 +25,6 @@ from dolfinx_contact.proofs import (
 from dolfinx_contact.proofs.check_proof import (
     IN_SLIP,
 )
-
-pytestmark = pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="numpy alone, one process")
 
 
 @pytest.mark.parametrize("number", [60, pytest.param(10_000, marks=pytest.mark.long)])

@@ -246,7 +246,6 @@ def test_fclib_file_is_read_by_h5py(cell, tmp_path):
         assert h5py.check_string_dtype(title.dtype).length is not None
 
 
-@pytest.mark.skipif(COMM.size > 1, reason="one process is enough")
 def test_save_points_refuses_names_and_laws(tmp_path):
     points = block(n=2).reduced()
     with pytest.raises(ValueError, match=r"saved as \.npz, \.hdf5 or \.h5 \(FCLib\), not as"):
@@ -264,7 +263,6 @@ def test_reduction_refuses_partly_clamped_bodies():
         Reduction.of(half_block(method="mixed").equations)
 
 
-@pytest.mark.skipif(COMM.size > 1, reason="one process is enough")
 def test_a_missing_h5py_is_named(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "h5py", None)
     with pytest.raises(ModuleNotFoundError, match=r"h5py is not installed: .* python3-h5py"):
@@ -272,7 +270,6 @@ def test_a_missing_h5py_is_named(tmp_path, monkeypatch):
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.skipif(COMM.size > 1, reason="one process is enough")
 def test_load_points_refuses_other_files(tmp_path):
     file = tmp_path / "points.npz"
     with pytest.raises(FileNotFoundError):
@@ -297,7 +294,6 @@ def test_load_points_refuses_other_files(tmp_path):
         load_points(file)
 
 
-@pytest.mark.skipif(COMM.size > 1, reason="one process is enough")
 def test_save_points_leaves_other_files_unchanged(tmp_path):
     names = ("points.npz.part", ".points.npz.part", ".points.part.npz")
     for name in names:

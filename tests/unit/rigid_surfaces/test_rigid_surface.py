@@ -59,7 +59,6 @@ def places(dim, number=400):
 # -- distances -------------------------------------------------------------------------------------
 
 
-@pytest.mark.skipif(COMM.size > 1, reason="not collective")
 @pytest.mark.parametrize("name", SURFACES)
 @pytest.mark.verifies(
     "surfaces of facets",
@@ -100,7 +99,6 @@ def test_distances_are_those_of_all_facets_one_by_one(name, monkeypatch):
         assert each[int(0.95 * len(x))] < 1e-8
 
 
-@pytest.mark.skipif(COMM.size > 1, reason="not collective")
 @pytest.mark.verifies(
     "surfaces of facets", reference="closed form: the distance from a box", aspects=("3D",)
 )
@@ -123,7 +121,6 @@ def test_closest_points_of_slivers_are_exact(width):
         np.testing.assert_allclose(feet, places, atol=1e-16 / width + 1e-14)
 
 
-@pytest.mark.skipif(COMM.size > 1, reason="not collective")
 @pytest.mark.verifies(
     "surfaces of facets",
     reference="closed form: normals of spheres and circles",
@@ -145,7 +142,6 @@ def test_normals_at_points_of_spheres_are_exact():
         assert np.isfinite(surface.distances(beside).normal).all()
 
 
-@pytest.mark.skipif(COMM.size > 1, reason="not collective")
 @pytest.mark.verifies(
     "surfaces of facets", reference="closed form: distances from a segment", aspects=("2D",)
 )
@@ -377,7 +373,6 @@ def test_corner_between_points_is_said(caplog):
 # -- bad input -------------------------------------------------------------------------------------
 
 
-@pytest.mark.skipif(COMM.size > 1, reason="not collective")
 @REFUSED
 def test_rigid_surfaces_refuse_open_and_flat_facets():
     points, cells = ball(1)
@@ -483,7 +478,6 @@ def test_a_step_through_a_thin_tool_is_said():
         ) == through
 
 
-@pytest.mark.skipif(COMM.size > 1, reason="looks at a file")
 @pytest.mark.refuses("surfaces of facets", aspects=("3D",))
 def test_truncated_stl_files_are_refused(folder):
     """Anywhere but in the name of the solid at the end, and in both formats."""
@@ -604,7 +598,6 @@ def _punch(dim, angles, radius=0.1):
     return points, outward(points, ConvexHull(points).simplices)
 
 
-@pytest.mark.skipif(COMM.size > 1, reason="not collective")
 @pytest.mark.parametrize("dim", [2, 3])
 @pytest.mark.parametrize("angles", [range(0, 91, 15), range(0, 91, 30), (0, 50)])
 @pytest.mark.verifies(

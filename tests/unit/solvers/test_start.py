@@ -89,7 +89,6 @@ def test_a_problem_goes_on_after_its_objects_were_freed():
     assert problem.solve().converged
 
 
-@pytest.mark.skipif(COMM.size > 1, reason="starts a process of its own")
 def test_log_view_on_the_command_line_of_a_script(tmp_path):
     """PETSc has been initialised by then."""
     script = (

@@ -136,7 +136,6 @@ def test_branches_are_logged(caplog):
     assert "4 branches, 1 bifurcations: every ray has been followed" in found
 
 
-@pytest.mark.skipif(COMM.size > 1, reason="starts a process of its own")
 def test_import_says_nothing():
     code = "import dolfinx_contact, dolfinx_contact.records, dolfinx_contact.meshing"
     done = subprocess.run(
