@@ -120,7 +120,6 @@ WRITTEN_DIFFERENTLY = {
 @several
 @pytest.mark.parametrize("name", WRITTEN_DIFFERENTLY)
 def test_nothing_is_written_if_ranks_write_different_things(w, folder, name):
-    """Nothing is written then."""
     do, *said = WRITTEN_DIFFERENTLY[name]
     refused(w, lambda w: do(w, folder), *said)
     assert not list(folder.iterdir())
@@ -310,7 +309,7 @@ DISAGREEMENT = {
         lambda w: found(w, differs([w.x], [w.x, w.x])),
         "number of states differs between ranks: 1 on rank 0, 2",
     ),
-    "max_branches must be a whole number": (
+    "branches": (
         lambda w: explored(w, [(w.x, 0.0)], max_branches=differs(3, 4)),
         "max branches differs between ranks",
     ),

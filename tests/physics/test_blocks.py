@@ -163,7 +163,6 @@ def test_block_does_not_depend_on_ranks_and_ghosts(name, ghosts):
 
 
 def test_contact_forces_balance_the_reactions():
-    """Contact forces and reactions of the held face are in equilibrium."""
     problem = block(cell="tet", n=4)
     result = problem.solve()
     fixed = problem.equations.constraints.fixed[: problem.V.dofmap.index_map.size_local]
@@ -184,7 +183,6 @@ def test_contact_forces_balance_the_reactions():
     ),
 )
 def test_a_block_in_other_units_has_the_same_iterates(cell, units):
-    """Lengths and stresses in other units: the same iterates and the same solution."""
     length, stress = units
     dim = 2 if cell == "tri" else 3
     domain = box(COMM, 4, cell, size=length)
@@ -218,8 +216,7 @@ def test_a_block_in_other_units_has_the_same_iterates(cell, units):
     reference="theorem: with the bound of Coulomb's solution Tresca's law has it as well",
     aspects=("2D",),
 )
-def test_tresca_at_the_coulomb_bound_is_coulomb():
-    """With the bound of the Coulomb solution Tresca friction has the same solution."""
+def test_tresca_with_the_bound_of_coulomb_has_its_solution():
     domain = box(COMM, 8, "quad")
     coulomb = block(domain=domain).solve().tables["contact"]
     bound = 0.3 * interpolated(domain, coulomb)
@@ -258,7 +255,7 @@ def test_friction_may_be_number_constant_or_field():
 @pytest.mark.verifies(
     "level sets", "spheres", reference="itself: the obstacle in the other way", aspects=("3D",)
 )
-def test_level_set_is_the_sphere():
+def test_a_level_set_has_the_solution_of_its_sphere():
     centre = (0.5, 0.5, -4.0)
     radius = 4.0
     level = LevelSet(lambda x: sum((x[i] - centre[i]) ** 2 for i in range(3)) ** 0.5 - radius)

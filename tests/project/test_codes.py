@@ -1,4 +1,4 @@
-"""The judge of the codes passes correct answers and finds each kind of wrong answer."""
+"""`benchmarks/codes/judge.py`, which compares codes, finds each kind of wrong answer."""
 
 import sys
 from dataclasses import fields, replace
@@ -44,7 +44,7 @@ def found(problem, u, forces=None):
     "Coulomb", reference="independent code: the judge of benchmarks/codes", aspects=("2D", "3D")
 )
 @pytest.mark.parametrize("name", list(SMALL))
-def test_an_answer_passes(name):
+def test_the_judge_passes_correct_answers(name):
     problem = SMALL[name]()
     u, forces = answer(problem)
     for given in (None, forces):
@@ -57,20 +57,20 @@ def test_an_answer_passes(name):
         assert report["statuses"]["stick"] > 0
 
 
-def test_an_obstacle_elsewhere_is_found():
+def test_the_judge_finds_an_obstacle_elsewhere():
     problem = problems.cyclic(6, 1)
     lower, higher = (replace(problem, point=np.array([0.0, y])) for y in (-1e-3, 1e-3))
     assert found(problem, answer(lower)[0]) == {"penetration"}
     assert found(problem, answer(higher)[0]) == {"complementarity"}
 
 
-def test_more_friction_is_found():
+def test_the_judge_finds_too_much_friction():
     problem = problems.greco(8)
     u, _ = answer(replace(problem, mu=2.0))
     assert {"cone"} <= found(problem, u) <= {"cone", "slip"}
 
 
-def test_friction_along_the_slip_is_found():
+def test_the_judge_finds_friction_along_the_slip():
     # Each step by itself, from the state at rest: the second slips back, and friction with it.
     whole = problems.cyclic(6, 2)
     values = np.stack([whole.values[0], whole.values[0]])
@@ -87,7 +87,7 @@ def test_friction_along_the_slip_is_found():
     assert not found(problem, answer(problem)[0])
 
 
-def test_what_is_out_of_balance_is_found():
+def test_the_judge_finds_forces_out_of_balance():
     problem = problems.dragged(7)
     u, forces = answer(problem)
     assert found(problem, u, 0.9 * forces) == {"equilibrium"}
@@ -100,8 +100,8 @@ def test_what_is_out_of_balance_is_found():
 @pytest.mark.verifies(
     "NSCD motion", reference="closed form: the path of a bar that bounces", aspects=("2D",)
 )
-def test_a_motion_is_judged():
-    """Its path against the closed form of the bar, to which finer meshes come nearer."""
+def test_the_judged_path_of_a_bouncing_bar_converges():
+    """Errors against the closed form fall under refinement; penetration is found."""
     errors = []
     for n in (5, 10):
         problem = problems.bar(n)
@@ -115,7 +115,7 @@ def test_a_motion_is_judged():
     assert through["penetration"] > 1e-3
 
 
-def test_what_is_no_answer_is_refused():
+def test_the_judge_refuses_answers_of_another_shape():
     problem = problems.wedge(6)
     u, forces = answer(problem)
     for wrong in (np.full_like(u, np.nan), u[:, :-1], np.concatenate([u, u])):
@@ -134,7 +134,7 @@ def test_what_is_no_answer_is_refused():
 @pytest.mark.verifies(
     "mortar", reference="closed form: Hertz' half width and peak", aspects=("2D", "pairs")
 )
-def test_a_roller_is_judged_by_hertz():
+def test_the_judged_roller_agrees_with_hertz():
     """NAFEMS CB-1, coarser than in the table: the peak is within 3 %, the half width within 2 %."""
     problem = problems.roller(1.2)
     assert problem.hertz == pytest.approx([6.21, 3585.37], rel=1e-3)
@@ -161,8 +161,8 @@ def pressed():
 @pytest.mark.verifies(
     "sliding pairs", reference="independent code: the judge of benchmarks/codes", aspects=("2D",)
 )
-def test_a_die_on_a_slab_is_judged(pressed):
-    """Its law and the forces of its supports, by stresses written out for the judge."""
+def test_the_judged_die_is_in_equilibrium(pressed):
+    """It also fulfils its law; stresses are computed by the judge."""
     problem, u, forces = pressed
     report = figures(problem, u)
     assert report["held"] < 1e-12

@@ -38,7 +38,7 @@ from support.random_bodies import Case
     aspects=("2D", "3D"),
 )
 def test_solutions_do_not_depend_on_axes_and_units(request):
-    """Turned, mirrored, in other units, renumbered, as two surfaces: the solution is put so."""
+    """Turned, mirrored, in other units, renumbered, as two surfaces: the same solution."""
     examine(stays_under_places, request)
 
 
@@ -54,7 +54,6 @@ def test_forces_balance_node_by_node(request):
 
 
 def test_solution_for_new_data_is_that_of_a_new_problem(request):
-    """A problem that is solved again with other data is as good as new."""
     examine(solves_again, request)
 
 
@@ -67,7 +66,6 @@ def test_a_solve_finds_one_of_all_solutions(request):
 
 @pytest.mark.verifies("quasi-static", reference="itself: the static problem", aspects=("2D", "3D"))
 def test_history_of_one_step_is_a_solve(request):
-    """A history of one step from rest is a solve."""
     examine(is_a_history_of_one_step, request)
 
 
@@ -84,17 +82,15 @@ def test_a_history_accounts_for_its_energies(request):
     "records of histories", reference="itself: a run that is not interrupted", aspects=("records",)
 )
 def test_an_interrupted_history_resumes_to_the_same_end(request):
-    """A run that is interrupted and resumed is the run that is not."""
     examine(resumes, request)
 
 
 @pytest.mark.verifies("Tresca", reference="theorem: minima over nested sets", aspects=("2D", "3D"))
 def test_energy_falls_under_refinement(request):
-    """The least energy falls under refinement, twice."""
     examine(falls_under_refinement, request)
 
 
-def test_refinement_of_a_body_that_slides_as_a_whole():
+def test_round_off_of_a_sliding_body_is_no_rise_of_energy():
     """Its energy is nothing but round-off, which does not fall."""
     falls_under_refinement(Case(cells=(1, 1), law="frictionless", push=0.0, drag=(0.05,)))
 
@@ -109,7 +105,7 @@ def test_all_ranks_find_what_one_rank_finds():
 
 @pytest.mark.long
 @pytest.mark.parametrize("name", seeded_faults.FAULTS)
-def test_a_seeded_fault_is_seen(name):
+def test_a_seeded_fault_fails_a_property(name):
     """A property fails within 200 examples."""
     assert " fails with example " in seeded_faults.seen(name)
 

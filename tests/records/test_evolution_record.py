@@ -40,7 +40,7 @@ def whole(tmp_path_factory):
     return get
 
 
-def test_the_journal_says_what_was_run(folder):
+def test_the_journal_has_the_steps_and_the_task_of_a_run(folder):
     evolution = pair(COMM)
     history = record(evolution, folder)
     journal = read_journal(folder)
@@ -57,7 +57,7 @@ def test_the_journal_says_what_was_run(folder):
     np.testing.assert_allclose(journal.places["contact"], [(x, 0) for x in np.arange(5) / 4])
     letters = set("".join(s.status for s in journal.states))
     assert {"o", "k", "+", "-"} <= letters
-    # A step that is shown is the step that was.
+    # States of the record are those of the history.
     with EvolutionRecord(folder, evolution, resume=True) as kept:
         at = history.at(3.0)
         before = evolution.problem.u.x.array.copy()
@@ -139,7 +139,7 @@ def test_a_history_killed_before_its_first_point_begins_again(whole, folder):
 
 
 def virgin(evolution):
-    """The state at rest without memory: another run of the evolution has failed at its begin."""
+    """The state at rest, without memory; a run that failed has changed that of the evolution."""
     evolution.load(TIMES[0])
     return evolution.problem.snapshot()
 

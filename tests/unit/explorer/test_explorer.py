@@ -273,7 +273,7 @@ def record_a_linear_block(folder, route):
         "records",
     ),
 )
-def test_page_of_a_history_opens(kind, folder):
+def test_a_page_shows_every_step_of_a_history(kind, folder):
     evolution = getattr(recorded_evolution, kind)(COMM)
     with EvolutionRecord(folder / kind, evolution, **KEPT) as kept:
         history = evolution.run(np.linspace(0, 1, 5), record=kept)
@@ -467,7 +467,7 @@ def test_explorer_command_writes_a_page(branch, folder, capsys):
 
 
 @pytest.mark.skipif(shutil.which("node") is None, reason="there is no node to read the scripts")
-def test_scripts_are_read_by_node():
+def test_scripts_of_pages_have_valid_syntax():
     for file in files("dolfinx_contact.explorer").iterdir():
         if file.name.endswith(".js"):
             subprocess.run(["node", "--check", str(file)], check=True)

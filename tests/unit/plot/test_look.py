@@ -65,14 +65,14 @@ def lines_of(figure):
 
 
 @pytest.mark.parametrize("strength", [0.005, 1.0])
-def test_bonds_are_seen(strength):
-    """All that carries a traction, and the friction that the bound bounds; bonds break or hold."""
+def test_tractions_of_bonds_and_friction_are_drawn(strength):
+    """Pressure, shear, its part of friction and the bound of that; bonds break or hold."""
     problem = peeled(2, strength)
     figure = plot.picture_of_contact(None, problem)
     table = problem.table(problem.surfaces[0])
     if COMM.rank == 0:
         low, high = figure.axes[0].get_xlim()
-        assert low <= 0.0 < 2.0 <= high  # what touches alone is a small part of it
+        assert low <= 0.0 < 2.0 <= high  # points without bonds alone are a small part of it
         found = lines_of(figure)
         bound = found["friction bound ±"]
         shear = found["shear on the body"]
@@ -134,8 +134,7 @@ def test_a_plotter_can_be_changed(folder):
 
 @pytest.mark.ranks(2)
 @pytest.mark.parametrize("cell", ["quad", pytest.param("hex", marks=needs_display)])
-def test_a_continuous_field_is_exact(cell):
-    """At the vertices."""
+def test_a_continuous_field_is_exact_at_vertices(cell):
     problem = block(n=3, cell=cell)
     x = ufl.SpatialCoordinate(problem.V.mesh)
     drawing = plot.picture_of_body(None, problem, field=ufl.sin(5 * x[0]), scale=0.0)
@@ -270,7 +269,7 @@ def test_pictures_refuse_unknown_directions():
 
 
 @pytest.mark.long
-def test_plane_bodies_are_drawn(folder):
+def test_plane_pictures_have_a_colour_bar_and_vector_formats(folder):
     """The colours of a stress, and PDF that has lines instead of an image."""
     problem = block(n=4, top=(0.02, -0.05))
     problem.solve()

@@ -145,8 +145,7 @@ def test_normals_at_points_of_spheres_are_exact():
 @pytest.mark.verifies(
     "surfaces of facets", reference="closed form: distances from a segment", aspects=("2D",)
 )
-def test_rim_is_equally_far_from_both_sides():
-    """Behind its rim an open surface is as far away as it is in front of it."""
+def test_rims_are_equally_far_from_points_on_both_sides():
     plate = RigidSurface([[0.0, 0.0], [1.0, 0.0]], [[1, 0]])
     assert not plate.closed
     x = np.array([[0.5, 0.2], [0.5, -0.2], [1.3, 0.4], [1.3, -0.4], [-0.3, -0.4]])
@@ -310,7 +309,6 @@ def test_flat_punch_agrees_with_its_distance_function():
     aspects=("3D", "large sliding"),
 )
 def test_tractions_follow_averaged_normals():
-    """Tractions are along the averaged normals."""
     shape = RigidSurface(*ball(6, 1.0, (0.4, 0.45, -1.0)))
     result = force_of(shape, 3, Frictionless())
     table = result.tables["contact"]
@@ -359,7 +357,7 @@ def test_a_record_continues_with_its_own_rigid_surface(folder):
 @pytest.mark.verifies(
     "surfaces of facets", reference="closed form: depths of corners in facets", aspects=("2D",)
 )
-def test_corner_between_points_is_said(caplog):
+def test_a_corner_between_points_is_warned_of(caplog):
     wedge = RigidSurface([[0.35, -0.02], [0.05, -0.6], [0.65, -0.6]], [[0, 1], [1, 2], [2, 0]])
     on_wedge = OnBody(2, wedge, Frictionless(), n=2)
     on_wedge.move(lambda X: np.tile([0.0, -0.15], (len(X), 1)))
@@ -374,15 +372,13 @@ def test_corner_between_points_is_said(caplog):
 
 
 @REFUSED
-def test_rigid_surfaces_refuse_open_and_flat_facets():
+def test_rigid_surfaces_refuse_inconsistent_and_flat_facets():
     points, cells = ball(1)
     flipped = cells.copy()
     flipped[3] = flipped[3, ::-1]
     fan = np.array([[0, 1, 2], [1, 0, 3], [0, 1, 4]])
-    two = np.concatenate([cells, cells + len(points)])
     torn = points[cells].reshape(-1, 3)
     alone = np.arange(len(torn)).reshape(-1, 3)
-    apart = np.concatenate([points, points + np.array([5.0, 0.0, 0.0])])
     for x, facets, given, message in (
         (points, flipped, {}, "3 of 30 edges between two are oriented inconsistently"),
         (points, cells[:, ::-1], {}, "a closed surface has its normals inward"),
@@ -407,20 +403,31 @@ def test_rigid_surfaces_refuse_open_and_flat_facets():
         mended = RigidSurface(points, wrong, mend=True)
         x = places(3, 50)
         np.testing.assert_allclose(mended.distances(x).distance, right.distances(x).distance)
-    assert RigidSurface(apart, two).closed
-    # boxes that a CAD program has not united: distances from outside are those of their union
+    assert RigidSurface(torn, alone, mend=True).closed
+
+
+def test_two_boxes_have_the_distances_of_their_union():
+    """A CAD program has not united them; points are outside."""
     box, sides = brick((0, 0, 0), (1, 1, 1))
-    both = np.concatenate([box, box + np.array([0.5, 0.0, 0.0])])
-    union = RigidSurface(both, np.concatenate([sides, sides + len(box)]))
+    facets = np.concatenate([sides, sides + len(box)])
+    union = RigidSurface(np.concatenate([box, box + np.array([0.5, 0.0, 0.0])]), facets)
     outside = np.array([[0.75, 0.5, 1.2], [1.0, 0.5, -0.3], [2.0, 0.5, 0.5], [1.75, 1.5, 1.5]])
     expected = [0.2, 0.3, 0.5, np.sqrt(0.0625 + 0.5)]
     np.testing.assert_allclose(union.distances(outside).distance, expected, rtol=1e-14)
-    assert RigidSurface(torn, alone, mend=True).closed
+    assert RigidSurface(np.concatenate([box, box + np.array([5.0, 0.0, 0.0])]), facets).closed
+
+
+def test_points_of_rigid_surfaces_are_read_only():
+    points, cells = ball(1)
+    right = RigidSurface(points, cells)
     with pytest.raises(AttributeError, match="a RigidBody moves it"):
         right.points = points
     with pytest.raises(ValueError, match="read-only"):
         right.points[0] = 0.0
-    # A strip with one side alone.
+
+
+@REFUSED
+def test_a_strip_with_one_side_is_refused():
     n = 12
     turn = np.linspace(0, 2 * np.pi, n, endpoint=False)
     way = np.stack([np.cos(turn), np.sin(turn), 0 * turn], axis=1)
@@ -436,11 +443,8 @@ def test_rigid_surfaces_refuse_open_and_flat_facets():
 @pytest.mark.ranks(2)
 @REFUSED
 def test_rigid_surface_refuses_another_dimension():
-    for shape, dim, given, message in (
-        (disc(20), 3, {}, "is a surface of segments, for a 2D mesh"),
-    ):
-        with pytest.raises(ValueError, match=message):
-            OnBody(dim, RigidSurface(*shape), Coulomb(0.3), **given)
+    with pytest.raises(ValueError, match="is a surface of segments, for a 2D mesh"):
+        OnBody(3, RigidSurface(*disc(20)), Coulomb(0.3))
 
 
 PLATE = brick((-1.0, -0.07), (2.0, -0.02))
@@ -467,7 +471,7 @@ def thrown_at_a_thin_tool(law, speed, tool=None):
 
 @pytest.mark.ranks(2)
 @pytest.mark.refuses("surfaces of facets", aspects=("2D",))
-def test_a_step_through_a_thin_tool_is_said():
+def test_a_step_through_a_thin_tool_is_refused_or_warned_of():
     """With friction it is refused; without, the step gives a warning, and no shorter one does."""
     with pytest.raises(ValueError, match=r"turned by half a turn .* at a contact point that is at"):
         thrown_at_a_thin_tool(Coulomb(0.3), 4.0).run([0.0, 0.1])

@@ -74,7 +74,7 @@ def pull(p):
     "bulk with kinks", reference="itself: springs that act always, or never", aspects=("2D",)
 )
 @pytest.mark.refuses("bulk with kinks", aspects=("branches",))
-def test_bulk_with_kinks_is_classified(sense, degree, cell):
+def test_bulk_with_kinks_is_solved_and_not_followed(sense, degree, cell):
     """Springs on the side that only hold it back: as ever, or never, as the pull has it."""
 
     def springs(p, stretch):
