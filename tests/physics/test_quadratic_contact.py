@@ -9,6 +9,7 @@ from support.mortars import (
     BASE,
     CASES,
     SIDES,
+    SOLID_BASE,
     SOLID_CASES,
     TILT,
     pressed,
@@ -99,9 +100,8 @@ def test_quadratic_contact_passes_the_patch_test(sides, cell, degree):
     "mixed contact", reference="closed form: a linear displacement", aspects=("3D", "pairs")
 )
 def test_quadratic_contact_passes_the_patch_test_in_space(case, sides, cells, degree):
-    base = np.array([[0.3, -0.1, 0.02], [0.07, 0.1, -0.03], [0.01, 0.04, -0.5]])
     both = solids(*SOLID_CASES[case], cells)
-    solved_patch(both, TILT, base, SIDES[sides], (degree, 1), (4, 5, 6, 7, 8), method="mixed")
+    solved_patch(both, TILT, SOLID_BASE, SIDES[sides], (degree, 1), (4, 5, 6, 7, 8), method="mixed")
 
 
 def test_two_blocks_stuck_together_have_the_energy_of_one():

@@ -80,6 +80,7 @@ SOLID_CASES = [
 ]
 
 
+SOLID_BASE = np.array([[0.3, -0.1, 0.02], [0.07, 0.1, -0.03], [0.01, 0.04, -0.5]])
 TILT = Rotation.from_rotvec([0.3, -0.5, 0.8]).as_matrix()
 
 

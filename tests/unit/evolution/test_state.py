@@ -7,7 +7,7 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from support.blocks import block, box, facets
+from support.blocks import block
 from support.histories import cycle, dragged, put
 
 import ufl
@@ -16,9 +16,7 @@ from dolfinx import fem
 from dolfinx_contact import (
     RCCM,
     ContactProblem,
-    ContactSurface,
     Coulomb,
-    HalfSpace,
     ParametricContact,
 )
 from dolfinx_contact.continuation import find_solutions, follow
@@ -27,6 +25,7 @@ from dolfinx_contact.io import write_fields
 from dolfinx_contact.materials import LinearElastic
 
 COMM = MPI.COMM_WORLD
+SOFT = LinearElastic.from_young(100.0, 0.3)
 
 
 def moved_block():
@@ -276,21 +275,11 @@ def test_a_step_without_a_change_of_the_load_stays():
 
 
 class Column:
-    """A linear block on a floor whose top is moved by a parameter."""
+    """A block on a floor whose top is moved by a parameter."""
 
     def __init__(self):
-        domain = box(COMM, 2, "quad")
-        self.gamma = fem.Constant(domain, 0.0)
-        V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-        self.u = fem.Function(V)
-        self.top = fem.Function(V)
-        floor = HalfSpace((0.0, 0.0), (0.0, 1.0))
-        surface = ContactSurface(self.u, facets(domain, 1, 0.0), obstacle=floor, law=Coulomb(0.3))
-        held = fem.locate_dofs_topological(V, 1, facets(domain, 1, 1.0))
-        energy = LinearElastic.from_young(100.0, 0.3).energy(self.u) * ufl.dx
-        self.problem = ContactProblem(
-            energy, self.u, [surface], bcs=[fem.dirichletbc(self.top, held)]
-        )
+        self.problem, self.top = dragged(n=2, energy=SOFT)
+        self.gamma = fem.Constant(self.problem.V.mesh, 0.0)
         self.way = ufl.as_vector((0.01 * self.gamma, -0.01))
 
     def system(self, problem):
@@ -359,17 +348,8 @@ class Glued:
     """A block on a floor with bonds that break, whose top is moved."""
 
     def __init__(self):
-        domain = box(COMM, 2, "quad")
-        V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-        self.u = fem.Function(V)
-        self.top = fem.Function(V)
-        floor = HalfSpace((0.0, 0.0), (0.0, 1.0))
-        law = RCCM(200.0, 150.0, 0.004, 0.2)
-        surface = ContactSurface(self.u, facets(domain, 1, 0.0), obstacle=floor, law=law)
-        held = fem.locate_dofs_topological(V, 1, facets(domain, 1, 1.0))
-        energy = LinearElastic.from_young(100.0, 0.3).energy(self.u) * ufl.dx
-        bcs = [fem.dirichletbc(self.top, held)]
-        self.problem = ContactProblem(energy, self.u, [surface], bcs=bcs)
+        bonds = RCCM(200.0, 150.0, 0.004, 0.2)
+        self.problem, self.top = dragged(n=2, energy=SOFT, law=lambda _: bonds)
 
     def load(self, t):
         put(self.top, (0.0, np.interp(t, [0, 1, 2, 3], [0, 0.02, 0.0, 0.02])))

@@ -10,6 +10,7 @@ from support.mortars import (
     BASE,
     CASES,
     SIDES,
+    SOLID_BASE,
     SOLID_CASES,
     TILT,
     largest_sum,
@@ -131,9 +132,8 @@ def test_a_linear_displacement_at_common_gauss_points_is_exact(case, sides, cell
 def test_a_linear_displacement_at_common_gauss_points_in_space_is_exact(
     case, sides, cells, degrees
 ):
-    base = np.array([[0.3, -0.1, 0.02], [0.07, 0.1, -0.03], [0.01, 0.04, -0.5]])
     both = solids(*SOLID_CASES[case], cells)
-    solved_patch(both, TILT, base, SIDES[sides], degrees, (4, 5, 6, 7, 8))
+    solved_patch(both, TILT, SOLID_BASE, SIDES[sides], degrees, (4, 5, 6, 7, 8))
 
 
 REACH = (0.0, 1.0)
@@ -184,11 +184,10 @@ def test_pressure_and_shear_at_held_ends_are_uniform(cells, sides, fixed, clampe
     ),
 )
 def test_pressure_and_shear_at_held_ends_in_space_are_uniform(cell, counts, sides, fixed, clamped):
-    base = np.array([[0.3, -0.1, 0.02], [0.07, 0.1, -0.03], [0.01, 0.04, -0.5]])
     both = solids(*counts, REACH, REACH, cell)
     options = {"method": "nodal", "fixed": (1, *fixed)}
     aside = tuple({4, 5, 6, 7, 8} - set(fixed))
-    table = solved_patch(both, TILT, base, sides, (1, 1), aside, **options)
+    table = solved_patch(both, TILT, SOLID_BASE, sides, (1, 1), aside, **options)
     assert table.count("d") == clamped
 
 
