@@ -16,8 +16,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
-import numpy.typing as npt
 
+from dolfinx_contact._arrays import Array, Codes
 from dolfinx_contact.laws.status import MINUS, OPEN, PLUS, STICK, WHERE_OPEN
 from dolfinx_contact.proofs.check_proof import (
     CLOSED,
@@ -33,8 +33,6 @@ from dolfinx_contact.proofs.check_proof import (
 
 __all__ = ["candidates", "within"]
 
-Array = npt.NDArray[np.float64]
-Codes = npt.NDArray[np.int8]
 
 _ROUNDS = 40
 

@@ -12,8 +12,8 @@ uses the curved sets instead.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from dolfinx_contact._arrays import Array, Ints, Mask
 from dolfinx_contact.proofs.check_proof import (
     IN_CLOSED,
     IN_OPEN,
@@ -32,8 +32,6 @@ from dolfinx_contact.proofs.simplex import Simplex
 
 __all__ = ["Hull"]
 
-Array = npt.NDArray[np.float64]
-Flags = npt.NDArray[np.bool_]
 _SIDES = directions(np.arange(8) / 2)
 _CORNERS = _SIDES + np.roll(_SIDES, -1, axis=0)
 #: Corners of a regular octagon about the unit disc.
@@ -118,7 +116,7 @@ class Hull:
         y = self._simplex.least(cost, self._usable(allowed))
         return None if y is None else np.asarray(-y[: 3 * self.problem.points])
 
-    def _usable(self, allowed: Flags) -> Flags:
+    def _usable(self, allowed: Mask) -> Mask:
         return np.where(self.cell >= 0, allowed[self.cell], True)
 
     def _scaled(self, y: Array) -> Array:
@@ -145,9 +143,7 @@ def _value(corners: Array, quantity: int) -> Array:
     return corners[:, 5] * (-1 if quantity == OF_RN else 1)
 
 
-def _corners(
-    problem: ReducedProblem, cells: Cells, most: Array
-) -> tuple[Array, npt.NDArray[np.int64]]:
+def _corners(problem: ReducedProblem, cells: Cells, most: Array) -> tuple[Array, Ints]:
     """Corners of all cells (k, 6), and numbers of these (k,), in increasing order."""
     parts = []
     numbers = []
@@ -163,21 +159,15 @@ def _corners(
     return table[order], number[order]
 
 
-def _of_open(
-    problem: ReducedProblem, cells: Cells, most: Array, here: npt.NDArray[np.int64]
-) -> Array:
+def _of_open(problem: ReducedProblem, cells: Cells, most: Array, here: Ints) -> Array:
     return _boxes(cells.node[here], most, 2, np.zeros(len(most[0])), np.maximum(most[OF_UN], 0))
 
 
-def _of_closed(
-    problem: ReducedProblem, cells: Cells, most: Array, here: npt.NDArray[np.int64]
-) -> Array:
+def _of_closed(problem: ReducedProblem, cells: Cells, most: Array, here: Ints) -> Array:
     return _boxes(cells.node[here], most, 5, *ends_of(most, OF_RN))
 
 
-def _boxes(
-    nodes: npt.NDArray[np.int64], most: Array, column: int, low: Array, high: Array
-) -> Array:
+def _boxes(nodes: Ints, most: Array, column: int, low: Array, high: Array) -> Array:
     """Corners of boxes of ut and a normal part (k, 8, 6)."""
     found = np.zeros((len(nodes), 8, 6))
     corner = np.arange(8)
@@ -191,9 +181,7 @@ def _boxes(
     return found
 
 
-def _of_stick(
-    problem: ReducedProblem, cells: Cells, most: Array, here: npt.NDArray[np.int64]
-) -> Array:
+def _of_stick(problem: ReducedProblem, cells: Cells, most: Array, here: Ints) -> Array:
     nodes = cells.node[here]
     found = np.zeros((len(here), 9, 6))
     rn = np.maximum(most[OF_RK, nodes], 0)
@@ -202,9 +190,7 @@ def _of_stick(
     return found
 
 
-def _of_slip(
-    problem: ReducedProblem, cells: Cells, most: Array, here: npt.NDArray[np.int64]
-) -> Array:
+def _of_slip(problem: ReducedProblem, cells: Cells, most: Array, here: Ints) -> Array:
     nodes = cells.node[here]
     first, last = cells.sides
     meet = first + last

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
-import numpy.typing as npt
 
+from dolfinx_contact._arrays import Array, Codes
 from dolfinx_contact.proofs.candidates import candidates
 from dolfinx_contact.proofs.check_proof import (
     Certificate,
@@ -33,8 +33,6 @@ from dolfinx_contact.proofs.starts import many_solutions
 
 __all__ = ["OnlySolution", "is_only"]
 
-Codes = npt.NDArray[np.int8]
-Array = npt.NDArray[np.float64]
 
 _FIRST = 2  # first effort of the search for weights in 2D
 _POINTS = 128  # points in 2D beyond which starts and effort decrease (cubic cost)

@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
+from dolfinx_contact._arrays import Array, Codes
 from dolfinx_contact.proofs.check_proof import (
     IN_CLOSED,
     IN_OPEN,
@@ -26,8 +26,6 @@ from dolfinx_contact.proofs.check_proof import (
 
 __all__ = ["codes_of", "piece_at", "relaxed", "rounded", "solved_piece", "unknowns"]
 
-Array = npt.NDArray[np.float64]
-Codes = npt.NDArray[np.int8]
 Kinds = Sequence[frozenset[int]]
 
 _ITERATIONS = 30

@@ -22,8 +22,8 @@ import itertools
 from collections.abc import Iterable
 
 import numpy as np
-import numpy.typing as npt
 
+from dolfinx_contact._arrays import Array, Codes, Ints, Mask
 from dolfinx_contact.proofs.candidates import candidates, within
 from dolfinx_contact.proofs.check_proof import (
     CLOSED,
@@ -38,8 +38,6 @@ from dolfinx_contact.proofs.search import MARGIN, Search, SearchNode
 
 __all__ = ["PlaneSearch"]
 
-Array = npt.NDArray[np.float64]
-Codes = npt.NDArray[np.int8]
 
 _FEW = 64  # number of pieces up to which all are solved
 _NEAR = -0.02  # least eigenvalue, scaled, from which a branch is tried before linear programs
@@ -240,7 +238,7 @@ def _parts(mask: int, which: int) -> list[int]:
     return left
 
 
-def _order(region: StatusRegion) -> npt.NDArray[np.int64]:
+def _order(region: StatusRegion) -> Ints:
     """Return the undecided points in bisection order: the middle one, then those of the halves."""
     left = [i for i, c in enumerate(region.choices) if len(c) > 1]
     order: list[int] = []
@@ -254,7 +252,7 @@ def _order(region: StatusRegion) -> npt.NDArray[np.int64]:
     return np.array(order, dtype=np.int64)
 
 
-def _see(relaxation: Relaxation, possible: npt.NDArray[np.bool_]) -> None:
+def _see(relaxation: Relaxation, possible: Mask) -> None:
     """Mark the statuses that the feasible point of a relaxation attains.
 
     These statuses cannot be excluded by the relaxation.

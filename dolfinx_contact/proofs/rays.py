@@ -31,15 +31,13 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from dolfinx_contact._arrays import Array, Codes, Ints
 from dolfinx_contact.continuation.affine import AffineSystem
 from dolfinx_contact.laws.status import OPEN, STICK
 from dolfinx_contact.proofs.check_proof import Ball, ReducedProblem, least_eigenvalue, up
 from dolfinx_contact.proofs.solutions import prove_solutions
 
 __all__ = ["Apex", "ProvedRays", "apex_problem", "prove_rays"]
-
-Array = npt.NDArray[np.float64]
-Codes = npt.NDArray[np.int8]
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +66,7 @@ class Apex:
     """
 
     problem: ReducedProblem
-    points: npt.NDArray[np.int64]
+    points: Ints
     codes: Codes
 
 

@@ -17,14 +17,13 @@ from __future__ import annotations
 from itertools import combinations
 
 import numpy as np
-import numpy.typing as npt
 
+from dolfinx_contact._arrays import Array, Ints
 from dolfinx_contact.proofs.check_proof import Masks, ReducedProblem, has_status, used
 from dolfinx_contact.proofs.tableau import Tableau
 
 __all__ = ["Relaxation"]
 
-Array = npt.NDArray[np.float64]
 
 _VIOLATED = 1e-6  # smallest violation for which a row of the hull is added
 _CYCLE = (0, 1, 2, 3, 4)
@@ -52,7 +51,7 @@ class Relaxation(Tableau):
         g = problem.g
         self._uses = used(problem)
         self._ub = ub
-        self._hull_terms: list[tuple[npt.NDArray[np.int64], Array]] = []
+        self._hull_terms: list[tuple[Ints, Array]] = []
         # Express rt and rn by ut+, ut- and un.
         forces = np.concatenate([S[:, 0::2], -S[:, 0::2], S[:, 1::2]], axis=1)
         rt = forces[0::2]
@@ -83,7 +82,7 @@ class Relaxation(Tableau):
         """Collect pairs of slots that exclude each other, and points with the cycle inequality."""
         has = has_status(allowed)
         live = self._ub > 1e-9 * max(1.0, float(self._ub.max()))
-        self._pairs: list[tuple[int, int, npt.NDArray[np.int64]]] = []
+        self._pairs: list[tuple[int, int, Ints]] = []
         full = self.problem.friction > 0
         for a, b in combinations(range(6), 2):
             together = (has & self._uses[:, :, a] & self._uses[:, :, b]).any(axis=1)
@@ -138,7 +137,7 @@ class Relaxation(Tableau):
     def _separate(self) -> bool:
         """Add violated inequalities of the hull; return whether there were any."""
         part = self.point / np.where(self._ub > 0, self._ub, np.inf)
-        terms: list[tuple[npt.NDArray[np.int64], float]] = []
+        terms: list[tuple[Ints, float]] = []
         for a, b, points in self._pairs:
             violated = points[part[a, points] + part[b, points] > 1 + _VIOLATED]
             terms += [(np.array([a * self.m + i, b * self.m + i]), 1.0) for i in violated]

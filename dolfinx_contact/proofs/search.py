@@ -15,8 +15,8 @@ from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
 import numpy as np
-import numpy.typing as npt
 
+from dolfinx_contact._arrays import Array, Codes, Mask
 from dolfinx_contact.proofs.check_proof import (
     Certificate,
     InvalidCertificate,
@@ -38,7 +38,6 @@ __all__ = ["MARGIN", "Search", "SearchNode"]
 logger = logging.getLogger(__name__)
 
 R = TypeVar("R", StatusRegion, SpaceRegion)
-Array = npt.NDArray[np.float64]
 
 MARGIN = 4.0  # required ratio of a dual bound to its error, for acceptance on other machines
 
@@ -56,7 +55,7 @@ class SearchNode(Generic[R]):
 
     region: R
     depth: int = 0
-    hint: npt.NDArray[np.int8] | None = None
+    hint: Codes | None = None
 
 
 class Search(Generic[R]):
@@ -154,7 +153,7 @@ class Search(Generic[R]):
             return False, w
         return self.step(region, **items, **w.proof) is not None, w
 
-    def take_out(self, region: R, y: Array) -> tuple[npt.NDArray[np.bool_], bool]:
+    def take_out(self, region: R, y: Array) -> tuple[Mask, bool]:
         """Exclude the statuses or cells that a vector of multipliers proves impossible.
 
         Args:

@@ -17,12 +17,11 @@ degenerate steps. Nothing is proved here.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
+
+from dolfinx_contact._arrays import Array, Ints, Mask
 
 __all__ = ["Simplex"]
 
-Array = npt.NDArray[np.float64]
-Flags = npt.NDArray[np.bool_]
 
 _PIVOT = 1e-9
 _CHEAP = 1e-9  # reduced cost that counts as zero
@@ -41,7 +40,7 @@ class Simplex:
         groups: indices of the first columns of the groups, in increasing order.
     """
 
-    def __init__(self, A: Array, b: Array, groups: npt.NDArray[np.int64]):
+    def __init__(self, A: Array, b: Array, groups: Ints):
         n = len(b)
         signs = np.where(b >= 0, 1.0, -1.0)
         self._A = np.ascontiguousarray(np.concatenate([A, np.diag(signs)], axis=1))
@@ -56,7 +55,7 @@ class Simplex:
         self._pivots = 0
         self.count = 0
 
-    def solve(self, usable: Flags) -> Array | None:
+    def solve(self, usable: Mask) -> Array | None:
         """Return multipliers y (n,) that prove infeasibility; None if a feasible point is found.
 
         Args:
@@ -76,7 +75,7 @@ class Simplex:
                 return y
         return None
 
-    def least(self, cost: Array, usable: Flags) -> Array | None:
+    def least(self, cost: Array, usable: Mask) -> Array | None:
         """Return multipliers (n,) of a nearly optimal lower bound; None if it is infeasible.
 
         Args:
@@ -108,12 +107,12 @@ class Simplex:
         x[self._basis] = self._x
         return np.maximum(x[: self._columns], 0.0)
 
-    def _bound(self, y: Array, v: Array, usable: Flags) -> float:
+    def _bound(self, y: Array, v: Array, usable: Mask) -> float:
         """Return a lower bound of the cost by weak duality."""
         best = np.maximum.reduceat(np.where(usable, v, -np.inf), self._groups)
         return float(y @ self._b - best.sum())
 
-    def _step(self, reduced: Array, usable: Flags) -> bool:
+    def _step(self, reduced: Array, usable: Mask) -> bool:
         """Perform one pivot; return whether it was possible."""
         rated = np.where(usable, reduced / self._size, 0.0)
         j = int(np.argmin(rated))

@@ -11,8 +11,8 @@ from typing import Any
 from mpi4py import MPI
 
 import numpy as np
-import numpy.typing as npt
 
+from dolfinx_contact._arrays import Array, Codes
 from dolfinx_contact._progress import Progress, check_progress
 from dolfinx_contact._validate import instance, is_number
 from dolfinx_contact.laws.status import MINUS, OPEN, STICK, WHERE_OPEN
@@ -31,9 +31,6 @@ from dolfinx_contact.proofs.plane import PlaneSearch
 from dolfinx_contact.proofs.space import SpaceSearch
 
 __all__ = ["ProvedSolution", "ProvedSolutions", "prove_solutions"]
-
-Array = npt.NDArray[np.float64]
-Codes = npt.NDArray[np.int8]
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,8 +14,8 @@ import logging
 from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
-import numpy.typing as npt
 
+from dolfinx_contact._arrays import Array
 from dolfinx_contact.proofs.check_proof import (
     IN_CLOSED,
     IN_OPEN,
@@ -52,8 +52,6 @@ __all__ = ["SpaceSearch"]
 
 logger = logging.getLogger(__name__)
 
-Array = npt.NDArray[np.float64]
-Codes = npt.NDArray[np.int8]
 State = tuple[Array, Array]
 
 _PASSES = 12

@@ -10,8 +10,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
+from dolfinx_contact._arrays import Array, Ints, Mask
 from dolfinx_contact.laws import coulomb
 from dolfinx_contact.proofs.check_proof import (
     IN_OPEN,
@@ -23,7 +23,6 @@ from dolfinx_contact.proofs.check_proof import (
 
 __all__ = ["forces_within", "many_solutions"]
 
-Array = npt.NDArray[np.float64]
 
 _ITERATIONS = 60
 _RESIDUAL = 1e-11
@@ -68,7 +67,7 @@ class _Batch:
         return np.where(np.isfinite(d).all(axis=1)[:, None], d, 0.0)
 
 
-def _newton(batch: _Batch, r: Array) -> tuple[Array, npt.NDArray[np.bool_]]:
+def _newton(batch: _Batch, r: Array) -> tuple[Array, Mask]:
     """Return forces after the iterations, and a mask of the solutions."""
     r = r.copy()
     small = _RESIDUAL * (1 + float(np.abs(batch.problem.p).max()))
@@ -139,7 +138,7 @@ def forces_within(
     return r.reshape(number, -1)
 
 
-def _drawn(cells: Cells, random: np.random.Generator) -> npt.NDArray[np.int64]:
+def _drawn(cells: Cells, random: np.random.Generator) -> Ints:
     """Number of one cell of every point, of all kinds with the same chance (m,)."""
     kinds = 4 * cells.node + cells.kind
     # The largest of u^(1/w) is drawn with a chance in proportion to w.

@@ -9,12 +9,12 @@ program is infeasible, a row of the tableau proves it.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from scipy.linalg.blas import dger
+
+from dolfinx_contact._arrays import Array, Ints
 
 __all__ = ["Tableau"]
 
-Array = npt.NDArray[np.float64]
 
 _FEASIBLE = 1e-9
 _PIVOT = 1e-9
@@ -36,7 +36,7 @@ class Tableau:
         self,
         rows: Array,
         start: Array,
-        basic: npt.NDArray[np.int64],
+        basic: Ints,
         free: int,
         up: Array,
         sure: float = 0.0,
@@ -70,7 +70,7 @@ class Tableau:
         v[self._basic[r]] += sign
         return v
 
-    def _set(self, columns: npt.NDArray[np.int64], to: Array) -> None:
+    def _set(self, columns: Ints, to: Array) -> None:
         """Set nonbasic variables to new values and update the basic variables."""
         moved = to != self._at[columns]
         if moved.any():

@@ -16,14 +16,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from scipy.optimize import minimize
 
+from dolfinx_contact._arrays import Array, Ints, Mask
 from dolfinx_contact.proofs.check_proof import FAMILIES, Differences, SpaceDifferences
 
 __all__ = ["Weights", "find_weights", "maximise"]
 
-Array = npt.NDArray[np.float64]
 #: Function of the variables: eigenvalues (n,), eigenvectors (n, n), and a function that returns the
 #: gradient of a weighted sum of the eigenvalues.
 Eigenvalues = Callable[[Array], tuple[Array, Array, Callable[[Array], Array]]]
@@ -181,7 +180,7 @@ class _PlaneForm:
         B: Array,
         k1: Array,
         k2: Array,
-        tilted: npt.NDArray[np.bool_],
+        tilted: Mask,
         friction: Array,
     ):
         diagonal = np.diag(A) + k1 + k2 * np.diag(A) ** 2
@@ -277,9 +276,7 @@ def _free_rows(d: SpaceDifferences) -> Array | None:
     return rows[:, :, ~gone] + rows[:, :, gone] @ out
 
 
-def _space_form(
-    rows: Array, forms: Array, norms: Array, point: npt.NDArray[np.int64]
-) -> Eigenvalues:
+def _space_form(rows: Array, forms: Array, norms: Array, point: Ints) -> Eigenvalues:
     """Return the scaled form in 3D as a function of the logarithms of the weights.
 
     Args:
