@@ -19,14 +19,13 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
+from dolfinx_contact._arrays import Array
 from dolfinx_contact.algorithms.iteration import Algorithm, Iteration
 from dolfinx_contact.reduced.point_problem import PointProblem
 
 __all__ = ["SemismoothNewton", "newton_step", "solve_semismooth", "solve_yielding"]
 
-Array = npt.NDArray[np.float64]
 _REMEMBERED = 5  # residual norms of the nonmonotone line search
 _SHORTEST = 1e-3  # smallest step length of the line search
 _STAGES = 12  # largest number of stiffnesses in a continuation
@@ -57,16 +56,10 @@ def newton_step(contact: PointProblem, a: Array, r: Array) -> tuple[Array, Array
     # Linearise with displacements and forces as independent unknowns, then eliminate the forces.
     k = contact.augmentation
     s = r - k[:, None] * a
-    D = contact.derivative(s)
-    m = contact.number
-    d = contact.dim
-    off = (r - contact.allowed(s)).reshape(-1)
-    spread = np.zeros((m, d, m, d))
-    spread[np.arange(m), :, np.arange(m)] = D
-    D = spread.reshape(m * d, m * d)
-    J = (np.eye(m * d) - D) @ contact.S + D * np.repeat(k, d)
-    rest = contact.forces(a).reshape(-1) - r.reshape(-1)
-    step = np.linalg.solve(J, off + (np.eye(m * d) - D) @ rest)
+    forces = contact.forces(a)
+    turned = np.einsum("ipq,iq->ip", contact.derivative(s), forces - r)
+    right = forces - contact.allowed(s) - turned
+    step = np.linalg.solve(_jacobian(contact, s, None, k), right.reshape(-1))
     a = a - step.reshape(a.shape)
     return a, contact.forces(a)
 
