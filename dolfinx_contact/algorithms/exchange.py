@@ -37,6 +37,7 @@ import numpy.typing as npt
 from scipy.sparse import coo_array, csc_array, csr_array
 from scipy.sparse.linalg import splu
 
+from dolfinx_contact._arrays import Array
 from dolfinx_contact._files import part_of
 from dolfinx_contact._install import optional
 from dolfinx_contact.algorithms.local_problem import LocalProblem
@@ -45,13 +46,11 @@ from dolfinx_contact.reduced.point_problem import PointProblem
 __all__ = ["fclib_local", "load_local", "load_points", "save_points"]
 
 FORMAT = "dolfinx_contact points 1"
-_NUMBERS = ("force", "length")
 _COMPRESSED_ROWS, _COMPRESSED_COLUMNS = -2, -1
 _HDF5 = (".hdf5", ".h5")
 _DENSE, _BLOCKS, _SPARSE = 0, 1, 2
 _MOST_CONTACTS = 10000  # beyond which the dense matrix would not fit into memory
 
-Array = npt.NDArray[np.float64]
 Arrays = dict[str, npt.NDArray[Any]]
 T = TypeVar("T")
 Local = tuple[int, Array, Array, Array]  # dim, W, q, mu with the normal first
@@ -100,26 +99,7 @@ def load_points(file: str | os.PathLike[str]) -> PointProblem:
     path = Path(file)
     if path.suffix in (*_HDF5, ".dat"):
         return _read(path, lambda: _local(path).points())
-    if path.is_file() and not zipfile.is_zipfile(path):
-        raise ValueError(f"{path} is not an npz file")
-    try:
-        with np.load(path, allow_pickle=False) as data:
-            content: Arrays = dict(data)
-    except FileNotFoundError:
-        raise
-    except Exception as error:
-        raise ValueError(f"{path} is not an npz file: {error}") from None
-    stored = str(content.pop("format", "nothing"))
-    if stored != FORMAT:
-        raise ValueError(f"{path} has no points: its format is {stored!r}, not {FORMAT!r}")
-    unknown = set(content) - {f.name for f in fields(PointProblem)}
-    if unknown or not {"S", "p", "friction"} <= set(content):
-        raise ValueError(f"{path} has other arrays than a point problem: {sorted(content)}")
-    arguments: dict[str, Any] = {
-        name: values.item() if name in _NUMBERS and values.size == 1 else values
-        for name, values in content.items()
-    }
-    return _read(path, lambda: PointProblem(**arguments))
+    return _read(path, lambda: _of_npz(path))
 
 
 def load_local(file: str | os.PathLike[str]) -> LocalProblem:
@@ -143,8 +123,27 @@ def _read(path: Path, build: Callable[[], T]) -> T:
         raise FileNotFoundError(f"there is no file {path}")
     try:
         return build()
-    except (ValueError, IndexError, KeyError, OSError, RuntimeError) as error:
+    except ModuleNotFoundError:
+        raise
+    except Exception as error:  # a file of another kind may cause any error
         raise ValueError(f"{path}: {error}") from error
+
+
+def _of_npz(path: Path) -> PointProblem:
+    if not zipfile.is_zipfile(path):
+        raise ValueError("it is not an npz file")
+    with np.load(path, allow_pickle=False) as data:
+        content: Arrays = dict(data)
+    stored = str(content.pop("format", "nothing"))
+    if stored != FORMAT:
+        raise ValueError(f"it has no points: its format is {stored!r}, not {FORMAT!r}")
+    unknown = set(content) - {f.name for f in fields(PointProblem)}
+    if unknown or not {"S", "p", "friction"} <= set(content):
+        raise ValueError(f"it has other arrays than a point problem: {sorted(content)}")
+    arguments: dict[str, Any] = {
+        name: values.item() if values.ndim == 0 else values for name, values in content.items()
+    }
+    return PointProblem(**arguments)
 
 
 def _local(path: Path) -> LocalProblem:
@@ -194,6 +193,7 @@ class _Words:
 
     def __init__(self, text: str):
         self._words = text.split()
+        self._read = 0
 
     def integers(self, count: int) -> list[int]:
         """Return the next ``count`` integers."""
@@ -206,10 +206,11 @@ class _Words:
     @property
     def left(self) -> int:
         """Number of unread words."""
-        return len(self._words)
+        return len(self._words) - self._read
 
     def _next(self, count: int) -> list[str]:
-        words, self._words = self._words[:count], self._words[count:]
+        words = self._words[self._read : self._read + count]
+        self._read += len(words)
         if len(words) < count:
             raise ValueError("the file is truncated")
         if any("_" in word for word in words):

@@ -17,15 +17,13 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
+from dolfinx_contact._arrays import Array
 from dolfinx_contact.algorithms.iteration import Algorithm, Iteration, check
 from dolfinx_contact.algorithms.one_point import one_point
 from dolfinx_contact.reduced.point_problem import PointProblem
 
 __all__ = ["GaussSeidel"]
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)

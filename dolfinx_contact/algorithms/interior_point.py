@@ -22,14 +22,13 @@ from dataclasses import dataclass
 from typing import ClassVar, TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 
+from dolfinx_contact._arrays import Array
 from dolfinx_contact.algorithms.iteration import Algorithm, Iteration
 from dolfinx_contact.reduced.point_problem import PointProblem
 
 __all__ = ["InteriorPoint"]
 
-Array = npt.NDArray[np.float64]
 _Direction: TypeAlias = tuple[Array, Array, Array, Array]  # of r, y, l, s
 _BOUNDARY = 0.9  # largest step, relative to the distance to the boundary
 _LONG = 0.3  # step length at which no stronger centring is tried

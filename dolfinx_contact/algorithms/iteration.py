@@ -14,15 +14,14 @@ from dataclasses import dataclass, field, fields
 from typing import Any, ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
+from dolfinx_contact._arrays import Array
 from dolfinx_contact._validate import is_count, is_number
 from dolfinx_contact.equations.measures import Measures
 from dolfinx_contact.reduced.point_problem import PointProblem
 
 __all__ = ["Algorithm", "Iteration", "Outcome", "Trend"]
 
-Array = npt.NDArray[np.float64]
 Monitor = Callable[[Measures], None]
 
 _LONGEST_CYCLE = 24  # number of stored iterates

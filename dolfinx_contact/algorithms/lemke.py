@@ -30,9 +30,9 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-import numpy.typing as npt
 from scipy.linalg.blas import dger
 
+from dolfinx_contact._arrays import Array, Ints
 from dolfinx_contact.algorithms.iteration import Algorithm, Iteration, check
 from dolfinx_contact.algorithms.semismooth import newton_step
 from dolfinx_contact.laws.coulomb import violation
@@ -44,11 +44,11 @@ __all__ = [
     "copositive_forces",
     "copositive_form",
     "coulomb_by_lemke",
+    "forces_by_lemke",
     "lemke",
     "tangents",
 ]
 
-Array = npt.NDArray[np.float64]
 
 _TIE = 1e-11  # difference of equal ratios, relative to the largest unknown
 _NOTHING = 1e-9  # value of z_0 that counts as zero, relative to the largest unknown
@@ -185,10 +185,27 @@ def _by_lemke(contact: PointProblem, facets: int, most: int | None = None) -> tu
         most: largest number of pivots per unknown; by default as in `lemke`.
     """
     problem, stiffness, length = contact.scaled()
-    directions = tangents(problem.dim, facets)
-    M, q = copositive_form(problem.A, problem.free, problem.friction, problem.bound, directions)
+    data = problem.A, problem.free, problem.friction, problem.bound
+    r, pivots = forces_by_lemke(*data, tangents(problem.dim, facets), most)
+    return r * stiffness * length, pivots
+
+
+def forces_by_lemke(
+    A: Array, free: Array, friction: Array, bound: Array, directions: Array, most: int | None = None
+) -> tuple[Array, int]:
+    """Return contact forces (m, dim) of the copositive form, and the number of pivots.
+
+    Args:
+        A: compliance, shape (dim m, dim m).
+        free: displacements c without contact forces, shape (m, dim).
+        friction: friction coefficients F, shape (m,).
+        bound: prescribed friction bounds g, shape (m,).
+        directions: unit directions of friction, shape (k, dim - 1).
+        most: largest number of pivots per unknown; by default as in `lemke`.
+    """
+    M, q = copositive_form(A, free, friction, bound, directions)
     z, pivots = lemke(M, q, max_pivots=None if most is None else most * len(q))
-    return copositive_forces(z, directions) * stiffness * length, pivots
+    return copositive_forces(z, directions), pivots
 
 
 def lemke(M: Array, q: Array, *, max_pivots: int | None = None) -> tuple[Array, int]:
@@ -284,7 +301,7 @@ class _Tableau:
                     break
         return int(tied[0])
 
-    def _inverse(self, rows: npt.NDArray[np.int64], w: int) -> Array:
+    def _inverse(self, rows: Ints, w: int) -> Array:
         """Return entries of the inverse basis in the column of the variable ``w``."""
         places = np.flatnonzero(self.nonbasic == w)
         if len(places):
@@ -312,7 +329,7 @@ class _Tableau:
             self._refresh()
         return leaving
 
-    def _columns(self, variables: npt.NDArray[np.int64]) -> Array:
+    def _columns(self, variables: Ints) -> Array:
         """Return the columns of [I, -M, -d] for some variables."""
         found = np.zeros((self.n, len(variables)))
         w = np.flatnonzero(variables < self.n)

@@ -24,16 +24,15 @@ from functools import cached_property
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
-from dolfinx_contact.algorithms.lemke import copositive_forces, copositive_form, lemke, tangents
+from dolfinx_contact._arrays import Array
+from dolfinx_contact.algorithms.lemke import forces_by_lemke, tangents
 from dolfinx_contact.algorithms.one_point import one_point
 from dolfinx_contact.laws import coulomb
 from dolfinx_contact.reduced.point_problem import PointProblem
 
 __all__ = ["LocalProblem", "LocalSolution"]
 
-Array = npt.NDArray[np.float64]
 _ZERO = 1e-12  # eigenvalues of W, over the largest one, that count as zero
 _ASYMMETRY = 1e-3  # of the largest entry of W, up to which it counts as symmetric
 _NEGATIVE = 1e-6  # of the largest eigenvalue of W, up to which a negative one counts as zero
@@ -202,12 +201,9 @@ class LocalProblem:
             raise ValueError("Lemke's method needs a plane problem; use 'gauss-seidel'")
         k = self._stiffness
         length = float(np.abs(self.q).max()) or 1.0
-        scaled = LocalProblem(np.asarray(self.W * k), np.asarray(self.q / length), self.friction)
-        directions = tangents(2, 2)
-        u = scaled.q.reshape(self.number, -1)
+        free = np.asarray((self.q / length).reshape(self.number, 2), np.float64)
         none = np.zeros(self.number)
-        z, pivots = lemke(*copositive_form(scaled.W, u, self.friction, none, directions))
-        r = copositive_forces(z, directions)
+        r, pivots = forces_by_lemke(self.W * k, free, self.friction, none, tangents(2, 2))
         return self._solution("lemke", r * k * length, pivots)
 
     def _solution(self, algorithm: str, r: Array, iterations: int) -> LocalSolution:

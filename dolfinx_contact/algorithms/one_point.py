@@ -14,11 +14,11 @@ from dataclasses import dataclass
 from math import hypot, inf, sqrt
 
 import numpy as np
-import numpy.typing as npt
+
+from dolfinx_contact._arrays import Array
 
 __all__ = ["OnePoint", "one_point"]
 
-Array = npt.NDArray[np.float64]
 _ROUND_OFF = 1e-14
 _MOST = 200  # largest number of steps for the root mu
 

@@ -18,15 +18,14 @@ from itertools import pairwise
 from typing import ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
+from dolfinx_contact._arrays import Array
 from dolfinx_contact.algorithms.iteration import Algorithm, Iteration, check
 from dolfinx_contact.algorithms.semismooth import solve_yielding
 from dolfinx_contact.reduced.point_problem import PointProblem
 
 __all__ = ["Penalty"]
 
-Array = npt.NDArray[np.float64]
 
 _LEAST = 3  # number of solutions that determine the order
 _MOST = 4  # largest number of solutions in an extrapolation

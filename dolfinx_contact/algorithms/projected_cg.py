@@ -20,15 +20,14 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
+from dolfinx_contact._arrays import Array
 from dolfinx_contact.algorithms.iteration import Algorithm, Iteration
 from dolfinx_contact.laws.coulomb import project
 from dolfinx_contact.reduced.point_problem import PointProblem
 
 __all__ = ["ProjectedGradient"]
 
-Array = npt.NDArray[np.float64]
 _BALANCE = 1.0  # ratio of squared chopped and free gradients above which bounds are released
 _REDUCTION = 1e-3  # of the projected gradient between two updates of the friction bounds
 _ON = 1e-12  # distance to the friction circle, relative to its radius, that counts as zero

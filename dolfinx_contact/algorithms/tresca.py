@@ -17,15 +17,14 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
+from dolfinx_contact._arrays import Array
 from dolfinx_contact.algorithms.iteration import Algorithm, Iteration, check
 from dolfinx_contact.algorithms.semismooth import solve_semismooth
 from dolfinx_contact.reduced.point_problem import PointProblem
 
 __all__ = ["TrescaFixedPoint"]
 
-Array = npt.NDArray[np.float64]
 _SHARE = 0.01  # tolerance of the convex problems, relative to the tolerance
 
 

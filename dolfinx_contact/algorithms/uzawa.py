@@ -17,15 +17,14 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
+from dolfinx_contact._arrays import Array
 from dolfinx_contact.algorithms.iteration import Algorithm, Iteration, check
 from dolfinx_contact.algorithms.semismooth import solve_yielding
 from dolfinx_contact.reduced.point_problem import PointProblem
 
 __all__ = ["Uzawa"]
 
-Array = npt.NDArray[np.float64]
 # Step relative to 2/|A|, the limit of convergence of the gradient method without friction.
 _SHARE = 0.8
 # Stiffness of the augmented method, relative to the augmentation of Newton's method.
