@@ -12,7 +12,7 @@ from dolfinx_contact.analysis.directions_of_slip import (
     critical_friction_by_direction,
 )
 from dolfinx_contact.analysis.event_curves import EventCurve, EventCurves, Meeting, Segment
-from dolfinx_contact.analysis.regions import Region, Regions, solution_regions
+from dolfinx_contact.analysis.regions import solution_regions
 from dolfinx_contact.analysis.renard import Renard, renard_criterion
 from dolfinx_contact.analysis.shakedown import LoadCycles, Shakedown, shakedown
 from dolfinx_contact.analysis.stability import Stability, stability_at_rest
@@ -33,8 +33,6 @@ __all__ = [
     "Meeting",
     "Onset",
     "ProvedCount",
-    "Region",
-    "Regions",
     "Renard",
     "Segment",
     "Shakedown",

@@ -16,16 +16,14 @@ from itertools import combinations, pairwise
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from scipy.sparse import csgraph
 
+from dolfinx_contact._arrays import Array, Mask
 from dolfinx_contact.analysis.charts import Chart, ChartCell, ChartCurve
 from dolfinx_contact.analysis.event_curves import EventCurves, layers, strips
-from dolfinx_contact.analysis.regions import Region, Regions
 
 __all__ = ["ChartRegion", "ChartScene", "chart_scene"]
 
-Array = npt.NDArray[np.float64]
 Ranges = tuple[tuple[float, float], tuple[float, float]]
 
 _SAME = 1e-9  # fraction of the ranges below which two values are equal
@@ -58,7 +56,7 @@ class Area(NamedTuple):
         k = int(np.argmax((above - below) * (1 - np.abs(np.linspace(-0.8, 0.8, 33)))))
         return float(fine[k]), float(below[k] + above[k]) / 2
 
-    def contains(self, points: Array, ranges: Ranges) -> npt.NDArray[np.bool_]:
+    def contains(self, points: Array, ranges: Ranges) -> Mask:
         """Return whether points (n, 2) lie inside; points on a curve do not."""
         near = _SAME * (ranges[1][1] - ranges[1][0])
         x, y = points.T
@@ -102,12 +100,12 @@ class ChartScene:
 
     ranges: Ranges
     regions: list[ChartRegion]
-    curves: list[ChartCurve]
-    cells: Sequence[ChartCell | Region]
+    curves: Sequence[ChartCurve]
+    cells: Sequence[ChartCell]
     exact: bool
 
 
-def chart_scene(chart: Chart | Regions, curves: EventCurves | None = None) -> ChartScene:
+def chart_scene(chart: Chart, curves: EventCurves | None = None) -> ChartScene:
     """Return the curves of a chart and the regions between them. Not collective.
 
     Args:
@@ -119,25 +117,17 @@ def chart_scene(chart: Chart | Regions, curves: EventCurves | None = None) -> Ch
     """
     if not chart.cells:
         raise ValueError("the chart has no cells")
-    if curves is not None:
-        known = [ChartCurve.of(curve) for curve in curves.curves]
-    elif isinstance(chart, Chart):
-        known = list(chart.curves)
-    else:
-        bounds = {id(c): c for cell in chart.cells for c in (*cell.below, *cell.above)}
-        known = [ChartCurve.of(curve) for curve in bounds.values()]
+    known = chart.curves if curves is None else tuple(map(ChartCurve.of, curves.curves))
     folds = [curve for curve in known if curve.kind == "fold"]
     ends = np.array([[*cell.mu, *cell.gamma] for cell in chart.cells])
     low, high = ends.min(axis=0), ends.max(axis=0)
     ranges = (float(low[0]), float(high[1])), (float(low[2]), float(high[3]))
-    areas: list[Area]
-    if isinstance(chart, Regions):
-        areas = [Area(*cell.outline(_STEPS)) for cell in chart.cells]
-    elif folds:
+    rectangles = all(cell.is_rectangle for cell in chart.cells)
+    if rectangles and folds:
         areas = [a for strip in strips(folds, ranges[0]) for a in _between(folds, strip, ranges)]
     else:
-        areas = [Area(*cell.outline()) for cell in chart.cells]
-    exact = bool(folds) or isinstance(chart, Regions)
+        areas = [Area(*cell.outline(_STEPS)) for cell in chart.cells]
+    exact = bool(folds) or not rectangles
     return ChartScene(ranges, _regions(areas, chart, ranges), known, chart.cells, exact)
 
 
@@ -155,7 +145,7 @@ def _between(
     return [Area(mus, a, b) for a, b in pairwise(borders) if (b - a).max() > near]
 
 
-def _regions(areas: Sequence[Area], chart: Chart | Regions, ranges: Ranges) -> list[ChartRegion]:
+def _regions(areas: Sequence[Area], chart: Chart, ranges: Ranges) -> list[ChartRegion]:
     """Join touching areas with equal numbers of solutions."""
     middles = np.array([cell.middle for cell in chart.cells])
     proofs = np.array([cell.proved for cell in chart.cells])
@@ -168,7 +158,7 @@ def _regions(areas: Sequence[Area], chart: Chart | Regions, ranges: Ranges) -> l
     for k in np.flatnonzero(~inside.any(axis=1)):
         known[k, np.linalg.norm((middles - places[k]) / scale, axis=1).argmin()] = True
 
-    def by_frequency(cells: npt.NDArray[np.bool_]) -> list[tuple[str, ...]]:
+    def by_frequency(cells: Mask) -> list[tuple[str, ...]]:
         return [one for one, _ in Counter(sets[i] for i in np.flatnonzero(cells)).most_common()]
 
     counts = [Counter(len(sets[i]) for i in np.flatnonzero(cells)) for cells in known]

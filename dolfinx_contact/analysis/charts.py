@@ -15,11 +15,11 @@ import zlib
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any, Generic, TypeVar
+from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from dolfinx_contact._arrays import Array, Mask
 from dolfinx_contact._files import part_of
 from dolfinx_contact._mpi import Arguments, collective, everywhere
 from dolfinx_contact._progress import Progress
@@ -33,38 +33,42 @@ from dolfinx_contact.proofs import prove_solutions
 __all__ = [
     "Chart",
     "ChartCell",
-    "ChartCells",
     "ChartCurve",
     "count_solutions",
     "letters",
     "solutions_at",
 ]
 
-Array = npt.NDArray[np.float64]
-Codes = tuple[bytes, ...]
-Cell = TypeVar("Cell", bound="ChartCell")
+#: Statuses of all points of each solution, as bytes.
+Statuses = tuple[bytes, ...]
 
 _KIND = "a chart of solutions"
-_FORMAT = 2
+_FORMAT = 3
+_SAME = 1e-9  # fraction of the range of mu that lies at the end of a cell
 _STEPS = 32  # of a curve, between two points at which its statuses change
 
 
 @dataclass(frozen=True)
 class ChartCell:
-    """Cell of a chart.
+    """Cell of a chart, between two curves or, without curves, a rectangle.
 
     Attributes:
         mu: lower and upper end.
-        gamma: lower and upper end.
+        gamma: lower and upper end; ends of the chart for a cell between curves.
         solutions: statuses of the solutions in the middle, letters of the points, sorted.
         proved: whether there are provably no others; False if the slips of a solution exceed small
             sliding (`ContactFamily.reach`).
+        below: curves that bound the cell from below, more than one if they coincide; empty if the
+            cell ends at ``gamma[0]``.
+        above: curves that bound it from above.
     """
 
     mu: tuple[float, float]
     gamma: tuple[float, float]
     solutions: tuple[str, ...] = ()
     proved: bool = False
+    below: tuple[EventCurve | ChartCurve, ...] = ()
+    above: tuple[EventCurve | ChartCurve, ...] = ()
 
     @property
     def count(self) -> int:
@@ -77,43 +81,29 @@ class ChartCell:
         mu = (self.mu[0] + self.mu[1]) / 2
         return mu, sum(self.ends(mu)) / 2
 
+    @property
+    def is_rectangle(self) -> bool:
+        """Whether no curve bounds the cell."""
+        return not (self.below or self.above)
+
     def ends(self, mu: float) -> tuple[float, float]:
         """Return the least and the largest gamma at mu."""
-        return self.gamma
+        low, high = self.mu
+        # At its own end a curve may have no gamma.
+        inside = float(np.clip(mu, low + _SAME * (high - low), high - _SAME * (high - low)))
+        least = self.below[0].at(inside) if self.below else self.gamma[0]
+        most = self.above[0].at(inside) if self.above else self.gamma[1]
+        return least, most
 
-    def outline(self, number: int = 2) -> tuple[Array, Array, Array]:
-        """Return values of mu (number,), and the least and the largest gamma there."""
-        mus: Array = np.asarray(np.linspace(*self.mu, number), dtype=np.float64)
+    def outline(self, number: int = 16) -> tuple[Array, Array, Array]:
+        """Return values of mu, and the least and the largest gamma there.
+
+        Args:
+            number: number of values of mu; a rectangle has two.
+        """
+        mus: Array = np.asarray(np.linspace(*self.mu, 2 if self.is_rectangle else number))
         ends: Array = np.array([self.ends(float(mu)) for mu in mus])
         return mus, ends[:, 0], ends[:, 1]
-
-
-class ChartCells(Generic[Cell]):
-    """Cells that fill ranges of mu and gamma without overlap.
-
-    Attributes:
-        cells: cells, sorted by mu and gamma.
-    """
-
-    cells: tuple[Cell, ...]
-
-    @property
-    def proved(self) -> bool:
-        """Whether all numbers are proved."""
-        return all(c.proved for c in self.cells)
-
-    def at(self, mu: float, gamma: float) -> Cell:
-        """Return the cell that contains (mu, gamma).
-
-        Raises:
-            ValueError: outside of all cells.
-        """
-        for c in self.cells:
-            if c.mu[0] <= mu <= c.mu[1]:
-                low, high = c.ends(mu)
-                if low <= gamma <= high:
-                    return c
-        raise ValueError(f"({mu:g}, {gamma:g}) is outside of the cells")
 
 
 @dataclass(frozen=True)
@@ -129,8 +119,10 @@ class ChartCurve(CurveOverMu):
     points: tuple[tuple[float, float], ...]
 
     @classmethod
-    def of(cls, curve: EventCurve) -> ChartCurve:
+    def of(cls, curve: EventCurve | ChartCurve) -> ChartCurve:
         """Return points of a curve, which lie on it up to round-off."""
+        if isinstance(curve, ChartCurve):
+            return curve
         points = curve.points(_STEPS)
         # At its own end a curve may have no gamma.
         points = points[np.isfinite(points).all(axis=1)]
@@ -153,16 +145,37 @@ class ChartCurve(CurveOverMu):
 
 
 @dataclass(frozen=True, eq=False)
-class Chart(ChartCells[ChartCell]):
+class Chart:
     """Numbers of solutions over two parameters.
 
     Attributes:
-        cells: cells that fill the ranges without overlap, by mu and gamma.
-        curves: curves; cells were divided along curves of folds.
+        cells: cells filling the ranges without overlap, by mu and gamma.
+        curves: curves along which cells were divided, or between which they lie.
+        explained: whether solutions change across the curves as these require, and nowhere else;
+            None for a chart of `count_solutions`.
     """
 
     cells: tuple[ChartCell, ...]
     curves: tuple[ChartCurve, ...] = ()
+    explained: bool | None = None
+
+    @property
+    def proved(self) -> bool:
+        """Whether all numbers are proved."""
+        return all(c.proved for c in self.cells)
+
+    def at(self, mu: float, gamma: float) -> ChartCell:
+        """Return the cell that contains (mu, gamma).
+
+        Raises:
+            ValueError: outside of all cells.
+        """
+        for c in self.cells:
+            if c.mu[0] <= mu <= c.mu[1]:
+                low, high = c.ends(mu)
+                if low <= gamma <= high:
+                    return c
+        raise ValueError(f"({mu:g}, {gamma:g}) is outside of the cells")
 
     def save(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
         """Write the chart to a file, without loss; from one rank.
@@ -184,8 +197,9 @@ class Chart(ChartCells[ChartCell]):
         if file.exists() and not overwrite:
             raise FileExistsError(f"{file} exists: save with overwrite=True, or to another file")
         content = {
-            "cells": [asdict(cell) for cell in self.cells],
+            "cells": [self._stored(cell) for cell in self.cells],
             "curves": [asdict(curve) for curve in self.curves],
+            "explained": self.explained,
         }
         words = {"of": _KIND, "format": _FORMAT, "crc": _check_sum(content), **content}
         with part_of(file) as part:
@@ -208,18 +222,33 @@ class Chart(ChartCells[ChartCell]):
             raise ValueError(f"{path} is not a chart")
         if words.get("format") != _FORMAT:
             raise ValueError(f"{path} has the format {words.get('format')}, known is {_FORMAT}")
-        content = {name: words.get(name, []) for name in ("cells", "curves")}
+        content: dict[str, Any] = {
+            name: words.get(name) for name in ("cells", "curves", "explained")
+        }
         if words.get("crc") != _check_sum(content):
             raise ValueError(f"{path} is damaged: its check sum is wrong")
-        cells = tuple(
-            ChartCell(tuple(c["mu"]), tuple(c["gamma"]), tuple(c["solutions"]), c["proved"])
-            for c in content["cells"]
-        )
         curves = tuple(
             ChartCurve(c["kind"], tuple((mu, gamma) for mu, gamma in c["points"]))
             for c in content["curves"]
         )
-        return Chart(cells, curves)
+        cells = tuple(
+            ChartCell(
+                tuple(c["mu"]),
+                tuple(c["gamma"]),
+                tuple(c["solutions"]),
+                c["proved"],
+                *(tuple(curves[k] for k in c[side]) for side in ("below", "above")),
+            )
+            for c in content["cells"]
+        )
+        return Chart(cells, curves, content["explained"])
+
+    def _stored(self, cell: ChartCell) -> dict[str, Any]:
+        """Return a cell for the file, with its curves as numbers."""
+        below, above = (
+            [self.curves.index(ChartCurve.of(c)) for c in side] for side in (cell.below, cell.above)
+        )
+        return {**vars(cell), "below": below, "above": above}
 
 
 def _check_sum(content: dict[str, Any]) -> str:
@@ -230,10 +259,10 @@ def _check_sum(content: dict[str, Any]) -> str:
 def solutions_at(
     family: ContactFamily,
     places: Sequence[tuple[float, float]],
-    known: Sequence[Codes],
+    known: Sequence[Statuses],
     seconds: float,
     what: str,
-) -> list[tuple[Codes, bool]]:
+) -> list[tuple[Statuses, bool]]:
     """Find the solutions at places, with proofs. Collective; ranks share the places.
 
     Args:
@@ -264,7 +293,7 @@ def solutions_at(
     return [every[number] for number in range(len(places))]
 
 
-def letters(solutions: Codes) -> tuple[str, ...]:
+def letters(solutions: Statuses) -> tuple[str, ...]:
     """Return statuses as letters of the points, sorted."""
     return tuple(sorted(status.word(np.frombuffer(codes, np.int8)) for codes in solutions))
 
@@ -326,7 +355,7 @@ class _Leaf:
     i: int
     j: int
     size: int
-    codes: Codes = ()
+    codes: Statuses = ()
     proved: bool = False
 
     def parts(self) -> list[_Leaf]:
@@ -402,7 +431,7 @@ class _Counting:
             self.raster[leaf.place()] = len(codes)
         return [replace(v, codes=c, proved=p) for v, (c, p) in zip(leaves, found, strict=True)]
 
-    def _at_border(self, level: Sequence[_Leaf], passed: npt.NDArray[np.bool_]) -> list[_Leaf]:
+    def _at_border(self, level: Sequence[_Leaf], passed: Mask) -> list[_Leaf]:
         """Return cells passed by folds, and cells whose number changes without a known fold."""
         at_border = [leaf for leaf in level if passed[leaf.place()].any()]
         explained = np.zeros_like(passed)
@@ -414,7 +443,7 @@ class _Counting:
                 at_border.append(leaf)
         return at_border
 
-    def _passed(self, curves: EventCurves | None) -> npt.NDArray[np.bool_]:
+    def _passed(self, curves: EventCurves | None) -> Mask:
         """Return flags of the finest cells through which curves of folds pass."""
         passed = np.zeros(self.raster.shape, dtype=bool)
         if curves is None:

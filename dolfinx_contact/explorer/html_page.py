@@ -23,7 +23,7 @@ from dolfinx_contact._files import part_of
 from dolfinx_contact._install import optional
 from dolfinx_contact._mpi import Arguments, collective, on_root
 from dolfinx_contact._validate import count, is_number, number, one_of, positive
-from dolfinx_contact.analysis import Chart, EventCurves, ProvedCount, Regions
+from dolfinx_contact.analysis import Chart, EventCurves, ProvedCount
 from dolfinx_contact.analysis.chart_regions import chart_scene
 from dolfinx_contact.continuation import Solutions
 from dolfinx_contact.explorer.lines import AnyRecord, DiagramData, diagram_of
@@ -39,7 +39,7 @@ _SCRIPTS = ("decode", "words", "diagram", "body", "face", "table", "chart", "mai
 _QUANTITIES = ("length", "force", "stress")
 _ERRORS = (1e-4, 0.1)
 
-Record = str | os.PathLike[str] | AnyRecord | Chart | Regions
+Record = str | os.PathLike[str] | AnyRecord | Chart
 
 
 @dataclass(frozen=True)
@@ -217,11 +217,11 @@ def watch(
         time.sleep(seconds)
 
 
-def _chart(record: Any) -> Chart | Regions | None:
+def _chart(record: Any) -> Chart | None:
     """Return the chart of a page, or None for a record."""
     if isinstance(record, str | os.PathLike):
         return Chart.load(record) if Path(record).is_file() else None
-    return record if isinstance(record, Chart | Regions) else None
+    return record if isinstance(record, Chart) else None
 
 
 def _put(path: Path, text: str) -> None:
@@ -306,7 +306,7 @@ class _Page:
         check = not (diagram.unfinished and len(numbers) == 1)
         return self._text(arrays, content, name, diagram.columns, notes, reload, check=check)
 
-    def of_chart(self, chart: Chart | Regions, curves: EventCurves | None, record: Any) -> str:
+    def of_chart(self, chart: Chart, curves: EventCurves | None, record: Any) -> str:
         """Return the page of a chart, or of the file ``record`` that contains it."""
         name = "Numbers of solutions" if chart is record else Path(os.path.abspath(record)).name
         scene = chart_scene(chart, curves)

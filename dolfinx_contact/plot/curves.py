@@ -14,7 +14,7 @@ from dolfinx_contact.plot.figures import FILLS, LINES, File, new_figure, save
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from dolfinx_contact.analysis import Chart, EventCurves, Regions
+    from dolfinx_contact.analysis import Chart, EventCurves
 
 __all__ = ["draw_chart", "draw_curves", "draw_polar"]
 
@@ -110,7 +110,7 @@ def _finish(axes: Axes, file: File, title: str | None, **legend: Any) -> Axes:
 
 def draw_chart(
     file: File,
-    chart: Chart | Regions,
+    chart: Chart,
     curves: EventCurves | None = None,
     names: Mapping[tuple[str, ...], str] | None = None,
     *,
