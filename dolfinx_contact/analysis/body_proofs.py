@@ -8,11 +8,9 @@ from collections.abc import Callable, Sequence
 
 from petsc4py import PETSc
 
-import numpy as np
-import numpy.typing as npt
-
 from dolfinx import fem
 
+from dolfinx_contact._arrays import Array, Codes
 from dolfinx_contact._mpi import on_root
 from dolfinx_contact.analysis.renard import criterion_at
 from dolfinx_contact.analysis.theory import theory_of
@@ -38,7 +36,6 @@ __all__ = [
     "uniqueness",
 ]
 
-Codes = npt.NDArray[np.int8]
 
 logger = logging.getLogger(__name__)
 
@@ -188,7 +185,7 @@ def _is_provable_in_space(system: ParametricEquations) -> bool:
 def _among_points(
     condensed: Reduction,
     x: PETSc.Vec,
-    solution: Codes | npt.NDArray[np.float64],
+    solution: Codes | Array,
     seconds: float,
     state_at: Callable[[PETSc.Vec], State],
 ) -> Uniqueness:

@@ -39,14 +39,16 @@ import numpy.typing as npt
 
 from dolfinx import fem
 
+from dolfinx_contact._arrays import Array
 from dolfinx_contact._install import slepc
 from dolfinx_contact._mpi import Arguments, collective
-from dolfinx_contact._petsc import as_raised, options_in_database, staged
+from dolfinx_contact._petsc import staged
 from dolfinx_contact._validate import count, one_of
 from dolfinx_contact.analysis.rows import (
     Problem,
     matrix_of_product,
     on_gathered,
+    solve_eigenproblem,
     static_equations,
 )
 from dolfinx_contact.analysis.slip import Direction, Slip, SlipPattern
@@ -67,7 +69,6 @@ __all__ = [
     "takes_all",
 ]
 
-Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
 
 #: Points up to which all eigenvalues are computed; multigrid needs one solve per point.
@@ -408,10 +409,7 @@ class _PressureByShear:
         solver.setDimensions(count, min(room, self._slip.number))
         if without:
             solver.setDeflationSpace(without)
-        solver.setOptionsPrefix("analysis_")
-        with options_in_database("analysis_", _DEFAULTS[self.solver]), as_raised():
-            solver.setFromOptions()
-            solver.solve()
+        solve_eigenproblem(solver, _DEFAULTS[self.solver])
         return solver
 
     def destroy(self) -> None:

@@ -15,8 +15,8 @@ import itertools
 from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
-import numpy.typing as npt
 
+from dolfinx_contact._arrays import Array, Codes
 from dolfinx_contact.analysis.event_curves import EventCurve, EventCurves, Meeting, Segment
 from dolfinx_contact.analysis.family import ContactFamily, Frame
 from dolfinx_contact.laws.coulomb import BORDERS, FIRST_BORDER
@@ -24,8 +24,6 @@ from dolfinx_contact.laws.status import MINUS, OPEN
 
 __all__ = ["follow_events"]
 
-Array = npt.NDArray[np.float64]
-Codes = npt.NDArray[np.int8]
 
 _SAME = 1e-7  # of the size of a state, or of the range of mu
 _ONE = 1e-12  # of the range of mu: ends so close are one

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 from scipy.linalg import block_diag
 
+from dolfinx_contact._arrays import Array
 from dolfinx_contact._mpi import Arguments, collective, require
 from dolfinx_contact._validate import count
 from dolfinx_contact.analysis.critical_friction import (
@@ -43,7 +43,6 @@ from dolfinx_contact.reduced.held_body import columns_of
 
 __all__ = ["FrictionByDirection", "critical_friction_by_direction"]
 
-Array = npt.NDArray[np.float64]
 _TILTED = 1e-3  # smallest length of the mean normal
 
 

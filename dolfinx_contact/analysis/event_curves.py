@@ -9,8 +9,8 @@ from itertools import combinations, pairwise
 from typing import TypeVar
 
 import numpy as np
-import numpy.typing as npt
 
+from dolfinx_contact._arrays import Array
 from dolfinx_contact.analysis.family import Frame
 from dolfinx_contact.laws import status
 
@@ -24,7 +24,6 @@ __all__ = [
     "strips",
 ]
 
-Array = npt.NDArray[np.float64]
 
 Curve = TypeVar("Curve", bound="CurveOverMu")
 _SAME = 1e-9  # fraction of the range of mu below which two values are equal

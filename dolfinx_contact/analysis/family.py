@@ -31,17 +31,15 @@ from typing import Any
 from mpi4py import MPI
 
 import numpy as np
-import numpy.typing as npt
 from scipy.linalg import block_diag
 
+from dolfinx_contact._arrays import Array, Codes, Mask
 from dolfinx_contact.laws.coulomb import BASES, BORDERS, FIRST_BORDER, INSIDE, WITHOUT_FRICTION
 from dolfinx_contact.laws.status import OPEN, PLUS
 from dolfinx_contact.proofs.check_proof import ReducedProblem
 
 __all__ = ["ContactFamily", "Frame"]
 
-Array = npt.NDArray[np.float64]
-Codes = npt.NDArray[np.int8]
 
 _REAL = 1e-6  # relative imaginary part of an eigenvalue that may be real
 _ROUND_OFF = 2.0**-50  # relative error bound of a sum of three products
@@ -99,7 +97,7 @@ class ContactFamily:
         return len(self.friction)
 
     @cached_property
-    def frictionless(self) -> npt.NDArray[np.bool_]:
+    def frictionless(self) -> Mask:
         """Points that have no friction at any mu: closed, they have the code of a slip, `PLUS`."""
         return np.asarray((self.friction == 0) & (self.friction_rate == 0))
 

@@ -20,8 +20,8 @@ from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 
+from dolfinx_contact._arrays import Array
 from dolfinx_contact.algorithms.gauss_seidel import GaussSeidel
 from dolfinx_contact.algorithms.lemke import coulomb_by_lemke
 from dolfinx_contact.algorithms.semismooth import newton_step
@@ -29,7 +29,6 @@ from dolfinx_contact.reduced.point_problem import PointProblem
 
 __all__ = ["CycleEnding", "LoadCycles", "one_solution", "step_cycles"]
 
-Array = npt.NDArray[np.float64]
 #: Displacements and forces (m, dim).
 State = tuple[Array, Array]
 CycleEnding: TypeAlias = Literal["rest", "alternating slip", "ratcheting", "not decided"]

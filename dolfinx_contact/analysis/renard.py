@@ -32,9 +32,10 @@ import numpy as np
 import numpy.typing as npt
 from scipy.linalg import eigh
 
+from dolfinx_contact._arrays import Array, Ints
 from dolfinx_contact._install import slepc
 from dolfinx_contact._mpi import Arguments, collective, everywhere, require
-from dolfinx_contact._petsc import Entries, matrix_of, options_in_database, stacked, staged
+from dolfinx_contact._petsc import Entries, matrix_of, stacked, staged
 from dolfinx_contact.analysis.rows import (
     Problem,
     component_rows,
@@ -44,6 +45,7 @@ from dolfinx_contact.analysis.rows import (
     on_gathered,
     point_normals,
     require_nodes,
+    solve_eigenproblem,
     split,
     static_equations,
     unit,
@@ -57,7 +59,6 @@ from dolfinx_contact.results.indicators import small_sliding_violated
 
 __all__ = ["Renard", "criterion_at", "renard_criterion"]
 
-Array = npt.NDArray[np.float64]
 #: Directions of slip (n, dim) at positions (n, dim).
 Field = Callable[[Array], npt.ArrayLike]
 
@@ -270,7 +271,7 @@ class _Form:
         mine = X.getDenseArray(readonly=True).copy()
         X.destroy()
 
-        def solved(A: Array, X: Array, groups: npt.NDArray[np.int64]) -> float:
+        def solved(A: Array, X: Array, groups: Ints) -> float:
             form = -(A @ X + (A @ X).T) / 2
             last = self.number - 1
             values = eigh(form, (A + A.T) / 2, eigvals_only=True, subset_by_index=(last, last))
@@ -311,10 +312,7 @@ class _Form:
         solver.setOperators(M)
         solver.setProblemType(SLEPc.EPS.ProblemType.NHEP)
         solver.setWhichEigenpairs(SLEPc.EPS.Which.LARGEST_REAL)
-        solver.setOptionsPrefix("analysis_")
-        with options_in_database("analysis_", _DEFAULTS):
-            solver.setFromOptions()
-            solver.solve()
+        solve_eigenproblem(solver, _DEFAULTS)
         found = solver.getConverged()
         largest = solver.getEigenvalue(0).real if found else np.nan
         for thing in (solver, M, held):

@@ -16,8 +16,9 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
+from dolfinx_contact._arrays import Array, Mask
 from dolfinx_contact._mpi import on_root, require
-from dolfinx_contact._petsc import Entries, matrix_of, stacked
+from dolfinx_contact._petsc import Entries, as_raised, matrix_of, options_in_database, stacked
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation
 from dolfinx_contact.equations.validation import validate_data
@@ -33,12 +34,12 @@ __all__ = [
     "on_gathered",
     "point_normals",
     "require_nodes",
+    "solve_eigenproblem",
     "split",
     "static_equations",
     "unit",
 ]
 
-Array = npt.NDArray[np.float64]
 R = TypeVar("R")
 
 
@@ -72,13 +73,13 @@ def point_normals(eq: ContactEquations) -> Array:
     return np.concatenate([s.points.data.n for s in eq.surfaces])
 
 
-def free_components(eq: ContactEquations) -> npt.NDArray[np.bool_]:
+def free_components(eq: ContactEquations) -> Mask:
     """Return flags of the components of jumps without Dirichlet data, on this rank (n, dim)."""
     parts = zip(eq.constraints.removed, eq.surfaces, strict=True)
     return np.concatenate([~removed[: s.points.number] for removed, s in parts])
 
 
-def is_free(eq: ContactEquations, axes: Array, least: float = 0.5) -> npt.NDArray[np.bool_]:
+def is_free(eq: ContactEquations, axes: Array, least: float = 0.5) -> Mask:
     """Return whether Dirichlet data leave motion along unit axes (n, dim) free (n,).
 
     Args:
@@ -170,6 +171,19 @@ def matrix_of_product(
     A = PETSc.Mat().createPython(((size, None), (size, None)), _Product(product), comm=comm)
     A.setUp()
     return A
+
+
+def solve_eigenproblem(solver: Any, defaults: dict[str, Any]) -> None:
+    """Solve an eigenproblem of SLEPc with the options of prefix ``analysis_``. Collective.
+
+    Args:
+        solver: EPS or PEP with its operators.
+        defaults: values of options that the user has not set.
+    """
+    solver.setOptionsPrefix("analysis_")
+    with options_in_database("analysis_", defaults), as_raised():
+        solver.setFromOptions()
+        solver.solve()
 
 
 def require_nodes(eq: ContactEquations) -> None:

@@ -38,8 +38,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from dolfinx_contact._arrays import Array, Mask
 from dolfinx_contact._mpi import Arguments, collective, everywhere, on_root
 from dolfinx_contact._validate import count, instance, listed, nonnegative, positive
 from dolfinx_contact.analysis.load_cycles import LoadCycles, one_solution, step_cycles
@@ -49,8 +49,6 @@ from dolfinx_contact.reduced.point_problem import PointProblem
 
 __all__ = ["LoadCycles", "Shakedown", "shakedown"]
 
-Array = npt.NDArray[np.float64]
-Flags = npt.NDArray[np.bool_]
 Ranges = tuple[tuple[float, float], ...]
 #: Function that puts a load into the data of a problem.
 Load = Callable[[], object]
@@ -94,7 +92,7 @@ class Shakedown:
     why: str
     slip: Array
     forces: Array
-    opened: Flags
+    opened: Mask
     limits: tuple[str, ...]
     cycles: tuple[LoadCycles, ...]
     seconds: float
@@ -315,7 +313,7 @@ def _theorem(points: PointProblem) -> tuple[bool, str]:
     return False, "necessary, not sufficient from every start, as slips change normal forces"
 
 
-def _eliminated(S: Array, free: Flags) -> Array:
+def _eliminated(S: Array, free: Mask) -> Array:
     """Return the stiffness of the other components if the free ones bear no force."""
     if not free.any():
         return S
@@ -329,7 +327,7 @@ def _statically(points: PointProblem, p: Array) -> tuple[Array, Array]:
     return one_solution(at, "no solution under the first load")
 
 
-def _limits(points: PointProblem, forces: Array, a: Array, opened: Flags) -> tuple[str, ...]:
+def _limits(points: PointProblem, forces: Array, a: Array, opened: Mask) -> tuple[str, ...]:
     """Name the points at their bounds, with the corners."""
     size = _LIMIT * float(np.abs(forces).max(initial=0.0))
     length = _LIMIT * float(np.abs(a).max(initial=0.0))

@@ -24,6 +24,7 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
+from dolfinx_contact._arrays import Array, Mask
 from dolfinx_contact._mpi import require
 from dolfinx_contact.analysis.rows import (
     component_rows,
@@ -43,8 +44,6 @@ from dolfinx_contact.laws.status import MINUS, PLUS, closed, senses
 
 __all__ = ["TOLERANCE", "Direction", "Slip", "SlipPattern", "free_motions"]
 
-Array = npt.NDArray[np.float64]
-Flags = npt.NDArray[np.bool_]
 #: Of the slip: a vector, whose tangential part counts; the points and directions of the solution in
 #: the Functions; or None, in 2D along t = (-n_y, n_x).
 Direction = npt.ArrayLike | Literal["solution"] | None
@@ -62,9 +61,9 @@ class SlipPattern:
         loose: points without friction, or with slip under a prescribed bound (n,).
     """
 
-    closed: Flags
+    closed: Mask
     directions: Array
-    loose: Flags
+    loose: Mask
 
     @classmethod
     def of(
@@ -99,7 +98,7 @@ class SlipPattern:
         return cls(touching, along, touching & (smooth | (given & along.any(axis=1))))
 
     @staticmethod
-    def _along(eq: ContactEquations, direction: Direction, smooth: Flags) -> Array:
+    def _along(eq: ContactEquations, direction: Direction, smooth: Mask) -> Array:
         """Return unit tangents along a direction; 0 at points without one and without friction."""
         n = point_normals(eq)
         if direction is None:
@@ -117,7 +116,7 @@ class SlipPattern:
         return along
 
     @staticmethod
-    def _of_state(eq: ContactEquations, state: Evaluation) -> tuple[Flags, Array]:
+    def _of_state(eq: ContactEquations, state: Evaluation) -> tuple[Mask, Array]:
         n = point_normals(eq)
         codes = np.concatenate([c for c in state.statuses])
         touching = closed(codes)
@@ -130,7 +129,7 @@ class SlipPattern:
         return touching, sign[:, None] * tangent
 
 
-def _laws(eq: ContactEquations) -> tuple[Flags, Flags]:
+def _laws(eq: ContactEquations) -> tuple[Mask, Mask]:
     """Return flags of points without friction, and of those with a prescribed bound (n,)."""
     flags = [(isinstance(s.law, Frictionless), s.law.bound_kind == "given") for s in eq.surfaces]
     numbers = [s.points.number for s in eq.surfaces]
@@ -212,7 +211,7 @@ class Slip:
             rows.destroy()
 
 
-def _require_nodes_of_one(eq: ContactEquations, touching: Flags, loose: Flags) -> None:
+def _require_nodes_of_one(eq: ContactEquations, touching: Mask, loose: Mask) -> None:
     """Raise ``ValueError`` if rigid obstacles hold a motion of a node twice. Collective.
 
     If a node belongs to several obstacles, all its points must be loose, with independent normals:

@@ -13,9 +13,10 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import linprog
 
+from dolfinx_contact._arrays import Array, Mask
+
 __all__ = ["SlipModes"]
 
-Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
 
 _REAL = 1e-9  # relative imaginary part, or difference of coefficients, that counts as zero
@@ -96,7 +97,7 @@ class SlipModes:
         return float(np.abs(self.friction[self.one_signed]).min(initial=np.inf))
 
     @property
-    def one_signed(self) -> npt.NDArray[np.bool_]:
+    def one_signed(self) -> Mask:
         """Flags of the real F with slips of one sign (k,)."""
         return np.asarray((self.friction.imag == 0) & (self.slips.real.min(axis=0) >= 0.0))
 

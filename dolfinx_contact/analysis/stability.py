@@ -35,11 +35,11 @@ from typing import Any, Literal
 from petsc4py import PETSc
 
 import numpy as np
-import numpy.typing as npt
 from scipy.linalg import eig
 
 import ufl
 
+from dolfinx_contact._arrays import Array, Ints
 from dolfinx_contact._mpi import Arguments, collective, on_root, require
 from dolfinx_contact._petsc import is_symmetric, staged
 from dolfinx_contact._validate import count
@@ -54,7 +54,7 @@ from dolfinx_contact.analysis.rows import (
     static_equations,
     unit,
 )
-from dolfinx_contact.analysis.vibrations import Body, DenseBody, body_of, damped
+from dolfinx_contact.analysis.vibrations import Body, DenseBody, body_of, damped, first_order
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation
 from dolfinx_contact.equations.measures import require_solution
@@ -70,7 +70,6 @@ from dolfinx_contact.results.indicators import small_sliding_violated
 
 __all__ = ["Stability", "stability_at_rest"]
 
-Array = npt.NDArray[np.float64]
 Label = Literal["stable", "unstable", "not decided"]
 
 _LARGEST = 700  # unknowns of dense eigenproblems
@@ -359,8 +358,7 @@ def _of_spectrum(g: _Gathered, proportional: bool, eta: float) -> Stability:
         return Stability("stable", reason="all motions are held")
     inertia = np.linalg.inv(np.linalg.cholesky((M + M.T) / 2))
     K, C = (inertia @ A @ inertia.T for A in (K, C))
-    n = len(K)
-    A = K if proportional else np.block([[np.zeros((n, n)), np.eye(n)], [-K, -C]])
+    A = K if proportional else first_order(K, C)
     values, left, right = eig(A, left=True, right=True)
     # First-order errors of eigenvalues, by their condition.
     share = np.abs(np.sum(left.conj() * right, axis=0))
@@ -424,7 +422,7 @@ def _decided(g: _Gathered, max_count: int, *, quiet: bool) -> Stability:
     return Stability(label, growth, len(border), looked, reason)
 
 
-def _piece(g: _Gathered, doing: npt.NDArray[np.int64]) -> tuple[Array, Array, Array, Array]:
+def _piece(g: _Gathered, doing: Ints) -> tuple[Array, Array, Array, Array]:
     """Return K, M and C of a piece, and its admissible motions Z."""
     slips = (doing == ALONG) | (doing == AGAINST)
     stuck = doing == HOLDS
@@ -441,7 +439,7 @@ def _piece(g: _Gathered, doing: npt.NDArray[np.int64]) -> tuple[Array, Array, Ar
     return K, M, C, Z
 
 
-def _look(g: _Gathered, doing: npt.NDArray[np.int64], *, quiet: bool) -> tuple[float, str]:
+def _look(g: _Gathered, doing: Ints, *, quiet: bool) -> tuple[float, str]:
     """Search for lambda > 0 of a piece with vectors in its cones.
 
     Returns:
@@ -454,8 +452,7 @@ def _look(g: _Gathered, doing: npt.NDArray[np.int64], *, quiet: bool) -> tuple[f
     growth = 0.0
     doubt = ""
     inertia = np.linalg.inv(M)
-    first = np.block([[np.zeros((n, n)), np.eye(n)], [-inertia @ K, -inertia @ C]])
-    values, vectors = np.linalg.eig(first)
+    values, vectors = np.linalg.eig(first_order(inertia @ K, inertia @ C))
     size = np.sqrt(np.abs(inertia @ K).max(initial=0.0))
     outside = []
     for value, x in zip(values, vectors[:n].T, strict=True):
@@ -479,7 +476,7 @@ def _look(g: _Gathered, doing: npt.NDArray[np.int64], *, quiet: bool) -> tuple[f
     return growth, doubt
 
 
-def _leaves(g: _Gathered, doing: npt.NDArray[np.int64], v: Array, growth: float) -> bool:
+def _leaves(g: _Gathered, doing: Ints, v: Array, growth: float) -> bool:
     """Return whether v or -v and its forces lie in the cones of the points at a border."""
     components = np.concatenate([g.N[~g.held], g.T])
     load = g.K @ v + growth * (g.C @ v) + growth**2 * (g.M @ v)

@@ -31,12 +31,11 @@ import numpy.typing as npt
 from scipy.linalg import block_diag
 from scipy.optimize import OptimizeResult, linprog
 
+from dolfinx_contact._arrays import Array, Mask
 from dolfinx_contact.reduced.point_problem import PointProblem
 
 __all__ = ["StaticBound", "StaticState", "largest_factor", "states_at_rest"]
 
-Array = npt.NDArray[np.float64]
-Flags = npt.NDArray[np.bool_]
 #: Inequalities A x <= b, or equations A x = b.
 Rows = tuple[Array, Array]
 #: Lower and upper bound of each unknown; None for none.
@@ -92,7 +91,7 @@ class StaticBound:
 
     state: StaticState
     ranges: tuple[tuple[float, float], ...]
-    opened: Flags
+    opened: Mask
     complete: bool
 
 
@@ -111,7 +110,7 @@ class _Program:
         n: number of slips; x[n] is the factor.
     """
 
-    def __init__(self, points: PointProblem, steady: Array, departures: Array, opened: Flags):
+    def __init__(self, points: PointProblem, steady: Array, departures: Array, opened: Mask):
         m, dim, S = points.number, points.dim, points.S
         self.points = points
         self.opened = opened
@@ -331,7 +330,7 @@ def _optimum(
 
 
 def largest_factor(
-    points: PointProblem, steady: Array, corners: Array, begin: Flags, end: float
+    points: PointProblem, steady: Array, corners: Array, begin: Mask, end: float
 ) -> StaticBound:
     """Return the static bound over sets of open points.
 
@@ -372,7 +371,7 @@ def largest_factor(
 
 
 def states_at_rest(
-    points: PointProblem, load: Array, opened: Flags, number: int
+    points: PointProblem, load: Array, opened: Mask, number: int
 ) -> list[tuple[Array, Array]]:
     """Return states at rest under a load that are extreme in random directions of slip.
 
@@ -411,18 +410,18 @@ class _Search:
         self._apart = apart
         self._end = end
         self._known: dict[bytes, StaticState] = {}
-        self.opened: Flags = np.zeros(points.number, dtype=bool)
+        self.opened: Mask = np.zeros(points.number, dtype=bool)
         self.best = self._of(self.opened)
         self.complete = False
 
-    def _of(self, opened: Flags) -> StaticState:
+    def _of(self, opened: Mask) -> StaticState:
         key = opened.tobytes()
         if key not in self._known:
             program = _Program(self._points, self._points.p, self._apart, opened)
             self._known[key] = program.solve()
         return self._known[key]
 
-    def _try(self, opened: Flags) -> bool:
+    def _try(self, opened: Mask) -> bool:
         """Return whether a set is better; it is then the best."""
         state = self._of(opened)
         least = self.best.lower
@@ -431,7 +430,7 @@ class _Search:
         self.best, self.opened = state, opened
         return True
 
-    def run(self, begin: Flags) -> None:
+    def run(self, begin: Mask) -> None:
         """Search until nothing is better, all sets are tried, or time is over."""
         self._try(begin)
         m = len(begin)

@@ -12,10 +12,10 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
 import numpy as np
-import numpy.typing as npt
 
 from dolfinx import fem
 
+from dolfinx_contact._arrays import Array, Codes
 from dolfinx_contact._mpi import Arguments, collective, on_root, require
 from dolfinx_contact.analysis.body_proofs import obstacle_to_proof
 from dolfinx_contact.analysis.curve_search import follow_events
@@ -34,7 +34,6 @@ from dolfinx_contact.reduced.scope import can_condense
 
 __all__ = ["contact_family", "event_curves"]
 
-Array = npt.NDArray[np.float64]
 
 _MUST = (
     "the load and the friction must be affine in the second parameter, and the stiffness and the "
@@ -180,9 +179,7 @@ def event_curves(
     )
 
 
-def _borders(
-    points: GatheredPoints, branch: Branch, *, folds_only: bool
-) -> list[npt.NDArray[np.int8]]:
+def _borders(points: GatheredPoints, branch: Branch, *, folds_only: bool) -> list[Codes]:
     """Return the statuses at borders that a branch crosses at a single point. Collective."""
     found = []
     for special in branch.folds if folds_only else branch.special:

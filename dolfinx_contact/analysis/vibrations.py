@@ -33,13 +33,13 @@ import dolfinx.fem.petsc
 import ufl
 from dolfinx import fem
 
+from dolfinx_contact._arrays import Array, Mask
 from dolfinx_contact._forms import compiled_form
 from dolfinx_contact._install import slepc
 from dolfinx_contact._mpi import everywhere
 from dolfinx_contact._petsc import DEFAULTS as FACTOR
-from dolfinx_contact._petsc import options_in_database
 from dolfinx_contact._validate import nonnegative, positive
-from dolfinx_contact.analysis.rows import on_gathered
+from dolfinx_contact.analysis.rows import on_gathered, solve_eigenproblem
 from dolfinx_contact.analysis.slip import Slip
 from dolfinx_contact.body.bulk import weighted
 from dolfinx_contact.equations.contact import ContactEquations
@@ -51,10 +51,11 @@ __all__ = [
     "Spectrum",
     "Vibrations",
     "body_of",
+    "damped",
+    "first_order",
     "null_space",
 ]
 
-Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
 
 _DENSE = 700  # unknowns up to which all eigenvalues are computed
@@ -88,7 +89,7 @@ class Body:
     C: PETSc.Mat | None
 
     @property
-    def free(self) -> npt.NDArray[np.bool_]:
+    def free(self) -> Mask:
         """Mask of the owned displacements without Dirichlet data."""
         return ~self.eq.fixed[: self.eq.owned_sizes[0]]
 
@@ -225,7 +226,7 @@ class Vibrations:
             inertia = np.linalg.inv(M)
             A = inertia @ K
             if C is not None:
-                A = np.block([[np.zeros_like(A), np.eye(len(A))], [-A, -inertia @ C]])
+                A = first_order(A, inertia @ C)
             x: npt.NDArray[Any] = np.zeros((len(A), 0))
             if vectors:
                 values, x = np.linalg.eig(A)
@@ -273,10 +274,7 @@ class Vibrations:
             solver.setWhichEigenpairs(SLEPc.PEP.Which.TARGET_MAGNITUDE)
         solver.setTarget(0.0)
         solver.setDimensions(min(self._count, self.size))
-        solver.setOptionsPrefix("analysis_")
-        with options_in_database("analysis_", _DEFAULTS):
-            solver.setFromOptions()
-            solver.solve()
+        solve_eigenproblem(solver, _DEFAULTS)
         n = eq.owned_sizes[0]
         farthest = 0.0
         real, imaginary = matrices[0].createVecs()
@@ -356,6 +354,11 @@ def damped(mu: Complex, eta: float) -> Complex:
     # Without cancellation; for mu = 0 both roots are 0.
     q = -0.5 * (b + np.where((np.conj(b) * root).real >= 0, root, -root))
     return np.concatenate([q, np.divide(mu, q, out=np.zeros_like(q), where=q != 0)])
+
+
+def first_order(K: Array, C: Array) -> Array:
+    """Return the matrix (2 n, 2 n) whose eigenvalues are those of K + lambda C + lambda^2."""
+    return np.block([[np.zeros_like(K), np.eye(len(K))], [-K, -C]])
 
 
 def null_space(rows: Array) -> Array:

@@ -42,9 +42,9 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from scipy.optimize import brentq, linprog
 
+from dolfinx_contact._arrays import Array, Ints, Mask
 from dolfinx_contact._mpi import Arguments, collective, on_root
 from dolfinx_contact._validate import count, instance, nonnegative
 from dolfinx_contact.problem import ContactProblem
@@ -54,9 +54,6 @@ from dolfinx_contact.reduced.point_problem import PointProblem
 
 __all__ = ["Wedging", "wedging_friction"]
 
-Array = npt.NDArray[np.float64]
-Statuses = npt.NDArray[np.int64]
-Flags = npt.NDArray[np.bool_]
 
 _BELOW = 1e-7  # relative distance below a known F at which no state is to exist
 _LARGEST = 1e3  # largest F of the search
@@ -177,7 +174,7 @@ class _Rays(NamedTuple):
 
     M: Array
     off: Array
-    opens: Flags
+    opens: Mask
 
     @classmethod
     def of(cls, G: Array, off: Array, corners: Array, friction: float) -> _Rays:
@@ -219,7 +216,7 @@ class _Program(Tableau):
         super().__init__(rows, start, n + np.arange(2 * m + 1), n, up, sure=_SURE)
         self._opens = rays.opens
 
-    def hold(self, statuses: Statuses) -> None:
+    def hold(self, statuses: Ints) -> None:
         """Bound the variables by the statuses (m,) of a region."""
         self._up[: self.n] = np.repeat(statuses != _OPEN, self.sides)
         self._up[self.n : self.n + self.m] = (statuses != _CLOSED) & self._opens
@@ -278,13 +275,13 @@ class _Search:
         self.complete = False
         self.regions = 0
         #: Regions that round-off leaves undecided at the present friction.
-        self._doubtful: list[Statuses] = []
+        self._doubtful: list[Ints] = []
 
     def run(self) -> None:
         """Search until nothing is left, or time is over."""
         self._descend()
         self._begin()
-        waiting: list[Statuses] = [np.zeros(self.m, dtype=np.int64)]
+        waiting: list[Ints] = [np.zeros(self.m, dtype=np.int64)]
         while waiting and time.monotonic() <= self._end:
             self.regions += 1
             waiting += self._treat(waiting.pop())
@@ -308,7 +305,7 @@ class _Search:
         self._rays = _Rays.of(self._G, self._off, self._corners, self.tried)
         self._program = _Program(self._rays)
 
-    def _treat(self, statuses: Statuses) -> list[Statuses]:
+    def _treat(self, statuses: Ints) -> list[Ints]:
         """Close a region, or return its parts; the last is treated first."""
         self._program.hold(statuses)
         y = self._program.empty()
@@ -339,7 +336,7 @@ class _Search:
         parts[0][i], parts[1][i] = _OPEN + _CLOSED - first, first
         return parts
 
-    def _is_empty(self, statuses: Statuses, y: Array, lam: float) -> bool:
+    def _is_empty(self, statuses: Ints, y: Array, lam: float) -> bool:
         """Return whether multipliers prove that a region has no state, round-off included."""
         M, off, opens = self._rays
         for z, k in ((y, lam), (-y, -lam)):
@@ -354,7 +351,7 @@ class _Search:
                 return True
         return False
 
-    def _lower(self, closed: Flags) -> bool:
+    def _lower(self, closed: Mask) -> bool:
         """Compute the least F for some closed points; return whether it is the smallest so far."""
         least = self._least_of(closed)
         if least is None or not least[0] < self._reached:
@@ -373,7 +370,7 @@ class _Search:
         self.friction = float(ratios.max())
         return True
 
-    def _least_of(self, closed: Flags) -> tuple[float, Array] | None:
+    def _least_of(self, closed: Mask) -> tuple[float, Array] | None:
         """Return the least F of a state with some closed points, and its forces (dim m,)."""
         places = np.flatnonzero(closed)
         d, k, sides = self.dim, len(places), len(self._facets)

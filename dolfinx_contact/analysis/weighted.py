@@ -26,14 +26,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy.linalg import eigh
 
+from dolfinx_contact._arrays import Array, Ints
 from dolfinx_contact.proofs.weights import maximise
 
 __all__ = ["WeightedForm"]
 
-Array = npt.NDArray[np.float64]
 
 _ENOUGH = 1e-7  # least eigenvalue, relative to a unit diagonal, at which a search ends
 _SPREAD = 12.0  # of the logarithms of the weights
@@ -55,7 +54,7 @@ class WeightedForm:
 
     S: Array
     G: Array
-    groups: npt.NDArray[np.int64]
+    groups: Ints
 
     def interval(self, weights: Array, factor: float) -> tuple[float, float]:
         """Return the interval around a friction factor in which the sum is positive definite.
