@@ -43,13 +43,12 @@ from dolfinx_contact._arrays import Array, Mask
 from dolfinx_contact._mpi import Arguments, collective, everywhere, on_root
 from dolfinx_contact._validate import count, instance, listed, nonnegative, positive
 from dolfinx_contact.analysis.load_cycles import LoadCycles, one_solution, step_cycles
-from dolfinx_contact.analysis.static_bound import largest_factor, states_at_rest
+from dolfinx_contact.analysis.static_bound import Ranges, largest_factor, states_at_rest
 from dolfinx_contact.problem import ContactProblem
 from dolfinx_contact.reduced.point_problem import PointProblem
 
 __all__ = ["LoadCycles", "Shakedown", "shakedown"]
 
-Ranges = tuple[tuple[float, float], ...]
 #: Function that puts a load into the data of a problem.
 Load = Callable[[], object]
 
@@ -239,33 +238,32 @@ def shakedown_of(
     begun = time.monotonic()
     steady = loads[0] if steady is None else steady
     opened = _statically(points, steady)[1][:, -1] <= 0
-    static = largest_factor(points, steady, loads, opened, begun + seconds)
-    state = static.state
+    state, ranges, complete = largest_factor(points, steady, loads, opened, begun + seconds)
     holds, why = _theorem(points)
-    chosen = _factor_of(static.ranges) if factor is None else factor
+    chosen = _factor_of(ranges) if factor is None else factor
     # Step from the state without slip, and from states at rest under the first load.
     corners = steady + chosen * (loads - steady)
     after = np.roll(corners, -1, axis=0)
     shares = np.arange(1, steps + 1)[:, None] / steps
     path = np.concatenate([p + shares * (q - p) for p, q in zip(corners, after, strict=True)])
     first = {"from no slip": _statically(points, corners[0])}
-    at_rest = states_at_rest(points, corners[0], static.opened, starts)
+    at_rest = states_at_rest(points, corners[0], state.opened, starts)
     first |= {f"from slips {i}": other for i, other in enumerate(at_rest, 1)}
     found = [
         step_cycles(points, path, begin, start=start, factor=chosen, cycles=cycles)
         for start, begin in first.items()
     ]
-    limits = _limits(points, state.forces, state.displacements, static.opened)
+    limits = _limits(points, state.forces, state.displacements, state.opened)
     return Shakedown(
         factor=state.lower,
-        ranges=static.ranges,
+        ranges=ranges,
         upper=state.upper,
-        complete=static.complete,
+        complete=complete,
         theorem_holds=holds,
         why=why,
         slip=state.slip,
         forces=state.forces,
-        opened=static.opened,
+        opened=state.opened,
         limits=limits if np.isfinite(state.lower) else (),
         cycles=tuple(found),
         seconds=time.monotonic() - begun,

@@ -33,6 +33,7 @@ from dolfinx_contact.analysis.rows import (
     point_normals,
     require_nodes,
     split,
+    turned,
     unit,
 )
 from dolfinx_contact.body import rigid
@@ -103,7 +104,7 @@ class SlipPattern:
         n = point_normals(eq)
         if direction is None:
             require(eq.comm, eq.dim == 2, "in 3D a direction of slip must be given")
-            return np.stack([-n[:, 1], n[:, 0]], axis=1)
+            return turned(n)
         try:
             given = np.asarray(direction, dtype=np.float64)
         except (TypeError, ValueError):
@@ -123,7 +124,7 @@ class SlipPattern:
         sense = senses(codes)
         sign = np.where(sense == PLUS, 1.0, np.where(sense == MINUS, -1.0, 0.0)) * touching
         if eq.dim == 2:
-            tangent = np.stack([-n[:, 1], n[:, 0]], axis=1)
+            tangent = turned(n)
         else:
             tangent = unit(split(n, np.concatenate([s.jump for s in state.surfaces]))[1])
         return touching, sign[:, None] * tangent

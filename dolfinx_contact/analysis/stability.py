@@ -52,6 +52,7 @@ from dolfinx_contact.analysis.rows import (
     require_nodes,
     split,
     static_equations,
+    turned,
     unit,
 )
 from dolfinx_contact.analysis.vibrations import Body, DenseBody, body_of, damped, first_order
@@ -196,8 +197,7 @@ class _Points:
         self.friction = slope
         self.directions = np.where(at_bound[:, None], -unit(rt), 0.0)
         if eq.dim == 2:
-            tangent = np.stack([-n[:, 1], n[:, 0]], axis=1)
-            self.directions[grazes] = tangent[grazes]
+            self.directions[grazes] = turned(n)[grazes]
         self.choices = np.full((len(n), 4), -1)
         self.choices[:, 0] = np.where(~touches, APART, np.where(slope > 0, HOLDS, FREE))
         self.choices[at_bound, 1] = ALONG

@@ -34,8 +34,10 @@ from scipy.optimize import OptimizeResult, linprog
 from dolfinx_contact._arrays import Array, Mask
 from dolfinx_contact.reduced.point_problem import PointProblem
 
-__all__ = ["StaticBound", "StaticState", "largest_factor", "states_at_rest"]
+__all__ = ["Ranges", "StaticState", "largest_factor", "states_at_rest"]
 
+#: Factors with a state at rest, from and to.
+Ranges = tuple[tuple[float, float], ...]
 #: Inequalities A x <= b, or equations A x = b.
 Rows = tuple[Array, Array]
 #: Lower and upper bound of each unknown; None for none.
@@ -68,6 +70,7 @@ class StaticState:
         slip: slips w of all points (m, dim - 1); 0 at points without friction or contact.
         displacements: displacements at the corners (K, m, dim), at `lower`.
         forces: forces at the corners (K, m, dim), at `lower`.
+        opened: open points (m,).
     """
 
     least: float
@@ -76,23 +79,7 @@ class StaticState:
     slip: Array
     displacements: Array
     forces: Array
-
-
-@dataclass(frozen=True, eq=False)
-class StaticBound:
-    """Best state over sets of open points.
-
-    Attributes:
-        state: best state.
-        ranges: factors with a state at rest, from and to, by size.
-        opened: open points of the best state (m,).
-        complete: whether all sets of open points were tried.
-    """
-
-    state: StaticState
-    ranges: tuple[tuple[float, float], ...]
     opened: Mask
-    complete: bool
 
 
 class _Program:
@@ -108,12 +95,15 @@ class _Program:
         a, r: derivatives of displacements and forces by x (K, m, dim, n + 1).
         a0, r0: displacements and forces at x = 0 (m, dim).
         n: number of slips; x[n] is the factor.
+        around: directions e of the first inequalities e.rt <= F rn + g, which are exact in the
+            plane and tangents of the discs in space.
     """
 
     def __init__(self, points: PointProblem, steady: Array, departures: Array, opened: Mask):
         m, dim, S = points.number, points.dim, points.S
         self.points = points
         self.opened = opened
+        self.around = np.array([[1.0], [-1.0]]) if dim == 2 else _circle(_SIDES)
         #: Points whose slips friction can hold.
         self.grips = np.asarray((~opened & (points.friction > 0)) | (points.bound > 0))
         slips = np.zeros((m, dim), dtype=bool)
@@ -143,7 +133,7 @@ class _Program:
     def solve(self) -> StaticState:
         """Return the smallest and the largest factor, the latter from both sides."""
         if self.points.dim == 2 or not self.grips.any():
-            rows = self._first_rows(np.array([[1.0], [-1.0]]))
+            rows = self._first_rows()
             x, lower = _optimum(rows, self.n)
             least = _optimum(rows, self.n, sense=-1)[1]
             upper = lower
@@ -167,7 +157,7 @@ class _Program:
             x = x[: self.n + 1]
             slip.reshape(-1)[self.places] = x[:-1]
             displacements, forces = self.a @ x + self.a0, self._forces(x)
-        return StaticState(least, lower, upper, slip[:, :-1], displacements, forces)
+        return StaticState(least, lower, upper, slip[:, :-1], displacements, forces, self.opened)
 
     def _forces(self, x: Array, *, ray: bool = False) -> Array:
         """Return forces at the corners (K, m, dim); for a ray, their rates along it."""
@@ -183,10 +173,10 @@ class _Program:
         Returns:
             Displacements and forces, shape (m, dim) each; None if no state was found.
         """
-        plane = self.points.dim == 2
-        rows, most = self._first_rows(np.array([[1.0], [-1.0]]) if plane else _circle(_SIDES))
+        rows, most = self._first_rows()
         # In space, tangents of smaller discs bound polygons inside the discs.
-        most = np.where(most > 0, (1.0 if plane else np.cos(np.pi / _SIDES)) * most, most)
+        share = 1.0 if self.points.dim == 2 else np.cos(np.pi / _SIDES)
+        most = np.where(most > 0, share * most, most)
         cost = np.append(-toward[self.places], 0.0)
         bounds: _Bounds = [(-farthest, farthest)] * self.n + [(0.0, 0.0)]
         found = _solved(cost, (rows, most), bounds)
@@ -215,9 +205,9 @@ class _Program:
         k, i = np.nonzero(np.broadcast_to(self.grips, self.a.shape[:2]))
         return k, i
 
-    def _first_rows(self, directions: Array) -> Rows:
-        k, i = (np.repeat(v, len(directions)) for v in self._cells())
-        e = np.tile(directions, (len(k) // len(directions), 1))
+    def _first_rows(self) -> Rows:
+        k, i = (np.repeat(v, len(self.around)) for v in self._cells())
+        e = np.tile(self.around, (len(k) // len(self.around), 1))
         return _joined(self._signs(), self._tangents(k, i, e))
 
     def _by_tangents(self, sense: int) -> tuple[Array | None, float]:
@@ -225,7 +215,7 @@ class _Program:
 
         If nothing bounds the factor, the forces are the rates along the ray, with discs F rn.
         """
-        rows = self._first_rows(_circle(_SIDES))
+        rows = self._first_rows()
         for _ in range(_ROUNDS):
             x, value = _optimum(rows, self.n, sense=sense)
             if x is None:
@@ -254,7 +244,7 @@ class _Program:
         k, i = self._cells()
         number, sides = len(k), _SIDES + len(extreme)
         corners = np.empty((number, sides, 2))
-        corners[:, :_SIDES] = _circle(_SIDES)
+        corners[:, :_SIDES] = self.around
         for j, forces in enumerate(extreme, _SIDES):
             rt = forces[k, i, :-1]
             size = np.linalg.norm(rt, axis=1)[:, None]
@@ -331,7 +321,7 @@ def _optimum(
 
 def largest_factor(
     points: PointProblem, steady: Array, corners: Array, begin: Mask, end: float
-) -> StaticBound:
+) -> tuple[StaticState, Ranges, bool]:
     """Return the static bound over sets of open points.
 
     With up to 8 points all sets are tried. Otherwise the search starts from no open point and from
@@ -343,6 +333,10 @@ def largest_factor(
         corners: loads of the corners (K, dim m).
         begin: open points of a state (m,).
         end: `time.monotonic` at the end of the search.
+
+    Returns:
+        Best state, ranges of factors with a state at rest by size, and whether all sets of open
+        points were tried.
 
     Raises:
         ValueError: if the loads do not differ.
@@ -365,9 +359,10 @@ def largest_factor(
         s.slip * length,
         s.displacements * length,
         s.forces * force,
+        s.opened,
     )
     ranges = tuple((a * share, b * share) for a, b in search.ranges())
-    return StaticBound(state, ranges, search.opened, search.complete)
+    return state, ranges, search.complete
 
 
 def states_at_rest(
@@ -410,8 +405,7 @@ class _Search:
         self._apart = apart
         self._end = end
         self._known: dict[bytes, StaticState] = {}
-        self.opened: Mask = np.zeros(points.number, dtype=bool)
-        self.best = self._of(self.opened)
+        self.best = self._of(np.zeros(points.number, dtype=bool))
         self.complete = False
 
     def _of(self, opened: Mask) -> StaticState:
@@ -427,7 +421,7 @@ class _Search:
         least = self.best.lower
         if not state.lower > least + _BETTER * abs(least if np.isfinite(least) else 0.0):
             return False
-        self.best, self.opened = state, opened
+        self.best = state
         return True
 
     def run(self, begin: Mask) -> None:
@@ -447,7 +441,7 @@ class _Search:
             for i in range(m):
                 if time.monotonic() > self._end:
                     return
-                improved |= self._try(self.opened ^ (np.arange(m) == i))
+                improved |= self._try(self.best.opened ^ (np.arange(m) == i))
 
     def ranges(self) -> list[tuple[float, float]]:
         """Return factors of all sets that were tried, joined where they meet."""
