@@ -38,7 +38,7 @@ from dolfinx_contact._petsc import as_raised
 from dolfinx_contact.continuation.bordered import Bordered
 from dolfinx_contact.continuation.krylov import ModelTest
 from dolfinx_contact.continuation.parameters import StepControl
-from dolfinx_contact.continuation.system import Piece
+from dolfinx_contact.continuation.system import Piece, Scales
 
 __all__ = ["Corrector"]
 
@@ -115,6 +115,7 @@ class Corrector:
     Attributes:
         snes: SNES of all corrections.
         iterations: number of corrections of the last run; consecutive chord steps count as one.
+        scales: units of residuals (`System.measure`) at the accepted states of the branch.
 
     Raises:
         ValueError: if the options choose another type of SNES.
@@ -128,7 +129,7 @@ class Corrector:
         self.forcing = Forcing()
         self.chords = chords and bordered.solver.is_direct
         self.last_unit = bordered.last_unit()
-        self._scales: tuple[float, ...] = ()  # scales of the residual before the last run
+        self.scales: Scales = ()
         self.snes = PETSc.SNES().create(bordered.comm)
         self.snes.setOptionsPrefix(bordered.prefix)
         self.snes.setType(PETSc.SNES.Type.PYTHON)
@@ -141,8 +142,13 @@ class Corrector:
 
     # -- the three correctors --------------------------------------------------------------------
 
-    def moore_penrose(self, y: PETSc.Vec, t: PETSc.Vec, piece: Piece | None) -> bool:
-        """Correct ``y`` in place, orthogonally to ``t``, and update ``t`` in place."""
+    def moore_penrose(self, y: PETSc.Vec, t: PETSc.Vec, piece: Piece | None) -> Scales | None:
+        """Correct ``y`` in place, orthogonally to ``t``, and update ``t`` in place.
+
+        Returns:
+            Units of residuals including those at ``y``, which the caller accepts together with
+            ``y`` by setting `scales`; None if the correction fails.
+        """
         return self._solve(y, t, piece)
 
     def pseudo_arclength(
@@ -158,6 +164,8 @@ class Corrector:
     ) -> bool:
         """Correct ``y`` in place to the point at ``distance`` from ``start`` along ``t``.
 
+        A corrected point is accepted: `scales` include its units.
+
         Args:
             y: predicted point, corrected in place.
             start: point from which the distance is measured.
@@ -168,7 +176,10 @@ class Corrector:
             keep: whether to begin with the matrix of the previous run, which must have had the same
                 ``t`` and piece.
         """
-        return self._solve(y, t, piece, to=(start, distance), polish=polish, keep=keep)
+        scales = self._solve(y, t, piece, to=(start, distance), polish=polish, keep=keep)
+        if scales is not None:
+            self.scales = scales
+        return scales is not None
 
     def natural(self, y: PETSc.Vec, gamma: float, piece: Piece | None) -> bool:
         """Correct ``y`` in place at fixed gamma; the result has exactly this gamma."""
@@ -178,10 +189,6 @@ class Corrector:
         if corrected:  # remove the round-off of gamma
             b.join(b.split(y)[0], gamma, y)
         return corrected
-
-    def reject(self) -> None:
-        """Restore the scales of the residual, which a diverging run may have enlarged."""
-        self.bordered.system.scales = self._scales
 
     # -- tangents --------------------------------------------------------------------------------
 
@@ -259,8 +266,10 @@ class Corrector:
         """
         return self.bordered.solver.determinant_sign() * self.bordered.sense
 
-    def _solve(self, y: PETSc.Vec, t: PETSc.Vec, piece: Piece | None, **target: Any) -> bool:
-        """Correct ``y`` in place; return False if that fails.
+    def _solve(
+        self, y: PETSc.Vec, t: PETSc.Vec, piece: Piece | None, **target: Any
+    ) -> Scales | None:
+        """Correct ``y`` in place; return the units of residuals, None if the correction fails.
 
         Args:
             y: predicted point.
@@ -270,7 +279,6 @@ class Corrector:
         """
         if self.bordered.comm.size > 1:
             PETSc.garbage_cleanup(self.bordered.comm)
-        self._scales = self.bordered.system.scales
         run = _Run(self, y, t, piece, **target)
         self.snes.setPythonContext(run)
         self.snes.setFunction(run.evaluate, self.work.rhs)
@@ -278,10 +286,7 @@ class Corrector:
         with as_raised():
             self.snes.solve(None, y)
         self.iterations = run.iterations
-        converged = bool(self.snes.getConvergedReason() > 0)
-        if not converged:
-            self.reject()
-        return converged
+        return run.scales if self.snes.getConvergedReason() > 0 else None
 
 
 class _Work:
@@ -304,6 +309,9 @@ class _Run:
             updated in place.
         polish: see `Corrector.pseudo_arclength`.
         keep: see `Corrector.pseudo_arclength`.
+
+    Attributes:
+        scales: units of residuals including those of the present iterate.
     """
 
     def __init__(
@@ -335,8 +343,9 @@ class _Run:
         self._before = 0.0  # relative size of H before the last correction
         self._error: float | None = None  # relative size of H at the iterate, if it is evaluated
         self._last = 0.0  # residual of the last row
-        #: Scales of the residual at the predicted state.
-        self._scales: tuple[float, ...] | None = None
+        self.scales = corrector.scales
+        #: Units of residuals including those of the predicted state; None before its evaluation.
+        self._predicted: Scales | None = None
         if not self._solver.matrix:
             # The first assembly differs from later ones by round-off, which may decide at ties of
             # statuses.
@@ -409,13 +418,11 @@ class _Run:
 
     def _size(self, x: PETSc.Vec, gamma: float, hx: PETSc.Vec) -> float:
         """Write H into ``hx``, and return its size relative to the predicted state."""
-        system = self._b.system
-        # with the scales of a diverging iterate every other state would look like a solution
-        if self._scales is not None:
-            system.scales = self._scales
-        size = system.residual(x, gamma, hx, self._piece)
-        if self._scales is None:
-            self._scales = system.scales
+        # in the units of a diverging iterate every other state would look like a solution
+        scales = self.scales if self._predicted is None else self._predicted
+        size, self.scales = self._b.system.measure(x, gamma, hx, self._piece, scales)
+        if self._predicted is None:
+            self._predicted = self.scales
         return size
 
     def _is_round_off(self, y: PETSc.Vec) -> bool:

@@ -40,7 +40,13 @@ from dolfinx_contact.continuation.branch import (
 from dolfinx_contact.continuation.corrector import Corrector
 from dolfinx_contact.continuation.layout import Layout
 from dolfinx_contact.continuation.locate import AT_BORDER
-from dolfinx_contact.continuation.observer import BranchStep, Observer, ObserverLike, Stop
+from dolfinx_contact.continuation.observer import (
+    BranchStep,
+    Observer,
+    ObserverLike,
+    Stepping,
+    Stop,
+)
 from dolfinx_contact.continuation.parameters import Direction, StepControl, sign_of
 from dolfinx_contact.continuation.pivoting import Pivoting
 from dolfinx_contact.continuation.ray_finder import KinkRays, reach_of_events
@@ -52,6 +58,7 @@ from dolfinx_contact.continuation.steps import (
 )
 from dolfinx_contact.continuation.system import (
     Piece,
+    Scales,
     System,
 )
 from dolfinx_contact.continuation.walk import Next, Walker
@@ -223,15 +230,6 @@ class Follower(Walker):
     def __exit__(self, *_: object) -> None:
         self.bordered.destroy()
 
-    @property
-    def largest_distance(self) -> float:  # type: ignore[override]
-        """Largest distance to a border so far."""
-        return self._steps.largest_distance
-
-    @largest_distance.setter
-    def largest_distance(self, distance: float) -> None:
-        self._steps.largest_distance = distance
-
     # -- where branches start --------------------------------------------------------------------
 
     def _point_at(self, x: PETSc.Vec, gamma: float, sign: float) -> BranchPoint:
@@ -329,6 +327,20 @@ class Follower(Walker):
 
     # -- along a branch --------------------------------------------------------------------------
 
+    def _stepping(self, index: int) -> Stepping:
+        return Stepping(
+            index,
+            self.next_step,
+            self.bordered.x_scale,
+            self._steps.largest_distance,
+            self.corrector.scales,
+        )
+
+    def _resume(self, stepping: Stepping) -> None:
+        super()._resume(stepping)
+        self._steps.largest_distance = stepping.largest_distance
+        self.corrector.scales = stepping.scales
+
     def _walk(
         self, branch: Branch, origin: BranchPoint, gamma_range: tuple[float, float]
     ) -> Iterator[Next]:
@@ -385,6 +397,7 @@ class Follower(Walker):
         gamma = min(max(point.gamma + hop, low), high)
         if gamma == point.gamma:
             return None
+        scales = self.corrector.scales
         try:
             direction: Direction = "increasing" if slope > 0 else "decreasing"
             new = self.start(b.split(point.y)[0], gamma, direction=direction)
@@ -396,7 +409,7 @@ class Follower(Walker):
         most = abs(gamma - point.gamma) * (1 / abs(slope) + 1 / abs(onwards)) if onwards else 0.0
         if b.is_same_piece(new.piece, point.piece) and distance <= _FURTHER * most:
             return new
-        self.corrector.reject()
+        self.corrector.scales = scales
         return None
 
     def _is_closed(self, start: BranchPoint, point: BranchPoint, new: BranchPoint) -> bool:
@@ -505,18 +518,15 @@ def require_solutions(system: System, branch: Branch) -> None:
     """
     layout = Layout(system)
     b = system.create_vector()
-
-    def error(point: BranchPoint) -> float:
-        return system.residual(*layout.split(point.y), b, None)
-
-    scales = system.scales
-    worst = 0.0
+    scales: Scales = ()
     with system.restored(always=True):
         for _ in range(2):  # repeated, because the scales grow with the load
-            worst = max(map(error, branch.points), default=0.0)
+            worst = 0.0
+            for point in branch.points:
+                size, scales = system.measure(*layout.split(point.y), b, None, scales)
+                worst = max(worst, size)
             if worst <= _ALLOWED:
                 break
-    system.scales = scales
     require(
         system.comm,
         worst <= _ALLOWED,

@@ -37,6 +37,7 @@ from dolfinx_contact.continuation.branch import (
     SpecialPoint,
     kind_of_kink,
 )
+from dolfinx_contact.continuation.observer import Stepping
 from dolfinx_contact.continuation.parameters import StepControl
 from dolfinx_contact.continuation.rays import AffineRay, Rays, neighbours, outgoing, same_direction
 from dolfinx_contact.continuation.system import Condensed, System
@@ -122,6 +123,13 @@ class Pivoting(Walker):
         return BranchPoint(special.y, ray.tangent, ray.piece, special.gamma)
 
     # -- from vertex to vertex -------------------------------------------------------------------
+
+    def _stepping(self, index: int) -> Stepping:
+        return Stepping(index, self.next_step, self.bordered.x_scale, self.largest_distance)
+
+    def _resume(self, stepping: Stepping) -> None:
+        super()._resume(stepping)
+        self.largest_distance = stepping.largest_distance
 
     def _walk(
         self, branch: Branch, origin: BranchPoint, gamma_range: tuple[float, float]

@@ -48,6 +48,7 @@ from dolfinx_contact.continuation.system import (
     Condensed,
     Piece,
     Proof,
+    Scales,
     System,
 )
 
@@ -189,33 +190,27 @@ def find_solutions(
     check_states(system, guesses, "a guess")
     check_states(system, known, "a known solution")
     system.check_parameter([gamma])
-    scales = system.scales
-    try:
-        proved: Solutions | None = None
-        if not deflation:
-            search = _of_cones if system.is_piecewise_affine else _of_proof
-            with system.restored(always=True):
-                proved = search(system, guesses[0], gamma, proof_seconds)
-        if proved is not None and (system.is_piecewise_affine or proved.complete):
-            solutions = proved
-        else:
-            with (
-                system.restored(always=True),
-                _Deflated(system, gamma, max_iterations, tolerance) as deflated,
-            ):
-                states, tried = deflated.search(guesses, known, proved, lengths)
-                found = tuple(Solution(x, system.piece_at(x, gamma), gamma) for x in states)
-            method = tried if found else f"not found: {tried}"
-            if proved is not None:
-                method = f"{method}, {proved.method}"
-            elif proof_seconds > 0 and not deflation:
-                obstacle = system.obstacle_to_proof()
-                method = f"{method}; nothing is proved: {obstacle}" if obstacle else method
-            proof = None if proved is None else proved.proof
-            solutions = Solutions(gamma, found, False, method, proof=proof)
-    finally:
-        system.scales = scales  # diverging iterations have enlarged them
-    return _validated(system, solutions)
+    proved: Solutions | None = None
+    if not deflation:
+        search = _of_cones if system.is_piecewise_affine else _of_proof
+        with system.restored(always=True):
+            proved = search(system, guesses[0], gamma, proof_seconds)
+    if proved is not None and (system.is_piecewise_affine or proved.complete):
+        return _validated(system, proved)
+    with (
+        system.restored(always=True),
+        _Deflated(system, gamma, max_iterations, tolerance) as deflated,
+    ):
+        states, tried = deflated.search(guesses, known, proved, lengths)
+        found = tuple(Solution(x, system.piece_at(x, gamma), gamma) for x in states)
+    method = tried if found else f"not found: {tried}"
+    if proved is not None:
+        method = f"{method}, {proved.method}"
+    elif proof_seconds > 0 and not deflation:
+        obstacle = system.obstacle_to_proof()
+        method = f"{method}; nothing is proved: {obstacle}" if obstacle else method
+    proof = None if proved is None else proved.proof
+    return _validated(system, Solutions(gamma, found, False, method, proof=proof))
 
 
 def _validated(system: System, solutions: Solutions) -> Solutions:
@@ -316,6 +311,7 @@ class _Deflated:
         self._y, self._dy, self._rhs = (b.vector() for _ in range(3))
         self._row = b.last_unit()
         self._h, self._w = (system.create_vector() for _ in range(2))
+        self._scales: Scales = ()  # units of the residuals of all iterates
 
     def __enter__(self) -> _Deflated:
         return self
@@ -401,7 +397,7 @@ class _Deflated:
         x = guess.copy()
         squares = [length**2 * self._product(guess, other)[0] or 1.0 for other in known]
         for _ in range(self.max_iterations):
-            error = self.system.residual(x, self.gamma, self._h, piece)
+            error, self._scales = self.system.measure(x, self.gamma, self._h, piece, self._scales)
             if not np.isfinite(error):
                 break
             near = error <= self.tolerance and piece is None

@@ -52,7 +52,7 @@ from dolfinx_contact.continuation.factorised import BorderedMatrix
 from dolfinx_contact.continuation.follow import follow
 from dolfinx_contact.continuation.layout import Layout
 from dolfinx_contact.continuation.parameters import Direction, StepControl, sign_of
-from dolfinx_contact.continuation.system import Events, Piece, System
+from dolfinx_contact.continuation.system import Events, Piece, Scales, System
 
 __all__ = ["SpecialCurve", "follow_special"]
 
@@ -87,8 +87,9 @@ class SpecialCurve:
 class _Condition:
     """A condition phi(x, gamma) = 0 next to H = 0. Methods are collective.
 
-    Subclasses define ``value``: phi and its relative size; ``gradient``: derivative of phi by x;
-    ``derivative``: derivative of phi by a parameter, given the derivative of H.
+    Subclasses define ``value``: phi, its relative size and the units of residuals; ``gradient``:
+    derivative of phi by x; ``derivative``: derivative of phi by a parameter, given the derivative
+    of H.
 
     Args:
         system: system H.
@@ -131,7 +132,7 @@ class _StatusChange(_Condition):
         here = system.comm.rank == change.rank
         self._point = np.array([change.point] if here else [], dtype=np.int32)
         self._before, self._after = (system.create_vector() for _ in range(2))
-        self._difference(x, gamma, piece)
+        self._difference(x, gamma, piece, ())
         self._w = self._after.copy()
         size = self._w.norm()
         if not size > 0:
@@ -147,16 +148,20 @@ class _StatusChange(_Condition):
     def _with(self, piece: Piece, code: int) -> Piece:
         return piece.with_codes(self._point, [code] * len(self._point))
 
-    def _difference(self, x: PETSc.Vec, gamma: float, piece: Piece) -> float:
-        """Compute H_1 - H_0, and return the relative size of H_1."""
-        self._system.residual(x, gamma, self._before, piece)
-        size = self._system.residual(x, gamma, self._after, self._beyond(piece))
+    def _difference(
+        self, x: PETSc.Vec, gamma: float, piece: Piece, scales: Scales
+    ) -> tuple[float, Scales]:
+        """Compute H_1 - H_0, and return the relative size of H_1 and the units of residuals."""
+        _, scales = self._system.measure(x, gamma, self._before, piece, scales)
+        size, scales = self._system.measure(x, gamma, self._after, self._beyond(piece), scales)
         self._after.axpy(-1.0, self._before)
-        return size
+        return size, scales
 
-    def value(self, x: PETSc.Vec, gamma: float, piece: Piece) -> tuple[float, float]:
-        size = self._difference(x, gamma, piece)
-        return float(self._w.dot(self._after)), size
+    def value(
+        self, x: PETSc.Vec, gamma: float, piece: Piece, scales: Scales
+    ) -> tuple[float, float, Scales]:
+        size, scales = self._difference(x, gamma, piece, scales)
+        return float(self._w.dot(self._after)), size, scales
 
     def gradient(self, x: PETSc.Vec, gamma: float, piece: Piece) -> PETSc.Vec:
         system = self._system
@@ -253,9 +258,11 @@ class _SmoothFold(_Condition):
         v, g = layout.split(y)
         return v.copy(), psi, g
 
-    def value(self, x: PETSc.Vec, gamma: float, piece: Piece) -> tuple[float, float]:
+    def value(
+        self, x: PETSc.Vec, gamma: float, piece: Piece, scales: Scales
+    ) -> tuple[float, float, Scales]:
         _, _, g = self._solve(x, gamma, piece)
-        return g, abs(g) / self._size
+        return g, abs(g) / self._size, scales
 
     def _along(
         self, x: PETSc.Vec, v: PETSc.Vec, evaluate: Callable[[PETSc.Vec, PETSc.Vec], None]
@@ -324,15 +331,6 @@ class _Extended(System):
     def matrix(self) -> PETSc.Mat:  # type: ignore[override]
         return self._bordered.matrix
 
-    @property
-    def scales(self) -> tuple[float, ...]:  # type: ignore[override]
-        return self.system.scales
-
-    @scales.setter
-    def scales(self, scales: tuple[float, ...]) -> None:
-        if scales:
-            self.system.scales = scales
-
     def create_vector(self) -> PETSc.Vec:
         return self.layout.vector()
 
@@ -344,12 +342,17 @@ class _Extended(System):
         piece = self.system.piece_at(self._x, gamma) if piece is None else piece
         return self._x, gamma, self.condition.own(piece)
 
-    def residual(self, X: PETSc.Vec, mu: float, b: PETSc.Vec, piece: Piece | None) -> float:
+    def measure(
+        self, X: PETSc.Vec, mu: float, b: PETSc.Vec, piece: Piece | None, scales: Scales
+    ) -> tuple[float, Scales]:
         x, gamma, own = self._set(X, mu, piece)
-        phi, size_of_phi = self.condition.value(x, gamma, own)
-        size = self.system.residual(x, gamma, self._c, own)
+        phi, size_of_phi, scales = self.condition.value(x, gamma, own, scales)
+        size, scales = self.system.measure(x, gamma, self._c, own, scales)
         self.layout.join(self._c, phi, b)
-        return max(size, size_of_phi)
+        return max(size, size_of_phi), scales
+
+    def residual(self, X: PETSc.Vec, mu: float, b: PETSc.Vec, piece: Piece | None) -> float:
+        return self.measure(X, mu, b, piece, ())[0]
 
     def jacobian(self, X: PETSc.Vec, mu: float, piece: Piece | None) -> None:
         x, gamma, own = self._set(X, mu, piece)

@@ -46,7 +46,12 @@ from dolfinx_contact.continuation.branch import (
 from dolfinx_contact.continuation.corrector import Corrector
 from dolfinx_contact.continuation.locate import AT_BORDER, Locator
 from dolfinx_contact.continuation.ray_finder import KinkRays
-from dolfinx_contact.continuation.system import Piece, fractions_to_borders, matched_distances
+from dolfinx_contact.continuation.system import (
+    Piece,
+    Scales,
+    fractions_to_borders,
+    matched_distances,
+)
 
 __all__ = ["BatchedSteps", "ExactSteps", "Locate", "SteppingSteps"]
 
@@ -54,6 +59,8 @@ __all__ = ["BatchedSteps", "ExactSteps", "Locate", "SteppingSteps"]
 Locate: TypeAlias = Callable[[Change], bool]
 #: Changes with the fraction of a step at which each occurs if its event is linear.
 Changes: TypeAlias = tuple[tuple[float, Change], ...]
+#: A corrected state, and the units of residuals with which it is accepted.
+Corrected: TypeAlias = tuple[PETSc.Vec, Scales]
 #: The next point, the special points on the way to it, and the length of the step after it.
 Advance: TypeAlias = tuple[BranchPoint, list[SpecialPoint], float]
 
@@ -116,8 +123,8 @@ class ExactSteps(Locator):
     def _attempt(self, point: BranchPoint, h: float, attempt: int) -> Advance | float:
         """Try a step of length ``h``; return the length of the next attempt if it fails."""
         shorter = h * self.control.decrease
-        y = self.corrected_step(point, h, point.piece)
-        new = None if y is None else self.new_point(point, h, y, point.piece)
+        corrected = self.corrected_step(point, h, point.piece)
+        new = None if corrected is None else self.new_point(point, h, corrected, point.piece)
         if new is None:
             return shorter
         if not self.is_outside(new):
@@ -136,16 +143,17 @@ class ExactSteps(Locator):
 
     # -- one step --------------------------------------------------------------------------------
 
-    def corrected_step(self, point: BranchPoint, h: float, piece: Piece | None) -> PETSc.Vec | None:
+    def corrected_step(self, point: BranchPoint, h: float, piece: Piece | None) -> Corrected | None:
         """Return the state after a step of length ``h`` on a piece or on H; None if it fails."""
         y = self.bordered.moved(point.y, h, point.tangent)
-        return y if self.corrector.moore_penrose(y, point.tangent.copy(), piece) else None
+        scales = self.corrector.moore_penrose(y, point.tangent.copy(), piece)
+        return None if scales is None else (y, scales)
 
     def new_point(
         self,
         point: BranchPoint,
         h: float,
-        y: PETSc.Vec,
+        corrected: Corrected,
         piece: Piece,
         *,
         factorise: bool = False,
@@ -156,11 +164,12 @@ class ExactSteps(Locator):
         Args:
             point: start of the step.
             h: length of the step.
-            y: corrected state.
+            corrected: corrected state.
             piece: piece of the corrected state.
             factorise: whether to factorise the matrix of the tangent in any case.
             precise: False if the tangent only serves as the direction of the next step.
         """
+        y, scales = corrected
         corrections = self.corrector.iterations
         start = None if precise else point.y
         tangent = self.corrector.tangent(
@@ -168,6 +177,7 @@ class ExactSteps(Locator):
         )
         if tangent is None or not self.lands(point, h, y, tangent):
             return None
+        self.corrector.scales = scales
         # the factorisation of the tangent serves the test function as well
         tau = self.test(accepted=True)
         return BranchPoint(y, tangent, piece, self.bordered.gamma(y), h, corrections, tau)
@@ -194,10 +204,7 @@ class ExactSteps(Locator):
         shortest = least * np.sqrt(float(chord.dot(away)))
         aside = min(along, float(chord.dot(tangent))) < shortest
         off = b.length(b.moved(away, -h, point.tangent))
-        landed = not (turns or aside or abs(along - h) > _SHARE * h or off > h)
-        if not landed:
-            self.corrector.reject()
-        return landed
+        return not (turns or aside or abs(along - h) > _SHARE * h or off > h)
 
     def _within_piece(self, point: BranchPoint, new: BranchPoint, h: float) -> Advance | None:
         """Accept a step without a change of status; None if it misses a fold."""
@@ -384,13 +391,14 @@ class _StepsOnH(ExactSteps):
     def _trial(self, point: BranchPoint, h: float) -> _Trial:
         """Take a step of the length ``h`` on H."""
         b = self.bordered
-        y = self.corrected_step(point, h, None)
-        if y is None:
+        corrected = self.corrected_step(point, h, None)
+        if corrected is None:
             return _Trial(None)
+        y, _ = corrected
         piece = b.piece_at(y)
         changes = self._changes(point, y, piece)
         before = self._orientation(point) if changes else 0.0
-        new = self.new_point(point, h, y, piece, factorise=bool(changes))
+        new = self.new_point(point, h, corrected, piece, factorise=bool(changes))
         if new is None or not changes:
             return _Trial(new, changes)
         after = self.corrector.orientation()
@@ -492,13 +500,14 @@ class SteppingSteps(_StepsOnH):
         """Return the point at the distance ``h`` along ``t``; None on failure or if behind."""
         b = self.bordered
         start = replace(point, tangent=t)
-        y = self.corrected_step(start, h, None)
-        if y is None:
+        corrected = self.corrected_step(start, h, None)
+        if corrected is None:
             return None
+        y, _ = corrected
         piece = b.piece_at(y)
         if b.is_same_piece(piece, point.piece) and b.inner(y - point.y, point.tangent) < 0:
             return None
-        return self.new_point(start, h, y, piece, factorise=True, precise=True)
+        return self.new_point(start, h, corrected, piece, factorise=True, precise=True)
 
     def _kink(self, point: BranchPoint, new: BranchPoint, h_1: float) -> SpecialPoint:
         """Return the kink between ``point`` and ``new``, within ``h_1`` of ``point``."""

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, TypeAlias
 
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -26,6 +26,7 @@ __all__ = [
     "Events",
     "Piece",
     "Preconditioner",
+    "Scales",
     "System",
     "fractions_to_borders",
     "matched_distances",
@@ -33,6 +34,8 @@ __all__ = [
 
 Array = npt.NDArray[np.float64]
 Codes = npt.NDArray[np.int8]
+#: Units of residuals; () if a system has none, or before its first residual.
+Scales: TypeAlias = tuple[float, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,7 +124,7 @@ class System:
     """H(x, gamma) = 0 in PETSc: the base class of systems. Every method is collective.
 
     ``piece=None`` means H itself, with the statuses that (x, gamma) determines. A system has no
-    state between two calls, except for `scales` and for `matrix`, which `jacobian` assembles.
+    state between two calls, except for `matrix`, which `jacobian` assembles.
     A smooth system defines `comm`, `matrix`, `create_vector`, `residual`, `jacobian`,
     `parameter_derivative`, `metric` and `probe`.
     """
@@ -129,8 +132,6 @@ class System:
     comm: MPI.Comm
     #: H_x, of size N x N: AIJ unless there is a `preconditioner`.
     matrix: PETSc.Mat
-    #: Measures of residuals; they may grow along a branch.
-    scales: tuple[float, ...] = ()
     #: Whether kinks are passed in batches unless `StepControl.kinks` is set, because branches have
     #: too many of them to locate each.
     has_many_pieces: bool = False
@@ -150,6 +151,24 @@ class System:
     def residual(self, x: PETSc.Vec, gamma: float, b: PETSc.Vec, piece: Piece | None) -> float:
         """Write H(x, gamma) into ``b``, and return its relative size."""
         raise NotImplementedError
+
+    def measure(
+        self, x: PETSc.Vec, gamma: float, b: PETSc.Vec, piece: Piece | None, scales: Scales
+    ) -> tuple[float, Scales]:
+        """Write H(x, gamma) into ``b``, and measure it in units that grow along a branch.
+
+        Args:
+            x: state.
+            gamma: parameter.
+            b: vector that receives H.
+            piece: piece of H.
+            scales: units of the branch so far.
+
+        Returns:
+            Relative size of H, and the units including those of the state; default: the result of
+            `residual`, and ``scales``.
+        """
+        return self.residual(x, gamma, b, piece), scales
 
     def jacobian(self, x: PETSc.Vec, gamma: float, piece: Piece | None) -> None:
         """Assemble H_x(x, gamma) into `matrix`.

@@ -67,14 +67,12 @@ class Walker(ABC):
         bordered: bordered system.
         control: step lengths.
         next_step: length of the next step.
-        largest_distance: largest distance to a border so far, the unit of distances.
     """
 
     system: System
     bordered: Bordered
     control: StepControl
     next_step: float
-    largest_distance: float
 
     # -- where branches start --------------------------------------------------------------------
 
@@ -183,9 +181,14 @@ class Walker(ABC):
             gamma_range: range of gamma.
         """
 
+    @abstractmethod
     def _stepping(self, index: int) -> Stepping:
         """Return the data with which a branch can be resumed at point number ``index``."""
-        return Stepping(index, self.next_step, self.bordered.x_scale, self.largest_distance)
+
+    def _resume(self, stepping: Stepping) -> None:
+        """Restore the data with which a branch is resumed."""
+        self.next_step = stepping.next_step
+        self.bordered.x_scale = stepping.x_scale
 
     @staged("Continuation")
     def run(
@@ -237,9 +240,7 @@ class Walker(ABC):
         self.next_step = self.control.initial
         if stepping is not None:
             first = stepping.index
-            self.next_step = stepping.next_step
-            b.x_scale = stepping.x_scale
-            self.largest_distance = stepping.largest_distance
+            self._resume(stepping)
         steps = self._walk(branch, origin or start, gamma_range)
         point = start
 

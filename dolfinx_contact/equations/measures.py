@@ -96,12 +96,15 @@ class Scales:
         equations: contact problem.
         settled: whether the state should be a solution, so that the scales are bounded from below
             (`least_scales`); default: False.
+        known: force and length of earlier states; default: none.
     """
 
-    def __init__(self, equations: ContactEquations, *, settled: bool = False):
+    def __init__(
+        self, equations: ContactEquations, *, settled: bool = False, known: Sequence[float] = ()
+    ):
         self._equations = equations
         self._settled = settled
-        self.force = self.length = 0.0
+        self.force, self.length = known or (0.0, 0.0)
 
     def measure(self, state: Evaluation) -> Measures:
         """Return the measures of the rows of H at an evaluation. Collective."""

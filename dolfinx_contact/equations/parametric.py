@@ -105,7 +105,6 @@ class ParametricEquations(System):
         self._linear = linear
         #: Linear solver of the present branch.
         self._solver: JacobianSolver | None = None
-        self._scales = Scales(equations)
         rate = Rate(gamma)
         self._body_rate = rate.of_form(equations.bulk.residual)
         self._driven = [Driven(f, expression, rate) for f, expression in driven]
@@ -259,15 +258,6 @@ class ParametricEquations(System):
                     eq.constraints.check_values(surfaces, eq.body_size, where)
 
     @property
-    def scales(self) -> tuple[float, ...]:  # type: ignore[override]
-        """Force and length, the units of residuals; they grow along a branch."""
-        return self._scales.force, self._scales.length
-
-    @scales.setter
-    def scales(self, scales: Sequence[float]) -> None:
-        self._scales.force, self._scales.length = scales
-
-    @property
     def has_many_pieces(self) -> bool:  # type: ignore[override]
         """Whether kinks are passed in batches by default: in 3D with many contact points."""
         return self.equations.dim == 3 and self._num_points > _MANY_POINTS
@@ -310,7 +300,14 @@ class ParametricEquations(System):
         return self.equations.contact(x, self.statuses_of(piece))
 
     def residual(self, x: PETSc.Vec, gamma: float, b: PETSc.Vec, piece: Piece | None) -> float:
-        return self._scales.measure(self._evaluate(x, gamma, b, piece)).worst
+        return self.measure(x, gamma, b, piece, ())[0]
+
+    def measure(
+        self, x: PETSc.Vec, gamma: float, b: PETSc.Vec, piece: Piece | None, scales: Sequence[float]
+    ) -> tuple[float, tuple[float, ...]]:
+        known = Scales(self.equations, known=scales)
+        size = known.measure(self._evaluate(x, gamma, b, piece)).worst
+        return size, (known.force, known.length)
 
     def _evaluate(
         self, x: PETSc.Vec, gamma: float, b: PETSc.Vec, piece: Piece | None

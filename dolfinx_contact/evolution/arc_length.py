@@ -46,6 +46,7 @@ from dolfinx_contact.continuation.branch import BranchPoint, FoundRays, Ray, Spe
 from dolfinx_contact.continuation.corrector import Corrector
 from dolfinx_contact.continuation.observer import Observer, ObserverLike, Stop
 from dolfinx_contact.continuation.parameters import StepControl
+from dolfinx_contact.continuation.system import Scales
 from dolfinx_contact.continuation.walk import require_way
 from dolfinx_contact.equations.evaluation import Evaluation
 from dolfinx_contact.equations.state import State
@@ -233,7 +234,7 @@ class ArcLength(Runnable[PathTask, PathHistory]):
         known = {
             "x_scale": run_state.known.get("x_scale", 0.0),
             "largest_distance": 0.0,
-            "scales": run_state.known.get("scales", self.parametric.scales),
+            "scales": run_state.known.get("scales", ()),
             "signs": (),
         }
         return replace(
@@ -349,13 +350,14 @@ class PathStepper(Stepper):
                 )
             result = self.system.result_at(arrival[0])
             evaluation = self.system.problem.evaluate()
-            if self._weak or self._violation(evaluation) <= _VIOLATION:
+            scales = steps.corrector.scales
+            if self._weak or self._violation(evaluation, scales) <= _VIOLATION:
                 return arrival, result, evaluation
             h = 0.5 * min(h, arrival[0].step)
 
-    def _violation(self, evaluation: Evaluation) -> float:
+    def _violation(self, evaluation: Evaluation, scales: Scales) -> float:
         """Return the violation of the contact law relative to the largest forces so far."""
-        force, length = self.system.scales
+        force, length = scales
         return violation(self.system.equations, evaluation, force, length) if force > 0 else 0.0
 
     def _more(self) -> dict[str, Any]:

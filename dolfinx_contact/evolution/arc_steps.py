@@ -64,7 +64,7 @@ class ArcSteps(ExactSteps):
         x_scale           square of the length of x that counts as much as one unit of gamma; 0
                           before a tangent has moved x
         largest_distance  largest distance to a border of a piece so far
-        scales            scales of the residuals (`System.scales`)
+        scales            units of the residuals (`System.measure`)
         signs             signs of the test for bifurcations
         ================  =========================================================================
         """
@@ -72,7 +72,7 @@ class ArcSteps(ExactSteps):
         return {
             "x_scale": b.x_scale / b.gamma_scale**2,
             "largest_distance": self.largest_distance,
-            "scales": tuple(self.system.scales),
+            "scales": self.corrector.scales,
             "signs": tuple(map(float, self.test.signs)),
         }
 
@@ -80,7 +80,7 @@ class ArcSteps(ExactSteps):
         """Restore the scales and signs of a run that is resumed."""
         self.bordered.x_scale = known["x_scale"] * self.bordered.gamma_scale**2
         self.largest_distance = known["largest_distance"]
-        self.system.scales = tuple(known["scales"])
+        self.corrector.scales = tuple(known["scales"])
         if len(known["signs"]) == len(self.test.signs):
             self.test.signs[:] = known["signs"]
 
@@ -167,8 +167,10 @@ class ArcSteps(ExactSteps):
 
     def _corrected(self, point: BranchPoint, h: float) -> BranchPoint | None:
         """Predict and correct a point at arc length h on the piece; None on failure."""
-        y = self.corrected_step(point, h, point.piece)
-        new = None if y is None else self.new_point(point, h, y, point.piece, precise=True)
+        corrected = self.corrected_step(point, h, point.piece)
+        new = None
+        if corrected is not None:
+            new = self.new_point(point, h, corrected, point.piece, precise=True)
         return None if new is None else self.rescaled(new)
 
     def _turns_twice(self, point: BranchPoint, new: BranchPoint) -> bool:

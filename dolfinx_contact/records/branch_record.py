@@ -170,7 +170,7 @@ class BranchRecord(Record[Journal]):
             "next_step": state.next_step,
             "x_scale": state.x_scale,
             "largest_distance": state.largest_distance,
-            "scales": self.system.scales,
+            "scales": state.scales,
             "ending": state.ending,
             "reason": state.reason,
         }
@@ -235,9 +235,9 @@ class BranchRecord(Record[Journal]):
         if p.checkpoint is None:
             raise ValueError(f"no fields were kept at point {index} of branch {branch}")
         self._read_checkpoint(p, self._entries.vectors)
-        self.system.scales = tuple(p.scales)
         point = self._entries.joined(p)
-        return point, Stepping(index, p.next_step, p.x_scale, p.largest_distance)
+        stepping = Stepping(index, p.next_step, p.x_scale, p.largest_distance, tuple(p.scales))
+        return point, stepping
 
     def points(self, branch: int = 0) -> list[BranchPoint]:
         """Return all points of a branch that have a checkpoint, with their fields. Collective."""
@@ -291,7 +291,6 @@ class BranchRecord(Record[Journal]):
         if known.ending is not None and not exhausted:
             return Branch([point], ending=known.ending, reason=known.reason)
         origin = self.state(branch, 0)[0] if stepping.index else None
-        self.system.scales = tuple(known.points[stepping.index].scales)
         # Pivoting has no length of steps.
         route: Route = "steps" if stepping.next_step > 0 else "pivoting"
         x = self._entries.split(point)["x"]
