@@ -674,9 +674,8 @@ def laws_in_histories():
 
 
 def options_of_histories():
-    """Histories that are extrapolated, stopped, or that count the rays."""
+    """Histories that are stopped, or that count the rays."""
     kinds = {
-        "extrapolated": {"extrapolate": True},
         "stopped": {"stop": lambda step: "far" if step.time > 2.2 else ""},
         "rays": {"rays": True},
     }

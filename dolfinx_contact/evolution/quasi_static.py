@@ -105,6 +105,8 @@ class Evolution(Runnable[HistoryTask, History]):
 def _check_run(a: Arguments) -> None:
     if a.shortest is not None and a.halve_steps is False and not a.locate_jumps:
         raise ValueError("shortest has no effect without halve_steps or locate_jumps")
+    if a.extrapolate and not any(s.slides for s in a.self.problem.surfaces):
+        raise ValueError("extrapolate=True has no effect without bodies that slide over each other")
     a.times = checked_times(a.times, None if a.start is not None else a.self._accepted)
     Listeners.of(a).check(a.self._record)
 
@@ -208,8 +210,8 @@ class QuasiStatic(Evolution):
                 `EvolutionStep.directions`: True: at the start of every step, in 2D with nodal
                 contact; False: never. None (default): with ``locate_jumps``, up to sixteen points,
                 where the statuses of the previous step do not hold; otherwise never.
-            extrapolate: whether, for bodies sliding over each other, the solver starts at the
-                extrapolation of the previous step, and at the previous state if that fails. This
+            extrapolate: whether the solver starts at the extrapolation of the previous step, and at
+                the previous state if that fails; only for bodies sliding over each other. This
                 saves iterations in steps up to about one facet. A resumed run extrapolates from its
                 second step. Default: False.
             stop: function called with every accepted step on every rank, while its end is in the
