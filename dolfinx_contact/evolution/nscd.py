@@ -48,7 +48,7 @@ __all__ = ["NSCD"]
 
 logger = logging.getLogger(__name__)
 
-_SHORTEST = 2.0**-20  # shortest step, relative to dt
+_SHORTEST = 2.0**-10  # shortest step, relative to dt
 
 
 def _check(a: Arguments) -> None:
@@ -197,7 +197,8 @@ class NSCD(Evolution):
         if method.alternates and problem.comm.rank == 0:
             logger.warning(
                 "theta = 1/2 with mass at the nodes that may touch: contact forces alternate from "
-                "step to step, but their mean is correct; use mass='redistributed' to avoid this"
+                "step to step, but their mean is correct; mass='redistributed' avoids this, except "
+                "for laws that weaken with the speed, which need mass at these nodes"
             )
         self._dt = dt
         self._method = method
@@ -246,7 +247,10 @@ class NSCD(Evolution):
                 Functions as they are with virgin memory. Required in the first run if the problem
                 has had another evolution.
             locate: time resolution of first contacts: a step in which a point closes is tried again
-                with half the length, unless that is shorter; default: not located.
+                with half the length, unless that is shorter; default: not located. It is also the
+                lower bound of the length of a step that is tried again because it was not solved,
+                with a quarter of its length; by default dt/1024. The first such step gives a
+                warning.
             stop: condition that ends the run, see `QuasiStatic.run`.
             observer: observer of the accepted steps, see `QuasiStatic.run`.
             record: record of the accepted steps, see `QuasiStatic.run`.
@@ -257,8 +261,8 @@ class NSCD(Evolution):
             tables are means over the step, gaps and displacements refer to its end.
 
         Raises:
-            NoContinuation: if a step is not solved with any length; the problem is at the last
-                accepted state.
+            NoContinuation: if a step is not solved, down to the shortest length; the problem is at
+                the last accepted state.
             ValueError: on every rank, if arguments or data are not admissible, or a point is inside
                 an obstacle at the start. Errors of ``load``, ``stop`` and ``observer`` on
                 one rank are raised on every rank.

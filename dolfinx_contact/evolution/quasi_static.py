@@ -96,10 +96,14 @@ class Evolution(Runnable[HistoryTask, History]):
     def _accepted_start(
         self, stepper: Stepper, task: HistoryTask, start: State | None
     ) -> AcceptedState:
-        stepper.require_repeatable(task.times[0], task.times[-1])
+        varies = stepper.require_repeatable(task.times[0], task.times[-1])
         if start is None and self._accepted is not None:
-            return stepper.continued(self._accepted)
-        return stepper.start(task.times[0], start)
+            accepted = stepper.continued(self._accepted)
+        else:
+            accepted = stepper.start(task.times[0], start)
+        if not varies:
+            stepper.warn_of_constant_load(accepted, task.times)
+        return accepted
 
 
 def _check_run(a: Arguments) -> None:
@@ -129,7 +133,8 @@ class QuasiStatic(Evolution):
         load: function of the time, called on every rank before each step, that sets Constants and
             Functions of the data to their values at that time. It may be called several times for
             the same time and must not depend on earlier calls. After a run the data are those of
-            the last accepted time.
+            the last accepted time. A load that changes nothing during a run gives a warning, unless
+            a law depends on time or the start is not a solution.
 
     Raises:
         ValueError: on every rank, if arguments are not valid.

@@ -219,7 +219,7 @@ class Stepper:
 
     # -- the start of a run ----------------------------------------------------------------------
 
-    def require_repeatable(self, time: float, later: float) -> None:
+    def require_repeatable(self, time: float, later: float) -> bool:
         """Refuse a load depending on earlier calls; the load of a time is set. Collective.
 
         Shorter steps call the load with times in any order.
@@ -227,6 +227,9 @@ class Stepper:
         Args:
             time: time at the start of a run.
             later: a later time.
+
+        Returns:
+            Whether the loads of the two times differ.
 
         Raises:
             ValueError: on every rank, if the load sets other data the second time.
@@ -238,6 +241,7 @@ class Stepper:
         bad = anywhere(comm, *(not np.isfinite(d.values).all() for d in data))
         before = Constancy(comm, [d for d, wrong in zip(data, bad, strict=True) if not wrong])
         self._set(later)
+        varies = bool(before.changed())
         self._set(time)
         changed = before.changed()
         require(
@@ -247,6 +251,34 @@ class Stepper:
             f"load of {later:g}. Steps are tried with several lengths, so the load must set "
             "everything that it changes, from the time alone",
         )
+        return varies
+
+    def warn_of_constant_load(self, accepted: AcceptedState, times: Sequence[float]) -> None:
+        """Log a warning if every step of a run would repeat its start. Collective.
+
+        Args:
+            accepted: state at the start of the run; its load is set.
+            times: times of the run; the first and the last have the same load.
+        """
+        varies = not accepted.solved or isinstance(accepted.forces, Motion)
+        laws = [s.law_at_points.compiled for s in self.problem.surfaces]
+        varies = varies or any(law.needs_time(0.0) for law in laws)
+        comm = self.problem.comm
+        first = Constancy(comm, placed_data(self.problem.equations))
+        for time in () if varies else times[1:-1]:
+            self._set(time)
+            if first.changed():
+                varies = True
+                break
+        self.put(accepted)
+        if not varies and comm.rank == 0:
+            logger.warning(
+                "the load changes no data of the problem between the times %g and %g, so that "
+                "every step repeats the start: load= must be a function that assigns values to "
+                "Constants or Functions of the problem, such as top.value[:] = t",
+                times[0],
+                times[-1],
+            )
 
     def start(self, time: float, given: State | None = None) -> AcceptedState:
         """Return the start of an evolution; the load of its time has been set. Collective.

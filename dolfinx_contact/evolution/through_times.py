@@ -33,6 +33,7 @@ evolution: the smallest det F falls below half of its value, or of 1. Such a ste
 from __future__ import annotations
 
 import bisect
+import logging
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -69,6 +70,8 @@ __all__ = ["AtJump", "HistoryTask", "ThroughTimes", "ToRest", "checked_times"]
 
 #: Action if no solution continues the evolution, or none is found that does.
 AtJump: TypeAlias = Literal["raise", "stop", "jump"]
+
+logger = logging.getLogger(__name__)
 
 Array = npt.NDArray[np.float64]
 
@@ -179,6 +182,8 @@ class ThroughTimes(Rule[HistoryTask]):
         self._slides = at_rest and any(s.slides for s in surfaces)
         points = self._comm.allreduce(sum(s.points.number for s in surfaces))
         self._rays_are_cheap = task.rays is None and points <= _FEW
+        #: Whether a warning reports the first halved step; in histories halving is requested.
+        self._reports_halving = not at_rest
         #: Number of steps that were tried from the present state and not accepted.
         self._rejected = 0
         #: State before the present one, if the step between them may be extrapolated.
@@ -221,6 +226,7 @@ class ThroughTimes(Rule[HistoryTask]):
         except ConvergenceError as error:
             shorter = length / (2 if trial.brief else 4)
             if task.halve and shorter >= task.shortest:
+                self._report_halving(length)
                 self._retry(shorter)
                 return
             beyond = self._beyond(goal)
@@ -241,6 +247,20 @@ class ThroughTimes(Rule[HistoryTask]):
             self._retry(length / 2)
         else:
             yield self._accept(after)
+
+    def _report_halving(self, length: float) -> None:
+        """Log one warning per run that steps are halved, unless that was requested."""
+        if self._reports_halving and self._comm.rank == 0:
+            logger.warning(
+                "step %d of the %s, from the time %.10g and of length %.3g, was not solved: it is "
+                "tried again with shorter steps, down to %.3g; later steps are not reported",
+                self.state.number + 1,
+                self.what,
+                self.state.accepted.time,
+                length,
+                self.task.shortest,
+            )
+        self._reports_halving = False
 
     def _retry(self, length: float) -> None:
         """Continue with a shorter step from the same state."""

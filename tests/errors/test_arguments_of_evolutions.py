@@ -138,6 +138,7 @@ def test_history_refuses_times(history, times):
         ("at_jump", "ignore"),
         ("at_jump", "jump"),
         ("rays", "all"),
+        ("extrapolate", True),
     ],
 )
 def test_history_refuses_options(history, keyword, value):

@@ -18,7 +18,7 @@ from dolfinx_contact import (
     Frictionless,
     HalfSpace,
 )
-from dolfinx_contact.evolution import NSCD
+from dolfinx_contact.evolution import NSCD, NoContinuation
 
 COMM = MPI.COMM_WORLD
 
@@ -113,3 +113,17 @@ def test_motion_refuses_a_density_that_is_negative_within_a_cell():
     with pytest.raises(ValueError, match="the density must be positive everywhere"):
         NSCD(problem, x[0] - 0.2, dt=0.1, mass="lumped")
     NSCD(problem, x[0] + 0.01, dt=0.1, mass="lumped")
+
+
+def test_the_first_halved_step_of_a_motion_gives_a_warning(caplog):
+    """Without a Newton step nothing is solved: steps of 1/4 to 1/1024 of dt are tried."""
+    problem, _, _ = body(held=False, height=0.1, law=Coulomb(0.3))
+    problem.petsc_options["snes_max_it"] = 0
+    velocity = fem.Function(problem.V)
+    velocity.x.array[1::2] = -1.0
+    motion = NSCD(problem, 1.0, dt=0.04, velocity=velocity)
+    with caplog.at_level(logging.WARNING), pytest.raises(NoContinuation):
+        motion.run([0.0, 0.2], progress=False)
+    (text,) = (r.getMessage() for r in caplog.records if "shorter steps" in r.getMessage())
+    assert text.startswith("step 1 of the evolution, from the time 0 and of length 0.04, was")
+    assert "down to 3.91e-05" in text

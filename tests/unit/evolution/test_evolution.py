@@ -329,3 +329,23 @@ def test_rate_problem_without_solution_is_proved():
     assert (rays.rays, rays.complete) == ((), True)
     g.value = 2.9
     assert len(rays_of_step(problem).rays) == 2
+
+
+@pytest.mark.ranks(2)
+def test_a_load_that_changes_nothing_gives_a_warning(caplog):
+    """One warning per run, unless the load changes between equal ends or the start is unsolved."""
+
+    def warned(load, *, solved=True):
+        problem, top = dragged(n=2)
+        put(top, (0.0, -0.01))
+        if solved:
+            problem.solve()
+        caplog.clear()
+        with caplog.at_level(logging.WARNING):
+            QuasiStatic(problem, lambda t: load(t, top)).run([0.0, 0.25, 0.5, 1.0])
+        texts = [r.getMessage() for r in caplog.records]
+        return COMM.allreduce(sum("load= must be a function" in text for text in texts))
+
+    assert warned(lambda t, top: None) == 1
+    assert warned(lambda t, top: put(top, (0.01 * np.sin(2 * np.pi * t), -0.01))) == 0
+    assert warned(lambda t, top: None, solved=False) == 0

@@ -77,6 +77,9 @@ def jumps_of(history):
         pytest.param(
             (0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.2, 1.4, 1.6, 1.8), 20, 1, marks=pytest.mark.long
         ),
+        pytest.param(
+            np.linspace(0.5, 2.0, 24).tolist(), 40, 1, marks=pytest.mark.long, id="24 bonds"
+        ),
     ],
 )
 @pytest.mark.verifies(
