@@ -72,9 +72,13 @@ class AffineSystem:
                 "and overflow in loads, material and Dirichlet data, and gamma"
             )
 
+    def of_codes(self, values: Array, codes: Codes) -> Array:
+        """Return the rows of the points with these statuses from an array (m, statuses, ...)."""
+        return np.asarray(values[np.arange(self.points), codes])
+
     def pieced(self, codes: Codes) -> Array:
         """Return A = M B of a piece, shape (N, N)."""
-        B = self.bases[np.arange(self.points), codes]
+        B = self.of_codes(self.bases, codes)
         return np.einsum("nmk,mkd->nmd", self.matrix, B).reshape(len(self.load), -1)
 
     def piece(self, codes: Codes) -> AffinePiece | None:
@@ -91,7 +95,7 @@ class AffineSystem:
 
     def slacks(self, codes: Codes, w: Array) -> Array:
         """Return C w for the statuses ``codes``, shape (m, e); inf for rows without inequality."""
-        C = self.inequalities[np.arange(self.points), codes]
+        C = self.of_codes(self.inequalities, codes)
         values = np.einsum("mek,mk->me", C, w)
         return np.where(np.any(C != 0, axis=2), values, np.inf)
 
@@ -178,7 +182,7 @@ class AffinePiece:
         """w_0 and w_1, shape (m, k) each."""
         s = self.system
         z = self.inverse @ np.stack([s.load, s.rate], axis=1)
-        B = s.bases[np.arange(s.points), self.codes]
+        B = s.of_codes(s.bases, self.codes)
         w = np.matmul(B, z.reshape(s.points, -1, 2))
         return w[:, :, 0], w[:, :, 1]
 
@@ -186,7 +190,7 @@ class AffinePiece:
     def slack_coefficients(self) -> tuple[Array, Array]:
         """C w = s_0 + gamma s_1, shape (m, e) each; s_0 is infinite without an inequality."""
         w_0, w_1 = self.coefficients
-        C = self.system.inequalities[np.arange(self.system.points), self.codes]
+        C = self.system.of_codes(self.system.inequalities, self.codes)
         s_0, s_1 = (np.matmul(C, w[:, :, None])[:, :, 0] for w in (w_0, w_1))
         return np.where(np.any(C != 0, axis=2), s_0, np.inf), s_1
 

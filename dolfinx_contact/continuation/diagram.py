@@ -12,7 +12,6 @@
 from __future__ import annotations
 
 import logging
-import time
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
@@ -20,7 +19,7 @@ from petsc4py import PETSc
 
 from dolfinx_contact._ending import Ending
 from dolfinx_contact._mpi import Arguments, collective
-from dolfinx_contact._validate import count, number, positive
+from dolfinx_contact._validate import count, number
 from dolfinx_contact.continuation.arguments import (
     check_listeners,
     check_states,
@@ -74,7 +73,6 @@ def _check(a: Arguments) -> None:
     check_steps(a.control, a.max_steps)
     check_listeners(observer=a.observer, record=a.record, progress=a.progress, stop=a.stop)
     count(a.max_branches, "max_branches")
-    positive(a.max_seconds, "max_seconds", infinite=True)
 
 
 @collective("explore", _check)
@@ -86,7 +84,6 @@ def explore(
     control: StepControl | None = None,
     max_steps: int = 1000,
     max_branches: int = 100,
-    max_seconds: float = float("inf"),
     route: Route = "auto",
     stop: Stop[BranchStep] | None = None,
     observer: ObserverLike[BranchStep] | None = None,
@@ -105,7 +102,6 @@ def explore(
         control: step lengths.
         max_steps: largest number of steps of a branch.
         max_branches: largest number of branches.
-        max_seconds: time after which no branch is begun.
         route: ``"pivoting"`` from vertex to vertex of affine pieces; ``"steps"`` by predictor and
             corrector; ``"auto"`` by pivoting where possible.
         stop: function of every accepted step returning the reason to end the branch there, or ""
@@ -135,7 +131,7 @@ def explore(
     ):
         listeners = dict(stop=stop, observer=observer, record=record, progress=progress)
         explorer = _Explorer(follower, (low, high), max_steps, listeners)
-        explorer.run(pairs, max_branches, max_seconds)
+        explorer.run(pairs, max_branches)
         return explorer.diagram
 
 
@@ -163,18 +159,13 @@ class _Explorer:
         #: Whether all rays are known at the kinks that are not nodes.
         self._all_rays_known = True
 
-    def run(
-        self, starts: Sequence[tuple[PETSc.Vec, float]], max_branches: int, max_seconds: float
-    ) -> None:
-        """Trace branches until no ray is left or a budget is exhausted."""
+    def run(self, starts: Sequence[tuple[PETSc.Vec, float]], max_branches: int) -> None:
+        """Trace branches until no ray is left or the budget is exhausted."""
         diagram = self.diagram
-        begun = time.monotonic()
         pending = list(starts)
         while pending or self._waiting or diagram.open_rays():
-            late = self.comm.bcast(time.monotonic() - begun > max_seconds)
-            if late or len(diagram.edges) >= max_branches:
-                budget = f"{max_seconds:g} s" if late else f"{max_branches} branches"
-                diagram.end(Ending.BUDGET, f"the budget of {budget} is exhausted")
+            if len(diagram.edges) >= max_branches:
+                diagram.end(Ending.BUDGET, f"the budget of {max_branches} branches is exhausted")
                 break
             if self._waiting:
                 point = self._waiting.pop(0)

@@ -206,15 +206,16 @@ class Pivoting(Walker):
         rays = sorted(search.rays, key=lambda r: (r.rate != ray.rate, -_cosine(r, ray)))
         onwards = rays[0] if rays else None
         point = self._point(w, gamma, onwards or ray, length)
-        vertex = SpecialPoint(
-            "end", False, gamma, point.y, complete=search.complete, method=search.method
-        )
+        complete, method = search.complete, search.method
         if onwards is None:
-            return point, vertex, None
+            end = SpecialPoint("end", False, gamma, point.y, complete=complete, method=method)
+            return point, end, None
         others = tuple(self._ray(w, gamma, r) for r in rays[1:])
-        vertex = replace(
-            vertex,
-            kind=kind_of_kink(bool(others), onwards.rate * ray.rate < 0),
+        vertex = SpecialPoint(
+            kind_of_kink(bool(others), onwards.rate * ray.rate < 0),
+            False,
+            gamma,
+            point.y,
             changes=tuple(
                 Change(*self.condensed.point(int(i)), int(ray.codes[i]), int(onwards.codes[i]))
                 for i in np.flatnonzero(onwards.codes != ray.codes)
@@ -223,6 +224,8 @@ class Pivoting(Walker):
             others=others,
             incoming=self._ray(w, gamma, ray) if others else None,
             onwards=Ray(point.piece, point.tangent) if others else None,
+            complete=complete,
+            method=method,
         )
         return point, vertex, onwards
 

@@ -274,7 +274,7 @@ def _senses(
         z: coordinates of the kinked points in the bases of their cones.
         rate: dgamma of the kernel vector.
     """
-    B = cone.bases[np.arange(cone.points), codes]
+    B = cone.of_codes(cone.bases, codes)
     w: Array = np.zeros(cone.matrix.shape[1:])
     w[kinked] = np.einsum("mkd,md->mk", B[kinked], z.reshape(len(kinked), -1))
     # the kinked points alone exclude most pieces without a solve for the others
@@ -332,7 +332,7 @@ def _random_state(
 ) -> tuple[Codes, Array]:
     """Return random statuses, and a random state inside their cones."""
     codes = np.array([random.choice(c) for c in choices], dtype=np.int8)
-    B = cone.bases[np.arange(cone.points), codes]
+    B = cone.of_codes(cone.bases, codes)
     w: Array = np.zeros(cone.matrix.shape[1:])
     outside = np.ones(cone.points, dtype=bool)
     for _ in range(100):

@@ -111,9 +111,8 @@ class Solutions:
         number = len(self.found)
         many = f"{number} solution{'' if number == 1 else 's'} at gamma = {self.gamma:.6g}"
         ends = len(self.continua)
-        more = (
-            f", among them the ends of {ends} continu{'um' if ends == 1 else 'a'}" if ends else ""
-        )
+        continua = f"{ends} continu{'um' if ends == 1 else 'a'}"
+        more = f", among them the ends of {continua}" if ends else ""
         known = "proved to be all there are" if self.complete else "others are not excluded"
         return f"{many}{more}; {known}: {self.method}"
 
@@ -285,10 +284,9 @@ def _of_cones(system: System, x: PETSc.Vec, gamma: float, seconds: float) -> Sol
                 gamma,
                 rays.method,
             )
-    if proved is None:
-        return Solutions(gamma, tuple(found), complete, rays.method, continua)
-    method = f"{rays.method}, {proved.method}"
-    return Solutions(gamma, tuple(found), complete, method, continua, proved.proof)
+    method = rays.method if proved is None else f"{rays.method}, {proved.method}"
+    proof = None if proved is None else proved.proof
+    return Solutions(gamma, tuple(found), complete, method, continua, proof)
 
 
 def _coincide(condensed: Condensed, a: Solution, b: Solution) -> bool:

@@ -182,6 +182,15 @@ class ExactSteps(Locator):
         tau = self.test(accepted=True)
         return BranchPoint(y, tangent, piece, self.bordered.gamma(y), h, corrections, tau)
 
+    def point_at(self, point: BranchPoint, s: float, y: PETSc.Vec) -> BranchPoint | None:
+        """Return the located point y at the distance s from a point; None without a tangent."""
+        tangent = self.corrector.tangent(y, point.tangent, point.piece)
+        if tangent is None:
+            return None
+        corrections = self.corrector.iterations
+        gamma = self.bordered.gamma(y)
+        return BranchPoint(y, tangent, point.piece, gamma, s, corrections, self.test())
+
     def lands(self, point: BranchPoint, h: float, y: PETSc.Vec, tangent: PETSc.Vec) -> bool:
         """Return True if a corrected state continues the branch.
 
@@ -240,12 +249,10 @@ class ExactSteps(Locator):
         if first is None:
             return None
         s, y = first
-        tangent = self.corrector.tangent(y, point.tangent, point.piece)
-        if tangent is None:
+        kink = self.point_at(point, s, y)
+        if kink is None:
             return None
-        corrections = self.corrector.iterations
-        gamma = b.gamma(y)
-        kink = BranchPoint(y, tangent, point.piece, gamma, s, corrections, self.test())
+        tangent, gamma = kink.tangent, kink.gamma
         special = self.smooth_points(point, kink)
         incoming = Ray(point.piece, tangent)
         tolerance = AT_BORDER * self.unit(y, point.piece)
@@ -278,7 +285,7 @@ class ExactSteps(Locator):
             onwards=onwards,
             method=crossing.method,
         )
-        new = BranchPoint(y, onwards.tangent, onwards.piece, gamma, s, corrections)
+        new = BranchPoint(y, onwards.tangent, onwards.piece, gamma, s, kink.corrections)
         return self.rescaled(new), [*special, vertex], h
 
     def _goes_back(self, ray: Ray, point: BranchPoint) -> bool:
@@ -350,8 +357,10 @@ class ExactSteps(Locator):
         events = []
         for fraction, change in changes:
             gamma = point.gamma + fraction * (new.gamma - point.gamma)
-            event = SpecialPoint("event", False, gamma, new.y, parity=parity, bracket=bracket)
-            events.append(replace(event, changes=(change,)))
+            event = SpecialPoint(
+                "event", False, gamma, new.y, changes=(change,), parity=parity, bracket=bracket
+            )
+            events.append(event)
         return events
 
 
@@ -516,5 +525,6 @@ class SteppingSteps(_StepsOnH):
         reach = abs(h_1 * self.bordered.gamma(point.tangent))
         bracket = (point.gamma - reach, point.gamma + reach)
         kind = kind_of_kink(parity < 0, self.turned(point.tangent, new.tangent))
-        kink = SpecialPoint(kind, False, point.gamma, point.y, parity=parity, bracket=bracket)
-        return replace(kink, changes=changes)
+        return SpecialPoint(
+            kind, False, point.gamma, point.y, changes=changes, parity=parity, bracket=bracket
+        )

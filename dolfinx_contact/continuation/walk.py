@@ -103,16 +103,9 @@ class Walker(ABC):
         outgoing = None if self._leads_out(point) else self.rays_at(point)
         if outgoing is None:
             return point
-        b = self.bordered
-        rates = [sign * b.gamma(p.tangent) for p in outgoing.rays]
-        least = _CONSTANT * b.gamma_scale
-        onwards = [p for p, rate in zip(outgoing.rays, rates, strict=True) if rate > least]
-        if not onwards:
-            onwards = [
-                p for p, rate in zip(outgoing.rays, rates, strict=True) if abs(rate) <= least
-            ]
+        onwards = self.onwards(outgoing, sign)
         if onwards:
-            return max(onwards, key=lambda p: b.inner(p.tangent, point.tangent))
+            return max(onwards, key=lambda p: self.bordered.inner(p.tangent, point.tangent))
         if not outgoing.complete:
             return point
         goes = "increases" if sign > 0 else "decreases"
@@ -142,6 +135,16 @@ class Walker(ABC):
             smooth = outgoing is None
             passing.append(point)
         return FoundRays(tuple(passing), complete=smooth)
+
+    def onwards(self, outgoing: FoundRays[BranchPoint], sign: float) -> list[BranchPoint]:
+        """Return the rays along which gamma changes in the sense ``sign``.
+
+        If there are none, these are the rays along which gamma is constant.
+        """
+        least = _CONSTANT * self.bordered.gamma_scale
+        rates = [(p, sign * self.bordered.gamma(p.tangent)) for p in outgoing.rays]
+        changing = [p for p, rate in rates if rate > least]
+        return changing or [p for p, rate in rates if abs(rate) <= least]
 
     def correction(self, x: PETSc.Vec, point: BranchPoint) -> float:
         """Return the largest change of an unknown by the correction of a start."""

@@ -231,30 +231,19 @@ class ParametricEquations(System):
         eq.require_same_mesh()
         eq.refresh()
         surfaces = eq.surfaces
-        rates = zip(surfaces, self._rates, strict=True)
-        varying = [s for s, rate in rates if rate.applies]
-        memory = dict(zip(surfaces, eq.memory, strict=True))
-        for s in surfaces:
-            if s not in varying and not s.between_bodies:
-                check_surface(s, memory[s])
-        ends = (gammas[0], gammas[-1])
+        varying = [s for s, rate in zip(surfaces, self._rates, strict=True) if rate.applies]
         changing = bool(self._driven or varying or self._rigid_rates.applies)
         with self.restored(always=True):
             for gamma in gammas:
-                self.constant.value = gamma
-                check_moduli(eq, f" at gamma = {gamma:g}")
-        with self.restored(always=True):
-            for gamma in gammas:
-                # Opposing faces are searched again, if the law is constant at the ends only.
-                looked_at = [s for s in surfaces if s in varying]
-                if gamma in ends:
-                    looked_at += [s for s in surfaces if s.between_bodies and s not in varying]
                 where = f" at gamma = {gamma:g}"
-                if looked_at or changing:
-                    self._set(gamma)
-                for s in looked_at:
-                    check_surface(s, memory[s], where)
-                if changing or gamma == ends[0]:
+                self._set(gamma)
+                check_moduli(eq, where)
+                for s, memory in zip(surfaces, eq.memory, strict=True):
+                    # Opposing faces are searched again, if the law is constant at the ends only.
+                    searched = s.between_bodies and gamma == gammas[-1]
+                    if s in varying or searched or gamma == gammas[0]:
+                        check_surface(s, memory, where)
+                if changing or gamma == gammas[0]:
                     eq.constraints.check_values(surfaces, eq.body_size, where)
 
     @property

@@ -147,7 +147,7 @@ class ArcSteps(ExactSteps):
             if self.bordered.anywhere(beyond & at_border):
                 return None
             crossing = self.first_event(point, new.y)
-            border = None if crossing is None else self._point_at(point, *crossing)
+            border = None if crossing is None else self.point_at(point, *crossing)
             if border is None:
                 return None
             new, next_h = border, h
@@ -157,7 +157,7 @@ class ArcSteps(ExactSteps):
             return None
         folds = [s for s in special if s.kind == "fold"]
         if folds:
-            new = self._point_at(point, self._distance(point, folds[0].y), folds[0].y) or new
+            new = self.point_at(point, self._distance(point, folds[0].y), folds[0].y) or new
             next_h = h
         # the end of the range
         end = _reached_end(point.gamma, new.gamma, gamma_range)
@@ -202,22 +202,13 @@ class ArcSteps(ExactSteps):
         dips &= inside.min(axis=0) < -_BEYOND * self.unit(new.y, new.piece)
         return b.anywhere(dips)
 
-    def _point_at(self, point: BranchPoint, s: float, y: PETSc.Vec) -> BranchPoint | None:
-        """Return the point y at arc length s from a point; None if it has no tangent."""
-        tangent = self.corrector.tangent(y, point.tangent, point.piece)
-        if tangent is None:
-            return None
-        corrections = self.corrector.iterations
-        gamma = self.bordered.gamma(y)
-        return BranchPoint(y, tangent, point.piece, gamma, s, corrections, self.test())
-
     def _at_end(self, point: BranchPoint, new: BranchPoint, gamma: float) -> BranchPoint:
         """Return the point between two points at which gamma is the end of its range."""
         end, _ = self.end_at(point, new, (), (gamma, gamma))
         if end is not new:
             x, _ = self.bordered.split(end.y)
             self.bordered.join(x, gamma, end.y)  # remove the round-off of the corrector
-        return self._point_at(point, self._distance(point, end.y), end.y) or end
+        return self.point_at(point, self._distance(point, end.y), end.y) or end
 
     def _distance(self, point: BranchPoint, y: PETSc.Vec) -> float:
         """Distance from a point to y, in the measure of arc length."""

@@ -455,14 +455,11 @@ def _with_growing_load(
     constant. If there are none either and rays may be missing, the result is the start itself, and
     its first step searches for a direction.
     """
-    b = follower.bordered
-    rates = [(point, b.gamma(point.tangent)) for point in departures.rays]
-    chosen = [point for point, rate in rates if rate > _IDLE]
-    chosen = chosen or [point for point, rate in rates if abs(rate) <= _IDLE]
+    chosen = follower.onwards(departures, 1.0)
     if len(chosen) == 1 or (not chosen and departures.complete):
         return chosen
     start = follower.start(x, 0.0)
-    chosen.sort(key=lambda point: b.inner(point.tangent, start.tangent))
+    chosen.sort(key=lambda point: follower.bordered.inner(point.tangent, start.tangent))
     return chosen or [start]
 
 
@@ -485,9 +482,7 @@ def _rays_at_turn(follower: Follower, turn: SpecialPoint) -> FoundRays[Ray]:
         found = FoundRays((turn.onwards, *turn.others), True, turn.method)
     else:
         incoming = turn.incoming or turn.onwards
-        events = b.events(turn.y, incoming.piece)
-        largest = float(np.max(np.abs(events.distance), initial=0.0))
-        tolerance = _AT_BORDER * b.comm.allreduce(largest, op=max)
+        tolerance = _AT_BORDER * b.largest(b.events(turn.y, incoming.piece).distance)
         finder = KinkRays(follower.corrector, turn.y, incoming.piece, tolerance)
         found = finder.enumerated(incoming.piece, finder.kinks, incoming.tangent, most=_MOST_PIECES)
         if not found.complete:
