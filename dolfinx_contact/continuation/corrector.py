@@ -38,7 +38,7 @@ from dolfinx_contact._petsc import as_raised
 from dolfinx_contact.continuation.bordered import Bordered
 from dolfinx_contact.continuation.krylov import ModelTest
 from dolfinx_contact.continuation.parameters import StepControl
-from dolfinx_contact.continuation.system import Piece, Scales
+from dolfinx_contact.continuation.system import Piece, Units
 
 __all__ = ["Corrector"]
 
@@ -129,7 +129,7 @@ class Corrector:
         self.forcing = Forcing()
         self.chords = chords and bordered.solver.is_direct
         self.last_unit = bordered.last_unit()
-        self.scales: Scales = ()
+        self.scales: Units = ()
         self.snes = PETSc.SNES().create(bordered.comm)
         self.snes.setOptionsPrefix(bordered.prefix)
         self.snes.setType(PETSc.SNES.Type.PYTHON)
@@ -142,7 +142,7 @@ class Corrector:
 
     # -- the three correctors --------------------------------------------------------------------
 
-    def moore_penrose(self, y: PETSc.Vec, t: PETSc.Vec, piece: Piece | None) -> Scales | None:
+    def moore_penrose(self, y: PETSc.Vec, t: PETSc.Vec, piece: Piece | None) -> Units | None:
         """Correct ``y`` in place, orthogonally to ``t``, and update ``t`` in place.
 
         Returns:
@@ -268,7 +268,7 @@ class Corrector:
 
     def _solve(
         self, y: PETSc.Vec, t: PETSc.Vec, piece: Piece | None, **target: Any
-    ) -> Scales | None:
+    ) -> Units | None:
         """Correct ``y`` in place; return the units of residuals, None if the correction fails.
 
         Args:
@@ -345,7 +345,7 @@ class _Run:
         self._last = 0.0  # residual of the last row
         self.scales = corrector.scales
         #: Units of residuals including those of the predicted state; None before its evaluation.
-        self._predicted: Scales | None = None
+        self._predicted: Units | None = None
         if not self._solver.matrix:
             # The first assembly differs from later ones by round-off, which may decide at ties of
             # statuses.

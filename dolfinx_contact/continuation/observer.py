@@ -13,7 +13,7 @@ from dolfinx_contact._ending import Ending, Ends
 from dolfinx_contact._mpi import everywhere
 from dolfinx_contact.continuation.branch import BranchPoint, Diagram, SpecialPoint
 from dolfinx_contact.continuation.parameters import StepControl
-from dolfinx_contact.continuation.system import Scales
+from dolfinx_contact.continuation.system import Units
 
 __all__ = [
     "BranchStep",
@@ -86,7 +86,7 @@ class Stepping:
     next_step: float
     x_scale: float
     largest_distance: float
-    scales: Scales = ()
+    scales: Units = ()
     ending: Ending | None = None
     reason: str = ""
 

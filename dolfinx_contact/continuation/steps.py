@@ -48,7 +48,7 @@ from dolfinx_contact.continuation.locate import AT_BORDER, Locator
 from dolfinx_contact.continuation.ray_finder import KinkRays
 from dolfinx_contact.continuation.system import (
     Piece,
-    Scales,
+    Units,
     fractions_to_borders,
     matched_distances,
 )
@@ -60,7 +60,7 @@ Locate: TypeAlias = Callable[[Change], bool]
 #: Changes with the fraction of a step at which each occurs if its event is linear.
 Changes: TypeAlias = tuple[tuple[float, Change], ...]
 #: A corrected state, and the units of residuals with which it is accepted.
-Corrected: TypeAlias = tuple[PETSc.Vec, Scales]
+Corrected: TypeAlias = tuple[PETSc.Vec, Units]
 #: The next point, the special points on the way to it, and the length of the step after it.
 Advance: TypeAlias = tuple[BranchPoint, list[SpecialPoint], float]
 

@@ -26,8 +26,8 @@ __all__ = [
     "Events",
     "Piece",
     "Preconditioner",
-    "Scales",
     "System",
+    "Units",
     "fractions_to_borders",
     "matched_distances",
 ]
@@ -35,7 +35,7 @@ __all__ = [
 Array = npt.NDArray[np.float64]
 Codes = npt.NDArray[np.int8]
 #: Units of residuals; () if a system has none, or before its first residual.
-Scales: TypeAlias = tuple[float, ...]
+Units: TypeAlias = tuple[float, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,8 +153,8 @@ class System:
         raise NotImplementedError
 
     def measure(
-        self, x: PETSc.Vec, gamma: float, b: PETSc.Vec, piece: Piece | None, scales: Scales
-    ) -> tuple[float, Scales]:
+        self, x: PETSc.Vec, gamma: float, b: PETSc.Vec, piece: Piece | None, scales: Units
+    ) -> tuple[float, Units]:
         """Write H(x, gamma) into ``b``, and measure it in units that grow along a branch.
 
         Args:
