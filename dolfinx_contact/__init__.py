@@ -3,12 +3,7 @@
 
 from typing import TYPE_CHECKING
 
-from dolfinx_contact._install import (
-    loads,
-    refuse_mixture,
-    refuse_serial_copies,
-    warn_of_namesake,
-)
+from dolfinx_contact._install import loads, refuse_serial_copies
 
 if TYPE_CHECKING:
     from dolfinx_contact import materials, obstacles
@@ -36,8 +31,6 @@ if TYPE_CHECKING:
     from dolfinx_contact.rigid_surfaces import RigidSurface
     from dolfinx_contact.solvers import ConvergenceError
 
-refuse_mixture()  # before other modules of the package are imported
-warn_of_namesake()
 # MPI comes first: compiled modules of wheels use the library that mpi4py has loaded.
 refuse_serial_copies()
 

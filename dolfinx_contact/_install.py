@@ -1,9 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Checks of the installation: missing packages, a namesake package, and a foreign MPI launcher.
-
-The package asimov-contact of the Wells group is also imported as ``dolfinx_contact``. If both are
-installed into one ``site-packages``, pip mixes their files without a message. The two packages are
-distinguished by files that only asimov-contact contains.
+"""Modules loaded on first use, missing packages, and a foreign MPI launcher.
 
 Wheels of DOLFINx contain an MPI library, whose ``mpiexec`` is next to the interpreter. The
 ``mpirun`` of another MPI starts N runs of one rank each instead of one run with N ranks.
@@ -13,7 +9,6 @@ from __future__ import annotations
 
 import os
 import sys
-import warnings
 from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
@@ -22,34 +17,13 @@ from typing import Any
 __all__ = [
     "loads",
     "optional",
-    "refuse_mixture",
     "refuse_serial_copies",
     "slepc",
-    "warn_of_namesake",
 ]
 
-_NAME = "dolfinx_contact"
-_HERE = os.path.dirname(__file__)
-#: Modules of asimov-contact; its extension module is ``cpp.<ABI>.so``.
-_THEIRS = ("newton_solver.py", "parallel_mesh_ghosting.py")
 #: Environment variables with the number of processes: Open MPI; MPICH and Intel MPI.
 _SIZES = ("OMPI_COMM_WORLD_SIZE", "PMI_SIZE")
 _OF_SOLVER = ("mpi4py", "petsc4py", "dolfinx", "basix", "ffcx", "ufl")
-
-
-def refuse_mixture(here: str = _HERE) -> None:
-    """Raise ``ImportError`` if the folder ``here`` contains files of both packages."""
-    found = _theirs_in(here)
-    if found:
-        raise ImportError(
-            f"two packages that are both imported as {_NAME} are mixed in {here}: this one "
-            "(signorini-coulomb) and asimov-contact of the Wells group, whose "
-            f"{' and '.join(found)} {'is' if len(found) == 1 else 'are'} there. Neither is whole. "
-            "python3 -m pip uninstall signorini-coulomb dolfinx_contact, remove what is left of "
-            "the folder, and install each into an environment of its own",
-            name=_NAME,
-            path=here,
-        )
 
 
 def loads(package: str, modules: Mapping[str, Sequence[str]]) -> Callable[[str], Any]:
@@ -85,40 +59,6 @@ def loads(package: str, modules: Mapping[str, Sequence[str]]) -> Callable[[str],
         return getattr(module, name) if name in places else module
 
     return attribute
-
-
-def warn_of_namesake(here: str = _HERE, path: Sequence[str] | None = None) -> None:
-    """Warn on rank 0 if the other package is installed too, hidden by this one.
-
-    Args:
-        here: folder of this package.
-        path: search path of modules; default: `sys.path`.
-    """
-    for entry in sys.path if path is None else path:
-        # Python ignores entries that are not strings.
-        there = os.path.join(entry, _NAME) if isinstance(entry, str) else ""
-        if _theirs_in(there) and os.path.realpath(there) != os.path.realpath(here):
-            break
-    else:
-        return
-    from mpi4py import MPI
-
-    if MPI.COMM_WORLD.rank == 0:
-        warnings.warn(
-            f"{_NAME} is imported from {here} (signorini-coulomb). asimov-contact of the Wells "
-            f"group, imported by the same name, is in {os.path.abspath(there)} and hidden by it; "
-            "code written for that one needs an environment without this one",
-            stacklevel=3,
-        )
-
-
-def _theirs_in(folder: str) -> list[str]:
-    """Return the names in a folder belonging to asimov-contact; none if it is not a folder."""
-    try:
-        names = sorted(os.listdir(folder))
-    except OSError:
-        return []
-    return [n for n in names if n in _THEIRS or (n.startswith("cpp.") and n.endswith(".so"))]
 
 
 def refuse_serial_copies(environ: Mapping[str, str] = os.environ) -> None:

@@ -28,7 +28,7 @@ LAYERS = [
     ("proofs",),
     ("problem", "parametric", "nested"),
     ("analysis", "evolution"),
-    ("io", "output"),
+    ("io",),
     ("records",),
     ("explorer",),
     ("plot",),
@@ -262,7 +262,7 @@ def test_page_on_the_architecture_names_existing_files():
     paths = {name for name in named if "/" in name or name.endswith(".py")}
     missing = [p for p in paths if not ((ROOT / p).exists() or (ROOT.parent / p).exists())]
     assert not missing
-    folders = {p.name for p in ROOT.iterdir() if (p / "__init__.py").exists()} - {"output"}
+    folders = {p.name for p in ROOT.iterdir() if (p / "__init__.py").exists()}
     assert not [folder for folder in folders if f"`{folder}/`" not in text]
 
 
