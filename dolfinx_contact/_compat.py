@@ -21,7 +21,6 @@ import numpy.typing as npt
 
 import ufl
 from dolfinx import default_scalar_type, fem, graph, io, mesh
-from ufl.domain import extract_domains
 
 try:  # DOLFINx >= 0.10
     from dolfinx.io import gmsh as gmsh_io
@@ -34,7 +33,6 @@ __all__ = [
     "create_facet_submesh",
     "create_mesh",
     "dirichlet_value",
-    "domains_of",
     "facet_integration_entities",
     "geometry_dofmap",
     "gmsh_io",
@@ -209,12 +207,6 @@ class VTXFile:
         terminate the process.
         """
         ctypes.pythonapi.Py_IncRef(ctypes.py_object(self._writer._cpp_object))
-
-
-def domains_of(terminal: Any) -> Sequence[Any]:
-    """Return the UFL meshes of a UFL terminal, unsorted, which is faster than UFL's sorted list."""
-    ask = getattr(terminal, "ufl_domains", None)
-    return extract_domains(terminal) if ask is None else ask()
 
 
 def is_topology_of(domain: mesh.Mesh, tags: mesh.MeshTags) -> bool:

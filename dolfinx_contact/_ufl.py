@@ -13,7 +13,6 @@ although its values are continuous.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -21,22 +20,21 @@ import numpy as np
 import ufl
 from dolfinx import fem, mesh
 from ufl import classes
-from ufl.algorithms import expand_derivatives, expand_indices
+from ufl.algorithms import expand_derivatives, expand_indices, extract_coefficients
+from ufl.algorithms.analysis import extract_constants
 from ufl.algorithms.map_integrands import map_integrand_dags
 from ufl.algorithms.remove_complex_nodes import remove_complex_nodes
 from ufl.corealg.multifunction import MultiFunction
-from ufl.corealg.traversal import unique_pre_traversal
+from ufl.corealg.traversal import unique_pre_traversal as _nodes
+from ufl.domain import extract_domains
 
-from dolfinx_contact._compat import dirichlet_value, domains_of, is_mesh_of
+from dolfinx_contact._compat import dirichlet_value, is_mesh_of
 from dolfinx_contact._validate import is_number
 
 __all__ = [
-    "data_of",
     "depends_on",
     "derivative",
     "described",
-    "has_branches",
-    "is_affine",
     "kinks_of",
     "not_affine",
     "refuse_displacement",
@@ -45,10 +43,7 @@ __all__ = [
 ]
 
 _BRANCHING = classes.Conditional | classes.Abs | classes.MaxValue | classes.MinValue
-_SHOWN = 2  # largest number of kinks in a message
 _LONGEST = 120  # largest number of characters of a node in a message
-#: Results of `is_affine` by signature, kind of terminal and its place.
-_known: dict[tuple[str, bool, int], bool] = {}
 
 
 def depends_on(e: Any, *terminals: Any) -> bool:
@@ -58,27 +53,28 @@ def depends_on(e: Any, *terminals: Any) -> bool:
         e: UFL expression of any shape, or form.
         terminals: Functions, Constants, or ``ufl.variable`` objects.
     """
-    return any(_contains(integrand, terminals) for integrand in _integrands(e))
+    return any(_contains(expand_derivatives(part), terminals) for part in _integrands(e))
 
 
 def kinks_of(e: Any, *terminals: Any) -> str:
-    """Return the text of the outermost kinks or jumps in terminals, for messages; "" if none.
+    """Return the text of a kink or jump in terminals, for messages; "" if there is none.
 
     Args:
         e: UFL expression of any shape, or form.
         terminals: Functions, Constants, or ``ufl.variable`` objects.
     """
-    outermost: list[Any] = []
-    for integrand in _integrands(e):
-        if not any(True for _ in _kinks(integrand, terminals)):
-            continue
+    parts = _integrands(e)
+    if not any(isinstance(node, _BRANCHING) for part in parts for node in _nodes(part)):
+        return ""
+    for integrand in map(expand_derivatives, parts):
         # Only some components may be used.
         for index in np.ndindex(integrand.ufl_shape):
             component = remove_complex_nodes(integrand[index] if index else integrand)
-            for node in _kinks(expand_indices(component), terminals):
-                if not any(node in set(unique_pre_traversal(other)) for other in outermost):
-                    outermost.append(node)
-    return " and ".join(dict.fromkeys(_text(node) for node in outermost[:_SHOWN]))
+            for node in _nodes(expand_indices(component)):
+                if _is_kink(node, terminals):
+                    words = str(node)
+                    return words if len(words) <= _LONGEST else f"{words[:_LONGEST]}..."
+    return ""
 
 
 def not_affine(e: Any, *terminals: Any) -> str:
@@ -92,33 +88,6 @@ def not_affine(e: Any, *terminals: Any) -> str:
     if kinks or not any(depends_on(derivative(e, t), *terminals) for t in terminals):
         return kinks
     return "a nonlinear term"
-
-
-def is_affine(form: ufl.Form, terminal: Any) -> bool:
-    """Return whether a form is affine in a Function or Constant; results are cached.
-
-    Args:
-        form: form of any rank.
-        terminal: Function or Constant, which need not occur in the form.
-    """
-    constants = isinstance(terminal, fem.Constant)
-    among = form.constants() if constants else form.coefficients()
-    places = [i for i, t in enumerate(among) if t == terminal]
-    if not places:
-        return True
-    key = form.signature(), constants, places[0]
-    if key not in _known:
-        _known[key] = not not_affine(form, terminal)
-    return _known[key]
-
-
-def has_branches(form: ufl.Form) -> bool:
-    """Return whether a form contains operators that may have kinks or jumps."""
-    return any(
-        isinstance(node, _BRANCHING)
-        for integral in form.integrals()
-        for node in unique_pre_traversal(integral.integrand())
-    )
 
 
 def derivative(e: Any, terminal: Any) -> Any:
@@ -152,56 +121,25 @@ class _Replaced(MultiFunction):  # type: ignore[misc]
 
 
 def _integrands(e: Any) -> list[Any]:
-    """Return the integrands of a form, or the expression, with expanded derivatives."""
-    if isinstance(e, ufl.Form):
-        return [i.integrand() for i in expand_derivatives(e).integrals()]
-    return [expand_derivatives(ufl.as_ufl(e))]
+    """Return the integrands of a form, or the expression."""
+    is_form = isinstance(e, ufl.Form)
+    return [i.integrand() for i in e.integrals()] if is_form else [ufl.as_ufl(e)]
 
 
 def _contains(e: Any, terminals: tuple[Any, ...]) -> bool:
     labels = {t.ufl_operands[1] if isinstance(t, classes.Variable) else t for t in terminals}
-    return any(node in labels for node in unique_pre_traversal(e))
+    return any(node in labels for node in _nodes(e))
 
 
-def _kinks(e: Any, terminals: tuple[Any, ...]) -> Iterator[Any]:
-    """Yield the nodes with a kink or jump in terminals, outer nodes first."""
-    for node in unique_pre_traversal(e):
-        if isinstance(node, _BRANCHING):
-            conditional = isinstance(node, classes.Conditional)
-            if _contains(node.ufl_operands[0] if conditional else node, terminals):
-                yield node
-
-
-def _text(node: Any) -> str:
-    """Return a node as users write it, shortened."""
-    words = str(node)
-    if isinstance(node, classes.Conditional) and isinstance(node.ufl_operands[0], classes.EQ):
-        operand = node.ufl_operands[0].ufl_operands[0]
-        if node == ufl.sign(operand):
-            words = f"sign({operand})"
-    return words if len(words) <= _LONGEST else f"{words[:_LONGEST]}..."
+def _is_kink(node: Any, terminals: tuple[Any, ...]) -> bool:
+    """Return whether a node has a kink or jump in terminals."""
+    if not isinstance(node, _BRANCHING):
+        return False
+    conditional = isinstance(node, classes.Conditional)
+    return _contains(node.ufl_operands[0] if conditional else node, terminals)
 
 
 # -- data and content ------------------------------------------------------------------------------
-
-
-def data_of(expression: Any) -> tuple[list[Any], list[Any], set[Any]]:
-    """Return the Functions and Constants of a UFL expression, in UFL's order, and its meshes."""
-    functions = set[Any]()
-    constants = set[Any]()
-    domains = set[Any]()
-    for part in unique_pre_traversal(expression):
-        if part._ufl_is_terminal_:
-            domains.update(domains_of(part))
-            if isinstance(part, ufl.Coefficient):
-                functions.add(part)
-            elif isinstance(part, ufl.Constant):
-                constants.add(part)
-    return (
-        sorted(functions, key=lambda f: f.count()),
-        sorted(constants, key=lambda c: c.count()),
-        domains - {None},
-    )
 
 
 def refuse_other_mesh(expression: Any, domain: mesh.Mesh, what: str) -> None:
@@ -212,18 +150,15 @@ def refuse_other_mesh(expression: Any, domain: mesh.Mesh, what: str) -> None:
         domain: required mesh.
         what: name of the expression in the message.
     """
-    if isinstance(expression, ufl.Form):
-        functions, constants = expression.coefficients(), expression.constants()
-        domains = set(expression.ufl_domains())
-    else:
-        functions, constants, domains = data_of(expression)
-    required = domain.ufl_domain()
-    for kind, data in (("Function", functions), ("Constant", constants)):
-        for d in data:
-            if set(domains_of(d)) != {required}:
+    required = {domain.ufl_domain()}
+    for kind, extract in (("Function", extract_coefficients), ("Constant", extract_constants)):
+        for d in extract(expression):
+            if set(extract_domains(d)) != required:
                 verb = "is" if d is expression else "contains"
                 raise ValueError(f"{what} {verb} a {kind} of another mesh")
-    if domains - {required}:
+    is_form = isinstance(expression, ufl.Form)
+    domains = expression.ufl_domains() if is_form else extract_domains(expression)
+    if set(domains) - required:
         raise ValueError(f"{what} belongs to another mesh")
 
 

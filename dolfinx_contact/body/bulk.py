@@ -28,7 +28,7 @@ from dolfinx import fem, la
 from dolfinx_contact._forms import derived_form
 from dolfinx_contact._mpi import SharedValues, anywhere
 from dolfinx_contact._petsc import half_of
-from dolfinx_contact._ufl import has_branches, is_affine, kinks_of
+from dolfinx_contact._ufl import kinks_of
 from dolfinx_contact.materials import materials_in
 
 __all__ = ["Bulk", "circumference", "weighted"]
@@ -127,12 +127,10 @@ class Bulk:
         self.jacobian_form = self._derived("Jacobian", lambda: self._derivative, 2)
         self._energy_form: fem.Form | None = None
         coefficients, self.jacobian_constants = self._given_in_derivative()
-        # Without branches the derivative decides. The derivative of an energy with jumps does not
-        # contain the jumps, so the form itself is classified as well.
-        branches = self._fact("branches", lambda: has_branches(self._form))
-        self.kinks = kinks_of(self._form, own) if branches else ""
-        smooth = not branches or (not self.kinks and is_affine(self.residual, own))
-        self.linear: bool = not any(f is own for f in coefficients) and smooth
+        # The derivative of an energy with jumps does not contain the jumps, so the form itself is
+        # classified as well.
+        self.kinks = kinks_of(form, u)
+        self.linear: bool = not any(f is own for f in coefficients) and not self.kinks
         self._data = [*coefficients, *self.jacobian_constants]
         self._others = [f for f in self.functions if f is not own]
         self.update_ghosts()

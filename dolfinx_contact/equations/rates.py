@@ -23,7 +23,7 @@ from ufl.algorithms.analysis import extract_constants
 
 from dolfinx_contact._compat import interpolation_points
 from dolfinx_contact._forms import compiled_expression, compiled_form
-from dolfinx_contact._ufl import derivative, is_affine, not_affine
+from dolfinx_contact._ufl import derivative, not_affine
 from dolfinx_contact.equations.evaluation import ContactState
 from dolfinx_contact.equations.rigid_bodies import RigidBodies
 from dolfinx_contact.points.evaluation import Given
@@ -75,8 +75,6 @@ class Rate:
 
     def not_affine(self, e: Any) -> str:
         """Return the part of a form or expression that is not affine in gamma; "" if all is."""
-        if isinstance(e, ufl.Form) and is_affine(e, self.gamma):
-            return ""
         return not_affine(_as_ufl(e), self.gamma)
 
 

@@ -18,11 +18,13 @@ import numpy as np
 import numpy.typing as npt
 
 import ufl
+from ufl.algorithms import extract_coefficients
+from ufl.algorithms.analysis import extract_constants
 from ufl.corealg.traversal import unique_pre_traversal
 
 from dolfinx_contact._mpi import everywhere
 from dolfinx_contact._pointwise import Flat, Values
-from dolfinx_contact._ufl import data_of, depends_on, not_affine
+from dolfinx_contact._ufl import depends_on, not_affine
 from dolfinx_contact.laws.answers import Answers, Array, Codes, PointData
 from dolfinx_contact.laws.law import Law, StatusPiece, checked_pieces
 from dolfinx_contact.laws.roots import Roots
@@ -90,7 +92,7 @@ def _refuse_other_data(law: Law, scalars: list[Any], w: Any) -> None:
         scalars: expressions of the law.
         w: Function with the fields of the law.
     """
-    data = [d for e in scalars for d in (*data_of(e)[0], *data_of(e)[1])]
+    data = [d for e in scalars for d in (*extract_coefficients(e), *extract_constants(e))]
     other = [type(d).__name__ for d in data if d is not w]
     if other:
         raise ValueError(

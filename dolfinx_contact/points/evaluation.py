@@ -19,7 +19,7 @@ import basix
 import basix.ufl
 import ufl
 from dolfinx import fem, la, mesh
-from ufl.algorithms import expand_derivatives
+from ufl.algorithms import expand_derivatives, extract_coefficients
 from ufl.algorithms.analysis import extract_constants
 from ufl.classes import Derivative, GeometricQuantity, SpatialCoordinate
 from ufl.corealg.traversal import unique_pre_traversal
@@ -29,7 +29,6 @@ from dolfinx_contact._compat import facet_integration_entities, interpolation_po
 from dolfinx_contact._forms import compiled_expression, compiled_form
 from dolfinx_contact._mpi import SharedValues
 from dolfinx_contact._pointwise import Flat, Values, point_data
-from dolfinx_contact._ufl import data_of
 from dolfinx_contact.obstacles import Measured, Obstacle
 from dolfinx_contact.points.trace import owned_exterior
 
@@ -206,7 +205,8 @@ class Given:
     @cached_property
     def data(self) -> dict[str, tuple[list[Any], list[Any]]]:
         """Functions and Constants by the names of `at_points`."""
-        return {name: data_of(ufl.as_ufl(e))[:2] for name, e in self.at_points.items()}
+        given = {name: ufl.as_ufl(e) for name, e in self.at_points.items()}
+        return {k: (extract_coefficients(e), extract_constants(e)) for k, e in given.items()}
 
     @property
     def functions(self) -> list[Any]:
