@@ -7,11 +7,9 @@ version of DOLFINx. A branch is removed when its version leaves the table in `do
 
 from __future__ import annotations
 
-import ctypes
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from mpi4py import MPI
@@ -29,14 +27,12 @@ except ImportError:  # DOLFINx 0.9
 
 __all__ = [
     "FacetSubmesh",
-    "VTXFile",
     "create_facet_submesh",
     "create_mesh",
     "dirichlet_value",
     "facet_integration_entities",
     "geometry_dofmap",
     "gmsh_io",
-    "has_vtx",
     "instantiated",
     "interpolation_points",
     "is_mesh_of",
@@ -176,37 +172,6 @@ def interpolation_points(V: fem.FunctionSpace) -> npt.NDArray[np.float64]:
     """Return the reference interpolation points (a method in 0.9, a property since 0.10)."""
     points = V.element.interpolation_points
     return points() if callable(points) else points
-
-
-def has_vtx() -> bool:
-    """Return whether DOLFINx was built with ADIOS2."""
-    return hasattr(io, "VTXWriter")
-
-
-class VTXFile:
-    """Time series of Functions with one mesh and one element, in VTX format. Collective.
-
-    Errors of ADIOS2 are ``RuntimeError``; `abandon` must be called after one.
-    """
-
-    def __init__(self, comm: MPI.Comm, file: Path, functions: Sequence[fem.Function]):
-        self._writer = io.VTXWriter(comm, file, list(functions))
-
-    def write(self, time: float) -> None:
-        """Write the present values of the Functions."""
-        self._writer.write(time)
-
-    def close(self) -> None:
-        """Finish the file."""
-        self._writer.close()
-
-    def abandon(self) -> None:
-        """Abandon the writer after an error, without running its destructor.
-
-        The destructor of DOLFINx would close the file again, and the resulting error would
-        terminate the process.
-        """
-        ctypes.pythonapi.Py_IncRef(ctypes.py_object(self._writer._cpp_object))
 
 
 def is_topology_of(domain: mesh.Mesh, tags: mesh.MeshTags) -> bool:

@@ -11,6 +11,7 @@ states, so that these remain if the disk is full or the process is killed.
 
 from __future__ import annotations
 
+import ctypes
 import errno
 import logging
 import os
@@ -25,7 +26,6 @@ from mpi4py import MPI
 
 from dolfinx import fem, io
 
-from dolfinx_contact._compat import VTXFile, has_vtx
 from dolfinx_contact._files import os_error, sync
 from dolfinx_contact._mpi import everywhere, on_root, require, same_everywhere
 from dolfinx_contact.io.files import output_folder
@@ -46,6 +46,10 @@ Format: TypeAlias = Literal["vtx", "vtk"] | None
 Fields: TypeAlias = Mapping[str, Sequence[fem.Function]]
 
 
+#: Whether DOLFINx was built with ADIOS2.
+_HAS_VTX = hasattr(io, "VTXWriter")
+
+
 def checked_format(comm: MPI.Comm, format: Format) -> Literal["vtx", "vtk"]:
     """Validate a file format and return it, or the default format. Collective.
 
@@ -55,8 +59,8 @@ def checked_format(comm: MPI.Comm, format: Format) -> Literal["vtx", "vtk"]:
     """
     same_everywhere(comm, format=format)
     require(comm, format in ("vtx", "vtk", None), f"format is {format!r}: vtx and vtk are known")
-    require(comm, format != "vtx" or has_vtx(), "DOLFINx was built without ADIOS2: format='vtk'")
-    if format is None and not has_vtx():
+    require(comm, format != "vtx" or _HAS_VTX, "DOLFINx was built without ADIOS2: format='vtk'")
+    if format is None and not _HAS_VTX:
         if comm.rank == 0:
             logger.info("DOLFINx was built without ADIOS2: fields are written as VTK")
         return "vtk"
@@ -94,7 +98,7 @@ class Writer:
         self.files: list[Path] = []
         self._part = self.folder / f".{prefix}write_fields.part"
         self._first: Fields = {}
-        self._writers: dict[str, VTXFile | io.VTKFile] = {}
+        self._writers: dict[str, io.VTXWriter | io.VTKFile] = {}
 
     def __enter__(self) -> Writer:
         def start() -> None:
@@ -120,7 +124,7 @@ class Writer:
                 if stem not in self._writers:
                     self._writers[stem] = self._opened(stem, functions)
                 writer = self._writers[stem]
-                if isinstance(writer, VTXFile):
+                if self._suffix == ".bp":
                     writer.write(time)
                 else:
                     writer.write_function(list(functions), time)
@@ -147,12 +151,12 @@ class Writer:
                 writer.close()
         self._writers = {}
 
-    def _opened(self, stem: str, functions: Sequence[fem.Function]) -> VTXFile | io.VTKFile:
+    def _opened(self, stem: str, functions: Sequence[fem.Function]) -> io.VTXWriter | io.VTKFile:
         """Open a file. Collective."""
         comm = functions[0].function_space.mesh.comm
         file = self._part / (stem + self._suffix)
         if self._suffix == ".bp":
-            return VTXFile(comm, file, functions)
+            return io.VTXWriter(comm, file, list(functions))
         return io.VTKFile(comm, file, "w")
 
     @contextmanager
@@ -166,9 +170,9 @@ class Writer:
                 except (OSError, RuntimeError) as error:
                     raise os_error(error, path) from error
         except OSError:
-            for writer in self._writers.values():
-                if isinstance(writer, VTXFile):
-                    writer.abandon()
+            if self._suffix == ".bp":
+                for writer in self._writers.values():
+                    _keep_alive(writer)
             self._writers = {}
             raise
 
@@ -212,6 +216,15 @@ class Writer:
         for file in older:
             file.rename(before / file.name)
         sync(self.folder)
+
+
+def _keep_alive(writer: io.VTXWriter) -> None:
+    """Keep a writer after an error of ADIOS2, so that its destructor does not run.
+
+    The destructor of DOLFINx would close the file again, and the resulting error would terminate
+    the process.
+    """
+    ctypes.pythonapi.Py_IncRef(ctypes.py_object(writer._cpp_object))
 
 
 def _write_script(part: Path, folder: Path) -> None:
