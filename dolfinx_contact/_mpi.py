@@ -180,9 +180,8 @@ def same_everywhere(comm: MPI.Comm, where: str = "", /, **values: Any) -> None:
 
 def _differing_parts(*texts: str) -> list[str]:
     """Return the parts of long texts around their first difference."""
-    columns = enumerate(zip(*texts, strict=False))
-    first = next((i for i, letters in columns if len(set(letters)) > 1), 0)
-    begin = max(0, first - _SHOWN // 2) if max(map(len, texts)) > _SHOWN else 0
+    same = len(os.path.commonprefix(texts))  # noqa: RUF071 (of characters, not of folders)
+    begin = max(0, same - _SHOWN // 2)
     return [
         f"{'... ' * (begin > 0)}{text[begin : begin + _SHOWN]}"
         f"{' ...' * (begin + _SHOWN < len(text))}"
@@ -273,26 +272,18 @@ _GIVEN = _Words("given")
 
 def _comparable(value: Any) -> Any:
     """Return the value by which an argument is compared, or a sign of its presence."""
+    if isinstance(value, np.generic | np.ndarray) and value.dtype != object:
+        value = value.tolist()
     if isinstance(value, float):
         return value + 0.0  # -0.0 is 0.0
-    if isinstance(value, Enum):
-        return _Words(value)
-    if value is None or isinstance(value, bool | int | complex | str | bytes):
+    if value is None or isinstance(value, bool | int | complex | str | bytes | Enum | os.PathLike):
         return value
     if isinstance(value, set | frozenset):
         return sorted(repr(_comparable(v)) for v in value)
-    if isinstance(value, np.generic):
-        return value.item()
-    if isinstance(value, os.PathLike):
-        return os.fspath(value)
-    if isinstance(value, np.ndarray):
-        return value.tolist() if value.dtype != object else _GIVEN
     if isinstance(value, Mapping):
         return {_comparable(k): _comparable(v) for k, v in value.items()}
     if isinstance(value, Sequence):
-        parts = tuple(_comparable(v) for v in value)
-        unknown = bool(parts) and all(part is _GIVEN for part in parts)
-        return _Words(f"{len(parts)} of them") if unknown else parts
+        return [_comparable(v) for v in value]
     frozen = is_dataclass(value) and getattr(value, "__dataclass_params__").frozen  # noqa: B009
     if not frozen or isinstance(value, type):
         return _GIVEN
