@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dolfinx_contact._mpi import require
+from dolfinx_contact._mpi import anywhere, require
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.parametric import ParametricEquations
 from dolfinx_contact.laws.cones import is_polyhedral
@@ -27,8 +27,6 @@ def check_reducible(eq: ContactEquations) -> None:
     ]
     guided = eq.comm.allreduce(int(any(part.any() for part in parts)))
     along = eq.dim == 2 and all(s.method == "nodal" for s in eq.surfaces)
-    trace = np.concatenate([s.points.vertex_trace_dofs for s in eq.surfaces])
-    shared = eq.comm.allreduce(int(len(np.unique(trace)) < len(trace)))
     for ok, what in (
         (known, "the law of Coulomb or Tresca, or none of friction"),
         (alone, "contact at the nodes (nodal or mixed)"),
@@ -36,7 +34,7 @@ def check_reducible(eq: ContactEquations) -> None:
         (eq.linear or not eq.bulk.linear, "small sliding, on curved obstacles and between bodies"),
         (len(eq.scaling.loose.of_body) == 0, "a body that Dirichlet data hold"),
         (along or not guided, "contact nodes that Dirichlet data do not hold in part"),
-        (not shared, "surfaces without common nodes"),
+        (not _share_nodes(eq), "surfaces without common nodes"),
         (eq.rigid.size == 0, "obstacles without unknowns of their own"),
     ):
         require(eq.comm, ok, f'the reduced problem needs {what}; use algorithm="newton"')
@@ -45,7 +43,7 @@ def check_reducible(eq: ContactEquations) -> None:
 def can_condense(
     system: ParametricEquations, *, partly: bool = False, bounded: bool = False
 ) -> bool:
-    """Return whether a problem has affine pieces at its contact points. Collective.
+    """Return whether a 2D problem has affine pieces at its contact points. Collective.
 
     Args:
         system: contact problem with a parameter.
@@ -54,28 +52,15 @@ def can_condense(
         bounded: whether Tresca's law, whose pieces are not cones, is admissible.
     """
     eq = system.equations
-    points = eq.comm.allreduce(int((~system.clamped).sum()))
-    if eq.dim != 2 or not 0 < points <= _MOST_POINTS or not system._held_laws:
+    if eq.dim != 2 or _obstacle_at_points(system):
         return False
-    nodes = []
-    mixed = False
-    polyhedral = True
-    known = eq.memory, eq.constraints.clamped, eq.constraints.fixed_jumps
-    for s, memory, clamped, fixed in zip(eq.surfaces, *known, strict=True):
-        if s.points.E is not None or not s.linear:
-            return False
-        conic = is_polyhedral(s.law_at_points, s.point_data(memory))
-        polyhedral = polyhedral and (conic or (bounded and s.law.bound_kind == "given"))
-        nodes.append(s.points.vertex_trace_dofs)
-        some = fixed.any(axis=1) & ~fixed.all(axis=1)
-        if partly:
-            # A part of a normal that is not along an axis would be prescribed.
-            normal = np.where(fixed, s.points.vertex_normals, 0.0)
-            some &= ~clamped & (np.abs(normal).max(axis=1, initial=0.0) > 1e-6)
-        mixed = mixed or bool(some.any())
-    flat = np.concatenate(nodes)
-    shared = len(np.unique(flat)) < len(flat)
-    return not eq.comm.allreduce(int(mixed or shared or not polyhedral))
+    held, oblique, _ = _partly_held(system)
+    other_law = any(
+        not (bounded and s.law.bound_kind == "given")
+        and not is_polyhedral(s.law_at_points, s.point_data(memory))
+        for s, memory in zip(eq.surfaces, eq.memory, strict=True)
+    )
+    return not eq.comm.allreduce(int(other_law)) and not (oblique if partly else held)
 
 
 def obstacle_in_space(system: ParametricEquations) -> str:
@@ -84,43 +69,62 @@ def obstacle_in_space(system: ParametricEquations) -> str:
     Args:
         system: contact problem with a parameter; its laws are not considered.
     """
+    if system.equations.dim != 3:
+        return "the problem is not one in 3D"
+    if not system.is_linear:
+        return "the body, its loads or its motions are not linear"
+    obstacle = _obstacle_at_points(system)
+    if obstacle:
+        return obstacle
+    _, oblique, rubbed = _partly_held(system)
+    if oblique:
+        return "Dirichlet data hold a component of contact nodes that is not a tangential one"
+    if rubbed:
+        return "Dirichlet data hold one tangential displacement of contact nodes with friction"
+    return ""
+
+
+def _obstacle_at_points(system: ParametricEquations) -> str:
+    """Return the reason why the contact points do not determine the problem; "" if they do.
+
+    Collective.
+    """
     eq = system.equations
     points = eq.comm.allreduce(int((~system.clamped).sum()))
-    nodes = np.concatenate([s.points.vertex_trace_dofs for s in eq.surfaces])
-    shared = bool(eq.comm.allreduce(int(len(np.unique(nodes)) < len(nodes))))
-    oblique, rubbed = (bool(eq.comm.allreduce(int(v))) for v in _partly_held(system))
     for obstructs, what in (
-        (eq.dim != 3, "the problem is not one in 3D"),
-        (not system.is_linear, "the body, its loads or its motions are not linear"),
         (not system._held_laws, "a law or an obstacle depends on gamma"),
         (any(s.points.E is not None for s in eq.surfaces), "contact is not at nodes"),
         (not all(s.linear for s in eq.surfaces), "sliding is not small"),
         (points > _MOST_POINTS, f"there are more than {_MOST_POINTS} contact points"),
         (points == 0, "there is no contact point that is free"),
-        (shared, "surfaces have nodes in common"),
-        (oblique, "Dirichlet data hold a component of contact nodes that is not a tangential one"),
-        (rubbed, "Dirichlet data hold one tangential displacement of contact nodes with friction"),
+        (_share_nodes(eq), "surfaces have nodes in common"),
     ):
         if obstructs:
             return what
     return ""
 
 
-def _partly_held(system: ParametricEquations) -> tuple[bool, bool]:
-    """Return properties of the partly held contact nodes of this rank.
+def _share_nodes(eq: ContactEquations) -> bool:
+    """Return whether two surfaces have a node in common. Collective."""
+    nodes = np.concatenate([s.points.vertex_trace_dofs for s in eq.surfaces])
+    return anywhere(eq.comm, len(np.unique(nodes)) < len(nodes))[0]
+
+
+def _partly_held(system: ParametricEquations) -> list[bool]:
+    """Return properties of the contact nodes that Dirichlet data hold in part. Collective.
 
     Returns:
-        Whether a normal displacement is held, and whether friction acts along a free tangent.
+        Whether there are any, whether a normal displacement is held, and whether friction acts
+        along a free tangent.
     """
     eq = system.equations
-    oblique = False
-    rubbed = False
-    for s, clamped, fixed in zip(
-        eq.surfaces, eq.constraints.clamped, eq.constraints.fixed_jumps, strict=True
-    ):
+    found = [False, False, False]
+    constraints = eq.constraints.clamped, eq.constraints.fixed_jumps
+    for s, clamped, fixed in zip(eq.surfaces, *constraints, strict=True):
         some = fixed.any(axis=1) & ~clamped[: len(fixed)]
-        normal = np.where(fixed, s.points.vertex_normals, 0.0)
-        oblique = oblique or bool((some & (np.abs(normal).max(axis=1, initial=0.0) > 1e-6)).any())
-        one = some & (fixed.sum(axis=1) == 1)
-        rubbed = rubbed or bool(one.any() and STICK in s.law_at_points.codes)
-    return oblique, rubbed
+        normal = np.abs(np.where(fixed, s.points.vertex_normals, 0.0)).max(axis=1, initial=0.0)
+        friction = STICK in s.law_at_points.codes
+        found[0] |= bool((fixed.any(axis=1) & ~fixed.all(axis=1)).any())
+        found[1] |= bool((some & (normal > 1e-6)).any())
+        found[2] |= friction and bool((some & (fixed.sum(axis=1) == 1)).any())
+    return anywhere(eq.comm, *found)
