@@ -74,29 +74,9 @@ __all__ = [
 ]
 
 
-class _Known:
-    """Data by UFL object, kept as long as the object lives.
-
-    UFL compares expressions by content; here equal expressions are different objects. The data must
-    not refer to the expression, which would live for ever.
-    """
-
-    def __init__(self) -> None:
-        self._of: dict[int, tuple[weakref.ref[Any], Any]] = {}
-
-    def keep(self, expression: Any, what: Any) -> None:
-        key = id(expression)
-        self._of[key] = weakref.ref(expression, lambda _: self._of.pop(key, None)), what
-
-    def get(self, expression: Any) -> Any:
-        """Return the data, or None."""
-        return self._of.get(id(expression), (None, None))[1]
-
-
-#: Young's modulus and Poisson's ratio by shear modulus.
-_moduli = _Known()
-#: Materials by energy and stress.
-_materials = _Known()
+#: Materials by the id of a UFL energy or stress, as long as this object lives. UFL compares
+#: expressions by content, but equal expressions are different objects here.
+_materials: dict[int, tuple[weakref.ref[Any], Material]] = {}
 
 
 def lame(young: Any, poisson: Any) -> tuple[Any, Any]:
@@ -114,11 +94,10 @@ def lame(young: Any, poisson: Any) -> tuple[Any, Any]:
             ``poisson`` not in (-1, 1/2). Constants, and UFL of Constants only, are checked with
             their present values; data that vary in space are not checked.
     """
-    _check_young(young, poisson)
-    mu = young / (2 * (1 + poisson))
-    if isinstance(mu, ufl.core.expr.Expr) and mu is not young:
-        _moduli.keep(mu, (young, poisson))
-    return young * poisson / ((1 + poisson) * (1 - 2 * poisson)), mu
+    _check("Young's modulus must be positive", lambda E: E > 0, young)
+    _check("Poisson's ratio must lie in (-1, 1/2)", lambda nu: -1 < nu < 0.5, poisson)
+    lmbda = young * poisson / ((1 + poisson) * (1 - 2 * poisson))
+    return lmbda, young / (2 * (1 + poisson))
 
 
 def materials_in(form: ufl.Form) -> list[Material]:
@@ -135,11 +114,11 @@ def materials_in(form: ufl.Form) -> list[Material]:
         if id(node) in seen:
             continue
         seen.add(id(node))
-        material = _materials.get(node)
-        if material is None:
-            left += node.ufl_operands
-        else:
+        if id(node) in _materials:
+            material = _materials[id(node)][1]
             found[id(material)] = material
+        else:
+            left += node.ufl_operands
     return list(found.values())
 
 
@@ -183,15 +162,6 @@ def _check(rule: str, holds: Callable[..., bool], *values: Any) -> None:
     if not finite or (None not in known and not holds(*known)):
         shown = [str(k) if _is_scalar(v) else repr(v) for k, v in zip(known, values, strict=True)]
         raise ValueError(f"{rule}, got {' and '.join(shown)}")
-
-
-def _check_young(young: Any, poisson: Any) -> None:
-    _check("Young's modulus must be positive", lambda E: E > 0, young)
-    _check(
-        "Poisson's ratio must lie in (-1, 1/2)",
-        lambda nu: -1 < nu < 0.5,
-        poisson,
-    )
 
 
 def _kind_of(u: Any) -> str:
@@ -266,8 +236,8 @@ class Material:
         """
         _require_measure(dx)
         cell = self._cell_volumes(u)
-        shape = self._own(self._shape_energy(u, ufl.grad(u)))
         volume = self._own(self._volume_energy(u, cell.dilatation, cell.ratio) * cell.share)
+        shape = self._own(self._shape_energy(u, ufl.grad(u)))
         return shape * dx + volume * dx(metadata=at_middle(len(u)))
 
     def mean_dilatation_stress(self, u: fem.Function) -> Any:
@@ -289,22 +259,7 @@ class Material:
         from dolfinx_contact._cell_volumes import volumes_of
 
         _require_bilinear(u)
-        self._require_parts()
         return volumes_of(u, revolution=self._of_revolution)
-
-    def _require_parts(self) -> None:
-        """Raise ``ValueError`` unless the parts belong to the energy, also in a subclass."""
-        classes = type(self).__mro__
-
-        def first(*names: str) -> int:
-            return next(i for i, c in enumerate(classes) if any(n in vars(c) for n in names))
-
-        of_parts = first("_volume_energy", "_volume")
-        if of_parts > first("energy", "_stored", "stress") or classes[of_parts] is Material:
-            raise ValueError(
-                f"the part of the energy of a {type(self).__name__} that belongs to the change of "
-                "volume is unknown: take LinearElastic, NeoHookean or CiarletGeymonat"
-            )
 
     def _mean_stress(self, u: fem.Function, H: Any, cell: Any) -> Any:
         H = ufl.variable(H)
@@ -335,10 +290,10 @@ class Material:
         construction, and at the start of every solve with an energy or stress of the material.
         """
         lmbda, mu = getattr(self, "lmbda", 0.0), getattr(self, "mu", 1.0)
-        made_of = _moduli.get(mu)
-        if made_of is not None:
-            _check_young(*made_of)
-        rule = "Lame coefficients, numbers or UFL scalars, need mu > 0 and 3 lambda + 2 mu > 0"
+        rule = (
+            "Lame coefficients, numbers or UFL scalars, need mu > 0 and 3 lambda + 2 mu > 0 "
+            "(Young's modulus > 0, Poisson's ratio in (-1, 1/2))"
+        )
         _check(rule, lambda a, b: b > 0 and 3 * a + 2 * b > 0, lmbda, mu)
 
     def __post_init__(self) -> None:
@@ -363,7 +318,8 @@ class Material:
 
     def _own(self, expression: Any) -> Any:
         """Register and return an energy or stress, by which a problem finds the material."""
-        _materials.keep(expression, self)
+        key = id(expression)
+        _materials[key] = weakref.ref(expression, lambda _: _materials.pop(key, None)), self
         return expression
 
     def _stored(self, u: fem.Function, F: Any) -> Any:
@@ -375,7 +331,10 @@ class Material:
 
     def _volume_energy(self, u: fem.Function, dilatation: Any, ratio: Any) -> Any:
         """Return the part of the stored energy growing with lambda."""
-        raise NotImplementedError
+        raise ValueError(
+            f"the part of the energy of a {type(self).__name__} that belongs to the change of "
+            "volume is unknown: take LinearElastic, NeoHookean or CiarletGeymonat"
+        )
 
     def _energy_of(self, u: fem.Function, H: Any) -> Any:
         """Stored energy of a 3 x 3 displacement gradient."""
@@ -584,9 +543,6 @@ class Axisymmetric(Material):
     def _volume_energy(self, u: fem.Function, dilatation: Any, ratio: Any) -> Any:
         return self.material._volume_energy(u, dilatation, ratio)
 
-    def _require_parts(self) -> None:
-        self.material._require_parts()
-
     def _mean_stress(self, u: fem.Function, H: Any, cell: Any) -> Any:
         return self.material._mean_stress(u, H, cell)
 
@@ -627,32 +583,16 @@ def _require_bilinear(u: Any) -> None:
     domain = u.function_space.mesh
     element = u.function_space.ufl_element()
     cell = domain.basix_cell().name
-    lagrange = basix.ufl.element("P", cell, 1, shape=u.ufl_shape)
-    for right, needed, got in (
-        (
-            domain.geometry.dim == len(u) == domain.topology.dim,
-            "plane cells in the plane or cells in space, with as many displacements",
-            f"{len(u)} of them at positions of {domain.geometry.dim} coordinates",
-        ),
-        (
-            cell in ("quadrilateral", "hexahedron"),
-            "quadrilaterals or hexahedra",
-            f"cells of {cell}s, for which take u of degree 2 and energy(u)",
-        ),
-        (
-            domain.ufl_domain().ufl_coordinate_element().degree == 1,
-            "cells with straight edges",
-            "curved ones",
-        ),
-        (
-            element.degree == 1,
-            "a displacement of degree 1",
-            f"degree {element.degree}, which does not lock: take energy(u)",
-        ),
-        (element in ufl.H1 and element == lagrange, "Lagrange elements", str(element)),
-    ):
-        if not right:
-            raise ValueError(f"the mean dilatation needs {needed}; got {got}")
+    needed = basix.ufl.element("P", cell, 1, shape=(domain.topology.dim,))
+    solid = cell in ("quadrilateral", "hexahedron") and domain.geometry.dim == domain.topology.dim
+    straight = domain.ufl_domain().ufl_coordinate_element().degree == 1
+    if not solid or not straight or element != needed:
+        raise ValueError(
+            "the mean dilatation needs a continuous Lagrange displacement of degree 1, with a "
+            "component for every axis, on quadrilaterals or hexahedra with straight edges; got "
+            f"{element} on {'' if straight else 'curved '}{cell}s. On other cells take u of degree "
+            "2 and energy(u), which do not lock"
+        )
 
 
 _ON_AXIS = 1e-8  # of a cell, a distance from the axis that is none: there u_r / r is du_r / dr

@@ -521,13 +521,8 @@ def test_solve_refuses_moduli_that_leave_their_range(material, as_residual):
     problem = ContactProblem(bulk, u, [surface(u)], bcs=[clamp(u, 1, 1.0, (0.0, -0.01))])
     problem.solve()
     before = u.x.array.copy()
-    for E, nu, words in (
-        (1000.0, 0.6, r"Poisson's ratio must lie in \(-1, 1/2\), got 0.6"),
-        (1000.0, 0.5, r"Poisson's ratio must lie in \(-1, 1/2\), got 0.5"),
-        (1000.0, -1.5, r"Poisson's ratio must lie in \(-1, 1/2\), got -1.5"),
-        (-1000.0, 0.3, "Young's modulus must be positive, got -1000"),
-        (np.nan, 0.3, "Young's modulus must be positive, got nan"),
-    ):
+    words = r"Lame coefficients, .* \(Young's modulus > 0, Poisson's ratio in \(-1, 1/2\)\), got "
+    for E, nu in ((1000.0, 0.6), (1000.0, 0.5), (1000.0, -1.5), (-1000.0, 0.3), (np.nan, 0.3)):
         young.value, poisson.value = E, nu
         with pytest.raises(ValueError, match=words) as info:
             problem.solve()

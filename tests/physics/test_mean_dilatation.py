@@ -298,11 +298,13 @@ def test_mean_dilatation_refuses_simplices_and_other_degrees():
     """Simplices, a displacement of degree 2 and plane stress are refused by name."""
     material = LinearElastic.from_young(YOUNG, 0.4999)
     V = fem.functionspace(box(COMM, 2, "tri"), ("Lagrange", 1, (2,)))
-    with pytest.raises(ValueError, match="for which take u of degree 2"):
+    with pytest.raises(
+        ValueError, match=r"degree 1.* on triangles. On other cells take u of degree 2"
+    ):
         material.mean_dilatation_energy(fem.Function(V))
     domain = box(COMM, 2, "quad")
     V = fem.functionspace(domain, ("Lagrange", 2, (2,)))
-    with pytest.raises(ValueError, match="of degree 1; got degree 2"):
+    with pytest.raises(ValueError, match=r"displacement of degree 1, .*; got .*, 2, "):
         material.mean_dilatation_energy(fem.Function(V))
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
     thin = LinearElastic.from_young(YOUNG, 0.4999, plane_stress=True)
@@ -311,24 +313,14 @@ def test_mean_dilatation_refuses_simplices_and_other_degrees():
     u = fem.Function(V)
     with pytest.raises(ValueError, match=r"of a StVenantKirchhoff .* is unknown"):
         StVenantKirchhoff(1.0, 1.0).mean_dilatation_energy(u)
-    for stiffer in (Stiffer(1.0, 1.0), Axisymmetric(Stiffer(1.0, 1.0))):
-        with pytest.raises(ValueError, match=r"of a Stiffer .* is unknown"):
-            stiffer.mean_dilatation_energy(u)
-        with pytest.raises(ValueError, match=r"of a Stiffer .* is unknown"):
-            stiffer.mean_dilatation_stress(u)
+    with pytest.raises(ValueError, match=r"of a StVenantKirchhoff .* is unknown"):
+        Axisymmetric(StVenantKirchhoff(1.0, 1.0)).mean_dilatation_stress(u)
     for measure in (ufl.ds, ufl.dx(1) + ufl.dx(2), 2.0):
         with pytest.raises(ValueError, match="the measure must be one of cells"):
             material.mean_dilatation_energy(u, measure)
     three = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (3,))))
-    with pytest.raises(ValueError, match="as many displacements"):
+    with pytest.raises(ValueError, match="with a component for every axis"):
         material.mean_dilatation_energy(three)
     jumping = fem.Function(fem.functionspace(domain, ("DG", 1, (2,))))
-    with pytest.raises(ValueError, match="needs Lagrange elements"):
+    with pytest.raises(ValueError, match="needs a continuous Lagrange displacement"):
         material.mean_dilatation_energy(jumping)
-
-
-class Stiffer(NeoHookean):
-    """User-defined energy, three times the energy of its base."""
-
-    def energy(self, u):
-        return 3.0 * super().energy(u)
