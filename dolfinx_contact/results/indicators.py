@@ -12,7 +12,7 @@ position, gap, normal and jump at contact points.
 | `slip` | small sliding of a pair: slip since the undeformed state over the facet size of the other face | 0.5 |
 | `turn` | small sliding of a pair: angle between the displaced normals of both faces and the normal of the law, the larger of the root mean square weighted by the normal forces and half the maximum over closed points | 3 degrees |
 | `slip_in_step` | slip in a step over the facet size of the other face (large sliding, surfaces of facets) | 2 |
-| `passing` | change of the contact normal in a step at a point whose path leads through the obstacle | 90 degrees |
+| `passing` | change of the contact normal in a step, in the frame of the obstacle, at a point whose path leads through it | 90 degrees |
 | `approach` | large sliding of a pair: approach in a step of points without an opposing point, over the search distance | 1 |
 | `behind_plane` | large sliding of a pair: depth of nodes behind a plane of symmetry, where they penetrate their mirror images | 0.01 facets |
 | `spin` | rotation of a face over the other one about the contact normal in a step, weighted by the normal forces | 21 degrees |
@@ -437,39 +437,25 @@ def _passing(s: DiscreteSurface, contact: ContactState) -> float:
     """Largest change of the normal of points that came through the obstacle. Collective.
 
     A point comes through if the normal changes by more than a right angle and the place that
-    divides its way as the gaps at both ends lies in the obstacle.
+    divides its way as the gaps at both ends lies in the obstacle, in the frame of the obstacle.
     """
     at = contact.kinematics
-    shape = s.displaced
-    memory = at.memory
+    shape, memory = s.displaced, at.memory
     if shape is None or at.place is None or (memory is not None and memory.place is None):
         return 0.0
     start = np.zeros_like(at.place) if memory is None or memory.place is None else memory.place
-    gap, normal = shape.gaps_and_normals(start)
-    body, motion = s.rigid_body, at.motion
-    before = None
-    if body is not None and motion is not None:
-        before = np.zeros_like(motion)
-        if memory is not None and memory.motion is not None:
-            before = memory.motion
-        normal = normal @ body.kinematics.rotation(before).T
-    turned = dot(normal, at.data.n) < 0.0
-    if not s.comm.allreduce(int(turned.any())):
+    gap, before = shape.gaps_and_normals(start)
+    after = at.data.n
+    if s.rigid_body is not None and at.motion is not None:
+        after = after @ s.rigid_body.kinematics.rotation(at.motion)
+    turned = dot(before, after) < 0.0
+    if not anywhere(s.comm, bool(turned.any()))[0]:
         return 0.0
     first, last = np.maximum(gap, 0.0), np.maximum(at.gap, 0.0)
     part = np.divide(first, first + last, out=np.full_like(first, 0.5), where=first + last > 0)
-    part = part[:, None]
-    place = start + part * (at.place - start)
-    if body is not None and motion is not None and before is not None:
-        x = s.positions
-        ends = [
-            x + d + body.kinematics.carried(x + d, m)
-            for d, m in ((start, before), (at.place, motion))
-        ]
-        way = ends[0] + part * (ends[1] - ends[0])
-        place = body.kinematics.seen(way, before + part * (motion - before)) - x
-    turned &= shape.gaps_and_normals(place)[0] < 0.0
-    return _most(s, np.where(turned, _angles(normal, at.data.n), 0.0))
+    middle = start + part[:, None] * (at.place - start)
+    turned &= shape.gaps_and_normals(middle)[0] < 0.0
+    return _most(s, np.where(turned, _angles(before, after), 0.0))
 
 
 def _approach(
