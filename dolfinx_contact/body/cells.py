@@ -195,10 +195,21 @@ def _jacobians(domain: mesh.Mesh) -> Iterator[tuple[slice, Array, Array]]:
     table = gradients(domain.ufl_domain().ufl_coordinate_element(), points)
     for part in chunks(domain.topology.index_map(dim).size_local):
         corners = x[nodes[part]]
-        X = np.ascontiguousarray(corners.transpose(0, 2, 1)).reshape(-1, corners.shape[1])
-        J = (X @ table).reshape(len(corners), dim, len(points), dim).transpose(0, 2, 1, 3)
+        J = _gradients_of(corners, table)
         length = np.abs(J).max(axis=(1, 2, 3))
         yield part, J, length ** (dim - 1) * (length + np.abs(corners).max(axis=(1, 2)))
+
+
+def _gradients_of(values: Array, table: Array) -> Array:
+    """Return gradients of fields of cells at reference points, shape (n, points, dim, dim).
+
+    Args:
+        values: values at the nodes of the cells, shape (n, nodes, dim).
+        table: gradients of the basis (`gradients`).
+    """
+    n, nodes, dim = values.shape
+    flat = np.ascontiguousarray(values.transpose(0, 2, 1)).reshape(-1, nodes) @ table
+    return np.asarray(flat.reshape(n, dim, -1, dim).transpose(0, 2, 1, 3))
 
 
 # -- deformed cells --------------------------------------------------------------------------------
@@ -227,33 +238,22 @@ def smallest_jacobian(
     points = reference_points(domain.basix_cell(), order, vertices=vertices)
     if axisymmetric:  # move points off the axis
         points = points + _OFF_AXIS * (points.mean(axis=0) - points)
-    X = domain.geometry.x[:, :dim]
-    elements = domain.ufl_domain().ufl_coordinate_element()
-    fields = [
-        (geometry_dofmap(domain), X, gradients(elements, points)),
-        (
-            V.dofmap.list,
-            u.reshape(-1, dim),
-            gradients(V.ufl_element(), points),
-        ),
-    ]
+    x = domain.geometry.x[:, :dim]
+    fields = (geometry_dofmap(domain), x), (V.dofmap.list, u.reshape(-1, dim))
+    elements = domain.ufl_domain().ufl_coordinate_element(), V.ufl_element()
+    tables = [gradients(element, points) for element in elements]
+    shapes = [_values(element, points) for element in elements]
     values = np.empty(n)
-    shapes = (_values(elements, points), _values(V.ufl_element(), points))
-    radial = [(nodes, f, shape) for (nodes, f, _), shape in zip(fields, shapes, strict=True)]
     for part in chunks(n):
-        dX, du = (
-            (f[nodes[part]].transpose(0, 2, 1) @ table)
-            .reshape(-1, dim, len(points), dim)
-            .transpose(0, 2, 1, 3)
-            for nodes, f, table in fields
-        )
+        cells = [f[nodes[part]] for nodes, f in fields]
+        dX, du = (_gradients_of(c, table) for c, table in zip(cells, tables, strict=True))
         # The gradient is undefined at corners of degenerate quadrilaterals.
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             J = determinants(dX)
             ratio = np.where(J == 0, np.inf, determinants(dX + du) / J)
         if axisymmetric:
-            r, moved = (f[nodes[part]][:, :, 0] @ table for nodes, f, table in radial)
-            ratio *= 1 + moved / r
+            r, u_r = (c[:, :, 0] @ shape for c, shape in zip(cells, shapes, strict=True))
+            ratio *= 1 + u_r / r
         values[part] = ratio.min(axis=1)
     return _least(domain, values)
 
