@@ -71,6 +71,7 @@ __all__ = [
     "StVenantKirchhoff",
     "lame",
     "materials_in",
+    "present_value",
 ]
 
 
@@ -128,7 +129,7 @@ def _is_scalar(value: Any) -> bool:
     return of_ufl or is_number(value)
 
 
-def _value(scalar: Any) -> float | None:
+def present_value(scalar: Any) -> float | None:
     """Return the present value of a number or UFL of Constants; None for any other UFL.
 
     The value is NaN if it is not a real number, such as the root of -1 or 1/0.
@@ -157,7 +158,7 @@ def _check(rule: str, holds: Callable[..., bool], *values: Any) -> None:
         holds: the rule, called with the values if all of them are known.
         values: numbers or UFL scalars.
     """
-    known = [_value(v) if _is_scalar(v) else np.nan for v in values]
+    known = [present_value(v) if _is_scalar(v) else np.nan for v in values]
     finite = all(v is None or np.isfinite(v) for v in known)
     if not finite or (None not in known and not holds(*known)):
         shown = [str(k) if _is_scalar(v) else repr(v) for k, v in zip(known, values, strict=True)]

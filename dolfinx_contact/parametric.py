@@ -407,24 +407,20 @@ class ParametricContact(ReadOnly, ParametricEquations):
         Raises:
             ValueError: on every rank, if the letters are not statuses of these points.
         """
-        is_word = isinstance(letters, str)
-        require(self.comm, is_word, f"the letters of a piece must be a str, got {letters!r}")
         parts = []
-        start = 0
+        fits = isinstance(letters, str)
+        left = list(letters) if fits else []
         for s, a, b in self.parts():
             gathered = Gathered(s.comm, s.positions, s.points.ids)
-            number = len(gathered)
-            word = np.array(list(letters[start : start + number]))
-            start += number
-            every = status.letters(s.dim)
-            possible = "".join(every[sorted(s.law_at_points.codes)]) + "d"
-            fits = len(word) == number and set(word) <= set(possible)
-            require(self.comm, fits, f"{s.name}: {number} statuses of {possible} are needed")
-            own = word[gathered.mine]
-            same = bool(np.array_equal(own == "d", self.clamped[a:b]))
-            require(self.comm, same, f"{s.name}: other points are clamped")
-            parts.append([OPEN if c == "d" else "".join(every).index(c) for c in own])
-        require(self.comm, start == len(letters), f"{start} statuses are needed, not more")
+            word, left = np.array(left[: len(gathered)]), left[len(gathered) :]
+            every = "".join(status.letters(s.dim))
+            fits = fits and len(word) == len(gathered) and set(word) <= {*every, "d"} - {" "}
+            if fits:
+                own = word[gathered.mine]
+                fits = bool(np.array_equal(own == "d", self.clamped[a:b]))
+                parts.append([OPEN if c == "d" else every.index(c) for c in own])
+        objection = "the letters of a piece must be the statuses of all points, as in `letters`"
+        require(self.comm, fits and not left, objection)
         return Piece(np.concatenate(parts).astype(np.int8))
 
     def destroy(self) -> None:

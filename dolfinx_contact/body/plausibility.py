@@ -17,8 +17,7 @@ from typing import Any
 import ufl
 from dolfinx import fem, mesh
 
-from dolfinx_contact._validate import is_number
-from dolfinx_contact.materials import materials_in
+from dolfinx_contact.materials import materials_in, present_value
 
 __all__ = ["warn_of_unintended"]
 
@@ -87,8 +86,9 @@ def _locking(form: ufl.Form, V: fem.FunctionSpace) -> Iterator[str]:
         return
     for material in materials_in(form):
         given = getattr(material, "material", material)  # of a body of revolution
-        lmbda, mu = (_number(getattr(given, name, None)) for name in ("lmbda", "mu"))
-        if lmbda is None or not mu or getattr(given, "plane_stress", False):
+        moduli = (getattr(given, name, 0.0) for name in ("lmbda", "mu"))
+        lmbda, mu = (present_value(modulus) for modulus in moduli)
+        if not lmbda or mu is None or getattr(given, "plane_stress", False):
             continue
         poisson = lmbda / (2 * (lmbda + mu))
         if _LOCKS < poisson < 0.5:
@@ -98,13 +98,6 @@ def _locking(form: ufl.Form, V: fem.FunctionSpace) -> Iterator[str]:
                 "if these are Young's modulus and Poisson's ratio, take LinearElastic.from_young "
                 "or materials.lame"
             )
-
-
-def _number(value: Any) -> float | None:
-    """Return the value of a number or scalar Constant; None for others."""
-    if isinstance(value, fem.Constant) and value.value.shape == ():
-        value = float(value.value)
-    return float(value) if is_number(value) else None
 
 
 def _ids(integral: ufl.Integral) -> tuple[Any, ...]:

@@ -3,14 +3,13 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
-from numbers import Real
 from typing import Literal
 
 from mpi4py import MPI
 
 from dolfinx_contact._mpi import Arguments, collective
+from dolfinx_contact._validate import is_number
 from dolfinx_contact.equations.state import State
 
 __all__ = ["Theory", "Uniqueness", "check_seconds", "checked_seconds"]
@@ -42,11 +41,9 @@ class Uniqueness:
 
 def check_seconds(a: Arguments) -> None:
     """Raise ``ValueError`` unless ``proof_seconds`` is a non-negative number."""
-    seconds = a.proof_seconds
-    number = isinstance(seconds, Real) and not isinstance(seconds, bool)
-    if not number or math.isnan(seconds) or seconds < 0:
-        raise ValueError(f"seconds for a proof must not be negative, got {seconds!r}")
-    a.proof_seconds = float(seconds)
+    if not is_number(a.proof_seconds) or not a.proof_seconds >= 0:
+        raise ValueError(f"seconds for a proof must not be negative, got {a.proof_seconds!r}")
+    a.proof_seconds = float(a.proof_seconds)
 
 
 @collective("seconds", check_seconds)
