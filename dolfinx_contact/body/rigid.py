@@ -12,7 +12,7 @@ import scipy
 
 from dolfinx import fem, la
 
-from dolfinx_contact._geometry import node_positions
+from dolfinx_contact._geometry import connected_parts, node_positions
 from dolfinx_contact._mpi import largest, total
 from dolfinx_contact.body.cells import vertex_moments
 
@@ -69,9 +69,7 @@ def parts(V: fem.FunctionSpace) -> npt.NDArray[np.int32]:
     owners.scatter_forward()
     joined = np.stack([mine[owned:], owners.array[owned:].astype(np.int64)])
     pairs = np.hstack(comm.allgather(np.unique(joined, axis=1)))
-    many = sum(counts)
-    links = scipy.sparse.coo_array((np.ones(pairs.shape[1]), tuple(pairs)), shape=(many, many))
-    whole = scipy.sparse.csgraph.connected_components(links, directed=False)[1][mine]
+    whole = connected_parts(sum(counts), *pairs)[mine]
     # Ghosts without a cell on this rank form separate parts. These have no owned node and are
     # dropped by renumbering the others.
     present = np.unique(np.concatenate(comm.allgather(np.unique(whole[:owned]))))
@@ -146,7 +144,7 @@ def rigid_motions(
     dim = V.mesh.geometry.dim
     x = node_positions(V)[:, :dim]
     owned = V.dofmap.index_map.size_local
-    number = comm.allreduce(int(part[:owned].max(initial=-1)), op=max) + 1
+    number = number_of_parts(comm, part[:owned])
     axes = [(0, 1)] if dim == 2 else [(1, 2), (2, 0), (0, 1)]
     modes = np.zeros((number, dim + len(axes), len(x), dim))
     for p in range(number):
