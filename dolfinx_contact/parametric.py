@@ -40,7 +40,7 @@ from dolfinx_contact.laws.status import OPEN
 from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.problem import ContactProblem
 from dolfinx_contact.reduced.reduction import Reduction
-from dolfinx_contact.reduced.scope import can_condense, obstacle_in_space
+from dolfinx_contact.reduced.scope import can_condense, obstacle_to_points
 from dolfinx_contact.results.indicators import (
     Indicators,
     small_sliding_violated,
@@ -289,7 +289,7 @@ class ParametricContact(ReadOnly, ParametricEquations):
         if not conic and not (self.is_linear and self._held_laws):
             return self._condensed_at(gamma)
         cones = can_condense(self)
-        if not cones and (conic or not self._is_of_points):
+        if not cones and (conic or obstacle_to_points(self)):
             return None
         if not self.is_linear:
             return Reduction(self, x, gamma, exact=False)
@@ -318,22 +318,11 @@ class ParametricContact(ReadOnly, ParametricEquations):
             self._set(gamma)
             constant = fem.Constant(eq.V.mesh, 0.0)
             fixed = ParametricEquations(eq, constant, lambda: self.problem.linear_solver)
-            in_plane = eq.dim == 2
-            self._obstacle_at_gamma = "" if in_plane else obstacle_in_space(fixed)
-            if can_condense(fixed, bounded=True) if in_plane else not self._obstacle_at_gamma:
+            self._obstacle_at_gamma = obstacle_to_points(fixed)
+            if not self._obstacle_at_gamma:
                 x = fixed.create_vector()
                 self._condensed_at_gamma = Reduction(fixed, x, 0.0, exact=True, conic=False)
         return self._condensed_at_gamma
-
-    @property
-    def _is_of_points(self) -> bool:
-        """Whether the problem can be condensed although its laws are not cones. Collective.
-
-        Such laws are Tresca's law, and friction in 3D.
-        """
-        if self.equations.dim == 3:
-            return not obstacle_in_space(self)
-        return self.is_linear and can_condense(self, bounded=True)
 
     @property
     def is_piecewise_affine(self) -> bool:  # type: ignore[override]
@@ -361,7 +350,7 @@ class ParametricContact(ReadOnly, ParametricEquations):
             return ""
         if self.kinks:
             return self.kinks
-        condensed, obstacle = self._condensed, obstacle_in_space(self)
+        condensed, obstacle = self._condensed, obstacle_to_points(self)
         if self.equations.linear and not (self.is_linear and self._held_laws):
             # a proof concerns one value of gamma
             condensed, obstacle = self._condensed_at_gamma, self._obstacle_at_gamma

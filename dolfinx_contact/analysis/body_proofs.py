@@ -25,7 +25,7 @@ from dolfinx_contact.proofs.only_solution import is_only
 from dolfinx_contact.proofs.rays import ProvedRays, apex_problem, prove_rays
 from dolfinx_contact.proofs.solutions import ProvedSolutions, prove_solutions
 from dolfinx_contact.reduced.reduction import Reduction
-from dolfinx_contact.reduced.scope import can_condense, obstacle_in_space
+from dolfinx_contact.reduced.scope import obstacle_to_points
 from dolfinx_contact.results.uniqueness import Uniqueness
 
 __all__ = [
@@ -155,7 +155,8 @@ def uniqueness(
     condensed: Reduction | None = None
     answer: Uniqueness | None = None
     try:
-        if can_condense(system, bounded=True) if plane else _is_provable_in_space(system):
+        fits = not obstacle_to_points(system)
+        if fits and (plane or _is_provable_in_space(equations)):
             condensed = Reduction(system, x, 0.0, exact=True, conic=False)
         obstacle = obstacle_to_proof(equations, condensed)
         if condensed is not None and not obstacle:
@@ -173,13 +174,12 @@ def uniqueness(
     return other if answer is None or other.verdict == "proved" else answer
 
 
-def _is_provable_in_space(system: ParametricEquations) -> bool:
+def _is_provable_in_space(equations: ContactEquations) -> bool:
     """Return whether to try the certificate of one point for a 3D problem. Collective."""
-    equations: ContactEquations = system.equations
     laws = {type(s.law) for s in equations.surfaces}
     if Coulomb not in laws or not laws <= set(_LAWS):
         return False
-    return not obstacle_in_space(system) and _points(equations) <= _MOST_PROVED
+    return _points(equations) <= _MOST_PROVED
 
 
 def _among_points(

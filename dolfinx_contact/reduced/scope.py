@@ -11,7 +11,7 @@ from dolfinx_contact.equations.parametric import ParametricEquations
 from dolfinx_contact.laws.cones import is_polyhedral
 from dolfinx_contact.laws.status import STICK
 
-__all__ = ["can_condense", "check_reducible", "obstacle_in_space"]
+__all__ = ["can_condense", "check_reducible", "obstacle_to_points"]
 
 _MOST_POINTS = 1024
 
@@ -63,19 +63,20 @@ def can_condense(
     return not eq.comm.allreduce(int(other_law)) and not (oblique if partly else held)
 
 
-def obstacle_in_space(system: ParametricEquations) -> str:
-    """Return the reason why a 3D problem cannot be reduced to its points; "" if it can. Collective.
+def obstacle_to_points(system: ParametricEquations) -> str:
+    """Return the reason why a problem cannot be reduced to its points; "" if it can. Collective.
 
     Args:
-        system: contact problem with a parameter; its laws are not considered.
+        system: contact problem with a parameter; in 3D its laws are not considered.
     """
-    if system.equations.dim != 3:
-        return "the problem is not one in 3D"
     if not system.is_linear:
         return "the body, its loads or its motions are not linear"
     obstacle = _obstacle_at_points(system)
     if obstacle:
         return obstacle
+    if system.equations.dim == 2:
+        fits = can_condense(system, bounded=True)
+        return "" if fits else "a law or the Dirichlet data at contact nodes are not polyhedral"
     _, oblique, rubbed = _partly_held(system)
     if oblique:
         return "Dirichlet data hold a component of contact nodes that is not a tangential one"
