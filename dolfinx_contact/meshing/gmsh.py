@@ -221,17 +221,7 @@ def _refuse_interior(tags: mesh.MeshTags, tag: int, name: str, domain: mesh.Mesh
     )
 
 
-def _in_order(groups: Iterable[str]) -> list[str]:
-    """Return names in an order that is the same on every rank, unlike the order of a set."""
-    return sorted(groups) if isinstance(groups, set | frozenset) else list(groups)
-
-
-def _check_file(a: Arguments) -> None:
-    a.filename = os.fspath(a.filename)
-    a.groups = _in_order(a.groups)
-
-
-@collective("a mesh file", _check_file)
+@collective("a mesh file")
 def read_mesh(
     comm: MPI.Comm,
     filename: str | os.PathLike[str],
@@ -260,11 +250,7 @@ def read_mesh(
     return mesh_from_gmsh(comm, lambda: gmsh.merge(filename), dim=dim, groups=groups)
 
 
-def _check_groups(a: Arguments) -> None:
-    a.groups = _in_order(a.groups)
-
-
-@collective("a mesh from gmsh", _check_groups, local=("draw",))
+@collective("a mesh from gmsh", local=("draw",))
 def mesh_from_gmsh(
     comm: MPI.Comm,
     draw: Callable[[], Any],
