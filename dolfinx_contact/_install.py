@@ -14,12 +14,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-__all__ = [
-    "loads",
-    "optional",
-    "refuse_serial_copies",
-    "slepc",
-]
+__all__ = ["loads", "optional", "refuse_serial_copies"]
 
 #: Environment variables with the number of processes: Open MPI; MPICH and Intel MPI.
 _SIZES = ("OMPI_COMM_WORLD_SIZE", "PMI_SIZE")
@@ -116,17 +111,3 @@ def optional(package: str, extra: str, *, in_debian: bool = True) -> Any:
             f"{name} is not installed: python3 -m pip install 'signorini-coulomb[{extra}]'{other}",
             name=name,
         ) from None
-
-
-def slepc() -> Any:
-    """Return the module of slepc4py.
-
-    Raises:
-        ModuleNotFoundError: if it is not installed.
-    """
-    try:
-        from slepc4py import SLEPc
-    except ModuleNotFoundError as error:
-        message = "slepc4py is not installed beside petsc4py: python3-slepc4py of Debian, or conda"
-        raise ModuleNotFoundError(message, name=error.name) from None
-    return SLEPc

@@ -40,7 +40,7 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from dolfinx_contact._arrays import Array
-from dolfinx_contact._install import slepc
+from dolfinx_contact._install import optional
 from dolfinx_contact._mpi import Arguments, collective
 from dolfinx_contact._petsc import staged
 from dolfinx_contact._validate import count, one_of
@@ -399,7 +399,7 @@ class _PressureByShear:
 
     def _largest(self, T: PETSc.Mat, count: int, without: list[PETSc.Vec]) -> Any:
         """Return a solver after its search for the largest eigenvalues outside a subspace."""
-        SLEPc = slepc()
+        SLEPc = optional("slepc4py.SLEPc", "solver")
         solver = SLEPc.EPS().create(self.comm)
         solver.setOperators(T)
         solver.setProblemType(SLEPc.EPS.ProblemType.NHEP)

@@ -33,7 +33,7 @@ import numpy.typing as npt
 from scipy.linalg import eigh
 
 from dolfinx_contact._arrays import Array, Ints
-from dolfinx_contact._install import slepc
+from dolfinx_contact._install import optional
 from dolfinx_contact._mpi import Arguments, collective, everywhere, require
 from dolfinx_contact._petsc import Entries, matrix_of, stacked, staged
 from dolfinx_contact.analysis.rows import (
@@ -288,7 +288,7 @@ class _Form:
 
     def by_slepc(self) -> float:
         """Return the factor, using products with A and its inverse, the stiffness of the points."""
-        SLEPc = slepc()
+        SLEPc = optional("slepc4py.SLEPc", "solver")
         R, X = self._R, self._X
         held = HeldBody(self.comm, [HeldField(self._K, [R])], self._eq.stiffness_scale)
 

@@ -35,7 +35,7 @@ from dolfinx import fem
 
 from dolfinx_contact._arrays import Array, Mask
 from dolfinx_contact._forms import compiled_form
-from dolfinx_contact._install import slepc
+from dolfinx_contact._install import optional
 from dolfinx_contact._mpi import everywhere
 from dolfinx_contact._petsc import DEFAULTS as FACTOR
 from dolfinx_contact._validate import nonnegative, positive
@@ -244,7 +244,7 @@ class Vibrations:
         return values, motions[first : first + n]
 
     def _by_slepc(self, friction: Array) -> tuple[Complex, Complex, float]:
-        SLEPc = slepc()
+        SLEPc = optional("slepc4py.SLEPc", "solver")
         slip = self._slip
         body = self._body
         eq = body.eq
