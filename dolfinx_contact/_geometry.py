@@ -10,10 +10,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from dolfinx_contact._arrays import Array, Ints
+
 if TYPE_CHECKING:
     from dolfinx import fem, mesh
 
 __all__ = [
+    "along",
     "area_vector_rates",
     "area_vectors",
     "by_coordinates",
@@ -21,6 +24,7 @@ __all__ = [
     "dot",
     "edges_of",
     "global_numbers",
+    "in_space",
     "mesh_mark",
     "node_positions",
     "ratio",
@@ -28,8 +32,6 @@ __all__ = [
     "unit",
     "unit_rates",
 ]
-
-Array = npt.NDArray[np.float64]
 
 _SAME = 1e-9  # difference, relative to the largest extent, that counts as round-off
 _TINY = 1e-300  # length below which a vector is not normalised
@@ -58,15 +60,13 @@ def node_positions(V: fem.FunctionSpace) -> Array:
     return x
 
 
-def global_numbers(index_map: Any, local: npt.NDArray[Any]) -> npt.NDArray[np.int64]:
+def global_numbers(index_map: Any, local: npt.NDArray[Any]) -> Ints:
     """Return the global numbers of local places of an index map, of any shape."""
     numbers = index_map.local_to_global(local.reshape(-1).astype(np.int32))
     return np.asarray(numbers, dtype=np.int64).reshape(local.shape)
 
 
-def connected_parts(
-    count: int, first: npt.NDArray[np.int64], second: npt.NDArray[np.int64]
-) -> npt.NDArray[np.int64]:
+def connected_parts(count: int, first: Ints, second: Ints) -> Ints:
     """Return the connected part of each vertex of a graph, shape (count,).
 
     Args:
@@ -81,7 +81,7 @@ def connected_parts(
     return np.asarray(found, dtype=np.int64)
 
 
-def by_coordinates(x: Array, ids: npt.NDArray[np.int64] | None = None) -> npt.NDArray[np.intp]:
+def by_coordinates(x: Array, ids: Ints | None = None) -> npt.NDArray[np.intp]:
     """Return the order by x, then y, then z, up to round-off.
 
     Args:
@@ -95,11 +95,11 @@ def by_coordinates(x: Array, ids: npt.NDArray[np.int64] | None = None) -> npt.ND
     return np.lexsort([*ids.T[::-1], *keys[::-1]])
 
 
-def _grouped(values: npt.NDArray[np.float64], least: float) -> npt.NDArray[np.int64]:
+def _grouped(values: Array, least: float) -> Ints:
     """Return ranks in the order of values, equal for values differing by at most ``least``."""
     order = np.argsort(values)
     steps = np.diff(values[order]) > least
-    places: npt.NDArray[np.int64] = np.zeros(len(values), dtype=np.int64)
+    places: Ints = np.zeros(len(values), dtype=np.int64)
     places[order[1:]] = np.cumsum(steps)
     return places
 
@@ -128,6 +128,16 @@ def unit_rates(n: Array, length: Array) -> Array:
     """
     along = n[..., :, None] * n[..., None, :]
     return np.asarray((np.eye(n.shape[-1]) - along) / length[..., None, None])
+
+
+def along(v: Array, n: Array) -> Array:
+    """Return the components of vectors (m, 2) along t = (-n_y, n_x), shape (m,)."""
+    return np.asarray(v[:, 1] * n[:, 0] - v[:, 0] * n[:, 1])
+
+
+def in_space(vectors: Array) -> Array:
+    """Return vectors (m, dim) with three components, 0 along z in 2D."""
+    return np.pad(vectors, ((0, 0), (0, 3 - vectors.shape[1])))
 
 
 def ratio(a: Array, b: Array) -> Array:

@@ -29,6 +29,8 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
+from dolfinx_contact._arrays import Array
+
 if TYPE_CHECKING:
     from dolfinx import common, la, mesh
 
@@ -49,7 +51,6 @@ __all__ = [
     "total",
 ]
 
-Array = npt.NDArray[np.float64]
 P = ParamSpec("P")
 R = TypeVar("R")
 

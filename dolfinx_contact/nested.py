@@ -11,10 +11,10 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
 from dolfinx import fem, la
 
+from dolfinx_contact._arrays import Indices
 from dolfinx_contact._petsc import logged
 from dolfinx_contact._validate import instance
 from dolfinx_contact.points.trace import trace_dofs
@@ -118,7 +118,7 @@ class _Interpolation:
         self,
         source: fem.FunctionSpace,
         target: fem.FunctionSpace,
-        cells: npt.NDArray[np.int32],
+        cells: Indices,
         padding: float,
     ):
         self.source = source
@@ -134,12 +134,12 @@ class _Interpolation:
         return g
 
 
-def _all_cells(problem: ContactProblem) -> npt.NDArray[np.int32]:
+def _all_cells(problem: ContactProblem) -> Indices:
     cells = problem.V.mesh.topology.index_map(problem.V.mesh.topology.dim)
     return np.arange(cells.size_local + cells.num_ghosts, dtype=np.int32)
 
 
-def _contact_cells(problem: ContactProblem) -> npt.NDArray[np.int32]:
+def _contact_cells(problem: ContactProblem) -> Indices:
     """Return the local cells with a node on a contact surface.
 
     Every owned contact node belongs to such a cell.

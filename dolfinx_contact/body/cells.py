@@ -15,6 +15,7 @@ import numpy.typing as npt
 import basix
 from dolfinx import fem, geometry, mesh
 
+from dolfinx_contact._arrays import Array, Ints
 from dolfinx_contact._compat import geometry_dofmap
 from dolfinx_contact._mpi import require
 
@@ -31,7 +32,6 @@ __all__ = [
     "vertex_moments",
 ]
 
-Array = npt.NDArray[np.float64]
 
 _CHUNK = 8192  # number of cells processed together, chosen so that their data fit into the cache
 _ROUND_OFF = 16 * np.finfo(np.float64).eps
@@ -62,7 +62,7 @@ def check_cells(domain: mesh.Mesh) -> None:
         )
 
 
-def _first(domain: mesh.Mesh, cells: npt.NDArray[np.int64]) -> tuple[int, Array]:
+def _first(domain: mesh.Mesh, cells: Ints) -> tuple[int, Array]:
     """Return the cell with the smallest input index among local cells of all ranks. Collective.
 
     Returns:
@@ -121,7 +121,7 @@ def vertex_moments(domain: mesh.Mesh) -> tuple[Array, Array, Array]:
     return middle, volume, spread
 
 
-def cells_around(domain: mesh.Mesh, points: Array) -> npt.NDArray[np.int64]:
+def cells_around(domain: mesh.Mesh, points: Array) -> Ints:
     """Return the number of cells containing each point, over all ranks, shape (n,). Collective.
 
     Args:
@@ -132,7 +132,7 @@ def cells_around(domain: mesh.Mesh, points: Array) -> npt.NDArray[np.int64]:
     owned = np.arange(domain.topology.index_map(dim).size_local, dtype=np.int32)
     x = np.zeros((len(points), 3))
     x[:, : points.shape[1]] = points
-    counts: npt.NDArray[np.int64] = np.zeros(len(x), dtype=np.int64)
+    counts: Ints = np.zeros(len(x), dtype=np.int64)
     if len(owned) and len(x):
         tree = geometry.bb_tree(domain, dim, entities=owned)
         near = geometry.compute_collisions_points(tree, x)

@@ -20,13 +20,13 @@ from typing import Any, Literal, TypeAlias
 from petsc4py import PETSc
 
 import numpy as np
-import numpy.typing as npt
 import scipy.linalg
 
 import dolfinx.fem.petsc
 import ufl
 from dolfinx import fem
 
+from dolfinx_contact._arrays import Array, Mask
 from dolfinx_contact._forms import compiled_form
 from dolfinx_contact._mpi import require
 from dolfinx_contact.body.rigid import combine, parts, rigid_motions
@@ -36,14 +36,11 @@ __all__ = ["Mass", "inertia_error", "mass_matrix"]
 #: Kinds of mass matrices.
 Mass: TypeAlias = Literal["consistent", "lumped", "redistributed"]
 
-Array = npt.NDArray[np.float64]
 _FINE = 6  # degree of the quadrature rule for the sign of a density
 _ROUND_OFF = 1e-12  # mass relative to the mass of a cell, below which it counts as zero
 
 
-def mass_matrix(
-    V: fem.FunctionSpace, density: Any, kind: Mass, touching: npt.NDArray[np.bool_]
-) -> PETSc.Mat:
+def mass_matrix(V: fem.FunctionSpace, density: Any, kind: Mass, touching: Mask) -> PETSc.Mat:
     """Return the mass matrix of a body. Collective.
 
     Args:
@@ -78,7 +75,7 @@ def inertia_error(
     V: fem.FunctionSpace,
     M: PETSc.Mat,
     consistent: PETSc.Mat,
-    fixed: npt.NDArray[np.bool_],
+    fixed: Mask,
     *,
     axisymmetric: bool,
 ) -> float:
@@ -154,7 +151,7 @@ def _lumped(M: PETSc.Mat, degree: int) -> PETSc.Mat:
     return D
 
 
-def _redistribute(M: PETSc.Mat, around: PETSc.Mat, touching: npt.NDArray[np.bool_]) -> None:
+def _redistribute(M: PETSc.Mat, around: PETSc.Mat, touching: Mask) -> None:
     """Move the mass of contact nodes in M to the diagonal of their neighbours. Collective."""
     start = M.getOwnershipRange()[0]
     weights = around.copy()

@@ -34,17 +34,16 @@ from typing import Any, Literal, TypeAlias
 from petsc4py import PETSc
 
 import numpy as np
-import numpy.typing as npt
 
 import ufl
 from dolfinx import fem
 
+from dolfinx_contact._arrays import Array
 from dolfinx_contact._petsc import half_of, is_symmetric
 from dolfinx_contact.body.bulk import Bulk
 
 __all__ = ["MovingBody", "Scheme", "TimeStep"]
 
-Array = npt.NDArray[np.float64]
 #: Approximations of the two integrals in the equation of motion.
 Scheme: TypeAlias = Literal["theta", "theta-euler", "modified-theta"]
 

@@ -7,12 +7,12 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
-import numpy.typing as npt
 import scipy
 
 from dolfinx import fem, la
 
-from dolfinx_contact._geometry import connected_parts, node_positions
+from dolfinx_contact._arrays import Array, Indices, Mask
+from dolfinx_contact._geometry import connected_parts, dot, in_space, node_positions
 from dolfinx_contact._mpi import largest, total
 from dolfinx_contact.body.cells import vertex_moments
 
@@ -43,7 +43,7 @@ _NAMES = {
 }
 
 
-def parts(V: fem.FunctionSpace) -> npt.NDArray[np.int32]:
+def parts(V: fem.FunctionSpace) -> Indices:
     """Return the index of the connected part of the mesh for each local node. Collective.
 
     Parts are determined on each rank and merged through ghost nodes.
@@ -76,7 +76,7 @@ def parts(V: fem.FunctionSpace) -> npt.NDArray[np.int32]:
     return np.searchsorted(present, whole).astype(np.int32)
 
 
-def extents(V: fem.FunctionSpace, part: npt.NDArray[np.int32]) -> npt.NDArray[np.float64]:
+def extents(V: fem.FunctionSpace, part: Indices) -> Array:
     """Return the size of every connected part, a rotation-invariant length. Collective.
 
     The size is sqrt(12) times the root mean square distance from the centre of mass: the diagonal
@@ -100,14 +100,12 @@ def extents(V: fem.FunctionSpace, part: npt.NDArray[np.int32]) -> npt.NDArray[np
     return np.asarray(np.sqrt(12.0 * sums_of_parts(comm, number, p, about) / size))
 
 
-def number_of_parts(comm: MPI.Comm, part: npt.NDArray[np.int32]) -> int:
+def number_of_parts(comm: MPI.Comm, part: Indices) -> int:
     """Return the number of connected parts, given the part of each owned node. Collective."""
     return int(comm.allreduce(int(part.max(initial=-1)), op=max)) + 1
 
 
-def sums_of_parts(
-    comm: MPI.Comm, number: int, part: npt.NDArray[np.int32], values: npt.NDArray[np.float64]
-) -> npt.NDArray[np.float64]:
+def sums_of_parts(comm: MPI.Comm, number: int, part: Indices, values: Array) -> Array:
     """Return sums over the nodes or cells of every connected part. Collective.
 
     Args:
@@ -124,9 +122,7 @@ def sums_of_parts(
     return total(comm, sums.T).reshape(number, *values.shape[1:])
 
 
-def rigid_motions(
-    V: fem.FunctionSpace, part: npt.NDArray[np.int32], *, axisymmetric: bool = False
-) -> npt.NDArray[np.float64]:
+def rigid_motions(V: fem.FunctionSpace, part: Indices, *, axisymmetric: bool = False) -> Array:
     """Return infinitesimal rigid motions of every connected part. Collective.
 
     Rotations are about the centre of the part and divided by its size, so that all motions are
@@ -164,9 +160,9 @@ def rigid_motions(
 
 def largest_turn(
     V: fem.FunctionSpace,
-    nodes: npt.NDArray[np.float64],
-    u: npt.NDArray[np.float64],
-    part: npt.NDArray[np.int32],
+    nodes: Array,
+    u: Array,
+    part: Indices,
 ) -> float:
     """Return the largest linearised mean rotation of the connected parts, in radians. Collective.
 
@@ -188,22 +184,19 @@ def largest_turn(
     number = number_of_parts(comm, p)
     sums = sums_of_parts(comm, number, p, np.hstack([np.ones((n, 1)), x, u]))
     means = sums[:, 1:] / sums[:, :1]
-    here = np.zeros((n, 3))
-    moved = np.zeros((n, 3))
-    here[:, :dim] = x - means[p, :dim]
-    moved[:, :dim] = u - means[p, dim:]
-    squares = np.sum(here**2, axis=1)[:, None, None] * np.eye(3)
+    here, moved = in_space(x - means[p, :dim]), in_space(u - means[p, dim:])
+    squares = dot(here, here)[:, None, None] * np.eye(3)
     inertia = sums_of_parts(comm, number, p, squares - here[:, :, None] * here[:, None, :])
-    momentum = sums_of_parts(comm, number, p, np.cross(here, moved))
+    momentum = sums_of_parts(comm, number, p, np.asarray(np.cross(here, moved), np.float64))
     turns = np.einsum("pij,pj->pi", np.linalg.pinv(inertia, hermitian=True), momentum)
     return float(np.linalg.norm(turns, axis=1).max(initial=0.0))
 
 
 def largest_difference(
     V: fem.FunctionSpace,
-    nodes: npt.NDArray[np.float64],
-    u: npt.NDArray[np.float64],
-    part: npt.NDArray[np.int32],
+    nodes: Array,
+    u: Array,
+    part: Indices,
 ) -> float:
     """Return the largest displacement difference in a connected part, over its size. Collective.
 
@@ -227,9 +220,7 @@ def largest_difference(
     return float(np.max(extents[:, dim:].max(axis=1) / extents[:, :dim].max(axis=1)))
 
 
-def bounding_box(
-    comm: MPI.Comm, x: npt.NDArray[np.float64]
-) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+def bounding_box(comm: MPI.Comm, x: Array) -> tuple[Array, Array]:
     """Return the lowest and highest coordinates of points (n, dim) over all ranks. Collective."""
     ends = np.stack([-x.min(axis=0, initial=np.inf), x.max(axis=0, initial=-np.inf)])
     opposite, high = largest(comm, ends)
@@ -239,11 +230,11 @@ def bounding_box(
 def free_motions(
     K: PETSc.Mat,
     V: fem.FunctionSpace,
-    part: npt.NDArray[np.int32],
-    fixed: npt.NDArray[np.bool_],
+    part: Indices,
+    fixed: Mask,
     *,
     axisymmetric: bool = False,
-) -> npt.NDArray[np.float64]:
+) -> Array:
     """Return the rigid motions resisted neither by the stiffness nor by Dirichlet conditions.
 
     Collective.
@@ -277,23 +268,21 @@ def free_motions(
     return combine(by_data + total(V.mesh.comm, resisting @ resisting.T), modes)
 
 
-def combine(
-    gram: npt.NDArray[np.float64], modes: npt.NDArray[np.float64]
-) -> npt.NDArray[np.float64]:
+def combine(gram: Array, modes: Array) -> Array:
     """Return the linear combinations of ``modes`` in the null space of a Gram matrix."""
     return np.einsum("ab,bnd->and", loose(gram), modes)
 
 
-def loose(gram: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+def loose(gram: Array) -> Array:
     """Return the null space of a Gram matrix, up to a relative tolerance of 1e-14."""
     values, vectors = np.linalg.eigh(gram)
     return np.asarray(vectors[:, values < 1e-14].T)
 
 
 def describe(
-    free: npt.NDArray[np.float64],
+    free: Array,
     V: fem.FunctionSpace,
-    part: npt.NDArray[np.int32],
+    part: Indices,
     *,
     axisymmetric: bool = False,
 ) -> str:

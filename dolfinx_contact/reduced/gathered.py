@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from dolfinx_contact._arrays import Array, Codes, Ints, Mask
 from dolfinx_contact.equations.order import Gathered
 from dolfinx_contact.equations.parametric import ParametricEquations
 from dolfinx_contact.laws import Frictionless, LawAtPoints, PointData
@@ -17,9 +18,7 @@ from dolfinx_contact.laws.status import OPEN
 
 __all__ = ["GatheredPoints", "PointLaws"]
 
-Array = npt.NDArray[np.float64]
 T = TypeVar("T", bound=np.generic)
-Places = npt.NDArray[np.int64]
 
 
 class GatheredPoints:
@@ -148,11 +147,11 @@ class PointLaws:
     number: int
     frames: Array
     scale: Array
-    groups: list[tuple[Places, LawAtPoints, PointData]]
+    groups: list[tuple[Ints, LawAtPoints, PointData]]
 
-    def classify(self, w: Array) -> npt.NDArray[np.int8]:
+    def classify(self, w: Array) -> Codes:
         """Return the statuses determined by a state, shape (m, 4)."""
-        codes: npt.NDArray[np.int8] = np.full(self.number, OPEN, dtype=np.int8)
+        codes: Codes = np.full(self.number, OPEN, dtype=np.int8)
         for places, law, data in self.groups:
             T = self.frames[places]
             scale = self.scale[places, None]
@@ -161,7 +160,7 @@ class PointLaws:
             codes[places] = law(jump, traction, data).required
         return codes
 
-    def cones(self) -> tuple[Array, Array, npt.NDArray[np.bool_]]:
+    def cones(self) -> tuple[Array, Array, Mask]:
         """Return bases (m, 4, 4, 2), inequalities (m, 4, 3, 4) and statuses; see `cones`."""
         B = np.zeros((self.number, 4, 4, 2))
         C = np.zeros((self.number, 4, 3, 4))

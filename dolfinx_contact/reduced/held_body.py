@@ -18,10 +18,10 @@ from typing import Any
 from petsc4py import PETSc
 
 import numpy as np
-import numpy.typing as npt
 from scipy.sparse import csc_matrix as Columns
 from scipy.sparse import csr_matrix as Rows
 
+from dolfinx_contact._arrays import Array, Ints
 from dolfinx_contact._petsc import BATCH, Factor, marked_symmetric
 from dolfinx_contact.equations.contact import ContactEquations
 
@@ -35,7 +35,6 @@ __all__ = [
     "with_dirichlet_rows",
 ]
 
-Array = npt.NDArray[np.float64]
 ROUND_OFF = 2.0**-53
 _TERMS = 256  # largest number of entries in a row of the matrix, approximately
 
@@ -68,7 +67,7 @@ class HeldField:
     stiffness: PETSc.Mat
     rows: Sequence[PETSc.Mat]
     forces: Sequence[PETSc.Mat] | None = None
-    without_forces: npt.NDArray[np.int64] | None = None
+    without_forces: Ints | None = None
 
     def transposed(self, unit: float) -> list[PETSc.Mat]:
         """Return ``unit`` C^T, which the caller destroys. Collective."""
@@ -217,7 +216,7 @@ class HeldBody:
         return negative - rows, zero
 
     @property
-    def _starts(self) -> npt.NDArray[np.int64]:
+    def _starts(self) -> Ints:
         return np.concatenate([[0], np.cumsum(self.sizes)[:-1]]).astype(np.int64)
 
     def answers(self, loads: Columns) -> Iterator[tuple[slice, Columns, PETSc.Mat]]:

@@ -23,15 +23,14 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from dolfinx_contact._arrays import Array, Codes, Mask
 from dolfinx_contact._validate import is_number
 from dolfinx_contact.equations.measures import Measures
 from dolfinx_contact.laws import coulomb
 
 __all__ = ["PointProblem"]
 
-Array = npt.NDArray[np.float64]
 #: Eigenvalues that count as zero, relative to the largest diagonal entry times the size.
 _SINGULAR = 10 * 2.0**-52
 _HALVED = 5 * 2.0**-53 / (1 - 5 * 2.0**-53)  # relative round-off of a mean of two numbers
@@ -208,15 +207,15 @@ class PointProblem:
         k = self.augmentation if k is None else k
         return self.allowed(r - k[:, None] * a)
 
-    def closed(self, a: Array, r: Array) -> npt.NDArray[np.bool_]:
+    def closed(self, a: Array, r: Array) -> Mask:
         """Return a mask of the points in contact (m,)."""
         return coulomb.closed(self.augmented(a, r))
 
-    def stuck(self, a: Array, r: Array) -> npt.NDArray[np.bool_]:
+    def stuck(self, a: Array, r: Array) -> Mask:
         """Return a mask of the sticking points (m,)."""
         return coulomb.stuck(self.augmented(a, r), self.friction, self.bound)
 
-    def statuses(self, a: Array, r: Array) -> npt.NDArray[np.int8]:
+    def statuses(self, a: Array, r: Array) -> Codes:
         """Return the status codes (`laws.status`) of the points at a state (m,)."""
         return coulomb.statuses(self.augmented(a, r), self.friction, self.bound)
 

@@ -37,11 +37,11 @@ from typing import Any, Self
 from petsc4py import PETSc
 
 import numpy as np
-import numpy.typing as npt
 from scipy.sparse import csc_matrix as Columns
 
 from dolfinx import fem
 
+from dolfinx_contact._arrays import Array, Codes
 from dolfinx_contact._mpi import require, total
 from dolfinx_contact._petsc import Entries, matrix_of, staged
 from dolfinx_contact.continuation import Piece
@@ -58,7 +58,6 @@ from dolfinx_contact.reduced.scope import check_reducible
 
 __all__ = ["Reduction", "reduced_contact", "scaled", "scales_at"]
 
-Array = npt.NDArray[np.float64]
 _DEFINITE = 1e-10  # least eigenvalue of the condensed stiffness, whose mean diagonal entry is 1
 _SYMMETRIC = 1e-8  # asymmetry, relative to the largest entry, that counts as round-off
 
@@ -273,11 +272,11 @@ class Reduction:
         """Return the rank owning point ``i``, and its local number there. Collective."""
         return self.points.owner(i)
 
-    def codes(self, piece: Piece) -> npt.NDArray[np.int8]:
+    def codes(self, piece: Piece) -> Codes:
         """Return the statuses of all points. Collective."""
         return self.points.gathered(piece.codes)
 
-    def piece(self, codes: npt.NDArray[np.int8]) -> Piece:
+    def piece(self, codes: Codes) -> Piece:
         """Return the piece in which the points have these statuses."""
         new = np.zeros(len(self._parametric.clamped), dtype=np.int8)
         new[self.points.local] = codes[self.points.mine]

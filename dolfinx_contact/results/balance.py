@@ -25,13 +25,13 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
-import numpy.typing as npt
 
 import basix
 from dolfinx import fem
 
+from dolfinx_contact._arrays import Array, Indices
 from dolfinx_contact._compat import FacetSubmesh
-from dolfinx_contact._geometry import node_positions
+from dolfinx_contact._geometry import in_space, node_positions
 from dolfinx_contact._mpi import SharedValues, total
 from dolfinx_contact.body.rigid import bounding_box
 from dolfinx_contact.equations.contact import ContactEquations
@@ -52,7 +52,6 @@ __all__ = [
     "support_at_nodes",
 ]
 
-Array = npt.NDArray[np.float64]
 
 logger = logging.getLogger(__name__)
 
@@ -163,7 +162,7 @@ def support_at_nodes(eq: ContactEquations, state: Evaluation) -> Array:
 def forces_at_vertices(
     V: fem.FunctionSpace,
     submesh: FacetSubmesh,
-    trace: npt.NDArray[np.int32],
+    trace: Indices,
     forces: Array,
 ) -> Array:
     """Lump nodal forces onto the local vertices of a surface, shape (n, dim). Collective.
@@ -268,7 +267,7 @@ def pair_balance(eq: ContactEquations, number: int, state: Evaluation) -> PairBa
         x = x + state.u.reshape(-1, eq.dim)
     if not eq.axisymmetric and (s.slides or _apart(s, x) <= _SAME_PLACE * size):
         arms = x[:n] - (low + high) / 2
-        turned = np.cross(_in_space(arms), _in_space(forces))
+        turned = np.cross(in_space(arms), in_space(forces))
         moment = float(np.linalg.norm(comm.allreduce(turned.sum(axis=0)))) / (whole * size)
     return PairBalance(
         sums[0], sums[1], float(np.linalg.norm(sums[0] + sums[1] + both)) / whole, moment
@@ -287,11 +286,6 @@ def _apart(s: DiscreteSurface, x: Array) -> float:
     on = (opposite.rows >= 0) & ~opposite.none
     off = np.linalg.norm((s.opposite(x) - x)[on], axis=1)
     return float(s.comm.allreduce(float(np.max(off, initial=0.0)), op=max))
-
-
-def _in_space(vectors: Array) -> Array:
-    """Pad vectors to three components."""
-    return np.pad(vectors, ((0, 0), (0, 3 - vectors.shape[1])))
 
 
 @dataclass(frozen=True)

@@ -14,10 +14,11 @@ values at the vertex.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from dolfinx import fem
 
+from dolfinx_contact._arrays import Array, Mask
+from dolfinx_contact._geometry import along
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation
 from dolfinx_contact.laws.status import MINUS, PLUS, closed, senses
@@ -28,7 +29,6 @@ from dolfinx_contact.results.tables import friction_bound
 
 __all__ = ["STATUS_CODES", "contact_fields", "vertex_state"]
 
-Array = npt.NDArray[np.float64]
 
 #: Number of each status letter of the tables.
 STATUS_CODES = {"o": 0, "k": 1, "+": 2, "-": 2, "s": 2, "d": 3}
@@ -103,12 +103,10 @@ def vertex_state(eq: ContactEquations, number: int, evaluation: Evaluation) -> d
     shares = {"open": ~closed(found.statuses), "slip": slips}
     if s.dim == 2:
         # Without friction the status has no sign of slip: use the motion.
-        moved = at.increment
-        n = at.data.n
-        along = moved[:, 1] * n[:, 0] - moved[:, 0] * n[:, 1]
+        moved = along(at.increment, at.data.n)
         grips = bound > 0
-        shares["plus"] = slips & np.where(grips, friction == PLUS, along > 0)
-        shares["minus"] = slips & np.where(grips, friction == MINUS, along < 0)
+        shares["plus"] = slips & np.where(grips, friction == PLUS, moved > 0)
+        shares["minus"] = slips & np.where(grips, friction == MINUS, moved < 0)
     values = {k: points.at_vertices(v.astype(float)) for k, v in shares.items()}
     if s.method == "integral":
         values |= _interpolated(eq, s, evaluation, at.slip)
@@ -147,7 +145,7 @@ def _multiplier_at_vertices(s: DiscreteSurface) -> Array:
     return f.x.array.reshape(-1, s.dim)
 
 
-def _at_vertices(s: DiscreteSurface, marked: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+def _at_vertices(s: DiscreteSurface, marked: Mask) -> Mask:
     """Return the local vertices among the ``marked`` multiplier nodes."""
     f = fem.Function(s.points.Q)
     f.x.array[:] = np.repeat(marked.astype(float), s.dim)

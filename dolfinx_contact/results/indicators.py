@@ -35,10 +35,10 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from dolfinx import fem
 
+from dolfinx_contact._arrays import Array, Mask
 from dolfinx_contact._geometry import dot, unit
 from dolfinx_contact._mpi import anywhere
 from dolfinx_contact.body.cells import smallest_jacobian
@@ -68,8 +68,6 @@ __all__ = [
     "surface_indicators",
 ]
 
-Array = npt.NDArray[np.float64]
-Marks = npt.NDArray[np.bool_]
 
 #: Thresholds of the indicators; a warning is issued above them (for `min_det_F` at or below).
 LIMITS = {
@@ -313,7 +311,7 @@ def surface_indicators(eq: ContactEquations, state: Evaluation) -> dict[str, Sur
 
 def _contacts(
     eq: ContactEquations, state: Evaluation
-) -> list[tuple[DiscreteSurface, ContactState, Marks]]:
+) -> list[tuple[DiscreteSurface, ContactState, Mask]]:
     """Return surfaces, their evaluations, and masks (n,) of points clamped by Dirichlet data."""
     found = []
     parts = zip(eq.surfaces, eq.constraints.clamped, state.surfaces, strict=True)
@@ -347,7 +345,7 @@ def _of_small_sliding(
     s: DiscreteSurface,
     state: Evaluation,
     contact: ContactState,
-    held: Marks,
+    held: Mask,
 ) -> SurfaceIndicators:
     """Return misfit, slip and turn of a surface. Collective."""
     found = SurfaceIndicators(s.points.geometry.facet_size, 0.0)
@@ -362,7 +360,7 @@ def _of_small_sliding(
     return replace(found, misfit=_most(s, np.where(held, 0.0, off)))
 
 
-def _off(law: Array, true: Array, is_closed: Marks) -> Array:
+def _off(law: Array, true: Array, is_closed: Mask) -> Array:
     """Return gap errors at closed points; at open points, the penetration missed by the law."""
     depth = np.maximum(np.maximum(-true, 0.0) - np.maximum(-law, 0.0), 0.0)
     return np.where(is_closed, np.abs(true - law), depth)
@@ -372,7 +370,7 @@ def _of_pair(
     s: DiscreteSurface,
     state: Evaluation,
     contact: ContactState,
-    held: Marks,
+    held: Mask,
     found: SurfaceIndicators,
 ) -> SurfaceIndicators:
     """Return the indicators of a pair in small sliding. Collective."""
@@ -627,7 +625,7 @@ def _across(
     s: DiscreteSurface,
     state: Evaluation,
     contact: ContactState,
-    held: Marks,
+    held: Mask,
 ) -> float:
     """Fraction of the normal forces acting across the face of the body. Collective."""
     u = state.u.reshape(-1, s.dim)

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from typing import Any, NoReturn, TypeAlias, TypeVar
 
 import numpy as np
-import numpy.typing as npt
 
+from dolfinx_contact._arrays import Array
 from dolfinx_contact._mpi import require
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation
@@ -82,8 +82,8 @@ class Result:
     energies: dict[str, float]
     kkt_violation: float
     dofs: int
-    support: npt.NDArray[np.float64]
-    external: npt.NDArray[np.float64]
+    support: Array
+    external: Array
     imbalance: float
     pairs: dict[str, PairBalance]
     indicators: Indicators
@@ -137,7 +137,7 @@ class Result:
         return status.count("".join(t.status for t in self.tables.values()))
 
     @property
-    def resultants(self) -> dict[str, npt.NDArray[np.float64]]:
+    def resultants(self) -> dict[str, Array]:
         """Contact force on the body by surface name, without reactions of Dirichlet data.
 
         For a pair it is the force on the slave; `pairs` has both forces. In a body of revolution
@@ -204,7 +204,7 @@ class Result:
         return {"rigid_bodies": bodies} if bodies else {}
 
 
-def _shown(vector: npt.NDArray[np.float64], largest: float) -> str:
+def _shown(vector: Array, largest: float) -> str:
     """Return components as text, with 0 for round-off of the largest force."""
     return "(" + ", ".join(f"{v if abs(v) > _ROUND_OFF * largest else 0:.6g}" for v in vector) + ")"
 

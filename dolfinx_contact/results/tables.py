@@ -19,6 +19,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from dolfinx_contact._arrays import Array
+from dolfinx_contact._geometry import along, in_space
 from dolfinx_contact._install import optional
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import ContactState, Evaluation
@@ -75,23 +77,23 @@ class ContactTable:
 
     name: str
     dim: int
-    x: npt.NDArray[np.float64]
-    area: npt.NDArray[np.float64]
-    un: npt.NDArray[np.float64]
-    ut: npt.NDArray[np.float64]
-    increment: npt.NDArray[np.float64]
-    n: npt.NDArray[np.float64]
-    force: npt.NDArray[np.float64]
-    pressure: npt.NDArray[np.float64]
-    shear: npt.NDArray[np.float64]
+    x: Array
+    area: Array
+    un: Array
+    ut: Array
+    increment: Array
+    n: Array
+    force: Array
+    pressure: Array
+    shear: Array
     letters: npt.NDArray[np.str_]
-    bound: npt.NDArray[np.float64]
-    support: npt.NDArray[np.float64]
-    adhesion: npt.NDArray[np.float64] | None = None
+    bound: Array
+    support: Array
+    adhesion: Array | None = None
     bond: npt.NDArray[np.str_] | None = None
-    internal: Mapping[str, npt.NDArray[np.float64]] = field(default_factory=dict)
+    internal: Mapping[str, Array] = field(default_factory=dict)
     axisymmetric: bool = False
-    slid: npt.NDArray[np.float64] | None = None
+    slid: Array | None = None
 
     def __str__(self) -> str:
         """Return the numbers of points, normal force and largest pressure as text."""
@@ -102,7 +104,7 @@ class ContactTable:
             f"sum of normal forces {self.rn.sum():.6g}, largest pressure {pressure:.6g}"
         )
 
-    def resultant(self, forces: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    def resultant(self, forces: Array) -> Array:
         """Return the sum of forces (n, dim); only the axial part for bodies of revolution.
 
         The radial forces on a body of revolution sum to zero.
@@ -111,29 +113,29 @@ class ContactTable:
         return np.where(np.arange(self.dim) < self.axisymmetric, 0.0, total)
 
     @property
-    def rn(self) -> npt.NDArray[np.float64]:
+    def rn(self) -> Array:
         """Normal forces, positive in compression, shape (n,)."""
         return -np.sum(self.force * self.n, axis=1) + 0.0
 
     @property
-    def rt(self) -> npt.NDArray[np.float64]:
+    def rt(self) -> Array:
         """Tangential forces, shape (n, dim)."""
         return self.force + self.rn[:, None] * self.n
 
     @property
-    def beta(self) -> npt.NDArray[np.float64] | None:
+    def beta(self) -> Array | None:
         """Intensity of adhesion, 1 if intact, 0 if broken; None for laws without adhesion."""
         return self.internal.get("beta")
 
     @property
-    def rn_adh(self) -> npt.NDArray[np.float64]:
+    def rn_adh(self) -> Array:
         """Normal forces of adhesion, negative in tension, shape (n,)."""
         if self.adhesion is None:
             return np.zeros_like(self.un)
         return -np.sum(self.adhesion * self.n, axis=1) + 0.0
 
     @property
-    def friction(self) -> npt.NDArray[np.float64]:
+    def friction(self) -> Array:
         """Tangential forces without adhesion, shape (n, dim)."""
         if self.adhesion is None:
             return self.rt
@@ -153,7 +155,7 @@ class ContactTable:
         """
         vectors = {"": self.x, "ut_": self.ut, "rt_": self.rt, "support_": self.support}
         parts = {
-            head: {f"{head}{axis}": _padded(v)[:, k] for k, axis in enumerate("xyz")}
+            head: {f"{head}{axis}": in_space(v)[:, k] for k, axis in enumerate("xyz")}
             for head, v in vectors.items()
         }
         found: dict[str, npt.NDArray[Any]] = {"surface": np.full(len(self.letters), self.name)}
@@ -186,20 +188,15 @@ class ContactTable:
         """Return the number of points whose status letter is one of ``letters``."""
         return int(np.isin(self.letters, list(letters)).sum())
 
-    def along(self, vectors: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    def along(self, vectors: Array) -> Array:
         """Return tangential ``vectors`` as scalars: components along t in 2D, norms in 3D."""
         if self.dim == 2:
-            return np.asarray(-vectors[:, 0] * self.n[:, 1] + vectors[:, 1] * self.n[:, 0])
+            return along(vectors, self.n)
         return np.asarray(np.linalg.norm(vectors, axis=1))
 
 
-def _padded(vectors: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """Pad vectors to three components."""
-    return np.pad(vectors, ((0, 0), (0, 3 - vectors.shape[1])))
-
-
 def contact_table(
-    eq: ContactEquations, number: int, state: Evaluation, supports: npt.NDArray[np.float64]
+    eq: ContactEquations, number: int, state: Evaluation, supports: Array
 ) -> ContactTable:
     """Return the table of a surface at a state. Collective.
 
@@ -267,7 +264,7 @@ def contact_table(
 def _of_memory(
     s: DiscreteSurface,
     found: ContactState,
-    area: npt.NDArray[np.float64],
+    area: Array,
     letters: npt.NDArray[np.str_],
 ) -> dict[str, npt.NDArray[Any]]:
     """Return the columns of laws with memory: variables, bonds, and slip distance."""
@@ -325,7 +322,7 @@ def violation(eq: ContactEquations, state: Evaluation, force: float, length: flo
     return float(eq.comm.allreduce(worst / force, op=np.maximum))
 
 
-def friction_bound(s: DiscreteSurface, found: ContactState) -> npt.NDArray[np.float64]:
+def friction_bound(s: DiscreteSurface, found: ContactState) -> Array:
     """Return the radius of the friction disc at the pressure of the law, shape (n,).
 
     It is 0 at points without friction.
@@ -345,14 +342,12 @@ def _letters(s: DiscreteSurface, found: ContactState) -> npt.NDArray[np.str_]:
     bond = found.statuses - contact
     for of_bond in np.unique(bond):
         free &= (bond != of_bond) | ~found.answers.may_be(STICK + of_bond)
-    moved = found.kinematics.increment
-    n = found.kinematics.data.n
-    along = moved[:, 1] * n[:, 0] - moved[:, 0] * n[:, 1]
-    return np.where(free, np.where(along < 0, "-", "+"), letters)
+    at = found.kinematics
+    return np.where(free, np.where(along(at.increment, at.data.n) < 0, "-", "+"), letters)
 
 
 def _letters_of_bonds(
-    s: DiscreteSurface, found: ContactState, internal: dict[str, npt.NDArray[np.float64]]
+    s: DiscreteSurface, found: ContactState, internal: dict[str, Array]
 ) -> npt.NDArray[np.str_]:
     """Return the letters of `ContactTable.bond`."""
     letters: npt.NDArray[np.str_] = np.full(s.points.number, "i")
@@ -363,12 +358,10 @@ def _letters_of_bonds(
     return np.where(found.answers.bond("broken") > 0, "b", letters)
 
 
-def _letters_of_motion(
-    ut: npt.NDArray[np.float64], n: npt.NDArray[np.float64], least: float
-) -> npt.NDArray[np.str_]:
+def _letters_of_motion(ut: Array, n: Array, least: float) -> npt.NDArray[np.str_]:
     """Return the letters of closed points moving by ``ut`` (n, dim), beyond ``least``."""
     size = np.linalg.norm(ut, axis=1)
     sliding: Any = "s"
     if ut.shape[1] == 2:
-        sliding = np.where(ut[:, 1] * n[:, 0] - ut[:, 0] * n[:, 1] > 0, "+", "-")
+        sliding = np.where(along(ut, n) > 0, "+", "-")
     return np.where(size > least, sliding, "k")
