@@ -5,12 +5,12 @@ Every class takes numbers, Constants, Functions or UFL expressions; numbers beco
 form is made, so that another value needs no new compilation. The bulk of a contact problem may
 also be any other UFL energy or residual.
 
-FFCx integrates hyperelastic energies on quadrilaterals and hexahedra by rules of a degree that it
-estimates far too high (17 for a neo-Hookean hexahedron: 3 ms a cell, where degree 4 takes 0.1 ms).
-Say what is enough: ``material.energy(u) * ufl.dx(metadata={"quadrature_degree": 4})``.
+UFL overestimates the quadrature degree of hyperelastic energies on quadrilaterals and hexahedra (17
+for a neo-Hookean hexahedron: 3 ms per cell, where degree 4 takes 0.1 ms). Set a sufficient degree:
+``material.energy(u) * ufl.dx(metadata={"quadrature_degree": 4})``.
 
-An energy of your own needs no class. Write it as a function of a 3 x 3 deformation gradient; in 2D
-(plane strain) F has a 1 across the plane, and the stress across it comes out as well::
+A user-defined energy does not need a class. Write it as a function of a 3 x 3 deformation gradient;
+in 2D (plane strain) F has the component 1 across the plane, and the stress across it follows::
 
     def W(F):  # stored energy per reference volume
         J = ufl.det(F)
@@ -29,14 +29,14 @@ problem multiplies every integral by 2 pi r::
     steel = Axisymmetric(LinearElastic.from_young(210e3, 0.3))
     bulk = steel.energy(u) * ufl.dx - pull * u[1] * ds
 
-Bilinear quadrilaterals and trilinear hexahedra lock where a body is nearly incompressible. The
-energy of a mean dilatation does not, and is one of u alone; linear triangles and tetrahedra lock
-as well, and there u is taken of degree 2::
+Bilinear quadrilaterals and trilinear hexahedra lock if a body is nearly incompressible. The energy
+of a mean dilatation avoids this and depends on u only. Linear triangles and tetrahedra lock as
+well; use u of degree 2 there::
 
     rubber = LinearElastic.from_young(1.0, 0.499)
     bulk = rubber.mean_dilatation_energy(u, ufl.dx)
 
-A body of several materials has integrals over cell tags, and a stress of each tag::
+A body of several materials has one integral and one stress for each cell tag::
 
     dx = ufl.Measure("dx", domain, subdomain_data=cell_tags)
     bulk = steel.energy(u) * dx(1) + rubber.energy(u) * dx(2)
@@ -596,7 +596,7 @@ def _require_bilinear(u: Any) -> None:
         )
 
 
-_ON_AXIS = 1e-8  # of a cell, a distance from the axis that is none: there u_r / r is du_r / dr
+_ON_AXIS = 1e-8  # distance from the axis, in cell sizes, below which u_r / r is du_r / dr
 
 
 def _require_section(u: Any) -> None:
