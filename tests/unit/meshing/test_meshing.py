@@ -271,8 +271,7 @@ def test_unknown_names_are_refused_with_the_known_ones():
         for do in (body.facets, body.ds, lambda name: body.dofs(V, name), body.facet_tags.tag):
             refused(match, lambda do=do, name=name: do(name))
         for facets in (body, body.facet_tags):
-            contact = surface(body, facets, name)
-            refused(f"below: {match}", lambda contact=contact: discretise(contact))
+            refused(f"below: {match}", lambda f=facets, name=name: surface(body, f, name))
     refused(
         r"below: .* need a tag; names: \['contact', 'top'\]",
         lambda: discretise(surface(body, body, None)),
