@@ -28,7 +28,7 @@ def draw_2d(scene: Scene, reach: Array, limits: tuple[float, float] | None, widt
     """Draw bodies in 2D; arguments as of `draw_scene`."""
     extent = np.ptp(reach, axis=0)
     is_flat = bool(extent[1] < 0.5 * extent[0])
-    size = np.maximum(width / _PIXELS * extent / extent.max(), 1.0)
+    size = np.maximum(width / _PIXELS * extent / extent.max(), (2.4, 1.0))
     figure = new_figure(tuple(size + ((1.0, 1.9) if is_flat else (1.9, 1.1))), "compressed")
     figure.suptitle(scene.title, fontweight="bold", wrap=True)
     axes = figure.add_subplot()

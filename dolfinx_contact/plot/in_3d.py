@@ -57,37 +57,8 @@ def draw_3d(
         )
 
     _draw_body(plotter, scene, limits, clipped)
-    # the rims of contact surfaces: thick for slaves, thin for masters
-    rims = [(cells, 0.0025) for cells in scene.slaves] + [
-        (cells, 0.0012) for cells in scene.masters
-    ]
-    for i, (cells, radius) in enumerate(rims):
-        rim = clipped(_facets(scene.x, cells).extract_feature_edges(feature_edges=False, **_RIM))
-        if rim.n_points:
-            plotter.add_mesh(rim.tube(radius=radius * size), color=INK, name=f"rim {i}")
-    # obstacles, transparent where they are between the eye and the body
-    for i, o in enumerate(scene.obstacles):
-        # normals of one sense, whatever the order of the vertices of the facets
-        patch = clipped(_facets(o.x, o.cells).compute_normals(consistent_normals=True))
-        if not patch.n_points:
-            continue
-        look: dict[str, Any] = dict(opacity=0.3 if np.any(o.n @ eye > 0.05) else 0.75, ambient=0.3)
-        look |= dict(smooth_shading=True, split_sharp_edges=True, specular=0.0)
-        plotter.add_mesh(patch, color=FLOOR, name=f"obstacle {i}", **look)
-        edges = patch.extract_feature_edges(30, **_RIM)
-        if edges.n_points:
-            plotter.add_mesh(edges, color="#7d858c", line_width=2.5, name=f"outline {i}")
-    # arrows, with the magnitude of the longest one of each name
-    shape = pv.Arrow(tip_length=0.3, tip_radius=0.08, shaft_radius=0.03)
-    for i, (label, (points, vectors)) in enumerate(scene.scaled_arrows(reach).items()):
-        cloud = pv.PolyData(points)
-        cloud["vectors"] = vectors
-        glyphs = cloud.glyph(orient="vectors", scale="vectors", geom=shape)
-        name, colour = list(scene.arrows)[i], LINES[i % len(LINES)]
-        plotter.add_mesh(glyphs, color=colour, ambient=0.4, name=f"arrow {name}")
-        place: dict[str, Any] = dict(position=(0.02, 0.9 - 0.05 * i), viewport=True, font_size=12)
-        plotter.add_text(label, color=colour, name=f"label {name}", **place)
-        reach = np.concatenate([reach, points, points + vectors])
+    _draw_surfaces(plotter, scene, eye, size, clipped)
+    reach = np.concatenate([reach, _draw_arrows(plotter, scene, reach)])
     plotter.add_text(scene.title, "upper_edge", color=INK, font_size=13, name="title")
     _set_camera(plotter, reach, eye, width)
     # translucent facets in the order of their depth, otherwise some look like wedges; other ways
@@ -113,6 +84,49 @@ def _draw_body(plotter: pyvista.Plotter, scene: Scene, limits: Any, clipped: Any
     style |= dict(scalars="field", cmap=colours, clim=ends, nan_color=NOT_FINITE)
     with_bar = scene.values is not None
     plotter.add_mesh(body, name="body", show_scalar_bar=with_bar, scalar_bar_args=bar, **style)
+
+
+def _draw_surfaces(
+    plotter: pyvista.Plotter, scene: Scene, eye: Array, size: float, clipped: Any
+) -> None:
+    """Draw the rims of contact surfaces, and the obstacles."""
+    # the rims of contact surfaces: thick for slaves, thin for masters
+    rims = [(cells, 0.0025) for cells in scene.slaves] + [
+        (cells, 0.0012) for cells in scene.masters
+    ]
+    for i, (cells, radius) in enumerate(rims):
+        rim = clipped(_facets(scene.x, cells).extract_feature_edges(feature_edges=False, **_RIM))
+        if rim.n_points:
+            plotter.add_mesh(rim.tube(radius=radius * size), color=INK, name=f"rim {i}")
+    # obstacles, transparent where they are between the eye and the body
+    for i, o in enumerate(scene.obstacles):
+        # normals of one sense, whatever the order of the vertices of the facets
+        patch = clipped(_facets(o.x, o.cells).compute_normals(consistent_normals=True))
+        if not patch.n_points:
+            continue
+        look: dict[str, Any] = dict(opacity=0.3 if np.any(o.n @ eye > 0.05) else 0.75, ambient=0.3)
+        look |= dict(smooth_shading=True, split_sharp_edges=True, specular=0.0)
+        plotter.add_mesh(patch, color=FLOOR, name=f"obstacle {i}", **look)
+        edges = patch.extract_feature_edges(30, **_RIM)
+        if edges.n_points:
+            plotter.add_mesh(edges, color="#7d858c", line_width=2.5, name=f"outline {i}")
+
+
+def _draw_arrows(plotter: pyvista.Plotter, scene: Scene, reach: Array) -> Array:
+    """Draw arrows, with the magnitude of the longest one of each name; return their ends."""
+    pv = optional("pyvista", "pictures")
+    ends = [np.zeros((0, 3))]
+    shape = pv.Arrow(tip_length=0.3, tip_radius=0.08, shaft_radius=0.03)
+    for i, (label, (points, vectors)) in enumerate(scene.scaled_arrows(reach).items()):
+        cloud = pv.PolyData(points)
+        cloud["vectors"] = vectors
+        glyphs = cloud.glyph(orient="vectors", scale="vectors", geom=shape)
+        name, colour = list(scene.arrows)[i], LINES[i % len(LINES)]
+        plotter.add_mesh(glyphs, color=colour, ambient=0.4, name=f"arrow {name}")
+        place: dict[str, Any] = dict(position=(0.02, 0.9 - 0.05 * i), viewport=True, font_size=12)
+        plotter.add_text(label, color=colour, name=f"label {name}", **place)
+        ends += [points, points + vectors]
+    return np.concatenate(ends)
 
 
 def _set_camera(plotter: pyvista.Plotter, points: Array, eye: Array, width: float) -> None:

@@ -15,11 +15,12 @@ from scipy.linalg import null_space
 
 import ufl
 
-from dolfinx_contact._geometry import by_coordinates, unit
+from dolfinx_contact._geometry import by_coordinates, dot, unit
 from dolfinx_contact._ufl import refuse_other_mesh
 from dolfinx_contact._validate import number, one_of, vector
 from dolfinx_contact.io.fields import check_stress, of_cells, von_mises
 from dolfinx_contact.io.outside import Outside, VertexMeans, obstacle_facets
+from dolfinx_contact.results.outer_surface import Arrays
 
 if TYPE_CHECKING:
     from dolfinx_contact.problem import ContactProblem
@@ -72,13 +73,19 @@ class DrawnObstacle:
         x: coordinates of its vertices, shape (m, dim).
         cells: vertices of its facets.
         n: normals at the vertices, into the obstacle, shape (m, dim).
+        is_opposite: True if the vertices are opposite to those of a contact surface.
         is_plane: True if the obstacle is a plane that is still to be extended below the bodies.
     """
 
     x: Array
     cells: Cells
     n: Array
+    is_opposite: bool
     is_plane: bool
+
+    def deepest(self, points: Array) -> float:
+        """Return the largest depth of the opposite points in the obstacle; 0 if unknown."""
+        return float(np.max(dot(points - self.x, self.n))) if self.is_opposite else 0.0
 
     def below(self, points: Array) -> DrawnObstacle:
         """Replace a plane by the rectangle, in 2D the segment, below points (n, dim)."""
@@ -91,7 +98,7 @@ class DrawnObstacle:
         rim = 0.1 * float(np.max(high - low))
         corners = np.array(list(product(*zip(low - rim, high + rim, strict=True))))
         x = corners @ axes.T + (self.x[0] @ n) * n
-        return DrawnObstacle(x, np.arange(len(x))[None], np.tile(n, (len(x), 1)), False)
+        return DrawnObstacle(x, np.arange(len(x))[None], np.tile(n, (len(x), 1)), False, False)
 
 
 @dataclass(frozen=True)
@@ -236,29 +243,25 @@ def scene_of(
         label += " (grey: not a number)"
     here = np.searchsorted(body["nodes"], surface.nodes)
     slaves = {name: here[cells] for name, cells in surface.contact.items()}
-    # contact points that are vertices
     points, letters = np.zeros((0, dim)), ""
     for table in tables if dim == 2 else []:
+        # contact points that are vertices
         vertices = np.unique(slaves[table.name])
         if len(vertices) == len(table.letters):
             order = by_coordinates(body["x"][vertices], body["nodes"][vertices, None])
             points = np.concatenate([points, x[vertices[order]]])
             letters += "".join(table.letters)
-    # obstacles
     obstacles = []
     for name, face in faces.items():
-        n = unit(face["n"])
-        floor = face["floor"][:, :dim] + scale * face["moved"]
-        vertices = np.unique(slaves[name])
-        at_points = 0 < len(n) == len(vertices)  # otherwise a rigid surface with facets of its own
-        is_plane = at_points and bool(np.ptp(n, axis=0).max() < _PLANE)
-        obstacles.append(DrawnObstacle(floor, face["cells"], n, is_plane))
-        if at_points and scale != 1:
-            depth = np.max(np.sum((x[vertices] - floor) * n, axis=1))
-            if depth > _OVERLAP * np.max(np.ptp(body["x"], axis=0)):
-                message = "%r is drawn through its obstacle: the displacement is magnified %g "
-                message += "times, the initial gap is not"
-                logger.warning(message, name, scale)
+        above = x[np.unique(slaves[name])]
+        obstacles.append(_drawn(face, above, scale))
+        depth = obstacles[-1].deepest(above)
+        if scale != 1 and depth > _OVERLAP * np.max(np.ptp(body["x"], axis=0)):
+            message = (
+                "%r is drawn through its obstacle: the displacement is magnified %g times, the "
+                "initial gap is not"
+            )
+            logger.warning(message, name, scale)
     return Scene(
         x=x,
         cells=body["cells"],
@@ -274,6 +277,21 @@ def scene_of(
         clip=plane,
         arrows=known,
     )
+
+
+def _drawn(face: Arrays, above: Array, scale: float) -> DrawnObstacle:
+    """Return an obstacle as it is drawn.
+
+    Args:
+        face: facets of the obstacle, see `obstacle_facets`.
+        above: vertices of the contact surface, shape (k, dim).
+        scale: factor of the motion.
+    """
+    n = unit(face["n"])
+    x = face["floor"][:, : n.shape[1]] + scale * face["moved"]
+    opposite = 0 < len(n) == len(above)  # otherwise a rigid surface with facets of its own
+    is_plane = opposite and bool(np.ptp(n, axis=0).max() < _PLANE)
+    return DrawnObstacle(x, face["cells"], n, opposite, is_plane)
 
 
 def _field_at_vertices(

@@ -240,7 +240,6 @@ def _draw_map(data: Arrays, s: DiscreteSurface) -> Figure:
     """Draw pressure, and status with the shear traction, on the projected surface."""
     figure = new_figure((1.0, 1.0))
     from matplotlib import colormaps
-    from matplotlib.collections import PolyCollection
     from matplotlib.colors import CenteredNorm, LinearSegmentedColormap, Normalize
 
     x, cells, across, labels = _projected(data)
@@ -266,16 +265,7 @@ def _draw_map(data: Arrays, s: DiscreteSurface) -> Figure:
     shades = shade(left, x, cells, pressure, **thin, **look)
     left.set_title(title, loc="left")
     figure.colorbar(shades, ax=left, location="bottom", aspect=60 if is_long else 30)
-    # status: each vertex colours the adjacent part of the facets
-    loop = around(cells)
-    corners = x[loop]
-    centre = np.broadcast_to(corners.mean(axis=1, keepdims=True), corners.shape)
-    sides = [(corners + np.roll(corners, k, axis=1)) / 2 for k in (-1, 1)]
-    quads = np.stack([corners, sides[0], centre, sides[1]], axis=2).reshape(-1, 4, 2)
-    fills = [COLOURS[k] for k in data["letters"][loop.reshape(-1)]]
-    right.add_collection(PolyCollection(quads, facecolors=fills, edgecolors=fills, lw=0.3))
-    outlines = PolyCollection(corners, facecolors="none", edgecolors=INK, lw=0.15, alpha=0.25)
-    right.add_collection(outlines)
+    _draw_statuses(right, x, cells, data["letters"])
     body = "slave" if s.between_bodies else "body"
     right.set_title(f"Status, and shear on the {body}", loc="left")
     spacing = np.array([wide / 28, tall / 6 if is_long else wide / 28])
@@ -287,6 +277,21 @@ def _draw_map(data: Arrays, s: DiscreteSurface) -> Figure:
         axes.label_outer()
         axes.spines[["top", "right"]].set_visible(False)
     return figure
+
+
+def _draw_statuses(axes: Axes, x: Array, cells: Cells, letters: npt.NDArray[np.str_]) -> None:
+    """Draw statuses: each vertex colours the adjacent part of the facets."""
+    from matplotlib.collections import PolyCollection
+
+    loop = around(cells)
+    corners = x[loop]
+    centre = np.broadcast_to(corners.mean(axis=1, keepdims=True), corners.shape)
+    sides = [(corners + np.roll(corners, k, axis=1)) / 2 for k in (-1, 1)]
+    quads = np.stack([corners, sides[0], centre, sides[1]], axis=2).reshape(-1, 4, 2)
+    fills = [COLOURS[k] for k in letters[loop.reshape(-1)]]
+    axes.add_collection(PolyCollection(quads, facecolors=fills, edgecolors=fills, lw=0.3))
+    outlines = PolyCollection(corners, facecolors="none", edgecolors=INK, lw=0.15, alpha=0.25)
+    axes.add_collection(outlines)
 
 
 def _projected(data: Arrays) -> tuple[Array, Cells, Array, list[str]]:
