@@ -206,7 +206,8 @@ class BranchRecord(Record[Journal]):
 
     def _write_point_fields(self, name: str, point: BranchPoint) -> dict[str, str]:
         """Write unknowns and tangent of a point, and return the keys. Collective."""
-        keys = self._write_checkpoint(name, self._entries.split(point))
+        arrays = self._states.of_vectors(self._entries.split(point))
+        keys = self._write_arrays("checkpoint", name, arrays)
         self._entries.put(point)  # observers are called with the point in the problem
         return keys
 
@@ -234,7 +235,7 @@ class BranchRecord(Record[Journal]):
         p = self.journal.branches[branch].points[index]
         if p.checkpoint is None:
             raise ValueError(f"no fields were kept at point {index} of branch {branch}")
-        self._read_checkpoint(p, self._entries.vectors)
+        self._read_checkpoint(p, self._entries.vectors, {})
         point = self._entries.joined(p)
         stepping = Stepping(index, p.next_step, p.x_scale, p.largest_distance, tuple(p.scales))
         return point, stepping

@@ -58,6 +58,7 @@ from dolfinx_contact.records.arrays import check, load
 from dolfinx_contact.results.outer_surface import OuterSurface, SurfaceState, nested
 
 __all__ = [
+    "ARRAYS",
     "FILE_NAME",
     "FORMAT",
     "AnyJournal",
@@ -67,13 +68,12 @@ __all__ = [
     "Journal",
     "PathJournal",
     "RecordedRun",
-    "checkpoint_file",
+    "array_file",
     "encoded",
     "outer_surface_file",
     "parse",
     "read_journal",
     "reread",
-    "surface_file",
 ]
 
 FILE_NAME = "journal.jsonl"
@@ -81,14 +81,13 @@ FORMAT = 5
 _CRC = ', "crc": "'
 
 
-def checkpoint_file(folder: Path, name: str) -> Path:
-    """Return the path of the file with the fields of a point."""
-    return folder / "checkpoints" / f"{name}.npz"
+#: Folder of the array files of a point by kind, and the item of its entry with the fingerprint.
+ARRAYS = {"checkpoint": ("checkpoints", "sum"), "surface": ("surface", "surface_sum")}
 
 
-def surface_file(folder: Path, name: str) -> Path:
-    """Return the path of the file with the outer surface at a point."""
-    return folder / "surface" / f"{name}.npz"
+def array_file(folder: Path, kind: str, name: str) -> Path:
+    """Return the path of the ``"checkpoint"`` or the ``"surface"`` of a point."""
+    return folder / ARRAYS[kind][0] / f"{name}.npz"
 
 
 def outer_surface_file(folder: Path) -> Path:
@@ -271,7 +270,7 @@ class AnyJournal:
                 f"no displacement was recorded at point {index}: record with "
                 "surface_displacement=True"
             )
-        arrays = load(surface_file(self.folder, entry.surface), entry.surface_sum)
+        arrays = load(array_file(self.folder, "surface", entry.surface), entry.surface_sum)
         return SurfaceState(**nested(arrays))
 
     def check_surfaces(self) -> None:
@@ -281,7 +280,7 @@ class AnyJournal:
         check(outer_surface_file(self.folder), self.sessions[0]["outer_surface"])
         for entry in self.all_entries():
             if entry.surface is not None:
-                check(surface_file(self.folder, entry.surface), entry.surface_sum)
+                check(array_file(self.folder, "surface", entry.surface), entry.surface_sum)
 
     def take(self, entry: Entry) -> None:
         """Add the entry of the next line.
@@ -477,16 +476,19 @@ def _columns(
 
 @dataclass
 class EvolutionJournal(AnyJournal):
-    """Journal of the runs of an evolution.
-
-    Attributes:
-        states: entries of the start and of every accepted step, in order.
-        runs: runs, in order.
-    """
+    """Journal of the runs of an evolution."""
 
     kind: ClassVar[str] = "an evolution"
-    states: list[Entry] = field(default_factory=list)
-    runs: list[RecordedRun] = field(default_factory=list)
+
+    @property
+    def states(self) -> list[Entry]:
+        """Entries of the start and of every accepted step, in order."""
+        return self.all_entries()
+
+    @property
+    def runs(self) -> list[RecordedRun]:
+        """Runs, in order."""
+        return [self.branches[number] for number in sorted(self.branches)]
 
     def entries(self, branch: int = 0) -> list[Entry]:
         if branch != 0:
@@ -500,13 +502,6 @@ class EvolutionJournal(AnyJournal):
             branch: number of the run; default: all runs.
         """
         return [p.row | {"status": p.status} for _, p in self._points(branch) if p.row is not None]
-
-    def _take(self, kind: str, entry: Entry) -> None:
-        super()._take(kind, entry)
-        if kind == "point":
-            self.states.append(entry)
-        elif kind == "begin":
-            self.runs.append(self.branches[len(self.runs)])
 
 
 @dataclass

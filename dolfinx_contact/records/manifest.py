@@ -173,7 +173,7 @@ def difference(recorded: Mapping[str, Any], now: Mapping[str, Any]) -> str:
 @contextmanager
 def data_restored(problem: ContactProblem) -> Iterator[None]:
     """Restore the values of all data of a problem at the end. Not collective."""
-    arrays = [_array(d.value) for d in placed_data(problem.equations)]
+    arrays = [d.values for d in placed_data(problem.equations)]
     values = [a.copy() for a in arrays]
     try:
         yield
@@ -211,10 +211,6 @@ def _both(recorded: Any, now: Any) -> str:
 
 
 # -- Functions and hashes --------------------------------------------------------------------------
-
-
-def _array(value: Any) -> npt.NDArray[Any]:
-    return np.asarray(value.x.array if hasattr(value, "x") else value.value)
 
 
 def _projected(domain: mesh.Mesh, values: npt.NDArray[Any], least: float = 0.0) -> dict[str, Any]:

@@ -23,22 +23,28 @@ from dolfinx_contact.records.states import places
 if TYPE_CHECKING:
     from dolfinx_contact.parametric import ParametricContact
 
-__all__ = ["BranchEntries", "BranchPoints", "journal_of"]
+__all__ = ["BranchEntries", "journal_of"]
 
 
-class BranchPoints:
-    """Conversion between points of branches, and columns and vectors. Collective.
+class BranchEntries:
+    """Conversion between points of branches, entries of the journal, and vectors. Collective.
 
     Args:
         system: contact problem with a parameter.
+        functionals: compiled functionals by name (`compiled`); default: none.
 
     Attributes:
         vectors: work vectors for the tangent and the unknowns, by name.
     """
 
-    def __init__(self, system: ParametricContact):
+    def __init__(
+        self,
+        system: ParametricContact,
+        functionals: Mapping[str, Callable[[], float]] | None = None,
+    ):
         self.vectors = {name: system.create_vector() for name in ("tangent", "x")}
         self._system = system
+        self._functionals = functionals or {}
         self._layout = Layout(system)
 
     def split(self, point: BranchPoint) -> dict[str, PETSc.Vec]:
@@ -78,21 +84,6 @@ class BranchPoints:
         """Destroy the vectors."""
         for x in self.vectors.values():
             x.destroy()
-
-
-class BranchEntries(BranchPoints):
-    """Entries of the journal for points and nodes of branches. Collective.
-
-    Args:
-        system: contact problem with a parameter.
-        functionals: compiled functionals by name (`compiled`).
-    """
-
-    def __init__(
-        self, system: ParametricContact, functionals: Mapping[str, Callable[[], float]]
-    ) -> None:
-        super().__init__(system)
-        self._functionals = functionals
 
     def point(
         self, index: int, point: BranchPoint, special: Sequence[SpecialPoint], x_scale: float = 1.0

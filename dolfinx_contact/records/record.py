@@ -35,13 +35,13 @@ from dolfinx_contact.io.files import agreed_path, output_folder
 from dolfinx_contact.io.outside import Outside
 from dolfinx_contact.records.arrays import DamagedFile, load, save
 from dolfinx_contact.records.journal import (
+    ARRAYS,
     FORMAT,
     AnyJournal,
     Entry,
-    checkpoint_file,
+    array_file,
     outer_surface_file,
     reread,
-    surface_file,
 )
 from dolfinx_contact.records.journal_file import JournalFile, run_name
 from dolfinx_contact.records.manifest import difference
@@ -228,30 +228,28 @@ class Record(Observer, ABC, Generic[J]):
             ending = {"ending": ended.ending, "reason": ended.reason}
             self._append({"type": "end", "branch": self._branch, **ending, **(keys or {})})
 
-    def _write_checkpoint(
-        self, name: str, vectors: Mapping[str, PETSc.Vec], arrays: Arrays | None = None
-    ) -> dict[str, str]:
-        """Write the checkpoint of a point, and return its keys in the journal. Collective.
-
-        Args:
-            name: name of the point.
-            vectors: vectors of unknowns by name; the last stays in the Functions of the problem.
-            arrays: further arrays, on rank 0.
-
-        Raises:
-            OSError: on every rank, with the path, if it cannot be written; nothing of it remains.
-        """
-        gathered = self._states.of_vectors(vectors) | (arrays or {})
-        return {"checkpoint": name, "sum": self._save(checkpoint_file(self.folder, name), gathered)}
-
     def _write_surface(self, name: str, law: ContactProblem) -> dict[str, str]:
-        """Write the present outer surface, and return its keys in the journal. Collective."""
+        """Write the present outer surface, and return its items in the journal. Collective."""
         state = self._outside.state(law)
         arrays: Arrays = {}
         if state is not None:  # double precision where values are differences of coordinates
             single = {name: getattr(state, name).astype(np.float32) for name in ("u", "strain")}
             arrays = flat(vars(state) | single)
-        return {"surface": name, "surface_sum": self._save(surface_file(self.folder, name), arrays)}
+        return self._write_arrays("surface", name, arrays)
+
+    def _write_arrays(self, kind: str, name: str, arrays: Arrays) -> dict[str, str]:
+        """Write arrays of a point, and return their items in the journal. Collective.
+
+        Args:
+            kind: kind of the arrays, see `ARRAYS`.
+            name: name of the point.
+            arrays: arrays on rank 0.
+
+        Raises:
+            OSError: on every rank, with the path, if they cannot be written; nothing remains.
+        """
+        checksum = self._save(array_file(self.folder, kind, name), arrays)
+        return {kind: name, ARRAYS[kind][1]: checksum}
 
     def _save(self, file: Path, arrays: Arrays) -> str:
         """Write the arrays of rank 0 to a file, and return its fingerprint. Collective."""
@@ -281,9 +279,8 @@ class Record(Observer, ABC, Generic[J]):
                 if self._file is not None:
                     self._file.append(entry)
             except OSError:
-                for key, file_of in (("checkpoint", checkpoint_file), ("surface", surface_file)):
-                    if key in entry:
-                        file_of(self.folder, entry[key]).unlink(missing_ok=True)
+                for kind in ARRAYS.keys() & entry.keys():
+                    array_file(self.folder, kind, entry[kind]).unlink(missing_ok=True)
                 raise
 
         on_root(self.comm, write)
@@ -301,14 +298,14 @@ class Record(Observer, ABC, Generic[J]):
         self,
         entry: Entry,
         vectors: Mapping[str, PETSc.Vec],
-        functions: Mapping[str, fem.Function] | None = None,
+        functions: Mapping[str, fem.Function],
     ) -> Arrays:
         """Read the checkpoint of a point. Collective.
 
         Args:
             entry: entry of the point.
             vectors: vectors of unknowns to fill, by name.
-            functions: Functions to fill, by name; default: none.
+            functions: Functions to fill, by name.
 
         Returns:
             Arrays at contact points, on every rank.
@@ -317,10 +314,10 @@ class Record(Observer, ABC, Generic[J]):
             DamagedFile: on every rank, if the checkpoint is damaged or missing.
         """
         arrays: Arrays = {}
-        file = checkpoint_file(self.folder, entry.checkpoint)
+        file = array_file(self.folder, "checkpoint", entry.checkpoint)
         on_root(self.comm, lambda: arrays.update(load(file, entry.sum)))
         self._states.fill(vectors, arrays)
-        self._states.fill_functions(functions or {}, arrays)
+        self._states.fill_functions(functions, arrays)
         at_points = {k: v for k, v in arrays.items() if k.startswith(("statuses.", "memory."))}
         return self.comm.bcast(at_points)
 

@@ -43,7 +43,7 @@ from dolfinx_contact.records.journal import (
     PathJournal,
 )
 from dolfinx_contact.records.manifest import data_restored, manifest_of, values_of
-from dolfinx_contact.records.points import BranchPoints
+from dolfinx_contact.records.points import BranchEntries
 from dolfinx_contact.records.record import Record, Resume
 
 __all__ = ["EvolutionRecord", "PathRecord", "StepsRecord"]
@@ -85,7 +85,7 @@ class StepsRecord(Record[J], Generic[J, H]):
         folder: str | os.PathLike[str],
         runs: Runnable[Any, H],
         kind: type[J],
-        points: BranchPoints | None = None,
+        points: BranchEntries | None = None,
         *,
         surface_displacement: bool,
         resume: Resume,
@@ -216,8 +216,9 @@ class StepsRecord(Record[J], Generic[J, H]):
             entry["run"]["arrived"] = self._points.columns(run_state.arrived)
             vectors = self._points.split(run_state.arrived)
         self.problem.write(vectors["x"])
-        arrays = self._states.of_functions(self._kept) | self._states.of_points(accepted)
-        keys = self._write_checkpoint(name, vectors, arrays)
+        arrays = self._states.of_vectors(vectors) | self._states.of_functions(self._kept)
+        arrays |= self._states.of_points(accepted)
+        keys = self._write_arrays("checkpoint", name, arrays)
         law = self.problem.with_memory(accepted.state.previous)
         self._write_point(name, {**entry, **keys}, law)
         self._index = index
@@ -458,7 +459,7 @@ class PathRecord(StepsRecord[PathJournal, PathHistory]):
             folder,
             path,
             PathJournal,
-            BranchPoints(path.parametric),
+            BranchEntries(path.parametric),
             surface_displacement=surface_displacement,
             resume=resume,
         )

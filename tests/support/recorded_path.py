@@ -116,7 +116,7 @@ def on(case, path, kept, *, longest=LONGEST, observer=None):
     else:
         more = {"start": STARTS.get(path), "stop": enough, **told}
         path.run(gamma_range=there, control=control, record=kept, **more)
-    if len(runs) == 1:
+    if len(kept.journal.runs) == 1:
         path.run(gamma_range=back, direction="back", control=control, record=kept, **told)
     return kept.journal
 
