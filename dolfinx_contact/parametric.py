@@ -9,7 +9,7 @@ by gamma is exact; UFL computes it.
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any, ClassVar
@@ -31,7 +31,6 @@ from dolfinx_contact.continuation.affine import AffineSystem
 from dolfinx_contact.continuation.solutions import Solution
 from dolfinx_contact.continuation.system import Condensed, Proof, RayProof
 from dolfinx_contact.equations.data import data_within, placed_data
-from dolfinx_contact.equations.evaluation import Evaluation
 from dolfinx_contact.equations.order import Gathered
 from dolfinx_contact.equations.parametric import ParametricEquations
 from dolfinx_contact.equations.state import State
@@ -175,23 +174,23 @@ class ParametricContact(ReadOnly, ParametricEquations):
 
         A warning is logged once for each surface indicator above its threshold.
         """
-        evaluation = self._put(x, gamma, piece)
-        self.equations.refresh()
+        self._put(x, gamma, piece)
+        self.equations.read_data()
         if all(not s.between_bodies and s.obstacle.flat for s in self.problem.surfaces):
             return
-        warnings = Indicators(surface_indicators(self.equations, evaluation())).warnings
+        found = surface_indicators(self.equations, self.contact(x, gamma, piece))
+        warnings = Indicators(found).warnings
         for name, text in warnings.items():
             if name not in self._warned and self.comm.rank == 0:
                 logger.warning("%s: at gamma = %.6g %s", name, gamma, text)
         self._warned.update(warnings)
 
-    def _put(self, x: PETSc.Vec, gamma: float, piece: Piece) -> Callable[[], Evaluation]:
-        """Write a point into the problem; return a function evaluating its contact state."""
+    def _put(self, x: PETSc.Vec, gamma: float, piece: Piece) -> None:
+        """Write a point of a branch into the problem, without warnings. Collective."""
         self._set(gamma)
         statuses = self.statuses_of(piece)
         assert statuses is not None
         self.problem.put(x, statuses)
-        return lambda: self.equations.contact(x, statuses)
 
     def solution_from(self, x: PETSc.Vec, gamma: float) -> tuple[PETSc.Vec | None, str]:
         """Solve at gamma from x with `ContactProblem.solve`; see `System`. Collective."""
@@ -210,7 +209,8 @@ class ParametricContact(ReadOnly, ParametricEquations):
     def validity_warning(self, x: PETSc.Vec, gamma: float, piece: Piece) -> str:
         """Return the reason why small sliding is not valid; "" if it is valid. Collective."""
         with self.restored(always=True):
-            return small_sliding_violated(self.equations, self._put(x, gamma, piece)())
+            self._put(x, gamma, piece)
+            return small_sliding_violated(self.equations, self.contact(x, gamma, piece))
 
     def result_at(self, point: BranchPoint | Solution) -> Result:
         """Return the result at a point; write the point to the Functions. Collective.

@@ -478,6 +478,7 @@ class ContactProblem(ReadOnly):
         written = self.written_statuses
         if written is not None:
             return written
+        self.equations.read_data()
         with self._unknowns() as x:
             return self.equations.contact(x).statuses
 
@@ -505,6 +506,7 @@ class ContactProblem(ReadOnly):
             statuses: statuses of the contact points, one array per surface; default: computed from
                 the unknowns.
         """
+        self.equations.read_data()
         return self.state_of(x, self.equations.contact(x, statuses))
 
     def state_of(self, x: PETSc.Vec, evaluation: Evaluation) -> State:
@@ -590,6 +592,7 @@ class ContactProblem(ReadOnly):
 
         See `ContactEquations.residual` for the arguments.
         """
+        self.equations.read_data()
         return self.equations.residual(x, b, statuses)
 
     def evaluate(self, state: State | None = None, statuses: Statuses | None = None) -> Evaluation:
@@ -601,6 +604,7 @@ class ContactProblem(ReadOnly):
                 statuses of the state.
         """
         with self._shown(state) as problem, problem._unknowns() as x:
+            self.equations.read_data()
             statuses = problem.written_statuses if statuses is None else statuses
             return problem._evaluated(x, statuses)
 
@@ -958,6 +962,7 @@ class ContactProblem(ReadOnly):
             attempts: strategies that were tried; the last one converged.
             statuses: statuses of the contact points; default: computed from the solution.
         """
+        self.equations.read_data()
         return self._collected(x, attempts, self._evaluated(x, statuses))
 
     def _collected(

@@ -54,11 +54,13 @@ FAULTS = {
     ),
     "stale load": Fault(
         "body/bulk.py",
-        "self._f is None or mark != self._f_mark,",
-        "self._f is None,",
+        "self._f = None",
+        "pass",
     ),
     "stale stiffness": Fault(
-        "body/bulk.py", "elif not anywhere(self.comm, mark != self._K_mark)[0]:", "elif True:"
+        "body/bulk.py",
+        "self.stiffness_mark += anywhere(self.comm, self._read[1] != of_stiffness)[0]",
+        "pass",
     ),
 }
 

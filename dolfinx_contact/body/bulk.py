@@ -2,7 +2,7 @@
 """Residual and stiffness of a body without contact, assembled only once if they are linear.
 
 If the residual is affine in the displacement (`_ufl`), it equals K u + f. K and f depend only on
-the user's coefficients and Constants, and are reassembled only if one of these changes.
+the user's Functions and Constants, and are reassembled only if `read_data` finds other values.
 
 A residual with kinks is nonlinear. Its derivative is one-sided at a kink, so Newton's method is
 semismooth, as for contact. A residual with jumps has in general no root that Newton's method could
@@ -98,6 +98,7 @@ class Bulk:
         materials: materials of this package in the form.
         linear: whether the residual is affine in ``u``.
         kinks: description of the parts of the form with kinks or jumps in ``u``; "" without any.
+        stiffness_mark: number of changes of the data of the stiffness, the same on every rank.
         assemblies: number of assemblies of the stiffness.
 
     Raises:
@@ -131,16 +132,21 @@ class Bulk:
         # classified as well.
         self.kinks = kinks_of(form, u)
         self.linear: bool = not any(f is own for f in coefficients) and not self.kinks
-        self._data = [*coefficients, *self.jacobian_constants]
+        #: Functions and Constants in the stiffness, excluding the displacement.
+        self.stiffness_data: list[fem.Function | fem.Constant] = [
+            d for d in (*coefficients, *self.jacobian_constants) if d is not own
+        ]
         self._others = [f for f in self.functions if f is not own]
-        self.update_ghosts()
-        self._loads = [*self._others, *self.constants]
+        self._data = [*self._others, *self.constants]
+        self.stiffness_mark = 0
+        self._update_ghosts()
         self._owned = self._V.dofmap.index_map.size_local * self._V.dofmap.index_map_bs
         self._rows = SharedValues(self._V.dofmap.index_map)
         self._K: PETSc.Mat | None = None
         self._half: PETSc.Mat | None = None
         self._f: Array | None = None
-        self._K_mark = self._f_mark = 0
+        #: Data and displacement of the assembled stiffness: `stiffness_mark` and a checksum.
+        self._K_mark = 0, 0
         self.assemblies = 0
 
     # -- forms -----------------------------------------------------------------------------------
@@ -207,26 +213,21 @@ class Bulk:
 
     # -- data ------------------------------------------------------------------------------------
 
-    @property
-    def has_changed(self) -> bool:
-        """Whether Functions of the forms have changed on this rank since `update_ghosts`."""
-        return bool(self._others) and _checksum(self._others) != self._others_mark
+    def read_data(self) -> None:
+        """Read the present values of the Functions and Constants in the forms. Collective."""
+        before, of_stiffness = self._read
+        if not anywhere(self.comm, _checksum(self._data) != before)[0]:
+            return
+        self._update_ghosts()
+        self._f = None
+        self.stiffness_mark += anywhere(self.comm, self._read[1] != of_stiffness)[0]
 
-    def update_ghosts(self) -> None:
-        """Update the ghosts of Functions in the forms. Collective."""
+    def _update_ghosts(self) -> None:
+        """Update the ghosts of Functions, and store checksums of all data. Collective."""
         for f in self._others:
             f.x.scatter_forward()
-        self._others_mark = _checksum(self._others)
-
-    @property
-    def stiffness_data(self) -> list[Any]:
-        """Functions and Constants in the stiffness, excluding the displacement."""
-        return [d for d in self._data if d is not self.displacement]
-
-    @property
-    def stiffness_mark(self) -> int:
-        """Checksum of the local values of `stiffness_data`."""
-        return _checksum(self.stiffness_data)
+        #: Checksums of the local values of all data and of those in the stiffness.
+        self._read = _checksum(self._data), _checksum(self.stiffness_data)
 
     # -- residual and energy ---------------------------------------------------------------------
 
@@ -300,21 +301,12 @@ class Bulk:
         The array is cached and must not be modified by the caller. A change of data
         creates a new array.
         """
-        if not self.linear or self._K is None:
+        if not self._is_current:
             return None
-        mark = _checksum(self._loads)
-        outdated, loaded = anywhere(
-            self.comm,
-            _checksum(self._data) != self._K_mark,
-            self._f is None or mark != self._f_mark,
-        )
-        if outdated:
-            return None
-        if loaded:
+        if self._f is None:
             at_rest = "no residual at rest", lambda: _vanishes(self.residual, self.displacement)
             zero = np.zeros_like(self.displacement.x.array)
             self._f = zero[: self._owned] if self._fact(*at_rest) else self.residual_at(zero)
-            self._f_mark = mark
         return self._f
 
     # -- stiffness -------------------------------------------------------------------------------
@@ -326,10 +318,10 @@ class Bulk:
         is owned by this object: the caller must neither modify nor destroy it.
         """
         self.displacement.x.array[:] = u
-        mark = _checksum(self._data)
+        mark = self.stiffness_mark, 0 if self.linear else _checksum([self.displacement])
         if self._K is None:
             self._K = dolfinx.fem.petsc.create_matrix(self.jacobian_form)
-        elif not anywhere(self.comm, mark != self._K_mark)[0]:
+        elif self._is_current or not anywhere(self.comm, mark != self._K_mark)[0]:
             return self._K
         self._K.zeroEntries()
         dolfinx.fem.petsc.assemble_matrix(self._K, self.jacobian_form)
@@ -338,6 +330,11 @@ class Bulk:
         self._K_mark = mark
         self.assemblies += 1
         return self._K
+
+    @property
+    def _is_current(self) -> bool:
+        """Whether the stiffness is constant and assembled with the present data."""
+        return self.linear and self._K is not None and self._K_mark[0] == self.stiffness_mark
 
     @property
     def for_products(self) -> PETSc.Mat:
@@ -355,10 +352,7 @@ class Bulk:
 
     def product(self, u: Array) -> Array | None:
         """Return K u if K is constant and up to date, otherwise None. Collective."""
-        if not self.linear or self._K is None:
-            return None
-        (outdated,) = anywhere(self.comm, _checksum(self._data) != self._K_mark)
-        return None if outdated else self.times(u)
+        return self.times(u) if self._is_current else None
 
     def times(self, u: Array) -> Array:
         """Return owned entries of K u with the most recently assembled stiffness. Collective."""

@@ -214,14 +214,9 @@ class MovingBody:
 
     # -- interface of a Bulk ---------------------------------------------------------------------
 
-    @property
-    def has_changed(self) -> bool:
-        """See `Bulk`."""
-        return self.body.has_changed
-
-    def update_ghosts(self) -> None:
-        """See `Bulk.update_ghosts`. Collective."""
-        self.body.update_ghosts()
+    def read_data(self) -> None:
+        """See `Bulk.read_data`. Collective."""
+        self.body.read_data()
 
     def energy_at(self, w: Array) -> float | None:
         """Return the user's energy at u_1; None if the form is a residual. Collective."""
@@ -307,8 +302,8 @@ class MovingBody:
 
     @property
     def stiffness_mark(self) -> int:
-        """Checksum of the local values of `stiffness_data`."""
-        return zlib.crc32(repr(self.step).encode(), self.body.stiffness_mark)
+        """Checksum of the step and of `Bulk.stiffness_mark`, the same on every rank."""
+        return zlib.crc32(repr((self.step, self.body.stiffness_mark)).encode())
 
     @property
     def stiffness_data(self) -> list[Any]:

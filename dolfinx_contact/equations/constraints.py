@@ -369,6 +369,7 @@ class Prescribed:
         self._constraints = constraints
         self._rigid = rigid
         self.fraction = 1.0
+        self._data = np.zeros_like(constraints.fixed, dtype=np.float64)
         self._start: tuple[Array, Array] | None = None
         self.to_unknowns: Callable[[Array], Array] | None = None
 
@@ -401,9 +402,14 @@ class Prescribed:
             f.x.array[:] = values[nodes, i]
         return [bc for *_, bc in self._components]
 
+    def read_data(self) -> None:
+        """Read the present Dirichlet values, loads and motions of the user. Collective."""
+        self._data = self._constraints.values(fill=0.0)
+        self._rigid.read_data()
+
     def values(self) -> Array:
         """Return prescribed values at the local nodes, shape (n, dim), 0 at free dofs."""
-        values = self._constraints.values(fill=0.0)
+        values = self._data
         if self.to_unknowns is not None:
             values = self.to_unknowns(values.reshape(-1)).reshape(values.shape)
         if self._start is not None:
@@ -413,7 +419,7 @@ class Prescribed:
 
     def motions(self) -> Array:
         """Return prescribed unknowns of the rigid bodies, 0 where they are free."""
-        values = self._rigid.numbers() * self._rigid.units
+        values = self._rigid.numbers * self._rigid.units
         if self._start is not None:
             start = self._start[1]
             values = start + self.fraction * (values - start)

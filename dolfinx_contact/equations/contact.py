@@ -18,7 +18,7 @@ the diagonal. Rows of Dirichlet dofs, of removed multipliers and of prescribed m
 with a typical stiffness k, so that every row has the unit of a force.
 
 Evaluations are stateless: statuses are arguments, results are returned, and the memory of earlier
-states is fixed (`with_memory`).
+states is fixed (`with_memory`). They use the values of the user's data that `read_data` read last.
 """
 
 from __future__ import annotations
@@ -117,6 +117,7 @@ class ContactEquations:
         self.fixed = self.constraints.fixed.reshape(-1)
         self.rigid = RigidBodies(V, self.surfaces, self.body_size)
         self.prescribed = Prescribed(V, self.constraints, self.rigid)
+        self.prescribed.read_data()
         removed = zip(self.surfaces, self.constraints.removed_multipliers(), strict=True)
         self.terms = [SurfaceTerm(s, i, self.rigid, mask) for i, (s, mask) in enumerate(removed)]
         self.forced_r = r
@@ -146,7 +147,6 @@ class ContactEquations:
             x: unknowns.
             statuses: statuses for the laws; default: those determined by the unknowns.
         """
-        self.refresh()
         u = self.unknowns.displacement(x)
         q = self.unknowns.motions(x)
         multipliers = self.unknowns.fields(x)[1:]
@@ -208,7 +208,7 @@ class ContactEquations:
         rows.body[fixed] = k * off[: len(rows.body)][fixed]
         laws = self._law_rows(rows, [k * owned for owned in self.unknowns.blocks(x)[1:-1]])
         pushed = total(self.comm, rows.pushed) if self.rigid.size else rows.pushed
-        rigid = np.where(self.rigid.fixed, k * off_motions, pushed - self.rigid.loads())
+        rigid = np.where(self.rigid.fixed, k * off_motions, pushed - self.rigid.loads)
         parts = [rows.body, *laws, self.rigid.here(rigid)]
         b.array[:] = np.concatenate(parts)
         return Evaluation(at.u, at.q, at.surfaces, parts, reactions, -pushed)
@@ -274,16 +274,18 @@ class ContactEquations:
 
     # -- data ------------------------------------------------------------------------------------
 
-    def refresh(self) -> bool:
-        """Update surfaces with changed data, and the ghosts of Functions.
+    def read_data(self) -> bool:
+        """Read the present values of the Functions and Constants of the user.
+
+        A solve, a question and an evaluation for the user begin with this step, and so does a run
+        or a branch after each change of the load.
 
         Returns:
-            Whether a surface has changed.
+            Whether the data of a surface have changed.
         """
-        parts = [self.bulk, *self.surfaces]
-        outdated, *moved = anywhere(self.comm, *[part.has_changed for part in parts])
-        if outdated:
-            self.bulk.update_ghosts()
+        self.bulk.read_data()
+        self.prescribed.read_data()
+        moved = anywhere(self.comm, *[s.has_changed for s in self.surfaces])
         for s, changed in zip(self.surfaces, moved, strict=True):
             if changed:
                 s.update_geometry()

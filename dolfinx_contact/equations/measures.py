@@ -149,6 +149,7 @@ def require_solution(problem: Any, hint: str = "") -> None:
         hint: possible reason, for the message.
     """
     equations = problem.equations
+    equations.read_data()
     x = problem.create_vector()
     b = problem.create_vector()
     problem.write(x)

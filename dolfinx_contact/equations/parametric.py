@@ -200,6 +200,12 @@ class ParametricEquations(System):
             d.set()
         self._driven_at = gamma if self._is_undisturbed else None
 
+    def _equations_at(self, gamma: float) -> ContactEquations:
+        """Return the equations with the data at gamma. Collective."""
+        self._set(gamma)
+        self.equations.read_data()
+        return self.equations
+
     @contextmanager
     def restored(self, *, always: bool = False) -> Iterator[None]:
         functions = [d.function for d in self._driven]
@@ -229,7 +235,7 @@ class ParametricEquations(System):
     def check_parameter(self, gammas: Sequence[float]) -> None:
         eq = self.equations
         eq.require_same_mesh()
-        eq.refresh()
+        eq.read_data()
         surfaces = eq.surfaces
         varying = [s for s, rate in zip(surfaces, self._rates, strict=True) if rate.applies]
         changing = bool(self._driven or varying or self._rigid_rates.applies)
@@ -285,8 +291,7 @@ class ParametricEquations(System):
 
     def contact(self, x: PETSc.Vec, gamma: float, piece: Piece | None) -> Evaluation:
         """Evaluate the contact conditions, without the rows of H. Collective."""
-        self._set(gamma)
-        return self.equations.contact(x, self.statuses_of(piece))
+        return self._equations_at(gamma).contact(x, self.statuses_of(piece))
 
     def residual(self, x: PETSc.Vec, gamma: float, b: PETSc.Vec, piece: Piece | None) -> float:
         return self.measure(x, gamma, b, piece, ())[0]
@@ -302,8 +307,7 @@ class ParametricEquations(System):
         self, x: PETSc.Vec, gamma: float, b: PETSc.Vec, piece: Piece | None
     ) -> Evaluation:
         """Write H(x, gamma) into ``b``, and return the evaluation. Collective."""
-        self._set(gamma)
-        return self.equations.residual(x, b, self.statuses_of(piece))
+        return self._equations_at(gamma).residual(x, b, self.statuses_of(piece))
 
     def jacobian(self, x: PETSc.Vec, gamma: float, piece: Piece | None) -> None:
         linear = self._jacobian_solver
@@ -331,8 +335,7 @@ class ParametricEquations(System):
         return linear.correct(self.contact(x, gamma, piece), residual, correction)
 
     def contact_rows(self, x: PETSc.Vec, gamma: float, piece: Piece | None) -> Array | None:
-        self._set(gamma)
-        return self.equations.contact_rows(x, self.statuses_of(piece))
+        return self._equations_at(gamma).contact_rows(x, self.statuses_of(piece))
 
     def parameter_derivative(
         self, x: PETSc.Vec, gamma: float, c: PETSc.Vec, piece: Piece | None

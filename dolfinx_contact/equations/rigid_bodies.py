@@ -44,6 +44,8 @@ class RigidBodies:
         owned: number of unknowns on this rank.
         fixed: mask of the prescribed unknowns, shape (size,).
         units: ratios of unknowns to displacements and rotations, shape (size,).
+        numbers: loads and motions prescribed by the user, as read by `read_data`, shape (size,).
+        loads: loads F among them, in the units of their rows, 0 where the motion is prescribed.
 
     Raises:
         ValueError: on every rank, if two bodies have one name.
@@ -69,6 +71,7 @@ class RigidBodies:
         self.units = np.ones(self.size)
         for b, part in zip(self.bodies, self.slices, strict=True):
             self.units[part][b.dim :] = self._reach(b) or body_size
+        self.read_data()
 
     def _reach(self, body: RigidBody) -> float:
         """Return the largest distance of a contact point from the reference point. Collective."""
@@ -146,7 +149,7 @@ class RigidBodies:
 
     def directions(self) -> Array:
         """Return unit translations along the loads on free components, 0 without loads."""
-        loads = self.loads()
+        loads = self.loads
         found = np.zeros(self.size)
         for b, part in zip(self.bodies, self.slices, strict=True):
             along = loads[part][: b.dim]
@@ -180,13 +183,10 @@ class RigidBodies:
 
     # -- data ------------------------------------------------------------------------------------
 
-    def numbers(self) -> Array:
-        """Return the loads and motions prescribed by the user."""
-        return np.concatenate([np.zeros(0), *(b.numbers() for b in self.bodies)])
-
-    def loads(self) -> Array:
-        """Return the loads F, 0 where the motion is prescribed."""
-        return np.where(self.fixed, 0.0, self.numbers() / self.units)
+    def read_data(self) -> None:
+        """Read the present loads and motions of the user."""
+        self.numbers = np.concatenate([np.zeros(0), *(b.numbers() for b in self.bodies)])
+        self.loads = np.where(self.fixed, 0.0, self.numbers / self.units)
 
     def rates(self, expressions: Sequence[object]) -> tuple[Array, Array]:
         """Return the rates of loads and of prescribed unknowns from those of all expressions."""

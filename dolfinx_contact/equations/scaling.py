@@ -20,7 +20,7 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from dolfinx_contact._geometry import node_positions
-from dolfinx_contact._mpi import anywhere, require, total
+from dolfinx_contact._mpi import require, total
 from dolfinx_contact.body import rigid
 from dolfinx_contact.body.bulk import Bulk
 from dolfinx_contact.body.rigid import extents, number_of_parts, parts, sums_of_parts
@@ -109,11 +109,11 @@ class Scaling:
         Returns:
             Whether the scales, and with them H, have changed.
         """
-        (outdated,) = anywhere(self._comm, self._bulk.stiffness_mark != self._mark)
-        if outdated:
-            self._measure(u)
-            self.augment()
-        return outdated
+        if self._bulk.stiffness_mark == self._mark:
+            return False
+        self._measure(u)
+        self.augment()
+        return True
 
     def _measure(self, u: Array) -> None:
         surfaces = self._surfaces

@@ -157,7 +157,7 @@ def validate(eq: ContactEquations, x0: PETSc.Vec) -> Evaluated | None:
     same_everywhere(eq.comm, "data of the problem", Constants=_numbers(eq))
     eq.require_same_mesh()
     check_moduli(eq)
-    if eq.refresh():
+    if eq.read_data():
         _warn_of_dragging(eq)
         if not any(eq.memory):  # in an evolution, `results.indicators` measures this
             check_sides(eq)
@@ -180,7 +180,7 @@ def validate(eq: ContactEquations, x0: PETSc.Vec) -> Evaluated | None:
     b.destroy()
     lost = without_normal(eq, state)
     objections = [lost, *map(_objection_to_geometry, eq.surfaces)]
-    if not np.isfinite(eq.rigid.numbers()).all():
+    if not np.isfinite(eq.rigid.numbers).all():
         objections.append("a load or motion of a rigid body is not finite")
     objection = next(filter(None, objections), "")
     require(eq.comm, not objection, objection)
@@ -201,6 +201,7 @@ def validate_data(eq: ContactEquations) -> None:
     """
     eq.require_same_mesh()
     check_moduli(eq)
+    eq.read_data()
     for s, memory in zip(eq.surfaces, eq.memory, strict=True):
         check_surface(s, memory)
 

@@ -126,6 +126,7 @@ class Matrices:
         if self._rayleigh is None:
             return M, None
         a, b = _factors(self._rayleigh)
+        self._bulk.read_data()
         C = self._bulk.stiffness(np.zeros_like(problem.u.x.array)).copy()
         C.scale(b)
         consistent = self._consistent()

@@ -225,7 +225,7 @@ class MotionStepper(Stepper):
         if abs(length - self._body.step.length) <= _ROUND_OFF * length:
             length = self._body.step.length  # equal steps share their matrices
         step = TimeStep(length, self._method.theta, self._method.scheme)
-        self.problem.equations.refresh()
+        self.problem.equations.read_data()
         a = _motion(accepted)
         if accepted.statuses is None:
             self._held.require_velocity(a.v)
@@ -351,6 +351,7 @@ class MotionStepper(Stepper):
 
     def _evaluated(self, law: ContactProblem) -> Evaluation:
         """Evaluate the contact in the Functions, without the equation of motion. Collective."""
+        law.equations.read_data()
         x = law.create_vector()
         law.write(x)
         evaluation = law.equations.contact(x, law.written_statuses)
@@ -374,6 +375,7 @@ class MotionStepper(Stepper):
 
     def continued(self, accepted: AcceptedState) -> AcceptedState:
         self.put(accepted)
+        self.problem.equations.read_data()
         self._matrices.update(self._body)
         a = _motion(accepted)
         rows, load = self._body.forces(a.u, a.v), self._body.load()

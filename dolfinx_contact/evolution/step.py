@@ -297,7 +297,7 @@ class Stepper:
                 law.restore(given)
                 self._show_more(given)
                 law = law.with_memory(given.previous)
-            law.equations.refresh()
+            law.equations.read_data()
             self._check_start()
             evaluation = self._evaluated(law)
             memory = law.equations.memory_after(evaluation) if given is None else given.memory

@@ -136,7 +136,7 @@ def values_of(
     """
     eq = problem.equations
     no_length = _NO_LENGTH * eq.body_size
-    prescribed = coefficients(problem.V, np.asarray(eq.prescribed.values()).reshape(-1))
+    prescribed = coefficients(problem.V, np.asarray(eq.constraints.values(fill=0.0)).reshape(-1))
     found: dict[str, Any] = {
         "the prescribed displacement": _projected(problem.V.mesh, prescribed, no_length)
     }

@@ -351,7 +351,7 @@ def rigid_body_results(eq: ContactEquations, state: Evaluation) -> dict[str, Rig
     found = {}
     rigid = eq.rigid
     assert state.pushes is not None
-    loads = rigid.loads()
+    loads = rigid.loads
     support = np.where(rigid.fixed, -state.pushes, 0.0)
     for b in rigid.bodies:
         contact, load, held = (

@@ -46,6 +46,7 @@ class Loaded(ParametricEquations):
         self, equations: ContactEquations, linear: Callable[[], LinearSolver], x0: PETSc.Vec
     ):
         super().__init__(equations, fem.Constant(equations.V.mesh, 0.0), linear)
+        equations.read_data()
         self._start = equations.prescribed.values()
         self._motions = equations.prescribed.motions()
         self._x0 = x0
