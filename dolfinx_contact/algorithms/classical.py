@@ -176,9 +176,7 @@ def _on_points(
         reduction.relax(x)
     if not outcome.converged:
         return
-    b = x.duplicate()
-    measures = scales.measure(equations.residual(x, b))
-    b.destroy()
+    measures = scales.measure(equations.evaluate(x))
     last = attempt.steps[-1]
     accuracy = algorithm.accuracy if isinstance(algorithm, Penalty) else tolerance
     if not measures.worst <= _GATHERED * accuracy:

@@ -177,11 +177,16 @@ class ContactEquations:
         return Evaluation(at.u, at.q, [replace(s, statuses=held) for s, held in pairs])
 
     def residual(self, x: PETSc.Vec, b: PETSc.Vec, statuses: Statuses | None = None) -> Evaluation:
-        """Write H(x) into ``b`` and return the evaluation.
+        """Write H(x) into ``b`` and return the evaluation; see `evaluate`."""
+        state = self.evaluate(x, statuses)
+        b.array[:] = np.concatenate(state.rows)
+        return state
+
+    def evaluate(self, x: PETSc.Vec, statuses: Statuses | None = None) -> Evaluation:
+        """Evaluate the contact points and the rows of H at ``x``.
 
         Args:
             x: unknowns.
-            b: vector that receives H(x).
             statuses: statuses for the laws; default: those determined by the unknowns.
         """
         at = self.contact(x, statuses)
@@ -210,7 +215,6 @@ class ContactEquations:
         pushed = total(self.comm, rows.pushed) if self.rigid.size else rows.pushed
         rigid = np.where(self.rigid.fixed, k * off_motions, pushed - self.rigid.loads)
         parts = [rows.body, *laws, self.rigid.here(rigid)]
-        b.array[:] = np.concatenate(parts)
         return Evaluation(at.u, at.q, at.surfaces, parts, reactions, -pushed)
 
     def contact_rows(self, x: PETSc.Vec, statuses: Statuses | None = None) -> Array:

@@ -174,10 +174,8 @@ def validate(eq: ContactEquations, x0: PETSc.Vec) -> Evaluated | None:
         if wrong:
             raise ValueError(f"the {name} at the start is not finite")
     require_obstacles(eq)
-    b = eq.unknowns.create_vector()
-    state = eq.residual(x0, b)
-    finite = bool(np.isfinite(b.array_r).all())
-    b.destroy()
+    state = eq.evaluate(x0)
+    finite = all(np.isfinite(rows).all() for rows in state.rows)
     lost = without_normal(eq, state)
     objections = [lost, *map(_objection_to_geometry, eq.surfaces)]
     if not np.isfinite(eq.rigid.numbers).all():

@@ -472,9 +472,7 @@ def reduced_contact(equations: ContactEquations, x: PETSc.Vec) -> PointProblem:
 def scales_at(equations: ContactEquations, x: PETSc.Vec) -> Scales:
     """Return the scales of the measures at a state. Collective."""
     scales = Scales(equations)
-    b = x.duplicate()
-    scales.measure(equations.residual(x, b))
-    b.destroy()
+    scales.measure(equations.evaluate(x))
     return scales
 
 

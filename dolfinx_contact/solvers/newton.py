@@ -7,7 +7,7 @@ from a body touching nothing, which uses guessed statuses. Convergence is judged
 (`measures`). Full steps returning to earlier statuses are stopped as a cycle.
 
 SNES requests residual, Jacobian and convergence in separate calls. They share the evaluation at the
-unknowns of the call (`Newton._evaluated`), which is repeated only if the unknowns differ.
+unknowns of the call (`Newton._evaluate`), which is repeated only if the unknowns differ.
 """
 
 from __future__ import annotations
@@ -121,8 +121,9 @@ class Newton:
         self.options = {**defaults, **options.given}
         with everywhere(self.comm, "PETSc options"):
             options.check()
-        #: Vectors for the unknowns, H and the correction after a step.
-        self._after = [equations.unknowns.create_vector() for _ in range(3)]
+        #: Vectors for the unknowns, H and the correction after a step of an iterative solver.
+        number = 3 if linear.corrects else 0
+        self._after = [equations.unknowns.create_vector() for _ in range(number)]
         self._run: _Run
         self._memo: Evaluated | None = None
         self._create()
@@ -136,7 +137,7 @@ class Newton:
         """
         prefix = self.equations.options.prefix
         self.snes, self.b = PETSc.SNES().create(self.comm), self.equations.unknowns.create_vector()
-        self.snes.setFunction(self._function, self.b)
+        self.snes.setFunction(self._evaluate, self.b)
         self.snes.setJacobian(self._jacobian, self.linear.matrix)
         self.snes.setConvergenceTest(self._test)
         self.snes.setOptionsPrefix(prefix)
@@ -266,21 +267,16 @@ class Newton:
         same = memo is not None and np.array_equal(x.array_r, memo.unknowns)
         return not anywhere(self.comm, not same)[0]
 
-    def _evaluated(self, x: PETSc.Vec, b: PETSc.Vec) -> Evaluation:
-        """Write H(x) under the load of the run into ``b`` and return its evaluation."""
-        if self._is_known(x):
-            assert self._memo is not None
-            b.array[:] = np.concatenate(self._memo.state.rows)
-        else:
+    def _evaluate(self, _snes: PETSc.SNES, x: PETSc.Vec, b: PETSc.Vec) -> None:
+        """Write H(x) under the load of the run into ``b``."""
+        if not self._is_known(x):
             with logged("ContactResidual"):
-                state = self.equations.residual(x, b, self._run.held)
+                state = self.equations.evaluate(x, self._run.held)
             self._memo = Evaluated(x.array_r.copy(), state)
             self._run.attempt.evaluations += 1
+        assert self._memo is not None
+        b.array[:] = np.concatenate(self._memo.state.rows)
         self._run.shift(b)
-        return self._memo.state
-
-    def _function(self, _snes: PETSc.SNES, x: PETSc.Vec, b: PETSc.Vec) -> None:
-        self._evaluated(x, b)
 
     def _jacobian(self, _snes: PETSc.SNES, x: PETSc.Vec, _A: PETSc.Mat, _P: PETSc.Mat) -> None:
         run = self._run
@@ -308,7 +304,7 @@ class Newton:
 
         def evaluate(x: PETSc.Vec, b: PETSc.Vec) -> None:
             self._memo = None
-            self._evaluated(x, b)
+            self._evaluate(self.snes, x, b)
 
         def correct(_x: PETSc.Vec, b: PETSc.Vec, d: PETSc.Vec) -> bool:
             assert self._memo is not None
