@@ -190,7 +190,7 @@ class ParametricContact(ReadOnly, ParametricEquations):
         self._set(gamma)
         statuses = self.statuses_of(piece)
         assert statuses is not None
-        self.problem.put(x, statuses)
+        self.problem.read(x, statuses)
 
     def solution_from(self, x: PETSc.Vec, gamma: float) -> tuple[PETSc.Vec | None, str]:
         """Solve at gamma from x with `ContactProblem.solve`; see `System`. Collective."""
@@ -220,11 +220,11 @@ class ParametricContact(ReadOnly, ParametricEquations):
         Args:
             point: point of a branch, or one of `Solutions.found`.
         """
-        self._set(point.gamma)
+        x = self._unknowns(point)
+        equations = self._equations_at(point.gamma)
+        evaluation = equations.evaluate(x, self.statuses_of(point.piece))
         attempt = Attempt("continuation", "a point of a branch", converged=True)
-        result = self.problem.collect(
-            self._unknowns(point), [attempt], self.statuses_of(point.piece)
-        )
+        result = self.problem.collect(x, [attempt], evaluation)
         self.problem.log_warnings(result)
         return result
 

@@ -188,9 +188,10 @@ class ContactProblem(ReadOnly):
     `snapshot`, `restore` and `step_from` handle states; `table`, `contact_fields` and
     `support_forces` evaluate a solution.
 
-    Methods for other layers of the package: `put`, `show` and `collect` write states to the
-    Functions, `evaluate` computes the residual of a state, and `with_memory` returns the problem
-    of a step. They validate less than the methods for users.
+    Methods for other layers of the package: `write` and `read` copy the Functions to a vector of
+    unknowns and back, `show` and `collect` write states to the Functions, `evaluate` computes the
+    residual of a state, and `with_memory` returns the problem of a step. They validate less than
+    the methods for users.
 
     In a body of revolution (``axisymmetric=True`` in all surfaces) the problem multiplies every
     integral of ``bulk``, over cells and facets, by 2 pi r. Integrands are therefore per volume or
@@ -259,7 +260,6 @@ class ContactProblem(ReadOnly):
         "evaluate",
         "fields",
         "linear_solver",
-        "put",
         "read",
         "reduced",
         "residual",
@@ -319,6 +319,8 @@ class ContactProblem(ReadOnly):
         self.surfaces: tuple[DiscreteSurface, ...] = tuple(
             discretise(s, linear=body.linear) for s in surfaces
         )
+        #: The unknown Functions: the displacement, then the multipliers of the surfaces.
+        self.fields: list[fem.Function] = [u, *(s.multiplier for s in self.surfaces)]
         #: Dirichlet conditions, including the conditions on the axis.
         self.bcs: tuple[fem.DirichletBC, ...] = (*bcs, *on_axis)
         self.equations = ContactEquations(body, self.V, self.surfaces, self.bcs, r=r, options=given)
@@ -409,11 +411,6 @@ class ContactProblem(ReadOnly):
     # -- Functions and vectors -------------------------------------------------------------------
 
     @property
-    def fields(self) -> list[fem.Function]:
-        """The unknown Functions: the displacement, then the multipliers of the surfaces."""
-        return [self.u, *(s.multiplier for s in self.surfaces)]
-
-    @property
     def rigid_bodies(self) -> list[RigidBody]:
         """Rigid bodies in contact with the surfaces, in the order of the surfaces."""
         return list(self.equations.rigid.bodies)
@@ -422,27 +419,25 @@ class ContactProblem(ReadOnly):
         """Create a vector of all unknowns: displacement, multipliers, motions of rigid bodies."""
         return self.equations.unknowns.create_vector()
 
-    def read(self, x: PETSc.Vec) -> None:
-        """Copy the unknowns ``x`` into the Functions and the rigid bodies. Collective."""
+    def read(self, x: PETSc.Vec, statuses: Statuses | None = None) -> None:
+        """Copy unknowns into the Functions and the rigid bodies. Collective.
+
+        Args:
+            x: unknowns.
+            statuses: statuses of the contact points at ``x``, one array per surface, which are
+                stored; default: determined by the unknowns when they are needed.
+        """
         for f, values in zip(self.fields, self.equations.unknowns.fields(x), strict=True):
             f.x.array[: len(values)] = values
             f.x.scatter_forward()
         self.equations.rigid.show(self.equations.unknowns.motions(x))
+        if statuses is not None:
+            self._note(statuses, self.equations.memory)
 
     def write(self, x: PETSc.Vec) -> None:
         """Copy the Functions and the motions of the rigid bodies into the unknowns ``x``."""
         eq = self.equations
         eq.unknowns.write([f.x.array for f in self.fields], eq.rigid.given, x)
-
-    def put(self, x: PETSc.Vec, statuses: Statuses) -> None:
-        """Copy unknowns to the Functions and rigid bodies; store the statuses. Collective.
-
-        Args:
-            x: unknowns.
-            statuses: statuses of the contact points at ``x``, one array per surface.
-        """
-        self.read(x)
-        self._note(statuses, self.equations.memory)
 
     def _owned_values(self) -> npt.NDArray[np.float64]:
         """Return the owned values of all unknowns in the user's units, (n,). Not collective."""
@@ -506,12 +501,9 @@ class ContactProblem(ReadOnly):
             statuses: statuses of the contact points, one array per surface; default: computed from
                 the unknowns.
         """
-        self.equations.read_data()
-        return self.state_of(x, self.equations.contact(x, statuses))
-
-    def state_of(self, x: PETSc.Vec, evaluation: Evaluation) -> State:
-        """Return the state with given unknowns and their evaluation. Collective."""
         eq = self.equations
+        eq.read_data()
+        evaluation = eq.contact(x, statuses)
         multipliers = []
         for s, owned in zip(self.surfaces, eq.unknowns.fields(x)[1:], strict=True):
             f = fem.Function(s.points.Q)
@@ -606,14 +598,7 @@ class ContactProblem(ReadOnly):
         with self._shown(state) as problem, problem._unknowns() as x:
             self.equations.read_data()
             statuses = problem.written_statuses if statuses is None else statuses
-            return problem._evaluated(x, statuses)
-
-    def _evaluated(self, x: PETSc.Vec, statuses: Statuses | None = None) -> Evaluation:
-        """Evaluate the residual H at given unknowns. Collective."""
-        b = self.create_vector()
-        evaluation = self.equations.residual(x, b, statuses)
-        b.destroy()
-        return evaluation
+            return problem.equations.evaluate(x, statuses)
 
     @contextmanager
     def at(self, state: State | None) -> Iterator[ContactProblem]:
@@ -854,8 +839,8 @@ class ContactProblem(ReadOnly):
                     validate(eq, x0)
                     x, attempts = _classical().solve_by(algorithm, eq, x0, **notified)
                 with self.restored():
-                    state = attempts[-1].state or self._evaluated(x)
-                    result = self._collected(x, attempts, state, shown)
+                    state = attempts[-1].state or eq.evaluate(x)
+                    result = self.collect(x, attempts, state, shown)
                 x.destroy()
                 line.end(result.iterations)
             finally:
@@ -953,29 +938,23 @@ class ContactProblem(ReadOnly):
             return reduced_contact(self.equations, x)
 
     def collect(
-        self, x: PETSc.Vec, attempts: Sequence[Attempt], statuses: Statuses | None = None
-    ) -> Result:
-        """Copy a solution to the Functions and return its result. Collective.
-
-        Args:
-            x: solution.
-            attempts: strategies that were tried; the last one converged.
-            statuses: statuses of the contact points; default: computed from the solution.
-        """
-        self.equations.read_data()
-        return self._collected(x, attempts, self._evaluated(x, statuses))
-
-    def _collected(
         self,
         x: PETSc.Vec,
         attempts: Sequence[Attempt],
         state: Evaluation,
         shown: Shown | None = None,
     ) -> Result:
-        """Copy an evaluated solution to the Functions and return its result. Collective."""
+        """Copy a solution to the Functions and return its result. Collective.
+
+        Args:
+            x: solution.
+            attempts: strategies that were tried; the last one converged.
+            state: evaluation of the solution.
+            shown: see `solve_step`.
+        """
         for attempt in attempts:
             attempt.state = None
-        self.put(x, state.statuses)
+        self.read(x, state.statuses)
         return collect(self.equations, state, attempts, shown)
 
     @contextmanager

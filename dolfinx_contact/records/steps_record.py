@@ -288,7 +288,7 @@ class StepsRecord(Record[J], Generic[J, H]):
         points = None if run["arrived"] is None else self._points
         vectors = {"x": self._x} if points is None else points.vectors
         arrays = self._read_checkpoint(state, vectors, self._kept)
-        self.problem.put(vectors["x"], self._states.statuses(arrays))
+        self.problem.read(vectors["x"], self._states.statuses(arrays))
         self._load(state)
         energies = self._runs.account(**state.energies)
         memory = self._states.memory(arrays)
