@@ -34,7 +34,7 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations_with_replacement
 from typing import TypeAlias
@@ -375,8 +375,8 @@ def strategies(
     increments: int,
     trial: Trial,
     start: Evaluated | None,
-) -> list[tuple[str, Strategy]]:
-    """Return names and strategies in the order in which they are tried.
+) -> Iterator[tuple[str, Strategy]]:
+    """Yield names and strategies in the order in which they are tried.
 
     Args:
         eq: contact problem.
@@ -386,14 +386,15 @@ def strategies(
         start: evaluation at the state of the caller, if available.
     """
     ways = _Strategies(eq, linear, increments)
-    found: list[tuple[str, Strategy]] = []
     if trial.extrapolated is not None:
-        found.append((_EXTRAPOLATED, ways.from_unknowns(trial.extrapolated)))
-    found += [(_EXPECTED, ways.from_statuses(statuses)) for statuses in trial.expected]
-    # An earlier strategy may have changed the candidates of sliding faces since ``start``.
-    found.append(("full steps", ways.newton("none", None if found else start)))
+        start = None  # it may change the candidates of sliding faces
+        yield _EXTRAPOLATED, ways.from_unknowns(trial.extrapolated)
+    for statuses in trial.expected:
+        start = None
+        yield _EXPECTED, ways.from_statuses(statuses)
+    yield "full steps", ways.newton("none", start)
     if trial.brief:
-        return found
+        return
     # In the integral method r is part of the discretisation, and a forced r is kept.
     weak = any([s.points.E is not None for s in eq.surfaces])
     fallbacks: list[tuple[str, Strategy]] = []
@@ -410,9 +411,8 @@ def strategies(
     else:
         lemke = [("Lemke's method", ways.lemke)] if eq.dim == 2 else []
         fallbacks += [pivoting, line_search, *lemke, loading, following]
-    if not weak:
-        fallbacks = [(name, ways.with_automatic_r(run)) for name, run in fallbacks]
-    return found + fallbacks
+    for name, run in fallbacks:
+        yield name, run if weak else ways.with_automatic_r(run)
 
 
 def raise_load(solver: Newton, x: PETSc.Vec, attempt: Attempt, increments: int) -> bool:
