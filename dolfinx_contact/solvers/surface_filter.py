@@ -21,9 +21,8 @@ import numpy.typing as npt
 
 from dolfinx_contact._mpi import total
 from dolfinx_contact._petsc import logged
-from dolfinx_contact.solvers.condensation import CondensedBlock
 from dolfinx_contact.solvers.operator import ContactOperator
-from dolfinx_contact.solvers.surface_block import SurfaceBlock, SurfaceSet
+from dolfinx_contact.solvers.surface_block import CondensedBlock, SurfaceBlock, SurfaceSet
 
 __all__ = ["SurfaceFilter"]
 
