@@ -3,19 +3,20 @@
 
 A Newton step from an iterate x:
 
-1. Assemble the contact terms S of the Jacobian at the statuses of x, and factorise the block of the
-   contact surface (`operator`, `surface_filter`). The stiffness of a linear body is kept.
-2. Use the present multigrid hierarchy of the stiffness (`hierarchy`). It is built from the
-   stiffness with the closed nodes held, and the closed points of pairs coupled by `springs`. It
-   outlives changes of status, because the exact surface solve corrects the contact nodes.
+1. Assemble the contact terms S of the Jacobian at the statuses of x (`operator`), and factorise the
+   block of the contact surface (`surface_block`), in nodal contact with condensed multipliers. The
+   stiffness of a linear body is kept.
+2. Use the present multigrid hierarchy of the stiffness (`hierarchy`). It is built with the closed
+   nodes held and the closed points of pairs joined by springs (`closed_points`). It outlives
+   changes of status, because the exact surface solve corrects the contact nodes.
 3. Build a new hierarchy only if the stiffness of a linear body has changed, or if the iterations
    saved exceed the cost of the set-up; costs are counted in iterations (`PLAIN`, `SMOOTHED`,
    measured in `benchmarks/settings_study.py`). Smoothed aggregates replace plain ones by the same
    rule.
 4. Choose the relative tolerance by the forcing terms of Eisenstat and Walker (`_inexact`).
-5. Solve by FGMRES, starting from one application of the preconditioner. Stop early if the residual
-   of the contact conditions after the step, a measure of the nonlinearity, exceeds the linear
-   residual.
+5. Solve by FGMRES, starting from one application of the preconditioner: a surface solve, a
+   multigrid cycle, and another surface solve (`surface_filter`). Stop early if the residual of the
+   contact conditions after the step, a measure of the nonlinearity, exceeds the linear residual.
 6. After the full step, correct the surface unknowns for their own rows, with the body held
    (`_inexact`, `Multigrid.correct`).
 """
@@ -24,25 +25,19 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from petsc4py import PETSc
 
 import numpy as np
-import numpy.typing as npt
-
-from dolfinx import la
 
 from dolfinx_contact._inexact import Forcing
 from dolfinx_contact._mpi import total
 from dolfinx_contact._petsc import has_package, logged
-from dolfinx_contact.laws.status import closed
-from dolfinx_contact.points.trace import facet_closures
+from dolfinx_contact.solvers.closed_points import ClosedPoints
 from dolfinx_contact.solvers.hierarchy import PLAIN, SMOOTHED, Hierarchy
 from dolfinx_contact.solvers.linear import LinearSolver, reasons_of
 from dolfinx_contact.solvers.operator import ContactOperator
-from dolfinx_contact.solvers.springs import springs
 from dolfinx_contact.solvers.surface_filter import SurfaceFilter
 
 if TYPE_CHECKING:
@@ -59,28 +54,6 @@ _SMOOTHED_PER_DIGIT = SMOOTHED.iteration * SMOOTHED.per_digit
 _SOFT = 0.15  # softness of a body with Poisson's ratio 0.478
 _SEEN = 0.3  # digits from which a solve indicates the iterations per digit
 _NEGLIGIBLE = 0.01  # share of the residual on the surface below which it is not corrected
-
-
-@dataclass(frozen=True)
-class _Glued:
-    """Nodes and points that a hierarchy treats as closed.
-
-    Attributes:
-        held: mask of owned displacement dofs of nodes in contact with an obstacle.
-        joined: masks of closed points of this rank, one per pair of bodies.
-        guessed: whether a surface has no closed point, so its closed nodes are guessed.
-    """
-
-    held: npt.NDArray[np.bool_]
-    joined: list[npt.NDArray[np.bool_]]
-    guessed: bool
-
-    def differs(self, other: _Glued | None) -> bool:
-        """Return whether other nodes or points are closed on this rank."""
-        if other is None or bool((self.held != other.held).any()):
-            return True
-        pairs = zip(self.joined, other.joined, strict=True)
-        return any(bool((a != b).any()) for a, b in pairs)
 
 
 class Multigrid(LinearSolver):
@@ -127,7 +100,7 @@ class Multigrid(LinearSolver):
         )
         self.forcing = Forcing.in_motion() if massive else Forcing()
         self._correction = equations.unknowns.create_vector()  # step of the present Krylov iterate
-        self._glued: _Glued | None = None
+        self._closed: ClosedPoints | None = None
         self._excess = 0.0  # iterations that a new hierarchy would have saved
         self._dearer = 0.0  # iterations that smoothed aggregates would have saved
         self._unused = True  # whether no solve has used the hierarchy
@@ -195,7 +168,7 @@ class Multigrid(LinearSolver):
         """Record the iterations of a solve beyond those of a new hierarchy, for `update`."""
         if self._unused and digits > _SEEN:
             # The iterations of a hierarchy built from a guess do not indicate those of the next.
-            guessed = self.builds == 1 or self._glued is None or self._glued.guessed
+            guessed = self.builds == 1 or self._closed is None or self._closed.guessed
             self._measured = 0.0 if guessed else iterations / digits
             self._unused = False
         self._excess += max(iterations - self._per_digit * digits, 0.0)
@@ -236,9 +209,9 @@ class Multigrid(LinearSolver):
     def build(self, state: Evaluation) -> None:
         """Build the hierarchy from the statuses or from guessed ones. Collective."""
         A = self.operator
-        self._glued = self._closed(state)
-        held = np.union1d(A.fixed, np.flatnonzero(self._glued.held)).astype(np.int32)
-        added = springs(self._equations, A.stiffness, state, self._glued.joined)
+        self._closed = ClosedPoints.of(self._equations, state)
+        held = np.union1d(A.fixed, np.flatnonzero(self._closed.held)).astype(np.int32)
+        added = self._closed.springs(self._equations, A.stiffness, state)
         products = self._equations.bulk.for_products
         half = products if products is not A.stiffness else None
         self.filter.cycle = self.hierarchy.build(A.stiffness, held, A.diagonal, added, half)
@@ -249,42 +222,6 @@ class Multigrid(LinearSolver):
             logger.info(
                 "multigrid hierarchy %d built: %s", self.hierarchy.builds, self.hierarchy.kind
             )
-
-    def _closed(self, state: Evaluation) -> _Glued:
-        """Return the closed nodes and points, guessed if a surface has none. Collective."""
-        eq = self._equations
-        V = self._equations.V
-        bs = V.dofmap.index_map_bs
-        n = V.dofmap.index_map.size_local
-        marks = la.vector(V.dofmap.index_map, 1)
-        marks.array[:] = 0.0
-        joined = []
-        guessed = False
-        for term, found in zip(eq.terms, state.surfaces, strict=True):
-            s = term.surface
-            points = closed(found.statuses)
-            touching = bool(self.comm.allreduce(int(points.any())))
-            guessed = guessed or not touching
-            # Too many closed nodes cost less than too few.
-            reach = eq.constraints.reach(s, state.u) or np.inf
-            if s.between_bodies:
-                gaps = term.gaps(state) if s.slides else s.points.data.gap
-                joined.append(points if touching else gaps <= reach)
-                continue
-            glued = s.points.at_vertices(points.astype(float)) > 0.5
-            if not touching:
-                glued = s.points.vertex_gaps <= reach
-            marks.array[s.points.vertex_trace_dofs[glued]] = 1.0
-        marks.scatter_reverse(la.InsertMode.add)
-        quadratic = [s for s in eq.surfaces if s.degrees[0] > 1 and not s.between_bodies]
-        if quadratic:
-            marks.scatter_forward()
-            vertices = marks.array > 0
-            for s in quadratic:
-                closures = facet_closures(V, s.submesh.parent_facets)
-                whole = vertices[closures].sum(axis=1) >= V.mesh.geometry.dim
-                marks.array[closures[whole].reshape(-1)] = 1.0
-        return _Glued(np.repeat(marks.array[:n] > 0, bs), joined, guessed)
 
     def prepare(
         self, ksp: PETSc.KSP, step: Step, target: float, state: Evaluation, *, warm: bool
@@ -330,7 +267,7 @@ class Multigrid(LinearSolver):
 
     def _is_stale(self, state: Evaluation) -> bool:
         """Return whether a hierarchy built now would differ. Collective."""
-        moved = self._closed(state).differs(self._glued)
+        moved = ClosedPoints.of(self._equations, state).differs(self._closed)
         other = self._assemblies != self._equations.bulk.assemblies
         return bool(self.comm.allreduce(int(moved or other)))
 

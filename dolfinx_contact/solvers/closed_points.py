@@ -1,0 +1,183 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+r"""Closed nodes and points in a multigrid hierarchy of the stiffness.
+
+On a rigid obstacle closed nodes are held. Closed nodes of two bodies move together, which coarse
+levels must represent: the hierarchy is built from
+
+    K + B_c^T kappa B_c
+
+with the rows c of B at the closed points. The spring of a point is as stiff as the nodes that it
+joins, in series: kappa = 1 / sum_k b_k^2 / K_kk, times its share of the area of a node if there are
+more points than nodes. Stiffer springs impair the smoother. The remaining compliance across one
+layer of cells is corrected by the exact solve on the surface.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import numpy as np
+import numpy.typing as npt
+
+from dolfinx import la
+
+from dolfinx_contact._petsc import Entries, matrix_of
+from dolfinx_contact.equations.contact import ContactEquations
+from dolfinx_contact.equations.evaluation import Evaluation
+from dolfinx_contact.laws.status import closed
+from dolfinx_contact.points.operators import ConstantOperator, Operator
+from dolfinx_contact.points.trace import at_global_places, facet_closures
+
+__all__ = ["ClosedPoints"]
+
+Array = npt.NDArray[np.float64]
+Nodes = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class ClosedPoints:
+    """Nodes and points that a hierarchy treats as closed.
+
+    Attributes:
+        held: mask of owned displacement dofs of nodes in contact with an obstacle.
+        joined: masks of closed points of this rank, one per pair of bodies.
+        guessed: whether a surface has no closed point, so its closed nodes are guessed.
+    """
+
+    held: npt.NDArray[np.bool_]
+    joined: list[npt.NDArray[np.bool_]]
+    guessed: bool
+
+    @classmethod
+    def of(cls, eq: ContactEquations, state: Evaluation) -> ClosedPoints:
+        """Return the closed nodes and points, guessed if a surface has none. Collective."""
+        V = eq.V
+        bs = V.dofmap.index_map_bs
+        n = V.dofmap.index_map.size_local
+        marks = la.vector(V.dofmap.index_map, 1)
+        marks.array[:] = 0.0
+        joined = []
+        guessed = False
+        for term, found in zip(eq.terms, state.surfaces, strict=True):
+            s = term.surface
+            points = closed(found.statuses)
+            touching = bool(eq.comm.allreduce(int(points.any())))
+            guessed = guessed or not touching
+            # Too many closed nodes cost less than too few.
+            reach = eq.constraints.reach(s, state.u) or np.inf
+            if s.between_bodies:
+                gaps = term.gaps(state) if s.slides else s.points.data.gap
+                joined.append(points if touching else gaps <= reach)
+                continue
+            glued = s.points.at_vertices(points.astype(float)) > 0.5
+            if not touching:
+                glued = s.points.vertex_gaps <= reach
+            marks.array[s.points.vertex_trace_dofs[glued]] = 1.0
+        marks.scatter_reverse(la.InsertMode.add)
+        quadratic = [s for s in eq.surfaces if s.degrees[0] > 1 and not s.between_bodies]
+        if quadratic:
+            marks.scatter_forward()
+            vertices = marks.array > 0
+            for s in quadratic:
+                closures = facet_closures(V, s.submesh.parent_facets)
+                whole = vertices[closures].sum(axis=1) >= V.mesh.geometry.dim
+                marks.array[closures[whole].reshape(-1)] = 1.0
+        return cls(np.repeat(marks.array[:n] > 0, bs), joined, guessed)
+
+    def differs(self, other: ClosedPoints | None) -> bool:
+        """Return whether other nodes or points are closed on this rank."""
+        if other is None or bool((self.held != other.held).any()):
+            return True
+        pairs = zip(self.joined, other.joined, strict=True)
+        return any(bool((a != b).any()) for a, b in pairs)
+
+    def springs(
+        self, equations: ContactEquations, stiffness: PETSc.Mat, state: Evaluation
+    ) -> PETSc.Mat | None:
+        """Return B_c^T kappa B_c in the numbering of the stiffness; None without pairs. Collective.
+
+        Args:
+            equations: contact problem.
+            stiffness: stiffness K.
+            state: evaluation with the positions of sliding faces.
+        """
+        pairs = [i for i, s in enumerate(equations.surfaces) if s.between_bodies]
+        if not pairs:
+            return None
+        dim = equations.dim
+        diagonal = stiffness.getDiagonal()
+        compliance = 1.0 / diagonal.array_r.reshape(-1, dim).mean(axis=1)
+        diagonal.destroy()
+        found = []
+        for i, points in zip(pairs, self.joined, strict=True):
+            s = equations.surfaces[i]
+            whole = s.points.from_vertices(s.points.geometry.vertex_areas)
+            if s.slides:
+                sliding = state.surfaces[i].kinematics.operator
+                share = points * sliding.areas / whole
+                found.append(_of_sliding(equations.comm, sliding, share, compliance))
+                continue
+            constant = s.constant_operator("multigrid of bodies that touch")
+            share = points * constant.areas / whole
+            found.append(_of_stencils(equations.comm, constant, share, compliance))
+        rows, columns, values = (np.concatenate(part) for part in zip(*found, strict=True))
+        along = np.arange(dim)
+        entries = Entries(*((dim * at[:, None] + along).reshape(-1) for at in (rows, columns)))
+        A = matrix_of(equations.comm, stiffness.getLocalSize(), entries)
+        entries.add(np.repeat(values, dim), A)
+        return A
+
+
+def _of_stencils(
+    comm: MPI.Comm, operator: ConstantOperator, share: Array, compliance: Array
+) -> tuple[Nodes, Nodes, Array]:
+    """Return nodes (rows, columns) and stiffness of the springs of a constant B. Collective.
+
+    Args:
+        comm: communicator.
+        operator: operator B.
+        share: share of the area of a node of each joined point, shape (n,).
+        compliance: compliance of the owned nodes.
+    """
+    stencils = operator.stencils
+    b = stencils.weights
+    nodes = stencils.nodes
+    soft = at_global_places(comm, compliance, nodes)
+    kappa = share[stencils.points] / np.einsum("gpk,gk->gp", b**2, soft)
+    values = np.einsum("gp,gpk,gpl->gkl", kappa, b, b, optimize=True)
+    rows = np.broadcast_to(nodes[:, :, None], values.shape)
+    columns = np.broadcast_to(nodes[:, None], values.shape)
+    return rows.reshape(-1), columns.reshape(-1), values.reshape(-1)
+
+
+def _of_sliding(
+    comm: MPI.Comm, operator: Operator, share: Array, compliance: Array
+) -> tuple[Nodes, Nodes, Array]:
+    """Return the same for sliding faces at a state. Collective."""
+    from dolfinx_contact.points.sliding.operator import SlidingOperator
+
+    assert isinstance(operator, SlidingOperator)
+    vertices, nodes, values = operator.entries()
+    rows = np.broadcast_to(vertices[:, :, None], values.shape).reshape(-1)
+    columns = np.broadcast_to(nodes[:, None], values.shape).reshape(-1)
+    entries = Entries(rows, columns)
+    B = matrix_of(comm, (len(share), len(compliance)), entries)
+    entries.add(values.reshape(-1), B)
+    indptr, known, b = B.getValuesCSR()
+    point = np.repeat(np.arange(len(share)), np.diff(indptr))
+    soft = at_global_places(comm, compliance, known.astype(np.int64))
+    total = np.bincount(point, b**2 * soft, len(share))
+    kappa = np.divide(share, total, out=np.zeros_like(share), where=total > 0)
+    scale = B.createVecLeft()
+    scale.array[:] = np.sqrt(kappa)
+    B.diagonalScale(L=scale)
+    joined = B.transposeMatMult(B)
+    indptr, known, values = joined.getValuesCSR()
+    first, last = joined.getOwnershipRange()
+    row = np.repeat(np.arange(first, last, dtype=np.int64), np.diff(indptr))
+    for thing in (B, scale, joined):
+        thing.destroy()
+    return row, known.astype(np.int64), values
