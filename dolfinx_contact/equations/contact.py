@@ -154,7 +154,7 @@ class ContactEquations:
         with logged("ContactStatus"):
             parts = zip(self.terms, multipliers, held, strict=True)
             states = [term.evaluate(u, q, owned, codes) for term, owned, codes in parts]
-        return Evaluation(u, q, states)
+        return Evaluation(x.array_r.copy(), u, q, states)
 
     def with_statuses(self, x: PETSc.Vec, at: Evaluation, statuses: Statuses | None) -> Evaluation:
         """Return an evaluation at ``x`` with other statuses; the same as `contact`, but cheaper.
@@ -174,7 +174,8 @@ class ContactEquations:
             return self.contact(x, statuses)
         codes = [s.answers.required for s in at.surfaces] if statuses is None else statuses
         pairs = zip(at.surfaces, codes, strict=True)
-        return Evaluation(at.u, at.q, [replace(s, statuses=held) for s, held in pairs])
+        surfaces = [replace(s, statuses=held) for s, held in pairs]
+        return Evaluation(at.unknowns, at.u, at.q, surfaces)
 
     def residual(self, x: PETSc.Vec, b: PETSc.Vec, statuses: Statuses | None = None) -> Evaluation:
         """Write H(x) into ``b`` and return the evaluation; see `evaluate`."""
@@ -215,7 +216,7 @@ class ContactEquations:
         pushed = total(self.comm, rows.pushed) if self.rigid.size else rows.pushed
         rigid = np.where(self.rigid.fixed, k * off_motions, pushed - self.rigid.loads)
         parts = [rows.body, *laws, self.rigid.here(rigid)]
-        return Evaluation(at.u, at.q, at.surfaces, parts, reactions, -pushed)
+        return replace(at, rows=parts, reactions=reactions, pushes=-pushed)
 
     def contact_rows(self, x: PETSc.Vec, statuses: Statuses | None = None) -> Array:
         """Return the owned contact rows of H, without evaluating the body.

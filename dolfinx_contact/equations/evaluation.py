@@ -13,7 +13,7 @@ import numpy.typing as npt
 from dolfinx_contact.laws import Answers, PointData
 from dolfinx_contact.points.kinematics import Kinematics
 
-__all__ = ["ContactState", "Evaluated", "Evaluation", "Statuses", "differs"]
+__all__ = ["ContactState", "Evaluation", "Statuses", "differs"]
 
 Array = npt.NDArray[np.float64]
 #: Status codes of the contact points of this rank, surface by surface.
@@ -132,6 +132,7 @@ class Evaluation:
     """Body, contact points and rows of H at one set of unknowns.
 
     Attributes:
+        unknowns: owned unknowns, in the units of the PETSc vectors.
         u: displacement at all local dofs, including ghosts, a length.
         q: unknowns of the rigid bodies, on every rank (`rigid_bodies`).
         surfaces: evaluations of the contact surfaces.
@@ -142,6 +143,7 @@ class Evaluation:
         pushes: contact forces on the rigid bodies, in the units of their rows, on every rank.
     """
 
+    unknowns: Array
     u: Array
     q: Array
     surfaces: Sequence[ContactState]
@@ -153,19 +155,6 @@ class Evaluation:
     def statuses(self) -> Statuses:
         """Status codes with which the laws were evaluated."""
         return [s.statuses for s in self.surfaces]
-
-
-@dataclass(frozen=True, eq=False)
-class Evaluated:
-    """An evaluation with the present data, and the statuses determined by the unknowns.
-
-    Attributes:
-        unknowns: owned unknowns, in the units of the PETSc vectors.
-        state: evaluation with the rows of H.
-    """
-
-    unknowns: Array
-    state: Evaluation
 
 
 def _turning(n: Array, v: Array) -> Array:

@@ -31,7 +31,7 @@ from dolfinx_contact._validate import listed as as_list
 from dolfinx_contact.body.cells import cells_around, smallest_jacobian
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.data import Datum, data_of_surface, placed_data
-from dolfinx_contact.equations.evaluation import Evaluated, Evaluation
+from dolfinx_contact.equations.evaluation import Evaluation
 from dolfinx_contact.laws.law import obeys
 from dolfinx_contact.laws.status import STICK, closed
 from dolfinx_contact.materials import Axisymmetric, materials_in
@@ -143,7 +143,7 @@ def check(
 # -- data before a solve ---------------------------------------------------------------------------
 
 
-def validate(eq: ContactEquations, x0: PETSc.Vec) -> Evaluated | None:
+def validate(eq: ContactEquations, x0: PETSc.Vec) -> Evaluation | None:
     """Raise ``ValueError`` for data that are not admissible; otherwise adapt to them. Collective.
 
     Args:
@@ -189,7 +189,7 @@ def validate(eq: ContactEquations, x0: PETSc.Vec) -> Evaluated | None:
         raise ValueError(f"the residual is not finite at the start: look at {place}")
     # scales
     changed = eq.scaling.follow(eq.unknowns.displacement(x0))
-    return None if changed else Evaluated(x0.array_r.copy(), state)
+    return None if changed else state
 
 
 def validate_data(eq: ContactEquations) -> None:

@@ -26,7 +26,7 @@ from dolfinx_contact._inexact import ROUNDS, settle
 from dolfinx_contact._mpi import anywhere, everywhere
 from dolfinx_contact._petsc import as_raised, logged, options_in_database
 from dolfinx_contact.equations.contact import ContactEquations
-from dolfinx_contact.equations.evaluation import Evaluated, Evaluation, Statuses, differs
+from dolfinx_contact.equations.evaluation import Evaluation, Statuses, differs
 from dolfinx_contact.equations.measures import Measures, Scales
 from dolfinx_contact.equations.touching import touches_nothing, touching
 from dolfinx_contact.equations.validation import without_normal
@@ -125,7 +125,7 @@ class Newton:
         number = 3 if linear.corrects else 0
         self._after = [equations.unknowns.create_vector() for _ in range(number)]
         self._run: _Run
-        self._memo: Evaluated | None = None
+        self._memo: Evaluation | None = None
         self._create()
 
     def _create(self) -> None:
@@ -183,7 +183,7 @@ class Newton:
         self,
         x: PETSc.Vec,
         attempt: Attempt,
-        start: Evaluated | None = None,
+        start: Evaluation | None = None,
         *,
         held: Statuses | None = None,
         most: int | None = None,
@@ -220,7 +220,7 @@ class Newton:
             reason = self.snes.getConvergedReason()
             # Only H under the whole load, with its own statuses, is the state of the result.
             if reason > 0 and held is None and load == 1.0 and self._is_known(x):
-                attempt.state = None if self._memo is None else self._memo.state
+                attempt.state = self._memo
         except LinearSolverError as error:
             attempt.reason = str(error)
             self._discard()  # PETSc objects remain locked after an error
@@ -251,7 +251,7 @@ class Newton:
             if self.snes.getConvergedReason() != _LINEAR or useless:
                 return
             assert self._memo is not None
-            if not self.linear.retry(self.snes.getKSP(), self._memo.state):
+            if not self.linear.retry(self.snes.getKSP(), self._memo):
                 return
             failure = self._explain()
             if self.comm.rank == 0:
@@ -271,11 +271,10 @@ class Newton:
         """Write H(x) under the load of the run into ``b``."""
         if not self._is_known(x):
             with logged("ContactResidual"):
-                state = self.equations.evaluate(x, self._run.held)
-            self._memo = Evaluated(x.array_r.copy(), state)
+                self._memo = self.equations.evaluate(x, self._run.held)
             self._run.attempt.evaluations += 1
         assert self._memo is not None
-        b.array[:] = np.concatenate(self._memo.state.rows)
+        b.array[:] = np.concatenate(self._memo.rows)
         self._run.shift(b)
 
     def _jacobian(self, _snes: PETSc.SNES, x: PETSc.Vec, _A: PETSc.Mat, _P: PETSc.Mat) -> None:
@@ -285,7 +284,7 @@ class Newton:
             state = self.equations.contact(x, run.held if guess is None else guess)
         else:
             assert self._memo is not None
-            state = self._memo.state
+            state = self._memo
             if guess is not None:
                 state = self.equations.with_statuses(x, state, guess)
         before = self.linear.matrix
@@ -307,8 +306,8 @@ class Newton:
             self._evaluate(self.snes, x, b)
 
         def correct(_x: PETSc.Vec, b: PETSc.Vec, d: PETSc.Vec) -> bool:
-            assert self._memo is not None
-            state = self._memo.state
+            state = self._memo
+            assert state is not None
             return not self._is_solved(state, b) and self.linear.correct(state, b, d)
 
         if settle(evaluate, correct, after, b, d, rounds):
@@ -316,7 +315,7 @@ class Newton:
         if self._is_known(after):  # the last correction was accepted
             assert self._memo is not None
             after.waxpy(-1.0, step, x)  # as the line search will
-            self._memo = Evaluated(after.array_r.copy(), self._memo.state)
+            self._memo = replace(self._memo, unknowns=after.array_r.copy())
 
     def _remainder(self, correction: PETSc.Vec) -> float:
         """Return the norm of H after a full step, in the rows of the contact conditions."""
@@ -341,8 +340,8 @@ class Newton:
     def _test(self, snes: PETSc.SNES, it: int, _norms: tuple[float, float, float]) -> int:
         """Record an iterate; return 0 to continue or the reason to stop."""
         run = self._run
-        assert self._memo is not None
-        state = self._memo.state
+        state = self._memo
+        assert state is not None
         measures = self._measure(state, snes.getFunction()[0])
         statuses = state.statuses
         self._record(it, measures, statuses)
@@ -471,7 +470,7 @@ class Newton:
         if reason == reasons.DIVERGED_MAX_IT:
             return f"no convergence in {steps} iterations{because}"
         if reason == _NOT_A_NUMBER:
-            lost = "" if self._memo is None else without_normal(self.equations, self._memo.state)
+            lost = "" if self._memo is None else without_normal(self.equations, self._memo)
             return lost or "the residual is not a number"
         names = {v: k for k, v in vars(reasons).items() if isinstance(v, int)}
         return names.get(reason, str(reason))

@@ -46,7 +46,7 @@ import numpy.typing as npt
 
 from dolfinx_contact._petsc import staged
 from dolfinx_contact.equations.contact import ContactEquations
-from dolfinx_contact.equations.evaluation import Evaluated, Statuses
+from dolfinx_contact.equations.evaluation import Evaluation, Statuses
 from dolfinx_contact.equations.touching import bring_together
 from dolfinx_contact.equations.validation import diverged, inverted, validate
 from dolfinx_contact.solvers.choice import LinearSolverChoice
@@ -275,7 +275,7 @@ class _Strategies:
     def _solver(self, monitor: Monitor, line_search: str = "none") -> Newton:
         return Newton(self.eq, self.linear(), line_search, monitor)
 
-    def newton(self, line_search: str, start: Evaluated | None = None) -> Strategy:
+    def newton(self, line_search: str, start: Evaluation | None = None) -> Strategy:
         """Newton's method with a line search of PETSc, from an evaluation if available."""
 
         def run(x: PETSc.Vec, attempt: Attempt, monitor: Monitor) -> bool:
@@ -309,7 +309,7 @@ class _Strategies:
             if attempt.reason:
                 return False
             b = x.duplicate()
-            start = Evaluated(unknowns, self.eq.residual(x, b))
+            start = self.eq.residual(x, b)
             finite = np.isfinite(b.norm())
             b.destroy()
             if not finite:
@@ -374,7 +374,7 @@ def strategies(
     linear: LinearSolverChoice,
     increments: int,
     trial: Trial,
-    start: Evaluated | None,
+    start: Evaluation | None,
 ) -> Iterator[tuple[str, Strategy]]:
     """Yield names and strategies in the order in which they are tried.
 
