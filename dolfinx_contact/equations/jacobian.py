@@ -199,7 +199,7 @@ class _Numbering:
         offsets = np.concatenate([[0], np.cumsum(totals)])[:-1]
         self._firsts = offsets[:, None] + np.cumsum(sizes, axis=1) - sizes
         self._ends = ends
-        self.first = int(offsets[eq.comm.rank])
+        self.first: int = int(offsets[eq.comm.rank])
         n = eq.owned_sizes[0]
         self._absent = [eq.fixed[:n], *eq.constraints.removed_multipliers()]
 
