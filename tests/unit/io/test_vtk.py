@@ -161,6 +161,7 @@ def test_the_script_needs_paraview_alone(folder):
 
 
 @pytest.mark.long
+@pytest.mark.ranks(2)
 @pytest.mark.skipif(
     "DOLFINX_CONTACT_RESULTS" not in os.environ and shutil.which("pvbatch") is None,
     reason="`make test-paraview` runs it where ParaView is",
