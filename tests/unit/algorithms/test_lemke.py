@@ -123,7 +123,7 @@ def test_lemke_refuses_indefinite_and_spatial_problems():
     ):
         with pytest.raises(ValueError, match=r"positive definite|not finite|negative"):
             coulomb_by_lemke(*bad)
-    with pytest.raises(ValueError, match="in space"):
+    with pytest.raises(ValueError, match="in 3D"):
         coulomb_by_lemke(np.eye(3), np.array([0.0, 0.0, -1.0]), F)
     with pytest.raises(RayTermination, match="ray"):
         lemke(np.array([[-1.0]]), np.array([-1.0]))  # 0 <= -1 - z has no solution

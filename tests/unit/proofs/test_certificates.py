@@ -219,7 +219,7 @@ def test_certificates_are_stored(proof, tmp_path):
     assert checked.verdict == "complete"
     assert statuses(checked.inside) == statuses(proof.solutions)
     np.savez(tmp_path / "other.npz", S=np.eye(2))
-    with pytest.raises(ValueError, match="no certificate"):
+    with pytest.raises(ValueError, match="not a certificate"):
         Certificate.load(tmp_path / "other.npz")
 
 
