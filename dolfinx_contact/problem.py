@@ -180,6 +180,8 @@ class ContactProblem(ReadOnly):
     """Static equilibrium of a body with unilateral contact and friction on some surfaces.
 
     Friction opposes the total slip (the static law). `step_from` returns the problem of one step.
+    With friction, use `QuasiStatic` if the contact zone grows with the load (Hertz, indentation):
+    in the static law, points count the slip before they touched.
 
     `solve` starts from the present displacement and multipliers and overwrites them with the
     solution. If it fails, they keep their values.
