@@ -196,7 +196,8 @@ class QuasiStatic(Evolution):
             shortest: lower bound of the length of a halved step. Default: the whole time halved
                 twenty times.
             halve_steps: whether a step that was not solved is tried again with half or a quarter of
-                its length, down to ``shortest``. Default: with ``shortest`` or ``locate_jumps``.
+                its length, down to ``shortest``. Not for a law that weakens with the speed, which
+                becomes steeper in shorter steps. Default: with ``shortest`` or ``locate_jumps``.
             locate_jumps: whether steps in which the state changes suddenly are searched for a jump,
                 which takes additional solves. A jump is located to ``shortest``. If there is none,
                 the additional steps are kept only if they lead to another solution. Jumps are
@@ -205,7 +206,8 @@ class QuasiStatic(Evolution):
                 of all unknowns and of the points of each surface (mean and maximum), if these
                 exceed half the rate of the body. The first step and steps in which a bond loses
                 more than a quarter of the largest strength are always searched, unless they begin
-                in a state that is not a solution. Default: False.
+                in a state that is not a solution. Not for a law that weakens with the speed, which
+                has several solutions in short steps. Default: False.
             at_jump: action if no solution continues the evolution: ``"raise"`` (default)
                 `NoContinuation`; ``"stop"``: end the run before the jump; ``"jump"``, with
                 ``locate_jumps``: continue from the solution beyond the jump, or from one found at a

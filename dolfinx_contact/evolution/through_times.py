@@ -87,7 +87,11 @@ _FEW = 16  # largest number of contact points for which rays are computed by def
 _TURNING = 4.0  # multiple of sqrt(rest) T, twice the slow phase of a reversal
 _QUIET = 10  # least number of steps at rest
 _REACHED = "the last time is reached"
-_HALVE = "; shorter steps are tried with halve_steps=True"
+_HALVE = ". Shorter steps are tried with halve_steps=True"
+_LONGER = (
+    ". A law depends on the length of a step: if it weakens with the speed, take longer steps, or "
+    "NSCD with mass='lumped' (recipe on velocity weakening)"
+)
 
 
 @dataclass(frozen=True)
@@ -487,9 +491,16 @@ class ThroughTimes(Rule[HistoryTask]):
 
     def _not_solved(self, length: float, error: ConvergenceError) -> str:
         """Return the reason of a run ending because a step was not solved."""
+        surfaces = self._stepper.problem.surfaces
+        # A law of the speed becomes steeper in shorter steps; fields named in needs_time do not.
+        rates = (s for s in surfaces if not s.law.needs_time)
+        if any(s.law_at_points.compiled.needs_time(1.0) for s in rates):
+            advice = _LONGER
+        else:
+            advice = "" if self.task.halve else _HALVE
         return (
             f"no solution was found beyond the time {self.state.accepted.time:.10g}, in a step of "
-            f"{length:.2g}, which was not solved: {error}{'' if self.task.halve else _HALVE}"
+            f"{length:.2g}, which was not solved: {str(error).removesuffix('.')}{advice}"
         )
 
     def _beyond(self, goal: float) -> AcceptedState | None:

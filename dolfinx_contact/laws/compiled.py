@@ -183,7 +183,7 @@ class CompiledLaw:
         self._expressions = written.scalars
 
     def needs_time(self, step: float) -> bool:
-        """Return whether the law depends on the duration of a step that is 0 or negative.
+        """Return whether the law depends on the duration of a step of the given sign.
 
         Conditions on the duration are resolved first (`known_step`).
         """

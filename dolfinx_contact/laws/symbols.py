@@ -197,7 +197,7 @@ def known_step(e: Any, symbol: Variable, step: float) -> Any:
     Args:
         e: scalar UFL expression.
         symbol: symbol for the time step.
-        step: 0, or a negative number that represents all negative steps.
+        step: 0, or a number that represents all steps of its sign.
     """
     return map_expr_dag(_Decided(symbol, step), expand_derivatives(e))
 

@@ -30,7 +30,7 @@ from dolfinx_contact.analysis import (
     stability_at_rest,
 )
 from dolfinx_contact.continuation import explore, find_solutions, follow
-from dolfinx_contact.evolution import ArcLength, QuasiStatic
+from dolfinx_contact.evolution import ArcLength, NoContinuation, QuasiStatic
 from dolfinx_contact.laws import (
     OPEN,
     PLUS,
@@ -235,6 +235,14 @@ def test_velocity_weakening_in_exactly_the_given_steps():
         table = step.result.tables["contact"]
         np.testing.assert_allclose(np.abs(table.ut[:, 0]), slip, rtol=1e-8, atol=1e-12)
     assert slip > 0.7
+
+
+def test_a_failed_step_of_velocity_weakening_asks_for_longer_steps():
+    """In shorter steps, such a law is steeper."""
+    dragged = Dragged(OfSpeedAtRest(), aside=0.0)
+    history = QuasiStatic(dragged.problem, lambda t: dragged.put(t))
+    with pytest.raises(NoContinuation, match="weakens with the speed, take longer steps"):
+        history.run(np.linspace(0.0, 0.05, 101))
 
 
 @pytest.mark.parametrize(
