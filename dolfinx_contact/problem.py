@@ -35,7 +35,7 @@ from dolfinx_contact._ufl import described
 from dolfinx_contact._validate import ReadOnly, copy_with, instance, is_count, nonnegative, positive
 from dolfinx_contact.body.bulk import Bulk, weighted
 from dolfinx_contact.body.cells import check_cells
-from dolfinx_contact.body.plausibility import warn_of_unintended
+from dolfinx_contact.body.plausibility import unintended
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation, Statuses
 from dolfinx_contact.equations.measures import require_solution
@@ -304,7 +304,6 @@ class ContactProblem(ReadOnly):
         self.petsc_options = dict(petsc_options or {})
         PETSc.garbage_cleanup(self.comm)  # objects of earlier problems on several ranks
         check_cells(self.V.mesh)
-        warn_of_unintended(bulk, self.V, bcs)
         given = ProblemOptions(petsc_options_prefix, self.petsc_options)
         axisymmetric = surfaces[0].axisymmetric
         body = Bulk(weighted(bulk, axisymmetric=axisymmetric), u)
@@ -326,6 +325,8 @@ class ContactProblem(ReadOnly):
         #: Dirichlet conditions, including the conditions on the axis.
         self.bcs: tuple[fem.DirichletBC, ...] = (*bcs, *on_axis)
         self.equations = ContactEquations(body, self.V, self.surfaces, self.bcs, r=r, options=given)
+        for name, text in unintended(bulk, self.V, bcs).items():
+            self.equations.warn(name, text)
         self._linear = LinearSolverChoice(self.equations)
         # shared with the problems of steps, which write to the same Functions
         self._written = _LastWrite()
@@ -363,6 +364,7 @@ class ContactProblem(ReadOnly):
         equations = ContactEquations(
             body, self.V, self.surfaces, self.bcs, r=eq.forced_r, options=eq.options
         )
+        equations.warnings = eq.warnings
         return copy_with(self, equations=equations, _linear=LinearSolverChoice(equations))
 
     @collective("a step", _check_step)

@@ -19,12 +19,13 @@ import numpy.typing as npt
 
 from dolfinx import fem, la
 
+from dolfinx_contact._geometry import node_positions
 from dolfinx_contact._mpi import SharedValues, largest, require, total
 from dolfinx_contact.equations.rigid_bodies import RigidBodies
 from dolfinx_contact.laws.status import STICK
 from dolfinx_contact.points.shared_functions import crossings, resting
 from dolfinx_contact.points.surface import DiscreteSurface
-from dolfinx_contact.points.trace import facet_closures
+from dolfinx_contact.points.trace import facet_closures, rounded
 
 __all__ = ["Constraints", "Prescribed", "check_overlap"]
 
@@ -157,6 +158,47 @@ class Constraints:
             s.require_in_place(prescribed, size, where)
             objection = self._objection_to_values(i, s, prescribed, size)
             require(s.comm, not objection, f"{s.name}{where}: {objection}")
+
+    def contradiction(self) -> str:
+        """Return a message about dofs with several Dirichlet values; "" without any. Collective.
+
+        The last condition holds. Values may differ by round-off of the largest value.
+        """
+        if len(self._bcs) < 2:
+            return ""
+        if self._read is None:
+            self._read = fem.Function(self._V)
+        values = self._read.x.array
+        values[:] = np.nan
+        bs = self._V.dofmap.index_map_bs
+        owned = self._V.dofmap.index_map.size_local * bs
+        changes = []  # condition, dofs, earlier values, values
+        for number, bc in enumerate(self._bcs):
+            # DOLFINx 0.9 counts ghosts among the owned dofs of a condition on several components
+            dofs = bc.dof_indices()[0]
+            dofs = dofs[dofs < owned]
+            before = values[dofs]
+            bc.set(values)
+            changes.append((number, dofs, before, values[dofs]))
+        comm = self._V.mesh.comm
+        size = max(np.max(np.abs(after), initial=0.0) for *_, after in changes)
+        tolerance = _SAME * float(largest(comm, [size])[0])
+        x = rounded(node_positions(self._V)[:, : self._V.mesh.geometry.dim])
+        found = [
+            (number, *x[dofs[i] // bs], before[i], after[i])
+            for number, dofs, before, after in changes
+            for i in np.flatnonzero(np.abs(after - before) > tolerance)
+        ]
+        every = comm.allgather((len(found), min(found, default=None)))
+        count = sum(n for n, _ in every)
+        if not count:
+            return ""
+        number, *place, first, last = min(example for _, example in every if example is not None)
+        where = ", ".join(f"{c:.6g}" for c in place)
+        return (
+            f"Dirichlet conditions give {count} of the degrees of freedom several values: "
+            f"{first:.6g}, and {last:.6g} by bcs[{number}], at ({where}); the last condition holds"
+        )
 
     def _objection_to_values(
         self, i: int, s: DiscreteSurface, prescribed: Array, size: float

@@ -26,6 +26,7 @@ states is fixed (`with_memory`). They use the values of the user's data that `re
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from copy import copy
@@ -57,6 +58,8 @@ if TYPE_CHECKING:
 
 __all__ = ["ContactEquations", "Unknowns"]
 
+logger = logging.getLogger(__name__)
+
 Array = npt.NDArray[np.float64]
 
 
@@ -85,7 +88,7 @@ class ContactEquations:
         nodes: positions of the local nodes of the displacement, shape (n, dim).
         axisymmetric: whether the body is a body of revolution.
         linear: whether H is linear in the displacement as long as no status changes.
-        dragging: names of surfaces with a warning about an obstacle moving along itself.
+        warnings: warnings about the data, by name (`warn`).
     """
 
     def __init__(
@@ -103,9 +106,7 @@ class ContactEquations:
         self.comm = V.mesh.comm
         self.dim = V.mesh.geometry.dim
         self.surfaces = list(surfaces)
-        self.dragging: set[str] = set()
-        #: Messages about obstacles on the wrong side of the undeformed body, by surface.
-        self.wrong_sides: dict[str, str] = {}
+        self.warnings: dict[str, str] = {}
         self.bcs = list(bcs)
         self.options = options
         self._mesh_mark = mesh_mark(V.mesh)
@@ -316,6 +317,22 @@ class ContactEquations:
     def memory(self) -> tuple[Memory | None, ...]:
         """Memory of each surface at the beginning of the step; None under the static law."""
         return tuple(term.memory for term in self.terms)
+
+    def warn(self, name: str, text: str) -> None:
+        """Keep a warning about the data for the results, and log a new one on rank 0.
+
+        Not collective.
+
+        Args:
+            name: name of the warning.
+            text: text of the warning, the same on every rank; empty if there is no objection now.
+        """
+        if not text:
+            self.warnings.pop(name, None)
+            return
+        if name not in self.warnings and self.comm.rank == 0:
+            logger.warning("%s: %s", name, text)
+        self.warnings[name] = text
 
     def with_memory(self, memory: Sequence[Memory | None]) -> ContactEquations:
         """Return the same equations with another memory of the contact points.

@@ -183,6 +183,7 @@ def validate(eq: ContactEquations, x0: PETSc.Vec) -> Evaluation | None:
     objection = next(filter(None, objections), "")
     require(eq.comm, not objection, objection)
     eq.constraints.check_values(eq.surfaces, eq.body_size)
+    eq.warn("bcs", eq.constraints.contradiction())
     if anywhere(eq.comm, not finite)[0]:
         place = _not_finite(eq, placed_data(eq)) or _not_finite_law(eq, state)
         place = place or "loads and material data, for NaN"
@@ -352,13 +353,14 @@ def check_sides(eq: ContactEquations) -> None:
     At the contact point nearest to such an obstacle, the contact normal points against the outward
     normal of the face and into the body. The solution is then wrong without any other sign.
     """
-    eq.wrong_sides = {}
     for s in eq.surfaces:
         if s.between_bodies:
             continue
+        message = ""
         gaps = np.abs(s.points.gaps)
         nearest = s.comm.allreduce(float(np.min(gaps, initial=np.inf)), op=min)
         if not np.isfinite(nearest):
+            eq.warn(f"side of {s.name!r}", "")
             continue
         # contact points nearest to the obstacle whose normal points against the outward normal
         n = s.points.data.n
@@ -379,9 +381,7 @@ def check_sides(eq: ContactEquations) -> None:
                 "reverse the normal of a plane or the facets of a surface (reverse=True), or move "
                 "a sphere out of the body"
             )
-            eq.wrong_sides[s.name] = message
-            if s.comm.rank == 0:
-                logger.warning("%s: %s", s.name, message)
+        eq.warn(f"side of {s.name!r}", message)
 
 
 def _warn_of_dragging(eq: ContactEquations) -> None:
@@ -389,15 +389,13 @@ def _warn_of_dragging(eq: ContactEquations) -> None:
     along = [s.moved_along and STICK in s.law_at_points.codes for s in eq.surfaces]
     still = anywhere(eq.comm, *[not flag for flag in along])
     for s, other in zip(eq.surfaces, still, strict=True):
-        if not other and s.name not in eq.dragging:
-            eq.dragging.add(s.name)
-            if s.comm.rank == 0:
-                logger.warning(
-                    "%s: the obstacle was moved along its surface by its Constants, which drags "
-                    "nothing: friction opposes slip over the obstacle as it is now; use a "
-                    "RigidBody with the motion of the obstacle",
-                    s.name,
-                )
+        if not other:
+            eq.warn(
+                f"dragging of {s.name!r}",
+                "the obstacle was moved along its surface by its Constants, which drags nothing: "
+                "friction opposes slip over the obstacle as it is now; use a RigidBody with the "
+                "motion of the obstacle",
+            )
 
 
 # -- states ----------------------------------------------------------------------------------------

@@ -156,7 +156,6 @@ class SurfaceIndicators:
         overlap: initial penetration of closed points into the obstacle, relative to the smallest
             extent of the body.
         penetration: largest depth, a length; None if the law is not compliant.
-        side: message if the obstacle is on the wrong side of the undeformed face; otherwise "".
     """
 
     facet: float
@@ -172,12 +171,11 @@ class SurfaceIndicators:
     across: float = 0.0
     overlap: float = 0.0
     penetration: float | None = None
-    side: str = ""
 
     @property
     def warnings(self) -> dict[str, str]:
         """Return messages by the names of the indicators above their thresholds."""
-        found = {"side": self.side} if self.side else {}
+        found = {}
         for name, limit in LIMITS.items():
             value = getattr(self, name, None)
             if value is not None and name in _LENGTHS:
@@ -286,8 +284,7 @@ def surface_indicators(eq: ContactEquations, state: Evaluation) -> dict[str, Sur
     for s, contact, held in _contacts(eq, state):
         small = _of_small_sliding(eq, s, state, contact, held)
         depth = _most(s, np.nan_to_num(-contact.kinematics.gap)) if s.law.compliant else None
-        side = eq.wrong_sides.get(s.name, "")
-        small = replace(small, spin=_spin(eq, s, contact), penetration=depth, side=side)
+        small = replace(small, spin=_spin(eq, s, contact), penetration=depth)
         if s.slides:
             step = _most(s, _touching(contact, contact.kinematics.operator.facets_passed))  # type: ignore[attr-defined]
             small = replace(

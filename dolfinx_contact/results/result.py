@@ -75,6 +75,9 @@ class Result:
         pairs: forces on both faces of every pair of bodies, by name (`balance.PairBalance`).
         indicators: indicators of model validity of the body and of each surface.
         rigid_bodies: motions of the rigid bodies and the forces on them, by name.
+        static: whether friction opposes the total slip (the static law); False in a step from a
+            state.
+        data_warnings: warnings about the data of the problem, by name.
     """
 
     tables: dict[str, ContactTable]
@@ -88,14 +91,18 @@ class Result:
     pairs: dict[str, PairBalance]
     indicators: Indicators
     rigid_bodies: dict[str, RigidBodyResult]
+    static: bool
+    data_warnings: dict[str, str]
 
     def __str__(self) -> str:
-        """Return strategy, numbers of points, forces and error measures as text."""
+        """Return law, strategy, numbers of points, forces and error measures as text."""
         counts = ", ".join(f"{n} {kind}" for kind, n in self.counts.items() if n)
         forces = [*self.resultants.values(), self.support, self.external]
         largest = max(float(np.abs(f).max()) for f in forces)
+        law = "static law" if self.static else "step from a state"
         lines = [
-            f"{self.reason}, {self.iterations} iterations, {self.dofs} unknowns; points: {counts}",
+            f"{law}: {self.reason}, {self.iterations} iterations, {self.dofs} unknowns; "
+            f"points: {counts}",
             *(
                 f"contact force of {name}: {_shown(f, largest)}"
                 for name, f in self.resultants.items()
@@ -147,8 +154,8 @@ class Result:
 
     @property
     def warnings(self) -> dict[str, str]:
-        """Messages of the indicators above their thresholds, by indicator and surface."""
-        return self.indicators.warnings
+        """Warnings about the data, and messages of indicators above their thresholds, by name."""
+        return self.data_warnings | self.indicators.warnings
 
     @property
     def misfit(self) -> float | None:
@@ -271,6 +278,8 @@ def collect(
         ),
         indicators_of(*at),
         Named(rigid_body_results(eq, state)),
+        all(memory is None for memory in eq.memory),
+        dict(eq.warnings),
     )
 
 
@@ -293,16 +302,15 @@ def _scales(
 def log_warnings(result: Result, known: set[str] | None = None) -> None:
     """Log the indicators above their thresholds, on rank 0.
 
-    Obstacles on the wrong side are not logged again: the problem did so when it was created, or
-    when its data changed.
+    Warnings about the data are not logged again (`ContactEquations.warn`).
 
     Args:
         result: result of a solve.
         known: names of the warnings already logged in a run, which are skipped; the names of new
             warnings are added. None logs all warnings.
     """
-    for name, text in result.warnings.items():
-        if (known is None or name not in known) and not name.startswith("side of "):
+    for name, text in result.indicators.warnings.items():
+        if known is None or name not in known:
             logger.warning("%s: %s", name, text)
         if known is not None:
             known.add(name)

@@ -1,5 +1,7 @@
 """Data of problems that a solve refuses, with the same error on every rank."""
 
+import re
+
 from mpi4py import MPI
 
 import numpy as np
@@ -291,21 +293,69 @@ def test_floating_body_is_refused_with_its_free_motions():
             lambda domain: ufl.ds(subdomain_data=tagged(domain))(7),
             r"ds\(7\) is 0: no cell or facet has this tag",
         ),
+        (
+            lambda domain: ufl.ds(subdomain_data=tagged(domain))((3, 7)),
+            r"ds\(7\) is 0: no cell or facet has this tag",
+        ),
+        (
+            lambda domain: ufl.ds(subdomain_data=tagged(domain, between_cells))(3),
+            r"ds\(3\) is 0: all facets with this tag are between cells",
+        ),
         (lambda domain: ufl.ds(subdomain_data=tagged(domain))(3), None),
     ],
 )
 def test_load_on_a_tag_without_facets_gives_a_warning(load, warning, caplog):
     domain, u = square(2)
     energy = MATERIAL.energy(u) * ufl.dx - u[0] * load(domain)
-    ContactProblem(energy, u, [surface(u)], bcs=[clamp(u, 1, 1.0)])
+    problem = ContactProblem(energy, u, [surface(u)], bcs=[clamp(u, 1, 1.0)])
     if warning is None:
         assert not warnings_of(caplog)
-    else:
-        assert_warned(caplog, warning)
+        return
+    logged = assert_warned(caplog, warning)
+    caplog.clear()
+    ((name, text),) = problem.solve().warnings.items()
+    assert logged == f"{name}: {text}"
+    assert not warnings_of(caplog)  # logged once
 
 
-def tagged(domain):
-    return mesh.meshtags(domain, 1, np.sort(facets(domain, 1, 1.0)), 3)
+def between_cells(domain):
+    return mesh.locate_entities(domain, 1, lambda x: np.isclose(x[1], 0.5))
+
+
+def tagged(domain, located=lambda domain: facets(domain, 1, 1.0)):
+    return mesh.meshtags(domain, 1, np.sort(located(domain)), 3)
+
+
+@pytest.mark.ranks(2)
+def test_cells_without_an_integral_give_a_warning(caplog):
+    domain, u = square(4)
+    right = mesh.locate_entities(domain, 2, lambda x: x[0] > 0.5 - 1e-9)
+    cells = domain.topology.index_map(2)
+    tags = np.ones(cells.size_local + cells.num_ghosts, dtype=np.int32)
+    tags[right] = 2
+    every = np.arange(len(tags), dtype=np.int32)
+    dx = ufl.dx(subdomain_data=mesh.meshtags(domain, 2, every, tags))
+    ContactProblem(MATERIAL.energy(u) * dx(1), u, [surface(u)], bcs=[clamp(u, 1, 1.0)])
+    assert_warned(caplog, "16 cells have no integral over dx, and no stiffness; their tags: 2$")
+
+
+@pytest.mark.ranks(2)
+def test_contradicting_conditions_give_a_warning_while_they_do(caplog):
+    """The corners belong to the top and to the side."""
+    domain, u = square(2)
+    V = u.function_space
+    aside = fem.Constant(domain, (0.1, 0.0))
+    dofs = fem.locate_dofs_topological(V, 1, facets(domain, 0, 1.0))
+    bcs = [clamp(u, 1, 1.0), fem.dirichletbc(aside, dofs, V)]
+    problem = ContactProblem(MATERIAL.energy(u) * ufl.dx, u, [surface(u)], bcs=bcs)
+    warning = r"1 of the degrees of freedom several values: 0, and 0.1 by bcs\[1\], at \(1, 1\)"
+    assert re.search(warning, problem.solve().warnings["bcs"])
+    assert_warned(caplog, warning)
+    caplog.clear()
+    problem.solve()
+    assert not warnings_of(caplog)  # logged once
+    aside.value[:] = 0.0
+    assert not problem.solve().warnings
 
 
 @pytest.mark.ranks(2)

@@ -292,5 +292,11 @@ def test_package_sets_no_log_level():
 
 
 def test_result_prints_round_off_as_zero():
-    result = block(n=3).solve()
-    assert "loads and springs: (0, 0)" in str(result)
+    assert "loads and springs: (0, 0)" in str(block(n=3).solve())
+
+
+def test_result_prints_its_law():
+    problem = block(n=3)
+    assert str(problem.solve()).startswith("static law: full steps, ")
+    step = problem.step_from(problem.snapshot())
+    assert str(step.solve()).startswith("step from a state: full steps, ")
