@@ -177,7 +177,7 @@ class RecordedRun(Ends):
         return self.ending is Ending.REACHED
 
 
-@dataclass
+@dataclass(repr=False)
 class AnyJournal:
     """Common content of all journals.
 
@@ -200,6 +200,11 @@ class AnyJournal:
     length: int = 0
     torn: bool = False
     folder: Path | None = None
+
+    def __repr__(self) -> str:
+        place = "in memory" if self.folder is None else f"in {self.folder}"
+        runs, points = len(self.branches), len(self.all_entries())
+        return f"<{type(self).__name__} {place}: branches or runs {runs}, points {points}>"
 
     @property
     def places(self) -> dict[str, npt.NDArray[np.float64]]:
@@ -348,7 +353,7 @@ class Explored(Ends):
     complete: bool = False
 
 
-@dataclass
+@dataclass(repr=False)
 class Journal(AnyJournal):
     """Journal of branches.
 
@@ -474,7 +479,7 @@ def _columns(
     return columns
 
 
-@dataclass
+@dataclass(repr=False)
 class EvolutionJournal(AnyJournal):
     """Journal of the runs of an evolution."""
 
@@ -504,7 +509,7 @@ class EvolutionJournal(AnyJournal):
         return [p.row | {"status": p.status} for _, p in self._points(branch) if p.row is not None]
 
 
-@dataclass
+@dataclass(repr=False)
 class PathJournal(EvolutionJournal):
     """Journal of an arc-length path: an `EvolutionJournal` whose times are arc lengths."""
 
