@@ -169,9 +169,39 @@ async function placesAt(state, scale) {
       // An exaggerated gap leads far away where it was large before.
       near.push(Number.isFinite(length) && (scale <= 1 || Math.sqrt(length) < size));
     }
-    obstacles.set(face.name, { y, near });
+    const plane = face.obstacle.opposite && near.every(Boolean) ? planeBelow(y, x) : null;
+    obstacles.set(face.name, plane || { y,
+      facets: face.obstacleFacets.filter((facet) => facet.every((v) => near[v])) });
   }
   return { u, x, obstacles };
+}
+
+/** A plane obstacle as one rectangle, in 2D a segment, below all of the body; null if it is curved. */
+function planeBelow(y, x) {
+  const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+  const cross = (a, b) => [0, 1, 2].map((k) => a[(k + 1) % 3] * b[(k + 2) % 3] - a[(k + 2) % 3] * b[(k + 1) % 3]);
+  const longest = (vectors) => {
+    const a = vectors.reduce((best, v) => (dot(v, v) > dot(best, best) ? v : best));
+    return a.map((c) => c / (Math.sqrt(dot(a, a)) || 1));
+  };
+  const from = (places) => rows(places, 3).map((v) => [0, 1, 2].map((k) => v[k] - y[k]));
+  const there = from(y);
+  const along = longest(there);
+  const n = META.body.dim === 2 ? [-along[1], along[0], 0] : longest(there.map((v) => cross(along, v)));
+  if (!there.every((v) => Math.abs(dot(v, n)) < 1e-5 * META.body.size)) return null;
+  const flattest = [0, 1, 2].reduce((best, k) => (Math.abs(n[k]) < Math.abs(n[best]) - 1e-6 ? k : best));
+  const axes = META.body.dim === 2 ? [along]
+    : [cross(cross(n, [0, 1, 2].map((k) => Number(k === flattest))), n)].map((a) => longest([a]));
+  if (META.body.dim === 3) axes.push(cross(n, axes[0]));
+  const rim = 0.04 * META.body.size;
+  const above = from(x);
+  const ends = axes.map((a) => above.map((v) => dot(v, a)).reduce(
+    ([low, high], c) => [Math.min(low, c - rim), Math.max(high, c + rim)], [Infinity, -Infinity]));
+  const corners = axes.length === 1 ? ends[0].map((c) => [c])
+    : [[0, 0], [1, 0], [1, 1], [0, 1]].map(([i, j]) => [ends[0][i], ends[1][j]]);
+  return { y: Float32Array.from(corners.flatMap((c) => [0, 1, 2].map(
+    (k) => y[k] + c.reduce((sum, part, i) => sum + part * axes[i][k], 0)))),
+  facets: [corners.map((_, i) => i)] };
 }
 
 /** What colours the body: values at the vertices, with their range and title. */
@@ -334,8 +364,7 @@ async function draw2d(where, colour, tables, scale) {
   META.surfaces.forEach((face, number) => {
     const patch = where.obstacles.get(face.name);
     if (patch && byId("obstacles").checked) {
-      const pairs = face.obstacleFacets.filter((facet) => facet.every((v) => patch.near[v]));
-      data.push(segments(pairs, patch.y, { color: "#2b343d", width: 3 }));
+      data.push(segments(patch.facets, patch.y, { color: "#2b343d", width: 3 }));
     }
     data.push(...contact2d(face, tables[number], x, number));
   });
@@ -422,8 +451,7 @@ async function draw3d(where, colour, tables, scale) {
     data.push(...contact3d(face, tables[number], x, number));
     const patch = where.obstacles.get(face.name);
     if (patch && byId("obstacles").checked) {
-      const near = face.obstacleFacets.filter((facet) => facet.every((v) => patch.near[v]));
-      data.push(mesh3d(patch.y, near, { color: "#7b8794", opacity: 0.28 }));
+      data.push(mesh3d(patch.y, patch.facets, { color: "#7b8794", opacity: 0.28 }));
     }
   });
   const ranges = reach(scale);

@@ -260,7 +260,8 @@ def _add_obstacle(
     places = np.array([np.sum(state.obstacles[name][:2], axis=0) for state in states])
     vertices = np.pad(places[0], ((0, 0), (0, 3 - places.shape[2])))
     nodes = np.unique(facets)
-    if surface.obstacles[name].shape == facets.shape and len(vertices) == len(nodes):
+    opposite = surface.obstacles[name].shape == facets.shape and len(vertices) == len(nodes)
+    if opposite:
         start = surface.x[nodes]
     else:
         on_facet, weights = _closest(surface.x[facets], np.nan_to_num(vertices))
@@ -273,6 +274,7 @@ def _add_obstacle(
     field = arrays.add_field(f"{key}.field", changes, allowed)
     face["obstacle"] = {
         "corners": surface.obstacles[name].shape[1],
+        "opposite": opposite,
         "x": arrays.add(f"{key}.x", start),
         "cells": arrays.add(f"{key}.cells", surface.obstacles[name].astype(np.int32)),
         "way": arrays.add(f"{key}.way", first),

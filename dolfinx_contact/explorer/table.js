@@ -63,7 +63,7 @@ async function drawPoints() {
         cell.className = "words";
         cell.append(key, statusOf(value).name);
       } else {
-        cell.textContent = written(value, 6, scales[i]);
+        cell.textContent = written(value, 4, scales[i]);
         if (typeof value === "number" && i > 0) cell.title = String(value);
       }
     });

@@ -292,6 +292,23 @@ def test_a_page_shows_every_step_of_a_history(kind, folder):
     COMM.barrier()
 
 
+@pytest.mark.parametrize("kind", ["pair", "cracked"])
+def test_the_start_of_a_history_has_counts_and_forces(kind, folder):
+    """The recorded run starts in the last state of another run."""
+    evolution = getattr(recorded_evolution, kind)(COMM)
+    before = evolution.run(np.linspace(0, 0.5, 3)).steps[-1]
+    with EvolutionRecord(folder / kind, evolution, **KEPT) as kept:
+        evolution.run([0.5, 0.75], start=before.state, record=kept)
+    explorer(folder / "page.html", folder / kind)
+    page = read(folder / "page.html")
+    row = before.row()
+    forces = [f"{name}_{axis}" for name in before.result.resultants for axis in "xy"]
+    size = max(abs(row[name]) for name in forces)
+    assert size > 0.1
+    for name in ("open", "stick", "slip", *forces):
+        assert abs(page.column(name)[0] - row[name]) < 1e-9 * size
+
+
 # -- contents of journals --------------------------------------------------------------------------
 
 
