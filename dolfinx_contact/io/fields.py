@@ -21,6 +21,7 @@ import numpy.typing as npt
 
 import ufl
 from dolfinx import fem, mesh
+from ufl.algorithms import extract_coefficients
 from ufl.corealg.traversal import unique_pre_traversal
 
 from dolfinx_contact._compat import interpolation_points
@@ -85,9 +86,9 @@ def write_fields(
     Raises:
         OSError: on every rank, with the path and the reason, if a file cannot be written. Earlier
             files then remain.
-        ValueError: on every rank, if the stress is not 3 x 3, belongs to another mesh or does not
-            have the cell tags of the bulk, two surfaces would be written to the same file, the
-            format is not available, or arguments differ between ranks.
+        ValueError: on every rank, if the stress is not 3 x 3, belongs to another mesh or
+            displacement, or does not have the cell tags of the bulk, two surfaces would be written
+            to the same file, the format is not available, or arguments differ between ranks.
     """
     fields = StateFields(problem, stress)
     with Writer(problem.comm, folder, format) as writer, problem.at(state) as shown:
@@ -129,7 +130,9 @@ class StateFields:
             problem: problem with the law of the state.
         """
         u = problem.u
-        found = {f"{self._prefix}body": [u]}
+        own = u.copy()
+        own.name = "displacement"
+        found = {f"{self._prefix}body": [own]}
         if self._stress is not None:
             # the displacement in the element of the stresses, to show them deformed
             domain = u.function_space.mesh
@@ -164,8 +167,8 @@ def check_stress(problem: ContactProblem, stress: Any) -> mesh.MeshTags | None:
         Cell tags of the bulk if the stress is given by cell tags, otherwise None.
 
     Raises:
-        ValueError: on every rank, if the stress is not 3 x 3, belongs to another mesh, does not
-            have the cell tags of the bulk, or differs between ranks.
+        ValueError: on every rank, if the stress is not 3 x 3, belongs to another mesh or
+            displacement, does not have the cell tags of the bulk, or differs between ranks.
     """
     domain = problem.u.function_space.mesh
     by_tag = stress if isinstance(stress, Mapping) else {None: stress}
@@ -174,6 +177,7 @@ def check_stress(problem: ContactProblem, stress: Any) -> mesh.MeshTags | None:
             if e is not None:
                 von_mises(e)
                 refuse_other_mesh(e, domain, "the stress")
+                _refuse_other_displacement(e, problem.u)
     given = {tag: e if e is None else described(e, domain) for tag, e in by_tag.items()}
     same_everywhere(problem.comm, stress=sorted(given.items(), key=str))
     if not isinstance(stress, Mapping):
@@ -196,6 +200,17 @@ def check_stress(problem: ContactProblem, stress: Any) -> mesh.MeshTags | None:
             "every cell needs one of them"
         )
     return tags
+
+
+def _refuse_other_displacement(stress: Any, u: fem.Function) -> None:
+    """Raise ``ValueError`` for a stress of another Function that looks like a displacement."""
+    functions = extract_coefficients(stress)
+    others = [f for f in functions if f.ufl_element() == u.ufl_element() and f is not u]
+    if others and u not in functions:
+        raise ValueError(
+            f"the stress depends on the Function {others[0].name!r}, not on the displacement of "
+            "the problem: pass material.full_stress(problem.u)"
+        )
 
 
 def body_fields(

@@ -7,25 +7,27 @@ PyVista in 3D.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 
 from dolfinx_contact._install import optional
 from dolfinx_contact._mpi import Arguments, collective
+from dolfinx_contact.equations.state import State
+from dolfinx_contact.evolution.history import EvolutionStep
 from dolfinx_contact.laws import status
 from dolfinx_contact.plot.figures import Drawing, File, drawn_on_root, new_figure, save
 from dolfinx_contact.plot.in_2d import draw_2d, draw_body, legend_of_statuses
-from dolfinx_contact.plot.scene import Array, Look, Scene, scene_of
+from dolfinx_contact.plot.scene import Array, Look, Scene, scene_of, words_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from dolfinx_contact.continuation import BranchPoint, Solution
-    from dolfinx_contact.equations.state import State
     from dolfinx_contact.parametric import ParametricContact
     from dolfinx_contact.problem import ContactProblem
+    from dolfinx_contact.results.tables import ContactTable
 
 __all__ = ["draw_scene", "picture_of_body", "picture_of_states"]
 
@@ -38,7 +40,7 @@ def picture_of_body(
     state: State | None = None,
     stress: Any = None,
     scale: float = 1.0,
-    title: str = "Deformed body",
+    title: str | None = None,
     **look: Unpack[Look],
 ) -> Drawing | None:
     """Draw the deformed body with its obstacles and the rims of its contact surfaces. Collective.
@@ -56,7 +58,7 @@ def picture_of_body(
         scale: factor of the displacement and of the motion of obstacles, default 1; other factors
             are added to the title. The initial gap is not magnified: a warning is logged if the
             body is drawn through an obstacle.
-        title: title of the picture.
+        title: title of the picture; default: "Deformed body", with the time or load of the state.
         look: field, view, section, arrows: see `Look`.
 
     Returns:
@@ -75,6 +77,8 @@ def picture_of_body(
             plot.picture_of_body("block.pdf", problem, stress=steel.full_stress(u), view="-y")
             plot.picture_of_body("drag.png", problem, clip="-y", arrows={"drag": (top, motion)})
     """
+    if title is None:
+        title = ", ".join(filter(None, ["Deformed body", words_of(state)]))
     with problem.at(state) as shown:
         scene = scene_of(shown, stress, scale, title, **look)
 
@@ -110,16 +114,27 @@ def draw_scene(
 
 
 def _check_states(a: Arguments) -> None:
-    a.points = list(a.points)
-    if a.system.problem.V.mesh.geometry.dim != 2 or not a.points:
+    problem = getattr(a.system, "problem", a.system)
+    a.points = [point.state if isinstance(point, EvolutionStep) else point for point in a.points]
+    if problem.V.mesh.geometry.dim != 2 or not a.points:
         raise ValueError("picture_of_states requires a body in 2D and at least one point")
+    of_states = problem is a.system
+    if any(isinstance(point, State) != of_states for point in a.points):
+        kind = "States of a ContactProblem" if of_states else "points of a ParametricContact"
+        raise ValueError(f"picture_of_states takes {kind}, got {a.points}")
 
 
-@collective("a picture of states", _check_states)
+def _loads(a: Arguments) -> dict[str, Any]:
+    """Return gamma and time of the points, whose arrays belong to one rank."""
+    loads = [[getattr(point, name, None) for name in ("gamma", "time")] for point in a.points]
+    return {"points": loads}
+
+
+@collective("a picture of states", _check_states, compare=_loads)
 def picture_of_states(
     file: File,
-    system: ParametricContact,
-    points: Sequence[BranchPoint | Solution],
+    system: ParametricContact | ContactProblem,
+    points: Sequence[BranchPoint | Solution | State | EvolutionStep],
     *,
     titles: Sequence[str] = (),
     scale: float = 1.0,
@@ -128,9 +143,11 @@ def picture_of_states(
 
     Args:
         file: picture in any format of matplotlib; None writes nothing.
-        system: system of the points; its Functions are those of the last point afterwards.
-        points: points of branches, or `Solutions.found`.
-        titles: titles of the panels, default gamma and the numbers of points of each status.
+        system: system of the points, whose Functions are those of the last point afterwards; or
+            problem of the states.
+        points: points of branches, or `Solutions.found`; for a problem its states or steps.
+        titles: titles of the panels, default gamma or the time, and the numbers of points of each
+            status.
         scale: factor of the displacement, default 1.
 
     Returns:
@@ -139,17 +156,27 @@ def picture_of_states(
     Raises:
         ModuleNotFoundError: on every rank, if matplotlib is not installed.
         OSError: on every rank, if the file cannot be written; an existing file is then unchanged.
-        ValueError: on every rank, if the body is not 2D, there is no point, the scale is not
-            finite, or arguments differ between ranks.
+        ValueError: on every rank, if the body is not 2D, there is no point or one of another
+            kind, the scale is not finite, or arguments differ between ranks.
     """
     optional("matplotlib", "pictures")
     scenes = []
     captions = []
-    for point in points:
-        tables = system.result_at(point).tables.values()
+
+    def add(shown: ContactProblem, at: str, tables: Iterable[ContactTable]) -> None:
         words = status.words("".join(table.status for table in tables))
-        captions.append(rf"$\gamma$ = {point.gamma:.4g}: {words}")
-        scenes.append(scene_of(system.problem, None, scale, "", field="displacement"))
+        captions.append(": ".join(filter(None, [at, words])))
+        scenes.append(scene_of(shown, None, scale, "", field="displacement"))
+
+    of: Any = system
+    checked: Sequence[Any] = points
+    for point in checked:
+        if isinstance(point, State):
+            with of.at(point) as shown:
+                add(shown, words_of(point), [shown.table(s) for s in shown.surfaces])
+        else:
+            tables = of.result_at(point).tables
+            add(of.problem, rf"$\gamma$ = {point.gamma:.4g}", tables.values())
 
     def draw() -> Figure:
         panels = [scene for scene in scenes if scene is not None]
@@ -184,5 +211,5 @@ def _draw_states(scenes: Sequence[Scene], titles: Sequence[str], scale: float) -
         axes.set_axis_off()
     label = "|u|" if scale == 1 else f"|u|, drawn x {scale:.3g}"
     figure.colorbar(shades, ax=list(panels), aspect=30, pad=0.01).set_label(label)
-    legend_of_statuses(figure, "".join(scene.letters for scene in scenes))
+    legend_of_statuses(figure, "".join(scene.letters for scene in scenes), with_counts=False)
     return figure

@@ -51,8 +51,10 @@ def draw_curves(
 
     Raises:
         OSError: with the path, if it cannot be written; an existing file is then unchanged.
-        ValueError: if a curve has different numbers of abscissae and ordinates.
+        ValueError: if the curves have no names, or one has different numbers of abscissae and
+            ordinates.
     """
+    _require_names(curves)
     lines = [(name, curve, "-") for name, curve in curves.items()]
     lines += [(name, curve, "o") for name, curve in (marks or {}).items()]
     for i, (name, curve) in enumerate((dotted or {}).items()):
@@ -87,8 +89,9 @@ def draw_polar(
 
     Raises:
         OSError: with the path, if it cannot be written; an existing file is then unchanged.
-        ValueError: if a curve has different numbers of angles and radii.
+        ValueError: if the curves have no names, or one has different numbers of angles and radii.
     """
+    _require_names(curves)
     axes = new_figure((5.4, 5.4)).add_subplot(projection="polar")
     for i, (name, (angles, radii)) in enumerate(curves.items()):
         r = np.where(np.isfinite(radii), radii, np.nan)
@@ -97,6 +100,12 @@ def draw_polar(
     axes.set_ylim(bottom=0.0)
     axes.set_xlabel(label)
     return _finish(axes, file, title, loc="upper right")
+
+
+def _require_names(curves: Any) -> None:
+    if not isinstance(curves, Mapping):
+        got = type(curves).__name__
+        raise ValueError(f"curves must be a dictionary of curves by name, got a {got}")
 
 
 def _finish(axes: Axes, file: File, title: str | None, **legend: Any) -> Axes:

@@ -28,8 +28,8 @@ _DASHES = ("-", "--", "-.", ":")
 _MARKS = {
     ("fold", True): ("o", "white", "fold, smooth"),
     ("fold", False): ("D", "white", "fold, nonsmooth"),
-    ("bifurcation", True): ("*", "#F0E442", "bifurcation, smooth"),
-    ("bifurcation", False): ("P", "#F0E442", "bifurcation, nonsmooth"),
+    ("bifurcation", True): ("*", "white", "bifurcation, smooth"),
+    ("bifurcation", False): ("*", "#F0E442", "bifurcation, nonsmooth"),
     ("end", False): ("X", "#F0E442", "no continuation was found"),
 }
 _PROVED = "#00694b"
@@ -55,8 +55,8 @@ def draw_diagram(
 
     The upper part shows the functionals over gamma with folds and bifurcations. The lower part has
     a strip for each of the first branches over the distance along the branch, in units of steps:
-    the status of every contact point, numbered in the order of coordinates, or the numbers of
-    points of each status if there are more than 60 points.
+    the status of every contact point, numbered from 0 in the order of coordinates, or the numbers
+    of points of each status if there are more than 60 points.
 
     Args:
         file: picture in any format of matplotlib; None writes nothing.
@@ -188,7 +188,7 @@ def _draw_strips(figure: Any, journal: Journal, branches: Sequence[int]) -> None
         else:
             # the status of a point of the branch is drawn up to the next one
             edges = np.append(along, along[-1] + (0.01 * along[-1] or 1.0))
-            rows = np.arange(len(codes) + 1) + 0.5
+            rows = np.arange(len(codes) + 1) - 0.5
             axes.pcolormesh(edges, rows, codes, cmap=colours, vmin=-0.5, vmax=len(letters) - 0.5)
             axes.set_ylabel("contact point")
             axes.yaxis.get_major_locator().set_params(integer=True)

@@ -32,7 +32,7 @@ from dolfinx_contact.evolution.history import EvolutionStep
 from dolfinx_contact.plot.bodies import draw_scene
 from dolfinx_contact.plot.figures import Drawing
 from dolfinx_contact.plot.in_2d import range_of
-from dolfinx_contact.plot.scene import Look, Scene, scene_of
+from dolfinx_contact.plot.scene import Look, Scene, scene_of, words_of
 
 if TYPE_CHECKING:
     from dolfinx_contact.problem import ContactProblem
@@ -117,7 +117,8 @@ def film(
             finite = bool(np.isfinite(problem.u.x.array).all())
             message = f"the displacement of state {len(scenes)} has an entry that is not finite"
             require(comm, finite, message)
-            words = ", ".join(filter(None, [title, _words(state)]))
+            text = state if isinstance(state, str) else words_of(state)
+            words = ", ".join(filter(None, [title, text]))
             with problem.at(state if isinstance(state, State) else None) as shown:
                 scenes.append(scene_of(shown, stress, scale, words, **look))
     finally:
@@ -137,19 +138,13 @@ def _in_turn(
         with everywhere(comm, "the states of a film"):
             item = next(iterator, None)
         state = item.state if isinstance(item, EvolutionStep) else item
-        same_everywhere(comm, what_is_written=None if state is None else _words(state))
+        text = words_of(state) if isinstance(state, State) else state
+        same_everywhere(comm, what_is_written=text)
         if state is None:
             return
+        if not isinstance(state, State | str):
+            raise ValueError(f"a film has states, steps or texts, got {state!r}")
         yield state
-
-
-def _words(state: State | str) -> str:
-    """Return the text of a state for the title: its load or its time."""
-    if isinstance(state, str):
-        return state
-    if state.gamma is not None:
-        return f"gamma {state.gamma:.4g}"
-    return "" if state.time is None else f"time {state.time:.4g}"
 
 
 def _write(scenes: list[Scene], file: Path, rate: float) -> None:

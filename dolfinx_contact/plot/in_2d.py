@@ -162,22 +162,33 @@ def shade(
 
 
 def legend_of_statuses(
-    figure: Figure, letters: str, names: dict[str, str] = status.NAMES, **place: Any
+    figure: Figure,
+    letters: str,
+    names: dict[str, str] = status.NAMES,
+    *,
+    with_counts: bool = True,
+    **place: Any,
 ) -> None:
-    """Add a legend with the statuses of contact points and their numbers below a figure.
+    """Add a legend with the statuses of contact points below a figure.
 
     Args:
         figure: figure.
         letters: letters of all points.
         names: names of the letters.
+        with_counts: whether the numbers of points are added.
         **place: options of ``Figure.legend``.
     """
     from matplotlib.patches import Patch
 
     handles = [
-        Patch(facecolor=status.COLOURS[k], edgecolor=INK, lw=0.5, label=f"{names[k]} ({count})")
+        Patch(
+            facecolor=status.COLOURS[k],
+            edgecolor=INK,
+            lw=0.5,
+            label=f"{names[k]} ({letters.count(k)})" if with_counts else names[k],
+        )
         for k in names
-        if (count := letters.count(k))
+        if k in letters
     ]
     look: dict[str, Any] = dict(loc="outside lower center", ncols=max(len(handles), 1))
     figure.legend(handles=handles, frameon=False, **look, **place)

@@ -79,7 +79,7 @@ def _draw_body(plotter: pyvista.Plotter, scene: Scene, limits: Any, clipped: Any
     style |= dict(specular=0.0, ambient=0.72, diffuse=0.32)
     if body.n_cells < _MANY:
         style |= dict(show_edges=True, edge_color=INK, edge_opacity=0.3, line_width=1.0)
-    bar = dict(title=scene.label, color=INK, fmt="%.3g", n_labels=5, title_font_size=22)
+    bar = dict(title=f"{scene.label}\n", color=INK, fmt="%.3g", n_labels=5, title_font_size=22)
     bar |= dict(position_x=0.28, width=0.44, position_y=0.02, height=0.08, label_font_size=20)
     style |= dict(scalars="field", cmap=colours, clim=ends, nan_color=NOT_FINITE)
     with_bar = scene.values is not None
@@ -98,6 +98,8 @@ def _draw_surfaces(
         rim = clipped(_facets(scene.x, cells).extract_feature_edges(feature_edges=False, **_RIM))
         if rim.n_points:
             plotter.add_mesh(rim.tube(radius=radius * size), color=INK, name=f"rim {i}")
+    words = "\n\nblack: rims of the contact surfaces" if rims else ""  # below the title
+    plotter.add_text(words, "upper_edge", font_size=9, color=INK, name="legend")
     # obstacles, transparent where they are between the eye and the body
     for i, o in enumerate(scene.obstacles):
         # normals of one sense, whatever the order of the vertices of the facets

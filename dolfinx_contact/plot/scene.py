@@ -23,9 +23,10 @@ from dolfinx_contact.io.outside import Outside, VertexMeans, obstacle_facets
 from dolfinx_contact.results.outer_surface import Arrays
 
 if TYPE_CHECKING:
+    from dolfinx_contact.equations.state import State
     from dolfinx_contact.problem import ContactProblem
 
-__all__ = ["DrawnObstacle", "Look", "Scene", "around", "scene_of"]
+__all__ = ["DrawnObstacle", "Look", "Scene", "around", "scene_of", "words_of"]
 
 logger = logging.getLogger(__name__)
 
@@ -157,6 +158,13 @@ class Scene:
 def around(cells: Cells) -> Cells:
     """Vertices of segments, triangles or quadrilaterals in the order around the cell."""
     return cells[:, [0, 1, 3, 2]] if cells.shape[1] == 4 else cells
+
+
+def words_of(state: State | None) -> str:
+    """Return the load or the time of a state for a title; "" if there is none."""
+    if state is None or (state.gamma is None and state.time is None):
+        return ""
+    return f"time {state.time:.4g}" if state.gamma is None else f"gamma {state.gamma:.4g}"
 
 
 # -- validation ----------------------------------------------------------------------------------

@@ -20,7 +20,7 @@ from dolfinx_contact.io.outside import gather_cells
 from dolfinx_contact.laws.status import COLOURS, NAMES
 from dolfinx_contact.plot.figures import INK, File, drawn_on_root, new_figure, save
 from dolfinx_contact.plot.in_2d import legend_of_statuses, shade
-from dolfinx_contact.plot.scene import Array, Cells, around
+from dolfinx_contact.plot.scene import Array, Cells, around, words_of
 from dolfinx_contact.points.trace import vertex_numbers
 from dolfinx_contact.results.fields import contact_fields, vertex_state
 from dolfinx_contact.results.outer_surface import Arrays
@@ -71,7 +71,8 @@ def picture_of_contact(
         problem: contact problem, usually solved.
         surface: contact surface of the problem, default the first.
         state: state to draw, default the current Functions.
-        title: title of the picture; default: the name of the surface.
+        title: title of the picture; default: the name of the surface, with the time or load of the
+            state.
 
     Returns:
         The figure on rank 0, None on other ranks.
@@ -92,7 +93,8 @@ def picture_of_contact(
         figure = (_draw_curve if s.dim == 2 else _draw_map)(data, s)
         legend_of_statuses(figure, "".join(data["letters"]), names, title="status (vertices)")
         name = "Contact surface" if s.name == "contact" else f"Contact surface: {s.name}"
-        figure.suptitle(title or name, fontweight="bold")
+        shown_at = ", ".join(filter(None, [name, words_of(state)]))
+        figure.suptitle(title or shown_at, fontweight="bold")
         figure.get_layout_engine().set(h_pad=_TITLE_PAD)
         save(figure, file)
         return figure

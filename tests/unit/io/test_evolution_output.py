@@ -11,6 +11,7 @@ from support.vtk_files import number_of_colours
 
 from dolfinx_contact import plot, records
 from dolfinx_contact.io import EvolutionSeries
+from dolfinx_contact.laws import status
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.records import EvolutionRecord
 
@@ -123,6 +124,34 @@ def test_a_film_takes_steps_and_their_states_on_any_number_of_ranks(folder):
         file = plot.film(folder / "steps.gif", evolution.problem, states)
         with Image.open(file) as animation:
             assert animation.n_frames == len(history.steps)
+
+
+@pytest.mark.ranks(2)
+def test_pictures_of_states_have_their_times_and_statuses_as_titles():
+    evolution = pair(COMM, n=2)
+    steps = evolution.run(TIMES).steps
+    problem = evolution.problem
+    figure = plot.picture_of_states(None, problem, [steps[0], steps[-1].state])
+    body = plot.picture_of_body(None, problem, state=steps[0].state)
+    if COMM.rank == 0:
+        titles = [axes.get_title() for axes in figure.axes if axes.get_title()]
+        expected = [f"time {s.time:.4g}: {status.words(s.status)}" for s in (steps[0], steps[-1])]
+        assert titles == expected
+        present = {status.NAMES[letter] for s in (steps[0], steps[-1]) for letter in s.status}
+        assert {text.get_text() for text in figure.legends[0].get_texts()} == present
+        assert body.get_suptitle() == f"Deformed body, time {steps[0].time:.4g}"
+
+
+def test_films_and_pictures_refuse_other_items_than_states(folder):
+    problem = pair(COMM, n=2).problem
+    with pytest.raises(ValueError, match="a film has states, steps or texts, got 1"):
+        plot.film(folder / "steps.gif", problem, [1, 2])
+    with pytest.raises(ValueError, match="takes States of a ContactProblem"):
+        plot.picture_of_states(None, problem, [1])
+    with pytest.raises(
+        ValueError, match="curves must be a dictionary of curves by name, got a list"
+    ):
+        plot.draw_curves(None, [([0, 1], [0, 1])])
 
 
 @pytest.mark.verifies(

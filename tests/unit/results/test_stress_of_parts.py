@@ -100,6 +100,8 @@ def test_stress_by_tags_refuses_incomplete_parts(folder):
     refused(folder, "3 x 3", problem, full | {2: PARTS[2].stress(problem.u)})
     plain, _ = pressed(2, lambda u, dx: PARTS[1].energy(u) * ufl.dx)
     refused(folder, "needs a bulk with cell tags", plain, {1: PARTS[1].full_stress(plain.u)})
+    other = PARTS[1].full_stress(fem.Function(plain.V, name="w"))
+    refused(folder, "depends on the Function 'w', not on the displacement", plain, other)
 
 
 @pytest.mark.parametrize("cell", ["quad", "tri"])
