@@ -23,10 +23,12 @@ import numpy.typing as npt
 import ufl
 from dolfinx import fem
 from ufl.algorithms.analysis import extract_constants
+from ufl.corealg.traversal import unique_pre_traversal
 
 from dolfinx_contact._compat import dirichlet_value
 from dolfinx_contact._mpi import anywhere, largest, require, same_everywhere
 from dolfinx_contact._ufl import refuse_other_condition, refuse_other_mesh
+from dolfinx_contact._validate import count
 from dolfinx_contact._validate import listed as as_list
 from dolfinx_contact.body.cells import cells_around, smallest_jacobian
 from dolfinx_contact.equations.contact import ContactEquations
@@ -37,8 +39,10 @@ from dolfinx_contact.laws.status import STICK, closed
 from dolfinx_contact.materials import Axisymmetric, materials_in
 from dolfinx_contact.points.descriptions import Contact
 from dolfinx_contact.points.memory import Memory
+from dolfinx_contact.points.rigid_body import shape_of
 from dolfinx_contact.points.surface import DiscreteSurface
 from dolfinx_contact.points.trace import rounded
+from dolfinx_contact.rigid_surfaces import RigidSurface
 
 __all__ = [
     "check",
@@ -64,6 +68,7 @@ Array = npt.NDArray[np.float64]
 _ROUND_OFF = 1e-14  # relative excess of a bound that counts as round-off
 _AGAINST = -0.5  # cosine of contact normal and outward normal below which they disagree
 _BESIDE = 1e-3  # facet sizes from a contact point to the place where the body is searched
+_UNITS = 100.0  # ratio of the sizes of body and obstacle above which units may differ
 _TIED = 8  # contact points nearest to an obstacle that are examined, per rank
 _FAR = 1e5  # displacement, in body sizes, that is not an equilibrium
 _ACROSS = 1e-6  # component of a unit normal along a held direction
@@ -135,9 +140,25 @@ def check(
         if wrong:
             raise ValueError(objection)
     refuse_other_mesh(bulk, u.function_space.mesh, "the bulk")
+    _check_integrals(bulk)
     for bc in bcs:
         refuse_other_condition(bc, u.function_space.mesh)
     return surfaces, bcs
+
+
+def _check_integrals(bulk: ufl.Form) -> None:
+    """Raise ``ValueError`` for quadrature degrees and integrands that FFCx does not compile."""
+    for integral in bulk.integrals():
+        degree = integral.metadata().get("quadrature_degree", -1)
+        if degree != -1:  # estimated
+            count(degree, "a quadrature degree", 0)
+        nodes = unique_pre_traversal(integral.integrand())
+        restricted = any(isinstance(node, ufl.classes.Restricted) for node in nodes)
+        if integral.integral_type() == "interior_facet" and not restricted:
+            raise ValueError(
+                "ufl.dS is over the facets between cells, where an integrand needs a side, as in "
+                "ufl.jump(u) or u('+'); ufl.dx is over cells, and ufl.ds over the boundary"
+            )
 
 
 # -- data before a solve ---------------------------------------------------------------------------
@@ -348,7 +369,7 @@ def _objection_to_geometry(s: DiscreteSurface) -> str:
 
 
 def check_sides(eq: ContactEquations) -> None:
-    """Find obstacles on the wrong side of the undeformed body, and warn about them. Collective.
+    """Warn about obstacles on the wrong side of the undeformed body, or in other units. Collective.
 
     At the contact point nearest to such an obstacle, the contact normal points against the outward
     normal of the face and into the body. The solution is then wrong without any other sign.
@@ -356,6 +377,8 @@ def check_sides(eq: ContactEquations) -> None:
     for s in eq.surfaces:
         if s.between_bodies:
             continue
+        units = _other_units(eq, s)
+        eq.warn(f"units of {s.name!r}", units)
         message = ""
         gaps = np.abs(s.points.gaps)
         nearest = s.comm.allreduce(float(np.min(gaps, initial=np.inf)), op=min)
@@ -373,7 +396,7 @@ def check_sides(eq: ContactEquations) -> None:
         into = s.positions[tied] + _BESIDE * s.points.geometry.facet_size * n[tied]
         x = np.concatenate(s.comm.allgather(np.stack([s.positions[tied], into])), axis=1)
         inside = cells_around(s.domain, x[1]) > 0
-        if inside.any():
+        if inside.any() and not units:
             place = min(tuple(p) for p in rounded(x[0])[inside])
             message = (
                 f"the obstacle is on the wrong side: at ({', '.join(f'{c:.6g}' for c in place)}), "
@@ -382,6 +405,20 @@ def check_sides(eq: ContactEquations) -> None:
                 "a sphere out of the body"
             )
         eq.warn(f"side of {s.name!r}", message)
+
+
+def _other_units(eq: ContactEquations, s: DiscreteSurface) -> str:
+    """Return a message about a rigid surface of another order of magnitude; "" if it is not."""
+    shape = shape_of(s.obstacle)
+    if not isinstance(shape, RigidSurface):
+        return ""
+    size = float(np.linalg.norm(np.ptp(shape.points, axis=0)))
+    if 1.0 / _UNITS <= size / eq.body_size <= _UNITS:
+        return ""
+    return (
+        f"the size of the rigid surface is {size:.3g}, and that of the body {eq.body_size:.3g}: "
+        "are both in the same unit of length?"
+    )
 
 
 def _warn_of_dragging(eq: ContactEquations) -> None:

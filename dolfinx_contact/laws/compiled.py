@@ -7,7 +7,8 @@ A compiled law depends only on the kind of the law and on the dimension, not on 
 
 from __future__ import annotations
 
-from collections.abc import Hashable
+from collections.abc import Hashable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import cached_property
 from typing import Any
@@ -31,6 +32,9 @@ from dolfinx_contact.laws.roots import Roots
 from dolfinx_contact.laws.symbols import SLID, Symbols, from_memory, known_step
 
 __all__ = ["CompiledLaw", "LawAtPoints"]
+
+#: Errors of numpy, math and UFL about UFL in place of numbers.
+_NOT_UFL = "ufunc", "__float__", "cannot be evaluated as bool"
 
 
 class _Written:
@@ -84,6 +88,21 @@ class _Written:
         return flat.components
 
 
+@contextmanager
+def _ufl_alone(law: Law) -> Iterator[None]:
+    """Context manager that explains errors of numpy, math and Python about UFL in a law."""
+    try:
+        yield
+    except (TypeError, ValueError) as error:
+        if not any(text in str(error) for text in _NOT_UFL):
+            raise
+        raise TypeError(
+            f"the formulas of the law {type(law).__name__} must be UFL: use ufl.exp, ufl.sqrt and "
+            "ufl.max_value in place of functions of numpy, math and Python, and ufl.conditional "
+            f"in place of if. The error was: {error}"
+        ) from error
+
+
 def _refuse_other_data(law: Law, scalars: list[Any], w: Any) -> None:
     """Raise ``ValueError`` if a law uses Constants or Functions that are not fields of the law.
 
@@ -133,7 +152,8 @@ class CompiledLaw:
             kept = [name for name in law.memory(dim) if name not in law.given]
             given = dim, law.given, kept, law.unknowns(dim)
             every = Symbols(*given, from_memory(dim, kept), local=local)
-            scalars = _Written(law, every).scalars
+            with _ufl_alone(law):
+                scalars = _Written(law, every).scalars
             _refuse_other_data(law, scalars, every.w)
             memory = every.used(scalars)
             symbols = Symbols(*given, memory, local=local)

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass, replace
-from typing import Any, ClassVar, Literal, NamedTuple, Self, TypeAlias, get_args
+from typing import Any, ClassVar, Literal, NamedTuple, NoReturn, Self, TypeAlias, get_args
 
 import numpy as np
 
@@ -126,6 +126,11 @@ class ContactPoint:
     slid_before: Any = 0.0
     kept: Mapping[str, Any] = field(default_factory=dict)
     solved: Mapping[Hashable, tuple[Any, ...]] = field(default_factory=dict)
+
+    def __getattr__(self, name: str) -> NoReturn:
+        properties = [key for key, v in vars(type(self)).items() if isinstance(v, property)]
+        known = ", ".join(sorted([*(f.name for f in fields(self)), *properties]))
+        raise AttributeError(f"a contact point has no {name!r}; it has {known}")
 
     @property
     def t(self) -> Any:

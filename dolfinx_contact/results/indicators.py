@@ -19,6 +19,7 @@ position, gap, normal and jump at contact points.
 | `between_points` | depth of an edge, corner, sphere or cylinder in a facet, between its contact points, over the size of the facet, or the radius if that is smaller | 0.2 |
 | `across` | fraction of the normal forces where the normals of body and obstacle are more than 66 degrees apart | 0.02 |
 | `overlap` | initial penetration of closed points into a rigid obstacle, over the smallest extent of the body; not evaluated with interference or remove_overlap, nor after the obstacle has moved | 0.05 |
+| `negative_bound` | own laws: largest negative friction bound of closed points, as a nodal force, over the largest one | 1e-6 |
 | `penetration` | compliant laws: largest -g | 0.1 facets |
 | `min_det_F` | smallest det(I + grad u) of a nonlinear body | 0 (below) |
 | `rotation` | linear body: largest mean rotation of a connected part | 11.5 degrees |
@@ -50,6 +51,7 @@ from dolfinx_contact.body.rigid import (
 )
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import ContactState, Evaluation
+from dolfinx_contact.equations.measures import round_off_force
 from dolfinx_contact.laws.status import STICK, closed
 from dolfinx_contact.obstacles import Cylinder, Sphere, is_uniform
 from dolfinx_contact.points.geometry import distance_from_face, simplices_of
@@ -82,6 +84,7 @@ LIMITS = {
     "between_points": 0.2,
     "across": 0.02,
     "overlap": 0.05,
+    "negative_bound": 1e-6,
     "penetration": 0.1,
     "min_det_F": 0.0,
     "rotation": np.degrees(0.2),
@@ -114,6 +117,8 @@ _MESSAGES = {
     "edge, or reverse the obstacle",
     "overlap": "the body starts in the obstacle, by {:.2g} of its smallest extent, and is pushed "
     "out; interference=True allows it, remove_overlap starts without stress",
+    "negative_bound": "the friction bound of the law is negative, by {:.2g} of the largest force, "
+    "so that friction acts along the slip; let the bound end at 0, as in ufl.max_value(..., 0.0)",
     "penetration": "the surface gives way by {:.2g} facet sizes; increase the stiffness of the law",
     "min_det_F": "the body is turned inside out: the smallest det F is {:.3g}; take smaller steps "
     "or an energy that grows without bound at det F = 0",
@@ -132,6 +137,7 @@ _CARRYING = 1e-3  # of the largest traction, above which an open point counts as
 _ACROSS = 0.4  # cosine of the normals of body and obstacle, below which a force is across
 _SAMPLES = 4  # samples of an edge of the obstacle per facet of the body
 _STRAIGHT = 0.9  # cosine with the normal of a facet, above which a corner lies below the facet
+_ROUND_OFF = 1e-9  # relative excess of a threshold that is not an excess
 _TINY = float(np.finfo(np.float64).tiny)
 
 
@@ -155,6 +161,8 @@ class SurfaceIndicators:
             more than 66 degrees apart.
         overlap: initial penetration of closed points into the obstacle, relative to the smallest
             extent of the body.
+        negative_bound: largest negative friction bound of closed points, as a nodal force relative
+            to the largest one.
         penetration: largest depth, a length; None if the law is not compliant.
     """
 
@@ -170,6 +178,7 @@ class SurfaceIndicators:
     between_points: float = 0.0
     across: float = 0.0
     overlap: float = 0.0
+    negative_bound: float = 0.0
     penetration: float | None = None
 
     @property
@@ -180,7 +189,7 @@ class SurfaceIndicators:
             value = getattr(self, name, None)
             if value is not None and name in _LENGTHS:
                 value /= self.facet
-            if value is not None and value > limit:
+            if value is not None and value > limit * (1.0 + _ROUND_OFF):
                 found[name] = _MESSAGES[name].format(value)
         return found
 
@@ -284,7 +293,12 @@ def surface_indicators(eq: ContactEquations, state: Evaluation) -> dict[str, Sur
     for s, contact, held in _contacts(eq, state):
         small = _of_small_sliding(eq, s, state, contact, held)
         depth = _most(s, np.nan_to_num(-contact.kinematics.gap)) if s.law.compliant else None
-        small = replace(small, spin=_spin(eq, s, contact), penetration=depth)
+        small = replace(
+            small,
+            spin=_spin(eq, s, contact),
+            penetration=depth,
+            negative_bound=_negative_bound(eq, s, state, contact),
+        )
         if s.slides:
             step = _most(s, _touching(contact, contact.kinematics.operator.facets_passed))  # type: ignore[attr-defined]
             small = replace(
@@ -322,6 +336,17 @@ def _contacts(
 def _most(s: DiscreteSurface, values: Array) -> float:
     """Return the largest value on all ranks, at least 0. Collective."""
     return s.comm.allreduce(float(np.max(values, initial=0.0)), op=max)
+
+
+def _negative_bound(
+    eq: ContactEquations, s: DiscreteSurface, state: Evaluation, contact: ContactState
+) -> float:
+    """Return the largest negative friction bound of closed points over the largest force."""
+    areas = s.points.areas
+    below = _most(s, _touching(contact, np.nan_to_num(-contact.answers.bound)) * areas)
+    largest = _most(s, np.linalg.norm(contact.traction, axis=1) * areas)
+    scale = max(largest, round_off_force(eq, _most(s, np.abs(state.u))))
+    return below / scale if below > 0.0 else 0.0
 
 
 def _touching(contact: ContactState, values: Array) -> Array:

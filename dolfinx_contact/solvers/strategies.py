@@ -44,11 +44,13 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
+from dolfinx_contact._mpi import maximum
 from dolfinx_contact._petsc import staged
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation, Statuses
 from dolfinx_contact.equations.touching import bring_together
 from dolfinx_contact.equations.validation import diverged, inverted, validate
+from dolfinx_contact.laws.status import closed
 from dolfinx_contact.solvers.choice import LinearSolverChoice
 from dolfinx_contact.solvers.history import (
     Attempt,
@@ -72,6 +74,8 @@ _FOLLOWING = "load following"
 _LIMITS = {_BONDS: 2000.0, "pivoting": 500.0, "line search": 80.0, _INCREMENTS: 400.0}
 _HELD = 1  # Newton steps in which expected statuses are held
 _SMALLEST = 1e-4  # smallest increment of the load, relative to the first one
+_SHOWN = 5  # points in a message
+_NEGATIVE = 1e-6  # negative friction bound that is round-off, relative to the largest traction
 _SOFT = 1e-12  # energy of a uniform strain that is round-off, relative to the largest one
 
 Monitor: TypeAlias = Callable[[Step], None] | None
@@ -140,6 +144,7 @@ def solve(
     turned = x0.duplicate()
     objection = ""
     inverting = ""
+    negative: list[str] = []
     for strategy, run in strategies(equations, linear, increments, trial, start):
         if objection and strategy != _INCREMENTS and inverting != _EXTRAPOLATED:
             continue
@@ -169,6 +174,7 @@ def solve(
             attempt.reason = objection
             inverting = strategy
             x.copy(turned)
+        negative = negative or list(_negative_bounds(equations, x))
         progress.clear()
         if len(attempts) == 1 and drifts and (soft := _soft_strain(equations)):
             raise ConvergenceError(soft, attempts)
@@ -183,7 +189,7 @@ def solve(
         return turned, attempts
     if attempts[0].strategy in floating:
         raise FloatingBodyError(attempts[0].reason, attempts)
-    raise ConvergenceError(_diagnosis(equations, attempts), attempts)
+    raise ConvergenceError(_diagnosis(equations, attempts, negative), attempts)
 
 
 def _soft_strain(eq: ContactEquations) -> str:
@@ -224,8 +230,32 @@ def _soft_strain(eq: ContactEquations) -> str:
     )
 
 
-def _diagnosis(eq: ContactEquations, attempts: list[Attempt]) -> str:
-    """Return the message of a failed solve: possible causes, and the attempts. Collective."""
+def _negative_bounds(eq: ContactEquations, x: PETSc.Vec) -> Iterator[str]:
+    """Yield messages about laws with a negative friction bound at an iterate. Collective."""
+    if not np.isfinite(x.norm()) or diverged(eq, x):
+        return
+    for s, found in zip(eq.surfaces, eq.contact(x).surfaces, strict=True):
+        size = maximum(eq.comm, np.linalg.norm(found.traction, axis=1))
+        negative = closed(found.statuses) & (found.answers.bound < -_NEGATIVE * size)
+        mine = s.positions[negative].tolist()
+        places = sorted(place for part in eq.comm.allgather(mine) for place in part)
+        if places:
+            shown = "; ".join("(" + ", ".join(f"{c:.6g}" for c in x) + ")" for x in places[:_SHOWN])
+            yield (
+                f"the friction bound of the law {s.law.name} of {s.name} is negative at "
+                f"{len(places)} points of an iterate, among them {shown}: let it end at 0, "
+                "as in ufl.max_value(..., 0.0)"
+            )
+
+
+def _diagnosis(eq: ContactEquations, attempts: list[Attempt], found: Sequence[str]) -> str:
+    """Return the message of a failed solve: possible causes, and the attempts. Collective.
+
+    Args:
+        eq: contact problem.
+        attempts: attempts of all strategies.
+        found: causes found in iterates.
+    """
     lines = ["the contact problem was not solved:"]
     if eq.bulk.linear:
         diagonal = eq.bulk.stiffness(eq.bulk.displacement.x.array).getDiagonal()
@@ -242,6 +272,7 @@ def _diagnosis(eq: ContactEquations, attempts: list[Attempt]) -> str:
             "general no root, and friction or a threshold on a face must be a law of a contact "
             "surface instead, such as Tresca"
         )
+    lines += found
     if attempts[-1].linear_solver_failed:
         lines.append(
             "the iterative solver that the options choose failed, and no other strategy was tried: "

@@ -1,6 +1,7 @@
 """Arguments that laws of contact and friction refuse: one table for each law."""
 
 import logging
+import math
 from dataclasses import FrozenInstanceError, dataclass
 from typing import Any
 
@@ -13,7 +14,14 @@ from support.bonds import C, W, bonded
 
 from dolfinx import fem
 
-from dolfinx_contact import RCCM, Coulomb, NonlocalCoulomb, NormalCompliance, Regularised
+from dolfinx_contact import (
+    RCCM,
+    ConvergenceError,
+    Coulomb,
+    NonlocalCoulomb,
+    NormalCompliance,
+    Regularised,
+)
 from dolfinx_contact.analysis import stability_at_rest
 from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.laws import (
@@ -251,6 +259,44 @@ def test_own_law_refuses_data_that_are_not_its_fields():
 
     with pytest.raises(ValueError, match="the law Own contain a Constant that is not one of its"):
         block(law=Own())
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize(
+    ("bound", "message"),
+    [
+        (lambda a, p: np.exp(-a.slid) * p, "the law Own must be UFL: use ufl.exp"),
+        (lambda a, p: math.exp(-a.slid) * p, "the law Own must be UFL: use ufl.exp"),
+        (lambda a, p: max(p, 0.0), "the law Own must be UFL: .*ufl.max_value"),
+        (lambda a, p: a.slip * p, "no 'slip'; it has around, .*slid, slid_before, "),
+    ],
+)
+def test_own_law_refuses_other_functions_and_names(bound, message):
+    class Own(FrictionLaw):
+        def bound(self, a, p):
+            return bound(a, p)
+
+    with pytest.raises((TypeError, AttributeError), match=message):
+        block(law=Own())
+
+
+@dataclass(frozen=True)
+class Falling(FrictionLaw):
+    """Coefficient of friction that falls linearly, also below 0."""
+
+    static: Any
+    slope: Any
+
+    def bound(self, a, p):
+        return (self.static - self.slope * a.slid) * p
+
+
+@pytest.mark.ranks(2)
+def test_negative_bound_of_an_own_law_is_named():
+    result = block(law=Falling(0.3, 300.0), top=(0.03, -0.02)).solve()
+    assert "the friction bound of the law is neg" in result.warnings["negative_bound of 'contact'"]
+    with pytest.raises(ConvergenceError, match=r"Falling of contact is negative at .* \(0\.5, 0\)"):
+        block(law=Falling(0.5, 1000.0), top=(0.05, -0.02)).solve()
 
 
 @pytest.mark.parametrize("law", [Coulomb(0.3), RCCM(C, C, W), NormalCompliance(1e3)])

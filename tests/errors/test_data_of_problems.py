@@ -509,6 +509,9 @@ def test_problem_refuses_forms_surfaces_and_conditions():
         (ufl.inner(u, v) * ufl.dx, "one test function of the space"),
         (ufl.div(ufl.TrialFunction(u.function_space)) ** 2 * ufl.dx, "contains a TrialFunction"),
         (MATERIAL.energy(u), "must be a UFL form"),
+        (MATERIAL.energy(u) * ufl.dx(degree=3.5), "quadrature degree must be a whole .*, got 3.5"),
+        (MATERIAL.energy(u) * ufl.dx(degree="2"), "quadrature degree must be a whole .*, got '2'"),
+        (MATERIAL.energy(u) * ufl.dS, "ufl.dS is over the facets between cells"),
     ):
         with pytest.raises(ValueError, match=message):
             ContactProblem(bulk, u, [surface(u)])

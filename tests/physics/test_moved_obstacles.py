@@ -56,6 +56,8 @@ def test_a_start_in_an_obstacle_is_reported(shape):
         {"obstacle": SHAPES[shape](0.04)},
     ):
         assert "overlap of 'contact'" not in block(**given).solve().warnings
+    at_the_threshold = block(SHAPES[shape](0.05)).solve()
+    assert "overlap of 'contact'" not in at_the_threshold.warnings
     with pytest.raises(ValueError, match=r"overlap by 0\.1; interference=True for a press fit"):
         block(SHAPES[shape](0.1), interference=False)
 

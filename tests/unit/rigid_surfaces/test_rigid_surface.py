@@ -376,6 +376,15 @@ def test_a_corner_between_points_is_warned_of(caplog):
 
 
 @REFUSED
+@pytest.mark.parametrize("unit", [1e-6, 1e3])
+def test_a_rigid_surface_in_other_units_gives_a_warning(unit):
+    plate = RigidSurface(unit * np.array([[-1.0, -0.1], [2.0, -0.1]]), [[1, 0]])
+    result = blocks.block(obstacle=plate).solve()
+    (text,) = (v for name, v in result.warnings.items() if name == "units of 'contact'")
+    assert f"is {3 * unit:.3g}, and that of the body 1.41: are both in the same unit" in text
+    assert "side of 'contact'" not in result.warnings
+
+
 def test_rigid_surfaces_refuse_inconsistent_and_flat_facets():
     points, cells = ball(1)
     flipped = cells.copy()
