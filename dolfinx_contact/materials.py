@@ -158,6 +158,8 @@ def _check(rule: str, holds: Callable[..., bool], *values: Any) -> None:
         holds: the rule, called with the values if all of them are known.
         values: numbers or UFL scalars.
     """
+    if any(isinstance(v, complex) for v in values):
+        raise ValueError(f"{rule}, and real, got {' and '.join(map(repr, values))}")
     known = [present_value(v) if _is_scalar(v) else np.nan for v in values]
     finite = all(v is None or np.isfinite(v) for v in known)
     if not finite or (None not in known and not holds(*known)):

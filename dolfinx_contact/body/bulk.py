@@ -412,3 +412,12 @@ def _require_bulk(bulk: ufl.Form, u: fem.Function) -> None:
             "the bulk must be an energy (no test function) or a residual with one test function of "
             "the space of the displacement"
         )
+    terms = [integral.integrand() for integral in bulk.integrals()]
+    for term in terms:  # the loop reaches the terms that it appends
+        if isinstance(term, ufl.classes.Sum):
+            terms += term.ufl_operands
+        elif arguments and not ufl.algorithms.extract_arguments(term):
+            raise ValueError(
+                "the bulk mixes an energy and a residual: write the loads with u, or everything "
+                "with a TestFunction"
+            )

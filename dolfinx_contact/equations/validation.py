@@ -141,8 +141,11 @@ def check(
             raise ValueError(objection)
     refuse_other_mesh(bulk, u.function_space.mesh, "the bulk")
     _check_integrals(bulk)
-    for bc in bcs:
+    for number, bc in enumerate(bcs, 1):
         refuse_other_condition(bc, u.function_space.mesh)
+        value = dirichlet_value(bc)
+        if np.iscomplexobj(value.x.array if hasattr(value, "x") else value.value):
+            raise ValueError(f"Dirichlet condition {number} is complex: give a real value")
     return surfaces, bcs
 
 

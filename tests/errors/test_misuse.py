@@ -159,6 +159,14 @@ MISUSE = {
         lambda w: problem(w, w.energy + w.u[1] * ufl.dx(domain=w.other)),
         "the bulk belongs to another mesh",
     ),
+    "bulk of an energy and a residual": (
+        lambda w: problem(w, w.energy - ufl.TestFunction(w.V)[1] * ufl.dx),
+        "the bulk mixes an energy and a residual",
+    ),
+    "bulk of an energy and a residual in one integral": (
+        lambda w: problem(w, (w.u[0] ** 2 - ufl.TestFunction(w.V)[1]) * ufl.dx),
+        "the bulk mixes an energy and a residual",
+    ),
     "bulk number": (lambda w: problem(w, 1.0), "the bulk must be a UFL form"),
     "Dirichlet condition of another mesh": (
         lambda w: problem(w, bcs=[clamp(w.v_other)]),
@@ -167,6 +175,12 @@ MISUSE = {
     "Dirichlet Function of another mesh": (
         lambda w: problem(w, bcs=[fem.dirichletbc(w.v_other, two_spaces(w), w.V)]),
         "a Dirichlet condition, or its value, is on a space of another mesh",
+    ),
+    "Dirichlet condition of a complex number": (
+        lambda w: problem(
+            w, bcs=[fem.dirichletbc(np.array([0.0, 1j]), np.array([0], np.int32), w.V)]
+        ),
+        "Dirichlet condition 1 is complex",
     ),
     "conditions of words": (lambda w: problem(w, bcs=["top"]), "a list of Dirichlet conditions"),
     "r nan": (lambda w: problem(w, r=np.nan), "r must be positive"),
@@ -465,6 +479,10 @@ MISUSE = {
         "needs the displacement, a fem.Function, .* got a TrialFunction",
     ),
     "energy of an expression": (lambda w: MATERIAL.energy(2 * w.u), "needs the displacement"),
+    "Young's modulus complex": (
+        lambda w: LinearElastic.from_young(1.0 + 1j, 0.3),
+        "Young's modulus must be positive, and real, got",
+    ),
     "Young's modulus in words": (
         lambda w: LinearElastic.from_young("a", 0.3),
         "Young's modulus must be positive, got 'a'",
