@@ -46,7 +46,11 @@ def run_name(comm: MPI.Comm) -> str:
     launcher = os.environ.get("DOLFINX_CONTACT_LAUNCHER", "")
     outside = f", in the environment of process {launcher}" if launcher else ""
     since = time.strftime("%Y-%m-%d %H:%M:%S")
-    return f"processes {ranks}{outside} ({' '.join(sys.argv[:3])}), since {since}"
+    end = "; ".join(
+        f"kill {launcher or ' '.join(numbers)} on {host}" for host, numbers in hosts.items()
+    )
+    command = " ".join(sys.argv[:3])
+    return f"processes {ranks}{outside} ({command}), since {since}. To end them: {end}"
 
 
 class JournalFile(Generic[J]):
