@@ -31,9 +31,9 @@ __all__ = [
     "count",
     "letters",
     "senses",
+    "summary",
     "without_damage",
     "word",
-    "words",
 ]
 
 #: Open without friction; stick; slip with u_t > 0 (in 3D: slip); slip with u_t < 0.
@@ -142,7 +142,7 @@ def count(word: str) -> dict[str, int]:
     return {kind: sum(map(word.count, those)) for kind, those in KINDS.items()}
 
 
-def words(letters: str) -> str:
+def summary(letters: str) -> str:
     """Return the numbers of points of each status, such as "3 stick, 2 open"."""
     present = [k for k in NAMES if k in letters]
     return ", ".join(f"{letters.count(k)} {NAMES[k]}" for k in present)

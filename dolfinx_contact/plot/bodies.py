@@ -18,7 +18,7 @@ from dolfinx_contact.equations.state import State
 from dolfinx_contact.evolution.history import EvolutionStep
 from dolfinx_contact.laws import status
 from dolfinx_contact.plot.figures import Drawing, File, drawn_on_root, new_figure, save
-from dolfinx_contact.plot.in_2d import draw_2d, draw_body, legend_of_statuses
+from dolfinx_contact.plot.in_2d import add_status_legend, draw_2d, draw_body
 from dolfinx_contact.plot.scene import Array, Look, Scene, scene_of, words_of
 
 if TYPE_CHECKING:
@@ -59,7 +59,7 @@ def picture_of_body(
             are added to the title. The initial gap is not magnified: a warning is logged if the
             body is drawn through an obstacle.
         title: title of the picture; default: "Deformed body", with the time or load of the state.
-        look: field, view, section, arrows: see `Look`.
+        **look: field, view, clip, arrows: see `Look`.
 
     Returns:
         On rank 0 the matplotlib ``Figure`` in 2D and the ``pyvista.Plotter`` in 3D, which can be
@@ -84,7 +84,7 @@ def picture_of_body(
 
     def draw() -> Drawing:
         assert scene is not None
-        drawing = draw_scene(scene.above(scene.x))
+        drawing = draw_scene(scene.with_planes_below(scene.x))
         save(drawing, file)
         return drawing
 
@@ -93,7 +93,7 @@ def picture_of_body(
 
 def draw_scene(
     scene: Scene,
-    reach: Array | None = None,
+    visible: Array | None = None,
     limits: tuple[float, float] | None = None,
     width: int = 1600,
 ) -> Drawing:
@@ -101,16 +101,16 @@ def draw_scene(
 
     Args:
         scene: bodies and obstacles.
-        reach: points that must be visible, shape (k, dim); default: bodies and obstacles.
+        visible: points that must be visible, shape (k, dim); default: bodies and obstacles.
         limits: ends of the colours, default those of the scene.
         width: approximate width in pixels.
     """
-    reach = scene.reach() if reach is None else reach
+    visible = scene.visible_points() if visible is None else visible
     if scene.x.shape[1] == 2:
-        return draw_2d(scene, reach, limits, width)
+        return draw_2d(scene, visible, limits, width)
     from dolfinx_contact.plot.in_3d import draw_3d
 
-    return draw_3d(scene, reach, limits, width)
+    return draw_3d(scene, visible, limits, width)
 
 
 def _check_states(a: Arguments) -> None:
@@ -164,7 +164,7 @@ def picture_of_states(
     captions = []
 
     def add(shown: ContactProblem, at: str, tables: Iterable[ContactTable]) -> None:
-        words = status.words("".join(table.status for table in tables))
+        words = status.summary("".join(table.status for table in tables))
         captions.append(": ".join(filter(None, [at, words])))
         scenes.append(scene_of(shown, None, scale, "", field="displacement"))
 
@@ -202,7 +202,7 @@ def _draw_states(scenes: Sequence[Scene], titles: Sequence[str], scale: float) -
     highest = max(float(np.max(s.values)) for s in scenes if s.values is not None)
     limits = 0.0, highest or 1.0
     for axes, scene, title in zip(panels, scenes, titles, strict=False):
-        shades = draw_body(axes, scene.above(every), np.stack([low, high]), limits)
+        shades = draw_body(axes, scene.with_planes_below(every), np.stack([low, high]), limits)
         look: dict[str, Any] = dict(edgecolors="0.2", linewidths=0.2, zorder=3)
         colours = [status.COLOURS[k] for k in scene.letters]
         axes.scatter(*scene.points.T, s=14 if len(colours) <= 40 else 8, c=colours, **look)
@@ -211,5 +211,5 @@ def _draw_states(scenes: Sequence[Scene], titles: Sequence[str], scale: float) -
         axes.set_axis_off()
     label = "|u|" if scale == 1 else f"|u|, drawn x {scale:.3g}"
     figure.colorbar(shades, ax=list(panels), aspect=30, pad=0.01).set_label(label)
-    legend_of_statuses(figure, "".join(scene.letters for scene in scenes), with_counts=False)
+    add_status_legend(figure, "".join(scene.letters for scene in scenes), with_counts=False)
     return figure

@@ -128,7 +128,7 @@ def draw_diagram(
 
 def _status_name(journal: Journal, branch: int) -> str:
     """Name of a branch by the statuses at its last point, such as "branch 0: 3 stick, 2 open"."""
-    words = status.words(journal.columns(branch)["status"][-1])
+    words = status.summary(journal.columns(branch)["status"][-1])
     return f"branch {branch}: {words}" if len(words) <= _LONGEST_NAME else f"branch {branch}"
 
 

@@ -153,11 +153,11 @@ def _write(scenes: list[Scene], file: Path, rate: float) -> None:
 
     # the same obstacles, visible box and colours in all frames
     every = np.concatenate([scene.x for scene in scenes])
-    scenes = [scene.above(every) for scene in scenes]
-    reach = np.concatenate([scene.reach() for scene in scenes])
+    scenes = [scene.with_planes_below(every) for scene in scenes]
+    visible = np.concatenate([scene.visible_points() for scene in scenes])
     fields = [scene.values for scene in scenes if scene.values is not None]
     limits = range_of(np.concatenate(fields)) if fields else None
-    pixels = [_pixels(draw_scene(scene, reach, limits, _WIDTH)) for scene in scenes]
+    pixels = [_pixels(draw_scene(scene, visible, limits, _WIDTH)) for scene in scenes]
     is_gif = file.suffix == ".gif"
     timing = dict(duration=1000 / rate, loop=0) if is_gif else dict(fps=rate, macro_block_size=2)
     with part_of(file) as part:

@@ -17,27 +17,27 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["colours_of", "draw_2d", "draw_body", "legend_of_statuses", "range_of", "shade"]
+__all__ = ["add_status_legend", "colours_of", "draw_2d", "draw_body", "range_of", "shade"]
 
 _PIXELS = 180  # of the width of a picture in an inch of the body
 _MOST_TRIANGLES = 40_000  # of the mesh on which a field is drawn
 _FINEST = 3  # times that an edge of a cell is halved in it
 
 
-def draw_2d(scene: Scene, reach: Array, limits: tuple[float, float] | None, width: int) -> Figure:
+def draw_2d(scene: Scene, visible: Array, limits: tuple[float, float] | None, width: int) -> Figure:
     """Draw bodies in 2D; arguments as of `draw_scene`."""
-    extent = np.ptp(reach, axis=0)
+    extent = np.ptp(visible, axis=0)
     is_flat = bool(extent[1] < 0.5 * extent[0])
     size = np.maximum(width / _PIXELS * extent / extent.max(), (2.4, 1.0))
     figure = new_figure(tuple(size + ((1.0, 1.9) if is_flat else (1.9, 1.1))), "compressed")
     figure.suptitle(scene.title, fontweight="bold", wrap=True)
     axes = figure.add_subplot()
-    arrows = scene.scaled_arrows(reach)
+    arrows = scene.scaled_arrows(visible)
     for i, (name, (points, vectors)) in enumerate(arrows.items()):
         look: dict[str, Any] = dict(angles="xy", scale_units="xy", scale=1, width=0.006, zorder=5)
         axes.quiver(*points.T, *vectors.T, color=LINES[i % len(LINES)], label=name, **look)
-        reach = np.concatenate([reach, points, points + vectors])
-    shades = draw_body(axes, scene, reach, limits)
+        visible = np.concatenate([visible, points, points + vectors])
+    shades = draw_body(axes, scene, visible, limits)
     if scene.values is not None:
         place = "bottom" if is_flat else "right"
         figure.colorbar(shades, ax=axes, location=place, aspect=30).set_label(scene.label)
@@ -49,13 +49,13 @@ def draw_2d(scene: Scene, reach: Array, limits: tuple[float, float] | None, widt
     return figure
 
 
-def draw_body(axes: Axes, scene: Scene, reach: Array, limits: tuple[float, float] | None) -> Any:
+def draw_body(axes: Axes, scene: Scene, visible: Array, limits: tuple[float, float] | None) -> Any:
     """Draw bodies, obstacles and rims; return the colours of the field.
 
     Args:
         axes: axes.
         scene: bodies and obstacles.
-        reach: points that must be visible, shape (k, 2).
+        visible: points that must be visible, shape (k, 2).
         limits: ends of the colours, default those of the scene.
     """
     from matplotlib.collections import LineCollection, PolyCollection
@@ -66,7 +66,7 @@ def draw_body(axes: Axes, scene: Scene, reach: Array, limits: tuple[float, float
     look: dict[str, Any] = dict(cmap=colours, vmin=ends[0], vmax=ends[1])
     shades = shade(axes, x, cells, values, width=thin, alpha=0.4, **look)
     # obstacles are bands with a depth
-    low, high = reach.min(axis=0), reach.max(axis=0)
+    low, high = visible.min(axis=0), visible.max(axis=0)
     depth = 0.05 * float(np.sqrt(np.prod(high - low)))
     for o in scene.obstacles:
         band = np.concatenate([o.x[o.cells], (o.x + depth * o.n)[o.cells[:, ::-1]]], axis=1)
@@ -161,7 +161,7 @@ def shade(
     return shades
 
 
-def legend_of_statuses(
+def add_status_legend(
     figure: Figure,
     letters: str,
     names: dict[str, str] = status.NAMES,

@@ -38,29 +38,29 @@ _servers: list[subprocess.Popen[bytes]] = []
 
 
 def draw_3d(
-    scene: Scene, reach: Array, limits: tuple[float, float] | None, width: int
+    scene: Scene, visible: Array, limits: tuple[float, float] | None, width: int
 ) -> pyvista.Plotter:
     """Draw bodies in 3D; arguments as of `draw_scene`. Actors have names such as ``"body"``."""
     pv = optional("pyvista", "pictures")
     ensure_display()
     plotter = pv.Plotter(off_screen=True, lighting="light kit", border=False)
     plotter.set_background("white")
-    size = float(np.linalg.norm(np.ptp(reach, axis=0)))
-    eye = scene.eye if scene.eye is not None else _default_eye(scene, np.ptp(reach, axis=0))
+    size = float(np.linalg.norm(np.ptp(visible, axis=0)))
+    eye = scene.eye if scene.eye is not None else _default_eye(scene, np.ptp(visible, axis=0))
 
     def clipped(data: Any) -> Any:
         if scene.clip is None:
             return data
         point, normal = scene.clip
         return data.clip(
-            normal, (reach.min(axis=0) + reach.max(axis=0)) / 2 if point is None else point
+            normal, (visible.min(axis=0) + visible.max(axis=0)) / 2 if point is None else point
         )
 
     _draw_body(plotter, scene, limits, clipped)
     _draw_surfaces(plotter, scene, eye, size, clipped)
-    reach = np.concatenate([reach, _draw_arrows(plotter, scene, reach)])
+    visible = np.concatenate([visible, _draw_arrows(plotter, scene, visible)])
     plotter.add_text(scene.title, "upper_edge", color=INK, font_size=13, name="title")
-    _set_camera(plotter, reach, eye, width)
+    _set_camera(plotter, visible, eye, width)
     # translucent facets in the order of their depth, otherwise some look like wedges; other ways
     # of anti-aliasing switch this off
     plotter.renderer.enable_depth_peeling(10)
@@ -114,12 +114,12 @@ def _draw_surfaces(
             plotter.add_mesh(edges, color="#7d858c", line_width=2.5, name=f"outline {i}")
 
 
-def _draw_arrows(plotter: pyvista.Plotter, scene: Scene, reach: Array) -> Array:
+def _draw_arrows(plotter: pyvista.Plotter, scene: Scene, visible: Array) -> Array:
     """Draw arrows, with the magnitude of the longest one of each name; return their ends."""
     pv = optional("pyvista", "pictures")
     ends = [np.zeros((0, 3))]
     shape = pv.Arrow(tip_length=0.3, tip_radius=0.08, shaft_radius=0.03)
-    for i, (label, (points, vectors)) in enumerate(scene.scaled_arrows(reach).items()):
+    for i, (label, (points, vectors)) in enumerate(scene.scaled_arrows(visible).items()):
         cloud = pv.PolyData(points)
         cloud["vectors"] = vectors
         glyphs = cloud.glyph(orient="vectors", scale="vectors", geom=shape)
@@ -197,6 +197,8 @@ def _solid(x: Array, cells: Cells) -> Any:
 
 
 # -- display ---------------------------------------------------------------------------------------
+
+
 def ensure_display() -> None:
     """Make sure that VTK can open a window, if need be on a virtual display. Not collective.
 

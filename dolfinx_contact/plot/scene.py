@@ -25,6 +25,7 @@ from dolfinx_contact.results.outer_surface import Arrays
 if TYPE_CHECKING:
     from dolfinx_contact.equations.state import State
     from dolfinx_contact.problem import ContactProblem
+    from dolfinx_contact.results.tables import ContactTable
 
 __all__ = ["DrawnObstacle", "Look", "Scene", "around", "scene_of", "words_of"]
 
@@ -43,6 +44,10 @@ _AXES: dict[str, Array] = {
 _PLANE = 1e-9  # difference of the normals of an obstacle up to which it is a plane
 _OVERLAP = 0.005  # visible overlap of a magnified body and an obstacle, relative to the body
 _ARROW = 0.2  # length of the longest arrow, relative to the diagonal of the picture
+_DRAWN_THROUGH = (
+    "%r is drawn through its obstacle: the displacement is magnified %g times, the initial gap is "
+    "not"
+)
 
 
 class Look(TypedDict, total=False):
@@ -84,12 +89,12 @@ class DrawnObstacle:
     is_opposite: bool
     is_plane: bool
 
-    def deepest(self, points: Array) -> float:
+    def largest_depth(self, points: Array) -> float:
         """Return the largest depth of the opposite points in the obstacle; 0 if unknown."""
         return float(np.max(dot(points - self.x, self.n))) if self.is_opposite else 0.0
 
-    def below(self, points: Array) -> DrawnObstacle:
-        """Replace a plane by the rectangle, in 2D the segment, below points (n, dim)."""
+    def extended_below(self, points: Array) -> DrawnObstacle:
+        """Return a plane as the rectangle, in 2D the segment, below points (n, dim)."""
         if not self.is_plane:
             return self
         n = self.n[0]
@@ -99,7 +104,8 @@ class DrawnObstacle:
         rim = 0.1 * float(np.max(high - low))
         corners = np.array(list(product(*zip(low - rim, high + rim, strict=True))))
         x = corners @ axes.T + (self.x[0] @ n) * n
-        return DrawnObstacle(x, np.arange(len(x))[None], np.tile(n, (len(x), 1)), False, False)
+        normals = np.tile(n, (len(x), 1))
+        return DrawnObstacle(x, np.arange(len(x))[None], normals, is_opposite=False, is_plane=False)
 
 
 @dataclass(frozen=True)
@@ -114,9 +120,9 @@ class Scene:
         obstacles: rigid obstacles.
         values: field at the vertices, shape (n,); None without a field.
         label: label of the field.
+        title: title of the picture.
         points: positions of the contact points that are vertices, in 2D, shape (m, 2).
         letters: letters of their statuses.
-        title: title of the picture.
         eye: unit vector from the body to the eye; None for the default.
         clip: point (None for the middle) and unit normal of a section; None without one.
         arrows: points and vectors by name, shape (2, k, dim) each.
@@ -136,17 +142,17 @@ class Scene:
     clip: tuple[Array | None, Array] | None = None
     arrows: dict[str, Array] = field(default_factory=dict)
 
-    def above(self, points: Array) -> Scene:
+    def with_planes_below(self, points: Array) -> Scene:
         """Return the scene with plane obstacles as rectangles below points (n, dim)."""
-        return replace(self, obstacles=[o.below(points) for o in self.obstacles])
+        return replace(self, obstacles=[o.extended_below(points) for o in self.obstacles])
 
-    def reach(self) -> Array:
+    def visible_points(self) -> Array:
         """Return the points that must be visible, shape (m, dim)."""
         return np.concatenate([self.x, *(o.x for o in self.obstacles)])
 
-    def scaled_arrows(self, reach: Array) -> dict[str, Array]:
+    def scaled_arrows(self, visible: Array) -> dict[str, Array]:
         """Return points and vectors of the arrows in the lengths of the picture, by legend."""
-        length = _ARROW * float(np.linalg.norm(np.ptp(reach, axis=0)))
+        length = _ARROW * float(np.linalg.norm(np.ptp(visible, axis=0)))
         found = {}
         for name, (points, vectors) in self.arrows.items():
             longest = float(np.linalg.norm(vectors, axis=1).max())
@@ -156,7 +162,7 @@ class Scene:
 
 
 def around(cells: Cells) -> Cells:
-    """Vertices of segments, triangles or quadrilaterals in the order around the cell."""
+    """Return vertices of segments, triangles or quadrilaterals in the order around the cell."""
     return cells[:, [0, 1, 3, 2]] if cells.shape[1] == 4 else cells
 
 
@@ -249,33 +255,23 @@ def scene_of(
     values = body.get("field")
     if values is not None and not np.isfinite(values).all():
         label += " (grey: not a number)"
+    # contact surfaces and obstacles
     here = np.searchsorted(body["nodes"], surface.nodes)
     slaves = {name: here[cells] for name, cells in surface.contact.items()}
-    points, letters = np.zeros((0, dim)), ""
-    for table in tables if dim == 2 else []:
-        # contact points that are vertices
-        vertices = np.unique(slaves[table.name])
-        if len(vertices) == len(table.letters):
-            order = by_coordinates(body["x"][vertices], body["nodes"][vertices, None])
-            points = np.concatenate([points, x[vertices[order]]])
-            letters += "".join(table.letters)
-    obstacles = []
+    obstacles = {}
     for name, face in faces.items():
         above = x[np.unique(slaves[name])]
-        obstacles.append(_drawn(face, above, scale))
-        depth = obstacles[-1].deepest(above)
+        obstacles[name] = _drawn(face, above, scale)
+        depth = obstacles[name].largest_depth(above)
         if scale != 1 and depth > _OVERLAP * np.max(np.ptp(body["x"], axis=0)):
-            message = (
-                "%r is drawn through its obstacle: the displacement is magnified %g times, the "
-                "initial gap is not"
-            )
-            logger.warning(message, name, scale)
+            logger.warning(_DRAWN_THROUGH, name, scale)
+    points, letters = _points_at_vertices(body, x, slaves, tables if dim == 2 else [])
     return Scene(
         x=x,
         cells=body["cells"],
         slaves=list(slaves.values()),
         masters=[here[cells] for cells in surface.opposite.values()],
-        obstacles=obstacles,
+        obstacles=list(obstacles.values()),
         values=values,
         label=label,
         title=title,
@@ -285,6 +281,28 @@ def scene_of(
         clip=plane,
         arrows=known,
     )
+
+
+def _points_at_vertices(
+    body: Arrays, x: Array, slaves: Mapping[str, Cells], tables: Sequence[ContactTable]
+) -> tuple[Array, str]:
+    """Return positions and letters of the contact points of surfaces whose points are vertices.
+
+    Args:
+        body: gathered body, see `Outside.gather`.
+        x: positions of its displaced vertices, shape (n, dim).
+        slaves: vertices of the facets of each contact surface, by name.
+        tables: contact tables.
+    """
+    points: list[Array] = [np.zeros((0, x.shape[1]))]
+    letters = ""
+    for table in tables:
+        vertices = np.unique(slaves[table.name])
+        if len(vertices) == len(table.letters):
+            order = by_coordinates(body["x"][vertices], body["nodes"][vertices, None])
+            points.append(x[vertices[order]])
+            letters += "".join(table.letters)
+    return np.concatenate(points), letters
 
 
 def _drawn(face: Arrays, above: Array, scale: float) -> DrawnObstacle:
@@ -299,7 +317,7 @@ def _drawn(face: Arrays, above: Array, scale: float) -> DrawnObstacle:
     x = face["floor"][:, : n.shape[1]] + scale * face["moved"]
     opposite = 0 < len(n) == len(above)  # otherwise a rigid surface with facets of its own
     is_plane = opposite and bool(np.ptp(n, axis=0).max() < _PLANE)
-    return DrawnObstacle(x, face["cells"], n, opposite, is_plane)
+    return DrawnObstacle(x, face["cells"], n, is_opposite=opposite, is_plane=is_plane)
 
 
 def _field_at_vertices(

@@ -14,12 +14,12 @@ import numpy.typing as npt
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
-from dolfinx_contact._geometry import area_vectors, connected_parts, dot, unit
-from dolfinx_contact._mpi import Arguments, collective, same_everywhere
+from dolfinx_contact._geometry import area_vectors, connected_parts, dot, tangential, unit
+from dolfinx_contact._mpi import Arguments, collective, maximum, same_everywhere
 from dolfinx_contact.io.outside import gather_cells
 from dolfinx_contact.laws.status import COLOURS, NAMES
 from dolfinx_contact.plot.figures import INK, File, drawn_on_root, new_figure, save
-from dolfinx_contact.plot.in_2d import legend_of_statuses, shade
+from dolfinx_contact.plot.in_2d import add_status_legend, shade
 from dolfinx_contact.plot.scene import Array, Cells, around, words_of
 from dolfinx_contact.points.trace import vertex_numbers
 from dolfinx_contact.results.fields import contact_fields, vertex_state
@@ -91,7 +91,7 @@ def picture_of_contact(
 
     def draw() -> Figure:
         figure = (_draw_curve if s.dim == 2 else _draw_map)(data, s)
-        legend_of_statuses(figure, "".join(data["letters"]), names, title="status (vertices)")
+        add_status_legend(figure, "".join(data["letters"]), names, title="status (vertices)")
         name = "Contact surface" if s.name == "contact" else f"Contact surface: {s.name}"
         shown_at = ", ".join(filter(None, [name, words_of(state)]))
         figure.suptitle(title or shown_at, fontweight="bold")
@@ -123,7 +123,7 @@ def _gathered(problem: ContactProblem, s: DiscreteSurface) -> Arrays:
     # supports are not contact, and tractions of the size of the round-off of forces are none
     pressure = fields["pressure"].x.array
     traction = fields["traction"].x.array.reshape(-1, s.dim)
-    u = s.comm.allreduce(float(np.max(np.abs(s.u.x.array), initial=0.0)), op=max)
+    u = maximum(s.comm, np.abs(s.u.x.array))
     force = np.linalg.norm(traction, axis=1) * s.points.geometry.vertex_areas
     carries = force > _ZERO_FORCE * problem.equations.stiffness_scale * u
     carries &= letters != "d"
@@ -138,7 +138,7 @@ def _gathered(problem: ContactProblem, s: DiscreteSurface) -> Arrays:
     if s.law_at_points.compiled.bonded:
         adhesive = evaluation.surfaces[number].answers.bond("traction")
         bond = np.stack([s.points.at_vertices(t) for t in adhesive.T], axis=1)
-        bond -= np.sum(bond * normal, axis=1)[:, None] * normal
+        bond = tangential(bond, normal)
         values["friction"] = values["shear"] - np.where(carries[:, None], bond, 0.0)
     V = s.points.vertices
     cells = V.dofmap.list[: s.submesh.mesh.topology.index_map(s.dim - 1).size_local]
@@ -159,8 +159,8 @@ def _limits(x: Array, touching: npt.NDArray[np.bool_], rim: float) -> tuple[floa
     """
     near = x[touching] if touching.any() else x
     rim *= float(np.ptp(x))
-    around = max(0.25 * float(np.ptp(near)), 2 * rim)
-    return max(near.min() - around, x.min() - rim), min(near.max() + around, x.max() + rim)
+    margin = max(0.25 * float(np.ptp(near)), 2 * rim)
+    return max(near.min() - margin, x.min() - rim), min(near.max() + margin, x.max() + rim)
 
 
 # -- curves in 2D --------------------------------------------------------------------------------
@@ -171,10 +171,10 @@ def _draw_curve(data: Arrays, s: DiscreteSurface) -> Figure:
     at, facets, label, tangents = _positions(data)
     axes = new_figure((8.6, 5.0)).add_subplot()
     body = "slave" if s.between_bodies else "body"
-    shear = np.sum(data["shear"] * tangents, axis=1)
+    shear = dot(data["shear"], tangents)
     lines = {"pressure": (data["pressure"], "#8c2d19"), f"shear on the {body}": (shear, "#2b5d34")}
     if "friction" in data:
-        friction = np.sum(data["friction"] * tangents, axis=1)
+        friction = dot(data["friction"], tangents)
         lines["friction, a part of the shear"] = friction, "#6fa37a"
     lines["friction bound ±"] = data["bound"], "#7d858c"
     lines["_lower bound"] = -data["bound"], "#7d858c"

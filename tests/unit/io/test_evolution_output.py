@@ -135,7 +135,7 @@ def test_pictures_of_states_have_their_times_and_statuses_as_titles():
     body = plot.picture_of_body(None, problem, state=steps[0].state)
     if COMM.rank == 0:
         titles = [axes.get_title() for axes in figure.axes if axes.get_title()]
-        expected = [f"time {s.time:.4g}: {status.words(s.status)}" for s in (steps[0], steps[-1])]
+        expected = [f"time {s.time:.4g}: {status.summary(s.status)}" for s in (steps[0], steps[-1])]
         assert titles == expected
         present = {status.NAMES[letter] for s in (steps[0], steps[-1]) for letter in s.status}
         assert {text.get_text() for text in figure.legends[0].get_texts()} == present

@@ -215,7 +215,7 @@ def test_states_have_their_gamma_and_statuses_as_titles():
     system, _ = moved_block(COMM)
     branch = follow(system, start(system), 0.0, gamma_range=(0.0, 0.3))
     figure = plot.picture_of_states(None, system, branch.points[:1] + branch.points[-1:])
-    words = [status.words(system.result_at(p).tables["contact"].status) for p in branch.points]
+    words = [status.summary(system.result_at(p).tables["contact"].status) for p in branch.points]
     if COMM.rank == 0:
         titles = [axes.get_title() for axes in figure.axes if axes.get_title()]
         assert titles == [rf"$\gamma$ = {g}: {words[k]}" for g, k in ((0, 0), (0.3, -1))]
