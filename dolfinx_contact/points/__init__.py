@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Contact points: where they are, what is given there, and the operators leading to them."""
+"""Contact points: positions, data of obstacle and law, and the operators B and E."""

@@ -130,15 +130,13 @@ def _in_loops(parts: Sequence[Ints], rank: int) -> Mask:
     return np.asarray(left[first : first + len(parts[rank])])
 
 
-# -- functions that other nodes take ---------------------------------------------------------------
-
 # -- held nodes ------------------------------------------------------------------------------------
 
 
 def resting(V: fem.FunctionSpace, opposite: Opposite, fixed: Mask) -> Mask:
     """Return the mask of components in which neither a node nor its opposing point moves.
 
-    Collective. Without an opposing point the jump is not defined.
+    Collective. Nodes without an opposing point, which have no jump, are included.
 
     Args:
         V: displacement space.
@@ -184,6 +182,9 @@ def in_place(opposite: Opposite, nodes: Mask) -> Opposite:
 
     found = replace(opposite, nodes=rows(opposite.nodes, places.nodes))
     return replace(found, weights=rows(opposite.weights, places.weights))
+
+
+# -- functions that other nodes take ---------------------------------------------------------------
 
 
 def shared(

@@ -72,18 +72,18 @@ class ClosedPoints:
                 gaps = term.gaps(state) if s.slides else s.points.data.gap
                 joined.append(points if touching else gaps <= reach)
                 continue
-            glued = s.points.at_vertices(points.astype(float)) > 0.5
+            vertices = s.points.at_vertices(points.astype(float)) > 0.5
             if not touching:
-                glued = s.points.vertex_gaps <= reach
-            marks.array[s.points.vertex_trace_dofs[glued]] = 1.0
+                vertices = s.points.vertex_gaps <= reach
+            marks.array[s.points.vertex_trace_dofs[vertices]] = 1.0
         marks.scatter_reverse(la.InsertMode.add)
         quadratic = [s for s in eq.surfaces if s.degrees[0] > 1 and not s.between_bodies]
         if quadratic:
             marks.scatter_forward()
-            vertices = marks.array > 0
+            marked = marks.array > 0
             for s in quadratic:
                 closures = facet_closures(V, s.submesh.parent_facets)
-                whole = vertices[closures].sum(axis=1) >= V.mesh.geometry.dim
+                whole = marked[closures].sum(axis=1) >= V.mesh.geometry.dim
                 marks.array[closures[whole].reshape(-1)] = 1.0
         return cls(np.repeat(marks.array[:n] > 0, bs), joined, guessed)
 
@@ -156,7 +156,7 @@ def _of_stencils(
 def _of_sliding(
     comm: MPI.Comm, operator: Operator, share: Array, compliance: Array
 ) -> tuple[Nodes, Nodes, Array]:
-    """Return the same for sliding faces at a state. Collective."""
+    """Return the springs as `_of_stencils` does, for sliding faces. Collective."""
     from dolfinx_contact.points.sliding.operator import SlidingOperator
 
     assert isinstance(operator, SlidingOperator)
