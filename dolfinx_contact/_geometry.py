@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from dolfinx import fem, mesh
 
 __all__ = [
-    "along",
+    "along_tangent",
     "area_vector_rates",
     "area_vectors",
     "by_coordinates",
@@ -27,6 +27,7 @@ __all__ = [
     "in_space",
     "mesh_mark",
     "node_positions",
+    "plane_tangents",
     "ratio",
     "tangential",
     "unit",
@@ -126,12 +127,17 @@ def unit_rates(n: Array, length: Array) -> Array:
         n: unit vectors, shape (..., dim).
         length: lengths of the vectors m, shape (...,).
     """
-    along = n[..., :, None] * n[..., None, :]
-    return np.asarray((np.eye(n.shape[-1]) - along) / length[..., None, None])
+    normal_part = n[..., :, None] * n[..., None, :]
+    return np.asarray((np.eye(n.shape[-1]) - normal_part) / length[..., None, None])
 
 
-def along(v: Array, n: Array) -> Array:
-    """Return the components of vectors (m, 2) along t = (-n_y, n_x), shape (m,)."""
+def plane_tangents(n: Array) -> Array:
+    """Return the tangents t = (-n_y, n_x) of unit normals in 2D, shape (m, 2)."""
+    return np.stack([-n[:, 1], n[:, 0]], axis=1)
+
+
+def along_tangent(v: Array, n: Array) -> Array:
+    """Return the components of vectors (m, 2) along `plane_tangents`, shape (m,)."""
     return np.asarray(v[:, 1] * n[:, 0] - v[:, 0] * n[:, 1])
 
 

@@ -21,7 +21,7 @@ from dolfinx import fem, mesh
 
 from dolfinx_contact._forms import compiled_expression
 
-__all__ = ["Flat", "Values", "point_data"]
+__all__ = ["PointValues", "ScalarList", "point_data"]
 
 Array = npt.NDArray[np.float64]
 _CHUNK = 256  # number of points evaluated at once
@@ -34,7 +34,7 @@ def point_data(width: int) -> fem.Function:
     return fem.Function(fem.functionspace(points, element))
 
 
-class Flat:
+class ScalarList:
     """List of the scalar components of UFL expressions."""
 
     def __init__(self) -> None:
@@ -48,7 +48,7 @@ class Flat:
         return list(range(first, len(self.components)))
 
 
-class Values:
+class PointValues:
     """Compiled UFL scalars, evaluated at any number of points. Only construction is collective.
 
     Several evaluations are made if there are more points than cells.

@@ -37,7 +37,6 @@ __all__ = [
     "solve_eigenproblem",
     "split",
     "static_equations",
-    "turned",
     "unit",
 ]
 
@@ -101,11 +100,6 @@ def unit(vectors: Array, least: float = 0.0) -> Array:
     """Return vectors (k, dim) divided by their lengths; 0 for lengths up to ``least``."""
     size = np.linalg.norm(vectors, axis=1, keepdims=True)
     return np.where(size > least, vectors / np.where(size > least, size, 1.0), 0.0)
-
-
-def turned(n: Array) -> Array:
-    """Return the tangents (-n_y, n_x) of unit normals in the plane (k, 2)."""
-    return np.stack([-n[:, 1], n[:, 0]], axis=1)
 
 
 def on_gathered(comm: MPI.Comm, compute: Callable[..., R], *parts: npt.NDArray[Any]) -> R:

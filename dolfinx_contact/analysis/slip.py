@@ -25,6 +25,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact._arrays import Array, Mask
+from dolfinx_contact._geometry import plane_tangents
 from dolfinx_contact._mpi import require
 from dolfinx_contact.analysis.rows import (
     component_rows,
@@ -33,7 +34,6 @@ from dolfinx_contact.analysis.rows import (
     point_normals,
     require_nodes,
     split,
-    turned,
     unit,
 )
 from dolfinx_contact.body import rigid
@@ -104,7 +104,7 @@ class SlipPattern:
         n = point_normals(eq)
         if direction is None:
             require(eq.comm, eq.dim == 2, "in 3D a direction of slip must be given")
-            return turned(n)
+            return plane_tangents(n)
         try:
             given = np.asarray(direction, dtype=np.float64)
         except (TypeError, ValueError):
@@ -124,7 +124,7 @@ class SlipPattern:
         sense = senses(codes)
         sign = np.where(sense == PLUS, 1.0, np.where(sense == MINUS, -1.0, 0.0)) * touching
         if eq.dim == 2:
-            tangent = turned(n)
+            tangent = plane_tangents(n)
         else:
             tangent = unit(split(n, np.concatenate([s.jump for s in state.surfaces]))[1])
         return touching, sign[:, None] * tangent

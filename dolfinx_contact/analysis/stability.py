@@ -40,6 +40,7 @@ from scipy.linalg import eig
 import ufl
 
 from dolfinx_contact._arrays import Array, Ints
+from dolfinx_contact._geometry import plane_tangents
 from dolfinx_contact._mpi import Arguments, collective, on_root, require
 from dolfinx_contact._petsc import is_symmetric, staged
 from dolfinx_contact._validate import count
@@ -52,7 +53,6 @@ from dolfinx_contact.analysis.rows import (
     require_nodes,
     split,
     static_equations,
-    turned,
     unit,
 )
 from dolfinx_contact.analysis.vibrations import Body, DenseBody, body_of, damped, first_order
@@ -197,7 +197,7 @@ class _Points:
         self.friction = slope
         self.directions = np.where(at_bound[:, None], -unit(rt), 0.0)
         if eq.dim == 2:
-            self.directions[grazes] = turned(n)[grazes]
+            self.directions[grazes] = plane_tangents(n)[grazes]
         self.choices = np.full((len(n), 4), -1)
         self.choices[:, 0] = np.where(~touches, APART, np.where(slope > 0, HOLDS, FREE))
         self.choices[at_bound, 1] = ALONG

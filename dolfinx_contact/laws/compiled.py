@@ -24,7 +24,7 @@ from ufl.algorithms.analysis import extract_constants
 from ufl.corealg.traversal import unique_pre_traversal
 
 from dolfinx_contact._mpi import everywhere
-from dolfinx_contact._pointwise import Flat, Values
+from dolfinx_contact._pointwise import PointValues, ScalarList
 from dolfinx_contact._ufl import depends_on, not_affine
 from dolfinx_contact.laws.answers import Answers, Array, Codes, PointData
 from dolfinx_contact.laws.law import Law, StatusPiece, checked_pieces
@@ -76,7 +76,7 @@ class _Written:
     @property
     def scalars(self) -> list[Any]:
         """All scalar expressions to compile, component by component."""
-        flat = Flat()
+        flat = ScalarList()
         for piece in self.pieces.values():
             flat.add(piece.answer)
             _columns(flat, piece)
@@ -174,7 +174,7 @@ class CompiledLaw:
         self.codes = tuple(self._pieces)
         self.rows: npt.NDArray[np.int64] = np.zeros(max(self.codes) + 1, dtype=np.int64)
         self.rows[list(self.codes)] = np.arange(len(self.codes))
-        flat = Flat()
+        flat = ScalarList()
         known = "answer", "by_jump", "by_traction", "by_around"
         self.places: dict[str, list[list[int]]] = {name: [] for name in known}
         self.borders: list[list[tuple[int, int | None, int]]] = []
@@ -195,7 +195,7 @@ class CompiledLaw:
         if q is not None:
             slopes = (ufl.diff(q, by) for by in (self._jump, self._traction))
             self.places["pressure"] = [flat.add(e) for e in (q, *slopes)]
-        self.values = Values(flat.components, self._w, comm)
+        self.values = PointValues(flat.components, self._w, comm)
         roots = written.equations
         self._needs: dict[float, bool] = {}
         self._roots = Roots(roots, symbols.solved, self._w, comm) if roots else None
@@ -240,9 +240,9 @@ class CompiledLaw:
         return True
 
     @cached_property
-    def slopes(self) -> tuple[Values, list[list[int]]]:
+    def slopes(self) -> tuple[PointValues, list[list[int]]]:
         """Derivatives of border distances by jump and traction, compiled on first use."""
-        flat = Flat()
+        flat = ScalarList()
         places = []
         for piece in self._pieces.values():
             places.append(
@@ -253,27 +253,27 @@ class CompiledLaw:
                     for k in flat.add(ufl.diff(border.distance, by))
                 ]
             )
-        return Values(flat.components, self._w, self._comm), places
+        return PointValues(flat.components, self._w, self._comm), places
 
     @cached_property
-    def sensitivities(self) -> tuple[Values, list[list[int]], list[list[list[int]]]]:
+    def sensitivities(self) -> tuple[PointValues, list[list[int]], list[list[list[int]]]]:
         """Derivatives of the answers by normal and fields, compiled on first use."""
-        flat = Flat()
+        flat = ScalarList()
         by_normal = [flat.add(ufl.diff(p.answer, self._n)) for p in self._pieces.values()]
         by_field = [
             [flat.add(ufl.diff(p.answer, f)) for p in self._pieces.values()] for f in self._fields
         ]
-        return Values(flat.components, self._w, self._comm), by_normal, by_field
+        return PointValues(flat.components, self._w, self._comm), by_normal, by_field
 
     @cached_property
-    def pressure_sensitivities(self) -> Values:
+    def pressure_sensitivities(self) -> PointValues:
         """Derivatives of the averaged pressure by normal and law fields, compiled on first use."""
-        flat = Flat()
+        flat = ScalarList()
         for by in (self._n, *self._fields[:-1]):
             flat.add(ufl.diff(self._pressure, by))
-        return Values(flat.components, self._w, self._comm)
+        return PointValues(flat.components, self._w, self._comm)
 
-    def evaluate(self, values: Values, columns: Array) -> Array:
+    def evaluate(self, values: PointValues, columns: Array) -> Array:
         """Return values (n, width) at points with data ``columns`` (n, columns). Not collective."""
         return values(columns if self._roots is None else self._roots(columns))
 
@@ -330,7 +330,9 @@ class LawAtPoints:
 
         return Answers(self.compiled, found, turning=turning)
 
-    def _evaluate(self, values: Values, jump: Array, traction: Array, data: PointData) -> Array:
+    def _evaluate(
+        self, values: PointValues, jump: Array, traction: Array, data: PointData
+    ) -> Array:
         fields = [data.fields[name][:, None] for name in self.compiled.names]
         given = [data.n, data.gap[:, None], data.r[:, None], *fields]
         return self.compiled.evaluate(values, np.concatenate([jump, traction, *given], axis=1))
@@ -415,7 +417,7 @@ class LawAtPoints:
         return found, {name: chosen(places, d) for name, places in names}
 
 
-def _columns(flat: Flat, piece: StatusPiece) -> list[tuple[int, int | None, int]]:
+def _columns(flat: ScalarList, piece: StatusPiece) -> list[tuple[int, int | None, int]]:
     """Return the columns of distance and condition, and the target, of each border of a status."""
     found = []
     for border in piece.borders:

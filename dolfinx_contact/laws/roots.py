@@ -13,7 +13,7 @@ import numpy.typing as npt
 import ufl
 from dolfinx import fem
 
-from dolfinx_contact._pointwise import Flat, Values
+from dolfinx_contact._pointwise import PointValues, ScalarList
 from dolfinx_contact.laws.law import Equations
 from dolfinx_contact.laws.symbols import Solved
 
@@ -70,20 +70,20 @@ class _Root:
         self._n = len(solved.numbers)
         self._first = solved.first
         self._sense = equations.sense
-        flat = Flat()
+        flat = ScalarList()
         for f in equations.residual:
             flat.add(f)
         for f in equations.residual:
             for z in solved.numbers:
                 flat.add(ufl.diff(ufl.as_ufl(f), z))
-        self._system = Values(flat.components, w, comm)
-        known = Flat()
+        self._system = PointValues(flat.components, w, comm)
+        known = ScalarList()
         for start in equations.start:
             known.add(start)
         self._ends = equations.end is not None
         if self._ends:
             known.add(equations.end)
-        self._known = Values(known.components, w, comm)
+        self._known = PointValues(known.components, w, comm)
 
     def __call__(self, full: Array) -> None:
         """Solve at all points and write the solutions into the columns of ``full``."""

@@ -14,7 +14,14 @@ import numpy.typing as npt
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
-from dolfinx_contact._geometry import area_vectors, connected_parts, dot, tangential, unit
+from dolfinx_contact._geometry import (
+    area_vectors,
+    connected_parts,
+    dot,
+    plane_tangents,
+    tangential,
+    unit,
+)
 from dolfinx_contact._mpi import Arguments, collective, maximum, same_everywhere
 from dolfinx_contact.io.outside import gather_cells
 from dolfinx_contact.laws.status import COLOURS, NAMES
@@ -203,7 +210,7 @@ def _positions(data: Arrays) -> tuple[Array, Cells, str, Array]:
         Positions of the vertices (m,), the facets, the label, and the tangents (m, 2).
     """
     x, facets = data["x"][:, :2], data["cells"]
-    tangents = np.stack([-data["n"][:, 1], data["n"][:, 0]], axis=1)
+    tangents = plane_tangents(data["n"])
     axis = int(np.argmax(np.ptp(x, axis=0)))
     if np.ptp(x[:, 1 - axis]) < _STRAIGHT * np.ptp(x[:, axis]):
         return x[:, axis], facets, "xy"[axis], np.tile(np.eye(2)[axis], (len(x), 1))

@@ -28,7 +28,7 @@ from dolfinx_contact._arrays import Array, Indices
 from dolfinx_contact._compat import facet_integration_entities, interpolation_points
 from dolfinx_contact._forms import compiled_expression, compiled_form
 from dolfinx_contact._mpi import SharedValues
-from dolfinx_contact._pointwise import Flat, Values, point_data
+from dolfinx_contact._pointwise import PointValues, ScalarList, point_data
 from dolfinx_contact.obstacles import Measured, Obstacle
 from dolfinx_contact.points.trace import owned_exterior
 
@@ -52,7 +52,7 @@ class _Columns:
     """
 
     def __init__(self, expressions: Mapping[str, Any], first: Any):
-        flat = Flat()
+        flat = ScalarList()
         flat.add(first)
         self._places: dict[str, tuple[slice, tuple[int, ...]]] = {}
         for name, e in expressions.items():
@@ -299,7 +299,7 @@ class ScatteredEvaluator:
         }
         # FFCx does not compile expressions of numbers alone: the first column prevents them
         self._columns = _Columns({name: ufl.replace(e, known) for name, e in every.items()}, w[0])
-        self._values = Values(self._columns.components, w, domain.comm)
+        self._values = PointValues(self._columns.components, w, domain.comm)
 
     def __call__(self) -> dict[str, Array]:
         """Return an array per expression over the points of this rank. Not collective."""

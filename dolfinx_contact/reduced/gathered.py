@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact._arrays import Array, Codes, Ints, Mask
+from dolfinx_contact._geometry import plane_tangents
 from dolfinx_contact.equations.order import Gathered
 from dolfinx_contact.equations.parametric import ParametricEquations
 from dolfinx_contact.laws import Frictionless, LawAtPoints, PointData
@@ -126,7 +127,7 @@ class GatheredPoints:
 def _tangents(normals: Array) -> list[Array]:
     """Return unit tangents (m, dim): (-n_y, n_x) in 2D, two orthogonal ones in 3D."""
     if normals.shape[1] == 2:
-        return [np.stack([-normals[:, 1], normals[:, 0]], axis=1)]
+        return [plane_tangents(normals)]
     away = np.eye(3)[np.abs(normals).argmin(axis=1)]
     first = np.cross(normals, away)
     first = np.asarray(first / np.linalg.norm(first, axis=1)[:, None], dtype=np.float64)

@@ -18,7 +18,7 @@ import numpy as np
 from dolfinx import fem
 
 from dolfinx_contact._arrays import Array, Mask
-from dolfinx_contact._geometry import along
+from dolfinx_contact._geometry import along_tangent
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation
 from dolfinx_contact.laws.status import MINUS, PLUS, closed, senses
@@ -103,7 +103,7 @@ def vertex_state(eq: ContactEquations, number: int, evaluation: Evaluation) -> d
     shares = {"open": ~closed(found.statuses), "slip": slips}
     if s.dim == 2:
         # Without friction the status has no sign of slip: use the motion.
-        moved = along(at.increment, at.data.n)
+        moved = along_tangent(at.increment, at.data.n)
         grips = bound > 0
         shares["plus"] = slips & np.where(grips, friction == PLUS, moved > 0)
         shares["minus"] = slips & np.where(grips, friction == MINUS, moved < 0)

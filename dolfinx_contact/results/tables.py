@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact._arrays import Array
-from dolfinx_contact._geometry import along, in_space
+from dolfinx_contact._geometry import along_tangent, in_space
 from dolfinx_contact._install import optional
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import ContactState, Evaluation
@@ -191,7 +191,7 @@ class ContactTable:
     def along(self, vectors: Array) -> Array:
         """Return tangential ``vectors`` as scalars: components along t in 2D, norms in 3D."""
         if self.dim == 2:
-            return along(vectors, self.n)
+            return along_tangent(vectors, self.n)
         return np.asarray(np.linalg.norm(vectors, axis=1))
 
 
@@ -343,7 +343,7 @@ def _letters(s: DiscreteSurface, found: ContactState) -> npt.NDArray[np.str_]:
     for of_bond in np.unique(bond):
         free &= (bond != of_bond) | ~found.answers.may_be(STICK + of_bond)
     at = found.kinematics
-    return np.where(free, np.where(along(at.increment, at.data.n) < 0, "-", "+"), letters)
+    return np.where(free, np.where(along_tangent(at.increment, at.data.n) < 0, "-", "+"), letters)
 
 
 def _letters_of_bonds(
@@ -363,5 +363,5 @@ def _letters_of_motion(ut: Array, n: Array, least: float) -> npt.NDArray[np.str_
     size = np.linalg.norm(ut, axis=1)
     sliding: Any = "s"
     if ut.shape[1] == 2:
-        sliding = np.where(along(ut, n) > 0, "+", "-")
+        sliding = np.where(along_tangent(ut, n) > 0, "+", "-")
     return np.where(size > least, sliding, "k")

@@ -31,7 +31,7 @@ import numpy as np
 import scipy
 
 from dolfinx_contact._arrays import Array, Ints
-from dolfinx_contact._geometry import area_vectors, unit
+from dolfinx_contact._geometry import area_vectors, plane_tangents, unit
 
 __all__ = ["corner_normals", "crossed", "without_tips"]
 
@@ -203,7 +203,7 @@ def _edges(corners: Array, fans: Ints) -> tuple[Ints, Ints, Array]:
 def _tangents(normals: Array) -> Array:
     """Return orthonormal tangent vectors for each normal, shape (n, dim, dim - 1)."""
     if normals.shape[1] == 2:
-        return np.stack([-normals[:, 1], normals[:, 0]], axis=1)[:, :, None]
+        return plane_tangents(normals)[:, :, None]
     axis = np.eye(3)[np.argmin(np.abs(normals), axis=1)]
     first = unit(np.cross(normals, axis))
     return np.stack([first, np.cross(normals, first)], axis=2)
