@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from dolfinx_contact._mpi import anywhere, require
@@ -54,13 +56,13 @@ def can_condense(
     eq = system.equations
     if eq.dim != 2 or _obstacle_at_points(system):
         return False
-    held, oblique, _ = _partly_held(system)
-    other_law = any(
+    held = _partly_held(system)
+    other_laws = [
         not (bounded and s.law.bound_kind == "given")
         and not is_polyhedral(s.law_at_points, s.point_data(memory))
         for s, memory in zip(eq.surfaces, eq.memory, strict=True)
-    )
-    return not eq.comm.allreduce(int(other_law)) and not (oblique if partly else held)
+    ]
+    return not anywhere(eq.comm, any(other_laws))[0] and not (held.oblique if partly else held.some)
 
 
 def obstacle_to_points(system: ParametricEquations) -> str:
@@ -76,11 +78,12 @@ def obstacle_to_points(system: ParametricEquations) -> str:
         return obstacle
     if system.equations.dim == 2:
         fits = can_condense(system, bounded=True)
-        return "" if fits else "a law or the Dirichlet data at contact nodes are not polyhedral"
-    _, oblique, rubbed = _partly_held(system)
-    if oblique:
+        words = "a law is not polyhedral, or Dirichlet data hold contact nodes in part"
+        return "" if fits else words
+    held = _partly_held(system)
+    if held.oblique:
         return "Dirichlet data hold a component of contact nodes that is not a tangential one"
-    if rubbed:
+    if held.rubbed:
         return "Dirichlet data hold one tangential displacement of contact nodes with friction"
     return ""
 
@@ -97,7 +100,7 @@ def _obstacle_at_points(system: ParametricEquations) -> str:
         (any(s.points.E is not None for s in eq.surfaces), "contact is not at nodes"),
         (not all(s.linear for s in eq.surfaces), "sliding is not small"),
         (points > _MOST_POINTS, f"there are more than {_MOST_POINTS} contact points"),
-        (points == 0, "there is no contact point that is free"),
+        (points == 0, "no contact point is free"),
         (_share_nodes(eq), "surfaces have nodes in common"),
     ):
         if obstructs:
@@ -111,21 +114,30 @@ def _share_nodes(eq: ContactEquations) -> bool:
     return anywhere(eq.comm, len(np.unique(nodes)) < len(nodes))[0]
 
 
-def _partly_held(system: ParametricEquations) -> list[bool]:
-    """Return properties of the contact nodes that Dirichlet data hold in part. Collective.
+class _PartlyHeld(NamedTuple):
+    """Properties of the contact nodes that Dirichlet data hold in part.
 
-    Returns:
-        Whether there are any, whether a normal displacement is held, and whether friction acts
-        along a free tangent.
+    Attributes:
+        some: whether there are such nodes.
+        oblique: whether a displacement with a normal component is held.
+        rubbed: whether friction acts along a free tangent.
     """
+
+    some: bool
+    oblique: bool
+    rubbed: bool
+
+
+def _partly_held(system: ParametricEquations) -> _PartlyHeld:
+    """Return properties of the contact nodes that Dirichlet data hold in part. Collective."""
     eq = system.equations
-    found = [False, False, False]
+    some = oblique = rubbed = False
     constraints = eq.constraints.clamped, eq.constraints.fixed_jumps
     for s, clamped, fixed in zip(eq.surfaces, *constraints, strict=True):
-        some = fixed.any(axis=1) & ~clamped[: len(fixed)]
+        held = fixed.any(axis=1) & ~clamped[: len(fixed)]
         normal = np.abs(np.where(fixed, s.points.vertex_normals, 0.0)).max(axis=1, initial=0.0)
         friction = STICK in s.law_at_points.codes
-        found[0] |= bool((fixed.any(axis=1) & ~fixed.all(axis=1)).any())
-        found[1] |= bool((some & (normal > 1e-6)).any())
-        found[2] |= friction and bool((some & (fixed.sum(axis=1) == 1)).any())
-    return anywhere(eq.comm, *found)
+        some |= bool((fixed.any(axis=1) & ~fixed.all(axis=1)).any())
+        oblique |= bool((held & (normal > 1e-6)).any())
+        rubbed |= friction and bool((held & (fixed.sum(axis=1) == 1)).any())
+    return _PartlyHeld(*anywhere(eq.comm, some, oblique, rubbed))
