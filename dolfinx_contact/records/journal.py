@@ -45,7 +45,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass
 from enum import Enum
 from pathlib import Path
-from typing import Any, ClassVar, TypeVar
+from typing import Any, ClassVar, NamedTuple, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -81,13 +81,28 @@ FORMAT = 5
 _CRC = ', "crc": "'
 
 
-#: Folder of the array files of a point by kind, and the item of its entry with the fingerprint.
-ARRAYS = {"checkpoint": ("checkpoints", "sum"), "surface": ("surface", "surface_sum")}
+class _ArrayKind(NamedTuple):
+    """Place of the arrays of a point.
+
+    Attributes:
+        folder: folder of the files.
+        checksum: item of the entry with the fingerprint of the file.
+    """
+
+    folder: str
+    checksum: str
+
+
+#: Arrays of a point, by the item of its entry with the name of the file.
+ARRAYS = {
+    "checkpoint": _ArrayKind("checkpoints", "sum"),
+    "surface": _ArrayKind("surface", "surface_sum"),
+}
 
 
 def array_file(folder: Path, kind: str, name: str) -> Path:
     """Return the path of the ``"checkpoint"`` or the ``"surface"`` of a point."""
-    return folder / ARRAYS[kind][0] / f"{name}.npz"
+    return folder / ARRAYS[kind].folder / f"{name}.npz"
 
 
 def outer_surface_file(folder: Path) -> Path:

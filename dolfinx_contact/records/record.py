@@ -249,7 +249,7 @@ class Record(Observer, ABC, Generic[J]):
             OSError: on every rank, with the path, if they cannot be written; nothing remains.
         """
         checksum = self._save(array_file(self.folder, kind, name), arrays)
-        return {kind: name, ARRAYS[kind][1]: checksum}
+        return {kind: name, ARRAYS[kind].checksum: checksum}
 
     def _save(self, file: Path, arrays: Arrays) -> str:
         """Write the arrays of rank 0 to a file, and return its fingerprint. Collective."""
