@@ -600,7 +600,7 @@ class ContactProblem(ReadOnly):
                 statuses of the state.
         """
         with self._shown(state) as problem, problem._unknowns() as x:
-            self.equations.read_data()
+            problem.equations.read_data()
             statuses = problem.written_statuses if statuses is None else statuses
             return problem.equations.evaluate(x, statuses)
 

@@ -215,19 +215,19 @@ class Bulk:
 
     def read_data(self) -> None:
         """Read the present values of the Functions and Constants in the forms. Collective."""
-        before, of_stiffness = self._read
-        if not anywhere(self.comm, _checksum(self._data) != before)[0]:
+        of_data, of_stiffness = self._checksums
+        if not anywhere(self.comm, _checksum(self._data) != of_data)[0]:
             return
         self._update_ghosts()
         self._f = None
-        self.stiffness_mark += anywhere(self.comm, self._read[1] != of_stiffness)[0]
+        self.stiffness_mark += anywhere(self.comm, self._checksums[1] != of_stiffness)[0]
 
     def _update_ghosts(self) -> None:
         """Update the ghosts of Functions, and store checksums of all data. Collective."""
         for f in self._others:
             f.x.scatter_forward()
         #: Checksums of the local values of all data and of those in the stiffness.
-        self._read = _checksum(self._data), _checksum(self.stiffness_data)
+        self._checksums = _checksum(self._data), _checksum(self.stiffness_data)
 
     # -- residual and energy ---------------------------------------------------------------------
 

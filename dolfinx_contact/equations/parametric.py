@@ -245,9 +245,9 @@ class ParametricEquations(System):
                 self._set(gamma)
                 check_moduli(eq, where)
                 for s, memory in zip(surfaces, eq.memory, strict=True):
-                    # Opposing faces are searched again, if the law is constant at the ends only.
-                    searched = s.between_bodies and gamma == gammas[-1]
-                    if s in varying or searched or gamma == gammas[0]:
+                    # The test of a pair searches its faces: at the ends only if it is constant.
+                    ends = gammas[:1] if not s.between_bodies else (gammas[0], gammas[-1])
+                    if s in varying or gamma in ends:
                         check_surface(s, memory, where)
                 if changing or gamma == gammas[0]:
                     eq.constraints.check_values(surfaces, eq.body_size, where)
@@ -299,9 +299,9 @@ class ParametricEquations(System):
     def measure(
         self, x: PETSc.Vec, gamma: float, b: PETSc.Vec, piece: Piece | None, scales: Sequence[float]
     ) -> tuple[float, tuple[float, ...]]:
-        known = Scales(self.equations, known=scales)
-        size = known.measure(self._evaluate(x, gamma, b, piece)).worst
-        return size, (known.force, known.length)
+        units = Scales(self.equations, known=scales)
+        size = units.measure(self._evaluate(x, gamma, b, piece)).worst
+        return size, (units.force, units.length)
 
     def _evaluate(
         self, x: PETSc.Vec, gamma: float, b: PETSc.Vec, piece: Piece | None

@@ -303,9 +303,9 @@ def check_times(eq: ContactEquations) -> None:
 
 
 def _objection_to_time(s: DiscreteSurface, memory: Memory | None) -> str:
-    """Return the objection to a law lacking something under a memory. Not collective.
+    """Return the objection to a law whose data are incomplete with a memory. Not collective.
 
-    See `Law.lacks`. A law depending on the time needs a step with a duration
+    Missing data are those of `Law.lacks`, and the duration of a step for a law that depends on time
     (`CompiledLaw.needs_time`).
     """
     history = memory is not None and memory.step > 0
