@@ -345,9 +345,7 @@ class _Page:
         if unknown and check:
             raise ValueError(f"there is no column {unknown[0]!r}; columns: {', '.join(columns)}")
         title = self.title or name
-        labels = {column: _without_tex(text) for column, text in self.labels.items()}
-        functionals = content.pop("functionals", [])
-        scales = content.pop("scales", {})
+        described = self._columns(columns, content)
         meta = {
             "series": [],
             "points": 0,
@@ -365,15 +363,7 @@ class _Page:
             "statuses": _statuses(),
             "notes": notes,
             "arrays": arrays.formats,
-            "columns": [
-                {
-                    "name": n,
-                    "label": labels.get(n, n),
-                    "functional": n in functionals,
-                    "scale": scales.get(n, 0.0),
-                }
-                for n in columns
-            ],
+            "columns": described,
         }
         data = [_script("meta", "application/json", _json(meta))]
         data.append(_script("library", "text/plain", deflated(self.library)))
@@ -391,6 +381,21 @@ class _Page:
         }
         # One pass, so that inserted text is not searched.
         return re.sub(r"@([A-Z]+)@", lambda found: parts[found[1]], read("page.html"))
+
+    def _columns(self, columns: Sequence[str], content: dict[str, Any]) -> list[dict[str, Any]]:
+        """Describe columns; functionals and scales are taken out of the content of the page."""
+        labels = {column: _without_tex(text) for column, text in self.labels.items()}
+        functionals = content.pop("functionals", [])
+        scales = content.pop("scales", {})
+        return [
+            {
+                "name": n,
+                "label": labels.get(n, n),
+                "functional": n in functionals,
+                "scale": scales.get(n, 0.0),
+            }
+            for n in columns
+        ]
 
 
 def _content(arrays: Arrays, diagram: DiagramData) -> dict[str, Any]:
