@@ -178,9 +178,9 @@ class Chart:
         raise ValueError(f"({mu:g}, {gamma:g}) is outside of the cells")
 
     def save(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
-        """Write the chart to a file, without loss; from one rank.
+        """Write the chart to a file, from one rank, since every rank has the same chart.
 
-        Every rank has the same chart. The file is JSON, with a check sum.
+        The file is JSON with a check sum. Numbers are written without loss, curves as points.
 
         Args:
             path: file in an existing folder.

@@ -83,9 +83,9 @@ def solution_regions(
 def _are_explained(cells: Sequence[ChartCell]) -> bool:
     """Return whether solutions change across each curve as required, and only there."""
     stacked = [(a, b) for a, b in pairwise(cells) if a.mu == b.mu]
-    beside = [(a, b) for a, b in combinations(cells, 2) if a.mu[1] == b.mu[0] and _touch(a, b)]
+    neighbours = [(a, b) for a, b in combinations(cells, 2) if a.mu[1] == b.mu[0] and _touch(a, b)]
     return all(_differ_as_required(a, b) for a, b in stacked) and all(
-        a.solutions == b.solutions for a, b in beside
+        a.solutions == b.solutions for a, b in neighbours
     )
 
 
@@ -109,6 +109,7 @@ def _differ_as_required(below: ChartCell, above: ChartCell) -> bool:
         (curve,) = curves
         statuses = set(curve.statuses_at(mu))
         sides = (statuses <= lower, statuses <= upper)
-        mine = any(sides) if curve.kind == "fold" else not any(sides)
-        return lower ^ upper == statuses and mine
+        # both solutions of a fold are on one side, those of an event on different sides
+        fits = any(sides) if curve.kind == "fold" else not any(sides)
+        return lower ^ upper == statuses and fits
     return lower ^ upper <= set().union(*(curve.statuses_at(mu) for curve in curves))

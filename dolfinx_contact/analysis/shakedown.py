@@ -98,7 +98,7 @@ class Shakedown:
 
     @property
     def broken(self) -> tuple[LoadCycles, ...]:
-        """Cycles slipping for ever although a state at rest exists."""
+        """Cycles whose slip does not end although a state at rest exists."""
         slips = ("alternating slip", "ratcheting")
         ranges = [(a, b) for a, b in self.ranges if a < b]
         within = [c for c in self.cycles if any(a <= c.factor < b for a, b in ranges)]

@@ -103,7 +103,7 @@ class Walker(ABC):
         outgoing = None if self._leads_out(point) else self.rays_at(point)
         if outgoing is None:
             return point
-        onwards = self.onwards(outgoing, sign)
+        onwards = self.rays_with_gamma(outgoing, sign)
         if onwards:
             return max(onwards, key=lambda p: self.bordered.inner(p.tangent, point.tangent))
         if not outgoing.complete:
@@ -136,10 +136,10 @@ class Walker(ABC):
             passing.append(point)
         return FoundRays(tuple(passing), complete=smooth)
 
-    def onwards(self, outgoing: FoundRays[BranchPoint], sign: float) -> list[BranchPoint]:
+    def rays_with_gamma(self, outgoing: FoundRays[BranchPoint], sign: float) -> list[BranchPoint]:
         """Return the rays along which gamma changes in the sense ``sign``.
 
-        If there are none, these are the rays along which gamma is constant.
+        If there are none, return the rays along which gamma is constant.
         """
         least = _CONSTANT * self.bordered.gamma_scale
         rates = [(p, sign * self.bordered.gamma(p.tangent)) for p in outgoing.rays]

@@ -455,7 +455,7 @@ def _with_growing_load(
     constant. If there are none either and rays may be missing, the result is the start itself, and
     its first step searches for a direction.
     """
-    chosen = follower.onwards(departures, 1.0)
+    chosen = follower.rays_with_gamma(departures, 1.0)
     if len(chosen) == 1 or (not chosen and departures.complete):
         return chosen
     start = follower.start(x, 0.0)

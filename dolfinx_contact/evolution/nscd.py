@@ -247,10 +247,9 @@ class NSCD(Evolution):
                 Functions as they are with virgin memory. Required in the first run if the problem
                 has had another evolution.
             locate: time resolution of first contacts: a step in which a point closes is tried again
-                with half the length, unless that is shorter; default: not located. It is also the
-                lower bound of the length of a step that is tried again because it was not solved,
-                with a quarter of its length; by default dt/1024. The first such step gives a
-                warning.
+                with half the length, unless that is shorter; default: not located. A step that is
+                not solved is tried again with a quarter of its length, down to ``locate``, or to
+                dt/1024 by default; the first such step gives a warning.
             stop: condition that ends the run, see `QuasiStatic.run`.
             observer: observer of the accepted steps, see `QuasiStatic.run`.
             record: record of the accepted steps, see `QuasiStatic.run`.

@@ -112,8 +112,8 @@ class RateProblem:
         Args:
             piece: piece of the last step.
             t: its direction at the state.
-            every: whether all pieces meeting are tried if the statuses of the last step fail,
-                also if Newton's method finds a direction.
+            every: whether all pieces that meet at the state are tried if the statuses of the last
+                step fail, also if Newton's method finds a direction.
 
         Returns:
             Directions without the one that leads back; the path continues along the first.
