@@ -248,7 +248,7 @@ def scene_of(
     surface = outside.surface()
     body = outside.gather(local, whole=clip is not None)
     faces = {s.name: obstacle_facets(s) for s in problem.surfaces if not s.between_bodies}
-    tables = [problem.table(s) for s in problem.surfaces]
+    tables = [problem.table(s) for s in problem.surfaces] if dim == 2 else []
     if surface is None:
         return None
     x = body["x"][:, :dim] + scale * body["u"]
@@ -265,7 +265,7 @@ def scene_of(
         depth = obstacles[name].largest_depth(above)
         if scale != 1 and depth > _OVERLAP * np.max(np.ptp(body["x"], axis=0)):
             logger.warning(_DRAWN_THROUGH, name, scale)
-    points, letters = _points_at_vertices(body, x, slaves, tables if dim == 2 else [])
+    points, letters = _points_at_vertices(body, x, slaves, tables)
     return Scene(
         x=x,
         cells=body["cells"],
