@@ -30,7 +30,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from typing import get_args
+from typing import Any, get_args
 
 from petsc4py import PETSc
 
@@ -473,37 +473,13 @@ def follow_special(
     X = layout.vector()
     special.y.copy(X)
     other.set_parameter(mu)
-    # the condition, on the piece of the point before
-    before = branch.points[special.index - 1]
-    condition: _StatusChange | _SmoothFold
-    if _is_smooth_fold(special):
-        condition = _SmoothFold(system, *_copied(layout, X), before.piece)
-    else:
-        away = _copied(layout, before.y)
-        condition = _StatusChange(system, special.changes[0], *away, before.piece)
+    condition = _condition_at(system, layout, X, branch, special)
     extended = _Extended(system, other, X, condition, gamma_scale=gamma_scale)
-    branches: dict[Direction, Branch] = {}
     try:
         with system.restored(always=True):
-            for direction in get_args(Direction):
-                if not leads_out(mu, sign_of(direction), mu_range):
-                    branches[direction] = follow(
-                        extended,
-                        X,
-                        mu,
-                        gamma_range=mu_range,
-                        direction=direction,
-                        control=control,
-                        max_steps=max_steps,
-                        route="steps",
-                        progress=False,
-                    )
-        for direction in get_args(Direction):
-            if direction not in branches:  # the branch starts at an end of the range
-                (only,) = branches.values()
-                branches[direction] = Branch([only.points[0]])
-                branches[direction].end(Ending.REACHED)
-        down, up = branches["decreasing"], branches["increasing"]
+            down, up = _both_directions(
+                extended, X, mu, mu_range, control=control, max_steps=max_steps
+            )
         points = [*reversed(down.points[1:]), *up.points]
         events = [*reversed(down.special), *up.special]
         return SpecialCurve(
@@ -514,6 +490,42 @@ def follow_special(
         )
     finally:
         other.set_parameter(mu)
+
+
+def _condition_at(
+    system: System, layout: Layout, X: PETSc.Vec, branch: Branch, special: SpecialPoint
+) -> _StatusChange | _SmoothFold:
+    """Return the condition of a special point, on the piece of the point before it."""
+    before = branch.points[special.index - 1]
+    if _is_smooth_fold(special):
+        return _SmoothFold(system, *_copied(layout, X), before.piece)
+    away = _copied(layout, before.y)
+    return _StatusChange(system, special.changes[0], *away, before.piece)
+
+
+def _both_directions(
+    extended: _Extended, X: PETSc.Vec, mu: float, mu_range: tuple[float, float], **options: Any
+) -> tuple[Branch, Branch]:
+    """Trace a curve from X to both ends of the range of mu; return decreasing and increasing mu."""
+    branches: dict[Direction, Branch] = {}
+    for direction in get_args(Direction):
+        if not leads_out(mu, sign_of(direction), mu_range):
+            branches[direction] = follow(
+                extended,
+                X,
+                mu,
+                gamma_range=mu_range,
+                direction=direction,
+                route="steps",
+                progress=False,
+                **options,
+            )
+    for direction in get_args(Direction):
+        if direction not in branches:  # the branch starts at an end of the range
+            (only,) = branches.values()
+            branches[direction] = Branch([only.points[0]])
+            branches[direction].end(Ending.REACHED)
+    return branches["decreasing"], branches["increasing"]
 
 
 def _copied(layout: Layout, y: PETSc.Vec) -> tuple[PETSc.Vec, float]:
