@@ -16,6 +16,7 @@ from scipy.linalg import null_space
 import ufl
 
 from dolfinx_contact._geometry import by_coordinates, dot, unit
+from dolfinx_contact._mpi import everywhere
 from dolfinx_contact._ufl import refuse_other_mesh
 from dolfinx_contact._validate import number, one_of, vector
 from dolfinx_contact.io.fields import check_stress, of_cells, von_mises
@@ -23,6 +24,8 @@ from dolfinx_contact.io.outside import Outside, VertexMeans, obstacle_facets
 from dolfinx_contact.results.outer_surface import Arrays
 
 if TYPE_CHECKING:
+    from dolfinx import mesh
+
     from dolfinx_contact.equations.state import State
     from dolfinx_contact.problem import ContactProblem
     from dolfinx_contact.results.tables import ContactTable
@@ -200,6 +203,15 @@ def _arrows(name: str, points: Any, vectors: Any, dim: int) -> Array:
     return arrows
 
 
+def _check_field(field: Any, domain: mesh.Mesh) -> None:
+    """Raise ``ValueError`` if a field is neither "displacement" nor a UFL scalar of the mesh."""
+    if field is None or (isinstance(field, str) and field == "displacement"):
+        return
+    if not isinstance(field, ufl.core.expr.Expr) or field.ufl_shape != ():
+        raise ValueError(f"field must be 'displacement' or a UFL scalar, got {field!r}")
+    refuse_other_mesh(field, domain, "the field")
+
+
 # -- gathering -----------------------------------------------------------------------------------
 
 
@@ -234,12 +246,14 @@ def scene_of(
     """
     domain = problem.V.mesh
     dim = domain.geometry.dim
-    scale = number(scale, "the scale of the displacement")
-    if dim == 2 and not (view is None and clip is None):
-        raise ValueError("view and clip are for bodies in 3D")
-    eye = None if view is None else _direction(view, "view")
-    plane = None if clip is None else _plane(clip)
-    known = {name: _arrows(name, *arrow, dim) for name, arrow in (arrows or {}).items()}
+    with everywhere(problem.comm, "the look of a picture"):
+        scale = number(scale, "the scale of the displacement")
+        if dim == 2 and not (view is None and clip is None):
+            raise ValueError("view and clip are for bodies in 3D")
+        eye = None if view is None else _direction(view, "view")
+        plane = None if clip is None else _plane(clip)
+        known = {name: _arrows(name, *arrow, dim) for name, arrow in (arrows or {}).items()}
+        _check_field(field, domain)
     if scale != 1:
         title = ", ".join(filter(None, [title, f"displacement x {scale:g}"]))
     # bodies
@@ -331,13 +345,10 @@ def _field_at_vertices(
     tags = check_stress(problem, stress)
     rule: dict[str, Any] = {"quadrature_rule": "vertex"}
     fields: dict[int | None, Any]
-    if isinstance(field, str) and field == "displacement":
+    if isinstance(field, str):
         label, fields = field, {None: ufl.sqrt(ufl.dot(problem.u, problem.u))}
-    elif isinstance(field, ufl.core.expr.Expr) and field.ufl_shape == ():
-        refuse_other_mesh(field, domain, "the field")
-        label, fields = getattr(field, "name", "field"), {None: field}
     elif field is not None:
-        raise ValueError(f"field must be 'displacement' or a UFL scalar, got {field!r}")
+        label, fields = getattr(field, "name", "field"), {None: field}
     elif stress is None:
         return "", {}
     else:

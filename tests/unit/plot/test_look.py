@@ -257,6 +257,15 @@ def test_pictures_refuse_unknown_fields_and_options(look, words):
     assert len(set(COMM.allgather(str(info.value)))) == 1
 
 
+@pytest.mark.ranks(2)
+def test_pictures_refuse_a_field_that_is_wrong_on_one_rank():
+    problem = block(n=2)
+    field = problem.u if COMM.rank == COMM.size - 1 else problem.u[0]
+    with pytest.raises(ValueError, match="field must be 'displacement' or a UFL scalar") as info:
+        plot.picture_of_body(None, problem, field=field)
+    assert len(set(COMM.allgather(str(info.value)))) == 1
+
+
 def test_pictures_refuse_unknown_directions():
     problem = block(n=2, cell="hex")
     for look, words in (
