@@ -274,13 +274,12 @@ def mesh_from_gmsh(
             differ between ranks. KeyboardInterrupt and SystemExit of ``draw`` pass, on every rank.
     """
     gmsh = optional("gmsh", "gmsh")
-    wanted = list(groups)
     with ExitStack() as session:
         model = None
         with everywhere(comm, "drawing in gmsh"):  # whatever is raised, the other ranks wait
             if comm.rank == 0:
                 model = session.enter_context(empty_model(gmsh))
-                _fill(model, draw, dim, wanted)
+                _fill(model, draw, dim, list(groups))
         return _distribute(comm, model)
 
 
