@@ -402,12 +402,12 @@ class ParametricContact(ReadOnly, ParametricEquations):
         for s, a, b in self.parts():
             gathered = Gathered(s.comm, s.positions, s.points.ids)
             word, left = np.array(left[: len(gathered)]), left[len(gathered) :]
-            every = "".join(status.letters(s.dim))
-            fits = fits and len(word) == len(gathered) and set(word) <= {*every, "d"} - {" "}
+            codes = {str(status.letters(s.dim)[code]): code for code in s.law_at_points.codes}
+            fits = fits and len(word) == len(gathered) and set(word) <= {*codes, "d"}
             if fits:
                 own = word[gathered.mine]
                 fits = bool(np.array_equal(own == "d", self.clamped[a:b]))
-                parts.append([OPEN if c == "d" else every.index(c) for c in own])
+                parts.append([codes.get(c, OPEN) for c in own])
         objection = "the letters of a piece must be the statuses of all points, as in `letters`"
         require(self.comm, fits and not left, objection)
         return Piece(np.concatenate(parts).astype(np.int8))
