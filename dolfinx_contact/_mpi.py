@@ -277,7 +277,9 @@ def _comparable(value: Any) -> Any:
         value = value.tolist()
     if isinstance(value, float):
         return value + 0.0  # -0.0 is 0.0
-    if value is None or isinstance(value, bool | int | complex | str | bytes | Enum | os.PathLike):
+    if isinstance(value, os.PathLike):
+        return os.fspath(value)
+    if value is None or isinstance(value, bool | int | complex | str | bytes | Enum):
         return value
     if isinstance(value, set | frozenset):
         return sorted(repr(_comparable(v)) for v in value)
