@@ -146,10 +146,12 @@ def solve(
     inverting = ""
     negative: list[str] = []
     for strategy, run in strategies(equations, linear, increments, trial, start):
+        # skip strategies that would fail for the same reason
         if objection and strategy != _INCREMENTS and inverting != _EXTRAPOLATED:
             continue
         if strategy == _FOLLOWING and _INCREMENTS in floating and attempts[0].strategy in floating:
             continue  # its branch begins where nothing holds the body
+        # run the strategy from the start
         attempt = Attempt(strategy, limit=_LIMITS.get(strategy, math.inf))
         attempts.append(attempt)
         progress.strategy = strategy
@@ -161,6 +163,7 @@ def solve(
             again = "a rigid motion is free there too" if floating else ""
             attempt.reason = str(error)
             floating[strategy] = error
+        # refuse a body that has drifted away, and inverted cells
         drifts = strategy in floating
         if attempt.converged and (reason := diverged(equations, x)):
             attempt.converged = False
@@ -176,6 +179,7 @@ def solve(
             x.copy(turned)
         negative = negative or list(_negative_bounds(equations, x))
         progress.clear()
+        # end if other strategies would fail too
         if len(attempts) == 1 and drifts and (soft := _soft_strain(equations)):
             raise ConvergenceError(soft, attempts)
         if attempt.linear_solver_failed and linear().is_iterative:
@@ -203,11 +207,13 @@ def _soft_strain(eq: ContactEquations) -> str:
     K = eq.bulk.stiffness(eq.bulk.displacement.x.array)
     dim = len(eq.bulk.displacement)
     x = eq.V.tabulate_dof_coordinates()[: eq.V.dofmap.index_map.size_local, :dim]
+    # symmetric unit strains
     strains = []
     for i, j in combinations_with_replacement(range(dim), 2):
         strain = np.zeros((dim, dim))
         strain[i, j] = strain[j, i] = 1.0
         strains.append(strain)
+    # energies of pairs of their displacements
     fields, products = K.createVecRight(), K.createVecLeft()
     energies = np.zeros((len(strains), len(strains)))
     for k, strain in enumerate(strains):
@@ -218,6 +224,7 @@ def _soft_strain(eq: ContactEquations) -> str:
     fields.destroy()
     products.destroy()
     energies = eq.comm.allreduce(energies)
+    # the softest strain
     values, vectors = np.linalg.eigh((energies + energies.T) / 2)
     if abs(values[0]) > _SOFT * np.abs(values).max():
         return ""
