@@ -75,8 +75,7 @@ class DiscreteSurface(ReadOnly):
         displaced: gap and normal at displaced points; None in small sliding.
         true_gaps: function returning distances of the displaced points to the obstacle.
         moved_along: whether the last change of its Constants moved the obstacle along its surface.
-        start_depth: depth of the points in the obstacle at the start, shape (n,); None for pairs,
-            and if the description has interference or remove_overlap.
+        start_gaps: gaps of the points at the start, with overlaps, shape (n,).
 
     Raises:
         ValueError: on every rank, if facets, obstacle or law do not fit the mesh, obstacles differ
@@ -133,10 +132,8 @@ class DiscreteSurface(ReadOnly):
         self._place_points(points_class)
         # initial overlap, and gap and normal at displaced points
         self._overlap = Overlap.of(name, contact.interference, contact.remove_overlap)
-        unset = contact.interference is None and contact.remove_overlap is None
-        self.start_depth: Array | None = None
+        self.start_gaps: Array = self.points.gaps.copy()
         if not self.between_bodies:
-            self.start_depth = np.maximum(-self.points.gaps, 0.0) if unset else None
             self._settle_overlap(self.points.data.gap, self.points.vertex_gaps)
         self.displaced = self._displaced_points() if moves else None
         turns = moves and self.rigid_body is not None and self.rigid_body.turns

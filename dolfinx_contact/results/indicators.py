@@ -19,6 +19,7 @@ position, gap, normal and jump at contact points.
 | `between_points` | depth of an edge, corner, sphere or cylinder in a facet, between its contact points, over the size of the facet, or the radius if that is smaller | 0.2 |
 | `across` | fraction of the normal forces where the normals of body and obstacle are more than 66 degrees apart | 0.02 |
 | `overlap` | initial penetration of closed points into a rigid obstacle, over the smallest extent of the body; not evaluated with interference or remove_overlap, nor after the obstacle has moved | 0.05 |
+| `growth` | static law: fraction of the friction bound at closed points whose initial gap exceeds the smallest one by more than 1 % of the largest displacement | 0.05 |
 | `negative_bound` | own laws: largest negative friction bound of closed points, as a nodal force, over the largest one | 1e-6 |
 | `penetration` | compliant laws: largest -g | 0.1 facets |
 | `min_det_F` | smallest det(I + grad u) of a nonlinear body | 0 (below) |
@@ -84,6 +85,7 @@ LIMITS = {
     "between_points": 0.2,
     "across": 0.02,
     "overlap": 0.05,
+    "growth": 0.05,
     "negative_bound": 1e-6,
     "penetration": 0.1,
     "min_det_F": 0.0,
@@ -117,6 +119,8 @@ _MESSAGES = {
     "edge, or reverse the obstacle",
     "overlap": "the body starts in the obstacle, by {:.2g} of its smallest extent, and is pushed "
     "out; interference=True allows it, remove_overlap starts without stress",
+    "growth": "a fraction of {:.2g} of the friction bound is at points that came into contact under "
+    "the load, and the static law counts their slip before contact; QuasiStatic follows the load",
     "negative_bound": "the friction bound of the law is negative, by {:.2g} of the largest force, "
     "so that friction acts along the slip; let the bound end at 0, as in ufl.max_value(..., 0.0)",
     "penetration": "the surface gives way by {:.2g} facet sizes; increase the stiffness of the law",
@@ -136,6 +140,7 @@ _FACING = 0.5  # smallest cosine between normals of faces that face each other
 _CARRYING = 1e-3  # of the largest traction, above which an open point counts as carrying
 _ACROSS = 0.4  # cosine of the normals of body and obstacle, below which a force is across
 _SAMPLES = 4  # samples of an edge of the obstacle per facet of the body
+_AT_ONCE = 0.01  # of the largest displacement: spread of initial gaps that close together
 _STRAIGHT = 0.9  # cosine with the normal of a facet, above which a corner lies below the facet
 _ROUND_OFF = 1e-9  # relative excess of a threshold that is not an excess
 _TINY = float(np.finfo(np.float64).tiny)
@@ -161,6 +166,8 @@ class SurfaceIndicators:
             more than 66 degrees apart.
         overlap: initial penetration of closed points into the obstacle, relative to the smallest
             extent of the body.
+        growth: fraction of the friction bound at points that came into contact under the load;
+            0 in steps from a state.
         negative_bound: largest negative friction bound of closed points, as a nodal force relative
             to the largest one.
         penetration: largest depth, a length; None if the law is not compliant.
@@ -178,6 +185,7 @@ class SurfaceIndicators:
     between_points: float = 0.0
     across: float = 0.0
     overlap: float = 0.0
+    growth: float = 0.0
     negative_bound: float = 0.0
     penetration: float | None = None
 
@@ -297,6 +305,7 @@ def surface_indicators(eq: ContactEquations, state: Evaluation) -> dict[str, Sur
             small,
             spin=_spin(eq, s, contact),
             penetration=depth,
+            growth=_growth(s, state, contact),
             negative_bound=_negative_bound(eq, s, state, contact),
         )
         if s.slides:
@@ -347,6 +356,22 @@ def _negative_bound(
     largest = _most(s, np.linalg.norm(contact.traction, axis=1) * areas)
     scale = max(largest, round_off_force(eq, _most(s, np.abs(state.u))))
     return below / scale if below > 0.0 else 0.0
+
+
+def _growth(s: DiscreteSurface, state: Evaluation, contact: ContactState) -> float:
+    """Return the fraction of the friction bound at points that closed under the load. Collective.
+
+    Points whose initial gaps differ little close together and have no slip before contact.
+    """
+    if contact.kinematics.memory is not None or STICK not in s.law_at_points.codes:
+        return 0.0
+    gaps = np.maximum(s.start_gaps, 0.0)
+    first = s.comm.allreduce(float(np.min(gaps, initial=np.inf)), op=min)
+    late = gaps - first > _AT_ONCE * _most(s, np.abs(state.u))
+    bound = np.maximum(_touching(contact, np.nan_to_num(contact.answers.bound)), 0.0)
+    bound = bound * s.points.areas
+    sums = s.comm.allreduce(np.array([bound[late].sum(), bound.sum()]))
+    return float(sums[0] / sums[1]) if sums[1] > 0 else 0.0
 
 
 def _touching(contact: ContactState, values: Array) -> Array:
@@ -631,10 +656,11 @@ def _numbers(given: Any) -> Array | None:
 
 def _overlap(eq: ContactEquations, s: DiscreteSurface, contact: ContactState) -> float:
     """Return the initial depth of closed points over the smallest extent. Collective."""
-    if s.start_depth is None:
+    given = s.description
+    if given.interference is not None or given.remove_overlap is not None:
         return 0.0
-    moved = not np.array_equal(s.start_depth, np.maximum(-s.points.gaps, 0.0))
-    depth = _most(s, _touching(contact, s.start_depth))
+    moved = not np.array_equal(s.start_gaps, s.points.gaps)
+    depth = _most(s, _touching(contact, -s.start_gaps))
     low, high = bounding_box(eq.comm, eq.nodes)
     return 0.0 if anywhere(eq.comm, moved)[0] else depth / float(np.min(high - low))
 

@@ -87,7 +87,7 @@ def test_sliding_on_a_disc_is_measured(method, slide, log):
     if slide < 0.1:
         assert 0 < result.misfit < 1e-5 * size
         assert not message
-        assert not result.warnings
+        assert "misfit of 'contact'" not in result.warnings
     else:
         assert result.misfit > 1e-3 * size
         assert f"differs by {worst / indicators.facet:.2g} facet sizes" in message
@@ -110,6 +110,40 @@ def test_a_cylinder_between_contact_points_gives_a_warning(log):
     (found,) = problem.solve().indicators.surfaces.values()
     assert found.between_points == pytest.approx(0.5, rel=1e-9)
     assert said(log, "between_points of 'contact'")
+
+
+# -- static law ----------------------------------------------------------------------------------
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize("law", [Coulomb(0.3), Frictionless()])
+@pytest.mark.parametrize("sliding", ["small", "large"])
+def test_static_law_gives_a_warning_where_the_contact_zone_grows(law, sliding, log):
+    """All points but the lowest one have an initial gap; the next step starts from a state."""
+    disc = Sphere((0.5, -2.0), 2.0)
+    problem = block(n=8, cell="quad", law=law, obstacle=disc, top=(0.0, -0.05), sliding=sliding)
+    result = problem.solve()
+    table = result.tables["contact"]
+    g0 = np.hypot(table.x[:, 0] - 0.5, table.x[:, 1] + 2.0) - 2.0
+    late = np.where(g0 > 0.01 * 0.05, table.bound, 0.0)
+    found = result.indicators.surfaces["contact"].growth
+    if isinstance(law, Frictionless):
+        assert found == 0.0
+    else:
+        sums = COMM.allreduce(np.array([late.sum(), table.bound.sum()]))
+        assert found == pytest.approx(sums[0] / sums[1], rel=1e-6)
+        assert "QuasiStatic" in result.warnings["growth of 'contact'"]
+    assert bool(said(log, "growth of 'contact'")) == isinstance(law, Coulomb)
+    step = problem.step_from(problem.snapshot())
+    assert "growth of 'contact'" not in step.solve().warnings
+
+
+def test_points_that_close_together_do_not_count_as_growth():
+    """A block lowered on a floor below it, with an uneven face of 1e-6 of its height."""
+    floor = LevelSet(lambda x: x[1] + 0.1 + 1e-6 * ufl.sin(7 * x[0]))
+    result = block(n=4, cell="quad", obstacle=floor, top=(0.05, -0.2)).solve()
+    assert result.tables["contact"].bound.sum() > 0.0
+    assert result.indicators.surfaces["contact"].growth == 0.0
 
 
 # -- det F ---------------------------------------------------------------------------------------
