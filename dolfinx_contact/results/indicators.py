@@ -119,8 +119,8 @@ _MESSAGES = {
     "edge, or reverse the obstacle",
     "overlap": "the body starts in the obstacle, by {:.2g} of its smallest extent, and is pushed "
     "out; interference=True allows it, remove_overlap starts without stress",
-    "growth": "a fraction of {:.2g} of the friction bound is at points that came into contact under "
-    "the load, and the static law counts their slip before contact; QuasiStatic follows the load",
+    "growth": "a fraction of {:.2g} of the friction bound is at points that came into contact "
+    "under the load, and the static law counts their slip before contact; use QuasiStatic",
     "negative_bound": "the friction bound of the law is negative, by {:.2g} of the largest force, "
     "so that friction acts along the slip; let the bound end at 0, as in ufl.max_value(..., 0.0)",
     "penetration": "the surface gives way by {:.2g} facet sizes; increase the stiffness of the law",

@@ -51,6 +51,7 @@ NUMBERS = {
     ],
     "dragged_body": [
         Number("imbalance of floor and support", "equilibrium", "imbalance", "0", 1e-10),
+        Number("shear of the history", "itself, 20 steps", "-dragged[0]", "0.376738", 2e-3),
     ],
     "two_cylinders": [
         Number("contact radius, mm", "Hertz", "contact_radius", "hertz_radius", 0.03),
