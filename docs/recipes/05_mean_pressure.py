@@ -5,14 +5,14 @@
 # of the boundary is the average of its points, weighted by area. Over a physical group of gmsh it
 # is the force divided by the area of the group, an integral over `body.ds("tread")`;
 # `body.dx("tyre")` is the measure of a group of cells. Here a tyre of area 0.64 pi is pressed on
-# the floor.
+# the floor without friction.
 
 import numpy as np
 from common import Wheel
 
 from dolfinx import fem
 
-wheel = Wheel()
+wheel = Wheel(friction=0.0)
 wheel.put(down=0.05, forward=0.0, angle=0.0)
 table = wheel.problem.solve().tables["contact"]
 region = np.isin(table.letters, list("k+-"))  # closed points: open ones have round-off

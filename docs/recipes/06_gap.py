@@ -8,11 +8,11 @@
 import numpy as np
 from common import Block
 
-from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace
+from dolfinx_contact import ContactProblem, ContactSurface, Frictionless, HalfSpace
 
 block = Block()
 floor = HalfSpace(point=(0.0, 0.0), normal=(0.02, 1.0))
-contact = ContactSurface(block.u, block.bottom, obstacle=floor, law=Coulomb(0.3))
+contact = ContactSurface(block.u, block.bottom, obstacle=floor, law=Frictionless())
 table = ContactProblem(block.energy, block.u, [contact], bcs=block.bcs).solve().tables["contact"]
 for x, gap, letter in zip(table.x[:, 0], table.un, table.letters, strict=True):
     print(f"x = {x:.3f}: gap {gap:.5f} {letter}")

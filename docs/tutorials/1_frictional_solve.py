@@ -3,8 +3,8 @@
 #
 # A rubber foot with a round face is pressed onto a floor and dragged along it. The tutorial draws
 # it with gmsh, reads the mesh file, solves the Signorini-Coulomb problem, evaluates forces and the
-# sticking and slipping points, and draws pictures. Lengths are in mm and forces in N, so that
-# stresses are in MPa. It needs the extras `gmsh` and `pictures`.
+# sticking and slipping points, draws pictures, and follows the motion of the foot in steps. Lengths
+# are in mm and forces in N, so that stresses are in MPa. It needs the extras `gmsh` and `pictures`.
 #
 # The problem is to find $u$ in equilibrium with its loads such that at every point of the contact
 # surface, with the gap $g$, the pressure $p$, the tangential displacement $u_t$ and the shear $q$
@@ -26,6 +26,7 @@ import ufl
 from dolfinx import fem
 
 from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, plot
+from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.meshing import read_mesh
 
@@ -112,18 +113,30 @@ stress = rubber.full_stress(u)
 plot.picture_of_body("body.png", problem, stress=stress, clip="y")
 plot.picture_of_contact("contact.png", problem)
 
-# ## Other loads
+# ## The path of the foot
 #
-# Constants may change between two solves. The friction coefficient is a Constant too:
-# `contact.law.friction`. Each solve starts from the previous solution. With increasing displacement
-# more points slip, until all of them slip and the shear is $F$ times the normal force.
+# The log has the warning `growth`. `solve` uses the static law, in which friction opposes the whole
+# tangential displacement. Nearly all points of the round face came into contact under the load, and
+# the static law counts their slip before contact. A history avoids this: friction opposes the slip
+# in each step. The function `load` sets the data of a time. Here the foot is pressed until $t = 1$
+# and dragged by 0.04 mm until $t = 2$. More and more points slip, until all of them slip and the
+# shear is $F$ times the normal force.
 
-ratios = []
-for shift in (0.0, 0.005, 0.01, 0.02, 0.04):
-    top.value[0] = shift
-    moved = problem.solve()
-    f = moved.resultants["contact"]
-    ratios.append(abs(f[0]) / f[2])
-    print(f"shift {shift:.3f}: shear over pressure {ratios[-1]:.3f}, {moved.counts}")
-assert ratios[0] < 0.01
-assert np.isclose(ratios[-1], 0.4, rtol=1e-3)
+
+def load(t):
+    top.value = (0.04 * max(t - 1.0, 0.0), 0.0, -0.04 * min(t, 1.0))
+
+
+load(0.0)
+problem.solve()
+history = QuasiStatic(problem, load).run([0.0, 0.25, 0.5, 0.75, 1.0, 1.125, 1.25, 1.5, 2.0])
+ratios = {}
+for step in history.steps:
+    f = step.result.resultants["contact"]
+    ratios[step.time] = np.hypot(*f[:2]) / f[2]
+    print(f"t = {step.time}: shear over pressure {ratios[step.time]:.3f}, {step.result.counts}")
+assert ratios[1.0] < 0.01
+assert np.isclose(ratios[2.0], 0.4, rtol=1e-3)
+
+# The friction coefficient is a Constant, too: `contact.law.friction.value` may change between two
+# solves. [The third tutorial](3_history_with_memory.py) continues with histories.

@@ -10,7 +10,6 @@ from dolfinx import fem
 
 import dolfinx_contact.laws
 from dolfinx_contact import (
-    ConvergenceError,
     Coulomb,
     Frictionless,
     ParametricContact,
@@ -126,15 +125,3 @@ def test_compliant_surfaces_pivot_with_frictionless_and_coulomb_laws():
     for law in (Frictionless(), Coulomb(0.3), Tresca(3.0), Regularised(Coulomb(0.3), 1e-3)):
         problem = problem_of(law_of("NormalCompliance(C, 1, law)", law=law))
         assert pivots(problem) == isinstance(law, Frictionless | Coulomb)
-
-
-@pytest.mark.long
-def test_uzawa_and_penalty_solve_any_law_or_report_failure():
-    """They find the solution or report a failure."""
-    for row in ROWS:
-        law = law_of(row[0])
-        known = problem_of(law).solve().tables["contact"]
-        for name, accuracy in (("uzawa", 1e-7), ("penalty", 1e-6)):
-            problem = problem_of(law)
-            if not refused(lambda p=problem, a=name: p.solve(algorithm=a), ConvergenceError):
-                same_tables(problem.table(problem.surfaces[0]), known, accuracy)
