@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """The classical algorithms beside Newton's method: what converges, iterations, time over Newton's.
 
-The GRECO block, plane blocks and cubes, two bodies, and with ``--large`` a slab with 1 089 contact
-nodes; friction from 0.1 to 3, from zero. Prints a table, writes it as JSON, draws the residual
-histories of one case, and the iterations of one problem over friction.
+The GRECO block, plane blocks and cubes, two bodies, four problems of Siconos (`tests/data/siconos`,
+on their contact points), and with ``--large`` a slab with 1 089 contact nodes; friction from 0.1 to
+3, from zero. Prints every run and a table of iterations in Markdown, writes the runs as JSON, draws
+the residual histories of one case, and the iterations of one problem over friction.
 
     python3 benchmarks/algorithms.py --output algorithms.json
 """
@@ -15,6 +16,7 @@ import json
 import logging
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 from mpi4py import MPI
@@ -29,7 +31,15 @@ from support.blocks import block
 from dolfinx import mesh
 
 from dolfinx_contact import ConvergenceError, plot
-from dolfinx_contact.algorithms import GaussSeidel, Lemke, TrescaFixedPoint, Uzawa
+from dolfinx_contact.algorithms import ALGORITHMS as NAMED
+from dolfinx_contact.algorithms import (
+    GaussSeidel,
+    Lemke,
+    SemismoothNewton,
+    TrescaFixedPoint,
+    Uzawa,
+    load_points,
+)
 
 FRICTION = [0.1, 0.3, 0.6, 1.0, 2.0, 3.0]
 ALGORITHMS = {
@@ -75,6 +85,54 @@ PROBLEMS = {
     "cube 4": lambda comm: block(comm, n=4, cell="hex"),
     "cube 6": lambda comm: block(comm, n=6, cell="hex"),
 }
+SICONOS = Path(__file__).parents[1] / "tests" / "data" / "siconos"
+#: Problems of Siconos by their files. They have no body: Newton's method works on the points too.
+PUBLIC = {
+    "Siconos 00031": "FrictionContactProblem00031.dat",
+    "Siconos 00394": "FrictionContactProblem00394.dat",
+    "Siconos Example1": "FC3D_Example1_SBM.dat",
+    "Siconos Rover4396": "Rover4396.dat",
+}
+
+
+class Body:
+    """A body, condensed onto its contact points by every algorithm except Newton's method."""
+
+    def __init__(self, make, comm):
+        self.problem = make(comm)
+        self.dim = self.problem.V.mesh.geometry.dim
+
+    def set(self, friction):
+        for s in self.problem.surfaces:
+            s.law.friction.value = friction
+
+    def solve(self, algorithm):
+        return solve(self.problem, algorithm)
+
+
+class Points:
+    """A problem that was published on its contact points."""
+
+    def __init__(self, file):
+        self.problem = load_points(SICONOS / file)
+        self.dim = self.problem.dim
+
+    def set(self, friction):
+        self.problem = replace(self.problem, friction=np.full(self.problem.number, friction))
+
+    def solve(self, algorithm):
+        if isinstance(algorithm, str):
+            algorithm = SemismoothNewton() if algorithm == "newton" else NAMED[algorithm]
+        begun = time.perf_counter()
+        outcome = algorithm.run(self.problem)
+        found = {
+            "converged": outcome.converged,
+            "reason": outcome.reason,
+            "iterations": outcome.iterations,
+            "seconds": time.perf_counter() - begun,
+            "residuals": [float(residual) for residual in outcome.residuals],
+        }
+        return found, outcome.r if outcome.converged else None
 
 
 def solve(problem, algorithm):
@@ -97,21 +155,18 @@ def solve(problem, algorithm):
     return found, np.concatenate(forces) if forces else None
 
 
-def run(name, make, algorithms, frictions, comm):
+def run(name, case, algorithms, frictions, comm):
     """Records of one problem."""
-    problem = make(comm)
     records = []
-    dim = problem.V.mesh.geometry.dim
     for friction in frictions:
-        for s in problem.surfaces:
-            s.law.friction.value = friction
-        solve(problem, "newton")  # once untimed
-        newton, known = solve(problem, "newton")
+        case.set(friction)
+        case.solve("newton")  # once untimed
+        newton, known = case.solve("newton")
         records.append({"problem": name, "friction": friction, "algorithm": "newton"} | newton)
         for title in algorithms:
-            if dim == 3 and title.startswith("lemke"):
+            if case.dim == 3 and title.startswith("lemke"):
                 continue
-            found, forces = solve(problem, ALGORITHMS[title])
+            found, forces = case.solve(ALGORITHMS[title])
             record = {"problem": name, "friction": friction, "algorithm": title} | found
             record["newton_seconds"] = newton["seconds"]
             record["time_ratio"] = found["seconds"] / newton["seconds"]
@@ -127,6 +182,21 @@ def shown(r):
     ended = f"{r['off_newton']:.0e}" if "off_newton" in r else r["reason"]
     cells = (r["problem"], f"{r['friction']:g}", r["algorithm"], r["iterations"])
     return "| " + " | ".join(map(str, cells)) + f" | {r['time_ratio']:.1f} | {ended} |"
+
+
+def table(records, friction):
+    """Iterations at one friction by problem and algorithm; a dash where nothing converged."""
+    cells = {
+        (r["problem"], r["algorithm"]): str(r["iterations"]) if r["converged"] else "-"
+        for r in records
+        if r["friction"] == friction
+    }
+    names = ["newton", *ALGORITHMS]
+    lines = [f"| F = {friction:g} | " + " | ".join(names) + " |", "|---" * (len(names) + 1) + "|"]
+    for problem in dict.fromkeys(problem for problem, _ in cells):
+        row = [problem, *(cells.get((problem, name), "") for name in names)]
+        lines.append("| " + " | ".join(row) + " |")
+    return "\n".join(lines)
 
 
 def main() -> None:
@@ -145,12 +215,18 @@ def main() -> None:
         print("| problem | F | algorithm | iterations | time over Newton's | off Newton's forces |")
         print("|---" * 6 + "|")
     records = []
-    for name, make in PROBLEMS.items():
-        if args.only in (None, name) and not (args.large and args.only is None):
-            records += run(name, make, ALGORITHMS, frictions, comm)
+    if not (args.large and args.only is None):
+        for name, make in PROBLEMS.items():
+            if args.only in (None, name):
+                records += run(name, Body(make, comm), ALGORITHMS, frictions, comm)
+        for name, file in PUBLIC.items():
+            if args.only in (None, name):
+                records += run(name, Points(file), ALGORITHMS, frictions, comm)
     if args.large:
-        records += run("slab 33 x 33", slab, LARGE, frictions, comm)
+        records += run("slab 33 x 33", Body(slab, comm), LARGE, frictions, comm)
     if comm.rank == 0:
+        for friction in frictions:
+            print("", table(records, friction), sep="\n")
         file = Path(args.output)
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_text(json.dumps(records, indent=1) + "\n")
