@@ -19,7 +19,7 @@ from typing import ClassVar
 import numpy as np
 
 from dolfinx_contact._arrays import Array
-from dolfinx_contact.algorithms.iteration import Algorithm, Iteration, check
+from dolfinx_contact.algorithms.iteration import Algorithm, Iteration, check_between
 from dolfinx_contact.algorithms.one_point import one_point
 from dolfinx_contact.reduced.point_problem import PointProblem
 
@@ -40,7 +40,7 @@ class GaussSeidel(Algorithm):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check(self, relaxation=0 < self.relaxation < 2)
+        check_between(self.relaxation, "relaxation", 2.0)
 
     def _iterate(self, contact: PointProblem, r: Array, iteration: Iteration) -> None:
         m, d = r.shape

@@ -46,7 +46,7 @@ class InteriorPoint(Algorithm):
 
     def _iterate(self, contact: PointProblem, r: Array, iteration: Iteration) -> None:
         nothing = np.zeros_like(r)
-        free = iteration.measure(contact.free, nothing).worst <= iteration.trend.tolerance
+        free = iteration.measure(contact.free, nothing).worst <= iteration.tolerance
         if free and not np.any(contact.p):
             iteration.stops(contact.free, nothing, gap=0.0)
             return

@@ -9,18 +9,18 @@ iterates repeat in a cycle, diverge or stagnate, or the limit on iterations is r
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field, fields
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
 from dolfinx_contact._arrays import Array
-from dolfinx_contact._validate import is_count, is_number
+from dolfinx_contact._validate import count, number
 from dolfinx_contact.equations.measures import Measures
 from dolfinx_contact.reduced.point_problem import PointProblem
 
-__all__ = ["Algorithm", "Iteration", "Outcome", "Trend"]
+__all__ = ["Algorithm", "Iteration", "Outcome", "check_between"]
 
 Monitor = Callable[[Measures], None]
 
@@ -62,71 +62,8 @@ class Outcome:
         return [m.worst for m in self.measures]
 
 
-class Trend:
-    """Stopping test: detects convergence, cycles, divergence and stagnation.
-
-    Args:
-        limit: maximum number of iterations.
-        tolerance: measure at which an algorithm has converged.
-    """
-
-    def __init__(self, limit: int, tolerance: float):
-        self.limit = limit
-        self.tolerance = tolerance
-        self.count = -1
-        self.converged = False
-        self.reason = ""
-        self._before: deque[tuple[Array, float]] = deque(maxlen=_LONGEST_CYCLE)
-        self._least = np.inf
-        self._suspicion = 0
-
-    def stops(self, iterate: Array, worst: float) -> bool:
-        """Return True if this iterate is the last one, and set `reason`.
-
-        Args:
-            iterate: state of the algorithm, any shape.
-            worst: largest measure of the iterate.
-        """
-        self.count += 1
-        if not np.isfinite(worst):
-            return self._end("the iterates are not finite")
-        if worst <= self.tolerance:
-            self.converged = True
-            return self._end("converged")
-        self._least = min(self._least, worst)
-        if worst > _FAR * self._least:
-            return self._end(f"diverges: the residual is {worst:.1e} after {self._least:.1e}")
-        if self.count >= self.limit:
-            return self._end(f"no convergence in {self.limit} iterations: residual {worst:.1e}")
-        return self._repeats(iterate.reshape(-1), worst)
-
-    def _repeats(self, x: Array, worst: float) -> bool:
-        """Return True if the iterates stagnate or repeat for a period without improvement."""
-        size = float(np.linalg.norm(x))
-        away = [float(np.linalg.norm(x - y)) for y, _ in self._before]
-        if away and away[-1] <= _STILL * size:
-            return self._end(f"stands still at a residual of {worst:.1e}")
-        period = next(
-            (
-                len(away) - i
-                for i in reversed(range(len(away) - 1))
-                if away[i] <= _SAME * away[-1] and worst > 0.99 * self._before[i][1]
-            ),
-            0,
-        )
-        self._before.append((x.copy(), worst))
-        self._suspicion = self._suspicion + 1 if period else 0
-        if period and self._suspicion >= period:
-            return self._end(f"a cycle of {period} iterates: residual {worst:.1e}")
-        return False
-
-    def _end(self, reason: str) -> bool:
-        self.reason = reason
-        return True
-
-
 class Iteration:
-    """Measures and records the iterates of an algorithm on a reduced problem.
+    """Measures and records the iterates of an algorithm, and decides when it stops.
 
     Args:
         contact: reduced problem.
@@ -136,6 +73,8 @@ class Iteration:
 
     Attributes:
         outcome: current iterate and history.
+        force: scale of forces in the measures.
+        length: scale of displacements in the measures.
     """
 
     def __init__(
@@ -146,12 +85,16 @@ class Iteration:
         monitor: Monitor | None = None,
     ):
         self.contact = contact
+        self.limit = limit
+        self.tolerance = tolerance
         self.monitor = monitor
-        self.trend = Trend(limit, tolerance)
         self.force = contact.force
         self.length = contact.length
         start = np.zeros((contact.number, contact.dim))
         self.outcome = Outcome(start, start)
+        self._before: deque[tuple[Array, float]] = deque(maxlen=_LONGEST_CYCLE)
+        self._least = np.inf
+        self._suspicion = 0
 
     def measure(self, a: Array, r: Array) -> Measures:
         """Return the measures of a state and update the scales of force and length.
@@ -164,7 +107,7 @@ class Iteration:
             self.force = max(self.force, float(np.abs(r).max()))
             self.length = max(self.length, float(np.abs(a).max()))
         measures = self.contact.measure(a, r, self.force, self.length)
-        if measures.worst <= self.trend.tolerance:
+        if measures.worst <= self.tolerance:
             force = max(self.contact.force, float(np.abs(r).max()))
             length = max(self.contact.length, float(np.abs(a).max()))
             if self.force > _APART * force or self.length > _APART * length:
@@ -183,27 +126,56 @@ class Iteration:
             series: further quantities to record by name.
         """
         measures = self.measure(a, r)
-        found = self.outcome
-        found.a = a.copy()
-        found.r = r.copy()
-        found.measures.append(measures)
+        outcome = self.outcome
+        outcome.a = a.copy()
+        outcome.r = r.copy()
+        outcome.measures.append(measures)
         for name, value in series.items():
-            found.series.setdefault(name, []).append(float(value))
+            outcome.series.setdefault(name, []).append(float(value))
         if self.monitor is not None:
             self.monitor(measures)
-        columns = [a / self.length, r / self.force]
-        columns += [] if given is None else [given[:, None] / self.force]
-        state = np.concatenate(columns, axis=1)
-        stops = self.trend.stops(state, measures.worst)
-        found.converged = self.trend.converged
-        found.reason = self.trend.reason
-        return stops
+        outcome.converged = measures.worst <= self.tolerance
+        outcome.reason = "converged" if outcome.converged else self._failure(measures.worst)
+        if not outcome.reason:
+            columns = [a / self.length, r / self.force]
+            columns += [] if given is None else [given[:, None] / self.force]
+            outcome.reason = self._repetition(np.hstack(columns).reshape(-1), measures.worst)
+        return bool(outcome.reason)
 
-    def fails(self, reason: str) -> Outcome:
-        """Return the outcome of an algorithm that cannot continue, with its reason."""
+    def _failure(self, worst: float) -> str:
+        """Return the reason why no further iterate is computed; "" if there is none."""
+        if not np.isfinite(worst):
+            return "the iterates are not finite"
+        self._least = min(self._least, worst)
+        if worst > _FAR * self._least:
+            return f"diverges: the residual is {worst:.1e} after {self._least:.1e}"
+        if self.outcome.iterations >= self.limit:
+            return f"no convergence in {self.limit} iterations: residual {worst:.1e}"
+        return ""
+
+    def _repetition(self, x: Array, worst: float) -> str:
+        """Describe iterates that stagnate or repeat for a period without improvement."""
+        away = [float(np.linalg.norm(x - y)) for y, _ in self._before]
+        if away and away[-1] <= _STILL * float(np.linalg.norm(x)):
+            return f"stands still at a residual of {worst:.1e}"
+        period = next(
+            (
+                len(away) - i
+                for i in reversed(range(len(away) - 1))
+                if away[i] <= _SAME * away[-1] and worst > 0.99 * self._before[i][1]
+            ),
+            0,
+        )
+        self._before.append((x, worst))
+        self._suspicion = self._suspicion + 1 if period else 0
+        if period and self._suspicion >= period:
+            return f"a cycle of {period} iterates: residual {worst:.1e}"
+        return ""
+
+    def fails(self, reason: str) -> None:
+        """End an algorithm that cannot continue, with its reason."""
         self.outcome.converged = False
         self.outcome.reason = reason
-        return self.outcome
 
 
 @dataclass(frozen=True)
@@ -219,11 +191,7 @@ class Algorithm:
     max_iterations: int = 1000
 
     def __post_init__(self) -> None:
-        kinds = {"float": is_number, "int": is_number, "bool": _is_truth}
-        for f in fields(self):
-            is_kind = kinds.get(str(f.type))
-            check(self, **{f.name: is_kind is None or is_kind(getattr(self, f.name))})
-        check(self, max_iterations=is_count(self.max_iterations))
+        count(self.max_iterations, "max_iterations")
 
     def run(
         self,
@@ -264,12 +232,7 @@ class Algorithm:
         return f"{self.name}({', '.join(other)})" if other else self.name
 
 
-def check(options: Algorithm, **valid: bool) -> None:
-    """Raise ``ValueError`` for the first option that is not valid."""
-    wrong: Mapping[str, bool] = {name: ok for name, ok in valid.items() if not ok}
-    for name in wrong:
-        raise ValueError(f"{options.name}: {name} must not be {getattr(options, name)!r}")
-
-
-def _is_truth(value: Any) -> bool:
-    return isinstance(value, bool | np.bool_)
+def check_between(value: float, name: str, most: float) -> None:
+    """Raise ``ValueError`` unless a number lies between 0 and ``most``, both excluded."""
+    if not 0 < number(value, name) < most:
+        raise ValueError(f"{name} must be between 0 and {most:g}, got {value!r}")

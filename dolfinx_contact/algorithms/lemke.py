@@ -33,7 +33,8 @@ import numpy as np
 from scipy.linalg.blas import dger
 
 from dolfinx_contact._arrays import Array, Ints
-from dolfinx_contact.algorithms.iteration import Algorithm, Iteration, check
+from dolfinx_contact._validate import count
+from dolfinx_contact.algorithms.iteration import Algorithm, Iteration
 from dolfinx_contact.algorithms.semismooth import newton_step
 from dolfinx_contact.laws.coulomb import violation
 from dolfinx_contact.reduced.point_problem import PointProblem
@@ -78,7 +79,7 @@ class Lemke(Algorithm):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check(self, facets=self.facets >= 3)
+        count(self.facets, "facets", least=3)
 
     def _iterate(self, contact: PointProblem, r: Array, iteration: Iteration) -> None:
         iteration.stops(contact.displacements(r), r, pivots=0)
@@ -89,7 +90,7 @@ class Lemke(Algorithm):
             return
         a = contact.displacements(r)
         if contact.dim == 2:
-            enough = _POLISHED * iteration.trend.tolerance
+            enough = _POLISHED * iteration.tolerance
             a, r = _polished(contact, r, lambda a, r: iteration.measure(a, r).worst, enough)
         iteration.stops(a, r, pivots=pivots)
         worst = f"{iteration.outcome.measures[-1].worst:.1e}"

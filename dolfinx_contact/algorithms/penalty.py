@@ -20,7 +20,8 @@ from typing import ClassVar
 import numpy as np
 
 from dolfinx_contact._arrays import Array
-from dolfinx_contact.algorithms.iteration import Algorithm, Iteration, check
+from dolfinx_contact._validate import positive
+from dolfinx_contact.algorithms.iteration import Algorithm, Iteration, check_between
 from dolfinx_contact.algorithms.semismooth import solve_yielding
 from dolfinx_contact.reduced.point_problem import PointProblem
 
@@ -49,10 +50,11 @@ class Penalty(Algorithm):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check(self, stiffness=self.stiffness > 0, accuracy=0 < self.accuracy < 1)
+        positive(self.stiffness, "stiffness")
+        check_between(self.accuracy, "accuracy", 1.0)
 
     def _iterate(self, contact: PointProblem, r: Array, iteration: Iteration) -> None:
-        iteration.trend.tolerance = max(self.accuracy, iteration.trend.tolerance)
+        iteration.tolerance = max(self.accuracy, iteration.tolerance)
         none = np.zeros_like(r)
         k = self.stiffness * contact.augmentation
         a = contact.displacements(r)

@@ -47,7 +47,7 @@ class ProjectedGradient(Algorithm):
         while not iteration.stops(a, r, energy=energy):
             inner = _GivenBound(contact, contact.radius(r[:, -1]), r)
             # Do not solve more accurately than the stopping measure can resolve.
-            seen = 0.1 * iteration.trend.tolerance * iteration.length
+            seen = 0.1 * iteration.tolerance * iteration.length
             least = max(_REDUCTION * inner.left, seen)
             inner.step()
             while inner.left > least and not iteration.stops(inner.a, inner.r, energy=inner.energy):

@@ -19,7 +19,8 @@ from typing import ClassVar
 import numpy as np
 
 from dolfinx_contact._arrays import Array
-from dolfinx_contact.algorithms.iteration import Algorithm, Iteration, check
+from dolfinx_contact._validate import flag
+from dolfinx_contact.algorithms.iteration import Algorithm, Iteration, check_between
 from dolfinx_contact.algorithms.semismooth import solve_semismooth
 from dolfinx_contact.reduced.point_problem import PointProblem
 
@@ -44,14 +45,15 @@ class TrescaFixedPoint(Algorithm):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check(self, relaxation=0 < self.relaxation < 2)
+        check_between(self.relaxation, "relaxation", 2.0)
+        flag(self.aitken, "aitken")
 
     def _iterate(self, contact: PointProblem, r: Array, iteration: Iteration) -> None:
         relaxed = _BoundRelaxation(self.relaxation, aitken=self.aitken)
         g = contact.radius(r[:, -1])
         a = contact.displacements(r)
         steps = 0
-        tolerance = _SHARE * iteration.trend.tolerance
+        tolerance = _SHARE * iteration.tolerance
         while not iteration.stops(a, r, g, inner=steps):
             a, steps, solved = solve_semismooth(contact.given(g), a, tolerance=tolerance)
             r = contact.forces(a)

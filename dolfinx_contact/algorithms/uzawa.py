@@ -19,7 +19,8 @@ from typing import ClassVar
 import numpy as np
 
 from dolfinx_contact._arrays import Array
-from dolfinx_contact.algorithms.iteration import Algorithm, Iteration, check
+from dolfinx_contact._validate import flag, positive
+from dolfinx_contact.algorithms.iteration import Algorithm, Iteration
 from dolfinx_contact.algorithms.semismooth import solve_yielding
 from dolfinx_contact.reduced.point_problem import PointProblem
 
@@ -48,7 +49,8 @@ class Uzawa(Algorithm):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check(self, step=self.step > 0)
+        positive(self.step, "step")
+        flag(self.augmented, "augmented")
 
     def _iterate(self, contact: PointProblem, r: Array, iteration: Iteration) -> None:
         k = contact.augmentation
@@ -61,7 +63,7 @@ class Uzawa(Algorithm):
         a = contact.displacements(r)
         while not iteration.stops(a, r):
             if self.augmented:
-                cold = iteration.trend.count == 0
+                cold = iteration.outcome.iterations == 0
                 a, steps, solved = solve_yielding(contact, a, r, rho, cold=cold)
                 if not solved:
                     iteration.fails(

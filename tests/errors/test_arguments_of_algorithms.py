@@ -77,5 +77,5 @@ def test_point_problem_refuses_data(arguments, message):
     ],
 )
 def test_algorithms_refuse_options_that_are_no_numbers(algorithm, option, value):
-    with pytest.raises(ValueError, match=f"{option} must not be"):
+    with pytest.raises(ValueError, match=f"{option} must be"):
         algorithm(**{option: value})

@@ -466,7 +466,7 @@ MISUSE = {
     ),
     "half an iteration of Uzawa": (
         lambda w: Uzawa(max_iterations=2.5),
-        "uzawa: max_iterations must not be 2.5",
+        "max_iterations must be a whole number >= 1, got 2.5",
     ),
     "expected numbers": (lambda w: w.problem.solve(expected=[1, 2]), "expected must be a list"),
     "range of mu": (
