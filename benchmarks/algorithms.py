@@ -128,11 +128,16 @@ class Points:
         found = {
             "converged": outcome.converged,
             "reason": outcome.reason,
-            "iterations": outcome.iterations,
+            "iterations": iterations(outcome),
             "seconds": time.perf_counter() - begun,
             "residuals": [float(residual) for residual in outcome.residuals],
         }
         return found, outcome.r if outcome.converged else None
+
+
+def iterations(attempt):
+    """Iterations of an attempt or outcome; pivots of Lemke's method."""
+    return int(attempt.series["pivots"][-1]) if "pivots" in attempt.series else attempt.iterations
 
 
 def solve(problem, algorithm):
@@ -142,13 +147,13 @@ def solve(problem, algorithm):
     begun = time.perf_counter()
     try:
         result = problem.solve(algorithm=algorithm, progress=False)
-        found = {"converged": True, "reason": result.reason, "iterations": result.iterations}
         attempt = result.attempts[-1]
+        found = {"converged": True, "reason": result.reason, "iterations": iterations(attempt)}
         tables = result.tables
     except ConvergenceError as error:
         attempt = error.attempts[-1]
         tables = {}
-        found = {"converged": False, "reason": attempt.reason, "iterations": attempt.iterations}
+        found = {"converged": False, "reason": attempt.reason, "iterations": iterations(attempt)}
     found["seconds"] = time.perf_counter() - begun
     found["residuals"] = [float(step.measures.worst) for step in attempt.steps]
     forces = [t.force for t in tables.values()]
@@ -184,18 +189,17 @@ def shown(r):
     return "| " + " | ".join(map(str, cells)) + f" | {r['time_ratio']:.1f} | {ended} |"
 
 
-def table(records, friction):
-    """Iterations at one friction by problem and algorithm; a dash where nothing converged."""
-    cells = {
-        (r["problem"], r["algorithm"]): str(r["iterations"]) if r["converged"] else "-"
-        for r in records
-        if r["friction"] == friction
-    }
+def table(records):
+    """Iterations by problem and algorithm, at every friction; a dash where nothing converged."""
+    cells = {}
+    for r in records:
+        cell = cells.setdefault(r["problem"], {}).setdefault(r["algorithm"], [])
+        cell.append(str(r["iterations"]) if r["converged"] else "-")
     names = ["newton", *ALGORITHMS]
-    lines = [f"| F = {friction:g} | " + " | ".join(names) + " |", "|---" * (len(names) + 1) + "|"]
-    for problem in dict.fromkeys(problem for problem, _ in cells):
-        row = [problem, *(cells.get((problem, name), "") for name in names)]
-        lines.append("| " + " | ".join(row) + " |")
+    lines = ["| problem | " + " | ".join(names) + " |", "|---" * (len(names) + 1) + "|"]
+    for problem, row in cells.items():
+        found = (", ".join(row.get(name, [])) for name in names)
+        lines.append("| " + " | ".join([problem, *found]) + " |")
     return "\n".join(lines)
 
 
@@ -225,8 +229,7 @@ def main() -> None:
     if args.large:
         records += run("slab 33 x 33", Body(slab, comm), LARGE, frictions, comm)
     if comm.rank == 0:
-        for friction in frictions:
-            print("", table(records, friction), sep="\n")
+        print("", table(records), sep="\n")
         file = Path(args.output)
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_text(json.dumps(records, indent=1) + "\n")
