@@ -35,8 +35,6 @@ from dolfinx_contact.reduced.scope import can_condense
 from dolfinx_contact.solvers.history import (
     Attempt,
     ConvergenceError,
-    FloatingBodyError,
-    LinearSolverError,
     SolveProgress,
     Step,
 )
@@ -87,48 +85,39 @@ def solve_by(
 
     Raises:
         ValueError: on every rank, if the algorithm does not support the problem.
-        ConvergenceError: if the algorithm does not converge, with its attempt; a
-            `FloatingBodyError` for a body without supports.
+        ConvergenceError: if the algorithm does not converge, with its attempt.
     """
+    _require_scope(equations)
     attempt = Attempt(algorithm.described())
-    failure: type[ConvergenceError] = ConvergenceError
     progress.strategy = algorithm.name
     x = x0.copy()
-
-    def notify(step: Step) -> None:
+    try:
+        reduction = Reduction.of(equations)
+    except RuntimeError as error:
+        attempt.reason = str(error)
+    else:
+        with reduction:
+            _on_points(algorithm, reduction, equations, x, attempt)
+    for step in attempt.steps:
         progress.clear()
         if equations.comm.rank == 0:
             logger.info("%s, %s", attempt.strategy, step)
         if monitor is not None:
             monitor(step)
         progress.step(step)
-
-    tolerance = float(equations.options.value("snes_rtol") or _TOLERANCE)
-    _require_scope(equations)
-    try:
-        _on_points(algorithm, equations, x, attempt, tolerance)
-        for step in attempt.steps:
-            notify(step)
-    except (FloatingBodyError, LinearSolverError) as error:
-        attempt.converged = False
-        attempt.reason = str(error)
-        failure = FloatingBodyError if isinstance(error, FloatingBodyError) else failure
     if attempt.converged and (reason := diverged(equations, x)):
         attempt.converged = False
         attempt.reason = reason
     if not attempt.converged:
         x.destroy()
-        raise failure(_what_failed(attempt), [attempt])
+        worst = f", residual {attempt.steps[-1].measures.worst:.2g}" if attempt.steps else ""
+        raise ConvergenceError(
+            f"the contact problem was not solved:\n- {attempt.strategy}: {attempt.reason} "
+            f"({attempt.iterations} iterations{worst})\n"
+            "The displacement and the multipliers are as they were before the solve.",
+            [attempt],
+        )
     return x, [attempt]
-
-
-def _what_failed(attempt: Attempt) -> str:
-    worst = f", residual {attempt.steps[-1].measures.worst:.2g}" if attempt.steps else ""
-    return (
-        f"the contact problem was not solved:\n- {attempt.strategy}: {attempt.reason} "
-        f"({attempt.iterations} iterations{worst})\n"
-        "The displacement and the multipliers are as they were before the solve."
-    )
 
 
 def _require_scope(eq: ContactEquations) -> None:
@@ -146,43 +135,37 @@ def _require_scope(eq: ContactEquations) -> None:
 
 def _on_points(
     algorithm: Algorithm,
+    reduction: Reduction,
     equations: ContactEquations,
     x: PETSc.Vec,
     attempt: Attempt,
-    tolerance: float,
 ) -> None:
-    """Condense the body, solve on rank 0, and write the solution into ``x``."""
-    try:
-        reduction = Reduction.of(equations)
-    except RuntimeError as error:
-        raise LinearSolverError(str(error)) from error
-    with reduction:
-        scales = scales_at(equations, x)
-        contact = scaled(reduction.problem(), scales)
-        dim = contact.dim
-        start = reduction.contract(x)[:, dim:] * reduction.force_unit
-        # Measure the body with the scales of the reduced problem.
-        scales.force = max(scales.force, contact.force)
-        scales.length = max(scales.length, contact.length)
-        outcome = on_root(
-            equations.comm, lambda: algorithm.run(contact, tolerance=tolerance, start=start)
-        )
-        attempt.steps += [Step(i, m, 0, 1.0) for i, m in enumerate(outcome.measures)]
-        attempt.series = outcome.series
-        attempt.converged = outcome.converged
-        attempt.reason = outcome.reason
-        a = contact.displacements(outcome.r)
-        reduction.expand(np.hstack([a, outcome.r / reduction.force_unit]), 0.0, x)
-        reduction.relax(x)
+    """Solve on the contact points, on rank 0, and write the solution into ``x``. Collective."""
+    tolerance = float(equations.options.value("snes_rtol") or _TOLERANCE)
+    scales = scales_at(equations, x)
+    contact = scaled(reduction.problem(), scales)
+    start = reduction.contract(x)[:, contact.dim :] * reduction.force_unit
+    # Measure the body with the scales of the reduced problem.
+    scales.force = max(scales.force, contact.force)
+    scales.length = max(scales.length, contact.length)
+    outcome = on_root(
+        equations.comm, lambda: algorithm.run(contact, tolerance=tolerance, start=start)
+    )
+    attempt.steps = [Step(i, m, 0, 1.0) for i, m in enumerate(outcome.measures)]
+    attempt.series = outcome.series
+    attempt.converged = outcome.converged
+    attempt.reason = outcome.reason
+    a = contact.displacements(outcome.r)
+    reduction.expand(np.hstack([a, outcome.r / reduction.force_unit]), 0.0, x)
+    reduction.relax(x)
     if not outcome.converged:
         return
     measures = scales.measure(equations.evaluate(x))
-    last = attempt.steps[-1]
+    attempt.steps[-1] = replace(attempt.steps[-1], measures=measures)
     accuracy = algorithm.accuracy if isinstance(algorithm, Penalty) else tolerance
     if not measures.worst <= _GATHERED * accuracy:
         attempt.converged = False
         attempt.reason = f"the points are in equilibrium, the body is not: {measures.worst:.1e}"
-    attempt.steps[-1] = replace(last, measures=measures)
 
 
 def start_by_lemke(
