@@ -20,7 +20,7 @@ import numpy as np
 
 from dolfinx_contact._arrays import Array
 from dolfinx_contact.algorithms.iteration import Algorithm, Iteration, check_between
-from dolfinx_contact.algorithms.one_point import one_point
+from dolfinx_contact.algorithms.one_point import OnePoint
 from dolfinx_contact.reduced.point_problem import PointProblem
 
 __all__ = ["GaussSeidel"]
@@ -47,10 +47,7 @@ class GaussSeidel(Algorithm):
         rows = np.ascontiguousarray(contact.S.reshape(m, d, m * d))
         blocks = contact.blocks
         load = contact.p.reshape(m, d)
-        points = [
-            one_point(blocks[i], float(contact.friction[i]), float(contact.bound[i]))
-            for i in range(m)
-        ]
+        points = [OnePoint(blocks[i], contact.friction[i], contact.bound[i]) for i in range(m)]
         omega = self.relaxation
         a = contact.displacements(r)
         x = a.reshape(-1)

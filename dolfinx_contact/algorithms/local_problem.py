@@ -27,7 +27,7 @@ import numpy as np
 
 from dolfinx_contact._arrays import Array
 from dolfinx_contact.algorithms.lemke import forces_by_lemke, tangents
-from dolfinx_contact.algorithms.one_point import one_point
+from dolfinx_contact.algorithms.one_point import OnePoint
 from dolfinx_contact.laws import coulomb
 from dolfinx_contact.reduced.point_problem import PointProblem
 
@@ -176,9 +176,7 @@ class LocalProblem:
         if algorithm == "lemke":
             return self._by_lemke()
         stiffness: list[Array] = list(np.linalg.inv(self._blocks))
-        points = [
-            one_point(k, float(F), 0.0) for k, F in zip(stiffness, self.friction, strict=True)
-        ]
+        points = [OnePoint(k, F, 0.0) for k, F in zip(stiffness, self.friction, strict=True)]
         m, d = self.number, self.dim
         rows = np.ascontiguousarray(self.W.reshape(m, d, m * d))
         forces = np.zeros(m * d)

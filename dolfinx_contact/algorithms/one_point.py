@@ -2,130 +2,98 @@
 r"""Contact problem of a single point, the local problem of nonsmooth Gauss-Seidel.
 
 S a = r + b with the stiffness S (dim, dim) of the point and a load b containing the coupling to
-the other, fixed points. In 2D the statuses are tried one after the other, each with an explicit
-solution. In 3D, slip means rt = -mu at with mu >= 0. A slipping point in contact satisfies
-(St + mu) at = bt, and mu |at| = F rn + g is a scalar equation for mu. It is solved in the
-eigenvectors of St by Newton's method, safeguarded by bisection.
+the other, fixed points. The statuses are tried in the order open, stick, slip. Slip means
+rt = -mu at with mu >= 0: a slipping point in contact satisfies (St + mu) at = bt and
+mu |at| = F rn + g. In 2D each sense of slip has an explicit solution. In 3D this is a scalar
+equation for mu, solved in the eigenvectors of St by Newton's method, safeguarded by bisection.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
 from math import hypot, inf, sqrt
 
 import numpy as np
 
 from dolfinx_contact._arrays import Array
 
-__all__ = ["OnePoint", "one_point"]
+__all__ = ["OnePoint"]
 
 _ROUND_OFF = 1e-14
 _MOST = 200  # largest number of steps for the root mu
 
 
-def one_point(S: Array, friction: float, bound: float) -> OnePoint:
-    """Return the solver of a point with stiffness ``S`` of shape (2, 2) or (3, 3)."""
-    return InPlane(S, friction, bound) if len(S) == 2 else InSpace(S, friction, bound)
-
-
 class OnePoint:
     """Solver of the contact problem of one point for varying loads.
+
+    Args:
+        S: stiffness, shape (2, 2) or (3, 3).
+        friction: friction coefficient F.
+        bound: prescribed friction bound g.
 
     Attributes:
         stuck: whether the point sticks in the last solution.
         closed: whether the point is in contact in the last solution.
     """
 
-    stuck = False
-    closed = False
+    def __init__(self, S: Array, friction: float, bound: float):
+        self.stuck = False
+        self.closed = False
+        self._friction = float(friction)
+        self._bound = float(bound)
+        coupling = S[:-1, -1]
+        self._normal = float(S[-1, -1])
+        self._coupling = [float(c) for c in coupling]
+        self._none = (0.0,) * len(coupling)
+        slip = _SlipInPlane if len(S) == 2 else _SlipInSpace
+        self._if_closed = slip(S[:-1, :-1], coupling)
+        eliminated = S[:-1, :-1] - np.outer(coupling, coupling) / self._normal
+        self._if_open = slip(eliminated, np.zeros(len(coupling)))
 
     def solve(self, b: Array) -> tuple[float, ...]:
         """Return the displacement (tangents, normal) under the load ``b`` of shape (dim,)."""
-        raise NotImplementedError
-
-
-@dataclass
-class InPlane(OnePoint):
-    """A point in 2D; see the module."""
-
-    S: Array
-    friction: float
-    bound: float
-
-    def __post_init__(self) -> None:
-        self.tt, self.tn, self.nn = (float(self.S[i, j]) for i, j in ((0, 0), (0, 1), (1, 1)))
-        self.open_tt = self.tt - self.tn**2 / self.nn
-
-    def solve(self, b: Array) -> tuple[float, float]:
-        """Return the first admissible solution of: open, stick, slip right, slip left."""
-        t = float(b[0])
-        n = float(b[1])
-        F = self.friction
-        g = self.bound
-        self.stuck = False
+        *t, n = map(float, b)
+        F = self._friction
+        g = self._bound
+        left = [load - c * n / self._normal for load, c in zip(t, self._coupling, strict=True)]
         self.closed = False
-        left = t - self.tn * n / self.nn
-        ut = (abs(left) - g) / self.open_tt if abs(left) > g else 0.0
-        ut = -ut if left < 0 else ut
-        un = (n - self.tn * ut) / self.nn
-        if un >= 0:
-            self.stuck = g > 0 and ut == 0
-            return ut, un
-        self.closed = True
-        if n <= 0 and abs(t) <= g - F * n:
-            self.stuck = True
-            return 0.0, 0.0
-        best = (0.0, 0.0)
-        least = inf
-        for sign in (1.0, -1.0):
-            stiffness = self.tt + sign * F * self.tn
-            if stiffness == 0:
-                continue
-            ut = (t + sign * (F * n - g)) / stiffness
-            rn = self.tn * ut - n
-            off = max(-sign * ut * self.tt, -rn, 0.0)
-            if off == 0:
-                return ut, 0.0
-            if off < least:
-                best = (ut, 0.0)
-                least = off
-        return best
-
-
-class InSpace(OnePoint):
-    """A point in 3D; see the module."""
-
-    def __init__(self, S: Array, friction: float, bound: float):
-        self.friction = friction
-        self.bound = bound
-        self.nn = float(S[2, 2])
-        coupling = S[:2, 2]
-        self._coupling = float(coupling[0]), float(coupling[1])
-        self._closed = _Slip(S[:2, :2], coupling)
-        self._open = _Slip(S[:2, :2] - np.outer(coupling, coupling) / self.nn, np.zeros(2))
-
-    def solve(self, b: Array) -> tuple[float, float, float]:
-        """Return the first admissible solution of: open, stick, slip."""
-        t = (float(b[0]), float(b[1]))
-        n = float(b[2])
-        F = self.friction
-        g = self.bound
-        self.stuck = False
-        self.closed = False
-        c0, c1 = self._coupling
-        left = (t[0] - c0 * n / self.nn, t[1] - c1 * n / self.nn)
         self.stuck = g > 0 and hypot(*left) <= g
-        x, y = (0.0, 0.0) if self.stuck else self._open.solve(left, 0.0, 0.0, g)
-        un = (n - c0 * x - c1 * y) / self.nn
-        if un >= 0:
-            return x, y, un
+        slip = self._none if self.stuck else self._if_open.solve(left, 0.0, 0.0, g)
+        rest = n
+        for c, ut in zip(self._coupling, slip, strict=True):
+            rest -= c * ut
+        if rest >= 0:
+            return *slip, rest / self._normal
         self.closed = True
         self.stuck = n <= 0 and hypot(*t) <= g - F * n
-        x, y = (0.0, 0.0) if self.stuck else self._closed.solve(t, n, F, g)
-        return x, y, 0.0
+        slip = self._none if self.stuck else self._if_closed.solve(t, n, F, g)
+        return *slip, 0.0
 
 
-class _Slip:
+class _SlipInPlane:
+    """(S + mu) a = b with mu |a| = F (c a - n) + g, for scalars S and c."""
+
+    def __init__(self, S: Array, coupling: Array):
+        self._stiffness = float(S[0, 0])
+        self._coupling = float(coupling[0])
+
+    def solve(self, b: Sequence[float], n: float, F: float, g: float) -> tuple[float, ...]:
+        """Return the slip under the load b; the one that violates the law least if none fits."""
+        best = 0.0
+        least = inf
+        for sign in (1.0, -1.0):
+            stiffness = self._stiffness + sign * F * self._coupling
+            if stiffness == 0:
+                continue
+            ut = (b[0] + sign * (F * n - g)) / stiffness
+            off = max(-sign * ut * self._stiffness, n - self._coupling * ut, 0.0)
+            if off < least:
+                best = ut
+                least = off
+        return (best,)
+
+
+class _SlipInSpace:
     """(S + mu) a = b with mu |a| = F (c.a - n) + g, in the eigenvectors of S (2, 2)."""
 
     def __init__(self, S: Array, coupling: Array):
@@ -136,7 +104,7 @@ class _Slip:
         self._second = float(vectors[1, 0]), float(vectors[1, 1])
         self._coupling = float(turned[0]), float(turned[1])
 
-    def solve(self, b: tuple[float, float], n: float, F: float, g: float) -> tuple[float, float]:
+    def solve(self, b: Sequence[float], n: float, F: float, g: float) -> tuple[float, ...]:
         """Return the slip under the load b; if no root exists, the slip for mu = 0."""
         v00, v01 = self._first
         v10, v11 = self._second
