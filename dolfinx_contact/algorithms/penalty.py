@@ -12,7 +12,6 @@ method does not solve a penalised problem.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import ClassVar
@@ -58,49 +57,33 @@ class Penalty(Algorithm):
         none = np.zeros_like(r)
         k = self.stiffness * contact.augmentation
         a = contact.displacements(r)
-        sequence = _Extrapolation()
+        states: list[Array] = []
         stops = iteration.stops(a, r)
         while not stops:
-            cold = not sequence.states
-            a, steps, solved = solve_yielding(contact, a, none, k, cold=cold)
+            a, steps, solved = solve_yielding(contact, a, none, k, cold=not states)
             if not solved:
                 iteration.fails(f"the penalised problem was not solved in {steps} steps")
                 return
-            state = np.stack([a, contact.forces(a)])
-            sequence.add(state)
+            states = [*states[1 - _MOST :], np.stack([a, contact.forces(a)])]
             k = 2.0 * k
-            if len(sequence.states) < _LEAST:
+            if len(states) < _LEAST:
                 continue
-            limit = sequence.limit()
             penetration = float(np.maximum(-a[:, -1], 0.0).max())
             stops = iteration.stops(
-                limit[0], limit[1], order=sequence.order(), penetration=penetration, steps=steps
+                *_limit(states), order=_order(states), penetration=penetration, steps=steps
             )
 
 
-class _Extrapolation:
-    """Extrapolation of states for the stiffnesses k_0, 2 k_0, 4 k_0, ..."""
+def _limit(states: list[Array]) -> Array:
+    """Return the state extrapolated to 1/k = 0 by Neville's scheme, stiffness doubling."""
+    column = states
+    for j in range(1, len(states)):
+        weight = 2.0**j
+        column = [np.asarray((weight * b - a) / (weight - 1)) for a, b in pairwise(column)]
+    return column[-1]
 
-    def __init__(self) -> None:
-        self.states: list[Array] = []
-        self._changes: list[float] = []
 
-    def add(self, state: Array) -> None:
-        """Add the next state."""
-        if self.states:
-            self._changes.append(float(np.linalg.norm(state - self.states[-1])))
-        self.states = [*self.states[-_MOST + 1 :], state]
-
-    def limit(self) -> Array:
-        """Return the state extrapolated to 1/k = 0 by Neville's scheme."""
-        column: Sequence[Array] = self.states
-        for j in range(1, len(self.states)):
-            weight = 2.0**j
-            column = [np.asarray((weight * b - a) / (weight - 1)) for a, b in pairwise(column)]
-        return column[-1]
-
-    def order(self) -> float:
-        """Return the observed order in 1/k of the last three states; NaN if there are fewer."""
-        if len(self._changes) < 2 or not self._changes[-1] > 0:
-            return float("nan")
-        return float(np.log2(self._changes[-2] / self._changes[-1]))
+def _order(states: list[Array]) -> float:
+    """Return the observed order in 1/k of the last three states; NaN if two are equal."""
+    before, last = (float(np.linalg.norm(b - a)) for a, b in pairwise(states[-_LEAST:]))
+    return float(np.log2(before / last)) if last > 0 else float("nan")

@@ -7,8 +7,9 @@ Tresca's problem. Coulomb friction is a fixed point of S (Haslinger, Math. Metho
 solution. The bounds are relaxed, g <- g + omega (S(g) - g), with a fixed omega or with Aitken's,
 computed from the last two differences (Irons and Tuck, Int. J. Numer. Methods Eng. 1, 1969). The
 convex problems are solved by the semismooth Newton method. The iteration stops when the measure of
-Coulomb's law is below the tolerance. It contracts for small friction only; for larger friction the
-bounds may repeat in a cycle, which is reported as the reason.
+Coulomb's law is below the tolerance. It contracts for small friction only; for larger friction it
+converges slowly, the bounds repeat in a cycle, or a convex problem is not solved, which is reported
+as the reason.
 """
 
 from __future__ import annotations
@@ -49,9 +50,10 @@ class TrescaFixedPoint(Algorithm):
         flag(self.aitken, "aitken")
 
     def _iterate(self, contact: PointProblem, r: Array, iteration: Iteration) -> None:
-        relaxed = _BoundRelaxation(self.relaxation, aitken=self.aitken)
         g = contact.radius(r[:, -1])
         a = contact.displacements(r)
+        omega = self.relaxation
+        before: Array | None = None
         steps = 0
         tolerance = _SHARE * iteration.tolerance
         while not iteration.stops(a, r, g, inner=steps):
@@ -61,30 +63,11 @@ class TrescaFixedPoint(Algorithm):
                 iteration.stops(a, r, g, inner=steps)
                 iteration.fails(f"Tresca's problem was not solved in {steps} steps")
                 return
-            g = relaxed(g, contact.radius(r[:, -1]))
-
-
-class _BoundRelaxation:
-    """Relaxation of a fixed-point iteration on nonnegative bounds.
-
-    Args:
-        omega: relaxation factor of all steps, or of the first step if ``aitken``.
-        aitken: whether Aitken's method determines the following factors.
-    """
-
-    def __init__(self, omega: float, *, aitken: bool):
-        self._omega = omega
-        self._aitken = aitken
-        self._before: Array | None = None
-
-    def __call__(self, g: Array, image: Array) -> Array:
-        """Return the next bounds from the bounds ``g`` and their image S(g)."""
-        off = image - g
-        if self._aitken and self._before is not None:
-            change = off - self._before
-            square = float(change @ change)
-            if square > 0:
-                omega = -self._omega * float(self._before @ change) / square
-                self._omega = float(np.clip(omega, 0.05, 2.0))
-        self._before = off
-        return np.maximum(g + self._omega * off, 0.0)
+            off = contact.radius(r[:, -1]) - g
+            if self.aitken and before is not None:
+                change = off - before
+                square = float(change @ change)
+                if square > 0:
+                    omega = float(np.clip(-omega * float(before @ change) / square, 0.05, 2.0))
+            before = off
+            g = np.maximum(g + omega * off, 0.0)
