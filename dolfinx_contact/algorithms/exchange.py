@@ -28,7 +28,7 @@ import re
 import zipfile
 from collections.abc import Callable
 from dataclasses import fields
-from itertools import pairwise
+from itertools import islice, pairwise
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -49,7 +49,6 @@ FORMAT = "dolfinx_contact points 1"
 _COMPRESSED_ROWS, _COMPRESSED_COLUMNS = -2, -1
 _HDF5 = (".hdf5", ".h5")
 _DENSE, _BLOCKS, _SPARSE = 0, 1, 2
-_MOST_CONTACTS = 10000  # beyond which the dense matrix would not fit into memory
 
 Arrays = dict[str, npt.NDArray[Any]]
 T = TypeVar("T")
@@ -188,72 +187,66 @@ def _matrix(group: Any) -> Any:
     return coo_array((x[:kind], (i[:kind], p[:kind])), shape=shape)
 
 
-class _Words:
+class _Numbers:
     """Reader of successive numbers in a text."""
 
     def __init__(self, text: str):
-        self._words = text.split()
-        self._read = 0
+        self._words = iter(text.split())
 
     def integers(self, count: int) -> list[int]:
         """Return the next ``count`` integers."""
         return [int(word) for word in self._next(count)]
 
-    def numbers(self, count: int) -> Array:
+    def reals(self, count: int) -> Array:
         """Return the next ``count`` real numbers."""
         return np.array(self._next(count), dtype=np.float64)
 
-    @property
-    def left(self) -> int:
-        """Number of unread words."""
-        return len(self._words) - self._read
+    def rest(self) -> list[float]:
+        """Return all remaining numbers."""
+        return [float(word) for word in self._words]
 
     def _next(self, count: int) -> list[str]:
-        words = self._words[self._read : self._read + count]
-        self._read += len(words)
+        words = list(islice(self._words, count))
         if len(words) < count:
             raise ValueError("the file is truncated")
-        if any("_" in word for word in words):
-            raise ValueError("numbers are expected, without underscores")
         return words
 
 
 def _of_siconos(text: str) -> Local:
-    words = _Words(text)
-    dim, contacts, storage, rows, columns = words.integers(5)
+    numbers = _Numbers(text)
+    dim, contacts, storage, rows, columns = numbers.integers(5)
     W: Array
-    if not rows == columns == dim * contacts or not 0 <= contacts <= _MOST_CONTACTS:
+    if not rows == columns == dim * contacts:
         raise ValueError(f"W has the size {rows} x {columns}, with {contacts} contacts in {dim}D")
     if storage == _DENSE:
-        if words.integers(2) != [rows, columns]:
+        if numbers.integers(2) != [rows, columns]:
             raise ValueError("the two sizes of W differ")
-        W = words.numbers(rows * columns).reshape(columns, rows).T
+        W = numbers.reals(rows * columns).reshape(columns, rows).T
     elif storage == _BLOCKS:
-        W = _of_blocks(words, rows, columns)
+        W = _of_blocks(numbers, rows, columns)
     elif storage == _SPARSE:
-        W, rest = _of_csparse(text, rows, columns)
-        words = _Words(rest)
+        W, after = _of_csparse(text, rows, columns)
+        numbers = _Numbers(after)
     else:
         raise ValueError(f"W has the unknown storage {storage}; known are 0, 1 and 2")
-    problem = dim, W, words.numbers(rows), words.numbers(contacts)
-    if words.left > 1:  # some files end with one more number
+    q, mu = numbers.reals(rows), numbers.reals(contacts)
+    if len(numbers.rest()) > 1:  # some files end with one more number
         raise ValueError("there is text after the friction coefficients, as in a global problem")
-    words.numbers(words.left)
-    return problem
+    return dim, W, q, mu
 
 
-def _of_blocks(words: _Words, rows: int, columns: int) -> Array:
+def _of_blocks(numbers: _Numbers, rows: int, columns: int) -> Array:
     """Read a matrix in sparse blocks; each block is its number and its entries by columns."""
-    _, down, across = words.integers(3)
-    row_ends, column_ends = ([0, *words.integers(count)] for count in (down, across))
-    starts, block_columns = (words.integers(count) for count in words.integers(2))
+    _, down, across = numbers.integers(3)
+    row_ends, column_ends = ([0, *numbers.integers(count)] for count in (down, across))
+    starts, block_columns = (numbers.integers(count) for count in numbers.integers(2))
     W = np.zeros((rows, columns))
     for row, (first, last) in enumerate(pairwise(starts)):
         for column in block_columns[first:last]:
-            words.integers(1)
+            numbers.integers(1)
             top, bottom = row_ends[row : row + 2]
             left, right = column_ends[column : column + 2]
-            block = words.numbers((bottom - top) * (right - left))
+            block = numbers.reals((bottom - top) * (right - left))
             W[top:bottom, left:right] = block.reshape(right - left, bottom - top).T
     return W
 
