@@ -12,7 +12,9 @@ equilibrium does not determine the contact forces, as in many systems of rigid b
 problems). Two algorithms solve singular problems too:
 
 - nonsmooth Gauss-Seidel: each point is solved exactly for its own force, with the other forces held
-  (Jean, CMAME 177, 1999). It may converge slowly, and it may fail for large friction.
+  (Jean, CMAME 177, 1999). It stops when the violation of the law, measured in every tenth sweep, is
+  below the tolerance. It may converge slowly, and it may fail for large friction; it then returns
+  the last forces with their violation.
 - Lemke's method in 2D (`lemke`). Its proof of termination requires a positive definite W. With a
   singular W it may end in a ray, which says nothing about the existence of solutions.
 """

@@ -5,7 +5,10 @@ S a = r + b with the stiffness S (dim, dim) of the point and a load b containing
 the other, fixed points. The statuses are tried in the order open, stick, slip. Slip means
 rt = -mu at with mu >= 0: a slipping point in contact satisfies (St + mu) at = bt and
 mu |at| = F rn + g. In 2D each sense of slip has an explicit solution. In 3D this is a scalar
-equation for mu, solved in the eigenvectors of St by Newton's method, safeguarded by bisection.
+equation for mu, solved in the eigenvectors of St by Newton's method, safeguarded by bisection, up
+to round-off. A solution exists for every F (`lemke`); of several, the first one is returned. In 3D,
+if F and g are both positive and F is large, the slip found may violate the law, and sweeps do not
+converge.
 """
 
 from __future__ import annotations
@@ -78,7 +81,7 @@ class _SlipInPlane:
         self._coupling = float(coupling[0])
 
     def solve(self, b: Sequence[float], n: float, F: float, g: float) -> tuple[float, ...]:
-        """Return the slip under the load b; the one that violates the law least if none fits."""
+        """Return the slip under the load b, of the sense that violates the law least."""
         best = 0.0
         least = inf
         for sign in (1.0, -1.0):
@@ -105,7 +108,7 @@ class _SlipInSpace:
         self._coupling = float(turned[0]), float(turned[1])
 
     def solve(self, b: Sequence[float], n: float, F: float, g: float) -> tuple[float, ...]:
-        """Return the slip under the load b; if no root exists, the slip for mu = 0."""
+        """Return the slip under the load b."""
         v00, v01 = self._first
         v10, v11 = self._second
         e0, e1 = self._values

@@ -2,10 +2,11 @@
 r"""Uzawa's method: projected gradient iteration on the contact forces as multipliers.
 
 Each iteration solves equilibrium under the forces r and updates r <- Pi(r - rho a) with the
-projection Pi onto rn >= 0 and the friction disc. It is a gradient method for the dual problem. With
-steps rho < 2/|A|, where A is the compliance, it converges for small friction. The augmented
-Lagrangian method solves equilibrium with the compliant laws r = Pi(l - rho a) about the last forces
-l by Newton's method (`semismooth`). It converges for any rho > 0, in few iterations if rho is large
+projection Pi onto rn >= 0 and the friction disc (Arrow, Hurwicz and Uzawa, Studies in Linear and
+Non-linear Programming, 1958). It is a gradient method for the dual problem. With steps
+rho < 2/|A|, where A is the compliance, it converges for small friction. The augmented Lagrangian
+method solves equilibrium with the compliant laws r = Pi(l - rho a) about the last forces l by
+Newton's method (`semismooth`). It converges for any rho > 0, in few iterations if rho is large
 (Simo and Laursen, Comput. Struct. 42, 1992). Both stop when the measure of the exact laws is below
 the tolerance. For large friction the forces may cycle or diverge; the augmented method also fails
 if Newton's method does not solve the compliant laws.
