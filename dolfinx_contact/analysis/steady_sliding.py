@@ -6,11 +6,19 @@ remain closed and the shear remains F times the pressure against the slip, so th
 
     (K + lambda C + lambda^2 M)_t - s F (...)_n = 0,    v_n = 0,
 
-with s = 1 where the obstacle drags along t (`vibrations.py`). Coulomb friction does not depend on
-the velocity. A vibration grows if the pressure changes in phase with the slip, usually where two
-frequencies meet (mode coupling: A. Akay, Acoustics of friction, J. Acoust. Soc. Am. 111, 2002). In
-3D, a point moves across the slip without resistance, provided that the sliding is fast compared
-with the vibration.
+with s = 1 where the obstacle drags along t. Coulomb friction does not depend on the velocity. With
+the rows N and D of slips along d and the rows H of held motions (`slip`), the forces r_n at
+slipping points and q at held ones,
+
+    (K + lambda C + lambda^2 M) u + (N + F D)^T r_n + H^T q = 0,    N u = 0,    H u = 0.
+
+The forces do not act along the held motions, so that the problem is not symmetric. A vibration
+grows if the pressure changes in phase with the slip, usually where two frequencies meet (mode
+coupling: A. Akay, Acoustics of friction, J. Acoust. Soc. Am. 111, 2002). In 3D, a point moves
+across the slip without resistance, provided that the sliding is fast compared with the vibration.
+
+Small problems are projected onto two null spaces, of N and H and of N + F D and H, and all
+eigenvalues are computed. In large problems SLEPc finds the eigenvalues nearest to zero.
 
 Without damping, the highest frequencies of the mesh meet first, and the onset decreases under
 refinement. Only a damped body has an onset that does not depend on the mesh.
@@ -28,17 +36,38 @@ from scipy.optimize import brentq, minimize_scalar
 import ufl
 from dolfinx import fem
 
+from dolfinx_contact._arrays import Array
+from dolfinx_contact._install import optional
 from dolfinx_contact._mpi import Arguments, collective, require
+from dolfinx_contact._petsc import DEFAULTS as FACTOR
 from dolfinx_contact._petsc import staged
 from dolfinx_contact._validate import ReadOnly, count, flag, nonnegative, positive
-from dolfinx_contact.analysis.rows import Problem, static_equations
+from dolfinx_contact.analysis.rows import (
+    Problem,
+    on_gathered,
+    solve_eigenproblem,
+    static_equations,
+)
 from dolfinx_contact.analysis.slip import Direction, Slip, SlipPattern
-from dolfinx_contact.analysis.vibrations import Spectrum, Vibrations, body_of
+from dolfinx_contact.analysis.vibrations import DenseBody, body_of, damped, first_order
 from dolfinx_contact.equations.measures import require_solution
+from dolfinx_contact.reduced.held_body import HeldField, saddle, with_dirichlet_rows
 
 __all__ = ["Onset", "SlidingModes", "SteadySliding"]
 
+Complex = npt.NDArray[np.complex128]
+
 _STEADY = {True: 1e-11, False: 1e-7}  # round-off of growth over |lambda|, with damping or not
+_DENSE = 700  # unknowns up to which all eigenvalues are computed
+_FINITE = 30.0  # size that counts as infinite, relative to the highest frequency of an unknown
+_DEFAULTS = {
+    "eps_tol": 1e-12,
+    "eps_max_it": 500,
+    "pep_tol": 1e-12,
+    "pep_max_it": 500,
+    "st_type": "sinvert",
+    **{f"st_{key}": value for key, value in FACTOR.items()},
+}
 
 
 @dataclass(frozen=True)
@@ -52,7 +81,7 @@ class SlidingModes:
         real, imaginary: displacements of the first vibration, a quarter of a period apart.
     """
 
-    eigenvalues: npt.NDArray[np.complex128]
+    eigenvalues: Complex
     known_up_to: float
     real: fem.Function
     imaginary: fem.Function
@@ -137,7 +166,11 @@ class SteadySliding(ReadOnly):
         self._slip = Slip(eq, pattern, hold_across=hold_across)
         self._body = body_of(eq, state.u, density, damping)
         self._damped = self._body.C is not None or self._body.eta > 0
-        self._vibrations = Vibrations(self._slip, self._body, dense=dense, count=int(count))
+        self._count = int(count)
+        rows = [self._slip.N, self._slip.D, self._slip.H]
+        self._size = self._body.unknowns - rows[0].getSize()[0] - rows[2].getSize()[0]
+        complete = self._size <= _DENSE if dense is None else dense
+        self._matrices = DenseBody(self._body, rows) if complete else None
         slopes = [s.answers.unit_bound for s in state.surfaces]
         self._slope = np.concatenate(slopes)[self._slip.places]
 
@@ -153,15 +186,15 @@ class SteadySliding(ReadOnly):
             ValueError: on every rank, if F is negative, or the law has no coefficient.
             RuntimeError: if SLEPc does not converge.
         """
-        found = self._spectrum(friction, vectors=True)
+        values, motions, known_up_to = self._spectrum(friction, vectors=True)
+        first = motions[:, 0]
         parts = []
-        for name, values in (("real", np.real), ("imaginary", np.imag)):
+        for name, part in (("real", first.real), ("imaginary", first.imag)):
             f = fem.Function(self._eq.V, name=name)
-            mine = found.vectors[:, 0]
-            f.x.array[: len(mine)] = values(mine)
+            f.x.array[: len(part)] = part
             f.x.scatter_forward()
             parts.append(f)
-        return SlidingModes(found.values, found.known_up_to, *parts)
+        return SlidingModes(values, known_up_to, *parts)
 
     @collective("the onset of growth", _check_onset)
     @staged("ContactSliding")
@@ -207,24 +240,134 @@ class SteadySliding(ReadOnly):
 
     def _growth(self, friction: float) -> float:
         """Return the largest growth relative to |lambda|, minus the round-off."""
-        values = self._spectrum(friction).values
+        values, _, _ = self._spectrum(friction)
         ratio = values.real / np.maximum(np.abs(values), np.abs(values).max() * 1e-15)
         return float(ratio.max()) - _STEADY[self._damped]
 
     def _at(self, friction: float) -> Onset:
         """Return the onset at a friction, with the frequency of growth just beyond it."""
-        values = self._spectrum(friction * (1.0 + 1e-11)).values
+        values, _, _ = self._spectrum(friction * (1.0 + 1e-11))
         size = np.maximum(np.abs(values), np.abs(values).max() * 1e-15)
         return Onset(friction, float(values[np.argmax(values.real / size)].imag))
 
-    def _spectrum(self, friction: float | None, *, vectors: bool = False) -> Spectrum:
+    # -- eigenproblems ---------------------------------------------------------------------------
+
+    def _spectrum(
+        self, friction: float | None, *, vectors: bool = False
+    ) -> tuple[Complex, Complex, float]:
+        """Return the eigenvalues with Im >= 0 by falling growth, and their displacements.
+
+        Args:
+            friction: coefficient F at all slipping points; None for the coefficient of the law.
+            vectors: whether displacements are needed.
+
+        Returns:
+            Eigenvalues lambda (k,), owned displacements (n, k), or (n, 0) if they are not needed
+            and all eigenvalues are computed, and the size up to which no eigenvalue is missing.
+        """
+        slopes = self._slope
         if friction is None:
-            known = bool(np.isfinite(self._slope).all())
+            known = bool(np.isfinite(slopes).all())
             require(self._eq.comm, known, "the law has no coefficient of friction: say which")
-            return self._vibrations.spectrum(self._slope, vectors=vectors)
-        return self._vibrations.spectrum(
-            np.full(len(self._slip.places), float(friction)), vectors=vectors
-        )
+        else:
+            slopes = np.full_like(slopes, friction)
+        known_up_to = np.inf
+        if self._matrices is None:
+            values, motions, known_up_to = self._by_slepc(slopes)
+        else:
+            values, motions = self._by_matrices(self._matrices, slopes, vectors=vectors)
+        values = np.where(np.abs(values.imag) <= 1e-14 * np.abs(values), values.real + 0j, values)
+        upper = np.flatnonzero(values.imag >= 0)
+        size = np.abs(values).max(initial=0.0) or 1.0
+        growth = np.round(values.real[upper] / size, 13)
+        order = upper[np.lexsort((values.imag[upper], -growth))]
+        return values[order], motions[:, order] if motions.shape[1] else motions, known_up_to
+
+    def _by_matrices(
+        self, body: DenseBody, friction: Array, *, vectors: bool
+    ) -> tuple[Complex, Complex]:
+        """Return all lambda, and displacements (n, k) of this rank."""
+        eta = self._body.eta
+
+        def solved(friction: Array) -> tuple[Complex, Complex]:
+            N, D, H = body.rows
+            forces = np.concatenate([N + friction[:, None] * D, H])
+            K, M, C, Z = body.projected(np.concatenate([N, H]), forces)
+            inertia = np.linalg.inv(M)
+            A = inertia @ K
+            if C is not None:
+                A = first_order(A, inertia @ C)
+            x: npt.NDArray[Any] = np.zeros((len(A), 0))
+            if vectors:
+                values, x = np.linalg.eig(A)
+            else:
+                values = np.linalg.eigvals(A)
+            if C is None:
+                values = damped(values, eta)
+                x = np.concatenate([x, x], axis=1)
+            motions = np.zeros((len(body.free), x.shape[1]), dtype=complex)
+            motions[body.free] = Z @ x[: Z.shape[1]]
+            return values.astype(complex), motions
+
+        values, motions = on_gathered(self.comm, solved, friction)
+        n, first = self._slip.D.getLocalSize()[1], self._slip.D.getOwnershipRangeColumn()[0]
+        return values, motions[first : first + n]
+
+    def _by_slepc(self, friction: Array) -> tuple[Complex, Complex, float]:
+        """Return the lambda nearest to zero, displacements (n, k), and the largest |lambda|."""
+        SLEPc = optional("slepc4py.SLEPc", "solver")
+        slip = self._slip
+        body = self._body
+        eq = body.eq
+        quadratic = body.C is not None
+        G = slip.D.copy()
+        F = slip.D.createVecLeft()
+        F.array[:] = friction
+        G.diagonalScale(F, None)
+        G.axpy(1.0, slip.N)
+        held = [slip.N, slip.H]
+        forces = [G, slip.H]
+        matrices = []
+        for A, scale in ((body.K, eq.stiffness_scale), (body.C, 0.0), (body.M, 0.0)):
+            if A is not None:
+                inside = with_dirichlet_rows(A, eq, scale)
+                matrices.append(saddle([HeldField(inside, held, forces)], scale))
+                inside.destroy()
+        solver: Any
+        if quadratic:
+            solver = SLEPc.PEP().create(self.comm)
+            solver.setOperators(matrices)
+            solver.setWhichEigenpairs(SLEPc.PEP.Which.TARGET_MAGNITUDE)
+        else:
+            solver = SLEPc.EPS().create(self.comm)
+            solver.setOperators(*matrices)
+            solver.setProblemType(SLEPc.EPS.ProblemType.GNHEP)
+            solver.setWhichEigenpairs(SLEPc.EPS.Which.TARGET_MAGNITUDE)
+        solver.setTarget(0.0)
+        solver.setDimensions(min(self._count, self._size))
+        solve_eigenproblem(solver, _DEFAULTS)
+        # The highest frequency of a single unknown bounds those of the body.
+        highest = float(np.sqrt(body.scale(body.K)))
+        highest = max(highest, body.scale(body.C)) if quadratic else highest
+        n = eq.owned_sizes[0]
+        farthest = 0.0
+        real, imaginary = matrices[0].createVecs()
+        values: list[complex] = []
+        motions = []
+        for i in range(solver.getConverged()):
+            value = solver.getEigenpair(i, real, imaginary)
+            size = float(abs(value) if quadratic else np.sqrt(abs(value)))
+            if size > _FINITE * highest:
+                continue  # an eigenvalue of the forces, which have no mass
+            farthest = max(farthest, size)
+            both = [value] if quadratic else [*map(complex, damped(np.array([value]), body.eta))]
+            values += both
+            motions += [real.array_r[:n] + 1j * imaginary.array_r[:n]] * len(both)
+        for thing in (solver, real, imaginary, *matrices, G, F):
+            thing.destroy()
+        if not values:
+            raise RuntimeError("SLEPc found no vibration: raise analysis_eps_max_it")
+        return np.array(values), np.array(motions).T, farthest
 
     def destroy(self) -> None:
         """Free the PETSc objects."""

@@ -1,18 +1,13 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Small vibrations of a body whose contact points slip, stick or are open.
+r"""Stiffness, mass and damping of a body for small motions u e^{lambda t}, and dense matrices.
 
-Motions u e^{lambda t} about a state with closed points that stay closed (N u = 0, with the rows of
-`slip.py`), sticking points (H u = 0) and forces r = -r_n (n + F d) on the body at points that slip
-along d:
+`steady_sliding` and `stability` constrain the motions of
 
-    (K + lambda C + lambda^2 M) u + (N + F D)^T r_n + H^T q = 0,    N u = 0,    H u = 0.
+    (K + lambda C + lambda^2 M) u = 0
 
-The forces do not act along the held motions, so that the problem is not symmetric: friction may
-feed energy into a motion. With C = eta K it is the eigenproblem K u + ... = mu M u of the undamped
-body, and lambda^2 + eta mu lambda + mu = 0 for each mu. Any other C makes it quadratic.
-
-Small problems are projected onto two null spaces, of N and H and of N + F D and H, and all
-eigenvalues are computed. In large problems SLEPc finds the eigenvalues nearest to zero.
+by rows of jumps at the contact points. With C = eta K it is the eigenproblem K u = mu M u of the
+undamped body, and lambda^2 + eta mu lambda + mu = 0 for each mu. Any other C makes it quadratic.
+Small problems are projected onto the null spaces of the rows.
 """
 
 from __future__ import annotations
@@ -35,39 +30,20 @@ from dolfinx import fem
 
 from dolfinx_contact._arrays import Array, Mask
 from dolfinx_contact._forms import compiled_form
-from dolfinx_contact._install import optional
 from dolfinx_contact._mpi import everywhere
-from dolfinx_contact._petsc import DEFAULTS as FACTOR
 from dolfinx_contact._validate import nonnegative, positive
-from dolfinx_contact.analysis.rows import on_gathered, solve_eigenproblem
-from dolfinx_contact.analysis.slip import Slip
 from dolfinx_contact.body.bulk import weighted
 from dolfinx_contact.equations.contact import ContactEquations
-from dolfinx_contact.reduced.held_body import HeldField, saddle, with_dirichlet_rows
 
 __all__ = [
     "Body",
     "DenseBody",
-    "Spectrum",
-    "Vibrations",
     "body_of",
     "damped",
     "first_order",
-    "null_space",
 ]
 
 Complex = npt.NDArray[np.complex128]
-
-_DENSE = 700  # unknowns up to which all eigenvalues are computed
-_FINITE = 30.0  # size that counts as infinite, relative to the highest frequency of an unknown
-_DEFAULTS = {
-    "eps_tol": 1e-12,
-    "eps_max_it": 500,
-    "pep_tol": 1e-12,
-    "pep_max_it": 500,
-    "st_type": "sinvert",
-    **{f"st_{key}": value for key, value in FACTOR.items()},
-}
 
 
 @dataclass(frozen=True)
@@ -152,158 +128,6 @@ def _assembled(form: ufl.Form) -> PETSc.Mat:
     return A
 
 
-@dataclass(frozen=True)
-class Spectrum:
-    """Eigenvalues with Im >= 0, by falling growth (real part).
-
-    Attributes:
-        values: eigenvalues lambda (k,).
-        vectors: displacements, owned (n, k); (n, 0) if they were not requested.
-        known_up_to: size up to which no eigenvalue is missing; infinite if all were computed.
-    """
-
-    values: Complex
-    vectors: Complex
-    known_up_to: float
-
-    @classmethod
-    def of(cls, values: Complex, vectors: Complex, known_up_to: float) -> Spectrum:
-        """Select the eigenvalues with Im >= 0 and sort them."""
-        values = np.where(np.abs(values.imag) <= 1e-14 * np.abs(values), values.real + 0j, values)
-        upper = np.flatnonzero(values.imag >= 0)
-        size = np.abs(values).max(initial=0.0) or 1.0
-        growth = np.round(values.real[upper] / size, 13)
-        order = upper[np.lexsort((values.imag[upper], -growth))]
-        vectors = vectors[:, order] if vectors.shape[1] else vectors
-        return cls(values[order], vectors, known_up_to)
-
-
-class Vibrations:
-    """Eigenproblem of a body and a pattern of slip. Collective.
-
-    Args:
-        slip: slipping points and their directions.
-        body: stiffness, mass and damping; owned by the caller.
-        dense: whether all eigenvalues are computed; by default with up to 700 unknowns.
-        count: number of eigenvalues that are computed otherwise.
-    """
-
-    def __init__(self, slip: Slip, body: Body, *, dense: bool | None, count: int):
-        self.comm = body.eq.comm
-        self._slip = slip
-        self._body = body
-        self._count = count
-        self.size = body.unknowns - slip.N.getSize()[0] - slip.H.getSize()[0]
-        self.complete = self.size <= _DENSE if dense is None else bool(dense)
-        if self.complete:
-            self._dense = DenseBody(body, [slip.N, slip.D, slip.H])
-
-    def spectrum(self, friction: Array, *, vectors: bool = False) -> Spectrum:
-        """Compute the eigenvalues lambda.
-
-        Args:
-            friction: coefficients F at the slipping points of this rank.
-            vectors: whether displacements are computed.
-
-        Raises:
-            RuntimeError: if SLEPc does not converge.
-        """
-        if self.complete:
-            values, motions = self._by_matrices(friction, vectors=vectors)
-            known = np.inf
-        else:
-            values, motions, known = self._by_slepc(friction)
-        return Spectrum.of(values, motions, known)
-
-    def _by_matrices(self, friction: Array, *, vectors: bool) -> tuple[Complex, Complex]:
-        """Return all lambda, and displacements (n, k) of this rank."""
-        body, eta = self._dense, self._body.eta
-
-        def solved(friction: Array) -> tuple[Complex, Complex]:
-            N, D, H = body.rows
-            forces = np.concatenate([N + friction[:, None] * D, H])
-            K, M, C, Z = body.projected(np.concatenate([N, H]), forces)
-            inertia = np.linalg.inv(M)
-            A = inertia @ K
-            if C is not None:
-                A = first_order(A, inertia @ C)
-            x: npt.NDArray[Any] = np.zeros((len(A), 0))
-            if vectors:
-                values, x = np.linalg.eig(A)
-            else:
-                values = np.linalg.eigvals(A)
-            if C is None:
-                values = damped(values, eta)
-                x = np.concatenate([x, x], axis=1)
-            motions = np.zeros((len(body.free), x.shape[1]), dtype=complex)
-            motions[body.free] = Z @ x[: Z.shape[1]]
-            return values.astype(complex), motions
-
-        values, motions = on_gathered(self.comm, solved, friction)
-        n, first = self._slip.D.getLocalSize()[1], self._slip.D.getOwnershipRangeColumn()[0]
-        return values, motions[first : first + n]
-
-    def _by_slepc(self, friction: Array) -> tuple[Complex, Complex, float]:
-        SLEPc = optional("slepc4py.SLEPc", "solver")
-        slip = self._slip
-        body = self._body
-        eq = body.eq
-        G = slip.D.copy()
-        F = slip.D.createVecLeft()
-        F.array[:] = friction
-        G.diagonalScale(F, None)
-        G.axpy(1.0, slip.N)
-        K = with_dirichlet_rows(body.K, eq, eq.stiffness_scale)
-        held = [slip.N, slip.H]
-        forces = [G, slip.H]
-        matrices = [saddle([HeldField(K, held, forces)], eq.stiffness_scale)]
-        inertia = [body.M] if body.C is None else [body.C, body.M]
-        for A in inertia:
-            inside = with_dirichlet_rows(A, eq, 0.0)
-            matrices.append(saddle([HeldField(inside, held, forces)], 0.0))
-            inside.destroy()
-        solver: Any
-        if body.C is None:
-            solver = SLEPc.EPS().create(self.comm)
-            solver.setOperators(*matrices)
-            solver.setProblemType(SLEPc.EPS.ProblemType.GNHEP)
-            solver.setWhichEigenpairs(SLEPc.EPS.Which.TARGET_MAGNITUDE)
-        else:
-            solver = SLEPc.PEP().create(self.comm)
-            solver.setOperators(matrices)
-            solver.setWhichEigenpairs(SLEPc.PEP.Which.TARGET_MAGNITUDE)
-        solver.setTarget(0.0)
-        solver.setDimensions(min(self._count, self.size))
-        solve_eigenproblem(solver, _DEFAULTS)
-        n = eq.owned_sizes[0]
-        farthest = 0.0
-        real, imaginary = matrices[0].createVecs()
-        values = []
-        motions = []
-        for i in range(solver.getConverged()):
-            value = solver.getEigenpair(i, real, imaginary)
-            motion = real.array_r[:n] + 1j * imaginary.array_r[:n]
-            size = abs(value) if body.C is not None else np.sqrt(abs(value))
-            if size > _FINITE * self._highest:
-                continue  # an eigenvalue of the forces, which have no mass
-            both = [value] if body.C is not None else damped(np.array([value]), body.eta)
-            farthest = max(farthest, float(size))
-            values += [complex(each) for each in both]
-            motions += [motion] * len(both)
-        for thing in (solver, real, imaginary, *matrices, K, G, F):
-            thing.destroy()
-        if not values:
-            raise RuntimeError("SLEPc found no vibration: raise analysis_eps_max_it")
-        return np.array(values), np.array(motions).T, farthest
-
-    @cached_property
-    def _highest(self) -> float:
-        """Estimate of the highest frequency: the largest one of a single unknown."""
-        body = self._body
-        own = float(np.sqrt(body.scale(body.K)))
-        return own if body.C is None else max(own, body.scale(body.C))
-
-
 class DenseBody:
     """Dense matrices of a body on rank 0. Collective.
 
@@ -339,8 +163,8 @@ class DenseBody:
             held: rows of the motions that are held (k, n).
             forces: rows along which forces act (k, n); by default the held ones.
         """
-        Z = null_space(held)
-        Y = Z if forces is None else null_space(forces)
+        Z = _null_space(held)
+        Y = Z if forces is None else _null_space(forces)
         K, M = (Y.T @ A @ Z for A in (self.K, self.M))
         C = None if self.C is None else Y.T @ self.C @ Z
         return K, M, C, Z
@@ -361,7 +185,7 @@ def first_order(K: Array, C: Array) -> Array:
     return np.block([[np.zeros_like(K), np.eye(len(K))], [-K, -C]])
 
 
-def null_space(rows: Array) -> Array:
+def _null_space(rows: Array) -> Array:
     """Return an orthonormal basis (n, n - m) of the null space of independent rows (m, n)."""
     basis: Array = qr(rows.T)[0]
     return basis[:, len(rows) :]
