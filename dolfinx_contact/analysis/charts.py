@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import json
 import os
-import zlib
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -180,7 +179,7 @@ class Chart:
     def save(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
         """Write the chart to a file, from one rank, since every rank has the same chart.
 
-        The file is JSON with a check sum. Numbers are written without loss, curves as points.
+        The file is JSON. Numbers are written without loss, curves as points.
 
         Args:
             path: file in an existing folder.
@@ -197,13 +196,14 @@ class Chart:
         if file.exists() and not overwrite:
             raise FileExistsError(f"{file} exists: save with overwrite=True, or to another file")
         content = {
+            "of": _KIND,
+            "format": _FORMAT,
             "cells": [self._stored(cell) for cell in self.cells],
             "curves": [asdict(curve) for curve in self.curves],
             "explained": self.explained,
         }
-        words = {"of": _KIND, "format": _FORMAT, "crc": _check_sum(content), **content}
         with part_of(file) as part:
-            part.write_text(json.dumps(words))
+            part.write_text(json.dumps(content))
         return file
 
     @staticmethod
@@ -212,21 +212,16 @@ class Chart:
 
         Raises:
             OSError: if the file cannot be read.
-            ValueError: if it is not a chart, has another format, or is damaged.
+            ValueError: if it is not a chart, has another format, or is truncated.
         """
         try:
-            words = json.loads(Path(path).read_bytes())
+            content = json.loads(Path(path).read_bytes())
         except ValueError as error:
-            raise ValueError(f"{path} is not a chart, or is damaged: {error}") from None
-        if not isinstance(words, dict) or words.get("of") != _KIND:
+            raise ValueError(f"{path} is not a chart, or is truncated: {error}") from None
+        if not isinstance(content, dict) or content.get("of") != _KIND:
             raise ValueError(f"{path} is not a chart")
-        if words.get("format") != _FORMAT:
-            raise ValueError(f"{path} has the format {words.get('format')}, known is {_FORMAT}")
-        content: dict[str, Any] = {
-            name: words.get(name) for name in ("cells", "curves", "explained")
-        }
-        if words.get("crc") != _check_sum(content):
-            raise ValueError(f"{path} is damaged: its check sum is wrong")
+        if content.get("format") != _FORMAT:
+            raise ValueError(f"{path} has the format {content.get('format')}, known is {_FORMAT}")
         curves = tuple(
             ChartCurve(c["kind"], tuple((mu, gamma) for mu, gamma in c["points"]))
             for c in content["curves"]
@@ -249,11 +244,6 @@ class Chart:
             [self.curves.index(ChartCurve.of(c)) for c in side] for side in (cell.below, cell.above)
         )
         return {**vars(cell), "below": below, "above": above}
-
-
-def _check_sum(content: dict[str, Any]) -> str:
-    """Return the CRC-32 of the content of a file."""
-    return f"{zlib.crc32(json.dumps(content, sort_keys=True).encode()):08x}"
 
 
 def solutions_at(
