@@ -183,8 +183,6 @@ class _Points:
         force = np.concatenate([p.areas[:, None] * f.traction for p, f in parts])
         gap = np.concatenate([p.data.gap for p, _ in parts]) - np.sum(jump * n, axis=1)
         slope = np.concatenate([f.answers.unit_bound for _, f in parts])
-        known = bool(np.isfinite(slope).all())
-        require(eq.comm, known, "stability needs laws with a coefficient of friction")
         tension, rt = split(n, force)
         rn = -tension
         bound = slope * rn
