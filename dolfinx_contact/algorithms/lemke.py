@@ -363,11 +363,20 @@ class _Tableau:
         return z
 
 
-def tangents(dim: int, facets: int) -> Array:
-    """Return the unit directions of friction, shape (k, dim - 1)."""
+def tangents(dim: int, facets: int, turn: float = 0.0) -> Array:
+    """Return unit directions of friction: both in 2D, ``facets`` of equal angles in 3D.
+
+    Args:
+        dim: 2 or 3.
+        facets: number k of directions in 3D.
+        turn: angle of the first direction in 3D, radians; default 0.
+
+    Returns:
+        Directions, shape (k, dim - 1).
+    """
     if dim == 2:
         return np.array([[1.0], [-1.0]])
-    angles = 2 * np.pi * np.arange(facets) / facets
+    angles = 2 * np.pi * np.arange(facets) / facets + turn
     return np.stack([np.cos(angles), np.sin(angles)], axis=1)
 
 

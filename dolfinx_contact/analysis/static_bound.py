@@ -32,6 +32,7 @@ from scipy.linalg import block_diag
 from scipy.optimize import OptimizeResult, linprog
 
 from dolfinx_contact._arrays import Array, Mask
+from dolfinx_contact.algorithms.lemke import tangents
 from dolfinx_contact.reduced.point_problem import PointProblem
 
 __all__ = ["Ranges", "StaticState", "largest_factor", "states_at_rest"]
@@ -103,7 +104,7 @@ class _Program:
         m, dim, S = points.number, points.dim, points.S
         self.points = points
         self.opened = opened
-        self.around = np.array([[1.0], [-1.0]]) if dim == 2 else _circle(_SIDES)
+        self.around = tangents(dim, _SIDES)
         #: Points whose slips friction can hold.
         self.grips = np.asarray((~opened & (points.friction > 0)) | (points.bound > 0))
         slips = np.zeros((m, dim), dtype=bool)
@@ -262,12 +263,6 @@ class _Program:
 
 def _joined(a: Rows, b: Rows) -> Rows:
     return np.vstack([a[0], b[0]]), np.concatenate([a[1], b[1]])
-
-
-def _circle(sides: int) -> Array:
-    """Return unit vectors at equal angles (sides, 2)."""
-    angles = 2 * np.pi * np.arange(sides) / sides
-    return np.stack([np.cos(angles), np.sin(angles)], axis=1)
 
 
 # -- linear programs -------------------------------------------------------------------------------

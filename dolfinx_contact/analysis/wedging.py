@@ -47,6 +47,7 @@ from scipy.optimize import brentq, linprog
 from dolfinx_contact._arrays import Array, Ints, Mask
 from dolfinx_contact._mpi import Arguments, collective, on_root
 from dolfinx_contact._validate import count, instance, nonnegative
+from dolfinx_contact.algorithms.lemke import tangents
 from dolfinx_contact.problem import ContactProblem
 from dolfinx_contact.proofs.check_proof import ReducedProblem, flexibility, gamma
 from dolfinx_contact.proofs.tableau import Tableau
@@ -158,11 +159,6 @@ def _scales(S: Array, dim: int) -> Array:
     return np.repeat(2.0 ** np.round(-np.log2(own)), dim)
 
 
-def _circle(sides: int, turn: float = 0.0) -> Array:
-    angles = 2 * np.pi * np.arange(sides) / sides + turn
-    return np.stack([np.cos(angles), np.sin(angles)], axis=1)
-
-
 class _Rays(NamedTuple):
     """Flexibility for the extreme forces of the friction cones.
 
@@ -264,9 +260,9 @@ class _Search:
         self.G = self._G * unit
         self.m, self.dim = m, dim
         self._end = end
-        plane = np.array([[1.0], [-1.0]])
-        self._facets = plane if dim == 2 else _circle(sides)
-        self._corners = plane if dim == 2 else _circle(sides, np.pi / sides) / np.cos(np.pi / sides)
+        self._facets = tangents(dim, sides)
+        farthest = 1.0 if dim == 2 else 1.0 / np.cos(np.pi / sides)
+        self._corners = farthest * tangents(dim, sides, np.pi / sides)
         self.friction = np.inf
         self._reached = _LARGEST
         self.tried = _LARGEST
