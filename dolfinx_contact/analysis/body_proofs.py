@@ -32,7 +32,6 @@ __all__ = [
     "obstacle_to_proof",
     "proved",
     "proved_rays",
-    "reduced_problem",
     "uniqueness",
 ]
 
@@ -65,19 +64,15 @@ def obstacle_to_proof(equations: ContactEquations, condensed: Reduction | None) 
     return ""
 
 
-def reduced_problem(condensed: Reduction, gamma: float) -> ReducedProblem:
-    """Return the reduced problem at ``gamma`` with factorisation errors. Not collective.
-
-    Args:
-        condensed: exact reduction for which `obstacle_to_proof` is empty.
-        gamma: load parameter.
-
-    Raises:
-        ValueError: if S is not positive definite beyond its error, or a number is not finite.
-    """
-    points = condensed.problem(gamma, unit=condensed.force_unit)
-    errors = points.S_error, points.p_error
-    return ReducedProblem(points.S, points.p, points.friction, points.bound, *errors)
+def _reduced(condensed: Reduction, gamma: float) -> ReducedProblem | None:
+    """Return the reduced problem with factorisation errors; None if they are too large."""
+    try:
+        points = condensed.problem(gamma, unit=condensed.force_unit)
+        errors = points.S_error, points.p_error
+        return ReducedProblem(points.S, points.p, points.friction, points.bound, *errors)
+    except ValueError as error:  # S is not positive definite beyond its error
+        logger.info("nothing can be proved: %s", error)
+        return None
 
 
 def proved(condensed: Reduction, gamma: float, seconds: float) -> ProvedSolutions | None:
@@ -90,12 +85,8 @@ def proved(condensed: Reduction, gamma: float, seconds: float) -> ProvedSolution
         gamma: load parameter.
         seconds: time limit of the proof.
     """
-    try:
-        problem = reduced_problem(condensed, gamma)
-    except ValueError as error:
-        logger.info("nothing can be proved: %s", error)
-        return None
-    return prove_solutions(problem, proof_seconds=seconds)
+    problem = _reduced(condensed, gamma)
+    return None if problem is None else prove_solutions(problem, proof_seconds=seconds)
 
 
 def proved_rays(
@@ -193,10 +184,8 @@ def _among_points(
 
     If another solution is found, the result contains its State.
     """
-    try:
-        problem = reduced_problem(condensed, 0.0)
-    except ValueError as error:
-        logger.info("nothing can be proved: %s", error)
+    problem = _reduced(condensed, 0.0)
+    if problem is None:
         return Uniqueness("not proved", "the errors of the factorisation are too large")
     decided = on_root(condensed.comm, lambda: is_only(problem, solution, proof_seconds=seconds))
     if decided.other is None:
