@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from dolfinx_contact._arrays import Array, Codes
+from dolfinx_contact._arrays import Array, Codes, Mask
 from dolfinx_contact.proofs.check_proof import (
     IN_CLOSED,
     IN_OPEN,
@@ -34,11 +34,22 @@ _TURN = 0.7  # by which a direction may turn in one step
 _CLOSE = 1e-11  # relative residual of a solution
 
 
+def _slips(problem: ReducedProblem, codes: Codes) -> Mask:
+    """Points that slip with friction, closed or open with a prescribed bound (m,)."""
+    return ((codes == 2) | (codes == 5)) & ((problem.friction > 0) | (problem.g > 0))
+
+
+def _directions(slips: Mask, z: Array) -> Array:
+    """Unit directions of slip of unknowns (m, 2); 0 at points that do not slip."""
+    e = np.stack([np.cos(z[:, 1]), np.sin(z[:, 1])], axis=1)
+    return np.where(slips[:, None], e, 0.0)
+
+
 def unknowns(problem: ReducedProblem, codes: Codes, a: Array, r: Array) -> Array:
     """The unknowns of a piece at a state (m, 3); see `check_proof`."""
     opened = IS_OPEN[codes]
     stuck = (codes == 1) | (codes == 4)
-    slips = ((codes == 2) | (codes == 5)) & ((problem.friction > 0) | (problem.g > 0))
+    slips = _slips(problem, codes)
     z = np.where(stuck[:, None], r, a)
     z[:, 2] = np.where(opened, a[:, 2], r[:, 2])
     pull = np.where(np.hypot(a[:, 0], a[:, 1])[:, None] > 1e-9, a[:, :2], -r[:, :2])
@@ -59,10 +70,10 @@ def solved_piece(problem: ReducedProblem, codes: Codes, z: Array) -> Array | Non
         Unknowns of the piece, shape (m, 3).
     """
     z = z.copy()
-    slips = ((codes == 2) | (codes == 5)) & ((problem.friction > 0) | (problem.g > 0))
+    slips = _slips(problem, codes)
     size = 1.0 + float(np.abs(problem.p).max())
     for _ in range(_ITERATIONS):
-        e = np.where(slips[:, None], np.stack([np.cos(z[:, 1]), np.sin(z[:, 1])], axis=1), 0.0)
+        e = _directions(slips, z)
         state = space_state(problem, codes, z, e).value
         f = problem.S @ state[:, :3].reshape(-1) - state[:, 3:].reshape(-1) - problem.p
         if np.abs(f).max() < 1e-14 * size:
@@ -80,8 +91,7 @@ def solved_piece(problem: ReducedProblem, codes: Codes, z: Array) -> Array | Non
 
 def state_of(problem: ReducedProblem, codes: Codes, z: Array) -> tuple[Array, Array]:
     """Displacements and forces of unknowns (m, 3)."""
-    slips = ((codes == 2) | (codes == 5)) & ((problem.friction > 0) | (problem.g > 0))
-    e = np.where(slips[:, None], np.stack([np.cos(z[:, 1]), np.sin(z[:, 1])], axis=1), 0.0)
+    e = _directions(_slips(problem, codes), z)
     state = space_state(problem, codes, z, e).value
     return state[:, :3], state[:, 3:]
 
