@@ -136,9 +136,6 @@ def _of_npz(path: Path) -> PointProblem:
     stored = str(content.pop("format", "nothing"))
     if stored != FORMAT:
         raise ValueError(f"it has no points: its format is {stored!r}, not {FORMAT!r}")
-    unknown = set(content) - {f.name for f in fields(PointProblem)}
-    if unknown or not {"S", "p", "friction"} <= set(content):
-        raise ValueError(f"it has other arrays than a point problem: {sorted(content)}")
     arguments: dict[str, Any] = {
         name: values.item() if values.ndim == 0 else values for name, values in content.items()
     }

@@ -28,6 +28,7 @@ from typing import Literal
 import numpy as np
 
 from dolfinx_contact._arrays import Array
+from dolfinx_contact._validate import one_of
 from dolfinx_contact.algorithms.lemke import forces_by_lemke, tangents
 from dolfinx_contact.algorithms.one_point import OnePoint
 from dolfinx_contact.laws import coulomb
@@ -173,10 +174,17 @@ class LocalProblem:
 
         Raises:
             RayTermination: if Lemke's method ends in a ray.
-            ValueError: for Lemke's method in 3D.
+            ValueError: for another algorithm, and for Lemke's method in 3D.
         """
+        one_of(algorithm, "algorithm", ("gauss-seidel", "lemke"))
         if algorithm == "lemke":
-            return self._by_lemke()
+            r, iterations = self._by_lemke()
+        else:
+            r, iterations = self._by_sweeps(tolerance, max_iterations)
+        return LocalSolution(algorithm, r, self.velocities(r), self.violation(r), iterations)
+
+    def _by_sweeps(self, tolerance: float, max_iterations: int) -> tuple[Array, int]:
+        """Return forces (m, dim) by Gauss-Seidel, and the number of sweeps."""
         stiffness: list[Array] = list(np.linalg.inv(self._blocks))
         points = [OnePoint(k, F, 0.0) for k, F in zip(stiffness, self.friction, strict=True)]
         m, d = self.number, self.dim
@@ -194,9 +202,10 @@ class LocalProblem:
             sweep += 1
             if sweep % _CHECKED == 0:
                 violation = self.violation(forces.reshape(m, d))
-        return self._solution("gauss-seidel", forces.reshape(m, d), sweep)
+        return forces.reshape(m, d), sweep
 
-    def _by_lemke(self) -> LocalSolution:
+    def _by_lemke(self) -> tuple[Array, int]:
+        """Return forces (m, 2) by Lemke's method, and the number of pivots."""
         if self.dim != 2:
             raise ValueError("Lemke's method needs a plane problem; use 'gauss-seidel'")
         k = self._stiffness
@@ -204,10 +213,7 @@ class LocalProblem:
         free = np.asarray((self.q / length).reshape(self.number, 2), np.float64)
         none = np.zeros(self.number)
         r, pivots = forces_by_lemke(self.W * k, free, self.friction, none, tangents(2, 2))
-        return self._solution("lemke", r * k * length, pivots)
-
-    def _solution(self, algorithm: str, r: Array, iterations: int) -> LocalSolution:
-        return LocalSolution(algorithm, r, self.velocities(r), self.violation(r), iterations)
+        return r * k * length, pivots
 
     def reaction_freedom(self, solution: LocalSolution, tolerance: float = 1e-8) -> int:
         """Return the dimension of the set of forces near a solution with the same velocities.
