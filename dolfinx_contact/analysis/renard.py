@@ -17,12 +17,21 @@ In forces r the form is r.A r + F (A r).X r with the flexibility A = B K^{-1} B^
 the entries (tangent, normal) of every point; 1/F_R is the largest eigenvalue of
 -sym(A X) r = mu A r.
 
-Weights of the inequalities prove more (`weighted.py`), with S = A^{-1} and X S for the rows F xi of
-normal forces; they take many eigenproblems, of dense matrices.
+**Weights.** The solution is the only one if *some* sum of the inequalities with positive weights,
+
+    sum_i [ beta_i a_n r_n + alpha_i a_t.(r_t + F r_n xi) ]_i  >  0    for all a other than 0.
+
+Renard's criterion has unit weights. For one point, k > 0 and |xi| = 1, optimal weights give
+F < k_t/k for xi = -1, beyond which some loads have several solutions, and every F for xi = 1. One
+set of weights is valid on an interval of F; the range of F is covered by overlapping intervals. The
+least eigenvalue of the sum, scaled to a unit diagonal, is maximised over the logarithms of the
+weights, with a soft minimum of several small eigenvalues as in `proofs.weights`. This takes many
+eigenproblems of dense matrices, with S = A^{-1} and X S for the rows F xi of normal forces.
 """
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -50,14 +59,14 @@ from dolfinx_contact.analysis.rows import (
     static_equations,
     unit,
 )
-from dolfinx_contact.analysis.weighted import WeightedForm
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation
 from dolfinx_contact.equations.measures import require_solution
+from dolfinx_contact.proofs.weights import maximise
 from dolfinx_contact.reduced.held_body import HeldBody, HeldField, columns_of, with_dirichlet_rows
 from dolfinx_contact.results.indicators import small_sliding_violated
 
-__all__ = ["Renard", "criterion_at", "renard_criterion"]
+__all__ = ["Renard", "WeightedForm", "criterion_at", "renard_criterion"]
 
 #: Directions of slip (n, dim) at positions (n, dim).
 Field = Callable[[Array], npt.ArrayLike]
@@ -66,6 +75,12 @@ _DENSE = 1200  # components of jumps up to which the eigenproblem is dense
 _EFFORT = 60  # of a search for weights
 _NOTHING = 1e-9  # slip or force that counts as zero, relative to body size and largest force
 _DEFAULTS = {"eps_type": "krylovschur", "eps_tol": 1e-10, "eps_max_it": 500}
+_ENOUGH = 1e-7  # least eigenvalue, relative to a unit diagonal, at which a search ends
+_SPREAD = 12.0  # of the logarithms of the weights
+_TAUS = 0.05, 0.01, 0.003  # of the soft minimum
+#: Factors by which the friction is raised, each as long as weights are found.
+_STEPS = (2.0, 1.3, 1.1, 1.03, 1.01, 1.003, 1.001)
+_MOST = 1e3  # largest factor
 
 
 @dataclass(frozen=True)
@@ -330,3 +345,94 @@ class _Form:
 def _over(largest: float) -> float:
     """Return the factor; infinite if nothing moves or presses, so that the form vanishes."""
     return 1.0 / largest if largest > 0 else np.inf
+
+
+@dataclass(frozen=True, eq=False)
+class WeightedForm:
+    """The inequalities of a solution.
+
+    Attributes:
+        S: stiffness of the components of jumps, symmetric and positive definite (n, n).
+        G: rows F xi of the normal forces, S_n, at tangential components; else 0 (n, n).
+        groups: numbers of the weights of the components, equal for the tangents of a point (n,).
+    """
+
+    S: Array
+    G: Array
+    groups: Ints
+
+    def interval(self, weights: Array, factor: float) -> tuple[float, float]:
+        """Return the interval around a friction factor in which the sum is positive definite.
+
+        Args:
+            weights: weights of the groups.
+            factor: friction factor; if the sum is not definite there, the interval is empty.
+        """
+        w = weights[self.groups][:, None]
+        at, slope = (w * M + (w * M).T for M in (self.S + factor * self.G, self.G))
+        unit = 1 / np.sqrt(np.abs(np.diag(at)))
+        last = len(at) - 1
+        at, slope = (unit[:, None] * M * unit for M in (at, slope))
+        if np.linalg.eigvalsh(at)[0] <= _ENOUGH / 2:
+            return factor, factor
+        values = eigh(slope, at, eigvals_only=True, subset_by_index=(0, last))
+        down, up = (1 / max(value, 1 / _MOST) for value in (values[-1], -values[0]))
+        return factor - down, factor + up
+
+    def largest(self, *, enough: float = _MOST, effort: int = 60, seconds: float = np.inf) -> float:
+        """Return a friction factor up to which some weights prove uniqueness.
+
+        Args:
+            enough: factor that need not be surpassed.
+            effort: iterations of each search.
+            seconds: time of the search.
+        """
+        end = time.monotonic() + seconds
+        logs: Array = np.zeros(int(self.groups.max(initial=-1)) + 1)
+        _, best = self.interval(np.exp(logs), 0.0)
+        for step in _STEPS:
+            while best < enough and time.monotonic() < end:
+                factor = min(step * best, 1.001 * enough)
+                new = self._search(logs, factor, effort, end)
+                if new is None:
+                    break
+                low, high = self.interval(np.exp(new), factor)
+                if not low <= best < high:
+                    break
+                best = high
+                logs = new
+        return min(best, _MOST)
+
+    def _search(self, logs: Array, factor: float, effort: int, end: float) -> Array | None:
+        """Return logarithms of weights that make the sum positive definite at a factor, or None."""
+        R = self.S + factor * self.G
+        diagonal = np.diag(R)
+        if (diagonal <= 0).any():
+            return None
+        R = R / np.sqrt(diagonal[:, None] * diagonal)
+
+        def eigenvalues(x: Array) -> tuple[Array, Array, Callable[[Array], Array]]:
+            # The form w_i R_ij / sqrt(w_i w_j), symmetric part, whose diagonal is 1.
+            half = np.exp(x / 2)[self.groups]
+            X = half[:, None] * R / half
+            values, V = np.linalg.eigh((X + X.T) / 2)
+
+            def gradient(part: Array) -> Array:
+                # d of v.X v / d x_i = (v_i (X v)_i - v_i (X^T v)_i) / 2
+                by_row = ((V * (X @ V) - V * (X.T @ V)) * part).sum(axis=1) / 2
+                slope = np.zeros_like(x)
+                np.add.at(slope, self.groups, by_row)
+                return slope
+
+            return values, V, gradient
+
+        least, x, _ = maximise(
+            eigenvalues,
+            logs,
+            limits=[(-_SPREAD, _SPREAD)] * len(logs),
+            stages=[(tau, -np.inf) for tau in _TAUS],
+            effort=effort,
+            enough=_ENOUGH,
+            until=end,
+        )
+        return x if least > _ENOUGH else None

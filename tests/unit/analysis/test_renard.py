@@ -13,7 +13,7 @@ from dolfinx import mesh
 
 from dolfinx_contact import Coulomb
 from dolfinx_contact.analysis import renard_criterion
-from dolfinx_contact.analysis.weighted import WeightedForm
+from dolfinx_contact.analysis.renard import WeightedForm
 
 COMM = MPI.COMM_WORLD
 
