@@ -29,6 +29,7 @@ one cycle per step, where SLEPc would take a solve of about twenty cycles.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
@@ -268,11 +269,20 @@ class _PressureByShear:
             return body.solves, body.iterations + self._cycles
         return 0, 0
 
-    def slips(self, u: Array) -> Array:
-        """Return the slips D u of this rank."""
+    def _respond(self, shear: Array, *start: Array) -> Array:
+        """Return shears, slips and pressures of this rank (3, m); arguments as in `solve`."""
+        shear = shear.copy()
+        u, pressure = self.solve(shear, *start)
         self._u.array[:] = u
         self._slip.D.mult(self._u, self._f)
-        return self._f.array_r.copy()
+        return np.array([shear, self._f.array_r, pressure])
+
+    def _gathered(
+        self, seen: Sequence[npt.NDArray[Any]], modes: Callable[..., SlipModes]
+    ) -> SlipModes:
+        """Return ``modes`` of shears, slips, pressures (m, k) and softness of all points."""
+        columns = np.reshape(seen, (len(seen), 3, len(self._softness)))
+        return on_gathered(self.comm, modes, *np.moveaxis(columns, 0, 2), self._softness)
 
     def all(self) -> SlipModes:
         """Return all eigenvalues of T, with slips and shears."""
@@ -301,7 +311,7 @@ class _PressureByShear:
         eigenvalues: with the slips E f and the pressures T f, those of (f^T E f)^-1 f^T E T f.
         """
         search = body.eigenvalues(self._slip.D, 1.0 / np.sqrt(self._softness))
-        seen: list[tuple[Array, Array, Array]] = []
+        seen: list[Array] = []
         most = min(_WIDEST * count, self._slip.number)
         try:
             while True:
@@ -315,8 +325,7 @@ class _PressureByShear:
                         return modes
                 search.converge(_TIGHT)
                 for shear, start in zip(*(columns.T for columns in search.keep()), strict=True):
-                    u, pressure = self.solve(shear, start)
-                    seen.append((shear, self.slips(u), pressure))
+                    seen.append(self._respond(shear, start))
         finally:
             self._cycles += search.cycles
             search.destroy()
@@ -330,16 +339,14 @@ class _PressureByShear:
         largest = search.size + max(search.error, _UNSEEN * search.size)
         return (1.0 - _FAR) / largest if search.size > 0 else np.inf
 
-    def _on_shears(self, seen: list[tuple[Array, Array, Array]], known: float) -> SlipModes:
+    def _on_shears(self, seen: list[Array], known: float) -> SlipModes:
         """Return the eigenvalues of T on a subspace of shears with known slips and pressures."""
-        m = len(self._softness)
 
         def modes(f: Array, slips: Array, pressures: Array, softness: Array) -> SlipModes:
             values, y = np.linalg.eig(np.linalg.solve(f.T @ slips, slips.T @ pressures))
             return SlipModes.of(values, f @ y, slips @ y, pressures @ y, softness, known)
 
-        columns = (np.array([row[i] for row in seen]).reshape(len(seen), m).T for i in range(3))
-        return on_gathered(self.comm, modes, *columns, self._softness)
+        return self._gathered(seen, modes)
 
     # -- SLEPc ------------------------------------------------------------------------------------
 
@@ -351,20 +358,13 @@ class _PressureByShear:
         # SLEPc gives its subspace away before it computes eigenvectors.
         subspace = solver.getInvariantSubspace() if number else []
         real, imaginary = T.createVecs()
-        values, columns = [], []
+        values: list[complex] = []
+        seen: list[Complex] = []
         for i in range(number):
             values.append(solver.getEigenpair(i, real, imaginary))
-            parts: dict[complex, Array] = {1.0: real.array_r.copy()}
+            seen.append(self._respond(real.array_r).astype(complex))
             if values[-1].imag:
-                parts[1j] = imaginary.array_r.copy()
-            answers = [(unit, *self.solve(shear)) for unit, shear in parts.items()]
-            columns.append(
-                (
-                    sum(unit * shear for unit, shear in parts.items()),
-                    sum(unit * self.slips(u) for unit, u, _ in answers),
-                    sum(unit * pressure for unit, _, pressure in answers),
-                )
-            )
+                seen[-1] += 1j * self._respond(imaginary.array_r)
         known = self._known_up_to(T, subspace) if values else 0.0
         for thing in (real, imaginary, solver, *subspace, T):
             thing.destroy()
@@ -376,9 +376,7 @@ class _PressureByShear:
         ) -> SlipModes:
             return SlipModes.of(np.array(values), shears, slips, pressures, softness, known)
 
-        return on_gathered(
-            self.comm, modes, *np.moveaxis(np.array(columns, complex), 0, 2), self._softness
-        )
+        return self._gathered(seen, modes)
 
     def _mult(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
         y.array[:] = self.solve(x.array_r)[1]
