@@ -27,6 +27,7 @@ import numpy.typing as npt
 from dolfinx_contact._arrays import Array, Mask
 from dolfinx_contact._geometry import plane_tangents
 from dolfinx_contact._mpi import require
+from dolfinx_contact._petsc import stacked
 from dolfinx_contact.analysis.rows import (
     component_rows,
     free_axes,
@@ -253,15 +254,14 @@ def free_motions(eq: ContactEquations, blocks: Sequence[PETSc.Mat]) -> Array:
     motions = eq.scaling.loose.of_body
     if len(motions) == 0:
         return motions
-    u = blocks[0].createVecRight()
-    held = []
+    rows = stacked(blocks)
+    u, held = rows.createVecs()
+    responses = []
     for motion in motions:
         u.array[:] = motion[: eq.V.dofmap.index_map.size_local].reshape(-1)
-        parts = [(rows, rows.createVecLeft()) for rows in blocks]
-        for rows, seen in parts:
-            rows.mult(u, seen)
-        held.append(np.concatenate([seen.array_r.copy() for _, seen in parts]))
-        for _, seen in parts:
-            seen.destroy()
-    u.destroy()
-    return rigid.combine(eq.comm.allreduce(np.array(held) @ np.array(held).T), motions)
+        rows.mult(u, held)
+        responses.append(held.array_r.copy())
+    for thing in (rows, u, held):
+        thing.destroy()
+    R = np.array(responses)
+    return rigid.combine(eq.comm.allreduce(R @ R.T), motions)
