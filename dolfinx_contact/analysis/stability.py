@@ -148,7 +148,8 @@ def stability_at_rest(
         return Stability("not decided", reason=doubt)
     body = body_of(eq, state.u, density, damping)
     try:
-        require(eq.comm, _is_positive(body), "the density must be positive everywhere")
+        positive = is_positive_definite(eq, body.M)
+        require(eq.comm, positive, "the density must be positive everywhere")
         points = _Points(eq, state)
         quiet = _is_symmetric(eq, body.K) and (body.C is None or _is_dissipative(body))
         if points.border == 0:
@@ -245,13 +246,6 @@ class _Gathered(DenseBody):
         self.D = np.zeros_like(self.N)
         np.add.at(self.D, self.owner, self.along[:, None] * self.T)
         self.held = np.abs(self.N).max(axis=1, initial=0.0) == 0
-
-
-def _is_positive(body: Body) -> bool:
-    """Return whether the mass is positive definite on free displacements. Collective."""
-    if body.eq.comm.allreduce(int((body.M.getDiagonal().array_r <= 0).any())):
-        return False
-    return is_positive_definite(body.eq, body.M)
 
 
 def _is_symmetric(eq: ContactEquations, A: PETSc.Mat) -> bool:
