@@ -213,8 +213,6 @@ def _of_siconos(text: str) -> Local:
     numbers = _Numbers(text)
     dim, contacts, storage, rows, columns = numbers.integers(5)
     W: Array
-    if not rows == columns == dim * contacts:
-        raise ValueError(f"W has the size {rows} x {columns}, with {contacts} contacts in {dim}D")
     if storage == _DENSE:
         if numbers.integers(2) != [rows, columns]:
             raise ValueError("the two sizes of W differ")

@@ -212,7 +212,7 @@ def test_compliances_that_are_none_are_refused(W, message):
     ("text", "message"),
     [
         ("2 1 0 2 2 7 9 1 0 0 1 1 1 0.3", "two sizes of W differ"),
-        ("2 1 0 4 4 4 4 1 0 0 1 1 1 0.3", "W has the size 4 x 4"),
+        ("2 1 0 3 3 3 3 1 0 0 0 1 0 0 0 1 1 1 1 0.3", r"W has the shape \(3, 3\)"),
         ("2 1 0 2 2 2 2 1 0 0 1 1 1 0.3 xyz", "could not convert"),
         ("2 1 0 2 2 2 2 1 0 0 1 1 1 0.3 1 1", "text after the friction coefficients"),
         ("2 1 2 2 2 2\nx\nnnz: 1 \n 0 : 1\n 1 1 0.3", "before its first column"),
