@@ -179,7 +179,7 @@ def criterion_at(
         enough: factor beyond which no weights are searched for.
         seconds: time limit of this search.
     """
-    slope = np.concatenate([_slope(eq, i, state) for i in range(len(eq.surfaces))])
+    slope = _slopes(eq, state)
     xi = _of_solution(eq, state, slope) if directions is None else _given(eq, directions)
     largest = float(eq.comm.allreduce(slope.max(initial=0.0), op=max))
     least = float(eq.comm.allreduce(slope.min(initial=np.inf), op=min))
@@ -203,14 +203,15 @@ def criterion_at(
     return Renard(factor, factor * largest if same else None, definite)
 
 
-def _slope(eq: ContactEquations, number: int, state: Evaluation) -> Array:
-    """Return the coefficients of friction at the points of a surface. Collective."""
-    s = eq.surfaces[number]
-    known = state.surfaces[number]
-    fits = s.law.bound_kind in ("proportional", "given")
-    require(eq.comm, fits, f"{s.name}: the criterion is about Coulomb's law, not {s.law}")
-    slope = known.answers.unit_bound
-    return slope if s.law.bound_kind == "proportional" else np.zeros_like(slope)
+def _slopes(eq: ContactEquations, state: Evaluation) -> Array:
+    """Return the coefficients of friction at the points of this rank (n,)."""
+    slopes = []
+    for s, known in zip(eq.surfaces, state.surfaces, strict=True):
+        if s.law.bound_kind not in ("proportional", "given"):
+            raise ValueError(f"{s.name}: the criterion is about Coulomb's law, not {s.law}")
+        slope = known.answers.unit_bound
+        slopes.append(slope if s.law.bound_kind == "proportional" else np.zeros_like(slope))
+    return np.concatenate(slopes)
 
 
 def _of_solution(eq: ContactEquations, state: Evaluation, slope: Array) -> Array:

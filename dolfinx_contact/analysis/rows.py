@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact._arrays import Array, Mask
-from dolfinx_contact._mpi import on_root, require
+from dolfinx_contact._mpi import on_root
 from dolfinx_contact._petsc import Entries, as_raised, matrix_of, options_in_database, stacked
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation
@@ -187,17 +187,17 @@ def solve_eigenproblem(solver: Any, defaults: dict[str, Any]) -> None:
 
 
 def require_nodes(eq: ContactEquations) -> None:
-    """Raise ``ValueError`` unless contact is at nodes, with small sliding and a local law.
-
-    Collective.
-    """
+    """Raise ``ValueError`` unless contact is at nodes, with small sliding and a local law."""
     for s in eq.surfaces:
-        still = s.rigid_body is None
-        require(eq.comm, still, f"{s.name}: not with rigid bodies that have unknowns of their own")
-        require(eq.comm, s.linear, f"{s.name}: this needs small sliding")
-        fits = s.points.E is None
-        require(eq.comm, fits, f"{s.name}: this needs nodal or mixed contact, not {s.method}")
-        local = s.law.averaging is None
-        require(eq.comm, local, f"{s.name}: this needs a local law, not {s.law.name}")
-        free = not s.law_at_points.compiled.bonded
-        require(eq.comm, free, f"{s.name}: this needs a law without adhesion, not {s.law.name}")
+        for fits, need in (
+            (s.rigid_body is None, "not with rigid bodies that have unknowns of their own"),
+            (s.linear, "this needs small sliding"),
+            (s.points.E is None, f"this needs nodal or mixed contact, not {s.method}"),
+            (s.law.averaging is None, f"this needs a local law, not {s.law.name}"),
+            (
+                not s.law_at_points.compiled.bonded,
+                f"this needs a law without adhesion, not {s.law.name}",
+            ),
+        ):
+            if not fits:
+                raise ValueError(f"{s.name}: {need}")
