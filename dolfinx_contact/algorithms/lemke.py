@@ -256,11 +256,11 @@ class _Tableau:
     def __init__(self, M: Array, q: Array):
         self.n = len(q)
         self.artificial = 2 * len(q)
-        self._M = M
         self._q = q
-        self._d = np.ones(len(q))
+        #: Columns of all variables, [I, -M, -d] with d = 1.
+        self._columns = np.hstack([np.eye(self.n), -M, -np.ones((self.n, 1))])
         #: In Fortran order, so that BLAS updates it in place.
-        self.table: Array = np.asfortranarray(np.column_stack([-M, -self._d]))
+        self.table: Array = np.asfortranarray(self._columns[:, self.n :])
         self.values = q.copy()
         self.basic = np.arange(self.n)
         self.nonbasic = np.arange(self.n, 2 * self.n + 1)
@@ -336,27 +336,17 @@ class _Tableau:
             self._refresh()
         return leaving
 
-    def _columns(self, variables: Ints) -> Array:
-        """Return the columns of [I, -M, -d] for some variables."""
-        found = np.zeros((self.n, len(variables)))
-        w = np.flatnonzero(variables < self.n)
-        z = np.flatnonzero(variables >= self.n)
-        found[variables[w], w] = 1.0
-        everything = np.column_stack([-self._M, -self._d])
-        found[:, z] = everything[:, variables[z] - self.n]
-        return found
-
     def _refresh(self) -> None:
         """Recompute the tableau from M and q to remove the round-off of the pivots."""
-        right = np.column_stack([self._columns(self.nonbasic), self._q])
-        solved = np.linalg.solve(self._columns(self.basic), right)
+        right = np.column_stack([self._columns[:, self.nonbasic], self._q])
+        solved = np.linalg.solve(self._columns[:, self.basic], right)
         self.table = np.asfortranarray(solved[:, :-1], dtype=np.float64)
         self.values = np.asarray(solved[:, -1], dtype=np.float64).copy()
         self._since = 0
 
     def solution(self) -> Array:
         """Return z at the current basis, computed from M and q."""
-        values = np.linalg.solve(self._columns(self.basic), self._q)
+        values = np.linalg.solve(self._columns[:, self.basic], self._q)
         z = np.zeros(self.n)
         inside = (self.basic >= self.n) & (self.basic < 2 * self.n)
         z[self.basic[inside] - self.n] = np.maximum(values[inside], 0.0)
