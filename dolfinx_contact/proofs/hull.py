@@ -50,7 +50,6 @@ class Hull:
         corners: states (a, r) of the columns (k, 6).
         cell: numbers of the cells of the columns (k,); -1 of shears given in advance.
         node: points of the columns (k,).
-        program: A and b of A x = b.
     """
 
     def __init__(self, problem: ReducedProblem, cells: Cells, most: Array):
@@ -76,7 +75,6 @@ class Hull:
             A[3 * self.node + c, np.arange(k)] -= self.corners[:, 3 + c]
         A[3 * m + group, np.arange(k)] = 1.0
         b = np.concatenate([problem.p, np.ones(m + len(given))])
-        self.program = A, b
         self._simplex = Simplex(A, b, np.flatnonzero(np.diff(group, prepend=-1)))
         self.alive = np.ones(len(cells), dtype=bool)
 

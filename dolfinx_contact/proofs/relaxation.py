@@ -111,7 +111,7 @@ class Relaxation(Tableau):
             identity = self._repair()
             if identity is not None:
                 return self._multipliers(identity)
-            if self._lost or not self._separate():
+            if self.lost or not self._separate():
                 return None
         return None
 

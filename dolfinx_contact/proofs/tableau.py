@@ -30,6 +30,9 @@ class Tableau:
         free: number n of the nonbasic variables, which have the indices 0 to n - 1.
         up: upper bounds of all variables.
         sure: smallest violation for which a row counts as a proof of infeasibility; by default 0.
+
+    Attributes:
+        lost: whether the last program ended without an answer, at the limit of iterations.
     """
 
     def __init__(
@@ -49,12 +52,7 @@ class Tableau:
         self._costs = np.random.default_rng(0).uniform(0.5, 1.0, free)  # reduced, of the nonbasic
         self._up = up
         self._sure = sure
-        self._lost = False
-
-    @property
-    def lost(self) -> bool:
-        """Whether the last program ended without an answer, at the limit of iterations."""
-        return self._lost
+        self.lost = False
 
     @property
     def _all_values(self) -> Array:
@@ -87,7 +85,7 @@ class Tableau:
             Otherwise the coefficients of an identity between all variables that cannot hold within
             their bounds, which proves infeasibility.
         """
-        self._lost = False
+        self.lost = False
         for _ in range(40 + 4 * self._T.shape[1]):
             below = -self._values
             above = self._values - self._up[self._basic]
@@ -109,7 +107,7 @@ class Tableau:
                 return self._identity(r, sign)
             j = self._entering(row, gain, off)
             self._pivot(r, j, 0.0 if sign > 0 else float(self._up[self._basic[r]]))
-        self._lost = True
+        self.lost = True
         return None
 
     def _entering(self, row: Array, gain: Array, off: float) -> int:
