@@ -174,7 +174,6 @@ class Slip:
         self.places = np.flatnonzero(slips)
         self.number = int(eq.comm.allreduce(len(self.places)))
         require(eq.comm, self.number > 0, "no contact point can slip with friction")
-        self.normals = n[slips]
         self.directions = d[slips]
         pressed = np.flatnonzero(touching & ~slips)
         # Held tangents, as far as Dirichlet data leave them free.
@@ -183,7 +182,7 @@ class Slip:
         across *= (touching & ~loose & (~slips | hold_across))[:, None, None]
         point, axes = free_axes(eq, across)
         held = np.concatenate([n[pressed], axes])
-        self.N = component_rows(eq, self.places, self.normals)
+        self.N = component_rows(eq, self.places, n[slips])
         self.D = component_rows(eq, self.places, self.directions)
         self.H = component_rows(eq, np.concatenate([pressed, point]), held)
 
@@ -195,17 +194,18 @@ class Slip:
             words = rigid.describe(loose, eq.V, rigid.parts(eq.V), axisymmetric=eq.axisymmetric)
             raise ValueError(f"the body slides without resistance ({words}): nothing is critical")
 
-    def in_order(self, *values: Array) -> list[Array]:
-        """Return positions and values (n, ...) of all slipping points, ordered by coordinates.
+    def in_order(self, values: Array) -> tuple[Array, Array]:
+        """Return positions and values of all slipping points, by coordinates. Collective.
 
-        Collective.
+        Args:
+            values: values at the slipping points of this rank (n, ...).
         """
         x, ids = (
             np.concatenate(parts)[self.places]
             for parts in zip(*((s.positions, s.points.ids) for s in self._eq.surfaces), strict=True)
         )
         gathered = Gathered(self.comm, x, ids)
-        return [gathered.positions, *(gathered(v) for v in values)]
+        return gathered.positions, gathered(values)
 
     def destroy(self) -> None:
         """Free the matrices."""
