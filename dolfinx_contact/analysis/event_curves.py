@@ -134,10 +134,8 @@ class EventCurve(CurveOverMu):
 
     def at(self, mu: float) -> float:
         """Gamma at mu; NaN outside of the span."""
-        for s in self.segments:
-            if s.low <= mu <= s.high:
-                return s.frame.gamma(mu)
-        return float("nan")
+        segment = self._segment_at(mu)
+        return float("nan") if segment is None else segment.frame.gamma(mu)
 
     def statuses_at(self, mu: float) -> tuple[str, str]:
         """Letters of the points on either side at mu.
@@ -145,10 +143,13 @@ class EventCurve(CurveOverMu):
         Raises:
             ValueError: outside of the span.
         """
-        for s in self.segments:
-            if s.low <= mu <= s.high:
-                return s.statuses
-        raise ValueError(f"the curve does not reach {mu:g}: {self.span}")
+        segment = self._segment_at(mu)
+        if segment is None:
+            raise ValueError(f"the curve does not reach {mu:g}: {self.span}")
+        return segment.statuses
+
+    def _segment_at(self, mu: float) -> Segment | None:
+        return next((s for s in self.segments if s.low <= mu <= s.high), None)
 
     @property
     def breaks(self) -> Array:  # type: ignore[override]

@@ -163,9 +163,8 @@ class ContactFamily:
             off = scaled - B @ np.linalg.lstsq(B, scaled, rcond=None)[0]
             if np.abs(off).max() > tolerance:
                 continue
-            slacks = [(c + mu * d) / units @ scaled for c, d, _ in self.inequalities(i, code)]
-            lengths = [np.abs((c + mu * d) / units).max() for c, d, _ in self.inequalities(i, code)]
-            if all(s >= -tolerance * n for s, n in zip(slacks, lengths, strict=True)):
+            rows = [(c + mu * d) / units for c, d, _ in self.inequalities(i, code)]
+            if all(row @ scaled >= -tolerance * np.abs(row).max() for row in rows):
                 found.append(code)
         return found
 

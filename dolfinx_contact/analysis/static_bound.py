@@ -24,7 +24,7 @@ from __future__ import annotations
 import itertools
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -347,14 +347,14 @@ def largest_factor(
     search.run(begin)
     s = search.best
     share = force / size
-    state = StaticState(
-        s.least * share,
-        s.lower * share,
-        s.upper * share,
-        s.slip * length,
-        s.displacements * length,
-        s.forces * force,
-        s.opened,
+    state = replace(
+        s,
+        least=s.least * share,
+        lower=s.lower * share,
+        upper=s.upper * share,
+        slip=s.slip * length,
+        displacements=s.displacements * length,
+        forces=s.forces * force,
     )
     ranges = tuple((a * share, b * share) for a, b in search.ranges())
     return state, ranges, search.complete
