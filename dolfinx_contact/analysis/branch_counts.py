@@ -172,7 +172,7 @@ def _check(a: Arguments) -> None:
         a.gammas = [number(g, "gammas", "finite numbers") for g in listed(a.gammas, "gammas")]
         if not a.gammas:
             raise ValueError("gammas must be finite numbers, one or more, got none")
-    count(a.most, "most")
+    a.most = count(a.most, "most")
     if a.proof_seconds != np.inf:
         nonnegative(a.proof_seconds, "proof_seconds")
 
@@ -203,7 +203,7 @@ def prove_counts(
         ValueError: on every rank, if an argument is not valid.
     """
     branches = diagram.branches
-    chosen = default_gammas(branches, int(most)) if gammas is None else sorted(set(gammas))
+    chosen = default_gammas(branches, most) if gammas is None else sorted(set(gammas))
     system.check_parameter(chosen)
     layout = Layout(system)
     guess = layout.split(next(b for b in branches if b.points).points[0].y)[0].copy()

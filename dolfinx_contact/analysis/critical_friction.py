@@ -142,7 +142,7 @@ class CriticalFriction:
 
 def check_request(a: Arguments) -> None:
     """Raise ``ValueError`` if ``count`` or ``solver`` is not valid."""
-    count(a.count, "count")
+    a.count = count(a.count, "count")
     one_of(_requested(a.solver), "solver", get_args(BodySolverKind))
 
 
@@ -200,7 +200,7 @@ def critical_friction(
     operator = _PressureByShear(eq, slip, state.u, solver)
     try:
         complete = takes_all(dense, slip.number, operator.solver)
-        modes = operator.all() if complete else operator.smallest(int(count))
+        modes = operator.all() if complete else operator.smallest(count)
         return _collected(problem, operator, slip, modes, complete)
     finally:
         operator.destroy()

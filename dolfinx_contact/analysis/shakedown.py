@@ -140,8 +140,9 @@ def _check(a: Arguments) -> None:
         raise ValueError(f"steady must be a function that puts a load in place, got {a.steady!r}")
     if a.factor is not None:
         positive(a.factor, "factor")
-    for name, least in (("cycles", 1), ("steps", 1), ("starts", 0)):
-        count(getattr(a, name), name, least)
+    a.cycles = count(a.cycles, "cycles")
+    a.steps = count(a.steps, "steps")
+    a.starts = count(a.starts, "starts", least=0)
     nonnegative(a.seconds, "seconds")
 
 
@@ -203,9 +204,9 @@ def shakedown(
             corners,
             reduced[-1].p,
             factor=factor,
-            cycles=int(cycles),
-            steps=int(steps),
-            starts=int(starts),
+            cycles=cycles,
+            steps=steps,
+            starts=starts,
             seconds=seconds,
         ),
     )
@@ -297,17 +298,12 @@ def _theorem(points: PointProblem) -> tuple[bool, str]:
     others = joined & (point[:, None] != point)
     # Both rows of a single point are in S; freely sliding neighbours make it softer.
     if d == 2 and not others[np.isin(point, coupled)].any():
-        stiffness = [S[np.ix_(point == i, point == i)][0] for i in coupled]
-        below = [
-            points.friction[i] * abs(k) < kt for i, (kt, k) in zip(coupled, stiffness, strict=True)
-        ]
-        if all(below) and m == 1:
-            return True, "sufficient, as one point with less than its critical friction k_t/|k|"
-        if all(below):
-            return True, (
-                "sufficient, as each point whose slip changes its normal force is joined to no "
-                "other and has less than its critical friction k_t/|k|"
-            )
+        rows = {i: S[np.ix_(point == i, point == i)][0] for i in coupled}
+        if all(points.friction[i] * abs(k) < kt for i, (kt, k) in rows.items()):
+            which = "one point, with"
+            if m > 1:
+                which = "each point whose slip changes its normal force is joined to no other, with"
+            return True, f"sufficient, as {which} less than its critical friction k_t/|k|"
     return False, "necessary, not sufficient from every start, as slips change normal forces"
 
 

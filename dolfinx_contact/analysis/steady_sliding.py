@@ -112,7 +112,7 @@ class Onset:
 
 def _check(a: Arguments) -> None:
     flag(a.hold_across, "hold_across")
-    count(a.count, "count")
+    a.count = count(a.count, "count")
 
 
 def _check_onset(a: Arguments) -> None:
@@ -166,7 +166,7 @@ class SteadySliding(ReadOnly):
         self._slip = Slip(eq, pattern, hold_across=hold_across)
         self._body = body_of(eq, state.u, density, damping)
         self._damped = self._body.C is not None or self._body.eta > 0
-        self._count = int(count)
+        self._count = count
         rows = [self._slip.N, self._slip.D, self._slip.H]
         self._size = self._body.unknowns - rows[0].getSize()[0] - rows[2].getSize()[0]
         complete = self._size <= _DENSE if dense is None else dense
