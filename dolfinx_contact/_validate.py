@@ -148,21 +148,25 @@ def scalar(value: Any, name: str) -> Any:
     return number(value, name, "a finite number or a UFL scalar")
 
 
-def vector(value: Any, name: str, length: int, *, zero: bool = True) -> npt.NDArray[np.float64]:
+def vector(
+    value: Any, name: str, length: int | None = None, *, zero: bool = True
+) -> npt.NDArray[np.float64]:
     """Validate a vector of finite numbers, and return a copy, shape (length,).
 
     Args:
         value: value to validate.
         name: name of the argument in the message.
-        length: number of components.
+        length: number of components; default: None, 2 or 3.
         zero: whether the zero vector is accepted.
     """
     try:
         found = np.array(value, dtype=np.float64)
     except (TypeError, ValueError):
         found = np.empty(0)
-    if found.shape != (length,) or not np.isfinite(found).all() or not (zero or found.any()):
-        must = f"{length} finite numbers{'' if zero else ', not all 0'}"
+    shapes = [(2,), (3,)] if length is None else [(length,)]
+    if found.shape not in shapes or not np.isfinite(found).all() or not (zero or found.any()):
+        size = "2 or 3" if length is None else length
+        must = f"{size} finite numbers{'' if zero else ', not all 0'}"
         raise ValueError(f"{name} must be {must}, got {value!r}")
     return found
 

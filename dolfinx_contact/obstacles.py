@@ -69,36 +69,52 @@ def _require_uniform(value: Any, what: str) -> None:
         )
 
 
-def _vector(domain: mesh.Mesh, value: Any, what: str) -> Any:
-    """Return ``value`` as a UFL vector of the dimension of the mesh; numbers become a Constant."""
-    dim = domain.geometry.dim
+def _components(value: Any, what: str, *, zero: bool = True) -> Any:
+    """Return a vector of 2 or 3 components, in UFL or as an array of numbers."""
     if has_ufl(value):
         # float() of a Constant would be its present value, which does not follow it
         parts = [v if isinstance(v, ufl.core.expr.Expr) else number(v, what) for v in value]
         value = ufl.as_vector(parts)
     if not isinstance(value, ufl.core.expr.Expr):
-        return fem.Constant(domain, vector(value, what, dim))
-    if value.ufl_shape != (dim,):
-        raise ValueError(f"{what} must have {dim} components, got shape {value.ufl_shape}")
-    refuse_other_mesh(value, domain, what)
+        return vector(value, what, zero=zero)
+    if value.ufl_shape not in ((2,), (3,)):
+        raise ValueError(f"{what} must have 2 or 3 components, got shape {value.ufl_shape}")
     return value
+
+
+def _vector(domain: mesh.Mesh, value: Any, what: str) -> Any:
+    """Return ``value`` as a UFL vector of the dimension of the mesh; numbers become a Constant."""
+    dim = domain.geometry.dim
+    found = _components(value, what)
+    if len(found) != dim:
+        raise ValueError(f"{what} must have {dim} components on this mesh, got {len(found)}")
+    if not isinstance(found, ufl.core.expr.Expr):
+        return fem.Constant(domain, found)
+    refuse_other_mesh(found, domain, what)
+    return found
 
 
 def _direction(domain: mesh.Mesh, value: Any, what: str) -> Any:
     """Return ``value`` as a UFL unit vector."""
     direction = _vector(domain, value, what)
     if direction is not value and isinstance(direction, fem.Constant):
-        direction.value /= np.linalg.norm(vector(value, what, len(direction.value), zero=False))
+        direction.value /= np.linalg.norm(direction.value)
         return direction
     return direction / ufl.sqrt(ufl.dot(direction, direction))
+
+
+def _check_radius(radius: Any) -> None:
+    """Raise ``ValueError`` if a radius is neither a positive number nor a UFL scalar."""
+    if not isinstance(radius, ufl.core.expr.Expr):
+        positive(radius, "the radius", "positive")
+    elif radius.ufl_shape != ():
+        raise ValueError(f"the radius must be a number, got shape {radius.ufl_shape}")
 
 
 def _distance(domain: mesh.Mesh, across: Any, radius: Any) -> tuple[Any, Any]:
     """Return gap and normal of a surface at a radius, from the vector leading to the point."""
     if not isinstance(radius, ufl.core.expr.Expr):
-        radius = fem.Constant(domain, positive(radius, "the radius", "positive"))
-    if radius.ufl_shape != ():
-        raise ValueError(f"the radius must be a number, got shape {radius.ufl_shape}")
+        radius = fem.Constant(domain, float(radius))
     refuse_other_mesh(radius, domain, "the radius")
     _require_uniform(radius, "the radius")
     distance = ufl.sqrt(ufl.dot(across, across))
@@ -281,6 +297,10 @@ class HalfSpace(Obstacle):
     point: npt.ArrayLike | fem.Constant
     normal: npt.ArrayLike | fem.Constant
 
+    def __post_init__(self) -> None:
+        _components(self.point, "the point of the half-space")
+        _components(self.normal, "the normal of the half-space", zero=False)
+
     @property
     def flat(self) -> bool:
         return type(self).at is HalfSpace.at and is_uniform(self.point) and is_uniform(self.normal)
@@ -306,6 +326,10 @@ class Sphere(Obstacle):
     centre: npt.ArrayLike | fem.Constant
     radius: float | fem.Constant
 
+    def __post_init__(self) -> None:
+        _components(self.centre, "the centre of the sphere")
+        _check_radius(self.radius)
+
     def at(self, domain: mesh.Mesh, x: Any) -> tuple[Any, Any]:
         _require_uniform(self.centre, "the centre of the sphere")
         centre = _vector(domain, self.centre, "the centre of the sphere")
@@ -325,6 +349,11 @@ class Cylinder(Obstacle):
     point: npt.ArrayLike | fem.Constant
     axis: npt.ArrayLike | fem.Constant
     radius: float | fem.Constant
+
+    def __post_init__(self) -> None:
+        _components(self.point, "the point of the axis")
+        _components(self.axis, "the axis of the cylinder", zero=False)
+        _check_radius(self.radius)
 
     def at(self, domain: mesh.Mesh, x: Any) -> tuple[Any, Any]:
         if domain.geometry.dim != 3:
@@ -351,10 +380,12 @@ class LevelSet(Obstacle):
 
     phi: Callable[[Any], Any]
 
-    def at(self, domain: mesh.Mesh, x: Any) -> tuple[Any, Any]:
-        x = ufl.variable(x)
+    def __post_init__(self) -> None:
         if not callable(self.phi):
             raise ValueError(f"the level set must be a function of position, got {self.phi!r}")
+
+    def at(self, domain: mesh.Mesh, x: Any) -> tuple[Any, Any]:
+        x = ufl.variable(x)
         phi = self.phi(x)
         if not isinstance(phi, ufl.core.expr.Expr) or phi.ufl_shape != ():
             raise ValueError("the level set must return a scalar UFL expression")

@@ -123,6 +123,7 @@ class RCCM(Law):
                 "contact of RCCM must be None or a NormalCompliance without friction and "
                 f"tangential stiffness, got {soft!r}"
             )
+        super().__post_init__()
 
     @property
     def compliant(self) -> bool:  # type: ignore[override]

@@ -169,6 +169,7 @@ class NormalCompliance(_AroundFriction):
                 "friction of NormalCompliance must be a law of friction such as Coulomb(0.3), got "
                 f"{self.friction!r}"
             )
+        super().__post_init__()
 
     @property
     def _number(self) -> Hashable:
@@ -239,6 +240,7 @@ class Regularised(_AroundFriction):
                 "Regularised takes a law of friction such as Coulomb(0.3), got "
                 f"{self.friction!r}; a compliant surface goes around it"
             )
+        super().__post_init__()
 
     @property
     def _number(self) -> Hashable:

@@ -173,7 +173,7 @@ class Interface(Law):
 
     def _check_time(self, a: ContactPoint) -> None:
         """Raise ``ValueError`` if the speed matters although all fields in ``needs_time`` are 0."""
-        still = self.having(dict.fromkeys(self.needs_time, 0.0))
+        still = self.having(dict.fromkeys(self.needs_time, ufl.as_ufl(0.0)))
         if still._side(a, False, self._families[-1], level=0).knows_speed:
             raise ValueError(
                 f"the dissipation of {self.name} must be 1-homogeneous in the rates unless "

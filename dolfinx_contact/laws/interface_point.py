@@ -18,7 +18,7 @@ from ufl.corealg.multifunction import MultiFunction
 
 from dolfinx_contact._ufl import depends_on
 from dolfinx_contact.laws.friction import FrictionLaw
-from dolfinx_contact.laws.law import ContactPoint, Internal, StatusPiece
+from dolfinx_contact.laws.law import ContactPoint, Internal, Scalar, StatusPiece
 from dolfinx_contact.laws.symbols import variable
 
 __all__ = ["InterfacePoint", "InterfaceState", "Rates"]
@@ -342,6 +342,10 @@ class _Friction(FrictionLaw):
     viscous: bool
     presses: bool
     free: bool
+
+    @property
+    def given(self) -> dict[str, Scalar]:
+        return {}  # the radius is composed of symbols
 
     @property
     def needs_pressure(self) -> bool:  # type: ignore[override]

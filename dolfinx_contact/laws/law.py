@@ -27,7 +27,7 @@ import ufl
 from dolfinx import fem, mesh
 
 from dolfinx_contact._ufl import refuse_other_mesh
-from dolfinx_contact._validate import instance, one_of, read_only
+from dolfinx_contact._validate import instance, is_number, one_of, read_only
 from dolfinx_contact.laws.status import BROKEN, DAMAGING, MINUS, WHERE_OPEN
 
 __all__ = [
@@ -306,6 +306,18 @@ class Law:
     #: Fields that make an evolution depend on the lengths of its steps unless they vanish.
     needs_time: tuple[str, ...] = ()
 
+    def __post_init__(self) -> None:
+        self._check_fields()
+
+    def _check_fields(self) -> None:
+        """Raise ``ValueError`` for fields that are not scalars, or numbers of another sign."""
+        hiding = sorted(set(self.given) & set(dir(Law)))
+        if hiding:
+            kind = type(self).__name__  # the field ``name`` of a law may shadow the property
+            raise ValueError(f"fields of {kind} must not have the names of methods: {hiding}")
+        for k, v in self.given.items():
+            _check_scalar(v, f"{k} of {self.name}", self.signs.get(k, "any"))
+
     def pieces(self, a: ContactPoint) -> Mapping[int, StatusPiece]:
         """Return the smooth pieces of the law, by status code (`laws.status`).
 
@@ -394,19 +406,14 @@ class Law:
         """Return a copy with numbers replaced by Constants of ``domain``. Not collective.
 
         Raises:
-            ValueError: if a number is not admissible, or if a field belongs to another mesh.
+            ValueError: if a field is not admissible or belongs to another mesh.
         """
-        kind = self.name
-        hiding = sorted(set(self.given) & set(dir(Law)))
-        if hiding:
-            kind = type(self).__name__  # the field ``name`` of a law may shadow the property
-            raise ValueError(f"fields of {kind} must not have the names of methods: {hiding}")
-        return self.having(
-            {
-                k: _as_coefficient(domain, v, f"{k} of {kind}", self.signs.get(k, "any"))
-                for k, v in self.given.items()
-            }
-        )
+        self._check_fields()  # again: a law may define its own __post_init__
+        coefficients = {}
+        for k, v in self.given.items():
+            coefficients[k] = fem.Constant(domain, float(v)) if is_number(v) else v
+            refuse_other_mesh(coefficients[k], domain, f"{k} of {self.name}")
+        return self.having(coefficients)
 
 
 def obeys(sign: Sign, values: Any, slack: float = 1e-14) -> Any:
@@ -437,17 +444,14 @@ def checked_pieces(pieces: Any, dim: int) -> dict[int, StatusPiece]:
     return {int(code): piece for code, piece in pieces.items()}
 
 
-def _as_coefficient(domain: mesh.Mesh, value: Scalar, what: str, sign: Sign) -> Scalar:
-    """Return a field value as UFL expression, with numbers converted to Constants."""
-    if isinstance(value, int | float | np.floating | np.integer) and not isinstance(value, bool):
+def _check_scalar(value: Scalar, what: str, sign: Sign) -> None:
+    """Raise ``ValueError`` if a field is not a scalar, or a number does not have its sign."""
+    if is_number(value):
         if not (np.isfinite(value) and bool(obeys(sign, value, 0.0))):
             kind = {"any": "finite", "fraction": "between 0 and 1"}.get(sign, f"finite and {sign}")
             raise ValueError(f"{what} must be {kind}, got {value}")
-        return fem.Constant(domain, float(value))
-    if not isinstance(value, ufl.core.expr.Expr) or value.ufl_shape != ():
+    elif not isinstance(value, ufl.core.expr.Expr) or value.ufl_shape != ():
         raise ValueError(
             f"{what} must be a {'' if sign == 'any' else sign + ' '}number, a Constant, a scalar "
             f"Function or a scalar UFL expression, got {value!r}"
         )
-    refuse_other_mesh(value, domain, what)
-    return value

@@ -101,6 +101,7 @@ class NonlocalCoulomb(FrictionLaw):
             raise ValueError(
                 f"normalised of NonlocalCoulomb must be True or False, got {self.normalised!r}"
             )
+        super().__post_init__()
 
     @property
     def name(self) -> str:

@@ -108,8 +108,7 @@ class RigidBody(ReadOnly, Obstacle):
                 f"{name}: the reference point is copied, and must be numbers, got {about!r}; what "
                 "is to move the body is its motion"
             )
-        size = 3 if np.size(about) == 3 else 2
-        self.about = vector(about, f"{name}: the reference point", size)
+        self.about = vector(about, f"{name}: the reference point")
         self.dim = len(self.about)
         self.components = COMPONENTS[self.dim]
         prescribed = _by_component(motion, held, name)

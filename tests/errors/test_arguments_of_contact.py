@@ -21,8 +21,10 @@ from dolfinx_contact import (
     ContactPair,
     ContactProblem,
     Coulomb,
+    Cylinder,
     Frictionless,
     HalfSpace,
+    LevelSet,
     NonlocalCoulomb,
     RigidBody,
     SelfContact,
@@ -316,7 +318,7 @@ PLANE = HalfSpace((0, 1), (0, -1))
         ({"load": -1.0, "held": ["x", "y", "rz"]}, "go by component"),
         ({"held": "xy"}, "free and held must be a list"),
         ({"held": ["x", "x", "y", "rz"]}, "got x, x, y, rz"),
-        ({"about": (0.0, np.inf), "held": ["x", "y", "rz"]}, "must be 2 finite numbers"),
+        ({"about": (0.0, np.inf), "held": ["x", "y", "rz"]}, "must be 2 or 3 finite numbers"),
         ({"shape": None, "held": ["x", "y", "rz"]}, "its shape must be"),
         ({"name": "", "held": ["x", "y", "rz"]}, "must be a word"),
     ],
@@ -327,7 +329,24 @@ def test_rigid_body_refuses_arguments(arguments, message):
         RigidBody(arguments.pop("shape"), **arguments)
 
 
-def test_half_space_refuses_a_normal_of_length_zero():
-    flat = HalfSpace((0.0, 0.0), (0.0, 0.0))
-    with pytest.raises(ValueError, match="normal of the half-space must be 2 finite numbers, not"):
-        block(cell="tri", n=2, obstacle=flat)
+@pytest.mark.parametrize(
+    ("obstacle", "message"),
+    [
+        (lambda: HalfSpace((0, 0), (0, 0)), "normal of the half-space must be 2 or 3 finite .* 0"),
+        (lambda: HalfSpace((0, (1, 2)), (0, 1)), "the point of the half-space must be 2 or 3"),
+        (lambda: Sphere((0.0,), 1.0), "the centre of the sphere must be 2 or 3 finite numbers"),
+        (lambda: Sphere((0.0, 0.0), -1.0), "the radius must be positive, got -1.0"),
+        (lambda: Cylinder((0, 0, 0), (0, 0, 1), np.nan), "the radius must be positive, got nan"),
+        (lambda: Cylinder((0, 0, 0), (0, 0, 0), 1.0), "the axis of the cylinder must be .* not"),
+        (lambda: LevelSet(1.0), "the level set must be a function of position, got 1.0"),
+    ],
+)
+def test_obstacles_refuse_arguments_at_construction(obstacle, message):
+    with pytest.raises(ValueError, match=message):
+        obstacle()
+
+
+@pytest.mark.ranks(2)
+def test_obstacles_of_another_dimension_are_refused_with_the_mesh():
+    with pytest.raises(ValueError, match="centre of the sphere must have 2 components on this mes"):
+        block(cell="tri", n=2, obstacle=Sphere((0.0, 0.0, -1.0), 1.0))

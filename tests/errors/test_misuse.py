@@ -116,14 +116,6 @@ MISUSE = {
         lambda w: discretised(w, obstacle=Sphere((0.5, -1.0), fem.Constant(w.domain, (1.0, 1.0)))),
         "the radius must be a number",
     ),
-    "radius word": (
-        lambda w: discretised(w, obstacle=Sphere((0.5, -1.0), "1")),
-        "the radius must be positive",
-    ),
-    "ragged point": (
-        lambda w: discretised(w, obstacle=HalfSpace((0, (1, 2)), (0, 1))),
-        "2 finite numbers",
-    ),
     "cylinder in 2D": (
         lambda w: discretised(w, obstacle=Cylinder((0, 0), (0, 1), 1.0)),
         "needs a 3D mesh",
@@ -131,10 +123,6 @@ MISUSE = {
     "level set number": (
         lambda w: discretised(w, obstacle=LevelSet(lambda x: 1.0)),
         "scalar UFL expression",
-    ),
-    "level set that is none": (
-        lambda w: discretised(w, obstacle=LevelSet(1.0)),
-        "must be a function of position",
     ),
     "level set that raises": (
         lambda w: discretised(w, obstacle=LevelSet(raising(UsersError("in the level set")))),

@@ -147,10 +147,6 @@ DISAGREEMENT = {
         lambda w: discretised(w, law=Coulomb(differs(0.3, 0.4))),
         r"law differs between ranks: 'Coulomb\(friction 0\.3 .* rank 0, 'Coulomb\(friction 0\.4 ",
     ),
-    "friction nan": (
-        lambda w: discretised(w, law=Coulomb(differs(0.3, np.nan))),
-        "finite and nonnegative",
-    ),
     "friction Constant": (
         lambda w: discretised(w, law=Coulomb(fem.Constant(w.domain, differs(0.3, 0.4)))),
         "law differs between ranks",
