@@ -77,12 +77,14 @@ class Balance:
 
     Attributes:
         support: resultant of the reactions of all Dirichlet data, shape (dim,).
+        supports: reaction of each Dirichlet condition, shape (conditions, dim).
         external: resultant of loads and springs in the bulk form, shape (dim,).
         imbalance: |contact + support + external| over the sum of the magnitudes of all forces,
             without components normal to planes of symmetry with mirror images.
     """
 
     support: Array
+    supports: Array
     external: Array
     imbalance: float
 
@@ -132,7 +134,25 @@ def balance(
             support,
             external,
         )
-    return Balance(support, external, imbalance)
+    return Balance(support, _by_condition(eq, reactions), external, imbalance)
+
+
+def _by_condition(eq: ContactEquations, reactions: Array) -> Array:
+    """Return the reaction of each Dirichlet condition, shape (conditions, dim). Collective.
+
+    A dof in several conditions belongs to the last of them, whose value holds.
+
+    Args:
+        eq: contact problem.
+        reactions: reactions of Dirichlet data at the owned nodes, shape (n, dim).
+    """
+    owner = np.full(reactions.size, -1)
+    for number, bc in enumerate(eq.bcs):
+        dofs = bc.dof_indices()[0]  # DOLFINx counts ghosts among the owned dofs of blocked spaces
+        owner[dofs[dofs < owner.size]] = number
+    of_component = owner.reshape(reactions.shape)
+    of_each = [np.where(of_component == k, reactions, 0.0) for k in range(len(eq.bcs))]
+    return np.array([_resultant(eq, forces) for forces in of_each]).reshape(-1, eq.dim)
 
 
 def _resultant(eq: ContactEquations, forces: Array) -> Array:

@@ -68,6 +68,9 @@ class Result:
             scales.
         dofs: number of unknowns, including multipliers.
         support: resultant of the reactions of all Dirichlet data on the body, shape (dim,).
+        supports: reaction of each condition of `ContactProblem.bcs`, in this order, shape
+            (conditions, dim). A dof in several conditions belongs to the last of them, whose value
+            holds; the rows therefore add up to ``support``.
         external: resultant of the remaining forces on the body, i.e. loads and springs of the bulk
             form, shape (dim,).
         imbalance: |contact + support + external| over the sum of the magnitudes of all forces. The
@@ -86,6 +89,7 @@ class Result:
     kkt_violation: float
     dofs: int
     support: Array
+    supports: Array
     external: Array
     imbalance: float
     pairs: dict[str, PairBalance]
@@ -267,6 +271,7 @@ def collect(
         violated,
         sum(eq.unknowns.global_sizes),
         forces.support,
+        forces.supports,
         forces.external,
         forces.imbalance,
         Named(

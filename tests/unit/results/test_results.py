@@ -8,11 +8,19 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from support.blocks import KINDS, block, box, facets
+from support.pairs import displacement, held, stacked
 
 import ufl
 from dolfinx import fem, mesh
 
-from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, Frictionless, HalfSpace
+from dolfinx_contact import (
+    ContactPair,
+    ContactProblem,
+    ContactSurface,
+    Coulomb,
+    Frictionless,
+    HalfSpace,
+)
 from dolfinx_contact.io import write_contact_table
 from dolfinx_contact.laws import status
 from dolfinx_contact.materials import CiarletGeymonat, LinearElastic, NeoHookean
@@ -130,6 +138,35 @@ def test_pressed_block_has_its_closed_form(degree, method):
     np.testing.assert_allclose(result.support, 0.0, atol=1e-10)
     np.testing.assert_allclose(result.external, (0.0, -3.0), atol=1e-12)
     np.testing.assert_allclose(result.tables["contact"].pressure, 3.0, rtol=1e-9)
+
+
+@pytest.mark.ranks(2, 3)
+@pytest.mark.parametrize(("degree", "at_end"), [(1, 1 / 2), (2, 1 / 6)])
+@pytest.mark.verifies(
+    "balance of forces",
+    reference="closed form: compressed blocks whose top is held by two conditions",
+    aspects=("2D", "pairs"),
+)
+def test_reaction_of_each_support_has_its_closed_form(degree, at_end):
+    """A stress of 5 in both blocks; the middle node of the top counts for the last condition."""
+    n = 4
+    both = stacked(2, "quad", n)
+    u = displacement(both.mesh, degree)
+    V = u.function_space
+    halves = [
+        fem.locate_dofs_geometrical(V, lambda x: np.isclose(x[1], 2) & (x[0] < 0.5 + 1e-9)),
+        fem.locate_dofs_geometrical(V, lambda x: np.isclose(x[1], 2) & (x[0] > 0.5 - 1e-9)),
+    ]
+    bcs = [fem.dirichletbc(np.array([0.0, -0.01]), dofs, V) for dofs in halves]
+    bcs.append(held(u, both.facet_tags, 1, (0.0, 0.0)))
+    energy = LinearElastic.from_young(1000.0, 0.0).energy(u) * ufl.dx
+    pair = ContactPair(u, both, slave=3, master=2, law=Frictionless())
+    problem = ContactProblem(energy, u, [pair], bcs=bcs)
+    result = problem.solve()
+    middle = 5.0 * at_end / n  # its force from the facet of one half
+    expected = [(0.0, -2.5 + middle), (0.0, -2.5 - middle), (0.0, 5.0)]
+    np.testing.assert_allclose(result.supports, expected, atol=1e-10)
+    np.testing.assert_allclose(result.supports.sum(axis=0), result.support, atol=1e-10)
 
 
 def test_an_imbalance_is_measured_and_said(caplog):
