@@ -38,7 +38,7 @@ from dolfinx_contact._petsc import as_raised
 from dolfinx_contact.continuation.bordered import Bordered
 from dolfinx_contact.continuation.krylov import ModelTest
 from dolfinx_contact.continuation.parameters import StepControl
-from dolfinx_contact.continuation.system import Piece, Units
+from dolfinx_contact.continuation.system import Piece, ResidualScales
 
 __all__ = ["Corrector"]
 
@@ -115,7 +115,7 @@ class Corrector:
     Attributes:
         snes: SNES of all corrections.
         iterations: number of corrections of the last run; consecutive chord steps count as one.
-        scales: units of residuals (`System.measure`) at the accepted states of the branch.
+        scales: scales of residuals (`System.measure`) at the accepted states of the branch.
 
     Raises:
         ValueError: if the options choose another type of SNES.
@@ -129,7 +129,7 @@ class Corrector:
         self.forcing = Forcing()
         self.chords = chords and bordered.solver.is_direct
         self.last_unit = bordered.last_unit()
-        self.scales: Units = ()
+        self.scales: ResidualScales = ()
         self.snes = PETSc.SNES().create(bordered.comm)
         self.snes.setOptionsPrefix(bordered.prefix)
         self.snes.setType(PETSc.SNES.Type.PYTHON)
@@ -142,11 +142,13 @@ class Corrector:
 
     # -- the three correctors --------------------------------------------------------------------
 
-    def moore_penrose(self, y: PETSc.Vec, t: PETSc.Vec, piece: Piece | None) -> Units | None:
+    def moore_penrose(
+        self, y: PETSc.Vec, t: PETSc.Vec, piece: Piece | None
+    ) -> ResidualScales | None:
         """Correct ``y`` in place, orthogonally to ``t``, and update ``t`` in place.
 
         Returns:
-            Units of residuals including those at ``y``, which the caller accepts together with
+            Scales of residuals including those at ``y``, which the caller accepts together with
             ``y`` by setting `scales`; None if the correction fails.
         """
         return self._solve(y, t, piece)
@@ -164,7 +166,7 @@ class Corrector:
     ) -> bool:
         """Correct ``y`` in place to the point at ``distance`` from ``start`` along ``t``.
 
-        A corrected point is accepted: `scales` include its units.
+        A corrected point is accepted: `scales` include its own.
 
         Args:
             y: predicted point, corrected in place.
@@ -268,8 +270,8 @@ class Corrector:
 
     def _solve(
         self, y: PETSc.Vec, t: PETSc.Vec, piece: Piece | None, **target: Any
-    ) -> Units | None:
-        """Correct ``y`` in place; return the units of residuals, None if the correction fails.
+    ) -> ResidualScales | None:
+        """Correct ``y`` in place; return the scales of residuals, None if the correction fails.
 
         Args:
             y: predicted point.
@@ -311,7 +313,7 @@ class _Run:
         keep: see `Corrector.pseudo_arclength`.
 
     Attributes:
-        scales: units of residuals including those of the present iterate.
+        scales: scales of residuals including those of the present iterate.
     """
 
     def __init__(
@@ -344,8 +346,8 @@ class _Run:
         self._error: float | None = None  # relative size of H at the iterate, if it is evaluated
         self._last = 0.0  # residual of the last row
         self.scales = corrector.scales
-        #: Units of residuals including those of the predicted state; None before its evaluation.
-        self._predicted: Units | None = None
+        #: Scales of residuals including those of the predicted state; None before its evaluation.
+        self._predicted: ResidualScales | None = None
         if not self._solver.matrix:
             # The first assembly differs from later ones by round-off, which may decide at ties of
             # statuses.
@@ -418,7 +420,7 @@ class _Run:
 
     def _size(self, x: PETSc.Vec, gamma: float, hx: PETSc.Vec) -> float:
         """Write H into ``hx``, and return its size relative to the predicted state."""
-        # in the units of a diverging iterate every other state would look like a solution
+        # in the scales of a diverging iterate every other state would look like a solution
         scales = self.scales if self._predicted is None else self._predicted
         size, self.scales = self._b.system.measure(x, gamma, hx, self._piece, scales)
         if self._predicted is None:

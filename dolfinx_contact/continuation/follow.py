@@ -58,8 +58,8 @@ from dolfinx_contact.continuation.steps import (
 )
 from dolfinx_contact.continuation.system import (
     Piece,
+    ResidualScales,
     System,
-    Units,
 )
 from dolfinx_contact.continuation.walk import Next, Walker
 
@@ -518,7 +518,7 @@ def require_solutions(system: System, branch: Branch) -> None:
     """
     layout = Layout(system)
     b = system.create_vector()
-    scales: Units = ()
+    scales: ResidualScales = ()
     with system.restored(always=True):
         for _ in range(2):  # repeated, because the scales grow with the load
             worst = 0.0

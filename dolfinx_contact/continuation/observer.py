@@ -13,7 +13,7 @@ from dolfinx_contact._ending import Ending, Ends
 from dolfinx_contact._mpi import everywhere
 from dolfinx_contact.continuation.branch import BranchPoint, Diagram, SpecialPoint
 from dolfinx_contact.continuation.parameters import StepControl
-from dolfinx_contact.continuation.system import Units
+from dolfinx_contact.continuation.system import ResidualScales
 
 __all__ = [
     "BranchStep",
@@ -76,7 +76,7 @@ class Stepping:
         next_step: length of the next step.
         x_scale: square of the unit length of x; 0 if no tangent has moved x yet.
         largest_distance: largest distance of all events so far.
-        scales: units of residuals on the branch so far; () for pivoting.
+        scales: scales of residuals on the branch so far; () for pivoting.
         ending: ending of the branch at the point; None if it continues, or ends without another
             point.
         reason: description of the ending.
@@ -86,7 +86,7 @@ class Stepping:
     next_step: float
     x_scale: float
     largest_distance: float
-    scales: Units = ()
+    scales: ResidualScales = ()
     ending: Ending | None = None
     reason: str = ""
 

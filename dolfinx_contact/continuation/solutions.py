@@ -48,8 +48,8 @@ from dolfinx_contact.continuation.system import (
     Condensed,
     Piece,
     Proof,
+    ResidualScales,
     System,
-    Units,
 )
 
 __all__ = ["Continuum", "Solution", "Solutions", "find_solutions"]
@@ -309,7 +309,7 @@ class _Deflated:
         self._y, self._dy, self._rhs = (b.vector() for _ in range(3))
         self._row = b.last_unit()
         self._h, self._w = (system.create_vector() for _ in range(2))
-        self._scales: Units = ()  # units of the residuals of all iterates
+        self._scales: ResidualScales = ()  # scales of the residuals of all iterates
 
     def __enter__(self) -> _Deflated:
         return self

@@ -52,7 +52,7 @@ from dolfinx_contact.continuation.factorised import BorderedMatrix
 from dolfinx_contact.continuation.follow import follow
 from dolfinx_contact.continuation.layout import Layout
 from dolfinx_contact.continuation.parameters import Direction, StepControl, sign_of
-from dolfinx_contact.continuation.system import Events, Piece, System, Units
+from dolfinx_contact.continuation.system import Events, Piece, ResidualScales, System
 
 __all__ = ["SpecialCurve", "follow_special"]
 
@@ -87,7 +87,7 @@ class SpecialCurve:
 class _Condition:
     """A condition phi(x, gamma) = 0 next to H = 0. Methods are collective.
 
-    Subclasses define ``value``: phi, its relative size and the units of residuals; ``gradient``:
+    Subclasses define ``value``: phi, its relative size and the scales of residuals; ``gradient``:
     derivative of phi by x; ``derivative``: derivative of phi by a parameter, given the derivative
     of H.
 
@@ -149,17 +149,17 @@ class _StatusChange(_Condition):
         return piece.with_codes(self._point, [code] * len(self._point))
 
     def _difference(
-        self, x: PETSc.Vec, gamma: float, piece: Piece, scales: Units
-    ) -> tuple[float, Units]:
-        """Compute H_1 - H_0, and return the relative size of H_1 and the units of residuals."""
+        self, x: PETSc.Vec, gamma: float, piece: Piece, scales: ResidualScales
+    ) -> tuple[float, ResidualScales]:
+        """Compute H_1 - H_0, and return the relative size of H_1 and the scales of residuals."""
         _, scales = self._system.measure(x, gamma, self._before, piece, scales)
         size, scales = self._system.measure(x, gamma, self._after, self._beyond(piece), scales)
         self._after.axpy(-1.0, self._before)
         return size, scales
 
     def value(
-        self, x: PETSc.Vec, gamma: float, piece: Piece, scales: Units
-    ) -> tuple[float, float, Units]:
+        self, x: PETSc.Vec, gamma: float, piece: Piece, scales: ResidualScales
+    ) -> tuple[float, float, ResidualScales]:
         size, scales = self._difference(x, gamma, piece, scales)
         return float(self._w.dot(self._after)), size, scales
 
@@ -259,8 +259,8 @@ class _SmoothFold(_Condition):
         return v.copy(), psi, g
 
     def value(
-        self, x: PETSc.Vec, gamma: float, piece: Piece, scales: Units
-    ) -> tuple[float, float, Units]:
+        self, x: PETSc.Vec, gamma: float, piece: Piece, scales: ResidualScales
+    ) -> tuple[float, float, ResidualScales]:
         _, _, g = self._solve(x, gamma, piece)
         return g, abs(g) / self._size, scales
 
@@ -343,8 +343,8 @@ class _Extended(System):
         return self._x, gamma, self.condition.own(piece)
 
     def measure(
-        self, X: PETSc.Vec, mu: float, b: PETSc.Vec, piece: Piece | None, scales: Units
-    ) -> tuple[float, Units]:
+        self, X: PETSc.Vec, mu: float, b: PETSc.Vec, piece: Piece | None, scales: ResidualScales
+    ) -> tuple[float, ResidualScales]:
         x, gamma, own = self._set(X, mu, piece)
         phi, size_of_phi, scales = self.condition.value(x, gamma, own, scales)
         size, scales = self.system.measure(x, gamma, self._c, own, scales)

@@ -48,7 +48,7 @@ from dolfinx_contact.continuation.locate import AT_BORDER, Locator
 from dolfinx_contact.continuation.ray_finder import KinkRays
 from dolfinx_contact.continuation.system import (
     Piece,
-    Units,
+    ResidualScales,
     fractions_to_borders,
     matched_distances,
 )
@@ -59,8 +59,8 @@ __all__ = ["BatchedSteps", "ExactSteps", "Locate", "SteppingSteps"]
 Locate: TypeAlias = Callable[[Change], bool]
 #: Changes with the fraction of a step at which each occurs if its event is linear.
 Changes: TypeAlias = tuple[tuple[float, Change], ...]
-#: A corrected state, and the units of residuals with which it is accepted.
-Corrected: TypeAlias = tuple[PETSc.Vec, Units]
+#: A corrected state, and the scales of residuals with which it is accepted.
+Corrected: TypeAlias = tuple[PETSc.Vec, ResidualScales]
 #: The next point, the special points on the way to it, and the length of the step after it.
 Advance: TypeAlias = tuple[BranchPoint, list[SpecialPoint], float]
 

@@ -26,16 +26,16 @@ __all__ = [
     "Events",
     "Piece",
     "Preconditioner",
+    "ResidualScales",
     "System",
-    "Units",
     "fractions_to_borders",
     "matched_distances",
 ]
 
 Array = npt.NDArray[np.float64]
 Codes = npt.NDArray[np.int8]
-#: Units of residuals; () if a system has none, or before its first residual.
-Units: TypeAlias = tuple[float, ...]
+#: Typical sizes of residuals; () if a system has none, or before its first residual.
+ResidualScales: TypeAlias = tuple[float, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,19 +153,19 @@ class System:
         raise NotImplementedError
 
     def measure(
-        self, x: PETSc.Vec, gamma: float, b: PETSc.Vec, piece: Piece | None, scales: Units
-    ) -> tuple[float, Units]:
-        """Write H(x, gamma) into ``b``, and measure it in units that grow along a branch.
+        self, x: PETSc.Vec, gamma: float, b: PETSc.Vec, piece: Piece | None, scales: ResidualScales
+    ) -> tuple[float, ResidualScales]:
+        """Write H(x, gamma) into ``b``, and measure it in scales that grow along a branch.
 
         Args:
             x: state.
             gamma: parameter.
             b: vector that receives H.
             piece: piece of H.
-            scales: units of the branch so far.
+            scales: scales of the branch so far.
 
         Returns:
-            Relative size of H, and the units including those of the state; default: the result of
+            Relative size of H, and the scales including those of the state; default: the result of
             `residual`, and ``scales``.
         """
         return self.residual(x, gamma, b, piece), scales

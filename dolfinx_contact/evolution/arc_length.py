@@ -46,7 +46,7 @@ from dolfinx_contact.continuation.branch import BranchPoint, FoundRays, Ray, Spe
 from dolfinx_contact.continuation.corrector import Corrector
 from dolfinx_contact.continuation.observer import Observer, ObserverLike, Stop
 from dolfinx_contact.continuation.parameters import StepControl
-from dolfinx_contact.continuation.system import Units
+from dolfinx_contact.continuation.system import ResidualScales
 from dolfinx_contact.continuation.walk import require_way
 from dolfinx_contact.equations.evaluation import Evaluation
 from dolfinx_contact.equations.state import State
@@ -355,7 +355,7 @@ class PathStepper(Stepper):
                 return arrival, result, evaluation
             h = 0.5 * min(h, arrival[0].step)
 
-    def _violation(self, evaluation: Evaluation, scales: Units) -> float:
+    def _violation(self, evaluation: Evaluation, scales: ResidualScales) -> float:
         """Return the violation of the contact law relative to the largest forces so far."""
         force, length = scales
         return violation(self.system.equations, evaluation, force, length) if force > 0 else 0.0

@@ -64,7 +64,7 @@ class ArcSteps(ExactSteps):
         x_scale           square of the length of x that counts as much as one unit of gamma; 0
                           before a tangent has moved x
         largest_distance  largest distance to a border of a piece so far
-        scales            units of the residuals (`System.measure`)
+        scales            scales of the residuals (`System.measure`)
         signs             signs of the test for bifurcations
         ================  =========================================================================
         """
