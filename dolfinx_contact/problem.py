@@ -330,10 +330,11 @@ class ContactProblem(ReadOnly):
         self._linear = LinearSolverChoice(self.equations)
         # shared with the problems of steps, which write to the same Functions
         self._written = _LastWrite()
-        #: Checksum of mesh and surfaces, used to reject states of other problems.
+        #: Checksum of mesh and contact points, used to reject states of other problems.
         self.signature = mesh_mark(self.V.mesh)
         for s in self.surfaces:
-            self.signature = zlib.crc32(f"{s.name} {s.points.number}".encode(), self.signature)
+            self.signature = zlib.crc32(f"{s.name} {s.method}".encode(), self.signature)
+            self.signature = zlib.crc32(np.ascontiguousarray(s.points.positions), self.signature)
         #: Kinds of the evolutions run on this problem, shared with the problems of steps.
         self.evolved: list[str] = []
         #: Names of the warnings that a run has logged; None outside of runs.
@@ -527,9 +528,12 @@ class ContactProblem(ReadOnly):
     def restore(self, state: State) -> None:
         """Copy a state to the Functions and the rigid bodies, bitwise. Collective.
 
+        The state may be that of a problem with other loads or laws on the same contact points, for
+        example a frictionless solution as the start of a frictional solve.
+
         Raises:
-            ValueError: on every rank, if the mesh has moved or the state belongs to another
-                problem.
+            ValueError: on every rank, if the mesh has moved, or the state belongs to another mesh,
+                or to surfaces with other names, methods or contact points.
         """
         self._require_state(state)
         self.show(state)
@@ -555,8 +559,8 @@ class ContactProblem(ReadOnly):
             and [len(v) for v in state.statuses] == [s.points.number for s in self.surfaces]
         )
         words = (
-            "a State of this problem, of the same mesh, surfaces and number of ranks, as "
-            "problem.snapshot() returns"
+            "a State of this problem, of the same mesh, contact points, methods and number of "
+            "ranks, as problem.snapshot() returns"
         )
         require(self.comm, fits, f"state must be {words}; got {type(state).__name__}")
 

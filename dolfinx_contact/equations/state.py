@@ -37,7 +37,8 @@ class State:
         gamma: load parameter of a point on a branch; None for other states.
         velocity: local values of the velocity in dynamics; None for other states.
         energies: energies since the start of an evolution, by name; None for other states.
-        signature: checksum of the mesh and the surfaces of the problem on this rank.
+        signature: checksum of the mesh, and of the names, methods and contact points of the
+            surfaces on this rank.
 
     Example:
         Solve for two loads from the same start::

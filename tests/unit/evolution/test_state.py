@@ -7,7 +7,7 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from support.blocks import block
+from support.blocks import block, facets
 from support.histories import cycle, dragged, put
 
 import ufl
@@ -145,6 +145,24 @@ def test_a_state_of_another_mesh_is_refused():
     ):
         with pytest.raises(ValueError, match="a State of this problem, of the same mesh"):
             ask()
+
+
+@pytest.mark.ranks(2)
+def test_states_of_other_contact_points_are_refused():
+    """Also on the same mesh, with as many points of the same name; other laws are accepted."""
+    problem = block(cell="quad")
+    state = problem.snapshot()
+    (contact,) = problem.contacts
+
+    def problem_with(**changes):
+        surface = replace(contact, **changes)
+        return ContactProblem(problem.energy, problem.u, [surface], bcs=problem.bcs)
+
+    left = facets(problem.V.mesh, 0, 0.0)
+    for other in (problem_with(facets=left), problem_with(method="mixed")):
+        with pytest.raises(ValueError, match="a State of this problem, of the same mesh, contact"):
+            other.restore(state)
+    problem_with(law=Coulomb(0.7)).restore(state)
 
 
 def test_a_state_without_the_variables_of_a_law_begins_no_step():
