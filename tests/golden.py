@@ -363,7 +363,7 @@ def steps(history):
     numbers = {}
     words = {}
     work = {}
-    for row in history.rows():
+    for row in history.rows()[1:]:
         for key, value in row.items():
             if isinstance(value, float):
                 numbers.setdefault(key, []).append(value)
@@ -828,7 +828,7 @@ def recorded(make, times, interrupted=0, **how):
                 history = kept.go_on(progress=False)
                 kept.problem.restore(kept.state(1))
                 shown = state(kept.problem)
-        found = with_journal(steps(history), read_journal(folder).rows())
+        found = with_journal(steps(history), read_journal(folder).rows()[1:])
     if interrupted:
         found["solved"]["shown"] = shown
     return with_end(found, history)
@@ -900,7 +900,7 @@ def recorded_path(interrupted=0):
         "solved": {"gammas": journal.gammas},
         "exact": {"folds": len(journal.folds), "kinks": len(journal.kinks)},
     }
-    return with_journal(found, journal.rows())
+    return with_journal(found, journal.rows()[1:])
 
 
 def snapping_bar():

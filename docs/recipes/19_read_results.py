@@ -2,9 +2,9 @@
 # # How do I read results in another script?
 #
 # `read_journal` loads the record of a branch, a history or a path from its folder: on one process,
-# without rerunning the script, and also during the run. `rows` is the table of steps, `surface` the
-# outer surface of the body. Contact tables are CSV files, written by `io.write_contact_table`, with
-# the columns of `ContactTable.to_pandas`.
+# without rerunning the script, and also during the run. `rows` has one row for the start and one
+# for each step. `surface` is the outer surface of the body. Contact tables are CSV files, written
+# by `io.write_contact_table`, with the columns of `ContactTable.to_pandas`.
 
 import numpy as np
 import pandas as pd

@@ -1,13 +1,15 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Histories: accepted steps, their table, and the ending.
 
-A step leads from the state at its ``start`` to ``state`` at its ``time``. The rows of the table
-have the same keys for all steps: number and times, counts of statuses, contact forces, energies,
-variables of the laws, and the work of the solver.
+A step leads from the state at its ``start`` to ``state`` at its ``time``. The first row of the
+table is the start of the run, and each step has another row. All rows have the same keys: number
+and times, counts of statuses, contact forces, energies, variables of the laws, and the work of the
+solver.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal, TypeAlias
 
@@ -16,7 +18,9 @@ import numpy as np
 from dolfinx_contact._ending import Ending, Ends
 from dolfinx_contact.equations.state import State
 from dolfinx_contact.evolution.energy import Energies
+from dolfinx_contact.laws import status
 from dolfinx_contact.results.result import Result
+from dolfinx_contact.results.tables import ContactTable
 
 __all__ = [
     "EvolutionStep",
@@ -71,26 +75,8 @@ class EvolutionStep:
 
     def row(self) -> dict[str, Any]:
         """Return the scalars of the step for a table of steps."""
-        forces = {
-            f"{name}_{axis}": float(v)
-            for name, force in self.result.resultants.items()
-            for axis, v in zip("xyz", force, strict=False)
-        }
-        # means over the areas of the variables of laws, such as the intensity of adhesion
-        variables = {
-            f"{variable}_{name}": float(np.dot(values, t.area) / t.area.sum())
-            for name, t in self.result.tables.items()
-            for variable, values in t.internal.items()
-        }
-        counts = self.result.counts
         return {
-            "step": self.number,
-            "time": self.time,
-            "length": self.time - self.start,
-            **{k: counts[k] for k in ("open", "stick", "slip", "clamped")},
-            **forces,
-            **self.energies.row(),
-            **variables,
+            **_at_state(self.number, self.start, self.time, self.result.tables, self.energies),
             "newton_iterations": self.result.iterations,
             "strategy": self.result.reason,
             "rejected": self.rejected,
@@ -98,6 +84,48 @@ class EvolutionStep:
             "directions": self.directions,
             "inserted": self.inserted,
         }
+
+
+def _at_state(
+    number: int,
+    start: float,
+    time: float,
+    tables: Mapping[str, ContactTable],
+    energies: Energies,
+) -> dict[str, Any]:
+    """Return the columns of a row that belong to the state at its time."""
+    forces = {
+        f"{name}_{axis}": float(v)
+        for name, t in tables.items()
+        for axis, v in zip("xyz", t.resultant(t.force), strict=False)
+    }
+    # means over the areas of the variables of laws, such as the intensity of adhesion
+    variables = {
+        f"{variable}_{name}": float(np.dot(values, t.area) / t.area.sum())
+        for name, t in tables.items()
+        for variable, values in t.internal.items()
+    }
+    counts = status.count("".join(t.status for t in tables.values()))
+    return {
+        "step": number,
+        "time": time,
+        "length": time - start,
+        **{k: counts[k] for k in ("open", "stick", "slip", "clamped")},
+        **forces,
+        **energies.row(),
+        **variables,
+    }
+
+
+#: Columns of the work of the solver in the row of the start.
+_NO_STEP = {
+    "newton_iterations": 0,
+    "strategy": "",
+    "rejected": 0,
+    "jump": False,
+    "directions": None,
+    "inserted": False,
+}
 
 
 @dataclass
@@ -110,6 +138,7 @@ class History(Ends):
         steps: accepted steps.
         ending: kind of its ending; None before.
         reason: reason of the ending, as a sentence.
+        first: row of the start in the table of steps.
     """
 
     start: float
@@ -117,6 +146,7 @@ class History(Ends):
     steps: list[EvolutionStep] = field(default_factory=list)
     ending: Ending | None = None
     reason: str = "not ended"
+    first: dict[str, Any] = field(default_factory=dict, repr=False)
 
     def __str__(self) -> str:
         """Return the number of steps, the times and the ending as text."""
@@ -150,9 +180,18 @@ class History(Ends):
                 return step
         raise KeyError(f"no step ends at {time!r}")
 
+    def begin(self, number: int, tables: Mapping[str, ContactTable]) -> None:
+        """Set the row of the start.
+
+        Args:
+            number: number of the last step of earlier runs, 0 without one.
+            tables: contact points at the start, by the name of the surface.
+        """
+        self.first = _at_state(number, self.start, self.start, tables, self.before) | _NO_STEP
+
     def rows(self) -> list[dict[str, Any]]:
-        """Return the table of steps, for `io.write_rows`."""
-        return [step.row() for step in self.steps]
+        """Return a table for `io.write_rows`: a row for the start, and one for each step."""
+        return [self.first, *(step.row() for step in self.steps)]
 
 
 @dataclass(frozen=True)
@@ -216,6 +255,10 @@ class PathHistory(History):
         many = f"{number} point{'' if number == 1 else 's'}"
         last = self.steps[-1].gamma if self.steps else self.gamma
         return f"{many} from gamma {self.gamma:.6g} to {last:.6g}: {self.reason}"
+
+    def begin(self, number: int, tables: Mapping[str, ContactTable]) -> None:
+        super().begin(number, tables)
+        self.first |= {"gamma": self.gamma, "event": "", "before": "", "after": ""}
 
     @property
     def folds(self) -> list[PathStep]:

@@ -226,11 +226,14 @@ class Run(Generic[T, H]):
         try:
             self._put()
             rule.begin()
+            problem = self._stepper.problem
+            tables = {s.name: problem.table(s) for s in problem.surfaces}
+            history.begin(rule.start.number, tables)
             self._record.begin(rule.task, rule.start)
             self._observer.begin(rule.task, rule.start)
             self.state = rule.start
             if rule.state.ending is None:
-                with self._stepper.problem.warning_once():
+                with problem.warning_once():
                     self._take_steps()
             assert rule.state.ending is not None
             history.end(rule.state.ending, rule.state.reason)

@@ -3,14 +3,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact.laws import status
 from dolfinx_contact.records import EvolutionJournal, Journal, PathJournal
 
 __all__ = ["AnyRecord", "BranchLine", "DiagramData", "diagram_of"]
@@ -174,14 +172,7 @@ def _mark(special: Any, index: int, gammas: Array) -> dict[str, Any]:
 def _steps(journal: EvolutionJournal) -> DiagramData:
     is_path = isinstance(journal, PathJournal)
     along = "arc" if is_path else "time"
-    # the start has no row in the table of steps
-    start = journal.states[0]
-    first = {"time": start.time, **start.energies, **status.count(start.status)}
-    if start.surface is not None and journal.folder is not None:
-        first |= _forces(journal.surface_at(0).tables)
-    rows = [first, *journal.rows()]
-    if is_path:
-        rows[0]["gamma"] = start.gamma
+    rows = journal.rows()
     numbers = [name for name in dict.fromkeys(k for row in rows for k in row) if name != "step"]
     columns = {
         along if name == "time" else name: np.array([_number(row.get(name)) for row in rows])
@@ -206,18 +197,9 @@ def _steps(journal: EvolutionJournal) -> DiagramData:
     ending = "" if last is None else last.reason
     line = BranchLine(name, 0, columns, statuses, marks, False, ending)
     unfinished = last is None or last.ending is None
-    alike = [[n for n in columns if n in start.energies]]
+    alike = [[n for n in columns if n in journal.states[0].energies]]
     alike += [[n for n in forces if n in columns and n[:-2] == place] for place in journal.places]
     return DiagramData(f"a {name}", along, names, functionals, [line], unfinished, alike)
-
-
-def _forces(tables: Mapping[str, Mapping[str, npt.NDArray[Any]]]) -> dict[str, float]:
-    """Contact forces of all surfaces by column, from the tractions in their tables."""
-    found: dict[str, float] = {}
-    for name, t in tables.items():
-        force = t["area"] @ (t["shear"] - t["pressure"][:, None] * t["n"])
-        found |= {f"{name}_{axis}": float(v) for axis, v in zip("xyz", force, strict=False)}
-    return found
 
 
 def _span(values: Array) -> float:

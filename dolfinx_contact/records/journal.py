@@ -22,7 +22,7 @@ their fingerprints. There are three sets of further columns:
   `continuation.SpecialPoint` on the way, with `changes` of statuses at `x`), `norm` (length of the
   unknowns in units of steps), `functionals`, and step data for resumption.
 - Evolutions: `time`, `size`, `energies`, `data` (`manifest.values_of`), `row` (of the table of
-  steps), and `run`, the items of `evolution.run.RunState`.
+  `History.rows`), and `run`, the items of `evolution.run.RunState`.
 - Paths: the columns of evolutions, with the arc length as `time`, and `gamma`.
 
 Every line contains its number and ends with the CRC-32 of the preceding text. A run may be killed
@@ -77,7 +77,7 @@ __all__ = [
 ]
 
 FILE_NAME = "journal.jsonl"
-FORMAT = 5
+FORMAT = 6
 _CRC = ', "crc": "'
 
 
@@ -516,12 +516,12 @@ class EvolutionJournal(AnyJournal):
         return self.states
 
     def rows(self, branch: int | None = None) -> list[dict[str, Any]]:
-        """Return the table of steps, with their ``status``, for `write_rows`.
+        """Return the rows of `History.rows` with their ``status``: the start and every step.
 
         Args:
-            branch: number of the run; default: all runs.
+            branch: number of the run; default: all runs. The start is in the first run.
         """
-        return [p.row | {"status": p.status} for _, p in self._points(branch) if p.row is not None]
+        return [p.row | {"status": p.status} for _, p in self._points(branch)]
 
 
 @dataclass(repr=False)

@@ -150,8 +150,11 @@ class StepsRecord(Record[J], Generic[J, H]):
         if not killed:
             self._begin(vars(task), after=max(self._index, 0))
         if not states:
-            tables = [self.problem.table(s) for s in self.problem.surfaces]
-            self._write_state(state, "".join(table.status for table in tables))
+            tables = {s.name: self.problem.table(s) for s in self.problem.surfaces}
+            history = self._runs.history(state)
+            history.begin(state.number, tables)
+            letters = "".join(table.status for table in tables.values())
+            self._write_state(state, letters, history.first)
 
     def _require_end(self, accepted: AcceptedState) -> None:
         """Raise ``ValueError`` on every rank if a state is not the end of the record."""
@@ -183,15 +186,13 @@ class StepsRecord(Record[J], Generic[J, H]):
         if ended.ending is not None and self._index == len(self.journal.states) - 1:
             self._write_end(ended)
 
-    def _write_state(
-        self, run_state: RunState, letters: str, row: dict[str, Any] | None = None
-    ) -> None:
+    def _write_state(self, run_state: RunState, letters: str, row: dict[str, Any]) -> None:
         """Record a state, which is in the problem. Collective.
 
         Args:
             run_state: the state, and the continuation of the run.
             letters: letters of its statuses.
-            row: its row of the table of steps; None at the start.
+            row: its row of the table of steps.
         """
         accepted = run_state.accepted
         index = self._index + 1

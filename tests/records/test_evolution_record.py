@@ -44,12 +44,14 @@ def test_the_journal_has_the_steps_and_the_task_of_a_run(folder):
     evolution = pair(COMM)
     history = record(evolution, folder)
     journal = read_journal(folder)
-    assert journal.rows() == [s.row() | {"status": s.status} for s in history.steps]
+    start, *rows = journal.rows()
+    assert rows == [s.row() | {"status": s.status} for s in history.steps]
+    assert start == history.rows()[0] | {"status": journal.states[0].status}
     columns = journal.columns()
-    assert list(columns) == list(journal.rows()[0])
-    np.testing.assert_array_equal(columns["time"], [s.time for s in history.steps])
-    assert columns["status"].tolist() == [s.status for s in history.steps]
-    assert columns["directions"].tolist() == [s.directions for s in history.steps]
+    assert list(columns) == list(start) == list(rows[0])
+    np.testing.assert_array_equal(columns["time"], [0.0, *(s.time for s in history.steps)])
+    assert columns["status"].tolist()[1:] == [s.status for s in history.steps]
+    assert columns["directions"].tolist() == [None, *(s.directions for s in history.steps)]
     assert [s.time for s in journal.states] == [0.0, *(s.time for s in history.steps)]
     assert (journal.runs[0].reason, journal.runs[0].complete) == ("the last time is reached", True)
     assert journal.runs[0].ending is Ending.REACHED

@@ -60,7 +60,9 @@ def test_the_journal_says_what_was_followed(folder):
     with PathRecord(folder, path) as kept:
         history = path.run(gamma_range=ends, control=control, record=kept, max_steps=16)
         journal = read_journal(folder)
-        assert journal.rows() == [s.row() | {"status": s.status} for s in history.steps]
+        start, *rows = journal.rows()
+        assert rows == [s.row() | {"status": s.status} for s in history.steps]
+        assert (start["step"], start["gamma"], start["length"]) == (0, 0.0, 0.0)
         np.testing.assert_array_equal(journal.gammas, [0.0, *(s.gamma for s in history.steps)])
         assert [r["gamma"] for r in journal.folds] == [s.gamma for s in history.folds]
         assert [r["step"] for r in journal.kinks] == [s.number for s in history.kinks]

@@ -74,7 +74,8 @@ def test_bar_in_series_snaps_back(k, n):
         assert step.energies.damage == pytest.approx(0.05 * W * (1 - min(1, r**-2)), abs=1e-10)
     rows = history.rows()
     assert [r["event"] for r in rows if r["event"]] == ["nonsmooth fold", "smooth fold"]
-    np.testing.assert_allclose([r["gamma"] for r in rows], [s.gamma for s in history.steps])
+    gammas = [history.gamma, *(s.gamma for s in history.steps)]
+    np.testing.assert_allclose([r["gamma"] for r in rows], gammas)
 
 
 @pytest.mark.long

@@ -301,7 +301,7 @@ def test_rate_problem_has_several_solutions():
     history = evolution.run([0.0, 1.0, 2.0, 3.0, 3.5, 3.9], rays=True)
     assert history.complete
     assert [s.directions for s in history.steps] == [None, 1, 1, 2, 1]
-    assert [r["directions"] for r in history.rows()] == [s.directions for s in history.steps]
+    assert [r["directions"] for r in history.rows()[1:]] == [s.directions for s in history.steps]
     assert all(s.result.counts["stick"] == 1 for s in history.steps)
     # The problem stands where the evolution that was asked for does.
     assert g.value == pytest.approx(2.1)

@@ -100,7 +100,7 @@ def test_second_run_continues_the_numbers(folder):
         record.go_on()
         history = other.run(TIMES[1:], record=record)
     assert [s.number for s in history.steps] == [2, 3]
-    assert [row["step"] for row in records.read_journal(folder).rows()] == [1, 2, 3]
+    assert [row["step"] for row in records.read_journal(folder).rows()] == [0, 1, 2, 3]
     assert np.all(np.diff([s.time for s in history.steps]) > 0)
 
 
