@@ -33,6 +33,7 @@ from dolfinx_contact import (
 )
 from dolfinx_contact.analysis import contact_family, event_curves, solution_regions
 from dolfinx_contact.continuation import follow
+from dolfinx_contact.laws.status import NAMES
 from dolfinx_contact.materials import LinearElastic
 
 frictions = (1.0, 4.0)  # range of the chart
@@ -101,7 +102,6 @@ for F, load in cusps:
 critical = 2.0
 span = (-largest_load, largest_load)
 folder = io.output_folder(MPI.COMM_WORLD, "output/chart")
-words = {"o": "open", "k": "stick", "+": "slip right", "-": "slip left"}
 numbers = {}
 for F in (0.5 * critical, 1.5 * critical):
     problem, horizontal, vertical = element(
@@ -119,7 +119,7 @@ for F in (0.5 * critical, 1.5 * critical):
     regions = solution_regions(family, borders, mu_range=span, gamma_range=span)
     sets = sorted({cell.solutions for cell in regions.cells}, key=len)
     numbers[F] = max(len(solutions) for solutions in sets)
-    names = {s: ", ".join(words[letter] for letter in s) for s in sets}
+    names = {s: " or ".join(NAMES[letter] for letter in s) for s in sets}
     say(f"F = {F:g}: {'; '.join(names.values())}; proved: {regions.proved}")
     if MPI.COMM_WORLD.rank == 0:
         labels = dict(labels=("$F_1$", "$F_2$"), title=f"F = {F:g}, critical: {critical:g}")

@@ -110,7 +110,7 @@ assert np.all(shear <= 0.4 * table.rn + 1e-6 * force[2])
 # the contact face with pressure and status. `io.write_fields` writes the same data for ParaView.
 
 stress = rubber.full_stress(u)
-plot.picture_of_body("body.png", problem, stress=stress, clip="y")
+plot.picture_of_body("body.png", problem, stress=stress, clip="-y")
 plot.picture_of_contact("contact.png", problem)
 
 # ## The path of the foot

@@ -62,7 +62,8 @@ class Look(TypedDict, total=False):
             The default is the von Mises stress if there is a stress, otherwise no field.
         view: direction from the body to the eye, in 3D: an axis such as ``"-y"``, or a vector.
         clip: plane of a section, in 3D: its normal (then the plane passes through the middle), or a
-            point and a normal. The part on the side of the normal is not drawn.
+            point and a normal. The part on the side of the normal is not drawn, and the default
+            view is from that side: x points to the right with ``"-y"``, to the left with ``"y"``.
         arrows: arrows by name, each a point and a vector, such as a load or the direction of
             drag. The longest arrow of each name has the same length in the picture, and the legend
             gives its magnitude.

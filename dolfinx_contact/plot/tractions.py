@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Pictures of a contact surface: pressure, shear and status.
 
-A surface in 3D is projected along a coordinate axis. A curve in 2D is drawn over its
-coordinate if it is straight, otherwise over its arc length.
+A surface in 3D is projected along a coordinate axis. A curve in 2D is drawn over a coordinate if
+it is straight or if the user names the coordinate, otherwise over its arc length.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -23,6 +23,7 @@ from dolfinx_contact._geometry import (
     unit,
 )
 from dolfinx_contact._mpi import Arguments, collective, maximum, same_everywhere
+from dolfinx_contact._validate import one_of
 from dolfinx_contact.io.outside import gather_cells
 from dolfinx_contact.laws.status import COLOURS, NAMES
 from dolfinx_contact.plot.figures import INK, File, drawn_on_root, new_figure, save
@@ -53,6 +54,10 @@ def _check(a: Arguments) -> None:
     if a.surface is not None and not any(a.surface is s for s in a.problem.surfaces):
         name = getattr(a.surface, "name", a.surface)
         raise ValueError(f"the surface {name!r} is not one of the problem")
+    if a.over is not None:
+        one_of(a.over, "over", ("x", "y"))
+        if a.problem.V.mesh.geometry.dim == 3:
+            raise ValueError("over is for contact surfaces in 2D")
 
 
 @collective("a picture", _check)
@@ -62,6 +67,7 @@ def picture_of_contact(
     *,
     surface: DiscreteSurface | None = None,
     state: State | None = None,
+    over: Literal["x", "y"] | None = None,
     title: str | None = None,
 ) -> Figure | None:
     """Draw pressure, shear and status of a contact surface. Collective.
@@ -78,6 +84,8 @@ def picture_of_contact(
         problem: contact problem, usually solved.
         surface: contact surface of the problem, default the first.
         state: state to draw, default the current Functions.
+        over: coordinate of the horizontal axis, in 2D; default: the coordinate along a straight
+            surface, otherwise the arc length.
         title: title of the picture; default: the name of the surface, with the time or load of the
             state.
 
@@ -87,8 +95,8 @@ def picture_of_contact(
     Raises:
         ModuleNotFoundError: on every rank, if matplotlib is not installed.
         OSError: on every rank, if the file cannot be written; an existing file is then unchanged.
-        ValueError: on every rank, if the surface is not one of the problem, or arguments differ
-            between ranks.
+        ValueError: on every rank, if the surface is not one of the problem, ``over`` is not a
+            coordinate of a plane problem, or arguments differ between ranks.
     """
     s = problem.surfaces[0] if surface is None else surface
     same_everywhere(problem.comm, surface=s.name)
@@ -97,7 +105,7 @@ def picture_of_contact(
     names = NAMES | {"d": "without contact" if s.between_bodies else "clamped"}
 
     def draw() -> Figure:
-        figure = (_draw_curve if s.dim == 2 else _draw_map)(data, s)
+        figure = _draw_curve(data, s, over) if s.dim == 2 else _draw_map(data, s)
         add_status_legend(figure, "".join(data["letters"]), names, title="status (vertices)")
         name = "Contact surface" if s.name == "contact" else f"Contact surface: {s.name}"
         shown_at = ", ".join(filter(None, [name, words_of(state)]))
@@ -173,9 +181,11 @@ def _limits(x: Array, touching: npt.NDArray[np.bool_], rim: float) -> tuple[floa
 # -- curves in 2D --------------------------------------------------------------------------------
 
 
-def _draw_curve(data: Arrays, s: DiscreteSurface) -> Figure:
-    """Draw the tractions over the position along a curve."""
+def _draw_curve(data: Arrays, s: DiscreteSurface, over: str | None) -> Figure:
+    """Draw the tractions over the position along a curve, or over a coordinate."""
     at, facets, label, tangents = _positions(data)
+    if over is not None:
+        at, facets, label = data["x"][:, "xy".index(over)], data["cells"], over
     axes = new_figure((8.6, 5.0)).add_subplot()
     body = "slave" if s.between_bodies else "body"
     shear = dot(data["shear"], tangents)

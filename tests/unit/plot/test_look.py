@@ -211,6 +211,24 @@ def test_tractions_of_a_curved_surface_are_drawn_over_its_length():
 
 
 @pytest.mark.ranks(2)
+def test_a_curved_surface_is_drawn_over_a_coordinate():
+    problem = block(cell="tri", n=4)
+    x = problem.V.mesh.geometry.x
+    x[:, 1] += 0.1 * x[:, 0] ** 2 * (1 - x[:, 1])
+    curved = ContactProblem(problem.energy, problem.u, problem.contacts, bcs=problem.bcs)
+    curved.solve()
+    figure = plot.picture_of_contact(None, curved, over="x")
+    table = curved.table("contact")
+    if COMM.rank == 0:
+        assert figure.axes[0].get_xlabel() == "x"
+        x, pressure = figure.axes[0].lines[0].get_data()
+        for at, p in zip(table.x[:, 0], table.pressure, strict=True):
+            np.testing.assert_allclose(pressure[np.isclose(x, at)], p, atol=1e-8)
+    with pytest.raises(ValueError, match="over must be one of x, y; got 'z'"):
+        plot.picture_of_contact(None, curved, over="z")
+
+
+@pytest.mark.ranks(2)
 def test_states_have_their_gamma_and_statuses_as_titles():
     system, _ = moved_block(COMM)
     branch = follow(system, start(system), 0.0, gamma_range=(0.0, 0.3))
