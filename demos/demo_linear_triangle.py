@@ -32,6 +32,7 @@ from dolfinx_contact import (
 )
 from dolfinx_contact.analysis import prove_counts
 from dolfinx_contact.continuation import Branch, explore
+from dolfinx_contact.laws.status import NAMES
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.records import leftmost, total
 
@@ -113,8 +114,7 @@ outputs = {
     "sum_rn": total("rn"),
 }
 solutions = records.journal_of(system, [Branch(ends)], outputs).rows()
-words = {"o": "opens", "k": "sticks", "-": "slips to the left", "+": "slips to the right"}
-titles = [f"gamma = {row['gamma']:g}: A {words[row['status'][0]]}" for row in solutions]
+titles = [f"gamma = {row['gamma']:g}, A: {NAMES[row['status'][0]]}" for row in solutions]
 for title, row in zip(titles, solutions, strict=True):
     values = ", ".join(f"{name} = {row[name]:.7f}" for name in outputs)
     say(f"{title}; {values}")
