@@ -15,7 +15,8 @@
 # $$|q| \le F p, \quad q = -F p \, \frac{u_t}{|u_t|} \ \text{ where } u_t \ne 0.$$
 #
 # The first line is Signorini's condition: no penetration, no tension, no pressure across a gap. The
-# second is Coulomb's law of the static problem.
+# second line is the static law of Coulomb: friction opposes the total slip. Under a face whose
+# contact zone grows with the load, a history is more accurate (third tutorial).
 
 from mpi4py import MPI
 
@@ -85,11 +86,11 @@ problem = ContactProblem(rubber.energy(u) * ufl.dx, u, [contact], bcs=bcs)
 
 # ## The solution
 #
-# `solve` writes the solution into `u` and returns a result. No parameter has to be tuned: there is
-# neither a penalty nor a regularisation. The result describes how the solution was found and
-# contains measures of its quality: the violation of the contact law and the imbalance of all forces
-# on the body. Points of the contact surface with prescribed displacements, at the edge of the top,
-# are "clamped".
+# `solve` writes the solution to `u` and returns a result. No parameter has to be tuned: there is
+# neither a penalty nor a regularisation. The printed result names the strategy that found the
+# solution, the forces, and two measures of quality: the violation of the contact law and the
+# imbalance of all forces on the body. Contact points with prescribed displacements, here at the
+# edge of the top, are counted as "clamped".
 
 result = problem.solve()
 print(result)
@@ -97,7 +98,8 @@ force = result.resultants["contact"]
 assert result.kkt_violation < 1e-8
 assert np.allclose(force + result.support, 0.0, atol=1e-6 * np.linalg.norm(force))
 
-# The shear is within the friction bound at every point and therefore for the whole body:
+# The shear force is at most $F$ times the normal force at every point, and therefore for the whole
+# body:
 
 table = result.tables["contact"]
 shear = np.linalg.norm(table.rt, axis=1)

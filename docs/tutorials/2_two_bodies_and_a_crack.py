@@ -63,8 +63,8 @@ print(sorted(body.names))
 
 # ## The problem
 #
-# The cell tags give each body its own material. The slave of a pair should be the finer face, whose
-# nodes carry pressures and statuses.
+# The cell tags give each body its own material. Pressures and statuses belong to the nodes of the
+# slave face of a pair, which should be the finer one.
 
 
 def made(friction):
@@ -93,14 +93,18 @@ for name, table in result.tables.items():
 
 # ## Checks
 #
-# The forces on both faces are opposite up to round-off, although the meshes do not match, and the
-# load of the top equals the reaction of the ground. The shear in the base drives the slip of the
-# crack, which decreases with friction and vanishes for a large coefficient.
+# The forces on both faces of a pair are opposite up to round-off, although the meshes do not match.
+# The reactions of the two Dirichlet conditions, `result.supports`, are opposite as well. The shear
+# in the base makes the sides of the crack slip. The slip decreases with friction and vanishes for a
+# large coefficient.
 
 balance = result.pairs["joint"]
 print(f"on the block {balance.slave.round(3)}, on the base {balance.master.round(3)}")
 print(f"off by {balance.imbalance:.1e} of all forces, moments by {balance.moment:.1e}")
 assert balance.imbalance < 1e-10
+ground, top = result.supports
+print(f"reaction of the ground {ground.round(3)}, of the top {top.round(3)}")
+assert np.allclose(ground + top, 0.0, atol=1e-8)
 assert result.imbalance < 1e-9
 
 slips = []
