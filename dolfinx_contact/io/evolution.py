@@ -36,7 +36,8 @@ class EvolutionSeries:
     - ``evolution_body_stress.bp``: stresses, if requested.
     - ``evolution_contact.bp`` or ``evolution_contact_NAME.bp``: fields of a contact surface;
       ``..._opposite.bp``: fields of the master of a pair.
-    - ``steps.csv``: table of steps. Each row is on the disk before the next step is computed.
+    - ``steps.csv``: table of the steps, without the start. Each row is on the disk before the next
+      step is computed.
 
     Fields are complete when the context ends, also after an error, up to the last accepted step;
     files of an earlier series are then removed. `EvolutionRecord` keeps the fields of a killed run.
