@@ -16,7 +16,7 @@
 #
 # The first line is Signorini's condition: no penetration, no tension, no pressure across a gap. The
 # second line is the static law of Coulomb: friction opposes the total slip. Under a face whose
-# contact zone grows with the load, a history is more accurate (third tutorial).
+# contact zone grows with the load, a history is more accurate (last section).
 
 from mpi4py import MPI
 
