@@ -496,14 +496,14 @@ def _columns(
 
 @dataclass(repr=False)
 class EvolutionJournal(AnyJournal):
-    """Journal of the runs of an evolution."""
+    """Journal of the runs of an evolution.
+
+    Attributes:
+        states: entries of the start and of every accepted step, in order.
+    """
 
     kind: ClassVar[str] = "an evolution"
-
-    @property
-    def states(self) -> list[Entry]:
-        """Entries of the start and of every accepted step, in order."""
-        return self.all_entries()
+    states: list[Entry] = field(default_factory=list)
 
     @property
     def runs(self) -> list[RecordedRun]:
@@ -522,6 +522,11 @@ class EvolutionJournal(AnyJournal):
             branch: number of the run; default: all runs. The start is in the first run.
         """
         return [p.row | {"status": p.status} for _, p in self._points(branch)]
+
+    def _take(self, kind: str, entry: Entry) -> None:
+        super()._take(kind, entry)
+        if kind == "point":
+            self.states.append(entry)
 
 
 @dataclass(repr=False)
