@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import logging
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from typing import TypeAlias
@@ -244,36 +244,31 @@ class Walker(ABC):
         if stepping is not None:
             first = stepping.index
             self._resume(stepping)
-        steps = self._walk(branch, origin or start, gamma_range)
-        point = start
 
         def put() -> None:
-            self.system.put(*b.split(point.y), point.piece)
+            last = branch.points[-1]
+            self.system.put(*b.split(last.y), last.piece)
 
         observers = Observers(
             CollectiveObserver(b.comm, record, put),
             CollectiveObserver(b.comm, observer, put),
         )
         line = Progress(b.comm, progress)
+        # the start
         task = Task(gamma_range, b.gamma_scale, self.control, max_steps, to_node, branch_id)
         observers.begin(task, self._stepping(first))
         step = BranchStep(branch_id, first, start)
         observers.step(step, self._stepping(first))
         _show(line, step, 0)
+        # accepted steps
+        steps = self._walk(branch, origin or start, gamma_range)
         for index in range(first + 1, max_steps + 1):
             with self.system.undisturbed():
-                advance = next(steps, None)
-            if advance is None:
+                following = next(steps, None)
+            if following is None:
                 break
-            point, special = advance
-            special = [replace(s, index=len(branch.points)) for s in special]
-            branch.special += special
-            if to_node and branch.bifurcations:
-                point = _at_node(point, branch.bifurcations[-1])
-                # a bifurcation before another end of the branch takes precedence
-                branch.end(Ending.STOPPED, "a bifurcation")
-            branch.points.append(point)
-            step = BranchStep(branch_id, index, point, special)
+            special = _add(branch, *following, to_node=to_node)
+            step = BranchStep(branch_id, index, branch.points[-1], special)
             if stop is not None and branch.ending is None:
                 put()
                 reason = reason_to_stop(b.comm, "branch", stop, step)
@@ -289,6 +284,7 @@ class Walker(ABC):
                 break
         else:
             branch.end(Ending.BUDGET, f"the budget of {max_steps} steps is exhausted")
+        # the end
         observers.end(branch)
         line.close(f"branch {branch_id}: {branch.reason}")
         branch.factorisations = b.solver.factorisations - work[0]
@@ -344,19 +340,28 @@ def _with_folds(branch: Branch) -> list[BranchPoint]:
     return points
 
 
-def _at_node(point: BranchPoint, node: SpecialPoint) -> BranchPoint:
-    """Return the end of a branch at a bifurcation, on the incoming piece.
+def _add(
+    branch: Branch, point: BranchPoint, special: Sequence[SpecialPoint], *, to_node: bool
+) -> list[SpecialPoint]:
+    """Add a point to a branch, and return the special points before it with their index.
 
     Args:
-        point: point of the branch beyond the bifurcation, which the result replaces.
-        node: bifurcation.
+        branch: branch up to the previous point.
+        point: next point.
+        special: special points on the way to it.
+        to_node: True to end the branch at a bifurcation, on the incoming piece.
     """
-    if node.incoming is None:
-        return point
-    incoming = node.incoming
-    return replace(
-        point, y=node.y, gamma=node.gamma, tangent=incoming.tangent, piece=incoming.piece
-    )
+    special = [replace(s, index=len(branch.points)) for s in special]
+    branch.special += special
+    if to_node and branch.bifurcations:
+        # a bifurcation before another end of the branch takes precedence
+        branch.end(Ending.STOPPED, "a bifurcation")
+        node = branch.bifurcations[-1]
+        if node.incoming is not None:
+            tangent, piece = node.incoming.tangent, node.incoming.piece
+            point = replace(point, y=node.y, gamma=node.gamma, tangent=tangent, piece=piece)
+    branch.points.append(point)
+    return special
 
 
 def _show(progress: Progress, step: BranchStep, number: int) -> None:
