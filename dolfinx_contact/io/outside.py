@@ -116,12 +116,11 @@ class Outside:
 
     def surface(self) -> OuterSurface | None:
         """Return the outer surface on rank 0, None on other ranks. Collective."""
-        surfaces = self.problem.surfaces
         body = self.gather({})
-        contact = {s.name: self._face(s.submesh.parent_facets) for s in surfaces}
-        pairs = {s.name: s.obstacle.opposite for s in surfaces if s.between_bodies}
-        opposite = {name: self._face(pair.master_facets) for name, pair in pairs.items()}
-        obstacles = {s.name: obstacle_facets(s) for s in surfaces if not s.between_bodies}
+        contact, opposite = self.faces()
+        obstacles = {
+            s.name: obstacle_facets(s) for s in self.problem.surfaces if not s.between_bodies
+        }
         if not body:
             return None
         nodes = body["nodes"]
@@ -153,6 +152,18 @@ class Outside:
             return None
         obstacles = {k: np.array([p["floor"], p["moved"], p["n"]]) for k, p in patches.items()}
         return SurfaceState(seen["u"], seen["strain"], obstacles, tables)
+
+    def faces(self) -> tuple[dict[str, Cells], dict[str, Cells]]:
+        """Return the input numbers of the vertices of all contact facets on rank 0. Collective.
+
+        Returns:
+            Facets of each contact surface, and of the master of each pair, by name.
+        """
+        surfaces = self.problem.surfaces
+        contact = {s.name: self._face(s.submesh.parent_facets) for s in surfaces}
+        pairs = {s.name: s.obstacle.opposite for s in surfaces if s.between_bodies}
+        opposite = {name: self._face(pair.master_facets) for name, pair in pairs.items()}
+        return contact, opposite
 
     def _face(self, facets: npt.NDArray[np.int32]) -> Cells:
         """Return the input numbers of the vertices of facets, of all ranks on rank 0. Collective.

@@ -83,19 +83,13 @@ class DrawnObstacle:
         x: coordinates of its vertices, shape (m, dim).
         cells: vertices of its facets.
         n: normals at the vertices, into the obstacle, shape (m, dim).
-        is_opposite: True if the vertices are opposite to those of a contact surface.
         is_plane: True if the obstacle is a plane that is still to be extended below the bodies.
     """
 
     x: Array
     cells: Cells
     n: Array
-    is_opposite: bool
     is_plane: bool
-
-    def largest_depth(self, points: Array) -> float:
-        """Return the largest depth of the opposite points in the obstacle; 0 if unknown."""
-        return float(np.max(dot(points - self.x, self.n))) if self.is_opposite else 0.0
 
     def extended_below(self, points: Array) -> DrawnObstacle:
         """Return a plane as the rectangle, in 2D the segment, below points (n, dim)."""
@@ -109,7 +103,7 @@ class DrawnObstacle:
         corners = np.array(list(product(*zip(low - rim, high + rim, strict=True))))
         x = corners @ axes.T + (self.x[0] @ n) * n
         normals = np.tile(n, (len(x), 1))
-        return DrawnObstacle(x, np.arange(len(x))[None], normals, is_opposite=False, is_plane=False)
+        return DrawnObstacle(x, np.arange(len(x))[None], normals, is_plane=False)
 
 
 @dataclass(frozen=True)
@@ -253,40 +247,40 @@ def scene_of(
             raise ValueError("view and clip are for bodies in 3D")
         eye = None if view is None else _direction(view, "view")
         plane = None if clip is None else _plane(clip)
-        known = {name: _arrows(name, *arrow, dim) for name, arrow in (arrows or {}).items()}
+        vectors = {name: _arrows(name, *arrow, dim) for name, arrow in (arrows or {}).items()}
         _check_field(field, domain)
-    if scale != 1:
-        title = ", ".join(filter(None, [title, f"displacement x {scale:g}"]))
-    # bodies
+    # gather bodies, contact surfaces and obstacles
     outside = Outside(problem)
     label, local = _field_at_vertices(problem, outside, stress, field)
-    surface = outside.surface()
     body = outside.gather(local, whole=clip is not None)
-    faces = {s.name: obstacle_facets(s) for s in problem.surfaces if not s.between_bodies}
+    slaves, masters = outside.faces()
+    facets = {s.name: obstacle_facets(s) for s in problem.surfaces if not s.between_bodies}
     tables = [problem.table(s) for s in problem.surfaces] if dim == 2 else []
-    if surface is None:
+    if not body:
         return None
+    # draw them at their displaced positions
+    if scale != 1:
+        title = ", ".join(filter(None, [title, f"displacement x {scale:g}"]))
     x = body["x"][:, :dim] + scale * body["u"]
+    size = float(np.max(np.ptp(body["x"], axis=0)))
     values = body.get("field")
     if values is not None and not np.isfinite(values).all():
         label += " (grey: not a number)"
-    # contact surfaces and obstacles
-    here = np.searchsorted(body["nodes"], surface.nodes)
-    slaves = {name: here[cells] for name, cells in surface.contact.items()}
-    obstacles = {}
-    for name, face in faces.items():
-        above = x[np.unique(slaves[name])]
-        obstacles[name] = _drawn(face, above, scale)
-        depth = obstacles[name].largest_depth(above)
-        if scale != 1 and depth > _OVERLAP * np.max(np.ptp(body["x"], axis=0)):
-            logger.warning(_DRAWN_THROUGH, name, scale)
+    slaves, masters = (
+        {name: np.searchsorted(body["nodes"], corners) for name, corners in faces.items()}
+        for faces in (slaves, masters)
+    )
+    obstacles = [
+        _obstacle(name, face, x[np.unique(slaves[name])], scale, size)
+        for name, face in facets.items()
+    ]
     points, letters = _points_at_vertices(body, x, slaves, tables)
     return Scene(
         x=x,
         cells=body["cells"],
         slaves=list(slaves.values()),
-        masters=[here[cells] for cells in surface.opposite.values()],
-        obstacles=list(obstacles.values()),
+        masters=list(masters.values()),
+        obstacles=obstacles,
         values=values,
         label=label,
         title=title,
@@ -294,7 +288,7 @@ def scene_of(
         letters=letters,
         eye=eye,
         clip=plane,
-        arrows=known,
+        arrows=vectors,
     )
 
 
@@ -320,19 +314,24 @@ def _points_at_vertices(
     return np.concatenate(points), letters
 
 
-def _drawn(face: Arrays, above: Array, scale: float) -> DrawnObstacle:
-    """Return an obstacle as it is drawn.
+def _obstacle(name: str, face: Arrays, opposite: Array, scale: float, size: float) -> DrawnObstacle:
+    """Return an obstacle as it is drawn; warn if a magnified body is drawn through it.
 
     Args:
+        name: name of the contact surface.
         face: facets of the obstacle, see `obstacle_facets`.
-        above: vertices of the contact surface, shape (k, dim).
+        opposite: positions of the vertices of the contact surface, shape (k, dim).
         scale: factor of the motion.
+        size: size of the body.
     """
     n = unit(face["n"])
     x = face["floor"][:, : n.shape[1]] + scale * face["moved"]
-    opposite = 0 < len(n) == len(above)  # otherwise a rigid surface with facets of its own
-    is_plane = opposite and bool(np.ptp(n, axis=0).max() < _PLANE)
-    return DrawnObstacle(x, face["cells"], n, is_opposite=opposite, is_plane=is_plane)
+    if len(n) != len(opposite) or not len(n):  # a rigid surface with facets of its own
+        return DrawnObstacle(x, face["cells"], n, is_plane=False)
+    if scale != 1 and np.max(dot(opposite - x, n)) > _OVERLAP * size:
+        logger.warning(_DRAWN_THROUGH, name, scale)
+    is_plane = bool(np.ptp(n, axis=0).max() < _PLANE)
+    return DrawnObstacle(x, face["cells"], n, is_plane)
 
 
 def _field_at_vertices(
