@@ -21,6 +21,7 @@ __all__ = [
     "area_vectors",
     "by_coordinates",
     "connected_parts",
+    "curves",
     "dot",
     "edges_of",
     "global_numbers",
@@ -80,6 +81,37 @@ def connected_parts(count: int, first: Ints, second: Ints) -> Ints:
     links = sparse.coo_array((np.ones(len(first)), (first, second)), shape=(count, count))
     found = sparse.csgraph.connected_components(links, directed=False)[1]
     return np.asarray(found, dtype=np.int64)
+
+
+def curves(facets: Ints) -> list[tuple[Ints, Ints]]:
+    """Return the curves formed by facets in 2D, in the order of their smallest vertices.
+
+    An open curve begins at the end with the smaller number. A closed curve begins and ends at its
+    vertex with the smallest number.
+
+    Args:
+        facets: vertices of the facets, shape (n, 2).
+
+    Returns:
+        For each curve, the numbers of its k facets in order and its vertices, shape (k + 1,).
+    """
+    at_vertex: dict[int, list[int]] = {}
+    for number, ends in enumerate(facets.tolist()):
+        for v in ends:
+            at_vertex.setdefault(v, []).append(number)
+    used = np.zeros(len(facets), dtype=bool)
+    found = []
+    # open curves first, from their ends
+    for start in sorted(at_vertex, key=lambda v: (len(at_vertex[v]) > 1, v)):
+        numbers: list[int] = []
+        vertices = [start]
+        while following := [k for k in at_vertex[vertices[-1]] if not used[k]]:
+            numbers.append(following[-1])
+            used[numbers[-1]] = True
+            vertices.append(int(facets[numbers[-1]].sum()) - vertices[-1])
+        if numbers:
+            found.append((np.array(numbers), np.array(vertices)))
+    return sorted(found, key=lambda curve: int(curve[1].min()))
 
 
 def by_coordinates(x: Array, ids: Ints | None = None) -> npt.NDArray[np.intp]:

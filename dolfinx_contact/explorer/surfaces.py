@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy.sparse import coo_array, csgraph
 from scipy.spatial import cKDTree
 
+from dolfinx_contact._geometry import curves
 from dolfinx_contact.explorer.packing import Arrays
 
 __all__ = ["add_bodies"]
@@ -175,29 +175,18 @@ def _closest(corners: Array, points: Array) -> tuple[Cells, Array]:
 
 def _distances(x: Array, facets: Cells) -> Array:
     """Distances (f, 2) of both ends of the edges of a face in 2D along the face, part by part."""
-    vertices, edges = np.unique(facets, return_inverse=True)
-    edges = edges.reshape(facets.shape).copy()
-    count = len(vertices)
-    _, parts = csgraph.connected_components(
-        coo_array((np.ones(len(edges)), edges.T), (count, count)), False
-    )
-    # A closed part is cut at a vertex, which becomes two.
-    part_of_edge = parts[edges[:, 0]]
-    degree = np.bincount(edges.ravel(), minlength=count)
-    start = []
-    for part in range(parts.max() + 1):
-        ends = np.flatnonzero((parts == part) & (degree == 1))
-        if not len(ends):
-            ends = np.flatnonzero(parts == part)[:1]
-            cut = np.flatnonzero((edges == ends[0]).any(axis=1))[0]
-            edges[cut] = np.where(edges[cut] == ends[0], count, edges[cut])
-            count += 1
-        start.append(min(ends, key=lambda v: tuple(x[vertices[v]])))
-    lengths = np.linalg.norm(x[facets[:, 1]] - x[facets[:, 0]], axis=1)
-    graph = coo_array((lengths, edges.T), (count, count)).tocsr()
-    along = csgraph.dijkstra(graph, directed=False, indices=start)
-    before = np.cumsum([0.0, *np.bincount(part_of_edge, lengths)[:-1]])
-    return np.asarray(along[part_of_edge[:, None], edges] + before[part_of_edge][:, None])
+    distances = np.zeros(facets.shape)
+    begin = 0.0
+    for numbers, vertices in curves(facets):
+        if tuple(x[vertices[-1]]) < tuple(x[vertices[0]]):
+            numbers, vertices = numbers[::-1], vertices[::-1]
+        lengths = np.linalg.norm(np.diff(x[vertices], axis=0), axis=1)
+        at = begin + np.cumsum([0.0, *lengths])
+        forward = facets[numbers, 0] == vertices[:-1]
+        distances[numbers, 0] = np.where(forward, at[:-1], at[1:])
+        distances[numbers, 1] = np.where(forward, at[1:], at[:-1])
+        begin = at[-1]
+    return distances
 
 
 def _tables(arrays: Arrays, states: Sequence[Any], name: str, key: str) -> dict[str, Any]:

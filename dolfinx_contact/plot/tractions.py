@@ -11,12 +11,10 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import numpy.typing as npt
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import dijkstra
 
 from dolfinx_contact._geometry import (
     area_vectors,
-    connected_parts,
+    curves,
     dot,
     plane_tangents,
     tangential,
@@ -224,29 +222,21 @@ def _positions(data: Arrays) -> tuple[Array, Cells, str, Array]:
     axis = int(np.argmax(np.ptp(x, axis=0)))
     if np.ptp(x[:, 1 - axis]) < _STRAIGHT * np.ptp(x[:, axis]):
         return x[:, axis], facets, "xy"[axis], np.tile(np.eye(2)[axis], (len(x), 1))
-    parts = connected_parts(len(x), *facets.T)
     at = np.zeros(len(x))
     kept = []
     begin = 0.0
-    for part in np.unique(parts):
-        nodes = np.flatnonzero(parts == part)
-        edges = facets[parts[facets[:, 0]] == part]
-        ends = nodes[np.bincount(edges.ravel(), minlength=len(x))[nodes] == 1]
-        if not len(ends):
-            touching = nodes[data["touching"][nodes]]
-            middle = x[touching if len(touching) else nodes].mean(axis=0)
-            far = np.argmax(np.linalg.norm(x[edges].mean(axis=1) - middle, axis=1))
-            ends = edges[far]
-            edges = np.delete(edges, far, axis=0)
-        kept.append(edges)
-        steps = x[edges[:, 1]] - x[edges[:, 0]]
-        graph = coo_array((np.linalg.norm(steps, axis=1), edges.T), shape=(len(x), len(x)))
-        lengths = dijkstra(graph, directed=False, indices=int(ends[0]))
-        growth = lengths[edges[:, 1]] - lengths[edges[:, 0]]
-        if growth @ dot(steps, tangents[edges[:, 0]]) < 0:
-            lengths = lengths[nodes].max() - lengths
-        at[nodes] = begin + lengths[nodes]
-        begin += 1.05 * float(lengths[nodes].max())
+    for numbers, vertices in curves(facets):
+        if vertices[0] == vertices[-1]:
+            touching = vertices[data["touching"][vertices]]
+            middle = x[touching if len(touching) else vertices[:-1]].mean(axis=0)
+            far = np.argmax(np.linalg.norm(x[facets[numbers]].mean(axis=1) - middle, axis=1))
+            vertices = np.roll(vertices[:-1], -far - 1)
+        if np.sum(np.diff(x[vertices], axis=0) * tangents[vertices[:-1]]) < 0:
+            vertices = vertices[::-1]
+        lengths = np.linalg.norm(np.diff(x[vertices], axis=0), axis=1)
+        at[vertices] = begin + np.cumsum([0.0, *lengths])
+        kept.append(np.stack([vertices[:-1], vertices[1:]], axis=1))
+        begin += 1.05 * float(lengths.sum())
     start = ", ".join(f"{c:.4g}" for c in x[np.argmin(at)])
     label = f"length along the surface, from ({start})"
     return at, np.concatenate(kept), label, tangents
