@@ -438,10 +438,11 @@ class BatchedSteps(_StepsOnH):
 
     Args:
         corrector: corrector on the bordered system.
-        locate: selection of the changes to locate, in addition to folds and changes of parity.
+        locate: selection of the changes to locate, in addition to folds and changes of parity;
+            None for no others.
     """
 
-    def __init__(self, corrector: Corrector, locate: Locate | None = None):
+    def __init__(self, corrector: Corrector, locate: Locate | None):
         super().__init__(corrector)
         self._locate = locate
         self._exact = False  # whether the kinks of this step are crossed exactly

@@ -106,7 +106,7 @@ class RateProblem:
         self._beyond = beyond
         self._finder = RayFinder(corrector, y, self._leads_out, self._bordered.length)
 
-    def onwards(self, piece: Piece, t: PETSc.Vec, *, every: bool = False) -> FoundRays[Ray]:
+    def onwards(self, piece: Piece, t: PETSc.Vec, *, every: bool) -> FoundRays[Ray]:
         """Return the directions for a path that arrived at the state.
 
         Args:

@@ -50,7 +50,6 @@ class MasterFace:
     """
 
     def __init__(self, problem: ContactProblem, pair: DiscreteSurface):
-        self._problem = problem
         self._number = problem.surfaces.index(pair)
         opposite = pair.obstacle.opposite
         V = problem.V
@@ -75,18 +74,17 @@ class MasterFace:
         normals, _ = outward_normals(W, opposite.master_facets)
         self.normals = normals[trace_dofs(W, self.vertices, facets)]
 
-    def fields(self, problem: ContactProblem | None = None) -> dict[str, fem.Function]:
+    def fields(self, problem: ContactProblem) -> dict[str, fem.Function]:
         """Return the continuous, linear fields at the state in the Functions. Collective.
 
         Args:
-            problem: problem with the law of a step; default: problem passed to the constructor.
+            problem: problem with the law of the state.
 
         Returns:
             Fields by name: ``displacement``, contact ``traction`` on the master, ``pressure`` (its
             component against the outward normal), and ``support`` (reaction of Dirichlet data
             divided by the area of a vertex).
         """
-        problem = self._problem if problem is None else problem
         eq = problem.equations
         state = problem.evaluate()
         dim = eq.dim
@@ -95,16 +93,18 @@ class MasterFace:
         owned = pair_forces(eq, self._number, state).reshape(-1)
         forces.x.array[: len(owned)] = owned
         forces.x.scatter_forward()
-        traction = self._per_area(forces.x.array.reshape(-1, dim))
+        traction = self._per_area(problem.V, forces.x.array.reshape(-1, dim))
         values = {
             "displacement": u[self.trace],
             "traction": traction,
             "pressure": -np.sum(traction * self.normals, axis=1) + 0.0,
-            "support": self._per_area(support_at_nodes(eq, state)),
+            "support": self._per_area(problem.V, support_at_nodes(eq, state)),
         }
         return {name: vertex_function(self.vertices, name, v) for name, v in values.items()}
 
-    def _per_area(self, forces: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    def _per_area(
+        self, V: fem.FunctionSpace, forces: npt.NDArray[np.float64]
+    ) -> npt.NDArray[np.float64]:
         """Divide forces at the local nodes of the displacement by the areas of the vertices."""
-        there = forces_at_vertices(self._problem.V, self.submesh, self.trace, forces)
+        there = forces_at_vertices(V, self.submesh, self.trace, forces)
         return np.asarray(there / self.areas[:, None])

@@ -133,21 +133,19 @@ class Outside:
             {name: face["cells"] for name, face in obstacles.items()},
         )
 
-    def state(self, law: ContactProblem | None = None) -> SurfaceState | None:
+    def state(self, law: ContactProblem) -> SurfaceState | None:
         """Return the state in the Functions on rank 0, None on other ranks. Collective.
 
         Args:
-            law: problem with the law of the contact tables; default: problem passed to the
-                constructor.
+            law: problem with the law of the contact tables.
         """
-        problem = self.problem if law is None else law
         if self._strain is None:
-            revolves = any(s.axisymmetric for s in problem.surfaces)
+            revolves = any(s.axisymmetric for s in law.surfaces)
             strain = _equivalent_strain(self.problem.u, revolves)
             self._strain = VertexMeans(self.V, {None: strain}, quadrature_degree=2)
         seen = self.gather({"strain": self._strain()})
-        patches = {s.name: obstacle_facets(s) for s in problem.surfaces if not s.between_bodies}
-        tables = {s.name: _columns(problem.table(s)) for s in problem.surfaces}
+        patches = {s.name: obstacle_facets(s) for s in law.surfaces if not s.between_bodies}
+        tables = {s.name: _columns(law.table(s)) for s in law.surfaces}
         if not seen:
             return None
         obstacles = {k: np.array([p["floor"], p["moved"], p["n"]]) for k, p in patches.items()}

@@ -83,7 +83,7 @@ def draw_body(axes: Axes, scene: Scene, visible: Array, limits: tuple[float, flo
 
 
 def colours_of(
-    cells: Cells, count: int, values: Array | None, limits: tuple[float, float] | None = None
+    cells: Cells, count: int, values: Array | None, limits: tuple[float, float] | None
 ) -> tuple[npt.NDArray[Any], Any, tuple[float, float]]:
     """Return values at the vertices, their colour map, and the ends of the colours.
 
@@ -93,7 +93,7 @@ def colours_of(
         cells: vertices of the cells.
         count: number of vertices.
         values: field at the vertices; None for the tints of connected parts.
-        limits: ends of the colours; default: smallest and largest finite value.
+        limits: ends of the colours; None for the smallest and largest finite value.
     """
     from matplotlib import colormaps
     from matplotlib.colors import ListedColormap
