@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 __all__ = [
     "Outside",
     "VertexMeans",
-    "gather_cells",
+    "gather_facets",
     "obstacle_facets",
 ]
 
@@ -101,7 +101,9 @@ class Outside:
         self._strain: VertexMeans | None = None
 
     def gather(self, values: Mapping[str, npt.NDArray[Any]], *, whole: bool = False) -> Arrays:
-        """Gather the displacement ``u`` and other values on rank 0, see `gather_cells`. Collective.
+        """Gather the displacement ``u`` and other values on rank 0, see `_gather_cells`.
+
+        Collective.
 
         Args:
             values: values at the local vertices, by name.
@@ -112,7 +114,7 @@ class Outside:
         topology = self.V.mesh.topology
         cells = self.V.dofmap.list[: topology.index_map(topology.dim).size_local]
         chosen = cells if whole else self.cells
-        return gather_cells(self.problem.comm, self.V, chosen, {"u": u, **values}, self.numbers)
+        return _gather_cells(self.problem.comm, self.V, chosen, {"u": u, **values}, self.numbers)
 
     def surface(self) -> OuterSurface | None:
         """Return the outer surface on rank 0, None on other ranks. Collective."""
@@ -205,10 +207,19 @@ def obstacle_facets(s: DiscreteSurface) -> Arrays:
         gap, normal = s.displaced.at_vertices(seen)
         floor = s.node_positions[trace] + seen + gap[:, None] * normal
         _, n = s.at_vertices(seen)
-    values = {"n": n, "floor": floor, "moved": s.partner.dragged(floor)}
-    V = points.vertices
+    return gather_facets(s, {"n": n, "floor": floor, "moved": s.partner.dragged(floor)})
+
+
+def gather_facets(s: DiscreteSurface, values: Mapping[str, Any]) -> Arrays:
+    """Gather the facets of a surface on rank 0, see `_gather_cells`. Collective.
+
+    Args:
+        s: contact surface.
+        values: values at its local vertices, by name.
+    """
+    V = s.points.vertices
     cells = V.dofmap.list[: s.submesh.mesh.topology.index_map(s.dim - 1).size_local]
-    return gather_cells(s.comm, V, cells, values, vertex_numbers(V))
+    return _gather_cells(s.comm, V, cells, values, vertex_numbers(V))
 
 
 def _assembled(form: fem.Form) -> npt.NDArray[np.float64]:
@@ -246,7 +257,7 @@ def _outer_cells(V: fem.FunctionSpace) -> npt.NDArray[np.int32]:
     return facet_closures(V, mesh.exterior_facet_indices(topology))
 
 
-def gather_cells(
+def _gather_cells(
     comm: MPI.Comm,
     V: fem.FunctionSpace,
     cells: npt.NDArray[np.int32],

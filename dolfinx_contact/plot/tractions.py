@@ -22,12 +22,11 @@ from dolfinx_contact._geometry import (
 )
 from dolfinx_contact._mpi import Arguments, collective, maximum, same_everywhere
 from dolfinx_contact._validate import one_of
-from dolfinx_contact.io.outside import gather_cells
+from dolfinx_contact.io.outside import gather_facets
 from dolfinx_contact.laws.status import COLOURS, NAMES
 from dolfinx_contact.plot.figures import INK, File, drawn_on_root, new_figure, save
 from dolfinx_contact.plot.in_2d import add_status_legend, shade
 from dolfinx_contact.plot.scene import Array, Cells, around, words_of
-from dolfinx_contact.points.trace import vertex_numbers
 from dolfinx_contact.results.fields import contact_fields, vertex_state
 from dolfinx_contact.results.outer_surface import Arrays
 
@@ -119,7 +118,7 @@ def _gathered(problem: ContactProblem, s: DiscreteSurface) -> Arrays:
     """Gather facets, tractions and statuses of the vertices of a surface on rank 0. Collective.
 
     Returns:
-        The arrays of `gather_cells`, with ``pressure``, ``shear``, ``bound``, the letters of the
+        The arrays of `gather_facets`, with ``pressure``, ``shear``, ``bound``, the letters of the
         statuses, the normals ``n`` of the undeformed body, and the mask ``touching`` of vertices
         that stick, slip or carry a traction; for a law with bonds also the frictional part
         ``friction`` of the shear. An empty dictionary on other ranks.
@@ -153,9 +152,7 @@ def _gathered(problem: ContactProblem, s: DiscreteSurface) -> Arrays:
         bond = np.stack([s.points.at_vertices(t) for t in adhesive.T], axis=1)
         bond = tangential(bond, normal)
         values["friction"] = values["shear"] - np.where(carries[:, None], bond, 0.0)
-    V = s.points.vertices
-    cells = V.dofmap.list[: s.submesh.mesh.topology.index_map(s.dim - 1).size_local]
-    data = gather_cells(s.comm, V, cells, values, vertex_numbers(V))
+    data = gather_facets(s, values)
     if data:
         size = np.hypot(data["pressure"], np.linalg.norm(data["shear"], axis=1))
         data["touching"] = ~np.isin(data["letters"], ["o", "d"]) | (size > _LITTLE * size.max())
