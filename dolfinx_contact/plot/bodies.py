@@ -17,8 +17,15 @@ from dolfinx_contact._mpi import Arguments, collective
 from dolfinx_contact.equations.state import State
 from dolfinx_contact.evolution.history import EvolutionStep
 from dolfinx_contact.laws import status
-from dolfinx_contact.plot.figures import Drawing, File, drawn_on_root, new_figure, save
-from dolfinx_contact.plot.in_2d import add_status_legend, draw_2d, draw_body
+from dolfinx_contact.plot.figures import (
+    Drawing,
+    File,
+    add_status_legend,
+    drawn_on_root,
+    new_figure,
+    save,
+)
+from dolfinx_contact.plot.in_2d import draw_2d, draw_body
 from dolfinx_contact.plot.scene import Array, Look, Scene, scene_of, words_of
 
 if TYPE_CHECKING:

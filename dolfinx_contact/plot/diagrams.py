@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dolfinx_contact.laws import status
-from dolfinx_contact.plot.figures import LINES, new_figure, save
+from dolfinx_contact.plot.figures import LINES, add_status_legend, new_figure, save
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+    from matplotlib.figure import Figure, SubFigure
 
     from dolfinx_contact.analysis import ProvedCount
     from dolfinx_contact.continuation import Solutions
@@ -167,19 +167,18 @@ def _draw_numbers(axes: Axes, solutions: Sequence[Solutions]) -> None:
         axes.text(found.gamma, 1.02, many, transform=axes.get_xaxis_transform(), **look)
 
 
-def _draw_strips(figure: Any, journal: Journal, branches: Sequence[int]) -> None:
+def _draw_strips(figure: SubFigure, journal: Journal, branches: Sequence[int]) -> None:
     """Draw the statuses along branches, one below the other, with a legend."""
     from matplotlib.colors import ListedColormap
-    from matplotlib.patches import Patch
 
     letters = list(status.NAMES)
     colours = ListedColormap(list(status.COLOURS.values()))
     panels = figure.subplots(len(branches), 1, squeeze=False)[:, 0]
-    present: set[str] = set()
+    present = ""
     for axes, b in zip(panels, branches, strict=True):
         c = journal.columns(b)
         codes = np.array([[letters.index(x) for x in word] for word in c["status"]]).T
-        present |= set("".join(c["status"]))
+        present += "".join(c["status"])
         along = np.cumsum(c["step"])
         if len(codes) > _MANY:
             counts = [(codes == k).sum(axis=0) for k in range(len(letters))]
@@ -198,10 +197,4 @@ def _draw_strips(figure: Any, journal: Journal, branches: Sequence[int]) -> None
         axes.set_title(f"branch {b} (dashed: folds, bifurcations)", loc="left", fontsize=10)
         axes.margins(x=0)
     panels[-1].set_xlabel("distance along the branch")
-    handles = [
-        Patch(facecolor=status.COLOURS[k], edgecolor="0.5", label=status.NAMES[k])
-        for k in letters
-        if k in present
-    ]
-    place: dict[str, Any] = dict(loc="outside lower center", ncols=len(handles), frameon=False)
-    figure.legend(handles=handles, **place)
+    add_status_legend(figure, present, with_counts=False)

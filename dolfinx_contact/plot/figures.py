@@ -6,7 +6,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from mpi4py import MPI
 
@@ -15,14 +15,15 @@ import numpy as np
 from dolfinx_contact._files import part_of
 from dolfinx_contact._install import optional
 from dolfinx_contact._mpi import on_root
+from dolfinx_contact.laws import status
 
 if TYPE_CHECKING:
     import pyvista
-    from matplotlib.figure import Figure
+    from matplotlib.figure import Figure, SubFigure
 
 __all__ = [
     *("FIELD", "FILLS", "FLOOR", "INK", "LINES", "NOT_FINITE", "TINTS", "Drawing", "File"),
-    *("drawn_on_root", "new_figure", "save"),
+    *("add_status_legend", "drawn_on_root", "new_figure", "save"),
 ]
 
 Drawing: TypeAlias = "Figure | pyvista.Plotter"
@@ -77,6 +78,39 @@ def save(drawing: Drawing, file: File) -> None:
             from matplotlib.image import imsave
 
             imsave(part, np.asarray(drawing.screenshot(None, return_img=True)), dpi=200)
+
+
+def add_status_legend(
+    figure: Figure | SubFigure,
+    letters: str,
+    names: dict[str, str] = status.NAMES,
+    *,
+    with_counts: bool = True,
+    **place: Any,
+) -> None:
+    """Add a legend with the statuses of contact points below a figure.
+
+    Args:
+        figure: figure.
+        letters: letters of all points.
+        names: names of the letters.
+        with_counts: whether the numbers of points are added.
+        **place: options of ``Figure.legend``.
+    """
+    from matplotlib.patches import Patch
+
+    handles = [
+        Patch(
+            facecolor=status.COLOURS[k],
+            edgecolor=INK,
+            lw=0.5,
+            label=f"{names[k]} ({letters.count(k)})" if with_counts else names[k],
+        )
+        for k in names
+        if k in letters
+    ]
+    look: dict[str, Any] = dict(loc="outside lower center", ncols=max(len(handles), 1))
+    figure.legend(handles=handles, frameon=False, **look, **place)
 
 
 def drawn_on_root(comm: MPI.Comm, draw: Callable[[], Drawing]) -> Drawing | None:

@@ -9,7 +9,6 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact._geometry import connected_parts
-from dolfinx_contact.laws import status
 from dolfinx_contact.plot.figures import FIELD, FLOOR, INK, LINES, NOT_FINITE, TINTS, new_figure
 from dolfinx_contact.plot.scene import Array, Cells, Scene, around
 
@@ -17,7 +16,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["add_status_legend", "colours_of", "draw_2d", "draw_body", "range_of", "shade"]
+__all__ = ["colours_of", "draw_2d", "draw_body", "range_of", "shade"]
 
 _PIXELS = 180  # of the width of a picture in an inch of the body
 _MOST_TRIANGLES = 40_000  # of the mesh on which a field is drawn
@@ -159,36 +158,3 @@ def shade(
     shades = axes.tripcolor(mesh, np.ma.filled(field, np.nan), shading="gouraud", **look)
     axes.add_collection(edges)
     return shades
-
-
-def add_status_legend(
-    figure: Figure,
-    letters: str,
-    names: dict[str, str] = status.NAMES,
-    *,
-    with_counts: bool = True,
-    **place: Any,
-) -> None:
-    """Add a legend with the statuses of contact points below a figure.
-
-    Args:
-        figure: figure.
-        letters: letters of all points.
-        names: names of the letters.
-        with_counts: whether the numbers of points are added.
-        **place: options of ``Figure.legend``.
-    """
-    from matplotlib.patches import Patch
-
-    handles = [
-        Patch(
-            facecolor=status.COLOURS[k],
-            edgecolor=INK,
-            lw=0.5,
-            label=f"{names[k]} ({letters.count(k)})" if with_counts else names[k],
-        )
-        for k in names
-        if k in letters
-    ]
-    look: dict[str, Any] = dict(loc="outside lower center", ncols=max(len(handles), 1))
-    figure.legend(handles=handles, frameon=False, **look, **place)

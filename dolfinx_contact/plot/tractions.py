@@ -24,8 +24,15 @@ from dolfinx_contact._mpi import Arguments, collective, maximum, same_everywhere
 from dolfinx_contact._validate import one_of
 from dolfinx_contact.io.outside import gather_facets
 from dolfinx_contact.laws.status import COLOURS, NAMES
-from dolfinx_contact.plot.figures import INK, File, drawn_on_root, new_figure, save
-from dolfinx_contact.plot.in_2d import add_status_legend, shade
+from dolfinx_contact.plot.figures import (
+    INK,
+    File,
+    add_status_legend,
+    drawn_on_root,
+    new_figure,
+    save,
+)
+from dolfinx_contact.plot.in_2d import shade
 from dolfinx_contact.plot.scene import Array, Cells, around, words_of
 from dolfinx_contact.results.fields import contact_fields, vertex_state
 from dolfinx_contact.results.outer_surface import Arrays
