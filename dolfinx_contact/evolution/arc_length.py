@@ -34,6 +34,7 @@ import numpy as np
 
 from dolfinx_contact._ending import OTHER_CAUSE, Ending
 from dolfinx_contact._mpi import Arguments, anywhere, collective, require
+from dolfinx_contact._validate import instance
 from dolfinx_contact.continuation.arguments import (
     check_rays,
     check_steps,
@@ -141,8 +142,7 @@ class ArcLength(Runnable[PathTask, PathHistory]):
     _record = "a records.PathRecord"
 
     def __init__(self, parametric: ParametricContact):
-        if not isinstance(parametric, ParametricContact):
-            raise ValueError(f"a ParametricContact is needed, got {type(parametric).__name__}")
+        instance(parametric, "parametric", ParametricContact)
         self.parametric = parametric
         self.problem = parametric.problem
         self.driven = parametric._driven_expressions

@@ -145,7 +145,7 @@ def _at_points(a: AcceptedState, b: AcceptedState, k: int) -> Array:
 def where_it_changes(stepper: Stepper, before: AcceptedState, after: AcceptedState) -> str:
     """Name the places whose status differs between two states. Collective."""
     words: list[str] = []
-    states = zip(before.shown, after.shown, strict=True)
+    states = zip(before.state.statuses, after.state.statuses, strict=True)
     for s, (old, new) in zip(stepper.problem.surfaces, states, strict=True):
         names = letters(s.dim)
         local = [

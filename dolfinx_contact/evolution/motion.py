@@ -45,7 +45,7 @@ from dolfinx import fem
 
 from dolfinx_contact._geometry import node_positions
 from dolfinx_contact._mpi import largest, require
-from dolfinx_contact._validate import is_number
+from dolfinx_contact._validate import is_number, one_of
 from dolfinx_contact.body.inertia import Mass
 from dolfinx_contact.body.moving import MovingBody, Scheme, TimeStep
 from dolfinx_contact.equations.contact import ContactEquations
@@ -102,9 +102,7 @@ class Method:
 
     def __post_init__(self) -> None:
         for name, kinds in (("scheme", Scheme), ("level", Level), ("mass", Mass)):
-            if getattr(self, name) not in get_args(kinds):
-                known = ", ".join(map(repr, get_args(kinds)))
-                raise ValueError(f"{name} is {getattr(self, name)!r}: known are {known}")
+            one_of(getattr(self, name), name, get_args(kinds))
         for name, least in (("theta", 0.5), ("restitution", 0.0)):
             value = getattr(self, name)
             if not (is_number(value) and least <= value <= 1.0):

@@ -30,7 +30,7 @@ from dolfinx import fem
 
 from dolfinx_contact._mpi import Arguments, collective
 from dolfinx_contact._ufl import described, refuse_other_mesh
-from dolfinx_contact._validate import is_number, positive
+from dolfinx_contact._validate import instance, is_number, positive
 from dolfinx_contact.body.inertia import Mass
 from dolfinx_contact.body.moving import Scheme, TimeStep
 from dolfinx_contact.continuation.observer import Observer, ObserverLike, Stop
@@ -39,9 +39,9 @@ from dolfinx_contact.evolution.energy import MotionEnergies
 from dolfinx_contact.evolution.history import EvolutionStep, History
 from dolfinx_contact.evolution.mass_and_damping import Matrices
 from dolfinx_contact.evolution.motion import HeldNodes, Level, Method, MotionStepper
-from dolfinx_contact.evolution.quasi_static import Evolution
+from dolfinx_contact.evolution.quasi_static import Evolution, check_run
 from dolfinx_contact.evolution.run import Listeners
-from dolfinx_contact.evolution.through_times import HistoryTask, checked_times
+from dolfinx_contact.evolution.through_times import HistoryTask
 from dolfinx_contact.problem import ContactProblem
 
 __all__ = ["NSCD"]
@@ -53,9 +53,7 @@ _SHORTEST = 2.0**-10  # shortest step, relative to dt
 
 def _check(a: Arguments) -> None:
     """Check the arguments of a motion."""
-    problem = a.problem
-    if not isinstance(problem, ContactProblem):
-        raise ValueError(f"a ContactProblem is needed, got {type(problem).__name__}")
+    problem = instance(a.problem, "problem", ContactProblem)
     a.dt = positive(a.dt, "dt", "a positive time")
     Method(a.scheme, a.theta, a.level, a.restitution, a.mass)
     if a.velocity is not None and getattr(a.velocity, "function_space", None) != problem.V:
@@ -100,8 +98,7 @@ def _check_run(a: Arguments) -> None:
         a.locate = positive(a.locate, "locate", "a positive time")
         if a.locate > a.self._dt:
             raise ValueError(f"locate must not be longer than dt, got {a.locate!r}")
-    a.times = checked_times(a.times, None if a.start is not None else a.self._accepted)
-    Listeners.of(a).check(a.self._record)
+    check_run(a)
 
 
 def _check_settle(a: Arguments) -> None:

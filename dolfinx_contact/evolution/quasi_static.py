@@ -24,6 +24,7 @@ from typing import ClassVar
 from dolfinx import fem
 
 from dolfinx_contact._mpi import Arguments, collective, everywhere
+from dolfinx_contact._validate import instance
 from dolfinx_contact.continuation.observer import Observer, ObserverLike, Stop
 from dolfinx_contact.equations.state import State
 from dolfinx_contact.evolution.history import EvolutionStep, History
@@ -38,7 +39,7 @@ from dolfinx_contact.evolution.through_times import (
 )
 from dolfinx_contact.problem import ContactProblem
 
-__all__ = ["Evolution", "QuasiStatic"]
+__all__ = ["Evolution", "QuasiStatic", "check_run"]
 
 _HALVINGS = 20  # halvings from the whole time to the default shortest step
 
@@ -69,8 +70,7 @@ class Evolution(Runnable[HistoryTask, History]):
     kept: Mapping[str, fem.Function] = {}
 
     def __init__(self, problem: ContactProblem, load: Callable[[float], object]):
-        if not isinstance(problem, ContactProblem):
-            raise ValueError(f"a ContactProblem is needed, got {type(problem).__name__}")
+        instance(problem, "problem", ContactProblem)
         with everywhere(problem.comm, "an evolution"):
             if not callable(load):
                 raise ValueError(f"the load must be a function of the time, got {load!r}")
@@ -106,13 +106,18 @@ class Evolution(Runnable[HistoryTask, History]):
         return accepted
 
 
+def check_run(a: Arguments) -> None:
+    """Check times and listeners of a run through times; times become numbers."""
+    a.times = checked_times(a.times, None if a.start is not None else a.self._accepted)
+    Listeners.of(a).check(a.self._record)
+
+
 def _check_run(a: Arguments) -> None:
     if a.shortest is not None and a.halve_steps is False and not a.locate_jumps:
         raise ValueError("shortest has no effect without halve_steps or locate_jumps")
     if a.extrapolate and not any(s.slides for s in a.self.problem.surfaces):
         raise ValueError("extrapolate=True has no effect without bodies that slide over each other")
-    a.times = checked_times(a.times, None if a.start is not None else a.self._accepted)
-    Listeners.of(a).check(a.self._record)
+    check_run(a)
 
 
 class QuasiStatic(Evolution):

@@ -93,11 +93,6 @@ class AcceptedState:
         """Memory from which the next step starts, one per surface."""
         return self.state.memory
 
-    @property
-    def shown(self) -> Statuses:
-        """Statuses of the contact points at the state."""
-        return self.state.statuses
-
 
 class Stepper:
     """Takes steps of a quasi-static evolution.

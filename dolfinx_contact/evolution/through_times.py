@@ -417,7 +417,7 @@ class ThroughTimes(Rule[HistoryTask]):
 
     def _closes(self, after: AcceptedState) -> bool:
         """Return whether a point closes in a step. Collective."""
-        pairs = zip(self.state.accepted.shown, after.shown, strict=True)
+        pairs = zip(self.state.accepted.state.statuses, after.state.statuses, strict=True)
         here = any(bool((closed(new) & ~closed(old)).any()) for old, new in pairs)
         return anywhere(self._comm, here)[0]
 

@@ -103,7 +103,7 @@ class StateArrays:
     def of_points(self, accepted: AcceptedState) -> Arrays:
         """Return statuses and memory of all contact points, on every rank. Collective."""
         arrays: Arrays = {}
-        surfaces = zip(self._points, accepted.shown, accepted.memory, strict=True)
+        surfaces = zip(self._points, accepted.state.statuses, accepted.memory, strict=True)
         for i, (points, codes, memory) in enumerate(surfaces):
             arrays[f"statuses.{i}"] = points(codes)
             place = {} if memory.place is None else {"place": memory.place}

@@ -69,7 +69,7 @@ def test_arc_length_takes_normal_compliance():
 
 
 def test_arc_length_refuses_a_number_for_the_system():
-    with pytest.raises(ValueError, match="a ParametricContact is needed, got int"):
+    with pytest.raises(ValueError, match="parametric must be a ParametricContact, got int"):
         ArcLength(3)
 
 
@@ -167,7 +167,7 @@ def springs_of_a_mean():
 @pytest.mark.parametrize(
     ("problem", "load", "message"),
     [
-        (lambda: None, lambda _: None, "a ContactProblem is needed"),
+        (lambda: None, lambda _: None, "problem must be a ContactProblem"),
         (lambda: dragged(n=2)[0], 1.0, "a function of the time"),
         (
             springs_of_a_mean,
@@ -227,9 +227,12 @@ NSCD_ARGUMENTS = [
     ({"restitution": -0.1, "level": "velocity"}, "restitution must be between 0 and 1"),
     ({"restitution": 0.5}, "level='velocity'"),
     ({"level": "velocity", "mass": "redistributed"}, "a node needs mass"),
-    ({"scheme": "newmark"}, "known are 'theta', 'theta-euler', 'modified-theta'"),
-    ({"level": "speed"}, "known are 'position', 'velocity'"),
-    ({"mass": "none"}, "known are 'consistent', 'lumped', 'redistributed'"),
+    (
+        {"scheme": "newmark"},
+        "scheme must be one of theta, theta-euler, modified-theta; got 'newmark'",
+    ),
+    ({"level": "speed"}, "level must be one of position, velocity; got 'speed'"),
+    ({"mass": "none"}, "mass must be one of consistent, lumped, redistributed; got 'none'"),
     ({"damping": (-1.0, 0.0)}, "numbers that are not negative"),
     ({"damping": 1.0}, "a form or a pair"),
 ]
