@@ -109,37 +109,43 @@ def changes(comm: MPI.Comm, a: AcceptedState, b: AcceptedState) -> StateChanges:
         d = d * np.minimum(a.forces.covered, b.forces.covered)
     moved = largest(comm, np.abs(b.forces.u - a.forces.u).max(initial=0.0))
     unknowns = np.sqrt(total(comm, np.dot(d, d)))
+    # means and maxima over the points of each surface
     points = [_at_points(a, b, k) for k in range(len(b.forces.surfaces))]
-    jumps, weakened, number = total(comm, [(*p[:2].sum(axis=1), p.shape[1]) for p in points]).T
-    most, lost, left = largest(comm, [p.max(axis=1, initial=0.0) for p in points]).T
+    sums = [(jumps.sum(), losses.sum(), len(jumps)) for jumps, losses, _ in points]
+    jump_sum, loss_sum, number = total(comm, sums).T
+    maxima = [[values.max(initial=0.0) for values in surface] for surface in points]
+    jump, loss, strength = largest(comm, maxima).T
     number = np.maximum(number, 1.0)
-    parts = np.concatenate([[moved, unknowns], jumps / number, weakened / number])
-    broken = np.divide(lost, left, out=np.zeros_like(left), where=left > 0)
-    return StateChanges(parts, most, broken)
+    parts = np.concatenate([[moved, unknowns], jump_sum / number, loss_sum / number])
+    broken = np.divide(loss, strength, out=np.zeros_like(loss), where=strength > 0)
+    return StateChanges(parts, jump, broken)
 
 
-def _at_points(a: AcceptedState, b: AcceptedState, k: int) -> Array:
-    """Changes at the points of a surface that are not clamped, on this rank, shape (3, points).
+def _at_points(a: AcceptedState, b: AcceptedState, k: int) -> tuple[Array, Array, Array]:
+    """Return the changes at the points of a surface that are not clamped, on this rank.
 
-    Rows: change of the jump; change of the variable by which bonds weaken; its distance to its end
-    at the first state, which is the strength left.
+    Returns:
+        Change of the jump, a length; change of the variable by which bonds weaken; and the distance
+        of this variable to its end at the first state, which is the strength left.
     """
     assert isinstance(a.forces, Forces)
     assert isinstance(b.forces, Forces)
     eq = a.forces.equations
     s = eq.surfaces[k]
-    distances = np.linalg.norm(b.forces.surfaces[k].jump - a.forces.surfaces[k].jump, axis=1)
-    rows = np.zeros((3, len(distances)))
-    rows[0] = distances
+    jumps = np.linalg.norm(b.forces.surfaces[k].jump - a.forces.surfaces[k].jump, axis=1)
+    losses = strengths = np.zeros_like(jumps)
     bond = s.law.weakening
     if bond is not None:
         before = a.memory[k].fields[bond.name]
         end = bond.end
         if end is None:
             end = 0.0 if bond.sense < 0 else math.nan
-        rows[1] = np.abs(b.memory[k].fields[bond.name] - before)
-        rows[2] = np.nan_to_num(np.abs(end - before))
-    return rows if s.method == "integral" else rows[:, ~eq.constraints.clamped[k][: rows.shape[1]]]
+        losses = np.abs(b.memory[k].fields[bond.name] - before)
+        strengths = np.nan_to_num(np.abs(end - before))
+    if s.method == "integral":
+        return jumps, losses, strengths
+    free = ~eq.constraints.clamped[k][: len(jumps)]
+    return jumps[free], losses[free], strengths[free]
 
 
 def where_it_changes(stepper: Stepper, before: AcceptedState, after: AcceptedState) -> str:

@@ -424,9 +424,11 @@ class HeldNodes:
         self._comm = problem.comm
         self._held = np.asarray(eq.fixed[: eq.owned_sizes[0]])  # owned dofs with Dirichlet data
         self._zero = _ROUND_OFF * eq.body_size
-        #: Velocity at the end of the last step, its deviation from the mean velocity in that step,
-        #: and number of successive steps in which the deviation has changed its sign.
-        self._last: tuple[Array | None, Array, int] = None, np.zeros(0), 0
+        #: Velocity at the end of the last step, and its deviation from the mean velocity in it.
+        self._velocity: Array | None = None
+        self._oscillation: Array = np.zeros(0)
+        #: Number of successive steps in which the deviation has changed its sign.
+        self._reversals = 0
 
     def require_displacement(self) -> None:
         """Raise ``ValueError`` if the displacement differs from the Dirichlet data. Collective."""
@@ -477,15 +479,16 @@ class HeldNodes:
         n = len(self._held)
         mean: Array = np.asarray((b.u - a.u)[:n] / step.length)
         deviation = np.where(self._held, b.v[:n] - mean, 0.0)
-        end, before, reversals = self._last
-        if end is not a.v:  # the last step was rejected
-            before, reversals = deviation, 0
-        sizes = [_size(v) for v in (deviation, deviation + before, mean, b.v)]
+        if self._velocity is not a.v:  # the last step was rejected
+            self._oscillation = deviation
+            self._reversals = 0
+        sizes = [_size(v) for v in (deviation, deviation + self._oscillation, mean, b.v)]
         size, change, *speeds = largest(self._comm, sizes)
-        reversed_ = change < _REVERSED * size and size > _VISIBLE * max(speeds)
-        reversals = reversals + 1 if reversed_ else 0
-        self._last = b.v, deviation, reversals
-        if reversals == _REVERSALS:
+        reverses = change < _REVERSED * size and size > _VISIBLE * max(speeds)
+        self._reversals = self._reversals + 1 if reverses else 0
+        self._velocity = b.v
+        self._oscillation = deviation
+        if self._reversals == _REVERSALS:
             place = self._deviation(b.v[:n], mean, self._held, 0.5 * size)
             if self._comm.rank == 0:
                 logger.warning(

@@ -225,6 +225,7 @@ class ThroughTimes(Rule[HistoryTask]):
         goal = _aim(start.time, end, self.state.length)
         length = goal - start.time
         trial = self._trial(goal, end)
+        # solve, or shorten the step, or step beyond a jump
         try:
             after = self._take(goal, trial)
         except ConvergenceError as error:
@@ -238,6 +239,7 @@ class ThroughTimes(Rule[HistoryTask]):
                 raise Ended(Ending.NOT_SOLVED, self._not_solved(length, error)) from error
             yield self._accept(beyond, jump=self._slow_rates(beyond) is not None)
             return
+        # accept the step, or the steps around a jump in it
         found = self._search(after)
         if found is not None:
             for state in found.steps:
