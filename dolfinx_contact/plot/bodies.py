@@ -115,6 +115,7 @@ def draw_scene(
     visible = scene.visible_points() if visible is None else visible
     if scene.x.shape[1] == 2:
         return draw_2d(scene, visible, limits, width)
+    optional("pyvista", "pictures")
     from dolfinx_contact.plot.in_3d import draw_3d
 
     return draw_3d(scene, visible, limits, width)

@@ -7,18 +7,16 @@ import ctypes
 import os
 import shutil
 import subprocess
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pyvista as pv
 
 from dolfinx_contact._geometry import unit
 from dolfinx_contact._install import optional
 from dolfinx_contact.plot.figures import FLOOR, INK, LINES, NOT_FINITE
 from dolfinx_contact.plot.in_2d import colours_of
 from dolfinx_contact.plot.scene import Array, Cells, Scene, around
-
-if TYPE_CHECKING:
-    import pyvista
 
 __all__ = ["draw_3d", "ensure_display"]
 
@@ -39,9 +37,8 @@ _servers: list[subprocess.Popen[bytes]] = []
 
 def draw_3d(
     scene: Scene, visible: Array, limits: tuple[float, float] | None, width: int
-) -> pyvista.Plotter:
+) -> pv.Plotter:
     """Draw bodies in 3D; arguments as of `draw_scene`. Actors have names such as ``"body"``."""
-    pv = optional("pyvista", "pictures")
     ensure_display()
     plotter = pv.Plotter(off_screen=True, lighting="light kit", border=False)
     plotter.set_background("white")
@@ -68,7 +65,7 @@ def draw_3d(
     return plotter
 
 
-def _draw_body(plotter: pyvista.Plotter, scene: Scene, limits: Any, clipped: Any) -> None:
+def _draw_body(plotter: pv.Plotter, scene: Scene, limits: Any, clipped: Any) -> None:
     """Draw bodies in the colours of a field or of their connected parts."""
     values, colours, ends = colours_of(scene.cells, len(scene.x), scene.values, limits)
     body = (_facets if scene.clip is None else _solid)(scene.x, scene.cells)
@@ -87,7 +84,7 @@ def _draw_body(plotter: pyvista.Plotter, scene: Scene, limits: Any, clipped: Any
 
 
 def _draw_surfaces(
-    plotter: pyvista.Plotter, scene: Scene, eye: Array, size: float, clipped: Any
+    plotter: pv.Plotter, scene: Scene, eye: Array, size: float, clipped: Any
 ) -> None:
     """Draw the rims of contact surfaces, and the obstacles."""
     # the rims of contact surfaces: thick for slaves, thin for masters
@@ -114,9 +111,8 @@ def _draw_surfaces(
             plotter.add_mesh(edges, color="#7d858c", line_width=2.5, name=f"outline {i}")
 
 
-def _draw_arrows(plotter: pyvista.Plotter, scene: Scene, visible: Array) -> Array:
+def _draw_arrows(plotter: pv.Plotter, scene: Scene, visible: Array) -> Array:
     """Draw arrows, with the magnitude of the longest one of each name; return their ends."""
-    pv = optional("pyvista", "pictures")
     ends = [np.zeros((0, 3))]
     shape = pv.Arrow(tip_length=0.3, tip_radius=0.08, shaft_radius=0.03)
     for i, (label, (points, vectors)) in enumerate(scene.scaled_arrows(visible).items()):
@@ -131,7 +127,7 @@ def _draw_arrows(plotter: pyvista.Plotter, scene: Scene, visible: Array) -> Arra
     return np.concatenate(ends)
 
 
-def _set_camera(plotter: pyvista.Plotter, points: Array, eye: Array, width: float) -> None:
+def _set_camera(plotter: pv.Plotter, points: Array, eye: Array, width: float) -> None:
     """Look at points so that they fill the picture, and draw axes and a scale bar.
 
     Args:
@@ -162,7 +158,7 @@ def _set_camera(plotter: pyvista.Plotter, points: Array, eye: Array, width: floa
     length = lengths[lengths <= longest][-1]
     end = focus + np.array([window[0] / 2 - 40, 60 - window[1] / 2, 0.0]) / pixels
     end = end @ frame + 2 * depth * eye
-    line = optional("pyvista", "pictures").Line(end - length * right, end)
+    line = pv.Line(end - length * right, end)
     plotter.add_mesh(line, color=INK, line_width=5, name="scale bar")
     left = window[0] - 40 - length * pixels
     plotter.add_text(f"{length:g}", (left, 30), font_size=10, color=INK, name="scale")
@@ -182,15 +178,11 @@ def _default_eye(scene: Scene, extent: Array) -> Array:
 
 def _facets(x: Array, cells: Cells) -> Any:
     """Triangles or quadrilaterals as a mesh of PyVista."""
-    import pyvista as pv
-
     return pv.PolyData.from_regular_faces(x, around(cells))
 
 
 def _solid(x: Array, cells: Cells) -> Any:
     """Tetrahedra, or hexahedra in tensor order, as a mesh of PyVista."""
-    import pyvista as pv
-
     kind = pv.CellType.TETRA if cells.shape[1] == 4 else pv.CellType.HEXAHEDRON
     order = cells if cells.shape[1] == 4 else cells[:, [0, 1, 3, 2, 4, 5, 7, 6]]
     return pv.UnstructuredGrid({kind: order}, x)
