@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from dolfinx_contact._install import optional
 from dolfinx_contact.laws import status
 from dolfinx_contact.plot.figures import LINES, add_status_legend, new_figure, save
 
@@ -80,17 +81,11 @@ def draw_diagram(
         ValueError: if no point was recorded, a functional is not in the journal, or the numbers of
             names and branches differ.
     """
-    new_figure((1.0, 1.0))  # names a missing package before other errors
+    optional("matplotlib", "pictures")
     branches = [b for b in sorted(journal.branches) if len(journal.columns(b)["gamma"])]
     if not branches:
         raise ValueError("no point of these branches was recorded")
-    labels = functional or journal.functionals[:1] or "norm"
-    if not isinstance(labels, Mapping):
-        labels = {name: name for name in ([labels] if isinstance(labels, str) else labels)}
-    for name in labels:
-        values = journal.columns(branches[0]).get(name)
-        if values is None or values.dtype == object:
-            raise ValueError(f"{name!r} is not a recorded number; {journal.functionals} are")
+    labels = _labels(journal, branches[0], functional or journal.functionals[:1] or "norm")
     words = list(names) or [_status_name(journal, b) for b in branches]
     if len(words) != len(branches):
         raise ValueError(f"{len(branches)} branches need as many names, got {len(words)}")
@@ -124,6 +119,22 @@ def draw_diagram(
         _draw_strips(parts[1], journal, shown)
     save(figure, file)
     return figure
+
+
+def _labels(
+    journal: Journal, branch: int, functional: str | Sequence[str] | Mapping[str, str]
+) -> Mapping[str, str]:
+    """Return the labels of the drawn columns by name.
+
+    Raises:
+        ValueError: if one of them is not a numeric column of the branch.
+    """
+    names = [functional] if isinstance(functional, str) else functional
+    columns = journal.columns(branch)
+    for name in names:
+        if name not in columns or columns[name].dtype == object:
+            raise ValueError(f"{name!r} is not a recorded number; {journal.functionals} are")
+    return names if isinstance(names, Mapping) else {name: name for name in names}
 
 
 def _status_name(journal: Journal, branch: int) -> str:

@@ -251,16 +251,15 @@ def _positions(data: Arrays) -> tuple[Array, Cells, str, Array]:
 
 def _draw_map(data: Arrays, s: DiscreteSurface) -> Figure:
     """Draw pressure, and status with the shear traction, on the projected surface."""
-    figure = new_figure((1.0, 1.0))
-    from matplotlib import colormaps
-    from matplotlib.colors import CenteredNorm, LinearSegmentedColormap, Normalize
-
     x, cells, across, labels = _projected(data)
     low, high = np.transpose([_limits(x[:, k], data["touching"], 0.05) for k in range(2)])
     wide, tall = high - low
     is_long = bool(tall < 0.3 * wide)  # then it is stretched, in panels above each other
-    figure.set_layout_engine("constrained" if is_long else "compressed")
-    figure.set_size_inches(11.2, 22 * tall / wide + 3 if is_long else 5 * tall / wide + 2.2)
+    height = 22 * tall / wide + 3 if is_long else 5 * tall / wide + 2.2
+    figure = new_figure((11.2, height), "constrained" if is_long else "compressed")
+    from matplotlib import colormaps
+    from matplotlib.colors import CenteredNorm, LinearSegmentedColormap, Normalize
+
     shape = (2, 1) if is_long else (1, 2)
     left, right = figure.subplots(*shape, sharex=True, sharey=True)
     # pressure; without bonds negative values are discretisation errors
