@@ -101,22 +101,31 @@ def manifest_of(
         expressions = [_signature(e, domain) for e in body.expressions]
         signatures[f"the rigid body {body.name!r}"] = "".join([words, *expressions])
     for s in problem.surfaces:
-        of = f" of {s.name!r}"
-        parts["the contact method" + of] = s.method
-        parts["the facets" + of] = _entities(s.domain, s.dim - 1, s.submesh.parent_facets)
-        parts["the multipliers" + of] = [*s.degrees, problem.comm.allreduce(s.points.number)]
-        parts["the kind of sliding" + of] = _sliding(s)
-        opposite = s.obstacle.opposite
-        if opposite is not None:
-            facets = _entities(s.domain, s.dim - 1, opposite.master_facets)
-            parts["the opposite facets" + of] = facets
-        expressions = [_signature(e, domain) for e in s.given.at_points.values()]
-        signatures["the obstacle" + of] = "".join([s.obstacle.mark, *expressions])
-        axisymmetric = " axisymmetric" if s.axisymmetric else ""
-        law = f"{s.law_at_points.compiled.signature} {s.law.averaging!r}{axisymmetric}"
-        signatures["the law" + of] = law
+        of_parts, of_signatures = _of_surface(s)
+        parts |= {f"{name} of {s.name!r}": part for name, part in of_parts.items()}
+        signatures |= {f"{name} of {s.name!r}": text for name, text in of_signatures.items()}
     hashes = {name: _digest(text.encode()) for name, text in signatures.items()}
     return {"parts": parts, "forms": {_UFL: ufl.__version__, **hashes}}
+
+
+def _of_surface(s: DiscreteSurface) -> tuple[dict[str, Any], dict[str, str]]:
+    """Return the parts of a surface, and the signatures of its obstacle and law. Collective."""
+    parts = {
+        "the contact method": s.method,
+        "the facets": _entities(s.domain, s.dim - 1, s.submesh.parent_facets),
+        "the multipliers": [*s.degrees, s.comm.allreduce(s.points.number)],
+        "the kind of sliding": _sliding(s),
+    }
+    opposite = s.obstacle.opposite
+    if opposite is not None:
+        parts["the opposite facets"] = _entities(s.domain, s.dim - 1, opposite.master_facets)
+    expressions = [_signature(e, s.domain) for e in s.given.at_points.values()]
+    axisymmetric = " axisymmetric" if s.axisymmetric else ""
+    signatures = {
+        "the obstacle": "".join([s.obstacle.mark, *expressions]),
+        "the law": f"{s.law_at_points.compiled.signature} {s.law.averaging!r}{axisymmetric}",
+    }
+    return parts, signatures
 
 
 def values_of(
