@@ -254,19 +254,15 @@ def _interpolate(f: fem.Function, e: Any, cells: npt.NDArray[np.int32] | None) -
     # At a corner the condition has the same value for all adjacent cells; slightly inside a cell it
     # has the value of the cell.
     inside = points + _INSIDE * (points.mean(axis=0) - points)
-    cells = _all_cells(W.mesh) if cells is None else cells
+    if cells is None:
+        index_map = W.mesh.topology.index_map(W.mesh.topology.dim)
+        cells = np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32)
     dofs = W.dofmap.list[cells]
     size = W.dofmap.index_map_bs
     # A rank may have none of the cells.
     values = fem.Expression(e, inside).eval(W.mesh, cells).reshape(*dofs.shape, size)
     middle = values.mean(axis=1, keepdims=True)
     f.x.array.reshape(-1, size)[dofs] = middle + (values - middle) / (1 - _INSIDE)
-
-
-def _all_cells(domain: mesh.Mesh) -> npt.NDArray[np.int32]:
-    """Return the local cells, ghosts included."""
-    cells = domain.topology.index_map(domain.topology.dim)
-    return np.arange(cells.size_local + cells.num_ghosts, dtype=np.int32)
 
 
 def of_cells(e: Any, domain: mesh.Mesh) -> Any:
@@ -278,13 +274,9 @@ def of_cells(e: Any, domain: mesh.Mesh) -> Any:
     """
     if not is_of_cells(e):
         return e
-    f = fem.Function(fem.functionspace(domain, ("DG", 0, e.ufl_shape)))
-    cells = _all_cells(domain)
-    middle = np.full((1, domain.topology.dim), 0.5)
-    values = compiled_expression(e, middle).eval(domain, cells)
-    dofs = f.function_space.dofmap.list[cells, 0]
-    bs = f.function_space.dofmap.index_map_bs
-    f.x.array.reshape(-1, bs)[dofs] = values.reshape(len(cells), bs)
+    W = fem.functionspace(domain, ("DG", 0, e.ufl_shape))
+    f = fem.Function(W)
+    f.interpolate(compiled_expression(e, interpolation_points(W)))
     return f
 
 
