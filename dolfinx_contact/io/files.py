@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import json
 import os
+import tempfile
 import time
-import uuid
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -60,9 +60,8 @@ def output_folder(comm: MPI.Comm, path: str | os.PathLike[str]) -> Path:
     def make() -> None:
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            probe = folder / f".{uuid.uuid4().hex}.part"
-            probe.touch()
-            probe.unlink()
+            with tempfile.TemporaryFile(dir=folder):
+                pass
         except OSError as error:
             reason = f"cannot write to the output folder: {error.strerror}"
             raise OSError(error.errno, reason, str(folder)) from None
