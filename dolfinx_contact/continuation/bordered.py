@@ -93,17 +93,20 @@ class Bordered(Layout):
         """
         if self.x_scale > 0.0:
             return
-        x, _ = self.split(y)
-        self.system.metric(x, self._w)
-        size = float(self._w.dot(x))
+        size = self._square(y)
+        square = self._square(t)
         x, gamma = self.split(t)
-        self.system.metric(x, self._w)
-        square = float(self._w.dot(x))
         noise = (100 * self.solver.precision) ** 2 * float(x.dot(x)) / self.size
         noise = max(noise, (_STILL * gamma / self.gamma_scale) ** 2 * size)
         if square > noise and gamma != 0:
             self.x_scale = square * (self.gamma_scale / gamma) ** 2
             self.x_scale_is_new = True
+
+    def _square(self, y: PETSc.Vec) -> float:
+        """Return the square of the length of x, without a scale."""
+        x, _ = self.split(y)
+        self.system.metric(x, self._w)
+        return float(self._w.dot(x))
 
     def require_scale(self) -> None:
         """Set `x_scale` to 1 if no tangent has moved x yet."""
