@@ -150,9 +150,13 @@ class History(Ends):
 
     def __str__(self) -> str:
         """Return the number of steps, the times and the ending as text."""
+        return self._text("step", "time", self.start, self.time)
+
+    def _text(self, unit: str, coordinate: str, first: float, last: float) -> str:
+        """Return the number of steps, the range of a coordinate and the ending as text."""
         number = len(self.steps)
-        many = f"{number} step{'' if number == 1 else 's'}"
-        return f"{many} from time {self.start:.6g} to {self.time:.6g}: {self.reason}"
+        many = f"{number} {unit}{'' if number == 1 else 's'}"
+        return f"{many} from {coordinate} {first:.6g} to {last:.6g}: {self.reason}"
 
     @property
     def complete(self) -> bool:
@@ -251,10 +255,8 @@ class PathHistory(History):
 
     def __str__(self) -> str:
         """Return the number of points, the loads and the ending as text."""
-        number = len(self.steps)
-        many = f"{number} point{'' if number == 1 else 's'}"
         last = self.steps[-1].gamma if self.steps else self.gamma
-        return f"{many} from gamma {self.gamma:.6g} to {last:.6g}: {self.reason}"
+        return self._text("point", "gamma", self.gamma, last)
 
     def begin(self, number: int, tables: Mapping[str, ContactTable]) -> None:
         super().begin(number, tables)
