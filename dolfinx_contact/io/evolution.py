@@ -75,7 +75,7 @@ class EvolutionSeries:
     ):
         self._problem = problem
         self._every = every
-        self._fields = StateFields(problem, stress, "evolution_")
+        self._fields = StateFields(problem, stress)
         self._writer = Writer(problem.comm, folder, format, "evolution_")
         self._count: int | None = None  # of steps; None outside the context
 

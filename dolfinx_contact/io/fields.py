@@ -102,16 +102,14 @@ class StateFields:
     Args:
         problem: contact problem.
         stress: UFL stress, see `write_fields`.
-        prefix: beginning of the file names.
 
     Raises:
         ValueError: on every rank, if the stress is not valid, or two faces have the same file.
     """
 
-    def __init__(self, problem: ContactProblem, stress: Any = None, prefix: str = ""):
+    def __init__(self, problem: ContactProblem, stress: Any = None):
         self._stress = stress
         self._tags = check_stress(problem, stress)
-        self._prefix = prefix
         self._faces: dict[str, Callable[[ContactProblem], dict[str, fem.Function]]] = {}
         for s in problem.surfaces:
             name = re.sub(r"[^\w.-]+", "_", s.name)
@@ -132,16 +130,15 @@ class StateFields:
         u = problem.u
         own = u.copy()
         own.name = "displacement"
-        found = {f"{self._prefix}body": [own]}
+        found = {"body": [own]}
         if self._stress is not None:
             # the displacement in the element of the stresses, to show them deformed
             domain = u.function_space.mesh
             f = fem.Function(fem.functionspace(domain, ("DG", 1, u.ufl_shape)), name="displacement")
             f.interpolate(u)
-            stresses = [*body_fields(u, self._stress, self._tags), f]
-            found[f"{self._prefix}body_stress"] = stresses
+            found["body_stress"] = [*body_fields(u, self._stress, self._tags), f]
         for stem, fields in self._faces.items():
-            found[self._prefix + stem] = list(fields(problem).values())
+            found[stem] = list(fields(problem).values())
         return found
 
 

@@ -42,7 +42,7 @@ _NAMED = re.compile(r'\b(?:file|Source)="([^"/]+)"')
 
 #: Format of files; None means VTX, or VTK if DOLFINx was built without ADIOS2.
 Format: TypeAlias = Literal["vtx", "vtk"] | None
-#: Functions of all files at a state, by the name of the file without suffix.
+#: Functions of all files at a state, by the name of the file without prefix and suffix.
 Fields: TypeAlias = Mapping[str, Sequence[fem.Function]]
 
 
@@ -78,7 +78,8 @@ class Writer:
         comm: communicator.
         folder: output folder, created if necessary.
         format: format of the files.
-        prefix: beginning of the names of a series, whose earlier files are all removed.
+        prefix: beginning of the names of the files of a series; earlier files of the series are
+            all removed.
 
     Attributes:
         files: final paths of the files; empty before the first state.
@@ -116,7 +117,7 @@ class Writer:
             fields: Functions by file; the files and their order must be the same for all states.
         """
         self._first = self._first or fields
-        self.files = [self.folder / (stem + self._suffix) for stem in self._first]
+        self.files = [self.folder / self._name(stem) for stem in self._first]
         for stem, functions in self._first.items():
             for f, g in zip(functions, fields[stem], strict=True):
                 f.x.array[:] = g.x.array
@@ -141,6 +142,10 @@ class Writer:
             if self._comm.rank == 0:
                 shutil.rmtree(self._part, ignore_errors=True)
 
+    def _name(self, stem: str) -> str:
+        """Return the name of a file."""
+        return self._prefix + stem + self._suffix
+
     def _close(self) -> None:
         """Finish the files and destroy their writers. Collective.
 
@@ -154,7 +159,7 @@ class Writer:
     def _opened(self, stem: str, functions: Sequence[fem.Function]) -> io.VTXWriter | io.VTKFile:
         """Open a file. Collective."""
         comm = functions[0].function_space.mesh.comm
-        file = self._part / (stem + self._suffix)
+        file = self._part / self._name(stem)
         if self._suffix == ".bp":
             return io.VTXWriter(comm, file, list(functions))
         return io.VTKFile(comm, file, "w")
@@ -162,7 +167,7 @@ class Writer:
     @contextmanager
     def _errors(self, stem: str) -> Iterator[None]:
         """Raise an error of a file as ``OSError`` with its path on every rank. Collective."""
-        path = self.folder / (stem + self._suffix)
+        path = self.folder / self._name(stem)
         try:
             with everywhere(self._comm, f"writing {path}"):
                 try:

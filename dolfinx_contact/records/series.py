@@ -60,9 +60,8 @@ def write_series(
     kept = known.kept if known else []
     if not kept:
         raise ValueError(f"no fields of branch {branch} were kept in {record.folder}")
-    prefix = f"branch_{branch:04d}_"
-    fields = StateFields(system.problem, prefix=prefix)
-    with Writer(record.comm, folder, format, prefix) as writer:
+    fields = StateFields(system.problem)
+    with Writer(record.comm, folder, format, f"branch_{branch:04d}_") as writer:
         for index in kept:
             point, _ = record.state(branch, index)
             x = system.create_vector()
