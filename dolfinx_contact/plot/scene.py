@@ -341,20 +341,22 @@ def _field_at_vertices(
 
     Values that are not finite are NaN. Without a field, the dictionary is empty.
     """
-    domain = problem.V.mesh
     tags = check_stress(problem, stress)
     rule: dict[str, Any] = {"quadrature_rule": "vertex"}
-    fields: dict[int | None, Any]
+    scalars: dict[int | None, Any]
     if isinstance(field, str):
-        label, fields = field, {None: ufl.sqrt(ufl.dot(problem.u, problem.u))}
+        label = field
+        scalars = {None: ufl.sqrt(ufl.dot(problem.u, problem.u))}
     elif field is not None:
-        label, fields = getattr(field, "name", "field"), {None: field}
-    elif stress is None:
-        return "", {}
-    else:
-        label, rule = "von Mises stress", {"quadrature_degree": 2}
+        label = getattr(field, "name", "field")
+        scalars = {None: field}
+    elif stress is not None:
+        label = "von Mises stress"
+        rule = {"quadrature_degree": 2}
         stresses = stress if isinstance(stress, Mapping) else {None: stress}
-        fields = {tag: von_mises(stresses[tag]) for tag in sorted(stresses)}
-    by_tag = {tag: of_cells(e, domain) for tag, e in fields.items()}
-    means = VertexMeans(outside.V, by_tag, tags if label == "von Mises stress" else None, **rule)()
+        scalars = {tag: von_mises(stresses[tag]) for tag in sorted(stresses)}
+    else:
+        return "", {}
+    scalars = {tag: of_cells(e, problem.V.mesh) for tag, e in scalars.items()}
+    means = VertexMeans(outside.V, scalars, tags if field is None else None, **rule)()
     return label, {"field": np.where(np.isfinite(means), means, np.nan)}
