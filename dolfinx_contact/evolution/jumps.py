@@ -50,7 +50,7 @@ from dolfinx_contact.laws.status import letters
 from dolfinx_contact.solvers import ConvergenceError
 from dolfinx_contact.solvers.following import Loaded
 
-__all__ = ["Found", "StateChanges", "changes", "find_jump", "where_it_changes"]
+__all__ = ["MOVED", "UNKNOWNS", "Found", "StateChanges", "changes", "find_jump", "where_it_changes"]
 
 Array = npt.NDArray[np.float64]
 
@@ -68,6 +68,9 @@ _MOST_STEPS = 400  # largest number of steps on a branch
 _MOST_PIECES = 256  # largest number of pieces that are enumerated
 _MOST_TURNS = 16  # largest number of turning points
 _TURNS = ("fold", "bifurcation")
+
+#: Positions of the first two parts of `StateChanges.parts`.
+MOVED, UNKNOWNS = 0, 1
 
 
 # -- changes ---------------------------------------------------------------------------------------
@@ -92,7 +95,7 @@ class StateChanges:
     @property
     def unknowns(self) -> float:
         """Change of all unknowns, a length."""
-        return float(self.parts[1])
+        return float(self.parts[UNKNOWNS])
 
     def rates(self, duration: float) -> Array:
         """Return the rates of the parts and the largest changes, shape (2 + 3 n,)."""

@@ -51,6 +51,8 @@ from dolfinx_contact.equations.evaluation import Statuses, differs
 from dolfinx_contact.evolution.energy import Forces, MotionEnergies
 from dolfinx_contact.evolution.history import EvolutionStep, History, NoContinuation
 from dolfinx_contact.evolution.jumps import (
+    MOVED,
+    UNKNOWNS,
     Found,
     StateChanges,
     changes,
@@ -323,7 +325,7 @@ class ThroughTimes(Rule[HistoryTask]):
         if not (isinstance(before.forces, Forces) and before.solved) or self.state.rate is None:
             return result
         rate = change.unknowns / (after.time - before.time)
-        last = float(self.state.rate[1])
+        last = float(self.state.rate[UNKNOWNS])
         indicators = StepIndicators(
             self.state.number + 1,
             before.time,
@@ -452,16 +454,16 @@ class ThroughTimes(Rule[HistoryTask]):
         if self.state.rate is not None:
             slow = _SUDDEN * self.state.rate
             for points in (means, largest):
-                slow[points] = np.maximum(slow[points], _SLIPS * self.state.rate[0])
+                slow[points] = np.maximum(slow[points], _SLIPS * self.state.rate[MOVED])
         fast = rate > slow
-        fast[0] = False  # the largest displacement is the scale of the other rates
+        fast[MOVED] = False  # the largest displacement is the scale of the other rates
         fast[bonds] = change.broken > _BREAKS
         if not fast.any():
             return None
         # If only single points or bonds are fast, every change counts as fast: a point hardly
         # changes a mean. A breaking bond has no typical rate.
         parts = slow[: 2 + 2 * n] if fast[: 2 + n].any() else np.zeros(2 + 2 * n)
-        parts[0] = math.inf
+        parts[MOVED] = math.inf
         parts[bonds] = 0.0
         return np.asarray(parts)
 
