@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Geometry: nodes of meshes and spaces, products of vectors by row, area vectors of facets."""
+"""Geometry: nodes of meshes, order of points, products of vectors by row, area vectors."""
 
 from __future__ import annotations
 
 import weakref
 import zlib
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -13,9 +14,12 @@ import numpy.typing as npt
 from dolfinx_contact._arrays import Array, Ints
 
 if TYPE_CHECKING:
+    from mpi4py import MPI
+
     from dolfinx import fem, mesh
 
 __all__ = [
+    "Gathered",
     "along_tangent",
     "area_vector_rates",
     "area_vectors",
@@ -34,6 +38,8 @@ __all__ = [
     "unit",
     "unit_rates",
 ]
+
+T = TypeVar("T", bound=np.generic)
 
 _SAME = 1e-9  # difference, relative to the largest extent, that counts as round-off
 _TINY = 1e-300  # length below which a vector is not normalised
@@ -135,6 +141,50 @@ def _grouped(values: Array, least: float) -> Ints:
     places: Ints = np.zeros(len(values), dtype=np.int64)
     places[order[1:]] = np.cumsum(steps)
     return places
+
+
+class Gathered:
+    """Points of all ranks in the order of their coordinates, on every rank. Collective.
+
+    Args:
+        comm: communicator.
+        x: positions of the points of this rank, shape (n, dim).
+        ids: keys distinguishing points at one place (`by_coordinates`), shape (n, k).
+
+    Attributes:
+        positions: positions of all points, in order, shape (number, dim).
+        mine: places of the points of this rank among all points, shape (n,).
+    """
+
+    def __init__(self, comm: MPI.Comm, x: Array, ids: Ints) -> None:
+        self._comm = comm
+        parts = comm.allgather((x, ids))
+        everywhere = np.concatenate([places for places, _ in parts])
+        self._order = by_coordinates(everywhere, np.concatenate([names for _, names in parts]))
+        self._starts = np.concatenate([[0], np.cumsum([len(places) for places, _ in parts])])
+        self.positions = everywhere[self._order]
+        places = np.argsort(self._order)
+        first = self._starts[comm.rank]
+        self.mine: Ints = places[first : first + len(x)]
+
+    def __len__(self) -> int:
+        """Number of points of all ranks."""
+        return len(self.positions)
+
+    def __call__(self, values: npt.NDArray[T]) -> npt.NDArray[T]:
+        """Return values at all points, in order, from those of this rank. Collective."""
+        return np.concatenate(self._comm.allgather(values))[self._order]
+
+    def columns(self, values: Mapping[str, npt.NDArray[Any]]) -> dict[str, npt.NDArray[Any]]:
+        """Apply `__call__` to several arrays by name. Collective."""
+        parts = self._comm.allgather(dict(values))
+        return {k: np.concatenate([part[k] for part in parts])[self._order] for k in values}
+
+    def owner(self, i: int) -> tuple[int, int]:
+        """Return the rank owning point ``i``, and its number among the points there."""
+        place = int(self._order[i])
+        rank = int(np.searchsorted(self._starts, place, side="right") - 1)
+        return rank, place - int(self._starts[rank])
 
 
 def dot(a: Array, b: Array) -> Array:

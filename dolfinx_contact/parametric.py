@@ -23,6 +23,7 @@ import ufl
 from dolfinx import fem
 
 from dolfinx_contact._compat import is_mesh_of, is_value_of
+from dolfinx_contact._geometry import Gathered
 from dolfinx_contact._mpi import Arguments, collective, on_root, require
 from dolfinx_contact._ufl import described, refuse_other_mesh
 from dolfinx_contact._validate import ReadOnly, copy_with, instance, listed, number
@@ -31,7 +32,6 @@ from dolfinx_contact.continuation.affine import AffineSystem
 from dolfinx_contact.continuation.solutions import Solution
 from dolfinx_contact.continuation.system import Condensed, Proof, RayProof
 from dolfinx_contact.equations.data import data_within, placed_data
-from dolfinx_contact.equations.order import Gathered
 from dolfinx_contact.equations.parametric import ParametricEquations
 from dolfinx_contact.equations.state import State
 from dolfinx_contact.laws import Coulomb, Frictionless, status

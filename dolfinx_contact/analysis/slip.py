@@ -25,7 +25,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact._arrays import Array, Mask
-from dolfinx_contact._geometry import plane_tangents
+from dolfinx_contact._geometry import Gathered, plane_tangents
 from dolfinx_contact._mpi import require
 from dolfinx_contact._petsc import stacked
 from dolfinx_contact.analysis.rows import (
@@ -40,7 +40,6 @@ from dolfinx_contact.analysis.rows import (
 from dolfinx_contact.body import rigid
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation
-from dolfinx_contact.equations.order import Gathered
 from dolfinx_contact.laws.friction import Frictionless
 from dolfinx_contact.laws.status import MINUS, PLUS, closed, senses
 

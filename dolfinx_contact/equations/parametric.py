@@ -20,7 +20,7 @@ from dolfinx import fem
 
 from dolfinx_contact._compat import dirichlet_value, is_value_of
 from dolfinx_contact._forms import compiled_form
-from dolfinx_contact._geometry import node_positions
+from dolfinx_contact._geometry import Gathered, node_positions
 from dolfinx_contact._mpi import require
 from dolfinx_contact.continuation import Events, Piece, Preconditioner, System
 from dolfinx_contact.equations.contact import ContactEquations
@@ -30,7 +30,6 @@ from dolfinx_contact.equations.data import (
 )
 from dolfinx_contact.equations.evaluation import Evaluation, Statuses
 from dolfinx_contact.equations.measures import Scales
-from dolfinx_contact.equations.order import Gathered
 from dolfinx_contact.equations.rates import (
     Driven,
     Rate,

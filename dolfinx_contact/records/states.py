@@ -18,8 +18,8 @@ import numpy.typing as npt
 
 from dolfinx import fem, mesh
 
+from dolfinx_contact._geometry import Gathered
 from dolfinx_contact._mpi import SharedValues
-from dolfinx_contact.equations.order import Gathered
 from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.points.trace import trace_dofs
 from dolfinx_contact.results.outer_surface import Arrays

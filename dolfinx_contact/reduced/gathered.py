@@ -10,8 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact._arrays import Array, Codes, Ints, Mask
-from dolfinx_contact._geometry import plane_tangents
-from dolfinx_contact.equations.order import Gathered
+from dolfinx_contact._geometry import Gathered, plane_tangents
 from dolfinx_contact.equations.parametric import ParametricEquations
 from dolfinx_contact.laws import Frictionless, LawAtPoints, PointData
 from dolfinx_contact.laws.cones import cones

@@ -20,11 +20,10 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact._arrays import Array
-from dolfinx_contact._geometry import along_tangent, in_space
+from dolfinx_contact._geometry import Gathered, along_tangent, in_space
 from dolfinx_contact._install import optional
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import ContactState, Evaluation
-from dolfinx_contact.equations.order import Gathered
 from dolfinx_contact.laws import status
 from dolfinx_contact.laws.status import STICK, closed, without_damage
 from dolfinx_contact.points.memory import slid_after
