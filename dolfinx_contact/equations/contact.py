@@ -4,10 +4,10 @@ r"""The contact problem H(x) = 0: equilibrium of the body, and the laws at conta
 H has rows of the displacement u, of the multipliers l and of the rigid bodies q:
 
     H_u = R(u) - sum B^T W t,           the body (`body.bulk`, with loads and springs), and surfaces
-    H_l = E^T W (t - tau(j, t)),        the law of each surface or pair (`surface_term`)
+    H_l = E^T W (t - tau(j, t)),        the law of each surface or pair (`evaluation`)
     H_q = sum Phi^T B^T W t - F,        the rigid bodies (`rigid_bodies`).
 
-`surface_term` defines the symbols. In axisymmetry the integrals in R and the areas W are weighted.
+`evaluation` defines the symbols. In axisymmetry the integrals in R and the areas W are weighted.
 
 Rows are evaluated at the unknowns, which need not satisfy the Dirichlet data g; the derivatives of
 the rows along the step to g are added. Columns of Dirichlet dofs in the Jacobian are thus empty off
@@ -46,10 +46,9 @@ from dolfinx_contact._petsc import ProblemOptions, logged
 from dolfinx_contact.body.bulk import Bulk
 from dolfinx_contact.body.rigid import bounding_box
 from dolfinx_contact.equations.constraints import Constraints, Prescribed, check_overlap
-from dolfinx_contact.equations.evaluation import Evaluation, Statuses
-from dolfinx_contact.equations.rigid_bodies import RigidBodies
+from dolfinx_contact.equations.evaluation import Evaluation, Rows, Statuses, SurfaceTerm
+from dolfinx_contact.equations.rigid_bodies import RigidBodies, RigidTerm
 from dolfinx_contact.equations.scaling import Scaling
-from dolfinx_contact.equations.surface_term import Rows, SurfaceTerm
 from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.points.surface import DiscreteSurface
 
@@ -122,7 +121,12 @@ class ContactEquations:
         self.prescribed = Prescribed(V, self.constraints, self.rigid)
         self.prescribed.read_data()
         removed = zip(self.surfaces, self.constraints.removed_multipliers(), strict=True)
-        self.terms = [SurfaceTerm(s, i, self.rigid, mask) for i, (s, mask) in enumerate(removed)]
+        self.terms = [
+            SurfaceTerm(s, i, mask)
+            if s.rigid_body is None
+            else RigidTerm(s, i, mask, bodies=self.rigid)
+            for i, (s, mask) in enumerate(removed)
+        ]
         self.forced_r = r
         self.scaling = Scaling(bulk, V, self.terms, self.constraints.fixed, self.rigid, r)
         geometries = [s.points.geometry for s in self.surfaces]
@@ -202,9 +206,9 @@ class ContactEquations:
         # body; for a linear one K (u + du) + f needs no assembly
         affine = self.bulk.affine_residual(at.u + du)
         body = self.bulk.residual_at(at.u) if affine is None else affine
-        rows = self._rows(at, body)
+        rows = Rows(body, [found.off for found in at.surfaces], np.zeros(self.rigid.size))
         for term in self.terms:
-            term.add(at, rows)
+            term.add_forces(at, rows)
         reactions = rows.body.copy()
         if anywhere(self.comm, bool(du.any() or dq.any()))[0]:
             if affine is None:
@@ -215,7 +219,7 @@ class ContactEquations:
         k = self.stiffness_scale
         fixed = self.fixed[: len(rows.body)]
         rows.body[fixed] = k * off[: len(rows.body)][fixed]
-        laws = self._law_rows(rows, [k * owned for owned in self.unknowns.blocks(x)[1:-1]])
+        laws = self._law_rows(rows.laws, x)
         pushed = total(self.comm, rows.pushed) if self.rigid.size else rows.pushed
         rigid = np.where(self.rigid.fixed, k * off_motions, pushed - self.rigid.loads)
         parts = [rows.body, *laws, self.rigid.here(rigid)]
@@ -229,9 +233,7 @@ class ContactEquations:
             statuses: statuses for the laws; default: those determined by the unknowns.
         """
         at = self.contact(x, statuses)
-        identity = [self.stiffness_scale * owned for owned in self.unknowns.blocks(x)[1:-1]]
-        parts = zip(self.terms, at.surfaces, identity, strict=True)
-        return np.concatenate([term.law_rows(found.off, i) for term, found, i in parts])
+        return np.concatenate(self._law_rows([found.off for found in at.surfaces], x))
 
     def rates(
         self,
@@ -253,9 +255,9 @@ class ContactEquations:
             loads: rates of the loads on the rigid bodies, 0 where their motion is prescribed.
             motions: rates of the prescribed motions, 0 where they are free.
         """
-        rows = self._rows(at, body.copy())
-        for off, rate in zip(rows.laws, answers, strict=True):
-            off -= 0.0 if rate is None else rate
+        pairs = zip(at.surfaces, answers, strict=True)
+        laws = [np.zeros_like(s.traction) if rate is None else -rate for s, rate in pairs]
+        rows = Rows(body.copy(), laws, np.zeros(self.rigid.size))
         if anywhere(self.comm, bool(dirichlet.any() or motions.any()))[0]:
             product = self.bulk.product(dirichlet)
             if product is None:
@@ -267,18 +269,21 @@ class ContactEquations:
         k = self.stiffness_scale
         fixed = self.fixed[: len(rows.body)]
         rows.body[fixed] = -k * dirichlet[: len(rows.body)][fixed]
-        laws = self._law_rows(rows, [0.0] * len(self.terms))
-        return np.concatenate([rows.body, *laws, self.rigid.here(-loads - k * motions)])
+        parts = [rows.body, *self._law_rows(rows.laws)]
+        return np.concatenate([*parts, self.rigid.here(-loads - k * motions)])
 
-    def _rows(self, at: Evaluation, body: Array) -> Rows:
-        """Return rows with the term of the body alone."""
-        laws = [np.zeros_like(found.traction) for found in at.surfaces]
-        return Rows(body, laws, np.zeros(self.rigid.size))
+    def _law_rows(self, laws: Sequence[Array], x: PETSc.Vec | None = None) -> list[Array]:
+        """Return the rows of the multipliers from the residuals of the tractions at the points.
 
-    def _law_rows(self, rows: Rows, identity: Sequence[Array | float]) -> list[Array]:
-        """Return the rows of the multipliers, with those of removed ones."""
-        parts = zip(self.terms, rows.laws, identity, strict=True)
-        return [term.law_rows(off, i) for term, off, i in parts]
+        Args:
+            laws: residuals, shape (n, dim), surface by surface.
+            x: unknowns for the rows of removed multipliers; default: 0 in these rows.
+        """
+        owned = [0.0] * len(laws) if x is None else self.unknowns.blocks(x)[1:-1]
+        return [
+            np.where(term.removed, self.stiffness_scale * values, term.surface.points.rows(off))
+            for term, off, values in zip(self.terms, laws, owned, strict=True)
+        ]
 
     # -- data ------------------------------------------------------------------------------------
 

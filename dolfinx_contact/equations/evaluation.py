@@ -1,19 +1,30 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Values found by one evaluation of H."""
+r"""The term of one contact surface or pair in H, and the values found by one evaluation.
+
+Contact points have areas W, jumps j(u, q) and tractions t = E l of the multipliers l; the law
+answers tau. B takes displacements to jumps (`points.operators`). A surface adds
+
+    H_u += -B^T W t,    H_l = E^T W (t - tau(j, t; statuses)),
+
+and, if it touches a rigid body with unknowns q, the term of `rigid_bodies`.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact.laws import Answers, PointData
+from dolfinx_contact.laws import Answers, HeldAnswers, PointData
+from dolfinx_contact.laws.symbols import SLID
 from dolfinx_contact.points.kinematics import Kinematics
+from dolfinx_contact.points.memory import Memory, slid_after
+from dolfinx_contact.points.surface import DiscreteSurface
 
-__all__ = ["ContactState", "Evaluation", "Statuses", "differs"]
+__all__ = ["ContactState", "Evaluation", "Rows", "Statuses", "SurfaceTerm", "differs"]
 
 Array = npt.NDArray[np.float64]
 #: Status codes of the contact points of this rank, surface by surface.
@@ -155,6 +166,153 @@ class Evaluation:
     def statuses(self) -> Statuses:
         """Status codes with which the laws were evaluated."""
         return [s.statuses for s in self.surfaces]
+
+
+@dataclass
+class Rows:
+    """Sums of the terms of H on this rank.
+
+    Attributes:
+        body: owned rows of the displacement.
+        laws: residuals of the tractions at the points, shape (n, dim), surface by surface.
+        pushed: contributions of this rank to the rows of the rigid bodies.
+    """
+
+    body: Array
+    laws: list[Array]
+    pushed: Array
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceTerm:
+    """Term of one contact surface. Methods are collective unless they say otherwise.
+
+    Attributes:
+        surface: contact surface.
+        number: number of the surface.
+        removed: mask of the owned multipliers that Dirichlet data remove (`constraints`), (k,).
+        memory: memory of the points at the beginning of the step; None under the static law.
+        strength: strength at which bonds are held (`Law.weakening`), shape (n,); None: the law
+            determines it.
+    """
+
+    surface: DiscreteSurface
+    number: int
+    removed: npt.NDArray[np.bool_]
+    memory: Memory | None = None
+    strength: Array | None = None
+
+    # -- evaluation ------------------------------------------------------------------------------
+
+    def evaluate(
+        self, u: Array, q: Array, multipliers: Array, statuses: npt.NDArray[np.int8] | None
+    ) -> ContactState:
+        """Evaluate kinematics and law.
+
+        Args:
+            u: displacement at all local dofs.
+            q: unknowns of the rigid bodies.
+            multipliers: owned multipliers, a stress.
+            statuses: statuses for the law, shape (n,); None: those determined by the unknowns.
+        """
+        s = self.surface
+        at = self.kinematics(u, q)
+        traction = s.points.traction(np.where(self.removed, 0.0, multipliers))
+        if self.strength is None:
+            answers = s.law_at_points(at.jump, traction, at.data, statuses)
+        else:
+            assert s.law.weakening is not None
+            fields = {**at.data.fields, s.law.weakening.name: self.strength}
+            data = replace(at.data, fields=fields)
+            answers = HeldAnswers(s.law_at_points(at.jump, traction, data))
+        codes = answers.required if statuses is None else statuses
+        absent = at.operator.absent
+        if absent is not None:
+            codes = np.where(absent, s.law_at_points.codes[0], codes)
+        return ContactState(at, traction, codes, answers)
+
+    def kinematics(self, u: Array, q: Array) -> Kinematics:
+        """Return gap, slip and B at a displacement and unknowns of the rigid bodies."""
+        s = self.surface
+        return s.kinematics(u.reshape(-1, s.dim), self.motion(q), self.memory)
+
+    def gaps(self, at: Evaluation) -> Array:
+        """Return gaps at the points as in the law, but pointwise also in the mixed method."""
+        s = self.surface
+        if s.method != "mixed" or s.slides:
+            return at.surfaces[self.number].kinematics.gap
+        nodes = self.relative(at.u, at.q)
+        jumps = (nodes - s.opposite(nodes))[s.points.trace_dofs[: s.points.number]]
+        return np.asarray(s.points.gaps - np.sum(jumps * s.points.data.n, axis=1))
+
+    def memory_after(self, at: Evaluation) -> Memory:
+        """Return the memory after a step ending in a state. Not collective."""
+        s = self.surface
+        found = at.surfaces[self.number]
+        fields = {name: found.answers.bond(f"after.{name}") for name in s.law.memory(s.dim)}
+        if s.law_at_points.compiled.knows_slip:
+            fields[SLID] = slid_after(found.data, found.jump, found.statuses)
+        return Memory(
+            found.kinematics.whole,
+            fields,
+            place=found.kinematics.place,
+            motion=found.kinematics.motion,
+            displacement=at.u.reshape(-1, s.dim)[: s.owned_nodes] if s.slides else None,
+        )
+
+    # -- motion relative to a rigid body ---------------------------------------------------------
+
+    def motion(self, q: Array) -> Array | None:
+        """Return the motion of the rigid body of the surface; None without one."""
+        return None
+
+    def relative(self, u: Array, q: Array) -> Array:
+        """Return displacements of nodes relative to the obstacle, shape (n, dim). Not collective.
+
+        Args:
+            u: displacement at the first local dofs, shape (dim n,).
+            q: unknowns of the rigid bodies.
+        """
+        s = self.surface
+        return s.partner.relative(u.reshape(-1, s.dim), self.motion(q))
+
+    def relative_rate(self, u: Array, q: Array, du: Array, dq: Array) -> Array:
+        """Return the derivative of `relative` at the owned nodes, shape (n, dim). Not collective.
+
+        Args:
+            u: displacement at the first local dofs, at least at all owned ones.
+            q: unknowns of the rigid bodies.
+            du: increment of ``u``.
+            dq: increment of ``q``.
+        """
+        s = self.surface
+        at, step = (v.reshape(-1, s.dim)[: s.owned_nodes] for v in (u, du))
+        return s.partner.relative_rate(at, self.motion(q), step, self.motion(dq))
+
+    # -- rows ------------------------------------------------------------------------------------
+
+    def add_forces(self, at: Evaluation, rows: Rows) -> Array:
+        """Subtract the contact forces at a state from rows, and return them."""
+        found = at.surfaces[self.number]
+        forces = found.kinematics.operator.transpose(found.traction)
+        rows.body -= forces
+        return forces
+
+    def add_rate(self, at: Evaluation, du: Array, dq: Array, rows: Rows) -> None:
+        """Add the derivative of the term along a motion at fixed tractions and statuses to rows.
+
+        Rows of rigid bodies are not changed.
+
+        Args:
+            at: state.
+            du: increment of the displacement at all local dofs.
+            dq: increment of the unknowns of the rigid bodies.
+            rows: rows that are changed.
+        """
+        found = at.surfaces[self.number]
+        step = self.relative_rate(at.u, at.q, du, dq)
+        rows.body -= found.kinematics.operator.transpose_rate(found.traction, step)
+        rows.laws[self.number] = rows.laws[self.number] - found.change(step)
 
 
 def _turning(n: Array, v: Array) -> Array:

@@ -38,6 +38,7 @@ import numpy.typing as npt
 from dolfinx_contact._petsc import Entries, matrix_of
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import ContactState, Evaluation
+from dolfinx_contact.equations.rigid_bodies import RigidTerm
 from dolfinx_contact.points.neighbours import LawAmongPoints
 from dolfinx_contact.points.surface import DiscreteSurface
 from dolfinx_contact.points.trace import at_global_places
@@ -141,7 +142,7 @@ class ContactTerms:
             blocks: list[_Block | RigidTerms | SpreadTerms] = [
                 _Block(s, eq.unknowns.units[i + 1], bodies, multipliers, coupling)
             ]
-            if s.rigid_body is not None:
+            if isinstance(term, RigidTerm):
                 places = np.where(eq.rigid.fixed, -1, rigid)[term.motion_slice]
                 at_points = term.motions_at_points()
                 blocks.append(

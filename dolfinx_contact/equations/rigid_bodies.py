@@ -1,16 +1,20 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Unknowns of rigid bodies and their rows of H.
+r"""Rigid bodies: their unknowns, their rows of H, and the terms of the surfaces that touch them.
 
 Unknowns q are displacements, and rotations times a length, the largest distance of a contact point
 from the reference point. All unknowns are thus lengths and all rows forces. Rank 0 owns them, after
 its other unknowns. With the forces f = B^T W t of the surfaces touching a body,
 
-    H_q = Phi^T f - F    where q is free,    H_q = k (q - q_prescribed)    elsewhere.
+    H_q = Phi^T f - F    where q is free,    H_q = k (q - q_prescribed)    elsewhere,
+
+where Phi are the motions at the nodes by unknown.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
 from itertools import pairwise
 from typing import TypeVar
 
@@ -20,10 +24,11 @@ import numpy.typing as npt
 from dolfinx import fem
 
 from dolfinx_contact._mpi import require
+from dolfinx_contact.equations.evaluation import Evaluation, Rows, SurfaceTerm
 from dolfinx_contact.points.rigid_body import RigidBody, number
 from dolfinx_contact.points.surface import DiscreteSurface
 
-__all__ = ["RigidBodies"]
+__all__ = ["RigidBodies", "RigidTerm"]
 
 Array = npt.NDArray[np.float64]
 _ASIDE = 1e-6  # cosine of motion and normal below which a body slides past a point
@@ -82,13 +87,10 @@ class RigidBodies:
         ]
         return float(self.comm.allreduce(max(mine, default=0.0), op=max))
 
-    def _number(self, body: RigidBody | None) -> int | None:
-        return next((i for i, b in enumerate(self.bodies) if b is body), None)
-
-    def slice_of(self, body: RigidBody | None) -> slice:
-        """Return the places of the unknowns of a body; empty for None."""
-        number = self._number(body)
-        return slice(0, 0) if number is None else self.slices[number]
+    def slice_of(self, body: RigidBody) -> slice:
+        """Return the places of the unknowns of a body."""
+        pairs = zip(self.bodies, self.slices, strict=True)
+        return next(part for b, part in pairs if b is body)
 
     # -- values ----------------------------------------------------------------------------------
 
@@ -112,8 +114,8 @@ class RigidBodies:
         """Return the entries of this rank."""
         return values[: self.owned]
 
-    def of_body(self, q: Array, body: RigidBody | None) -> Array:
-        """Return displacement and rotation of a body; empty for None."""
+    def of_body(self, q: Array, body: RigidBody) -> Array:
+        """Return displacement and rotation of a body."""
         return np.asarray((q / self.units)[self.slice_of(body)])
 
     def forces_of_body(self, rows: Array, body: RigidBody) -> Array:
@@ -135,17 +137,15 @@ class RigidBodies:
 
         It is minus infinity without a rigid body or if the motion is prescribed.
         """
-        smallest = []
-        for b in self.bodies:
-            mine = [
-                float(np.min(gap, initial=np.inf))
-                for s, gap in zip(self.surfaces, gaps, strict=True)
-                if s.rigid_body is b
-            ]
-            found = self.comm.allreduce(min(mine), op=min)
-            smallest.append(-np.inf if b.fixed.all() else found)
-        number = [self._number(s.rigid_body) for s in self.surfaces]
-        return [-np.inf if i is None else smallest[i] for i in number]
+
+        def smallest(body: RigidBody | None) -> float:
+            if body is None or body.fixed.all():
+                return -np.inf
+            pairs = zip(self.surfaces, gaps, strict=True)
+            mine = [np.min(gap, initial=np.inf) for s, gap in pairs if s.rigid_body is body]
+            return float(self.comm.allreduce(float(min(mine)), op=min))
+
+        return [smallest(s.rigid_body) for s in self.surfaces]
 
     def directions(self) -> Array:
         """Return unit translations along the loads on free components, 0 without loads."""
@@ -203,3 +203,84 @@ class RigidBodies:
             for c in b.components
         ]
         return ", ".join(w for w, v in zip(words, size, strict=True) if v > 1e-6)
+
+
+@dataclass(frozen=True, eq=False)
+class RigidTerm(SurfaceTerm):
+    """Term of a surface that touches a rigid body. Methods are collective unless noted otherwise.
+
+    It also pushes the body, H_q += Phi^T B^T W t.
+
+    Attributes:
+        bodies: rigid bodies of the problem.
+    """
+
+    bodies: RigidBodies = field(kw_only=True)
+
+    @cached_property
+    def body(self) -> RigidBody:
+        """Rigid body that the surface touches."""
+        assert self.surface.rigid_body is not None
+        return self.surface.rigid_body
+
+    @cached_property
+    def motion_slice(self) -> slice:
+        """Places of the motion of the rigid body among the unknowns q."""
+        return self.bodies.slice_of(self.body)
+
+    def motion(self, q: Array) -> Array:
+        return self.bodies.of_body(q, self.body)
+
+    def motions_at_points(self) -> Array:
+        """Return Phi, motions of the points by unknown of the body, shape (n, dim, k)."""
+        s = self.surface
+        operator = s.constant_operator("a rigid body that moves")
+        x = s.node_positions[: s.owned_nodes]
+        units = np.diag(1.0 / self.bodies.units[self.motion_slice])
+        fields = [operator.apply(self.body.kinematics.field(x, unit)) for unit in units]
+        return np.stack(fields, axis=2)
+
+    def pushes(self, forces: Array, u: Array, q: Array) -> Array:
+        """Return the part of this rank of Phi^T f, forces on rigid bodies. Not collective.
+
+        On a curved obstacle in large sliding, moments are taken in the displaced position.
+
+        Args:
+            forces: contact forces f on the owned nodes, shape (dim n,).
+            u: displacement at the first local dofs, at least at all owned ones.
+            q: unknowns of the rigid bodies.
+        """
+        s = self.surface
+        x = s.node_positions[: s.owned_nodes]
+        moved = None
+        if s.displaced is not None:
+            x = x + u.reshape(-1, s.dim)[: s.owned_nodes]
+            moved = self.motion(q)[: s.dim]
+        found = self.body.kinematics.resultant(x, forces.reshape(-1, s.dim), moved)
+        rows = np.zeros(self.bodies.size)
+        rows[self.motion_slice] = found / self.bodies.units[self.motion_slice]
+        if s.axisymmetric:  # other components cancel around the axis
+            rows[self.motion_slice][[0, 2]] = 0.0
+        return rows
+
+    def add_forces(self, at: Evaluation, rows: Rows) -> Array:
+        forces = super().add_forces(at, rows)
+        rows.pushed += self.pushes(forces, at.u, at.q)
+        return forces
+
+    def add_rate(self, at: Evaluation, du: Array, dq: Array, rows: Rows) -> None:
+        """See `SurfaceTerm.add_rate`.
+
+        Jump and normal turn with the frame of the body. Laws are objective, so a rotation w adds
+        w x tau - dtau/dt (w x t).
+        """
+        super().add_rate(at, du, dq, rows)
+        if not self.surface.partner.turns:
+            return
+        found, rigid = at.surfaces[self.number], self.body.kinematics
+        turning = rigid.spin(self.motion(at.q)) @ self.motion(dq)[self.surface.dim :]
+        turned = rigid.crossed(turning, found.traction)
+        back = np.einsum("nij,nj->ni", found.by_traction, turned)
+        rows.laws[self.number] = (
+            rows.laws[self.number] - rigid.crossed(turning, found.answer) + back
+        )

@@ -24,9 +24,8 @@ from dolfinx_contact._mpi import require, total
 from dolfinx_contact.body import rigid
 from dolfinx_contact.body.bulk import Bulk
 from dolfinx_contact.body.rigid import extents, number_of_parts, parts, sums_of_parts
-from dolfinx_contact.equations.evaluation import Evaluation, Statuses
-from dolfinx_contact.equations.rigid_bodies import RigidBodies
-from dolfinx_contact.equations.surface_term import SurfaceTerm
+from dolfinx_contact.equations.evaluation import Evaluation, Statuses, SurfaceTerm
+from dolfinx_contact.equations.rigid_bodies import RigidBodies, RigidTerm
 from dolfinx_contact.laws.status import STICK, closed, senses
 from dolfinx_contact.points.surface import DiscreteSurface
 
@@ -361,9 +360,8 @@ class LooseMotions:
     def _by_rigid_bodies(self, term: SurfaceTerm) -> Array:
         s = term.surface
         jumps = np.zeros((self._bodies.size, s.points.number, s.dim))
-        if s.rigid_body is None:
-            return jumps[self._free]
-        jumps[term.motion_slice] = -np.moveaxis(term.motions_at_points(), 2, 0)
+        if isinstance(term, RigidTerm):
+            jumps[term.motion_slice] = -np.moveaxis(term.motions_at_points(), 2, 0)
         return jumps[self._free]
 
     def not_held(self, statuses: Statuses, state: Evaluation | None = None) -> str:

@@ -16,8 +16,7 @@ import numpy.typing as npt
 
 from dolfinx_contact._mpi import anywhere, largest
 from dolfinx_contact.equations.contact import ContactEquations
-from dolfinx_contact.equations.evaluation import Evaluation, Statuses
-from dolfinx_contact.equations.surface_term import SurfaceTerm
+from dolfinx_contact.equations.evaluation import Evaluation, Statuses, SurfaceTerm
 from dolfinx_contact.laws.status import PLUS, STICK, closed
 
 __all__ = ["bring_together", "touches_nothing", "touching"]

@@ -49,9 +49,8 @@ from dolfinx_contact._validate import is_number, one_of
 from dolfinx_contact.body.inertia import Mass
 from dolfinx_contact.body.moving import MovingBody, Scheme, TimeStep
 from dolfinx_contact.equations.contact import ContactEquations
-from dolfinx_contact.equations.evaluation import Evaluation
+from dolfinx_contact.equations.evaluation import Evaluation, SurfaceTerm
 from dolfinx_contact.equations.state import State
-from dolfinx_contact.equations.surface_term import SurfaceTerm
 from dolfinx_contact.equations.validation import require_obstacles
 from dolfinx_contact.evolution.energy import Motion, MotionEnergies, account, motion_at
 from dolfinx_contact.evolution.mass_and_damping import Matrices

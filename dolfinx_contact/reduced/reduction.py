@@ -47,9 +47,10 @@ from dolfinx_contact._petsc import Entries, matrix_of, staged
 from dolfinx_contact.continuation import Piece
 from dolfinx_contact.continuation.affine import AffineSystem
 from dolfinx_contact.equations.contact import ContactEquations
+from dolfinx_contact.equations.evaluation import SurfaceTerm
 from dolfinx_contact.equations.measures import Scales
 from dolfinx_contact.equations.parametric import ParametricEquations
-from dolfinx_contact.equations.surface_term import SurfaceTerm
+from dolfinx_contact.equations.rigid_bodies import RigidTerm
 from dolfinx_contact.laws.cones import no_cones
 from dolfinx_contact.reduced.gathered import GatheredPoints
 from dolfinx_contact.reduced.held_body import ROUND_OFF, HeldBody, HeldField, with_dirichlet_rows
@@ -326,8 +327,11 @@ class Reduction:
     def _jumps_by_motions(self, term: SurfaceTerm) -> PETSc.Mat:
         """Return -Phi, from motions of rigid bodies to jumps at points of a surface."""
         s = term.surface
-        moved = -term.motions_at_points()
         n = s.points.number * s.dim
+        if not isinstance(term, RigidTerm):
+            none = np.zeros((n, 0), dtype=np.int64)
+            return self._matrix(n, none, none, none)
+        moved = -term.motions_at_points()
         first = s.constant_operator("the condensed problem").B.getOwnershipRange()[0]
         columns = np.arange(term.motion_slice.start, term.motion_slice.stop)
         rows = np.broadcast_to(first + np.arange(n)[:, None], (n, len(columns)))

@@ -16,7 +16,7 @@ break one by one until the next state is reached.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from petsc4py import PETSc
 
@@ -24,9 +24,6 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact.equations.contact import ContactEquations
-from dolfinx_contact.equations.surface_term import SurfaceTerm
-from dolfinx_contact.laws import Answers, HeldAnswers
-from dolfinx_contact.points.kinematics import Kinematics
 from dolfinx_contact.solvers.history import Attempt
 from dolfinx_contact.solvers.linear import LinearSolver
 from dolfinx_contact.solvers.newton import Newton
@@ -42,27 +39,6 @@ _HELD_RESIDUAL = 1e-9  # relative residual that suffices while bonds are held
 _ROUNDS = 2000  # largest number of rounds
 
 
-@dataclass(frozen=True, eq=False)
-class HeldBonds(SurfaceTerm):
-    """Term of a contact surface whose bonds have a given strength.
-
-    Attributes:
-        strength: strength of the bonds (`Law.weakening`), shape (n,).
-    """
-
-    strength: Array | None = None
-
-    def _answers(
-        self, at: Kinematics, traction: Array, statuses: npt.NDArray[np.int8] | None
-    ) -> Answers:
-        weakening = self.surface.law.weakening
-        assert weakening is not None
-        assert self.strength is not None
-        fields = {**at.data.fields, weakening.name: self.strength}
-        data = replace(at.data, fields=fields)
-        return HeldAnswers(self.surface.law_at_points(at.jump, traction, data))
-
-
 def release_bonds(
     eq: ContactEquations, linear: Callable[[], LinearSolver], x: PETSc.Vec, attempt: Attempt
 ) -> bool:
@@ -74,7 +50,7 @@ def release_bonds(
     near = list(_NEAR)
     for rounds in range(1, _ROUNDS + 1):
         pairs = zip(eq.terms, strengths, strict=True)
-        held = eq.with_terms([t if b is None else _held(t, b) for t, b in pairs])
+        held = eq.with_terms([replace(term, strength=strength) for term, strength in pairs])
         if not _solve(held, linear, x, attempt):
             attempt.reason = f"bonds that are held, round {rounds}: {attempt.reason}"
             return False
@@ -111,11 +87,6 @@ def _solve(
         return False
     finally:
         start.destroy()
-
-
-def _held(term: SurfaceTerm, strength: Array) -> SurfaceTerm:
-    """Return a term of a surface with bonds of given strengths. Not collective."""
-    return HeldBonds(term.surface, term.number, term.rigid, term.removed, term.memory, strength)
 
 
 def _weaken(eq: ContactEquations, x: PETSc.Vec, strengths: list[Array | None]) -> float:
