@@ -21,8 +21,8 @@ strategies, in this order and each from the caller's state:
 7. The branch of solutions under a growing load, followed through its folds (`following`); not if a
    rigid motion is free under the full load and under increments.
 
-A strategy is a function of unknowns, attempt and monitor that changes the unknowns and returns
-whether they are a solution. Modules that full steps, a line search and load increments do not need
+A strategy is a function of unknowns and attempt that changes the unknowns and returns whether they
+are a solution. Modules that full steps, a line search and load increments do not need
 are loaded when they are used.
 
 A brief trial, for steps that may be shortened, ends with the first strategy. Each strategy but the
@@ -36,6 +36,7 @@ import logging
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import combinations_with_replacement
 from typing import TypeAlias
 
@@ -78,9 +79,8 @@ _SHOWN = 5  # points in a message
 _NEGATIVE = 1e-6  # negative friction bound that is round-off, relative to the largest traction
 _SOFT = 1e-12  # energy of a uniform strain that is round-off, relative to the largest one
 
-Monitor: TypeAlias = Callable[[Step], None] | None
-#: Function of unknowns, attempt and monitor that returns whether the unknowns are a solution.
-Strategy: TypeAlias = Callable[[PETSc.Vec, Attempt, Monitor], bool]
+#: Function of unknowns and attempt that returns whether the unknowns are a solution.
+Strategy: TypeAlias = Callable[[PETSc.Vec, Attempt], bool]
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,7 +105,7 @@ def solve(
     linear: LinearSolverChoice,
     x0: PETSc.Vec,
     *,
-    monitor: Monitor,
+    monitor: Callable[[Step], None] | None,
     increments: int,
     progress: SolveProgress,
     trial: Trial,
@@ -138,16 +138,15 @@ def solve(
 
     start = validate(equations, x0)
     bring_together(equations, x0)
+    ways = _Strategies(equations, linear, increments, notify)
     attempts: list[Attempt] = []
-    floating: dict[str, FloatingBodyError] = {}
-    x = x0.duplicate()
-    turned = x0.duplicate()
-    objection = ""
-    inverting = ""
+    floating: set[str] = set()  # strategies in which a rigid motion was free
+    inverting: Attempt | None = None  # the last one that turned the body inside out, to `turned`
     negative: list[str] = []
-    for strategy, run in strategies(equations, linear, increments, trial, start):
+    x, turned = x0.duplicate(), x0.duplicate()
+    for strategy, run in strategies(ways, trial, start):
         # skip strategies that would fail for the same reason
-        if objection and strategy != _INCREMENTS and inverting != _EXTRAPOLATED:
+        if inverting and strategy != _INCREMENTS and inverting.strategy != _EXTRAPOLATED:
             continue
         if strategy == _FOLLOWING and _INCREMENTS in floating and attempts[0].strategy in floating:
             continue  # its branch begins where nothing holds the body
@@ -156,40 +155,36 @@ def solve(
         attempts.append(attempt)
         progress.strategy = strategy
         x0.copy(x)
-        again = ""
+        drift = ""
         try:
-            attempt.converged = run(x, attempt, notify)
+            attempt.converged = run(x, attempt)
         except FloatingBodyError as error:
-            again = "a rigid motion is free there too" if floating else ""
-            attempt.reason = str(error)
-            floating[strategy] = error
+            attempt.reason = drift = str(error)
+            floating.add(strategy)
         # refuse a body that has drifted away, and inverted cells
-        drifts = strategy in floating
-        if attempt.converged and (reason := diverged(equations, x)):
-            attempt.converged = False
-            attempt.reason = reason
-            drifts = True
         if attempt.converged:
-            objection = inverted(equations, x)
+            drift = diverged(equations, x)
+            objection = drift or inverted(equations, x)
             if not objection:
                 return x, attempts
             attempt.converged = False
             attempt.reason = objection
-            inverting = strategy
-            x.copy(turned)
+            if not drift:
+                inverting = attempt
+                x.copy(turned)
         negative = negative or list(_negative_bounds(equations, x))
         progress.clear()
         # end if other strategies would fail too
-        if len(attempts) == 1 and drifts and (soft := _soft_strain(equations)):
+        if len(attempts) == 1 and drift and (soft := _soft_strain(equations)):
             raise ConvergenceError(soft, attempts)
         if attempt.linear_solver_failed and linear().is_iterative:
             break  # systems of other strategies are like these
         if equations.comm.rank == 0:
             # The error of a failed solve lists all attempts; a later success is not doubtful.
-            logger.info("%s failed: %s", strategy, again or attempt.reason)
-    if objection and not trial.brief:
+            logger.info("%s failed: %s", strategy, attempt.reason)
+    if inverting and not trial.brief:
         # No other solution was found; the result contains a warning.
-        attempts.append(Attempt(inverting, objection, converged=True))
+        attempts.append(Attempt(inverting.strategy, inverting.reason, converged=True))
         return turned, attempts
     if attempts[0].strategy in floating:
         raise FloatingBodyError(attempts[0].reason, attempts)
@@ -298,109 +293,102 @@ def _diagnosis(eq: ContactEquations, attempts: list[Attempt], found: Sequence[st
 
 @dataclass(frozen=True, eq=False)
 class _Strategies:
-    """Strategies for one problem.
+    """Strategies for one problem: each solves from ``x`` and returns whether it succeeded.
 
     Attributes:
         eq: contact problem.
         linear: choice of its linear solver.
         increments: initial number of load increments.
+        monitor: function called with every Newton iterate.
     """
 
     eq: ContactEquations
     linear: LinearSolverChoice
     increments: int
+    monitor: Callable[[Step], None]
 
-    def _solver(self, monitor: Monitor, line_search: str = "none") -> Newton:
-        return Newton(self.eq, self.linear(), line_search, monitor)
+    def _solver(self, line_search: str = "none") -> Newton:
+        return Newton(self.eq, self.linear(), line_search, self.monitor)
 
-    def newton(self, line_search: str, start: Evaluation | None = None) -> Strategy:
+    def newton(
+        self,
+        x: PETSc.Vec,
+        attempt: Attempt,
+        line_search: str = "none",
+        start: Evaluation | None = None,
+    ) -> bool:
         """Newton's method with a line search of PETSc, from an evaluation if available."""
+        with self._solver(line_search) as solver:
+            done = solver.run(x, attempt, start)
+            stagnated = solver.stagnated
+        if stagnated and self.linear.direct_instead():
+            return self.newton(x, attempt, line_search)
+        return done
 
-        def run(x: PETSc.Vec, attempt: Attempt, monitor: Monitor) -> bool:
-            with self._solver(monitor, line_search) as solver:
-                done = solver.run(x, attempt, start)
-                stagnated = solver.stagnated
-            if stagnated and self.linear.direct_instead():
-                with self._solver(monitor, line_search) as solver:
-                    done = solver.run(x, attempt)
-            return done
-
-        return run
-
-    def with_automatic_r(self, strategy: Strategy) -> Strategy:
+    def with_automatic_r(self, x: PETSc.Vec, attempt: Attempt, strategy: Strategy) -> bool:
         """A strategy with the automatic augmentation parameter instead of a forced one."""
+        with self.eq.scaling.automatic():
+            done = strategy(x, attempt)
+        attempt.state = None  # evaluated with another r
+        return done
 
-        def run(x: PETSc.Vec, attempt: Attempt, monitor: Monitor) -> bool:
-            with self.eq.scaling.automatic():
-                done = strategy(x, attempt, monitor)
-            attempt.state = None  # evaluated with another r
-            return done
-
-        return run
-
-    def from_unknowns(self, unknowns: npt.NDArray[np.float64]) -> Strategy:
+    def from_unknowns(
+        self, x: PETSc.Vec, attempt: Attempt, unknowns: npt.NDArray[np.float64]
+    ) -> bool:
         """Newton's method from given unknowns."""
+        x.array[:] = unknowns
+        attempt.reason = inverted(self.eq, x)
+        if attempt.reason:
+            return False
+        b = x.duplicate()
+        start = self.eq.residual(x, b)
+        finite = np.isfinite(b.norm())
+        b.destroy()
+        if not finite:
+            attempt.reason = "the residual is not finite there"
+            return False
+        return self.newton(x, attempt, start=start)
 
-        def run(x: PETSc.Vec, attempt: Attempt, monitor: Monitor) -> bool:
-            x.array[:] = unknowns
-            attempt.reason = inverted(self.eq, x)
-            if attempt.reason:
-                return False
-            b = x.duplicate()
-            start = self.eq.residual(x, b)
-            finite = np.isfinite(b.norm())
-            b.destroy()
-            if not finite:
-                attempt.reason = "the residual is not finite there"
-                return False
-            return self.newton("none", start)(x, attempt, monitor)
-
-        return run
-
-    def from_statuses(self, statuses: Statuses) -> Strategy:
+    def from_statuses(self, x: PETSc.Vec, attempt: Attempt, statuses: Statuses) -> bool:
         """Newton's method whose first step holds given statuses."""
+        start = x.copy()
+        with self._solver() as solver:
+            if not solver.run(x, attempt, held=statuses, most=_HELD):
+                start.copy(x)
+            start.destroy()
+            return solver.run(x, attempt)
 
-        def run(x: PETSc.Vec, attempt: Attempt, monitor: Monitor) -> bool:
-            start = x.copy()
-            with self._solver(monitor) as solver:
-                if not solver.run(x, attempt, held=statuses, most=_HELD):
-                    start.copy(x)
-                start.destroy()
-                return solver.run(x, attempt)
-
-        return run
-
-    def load_increments(self, x: PETSc.Vec, attempt: Attempt, monitor: Monitor) -> bool:
+    def load_increments(self, x: PETSc.Vec, attempt: Attempt) -> bool:
         """Newton's method under a load in increments that shrink and grow."""
-        with self._solver(monitor) as solver:
+        with self._solver() as solver:
             return raise_load(solver, x, attempt, self.increments)
 
-    def load_following(self, x: PETSc.Vec, attempt: Attempt, monitor: Monitor) -> bool:
+    def load_following(self, x: PETSc.Vec, attempt: Attempt) -> bool:
         """The branch of solutions under a growing load, through its folds."""
         from dolfinx_contact.solvers.following import follow_load
 
-        with self._solver(monitor) as solver:
+        with self._solver() as solver:
             followed = follow_load(self.eq, self.linear, x, attempt, solver.max_iterations)
             return followed and solver.run(x, attempt)
 
-    def pivoting(self, x: PETSc.Vec, attempt: Attempt, monitor: Monitor) -> bool:
+    def pivoting(self, x: PETSc.Vec, attempt: Attempt) -> bool:
         """Solve the pieces of H successively."""
         from dolfinx_contact.solvers.pivoting import pivot
 
-        with self._solver(monitor) as solver:
+        with self._solver() as solver:
             return pivot(solver, x, attempt)
 
-    def lemke(self, x: PETSc.Vec, attempt: Attempt, monitor: Monitor) -> bool:
+    def lemke(self, x: PETSc.Vec, attempt: Attempt) -> bool:
         """Lemke's method on the reduced problem."""
         from dolfinx_contact.algorithms.classical import start_by_lemke
 
-        with self._solver(monitor) as solver:
+        with self._solver() as solver:
             if solver.max_iterations < 1:
                 attempt.reason = "no convergence in 0 iterations"
                 return False
             return start_by_lemke(self.eq, self.linear, x, attempt) and solver.run(x, attempt)
 
-    def releasing_bonds(self, x: PETSc.Vec, attempt: Attempt, monitor: Monitor) -> bool:
+    def releasing_bonds(self, x: PETSc.Vec, attempt: Attempt) -> bool:
         """Weakening bonds, all held and then released in turn."""
         from dolfinx_contact.solvers.bonds import release_bonds
 
@@ -408,40 +396,34 @@ class _Strategies:
 
 
 def strategies(
-    eq: ContactEquations,
-    linear: LinearSolverChoice,
-    increments: int,
-    trial: Trial,
-    start: Evaluation | None,
+    ways: _Strategies, trial: Trial, start: Evaluation | None
 ) -> Iterator[tuple[str, Strategy]]:
     """Yield names and strategies in the order in which they are tried.
 
     Args:
-        eq: contact problem.
-        linear: choice of its linear solver.
-        increments: initial number of load increments.
+        ways: strategies for the problem.
         trial: starts of the solve, and its extent.
         start: evaluation at the state of the caller, if available.
     """
-    ways = _Strategies(eq, linear, increments)
+    eq = ways.eq
     if trial.extrapolated is not None:
         start = None  # it may change the candidates of sliding faces
-        yield _EXTRAPOLATED, ways.from_unknowns(trial.extrapolated)
+        yield _EXTRAPOLATED, partial(ways.from_unknowns, unknowns=trial.extrapolated)
     for statuses in trial.expected:
         start = None
-        yield _EXPECTED, ways.from_statuses(statuses)
-    yield "full steps", ways.newton("none", start)
+        yield _EXPECTED, partial(ways.from_statuses, statuses=statuses)
+    yield "full steps", partial(ways.newton, start=start)
     if trial.brief:
         return
     # In the integral method r is part of the discretisation, and a forced r is kept.
     weak = any([s.points.E is not None for s in eq.surfaces])
     fallbacks: list[tuple[str, Strategy]] = []
     if eq.forced_r is not None and not weak:
-        fallbacks.append(("full steps with the automatic r", ways.newton("none")))
+        fallbacks.append(("full steps with the automatic r", ways.newton))
     if any([s.law.weakens for s in eq.surfaces]):
         fallbacks.append((_BONDS, ways.releasing_bonds))
     pivoting = "pivoting", ways.pivoting
-    line_search = "line search", ways.newton("bt")
+    line_search = "line search", partial(ways.newton, line_search="bt")
     loading = _INCREMENTS, ways.load_increments
     following = _FOLLOWING, ways.load_following
     if not eq.linear:
@@ -450,7 +432,7 @@ def strategies(
         lemke = [("Lemke's method", ways.lemke)] if eq.dim == 2 else []
         fallbacks += [pivoting, line_search, *lemke, loading, following]
     for name, run in fallbacks:
-        yield name, run if weak else ways.with_automatic_r(run)
+        yield name, run if weak else partial(ways.with_automatic_r, strategy=run)
 
 
 def raise_load(solver: Newton, x: PETSc.Vec, attempt: Attempt, increments: int) -> bool:
