@@ -279,7 +279,9 @@ class ContactEquations:
             laws: residuals, shape (n, dim), surface by surface.
             x: unknowns for the rows of removed multipliers; default: 0 in these rows.
         """
-        owned = [0.0] * len(laws) if x is None else self.unknowns.blocks(x)[1:-1]
+        owned: Sequence[Array | float] = [0.0] * len(laws)
+        if x is not None:
+            owned = self.unknowns.blocks(x)[1:-1]
         return [
             np.where(term.removed, self.stiffness_scale * values, term.surface.points.rows(off))
             for term, off, values in zip(self.terms, laws, owned, strict=True)

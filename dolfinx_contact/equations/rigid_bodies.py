@@ -142,8 +142,8 @@ class RigidBodies:
             if body is None or body.fixed.all():
                 return -np.inf
             pairs = zip(self.surfaces, gaps, strict=True)
-            mine = [np.min(gap, initial=np.inf) for s, gap in pairs if s.rigid_body is body]
-            return float(self.comm.allreduce(float(min(mine)), op=min))
+            mine = [float(np.min(gap, initial=np.inf)) for s, gap in pairs if s.rigid_body is body]
+            return float(self.comm.allreduce(min(mine), op=min))
 
         return [smallest(s.rigid_body) for s in self.surfaces]
 
