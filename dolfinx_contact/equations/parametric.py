@@ -247,6 +247,7 @@ class ParametricEquations(System):
                     # The test of a pair searches its faces: at the ends only if it is constant.
                     ends = gammas[:1] if not s.between_bodies else (gammas[0], gammas[-1])
                     if s in varying or gamma in ends:
+                        s.update_geometry()
                         check_surface(s, memory, where)
                 if changing or gamma == gammas[0]:
                     eq.constraints.check_values(surfaces, eq.body_size, where)

@@ -15,6 +15,7 @@ import logging
 from collections.abc import Sequence
 from typing import Any
 
+from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
@@ -48,6 +49,7 @@ __all__ = [
     "check",
     "check_law",
     "check_moduli",
+    "check_obstacle",
     "check_sides",
     "check_surface",
     "check_times",
@@ -55,7 +57,6 @@ __all__ = [
     "diverged",
     "held_across",
     "inverted",
-    "require_obstacles",
     "validate",
     "validate_data",
     "without_normal",
@@ -186,10 +187,7 @@ def validate(eq: ContactEquations, x0: PETSc.Vec) -> Evaluation | None:
         if not any(eq.memory):  # in an evolution, `results.indicators` measures this
             check_sides(eq)
     for s, memory in zip(eq.surfaces, eq.memory, strict=True):
-        s.check_gaps()
-        check_law(s, memory)
-        if memory is None:
-            check_turn(s, None)
+        check_surface(s, memory)
     # the start, and H there
     names = ["displacement", *(f"traction of {s.name!r}" for s in eq.surfaces)]
     names.append("motion of the rigid bodies")
@@ -197,19 +195,16 @@ def validate(eq: ContactEquations, x0: PETSc.Vec) -> Evaluation | None:
     for name, wrong in zip(names, bad, strict=True):
         if wrong:
             raise ValueError(f"the {name} at the start is not finite")
-    require_obstacles(eq)
+    numbers = bool(np.isfinite(eq.rigid.numbers).all())
+    require(eq.comm, numbers, "a load or motion of a rigid body is not finite")
     state = eq.evaluate(x0)
     finite = all(np.isfinite(rows).all() for rows in state.rows)
     lost = without_normal(eq, state)
-    objections = [lost, *map(_objection_to_geometry, eq.surfaces)]
-    if not np.isfinite(eq.rigid.numbers).all():
-        objections.append("a load or motion of a rigid body is not finite")
-    objection = next(filter(None, objections), "")
-    require(eq.comm, not objection, objection)
+    require(eq.comm, not lost, lost)
     eq.constraints.check_values(eq.surfaces, eq.body_size)
     eq.warn("bcs", eq.constraints.contradiction())
     if anywhere(eq.comm, not finite)[0]:
-        place = _not_finite(eq, placed_data(eq)) or _not_finite_law(eq, state)
+        place = _not_finite(eq.comm, placed_data(eq)) or _not_finite_law(eq, state)
         place = place or "loads and material data, for NaN"
         raise ValueError(f"the residual is not finite at the start: look at {place}")
     # scales
@@ -248,13 +243,21 @@ def check_surface(s: DiscreteSurface, memory: Memory | None, where: str = "") ->
         memory: memory of its points at the beginning of the step; None under the static law.
         where: end of the message.
     """
-    s.update_geometry()
+    check_obstacle(s)
     s.check_gaps()
-    objection = _objection_to_geometry(s)
-    require(s.comm, not objection, objection)
     check_law(s, memory, where)
     if memory is None:
         check_turn(s, None, where)
+
+
+def check_obstacle(s: DiscreteSurface) -> None:
+    """Raise ``ValueError`` if a gap or normal is not finite, and name the datum. Collective."""
+    finite = all(np.isfinite(v).all() for v in (s.points.vertex_gaps, s.points.vertex_normals))
+    if anywhere(s.comm, not finite)[0]:
+        place = _not_finite(s.comm, data_of_surface(s))
+        centre = "a contact point is the centre of a sphere, or a level set has no gradient there"
+        why = f"look at {place}" if place else centre
+        raise ValueError(f"{s.name}: the gap or normal of the obstacle is not finite: {why}")
 
 
 def check_law(s: DiscreteSurface, memory: Memory | None, where: str = "") -> None:
@@ -347,25 +350,6 @@ def check_turn(s: DiscreteSurface, before: Array | None, where: str = "") -> Non
         f"{s.name}: the rigid body {body.name!r} turns by {turned:.4g} rad in one step{where}: "
         "slips on it are known below half a turn; take shorter steps of a history",
     )
-
-
-def require_obstacles(eq: ContactEquations) -> None:
-    """Raise ``ValueError`` if a gap or normal is not finite, and name the datum. Collective."""
-    bad = anywhere(eq.comm, *(bool(_objection_to_geometry(s)) for s in eq.surfaces))
-    for s, wrong in zip(eq.surfaces, bad, strict=True):
-        place = _not_finite(eq, data_of_surface(s)) if wrong else ""
-        if place:
-            raise ValueError(
-                f"{s.name}: the gap or normal of the obstacle is not finite: look at {place}"
-            )
-
-
-def _objection_to_geometry(s: DiscreteSurface) -> str:
-    """Return the objection to gaps or normals that are not finite. Not collective."""
-    points = s.points
-    if np.isfinite(points.vertex_gaps).all() and np.isfinite(points.vertex_normals).all():
-        return ""
-    return f"{s.name}: the gap or normal of the obstacle is not finite"
 
 
 # -- sides of obstacles ----------------------------------------------------------------------------
@@ -523,9 +507,9 @@ def without_normal(eq: ContactEquations, state: Evaluation) -> str:
 # -- data ------------------------------------------------------------------------------------------
 
 
-def _not_finite(eq: ContactEquations, data: Sequence[Datum]) -> str:
+def _not_finite(comm: MPI.Comm, data: Sequence[Datum]) -> str:
     """Return the place of the first datum that is not finite on some rank, or "". Collective."""
-    bad = anywhere(eq.comm, *(not np.isfinite(d.values).all() for d in data))
+    bad = anywhere(comm, *(not np.isfinite(d.values).all() for d in data))
     return next((d.place for d, wrong in zip(data, bad, strict=True) if wrong), "")
 
 

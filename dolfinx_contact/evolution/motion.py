@@ -51,7 +51,7 @@ from dolfinx_contact.body.moving import MovingBody, Scheme, TimeStep
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation, SurfaceTerm
 from dolfinx_contact.equations.state import State
-from dolfinx_contact.equations.validation import require_obstacles
+from dolfinx_contact.equations.validation import check_obstacle
 from dolfinx_contact.evolution.energy import Motion, MotionEnergies, account, motion_at
 from dolfinx_contact.evolution.mass_and_damping import Matrices
 from dolfinx_contact.evolution.step import AcceptedState, Stepper
@@ -330,7 +330,8 @@ class MotionStepper(Stepper):
         super()._check_start()
         finite = bool(np.isfinite(self._velocity.x.array).all())
         require(self.problem.comm, finite, "the velocity at the start is not finite")
-        require_obstacles(self.problem.equations)
+        for s in self.problem.surfaces:
+            check_obstacle(s)
         self._held.require_displacement()
 
     def _require_no_penetration(self, motion: Motion) -> None:
