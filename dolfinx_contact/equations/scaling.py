@@ -84,18 +84,16 @@ class Scaling:
         self._bulk = bulk
         self._V = V
         self._terms = list(terms)
-        self._surfaces = surfaces = [term.surface for term in terms]
-        self._comm = V.mesh.comm
         self._given = fixed, rigid
         #: Number of the connected part of each local node of the displacement.
         self.part = parts(V)
         self._extents = extents(V, self.part)[self.part]
         self._forced = forced_r
-        self.stiffness = 0.0
-        self.softness = 1.0
         self._mark = -1
-        self.automatic_r = [0.0 * s.points.r for s in surfaces]
-        self.at_vertices = [0.0 * s.points.r for s in surfaces]
+        self.stiffness: float
+        self.softness: float
+        self.automatic_r: list[Array]
+        self.at_vertices: list[Array]
         self.loose: LooseMotions
         self.follow(bulk.displacement.x.array.copy())
 
@@ -110,12 +108,7 @@ class Scaling:
         """
         if self._bulk.stiffness_mark == self._mark:
             return False
-        self._measure(u)
-        self.augment()
-        return True
-
-    def _measure(self, u: Array) -> None:
-        surfaces = self._surfaces
+        surfaces = [term.surface for term in self._terms]
         fixed, rigid = self._given
         K = self._bulk.stiffness(u)
         around = surfaces[0].axisymmetric
@@ -131,6 +124,8 @@ class Scaling:
             moves, self._V, self.part, self._terms, fixed, rigid, axisymmetric=around
         )
         self._mark = self._bulk.stiffness_mark
+        self._augment(self._forced)
+        return True
 
     @contextmanager
     def automatic(self) -> Iterator[None]:
@@ -141,13 +136,11 @@ class Scaling:
         finally:
             self._augment(self._forced)
 
-    def augment(self) -> None:
-        """Set the r of the surfaces."""
-        self._augment(self._forced)
-
     def _augment(self, forced: float | None) -> None:
-        for s, r in zip(self._surfaces, self.automatic_r, strict=True):
-            s.points.set_augmentation(r if forced is None else np.full_like(r, forced))
+        """Set the r of the surfaces."""
+        for term, r in zip(self._terms, self.automatic_r, strict=True):
+            r_of_surface = r if forced is None else np.full_like(r, forced)
+            term.surface.points.set_augmentation(r_of_surface)
 
 
 def automatic_augmentation(
@@ -343,26 +336,17 @@ class LooseMotions:
             self.of_body = rigid.free_motions(K, V, part, fixed, axisymmetric=axisymmetric)
         self._free = np.flatnonzero(~bodies.fixed)
         #: Jumps at the points by each motion, rigid bodies last, shape (motions, n, dim).
-        self._jumps = [
-            np.concatenate([self._by_body(term.surface), self._by_rigid_bodies(term)])
-            for term in terms
-        ]
+        self._jumps = [self._jumps_at(term) for term in terms]
 
-    def _by_body(self, s: DiscreteSurface) -> Array:
-        jumps = np.zeros((len(self.of_body), s.points.number, s.dim))
-        if not len(self.of_body):
-            return jumps
-        operator = s.points.operator
-        for i in range(len(self.of_body)):
-            jumps[i] = operator.apply(self.of_body[i, : s.owned_nodes])
-        return jumps
-
-    def _by_rigid_bodies(self, term: SurfaceTerm) -> Array:
+    def _jumps_at(self, term: SurfaceTerm) -> Array:
         s = term.surface
-        jumps = np.zeros((self._bodies.size, s.points.number, s.dim))
+        number = len(self.of_body)
+        jumps = np.zeros((number + self._bodies.size, s.points.number, s.dim))
+        for i, motion in enumerate(self.of_body):
+            jumps[i] = s.points.operator.apply(motion[: s.owned_nodes])
         if isinstance(term, RigidTerm):
-            jumps[term.motion_slice] = -np.moveaxis(term.motions_at_points(), 2, 0)
-        return jumps[self._free]
+            jumps[number:][term.motion_slice] = -np.moveaxis(term.motions_at_points(), 2, 0)
+        return np.delete(jumps, number + np.flatnonzero(self._bodies.fixed), axis=0)
 
     def not_held(self, statuses: Statuses, state: Evaluation | None = None) -> str:
         """Return the names of the motions that these statuses do not hold; "" if there are none.

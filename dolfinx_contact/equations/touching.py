@@ -17,6 +17,7 @@ import numpy.typing as npt
 from dolfinx_contact._mpi import anywhere, largest
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation, Statuses, SurfaceTerm
+from dolfinx_contact.equations.rigid_bodies import RigidTerm
 from dolfinx_contact.laws.status import PLUS, STICK, closed
 
 __all__ = ["bring_together", "touches_nothing", "touching"]
@@ -120,7 +121,7 @@ def _within(eq: ContactEquations, gaps: Sequence[Array], limits: Sequence[float]
 
 def _rigid_reach(eq: ContactEquations, term: SurfaceTerm, state: Evaluation) -> float:
     """Return half the approach of a rigid body to points of a surface by prescribed motions."""
-    if not eq.rigid.size:
+    if not isinstance(term, RigidTerm):
         return 0.0
     step = np.where(eq.rigid.fixed, eq.prescribed.motions() - state.q, 0.0)
     nearer = float(np.max(_closing(eq, term, state, step), initial=0.0))
