@@ -62,8 +62,6 @@ class _Run:
         most: number of steps after which the run ends; None: only at a solution.
         load: applied part of the load.
         offset: residual of which the part 1 - load is subtracted.
-        tolerance: relative tolerance of the residual.
-        most_iterations: largest number of steps, after which the run fails.
         history: statuses and residual of the iterates.
         guess: statuses for the next Jacobian; None: those of the iterate.
         warm: whether the run began from a state in contact.
@@ -75,17 +73,10 @@ class _Run:
     most: int | None = None
     load: float = 1.0
     offset: PETSc.Vec | None = None
-    tolerance: float = 0.0
-    most_iterations: int = 0
     history: list[tuple[Statuses, float]] = field(default_factory=list)
     guess: Statuses | None = None
     warm: bool = False
     floating: FloatingBodyError | None = None
-
-    def shift(self, b: PETSc.Vec) -> None:
-        """Subtract the part of the offset that is not applied yet from H in ``b``."""
-        if self.offset is not None and self.load != 1.0:
-            b.axpy(self.load - 1.0, self.offset)
 
 
 class Newton:
@@ -174,11 +165,6 @@ class Newton:
         """Largest number of steps of a run."""
         return int(self.snes.getTolerances()[3])
 
-    @property
-    def stagnated(self) -> bool:
-        """Whether the last run ended with a linear system that was not solved."""
-        return bool(self.snes.getConvergedReason() == _LINEAR)
-
     def run(
         self,
         x: PETSc.Vec,
@@ -205,10 +191,10 @@ class Newton:
         Raises:
             FloatingBodyError: if a rigid motion is free.
         """
-        limits = self.tolerance, self.max_iterations
-        self._run = run = _Run(attempt, held, most, load, offset, *limits)
+        self._run = run = _Run(attempt, held, most, load, offset)
         self._memo = start
         attempt.state = None
+        attempt.linear_solver_failed = False
         attempt.evaluations += start is not None
         ksp = self.snes.getKSP()
         y = x.copy()
@@ -275,7 +261,8 @@ class Newton:
             self._run.attempt.evaluations += 1
         assert self._memo is not None
         b.array[:] = np.concatenate(self._memo.rows)
-        self._run.shift(b)
+        if self._run.offset is not None:
+            b.axpy(self._run.load - 1.0, self._run.offset)
 
     def _jacobian(self, _snes: PETSc.SNES, x: PETSc.Vec, _A: PETSc.Mat, _P: PETSc.Mat) -> None:
         run = self._run
@@ -293,7 +280,7 @@ class Newton:
         if matrix is not before:  # the SNES takes its matrix after this call
             self.snes.setJacobian(self._jacobian, matrix)
         step = run.attempt.steps[-1]
-        self.linear.prepare(self.snes.getKSP(), step, run.tolerance, state, warm=run.warm)
+        self.linear.prepare(self.snes.getKSP(), step, self.tolerance, state, warm=run.warm)
 
     def _settle(self, x: PETSc.Vec, step: PETSc.Vec) -> None:
         """Correct the contact unknowns after the full step x - step; see `settle`."""
@@ -349,14 +336,14 @@ class Newton:
             lost = without_normal(self.equations, state)
             run.attempt.reason = lost or "the residual is not finite"
             return _STOPPED
-        if measures.worst <= run.tolerance:
+        if measures.worst <= self.tolerance:
             # A solution that a rigid motion may carry away is not an answer.
             return _STOPPED if self._floats(statuses, state) else _CONVERGED
         if run.most is not None and it >= run.most:
             return _ENOUGH_STEPS
         if run.attempt.gives_up():
             return _STOPPED
-        if it >= run.most_iterations:
+        if it >= self.max_iterations:
             return _TOO_MANY_STEPS
         cycles = self._full_steps and self._in_cycle(statuses, measures.worst)
         if cycles and not self.linear.tighten():
@@ -395,7 +382,7 @@ class Newton:
         if self._run.offset is not None:
             state = replace(state, rows=self.equations.unknowns.blocks(b))
         measures = self.scales.measure(state)
-        if measures.worst <= self._run.tolerance:
+        if measures.worst <= self.tolerance:
             own = Scales(self.equations, settled=True)
             start = self.scales
             judged = own.measure(state)

@@ -320,8 +320,7 @@ class _Strategies:
         """Newton's method with a line search of PETSc, from an evaluation if available."""
         with self._solver(line_search) as solver:
             done = solver.run(x, attempt, start)
-            stagnated = solver.stagnated
-        if stagnated and self.linear.direct_instead():
+        if attempt.linear_solver_failed and self.linear.direct_instead():
             return self.newton(x, attempt, line_search)
         return done
 
