@@ -52,6 +52,7 @@ class Constraints:
             neither the node nor its opposing point moves, or they are one node.
         clamped: per surface, mask of the local multiplier nodes whose components are all removed.
         removed: per surface, mask of the removed components, shape (local multiplier nodes, dim).
+        removed_multipliers: the same for the owned multipliers, shape (k,).
         fixed_jumps: per surface, mask of the components of the jump that the multipliers weight
             and Dirichlet data fix, shape (local multiplier nodes, dim); with quadratic
             displacement and linear multipliers the jump is a mean over the facets of a vertex.
@@ -69,7 +70,7 @@ class Constraints:
     ):
         self._V = V
         self._bcs = list(bcs)
-        self._read: fem.Function | None = None  # receives the values
+        self._read = fem.Function(V)  # receives the values
         # A value may itself be NaN, so a component is fixed if either filling is overwritten.
         self.fixed = np.isfinite(self.values()) | np.isnan(self.values(fill=0.0))
         # nodes of several surfaces
@@ -82,29 +83,35 @@ class Constraints:
             s.hold(self.fixed, vertices)
         _warn_of_common_nodes(surfaces, crossed)
         # multipliers
-        self.held = [self._held(s) for s in surfaces]
-        pairs = zip(surfaces, self.held, strict=True)
-        self.fixed_jumps = [_fixed_jumps(s, held) for s, held in pairs]
-        self.removed = []
-        self._owned = [s.points.Q.dofmap.index_map.size_local for s in surfaces]
+        self.held: list[Mask] = []
+        self.fixed_jumps: list[Mask] = []
+        self.removed: list[Mask] = []
+        self.clamped: list[Mask] = []
+        self.removed_multipliers: list[Mask] = []
         self._normals = [s.points.vertex_normals.copy() for s in surfaces]
-        for s, fixed, vertices in zip(surfaces, self.fixed_jumps, crossing, strict=True):
+        for s, vertices in zip(surfaces, crossing, strict=True):
+            held = self._held(s)
+            fixed = held[s.points.trace_dofs]
+            if s.degrees[0] != s.degrees[1]:
+                fixed = fixed & _fixed_on_support(s, held)
             removed = _removed(s, fixed)
             if s.degrees[1] == 1:  # other degrees have no crossings
                 removed[vertices] = True
-            self.removed.append(removed | s.points.mirrored)
-        self.clamped = [np.asarray(removed.all(axis=1)) for removed in self.removed]
-        for s, clamped, n in zip(surfaces, self.clamped, self._owned, strict=True):
-            left = s.comm.allreduce(int((~clamped[:n]).sum()))
+            removed = removed | s.points.mirrored
+            clamped = np.asarray(removed.all(axis=1))
+            owned = s.points.Q.dofmap.index_map.size_local
+            left = s.comm.allreduce(int((~clamped[:owned]).sum()))
             require(s.comm, left > 0, _why_none_is_left(s))
-        for s, held, clamped, n in zip(surfaces, self.held, self.clamped, self._owned, strict=True):
             if s.degrees[0] > s.degrees[1]:
-                _require_free_nodes(s, held, s.comm.allreduce(int((~clamped[:n]).sum())))
+                _require_free_nodes(s, held, left)
+            self.held.append(held)
+            self.fixed_jumps.append(fixed)
+            self.removed.append(removed)
+            self.clamped.append(clamped)
+            self.removed_multipliers.append(removed[:owned].reshape(-1))
 
     def values(self, fill: float = np.nan) -> Array:
         """Return Dirichlet values at the local nodes, shape (n, dim), ``fill`` at free dofs."""
-        if self._read is None:
-            self._read = fem.Function(self._V)
         f = self._read
         f.x.array[:] = fill
         for bc in self._bcs:
@@ -129,11 +136,6 @@ class Constraints:
         along = motion @ normal
         along = np.abs(along) if s.between_bodies else along
         return 0.5 * float(s.comm.allreduce(float(along.max(initial=0.0)), op=max))
-
-    def removed_multipliers(self) -> list[Mask]:
-        """Return the masks of the owned removed multipliers, shape (k,), surface by surface."""
-        parts = zip(self.removed, self._owned, strict=True)
-        return [removed[:n].reshape(-1) for removed, n in parts]
 
     # -- values ----------------------------------------------------------------------------------
 
@@ -166,8 +168,6 @@ class Constraints:
         """
         if len(self._bcs) < 2:
             return ""
-        if self._read is None:
-            self._read = fem.Function(self._V)
         values = self._read.x.array
         values[:] = np.nan
         bs = self._V.dofmap.index_map_bs
@@ -281,22 +281,6 @@ def _require_free_nodes(s: DiscreteSurface, held: Mask, multipliers: int) -> Non
         f"{s.name}: the face has {free} nodes that can move, but {multipliers} vertices with "
         "multipliers; refine the face, or use method='integral'",
     )
-
-
-def _fixed_jumps(s: DiscreteSurface, held: Mask) -> Mask:
-    """Return the mask of the fixed components of the weighted jump. Collective.
-
-    Args:
-        s: contact surface.
-        held: mask of the fixed components of the jump, shape (local nodes, dim).
-
-    Returns:
-        Mask, shape (local multiplier nodes, dim).
-    """
-    fixed = held[s.points.trace_dofs]
-    if s.degrees[0] != s.degrees[1]:
-        fixed = fixed & _fixed_on_support(s, held)
-    return fixed
 
 
 def _removed(s: DiscreteSurface, fixed: Mask) -> Mask:

@@ -120,7 +120,7 @@ class ContactEquations:
         self.rigid = RigidBodies(V, self.surfaces, self.body_size)
         self.prescribed = Prescribed(V, self.constraints, self.rigid)
         self.prescribed.read_data()
-        removed = zip(self.surfaces, self.constraints.removed_multipliers(), strict=True)
+        removed = zip(self.surfaces, self.constraints.removed_multipliers, strict=True)
         self.terms = [
             SurfaceTerm(s, i, mask)
             if s.rigid_body is None

@@ -40,6 +40,7 @@ from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import ContactState, Evaluation
 from dolfinx_contact.equations.rigid_bodies import RigidTerm
 from dolfinx_contact.points.neighbours import LawAmongPoints
+from dolfinx_contact.points.operators import ConstantOperator
 from dolfinx_contact.points.surface import DiscreteSurface
 from dolfinx_contact.points.trace import at_global_places
 
@@ -50,15 +51,13 @@ __all__ = ["ContactTerms", "Jacobian", "RigidTerms", "SpreadTerms"]
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
-_NEEDED_BY = "the Jacobian, whose pattern never changes,"
-_NEEDED_BY_SPREADING = "a nonlocal law"
 
 
 @dataclass(frozen=True)
 class _Block:
     """Entries of one surface: places of its dofs among all unknowns, -1 for missing ones."""
 
-    surface: DiscreteSurface
+    operator: ConstantOperator
     unit: float
     bodies: Indices  # (groups, k, dim)
     multipliers: Indices  # (groups, l, dim)
@@ -82,12 +81,11 @@ class _Block:
 
     def values(self, state: ContactState) -> Array:
         """Return the entries of S at an evaluation."""
-        stencils = self.surface.constant_operator(_NEEDED_BY).stencils
-        areas = self.surface.points.areas
+        stencils = self.operator.stencils
         at = stencils.points
         e = stencils.multiplier_weights
-        dim = self.surface.dim
-        W = areas[at]
+        dim = self.bodies.shape[2]
+        W = self.operator.areas[at]
         by_jump = state.by_jump[at]
         by_traction = np.eye(dim) - state.by_traction[at]
         weighted = W[..., None] * e
@@ -120,44 +118,49 @@ class ContactTerms:
         eq = equations
         #: Places of the unknowns, also for the entries of the body.
         self.numbering = numbering = _Numbering(eq)
-        removed = np.concatenate(eq.constraints.removed_multipliers())
+        removed = np.concatenate(eq.constraints.removed_multipliers)
         held = np.flatnonzero(removed) + numbering.first + eq.owned_sizes[0]
         rigid = numbering.rigid()
         mine = eq.rigid.here(rigid)
         # Diagonal of removed and prescribed unknowns, to be multiplied by a typical stiffness.
         self._held = np.concatenate([np.ones(len(held)), eq.rigid.here(eq.rigid.fixed)])
         self._blocks: list[tuple[int, _Block | RigidTerms | SpreadTerms]] = []
+        self._sliding: list[tuple[int, SlidingTerms]] = []
         rows = [held, mine]
         columns = [held, mine]
         for i, term in enumerate(eq.terms):
             s = term.surface
-            if s.slides:  # see `SlidingTerms`
+            if s.slides:
+                from dolfinx_contact.equations.sliding import SlidingTerms
+
+                self._sliding.append((i, SlidingTerms(eq, i, numbering)))
                 continue
-            stencils = s.constant_operator(_NEEDED_BY).stencils
-            areas = s.points.areas
-            weighted = areas[stencils.points][:, :, None] * stencils.weights
+            operator = s.constant_operator("the Jacobian, whose pattern never changes,")
+            stencils = operator.stencils
+            weighted = operator.areas[stencils.points][:, :, None] * stencils.weights
             coupling = np.einsum("gpk,gpl->gkl", weighted, stencils.multiplier_weights)
             bodies = numbering.places(0, stencils.nodes)
             multipliers = numbering.places(i + 1, stencils.multiplier_nodes)
             blocks: list[_Block | RigidTerms | SpreadTerms] = [
-                _Block(s, eq.unknowns.units[i + 1], bodies, multipliers, coupling)
+                _Block(operator, eq.unknowns.units[i + 1], bodies, multipliers, coupling)
             ]
             if isinstance(term, RigidTerm):
                 places = np.where(eq.rigid.fixed, -1, rigid)[term.motion_slice]
                 at_points = term.motions_at_points()
                 blocks.append(
-                    RigidTerms(s, eq.unknowns.units[i + 1], places, multipliers, at_points)
+                    RigidTerms(operator, eq.unknowns.units[i + 1], places, multipliers, at_points)
                 )
             if s.law.averaging is not None:
                 n = sum(eq.owned_sizes)
-                blocks.append(SpreadTerms(s, eq.unknowns.units[i + 1], bodies, multipliers, n))
+                blocks.append(
+                    SpreadTerms(s, operator, eq.unknowns.units[i + 1], bodies, multipliers, n)
+                )
             for block in blocks:
                 row, column = block.entries()
                 rows.append(row)
                 columns.append(column)
                 self._blocks.append((i, block))
         self._entries = Entries(np.concatenate(rows), np.concatenate(columns))
-        self._sliding = _sliding_terms(eq, numbering)
 
     @property
     def changed(self) -> bool:
@@ -202,7 +205,7 @@ class _Numbering:
         self._ends = ends
         self.first: int = int(offsets[eq.comm.rank])
         n = eq.owned_sizes[0]
-        self._absent = [eq.fixed[:n], *eq.constraints.removed_multipliers()]
+        self._absent = [eq.fixed[:n], *eq.constraints.removed_multipliers]
 
     def rigid(self) -> Indices:
         """Return the places of the unknowns of rigid bodies, which rank 0 owns."""
@@ -216,7 +219,8 @@ class _Numbering:
         """Return places of global dofs, -1 if fixed or removed. Collective."""
         owner = np.searchsorted(self._ends[:, field], dofs, side="right")
         places = dofs - self._starts[owner, field] + self._firsts[owner, field]
-        return np.where(self._is_absent(field, dofs), -1, places)
+        absent = at_global_places(self._eq.comm, self._absent[field].astype(float), dofs) > 0.5
+        return np.where(absent, -1, places)
 
     def column_places(self, columns: Indices, owned: tuple[int, int]) -> Indices:
         """Return places of columns of the stiffness, most of which are owned. Collective.
@@ -234,11 +238,6 @@ class _Numbering:
         index[here] = columns[here] - first
         index[~here] = end - first + inverse
         return np.asarray(places[index])
-
-    def _is_absent(self, field: int, dofs: Indices) -> npt.NDArray[np.bool_]:
-        """Return whether dofs of any rank are fixed or removed. Collective."""
-        mine = self._absent[field].astype(float)
-        return at_global_places(self._eq.comm, mine, dofs) > 0.5
 
 
 class Jacobian:
@@ -301,29 +300,19 @@ class Jacobian:
         self._terms.destroy()
 
 
-def _sliding_terms(eq: ContactEquations, numbering: _Numbering) -> list[tuple[int, SlidingTerms]]:
-    """Return the terms of sliding surfaces, with their numbers. Collective."""
-    numbers = [i for i, s in enumerate(eq.surfaces) if s.slides]
-    if not numbers:
-        return []
-    from dolfinx_contact.equations.sliding import SlidingTerms
-
-    return [(i, SlidingTerms(eq, i, numbering)) for i in numbers]
-
-
 @dataclass(frozen=True)
 class RigidTerms:
     """Entries of one surface touching a rigid body.
 
     Attributes:
-        surface: contact surface.
+        operator: operator B.
         unit: factor from unknowns to multipliers.
         motions: places of the unknowns of the body, -1 if prescribed, shape (k,).
         multipliers: places of the multipliers, -1 if removed, shape (groups, l, dim).
         at_points: Phi, shape (n, dim, k).
     """
 
-    surface: DiscreteSurface
+    operator: ConstantOperator
     unit: float
     motions: Indices
     multipliers: Indices
@@ -340,10 +329,9 @@ class RigidTerms:
 
     def values(self, state: ContactState) -> Array:
         """Return the entries at an evaluation. Collective."""
-        stencils = self.surface.constant_operator("the Jacobian of a rigid body").stencils
-        areas = self.surface.points.areas
+        stencils = self.operator.stencils
         at = stencils.points
-        weighted = areas[at][..., None] * stencils.multiplier_weights
+        weighted = self.operator.areas[at][..., None] * stencils.multiplier_weights
         force = np.einsum("gpl,gpia->glia", weighted, self.at_points[at])
         columns = range(self.at_points.shape[2])
         answers = np.stack([state.along(self.at_points[:, :, a]) for a in columns], axis=2)
@@ -356,6 +344,7 @@ class SpreadTerms:
 
     Args:
         surface: contact surface.
+        operator: operator B.
         unit: factor from unknowns to multipliers.
         bodies: global indices of the displacements, -1 if fixed, shape (groups, k, dim).
         multipliers: global indices of the multipliers, -1 if removed, shape (groups, l, dim).
@@ -365,15 +354,16 @@ class SpreadTerms:
     def __init__(
         self,
         surface: DiscreteSurface,
+        operator: ConstantOperator,
         unit: float,
         bodies: Indices,
         multipliers: Indices,
         unknowns: int,
     ):
-        self._surface = surface
+        self._operator = operator
         self._unit = unit
         comm = surface.comm
-        stencils = surface.constant_operator(_NEEDED_BY_SPREADING).stencils
+        stencils = operator.stencils
         n = surface.points.number
         law = surface.law_at_points
         assert isinstance(law, LawAmongPoints)
@@ -414,8 +404,8 @@ class SpreadTerms:
         """Return the entries at an evaluation; zeros if a local law replaces the law."""
         if state.answers.spreading is None:
             return np.zeros(self._number)
-        stencils = self._surface.constant_operator(_NEEDED_BY_SPREADING).stencils
-        areas = self._surface.points.areas
+        stencils = self._operator.stencils
+        areas = self._operator.areas
         at = stencils.points
         e = stencils.multiplier_weights
         by_jump, by_traction = state.spread_by

@@ -208,7 +208,7 @@ class CondensedBlock:
         ones.set(1.0)
         self._T.multTranspose(ones, answered)
         self._alone = answered.array_r == 0  # multipliers without a dof
-        removed = np.concatenate(operator.equations.constraints.removed_multipliers())
+        removed = np.concatenate(operator.equations.constraints.removed_multipliers)
         fits = bool(((answered.array_r == 1) | (self._alone & removed)).all())
         self.applies = self.applies and not self._comm.allreduce(int(not fits))
         # I - B W: without the rows of dependent dofs, and with their contributions to others.
