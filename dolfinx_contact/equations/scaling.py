@@ -342,8 +342,8 @@ class LooseMotions:
         s = term.surface
         number = len(self.of_body)
         jumps = np.zeros((number + self._bodies.size, s.points.number, s.dim))
-        for i, motion in enumerate(self.of_body):
-            jumps[i] = s.points.operator.apply(motion[: s.owned_nodes])
+        for i in range(number):
+            jumps[i] = s.points.operator.apply(self.of_body[i, : s.owned_nodes])
         if isinstance(term, RigidTerm):
             jumps[number:][term.motion_slice] = -np.moveaxis(term.motions_at_points(), 2, 0)
         return np.delete(jumps, number + np.flatnonzero(self._bodies.fixed), axis=0)
