@@ -38,6 +38,7 @@ __all__ = [
     "automatic_augmentation",
     "require_hoop_stiffness",
     "softness",
+    "uniform_strains",
 ]
 
 Array = npt.NDArray[np.float64]
@@ -114,7 +115,8 @@ class Scaling:
         around = surfaces[0].axisymmetric
         if around:
             require_hoop_stiffness(K)
-        soft = softness(K, self._V, self.part, axisymmetric=around)
+        _, energies = uniform_strains(K, self._V, self.part, axisymmetric=around)
+        soft = np.array([softness(of_part) for of_part in energies])
         self.softness = float(soft.min())
         self.stiffness, self.automatic_r, self.at_vertices = automatic_augmentation(
             K, soft[self.part], self._V, surfaces, self._extents
@@ -232,19 +234,16 @@ def require_hoop_stiffness(K: PETSc.Mat) -> None:
     )
 
 
-def softness(
+def uniform_strains(
     K: PETSc.Mat,
     V: fem.FunctionSpace,
     part: npt.NDArray[np.int32] | None = None,
     *,
     axisymmetric: bool = False,
-) -> Array:
-    """Return the ratio of median to mean eigenvalue of the stiffness to uniform strains.
+) -> tuple[list[Array], Array]:
+    """Return displacement gradients of uniform strains, and their energies. Collective.
 
-    Collective. The energies of displacements E x with a constant symmetric E are those of Voigt's
-    average of the elasticity tensor (Hill, Proc. Phys. Soc. A 65, 1952). Its eigenvalues are 2 mu
-    (five times in 3D) and 3 lambda + 2 mu for an isotropic body. The ratio 4 mu / (4 mu + lambda)
-    is 0.73 for Poisson's ratio 0.3 and 0.008 for 0.499. In a body of revolution the displacements
+    The gradients are constant, symmetric and orthonormal. In a body of revolution the displacements
     are (r, 0), with the same strain around the axis, (0, z) and (0, r).
 
     Args:
@@ -254,7 +253,7 @@ def softness(
         axisymmetric: whether the body is a body of revolution.
 
     Returns:
-        Ratio of every part, shape (parts,).
+        Gradients, shape (dim, dim) each, and energies of pairs of them, shape (parts, k, k).
     """
     comm = V.mesh.comm
     dim = V.mesh.geometry.dim
@@ -283,12 +282,16 @@ def softness(
         forces = f.array_r.reshape(-1, dim)
         columns.append(np.stack([np.einsum("ni,ni->n", b, forces) for b in fields], axis=1))
     u.destroy(), f.destroy()
-    every = sums_of_parts(comm, number, mine, np.stack(columns, axis=2))
-    return np.array([_softness(energies) for energies in every])
+    return gradients, sums_of_parts(comm, number, mine, np.stack(columns, axis=2))
 
 
-def _softness(energies: Array) -> float:
-    """Return the softness of a part from its energies under uniform strains (k, k)."""
+def softness(energies: Array) -> float:
+    """Return the ratio of median to mean eigenvalue of the energies of uniform strains (k, k).
+
+    The energies are those of Voigt's average of the elasticity tensor (Hill, Proc. Phys. Soc. A 65,
+    1952). Its eigenvalues are 2 mu (five times in 3D) and 3 lambda + 2 mu for an isotropic body.
+    The ratio 4 mu / (4 mu + lambda) is 0.73 for Poisson's ratio 0.3 and 0.008 for 0.499.
+    """
     if not np.isfinite(energies).all() or not energies.any():
         return 1.0
     eigenvalues = np.linalg.eigvalsh(0.5 * (energies + energies.T))  # in their order

@@ -37,7 +37,6 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
-from itertools import combinations_with_replacement
 from typing import TypeAlias
 
 from petsc4py import PETSc
@@ -49,6 +48,7 @@ from dolfinx_contact._mpi import maximum
 from dolfinx_contact._petsc import staged
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation, Statuses
+from dolfinx_contact.equations.scaling import uniform_strains
 from dolfinx_contact.equations.touching import bring_together
 from dolfinx_contact.equations.validation import diverged, inverted, validate
 from dolfinx_contact.laws.status import closed
@@ -194,36 +194,16 @@ def solve(
 def _soft_strain(eq: ContactEquations) -> str:
     """Return the message for a linear body without stiffness against a uniform strain; "" if none.
 
-    Collective. The bilinear form of the stiffness is evaluated on all displacements that are linear
-    in the coordinates and symmetric.
+    Collective.
     """
     if not eq.bulk.linear:
         return ""
     K = eq.bulk.stiffness(eq.bulk.displacement.x.array)
-    dim = len(eq.bulk.displacement)
-    x = eq.V.tabulate_dof_coordinates()[: eq.V.dofmap.index_map.size_local, :dim]
-    # symmetric unit strains
-    strains = []
-    for i, j in combinations_with_replacement(range(dim), 2):
-        strain = np.zeros((dim, dim))
-        strain[i, j] = strain[j, i] = 1.0
-        strains.append(strain)
-    # energies of pairs of their displacements
-    fields, products = K.createVecRight(), K.createVecLeft()
-    energies = np.zeros((len(strains), len(strains)))
-    for k, strain in enumerate(strains):
-        fields.array[:] = (x @ strain).ravel()
-        K.mult(fields, products)
-        forces = products.array_r.reshape(-1, dim)
-        energies[:, k] = [np.sum(forces * (x @ other)) for other in strains]
-    fields.destroy()
-    products.destroy()
-    energies = eq.comm.allreduce(energies)
-    # the softest strain
-    values, vectors = np.linalg.eigh((energies + energies.T) / 2)
+    gradients, energies = uniform_strains(K, eq.V, axisymmetric=eq.axisymmetric)
+    values, vectors = np.linalg.eigh((energies[0] + energies[0].T) / 2)
     if abs(values[0]) > _SOFT * np.abs(values).max():
         return ""
-    worst = sum(c * strain for c, strain in zip(vectors[:, 0], strains, strict=True))
+    worst = sum(c * gradient for c, gradient in zip(vectors[:, 0], gradients, strict=True))
     worst = np.round(worst / np.abs(worst).max(), 3) + 0.0
     return (
         f"the body has no stiffness against the uniform strain {worst.tolist()}: its energy must "
