@@ -106,6 +106,10 @@ class Operator(ABC):
         """Return the derivative along v of the forces of fixed tractions, flat."""
 
     @abstractmethod
+    def scalar_matrix(self, comm: MPI.Comm, nodes: int) -> PETSc.Mat:
+        """Return B without components, from the owned nodes to the points."""
+
+    @abstractmethod
     def destroy(self) -> None:
         """Free the matrices."""
 
@@ -135,6 +139,9 @@ class ConstantOperator(Operator):
 
     def transpose_rate(self, tractions: Array, v: Array) -> Array:
         return np.zeros(v.size)
+
+    def scalar_matrix(self, comm: MPI.Comm, nodes: int) -> PETSc.Mat:
+        return self.stencils.scalar_matrix(comm, nodes)
 
     def destroy(self) -> None:
         self.B.destroy()

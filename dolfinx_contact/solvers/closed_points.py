@@ -16,7 +16,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
@@ -24,11 +23,11 @@ import numpy.typing as npt
 
 from dolfinx import la
 
+from dolfinx_contact._geometry import ratio
 from dolfinx_contact._petsc import Entries, matrix_of
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation
 from dolfinx_contact.laws.status import closed
-from dolfinx_contact.points.operators import ConstantOperator, Operator
 from dolfinx_contact.points.trace import at_global_places, facet_closures
 
 __all__ = ["ClosedPoints"]
@@ -115,14 +114,10 @@ class ClosedPoints:
         for i, points in zip(pairs, self.joined, strict=True):
             s = equations.surfaces[i]
             whole = s.points.from_vertices(s.points.geometry.vertex_areas)
-            if s.slides:
-                sliding = state.surfaces[i].kinematics.operator
-                share = points * sliding.areas / whole
-                found.append(_of_sliding(equations.comm, sliding, share, compliance))
-                continue
-            constant = s.constant_operator("multigrid of bodies that touch")
-            share = points * constant.areas / whole
-            found.append(_of_stencils(equations.comm, constant, share, compliance))
+            operator = state.surfaces[i].kinematics.operator
+            B = operator.scalar_matrix(equations.comm, len(compliance))
+            found.append(_springs(B, points * operator.areas / whole, compliance))
+            B.destroy()
         rows, columns, values = (np.concatenate(part) for part in zip(*found, strict=True))
         along = np.arange(dim)
         entries = Entries(*((dim * at[:, None] + along).reshape(-1) for at in (rows, columns)))
@@ -131,53 +126,24 @@ class ClosedPoints:
         return A
 
 
-def _of_stencils(
-    comm: MPI.Comm, operator: ConstantOperator, share: Array, compliance: Array
-) -> tuple[Nodes, Nodes, Array]:
-    """Return nodes (rows, columns) and stiffness of the springs of a constant B. Collective.
+def _springs(B: PETSc.Mat, share: Array, compliance: Array) -> tuple[Nodes, Nodes, Array]:
+    """Return nodes (rows, columns) and stiffness of the springs of joined points. Collective.
 
     Args:
-        comm: communicator.
-        operator: operator B.
+        B: operator B without components; its rows are scaled.
         share: share of the area of a node of each joined point, shape (n,).
         compliance: compliance of the owned nodes.
     """
-    stencils = operator.stencils
-    b = stencils.weights
-    nodes = stencils.nodes
-    soft = at_global_places(comm, compliance, nodes)
-    kappa = share[stencils.points] / np.einsum("gpk,gk->gp", b**2, soft)
-    values = np.einsum("gp,gpk,gpl->gkl", kappa, b, b, optimize=True)
-    rows = np.broadcast_to(nodes[:, :, None], values.shape)
-    columns = np.broadcast_to(nodes[:, None], values.shape)
-    return rows.reshape(-1), columns.reshape(-1), values.reshape(-1)
-
-
-def _of_sliding(
-    comm: MPI.Comm, operator: Operator, share: Array, compliance: Array
-) -> tuple[Nodes, Nodes, Array]:
-    """Return the springs as `_of_stencils` does, for sliding faces. Collective."""
-    from dolfinx_contact.points.sliding.operator import SlidingOperator
-
-    assert isinstance(operator, SlidingOperator)
-    vertices, nodes, values = operator.entries()
-    rows = np.broadcast_to(vertices[:, :, None], values.shape).reshape(-1)
-    columns = np.broadcast_to(nodes[:, None], values.shape).reshape(-1)
-    entries = Entries(rows, columns)
-    B = matrix_of(comm, (len(share), len(compliance)), entries)
-    entries.add(values.reshape(-1), B)
-    indptr, known, b = B.getValuesCSR()
+    indptr, nodes, b = B.getValuesCSR()
     point = np.repeat(np.arange(len(share)), np.diff(indptr))
-    soft = at_global_places(comm, compliance, known.astype(np.int64))
+    soft = at_global_places(B.comm.tompi4py(), compliance, nodes.astype(np.int64))
     total = np.bincount(point, b**2 * soft, len(share))
-    kappa = np.divide(share, total, out=np.zeros_like(share), where=total > 0)
     scale = B.createVecLeft()
-    scale.array[:] = np.sqrt(kappa)
+    scale.array[:] = np.sqrt(ratio(share, total))
     B.diagonalScale(L=scale)
     joined = B.transposeMatMult(B)
-    indptr, known, values = joined.getValuesCSR()
+    indptr, nodes, values = joined.getValuesCSR()
     first, last = joined.getOwnershipRange()
-    row = np.repeat(np.arange(first, last, dtype=np.int64), np.diff(indptr))
-    for thing in (B, scale, joined):
-        thing.destroy()
-    return row, known.astype(np.int64), values
+    rows = np.repeat(np.arange(first, last, dtype=np.int64), np.diff(indptr))
+    scale.destroy(), joined.destroy()
+    return rows, nodes.astype(np.int64), values

@@ -6,10 +6,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
+from mpi4py import MPI
+from petsc4py import PETSc
+
 import numpy as np
 
-from dolfinx_contact._arrays import Array, Ints, Mask
+from dolfinx_contact._arrays import Array, Mask
 from dolfinx_contact._geometry import ratio
+from dolfinx_contact._petsc import Entries, matrix_of
 from dolfinx_contact.points.operators import Operator
 from dolfinx_contact.points.sliding.faces import SlidingFaces
 from dolfinx_contact.points.sliding.facing import Facing
@@ -91,20 +95,21 @@ class SlidingOperator(Operator):
         parts = np.einsum("pqa,pqd->pad", facing.weighted, jump)
         return self._means(parts)[: self.number]
 
-    def entries(self) -> tuple[Ints, Ints, Array]:
-        """Return entries of B without components: vertices, nodes, values, to be added up.
-
-        Vertices (p, a) and nodes (p, c) are global; values have the shape (p, a, c).
-        """
+    def scalar_matrix(self, comm: MPI.Comm, nodes: int) -> PETSc.Mat:
         facing = self.facing
         faces = self.faces
         both = np.concatenate([facing.basis, -facing.rays.weights], axis=2)
         values = facing.nodal.inverse[faces.corners[facing.facet]][:, :, None] * (
             facing.weighted.transpose(0, 2, 1) @ both
         )
-        mine = faces.slave_nodes[facing.facet]
-        nodes = np.concatenate([mine, facing.master_nodes], axis=1)
-        return faces.slave_vertices[facing.facet], nodes, values
+        vertices = faces.slave_vertices[facing.facet][:, :, None]
+        bodies = np.concatenate([faces.slave_nodes[facing.facet], facing.master_nodes], axis=1)
+        rows = np.broadcast_to(vertices, values.shape).reshape(-1)
+        columns = np.broadcast_to(bodies[:, None], values.shape).reshape(-1)
+        entries = Entries(rows, columns)
+        B = matrix_of(comm, (self.number, nodes), entries)
+        entries.add(values.reshape(-1), B)
+        return B
 
     def rate(self, v: Array) -> Array:
         """Return the derivative of the jumps without the turning normals, shape (n, dim)."""
