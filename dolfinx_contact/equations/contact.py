@@ -163,27 +163,6 @@ class ContactEquations:
             states = [term.evaluate(u, q, owned, codes) for term, owned, codes in parts]
         return Evaluation(x.array_r.copy(), u, q, states)
 
-    def with_statuses(self, x: PETSc.Vec, at: Evaluation, statuses: Statuses | None) -> Evaluation:
-        """Return an evaluation at ``x`` with other statuses; the same as `contact`, but cheaper.
-
-        Laws are evaluated for every status at once. They are evaluated again only if they are
-        nonlocal or some points have no opposing point.
-
-        Args:
-            x: unknowns.
-            at: evaluation at these unknowns.
-            statuses: statuses for the laws; None: those determined by the unknowns.
-        """
-        if any(
-            s.answers.spreading is not None or s.kinematics.operator.absent is not None
-            for s in at.surfaces
-        ):
-            return self.contact(x, statuses)
-        codes = [s.answers.required for s in at.surfaces] if statuses is None else statuses
-        pairs = zip(at.surfaces, codes, strict=True)
-        surfaces = [replace(s, statuses=held) for s, held in pairs]
-        return Evaluation(at.unknowns, at.u, at.q, surfaces)
-
     def residual(self, x: PETSc.Vec, b: PETSc.Vec, statuses: Statuses | None = None) -> Evaluation:
         """Write H(x) into ``b`` and return the evaluation; see `evaluate`."""
         state = self.evaluate(x, statuses)

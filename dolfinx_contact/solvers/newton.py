@@ -267,13 +267,9 @@ class Newton:
     def _jacobian(self, _snes: PETSc.SNES, x: PETSc.Vec, _A: PETSc.Mat, _P: PETSc.Mat) -> None:
         run = self._run
         guess, run.guess = run.guess, None
-        if not self._is_known(x):
+        state = self._memo
+        if state is None or guess is not None or not self._is_known(x):
             state = self.equations.contact(x, run.held if guess is None else guess)
-        else:
-            assert self._memo is not None
-            state = self._memo
-            if guess is not None:
-                state = self.equations.with_statuses(x, state, guess)
         before = self.linear.matrix
         self.linear.update(state)
         matrix = self.linear.matrix
