@@ -27,6 +27,7 @@ from dolfinx_contact._ufl import derivative, not_affine
 from dolfinx_contact.equations.evaluation import ContactState
 from dolfinx_contact.equations.rigid_bodies import RigidBodies
 from dolfinx_contact.points.evaluation import Given
+from dolfinx_contact.points.rigid_body import number
 from dolfinx_contact.points.surface import DiscreteSurface
 
 __all__ = ["Driven", "Rate", "RigidRates", "SurfaceRates", "depends_on", "dirichlet_rates"]
@@ -192,7 +193,9 @@ class RigidRates:
 
     def __call__(self) -> tuple[Array, Array]:
         """Return the derivatives of loads and of prescribed motions."""
-        return self._bodies.rates(self._rates)
+        values = np.array([number(e) for e in self._rates])
+        fixed, units = self._bodies.fixed, self._bodies.units
+        return np.where(fixed, 0.0, values / units), np.where(fixed, values * units, 0.0)
 
 
 def dirichlet_rates(constraints: Any, driven: Sequence[Driven]) -> Array:

@@ -25,7 +25,7 @@ from dolfinx import fem
 
 from dolfinx_contact._mpi import require
 from dolfinx_contact.equations.evaluation import Evaluation, Rows, SurfaceTerm
-from dolfinx_contact.points.rigid_body import RigidBody, number
+from dolfinx_contact.points.rigid_body import RigidBody
 from dolfinx_contact.points.surface import DiscreteSurface
 
 __all__ = ["RigidBodies", "RigidTerm"]
@@ -187,12 +187,6 @@ class RigidBodies:
         """Read the present loads and motions of the user."""
         self.numbers = np.concatenate([np.zeros(0), *(b.numbers() for b in self.bodies)])
         self.loads = np.where(self.fixed, 0.0, self.numbers / self.units)
-
-    def rates(self, expressions: Sequence[object]) -> tuple[Array, Array]:
-        """Return the rates of loads and of prescribed unknowns from those of all expressions."""
-        values = np.array([number(e) for e in expressions])
-        loads = np.where(self.fixed, 0.0, values / self.units)
-        return loads, np.where(self.fixed, values * self.units, 0.0)
 
     def names(self, motions: Array) -> str:
         """Return the names of the components that take part in motions (k, size)."""
