@@ -137,7 +137,7 @@ def _springs(B: PETSc.Mat, share: Array, compliance: Array) -> tuple[Nodes, Node
     indptr, nodes, b = B.getValuesCSR()
     point = np.repeat(np.arange(len(share)), np.diff(indptr))
     soft = at_global_places(B.comm.tompi4py(), compliance, nodes.astype(np.int64))
-    total = np.bincount(point, b**2 * soft, len(share))
+    total = np.bincount(point, b**2 * soft, len(share)).astype(np.float64)
     scale = B.createVecLeft()
     scale.array[:] = np.sqrt(ratio(share, total))
     B.diagonalScale(L=scale)
