@@ -31,7 +31,6 @@ from dolfinx_contact.points.surface import DiscreteSurface
 __all__ = ["RigidBodies", "RigidTerm"]
 
 Array = npt.NDArray[np.float64]
-_ASIDE = 1e-6  # cosine of motion and normal below which a body slides past a point
 T = TypeVar("T", bound=np.generic)
 
 
@@ -131,55 +130,6 @@ class RigidBodies:
                     b.kinematics.spin(self.of_body(q, b)).T @ pushes[part][b.dim :]
                 )
         return found
-
-    def nearest(self, gaps: Sequence[Array]) -> list[float]:
-        """Return for each surface the smallest gap to its rigid body. Collective.
-
-        It is minus infinity without a rigid body or if the motion is prescribed.
-        """
-
-        def smallest(body: RigidBody | None) -> float:
-            if body is None or body.fixed.all():
-                return -np.inf
-            pairs = zip(self.surfaces, gaps, strict=True)
-            mine = [float(np.min(gap, initial=np.inf)) for s, gap in pairs if s.rigid_body is body]
-            return float(self.comm.allreduce(min(mine), op=min))
-
-        return [smallest(s.rigid_body) for s in self.surfaces]
-
-    def directions(self) -> Array:
-        """Return unit translations along the loads on free components, 0 without loads."""
-        loads = self.loads
-        found = np.zeros(self.size)
-        for b, part in zip(self.bodies, self.slices, strict=True):
-            along = loads[part][: b.dim]
-            size = float(np.linalg.norm(along))
-            if size > 0:
-                found[part][: b.dim] = along / size
-        return found
-
-    def free_distances(self, gaps: Sequence[Array], rates: Sequence[Array]) -> Array:
-        """Return for each unknown the distance to contact: 0 in contact or without an obstacle.
-
-        Collective.
-
-        Args:
-            gaps: gaps at the points of every surface.
-            rates: rates at which a unit motion closes the gaps.
-        """
-        distances = np.zeros(self.size)
-        for b, part in zip(self.bodies, self.slices, strict=True):
-            nearest = np.inf
-            least = np.inf
-            for s, gap, rate in zip(self.surfaces, gaps, rates, strict=True):
-                if s.rigid_body is b:
-                    nearest = min(nearest, float(np.min(gap, initial=np.inf)))
-                    ahead = rate > _ASIDE
-                    least = min(least, float(np.min(gap[ahead] / rate[ahead], initial=np.inf)))
-            nearest, least = (self.comm.allreduce(v, op=min) for v in (nearest, least))
-            if nearest > 0 and np.isfinite(least):
-                distances[part] = least
-        return distances
 
     # -- data ------------------------------------------------------------------------------------
 

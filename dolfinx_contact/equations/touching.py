@@ -27,6 +27,7 @@ Array = npt.NDArray[np.float64]
 _TOUCHES = 1e-9  # gap, relative to the size of the body, that counts as zero
 _ROUND_OFF = 1e-14  # penetration, relative to the size of the body, that counts as zero
 _BESIDE = 1e-3  # penetration, relative to the expected approach, that is insignificant
+_ASIDE = 1e-6  # cosine of motion and normal below which a body slides past a point
 #: Bands of gaps, relative to the size of the body, in which points may hold a rigid body.
 _BANDS = (_TOUCHES, *0.5 ** np.arange(20, -1, -1))
 
@@ -73,8 +74,7 @@ def touching(eq: ContactEquations, load: float, state: Evaluation) -> Statuses:
     found = _within(eq, gaps, reaches)
     if not eq.scaling.loose.not_held(found):
         return found
-    of_rigid, of_touched = eq.rigid.nearest(gaps), _touched(eq, gaps, state)
-    nearest = [max(*near) for near in zip(of_rigid, of_touched, strict=True)]
+    nearest = _nearest(eq, gaps, state)
     for band in _BANDS if max(nearest) > -np.inf else ():
         limits = zip(reaches, nearest, strict=True)
         found = _within(eq, gaps, [max(r, g + band * eq.body_size) for r, g in limits])
@@ -83,10 +83,11 @@ def touching(eq: ContactEquations, load: float, state: Evaluation) -> Statuses:
     return found
 
 
-def _touched(eq: ContactEquations, gaps: Sequence[Array], state: Evaluation) -> list[float]:
-    """Return the smallest gap of each surface with a touching vertex, else -inf. Collective.
+def _nearest(eq: ContactEquations, gaps: Sequence[Array], state: Evaluation) -> list[float]:
+    """Return for each surface the smallest gap of points that may hold a loose body. Collective.
 
-    Vertices may touch although no Gauss point between them does.
+    It is the gap to a rigid body that is free to move, or that of the surface if a vertex touches,
+    and minus infinity otherwise. Vertices may touch although no Gauss point between them does.
     """
     least = []
     for term, gap in zip(eq.terms, gaps, strict=True):
@@ -96,9 +97,14 @@ def _touched(eq: ContactEquations, gaps: Sequence[Array], state: Evaluation) -> 
             jump = (nodes - s.opposite(nodes))[s.points.vertex_trace_dofs]
             at_vertices = s.at_vertices(jump)[0]
         least += [np.min(g, initial=np.inf) for g in (at_vertices, gap)]
-    found = (-largest(eq.comm, -np.array(least))).reshape(-1, 2)
-    nothing = _TOUCHES * eq.body_size
-    return [float(near) if first <= nothing else -np.inf for first, near in found]
+    at_vertices, at_points = (-largest(eq.comm, -np.array(least))).reshape(-1, 2).T
+    found = np.where(at_vertices <= _TOUCHES * eq.body_size, at_points, -np.inf)
+    for body in eq.rigid.bodies:
+        if not body.fixed.all():
+            touching_body = [s.rigid_body is body for s in eq.surfaces]
+            least_gap = at_points[touching_body].min()
+            found[touching_body] = np.maximum(found[touching_body], least_gap)
+    return [float(near) for near in found]
 
 
 def _reaches(eq: ContactEquations, load: float, state: Evaluation) -> list[float]:
@@ -143,8 +149,23 @@ def bring_together(eq: ContactEquations, x: PETSc.Vec) -> None:
     if not eq.rigid.size:
         return
     state = eq.contact(x)
-    along = eq.rigid.directions()
-    gaps = [term.gaps(state) for term in eq.terms]
-    closing = [_closing(eq, term, state, along) for term in eq.terms]
-    moved = state.q + eq.rigid.free_distances(gaps, closing) * along
+    moved = state.q.copy()
+    for body, part in zip(eq.rigid.bodies, eq.rigid.slices, strict=True):
+        load = eq.rigid.loads[part][: body.dim]
+        size = float(np.linalg.norm(load))
+        if size == 0:
+            continue
+        along = np.zeros(eq.rigid.size)
+        along[part][: body.dim] = load / size
+        nearest = ahead = np.inf
+        for term in eq.terms:
+            if term.surface.rigid_body is body:
+                gap, closing = term.gaps(state), _closing(eq, term, state, along)
+                facing = closing > _ASIDE
+                nearest = min(nearest, float(np.min(gap, initial=np.inf)))
+                distances = gap[facing] / closing[facing]
+                ahead = min(ahead, float(np.min(distances, initial=np.inf)))
+        nearest, ahead = (eq.comm.allreduce(v, op=min) for v in (nearest, ahead))
+        if nearest > 0 and np.isfinite(ahead):
+            moved += ahead * along
     x.array[x.getLocalSize() - eq.rigid.owned :] = eq.rigid.here(moved)
