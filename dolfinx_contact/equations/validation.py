@@ -156,9 +156,10 @@ def _check_integrals(bulk: ufl.Form) -> None:
         degree = integral.metadata().get("quadrature_degree", -1)
         if degree != -1:  # estimated
             count(degree, "a quadrature degree", 0)
+        if integral.integral_type() != "interior_facet":
+            continue
         nodes = unique_pre_traversal(integral.integrand())
-        restricted = any(isinstance(node, ufl.classes.Restricted) for node in nodes)
-        if integral.integral_type() == "interior_facet" and not restricted:
+        if not any(isinstance(node, ufl.classes.Restricted) for node in nodes):
             raise ValueError(
                 "ufl.dS is over the facets between cells, where an integrand needs a side, as in "
                 "ufl.jump(u) or u('+'); ufl.dx is over cells, and ufl.ds over the boundary"
