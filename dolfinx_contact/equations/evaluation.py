@@ -260,7 +260,7 @@ class SurfaceTerm:
             displacement=at.u.reshape(-1, s.dim)[: s.owned_nodes] if s.slides else None,
         )
 
-    # -- motion relative to a rigid body ---------------------------------------------------------
+    # -- motion relative to the obstacle, overridden by `RigidTerm` ----------------------------
 
     def motion(self, q: Array) -> Array | None:
         """Return the motion of the rigid body of the surface; None without one."""
@@ -273,8 +273,7 @@ class SurfaceTerm:
             u: displacement at the first local dofs, shape (dim n,).
             q: unknowns of the rigid bodies.
         """
-        s = self.surface
-        return s.partner.relative(u.reshape(-1, s.dim), self.motion(q))
+        return u.reshape(-1, self.surface.dim)
 
     def relative_rate(self, u: Array, q: Array, du: Array, dq: Array) -> Array:
         """Return the derivative of `relative` at the owned nodes, shape (n, dim). Not collective.
@@ -285,9 +284,7 @@ class SurfaceTerm:
             du: increment of ``u``.
             dq: increment of ``q``.
         """
-        s = self.surface
-        at, step = (v.reshape(-1, s.dim)[: s.owned_nodes] for v in (u, du))
-        return s.partner.relative_rate(at, self.motion(q), step, self.motion(dq))
+        return du.reshape(-1, self.surface.dim)[: self.surface.owned_nodes]
 
     # -- rows ------------------------------------------------------------------------------------
 

@@ -175,6 +175,14 @@ class RigidTerm(SurfaceTerm):
     def motion(self, q: Array) -> Array:
         return self.bodies.of_body(q, self.body)
 
+    def relative(self, u: Array, q: Array) -> Array:
+        return self.surface.partner.relative(super().relative(u, q), self.motion(q))
+
+    def relative_rate(self, u: Array, q: Array, du: Array, dq: Array) -> Array:
+        s = self.surface
+        at, step = (v.reshape(-1, s.dim)[: s.owned_nodes] for v in (u, du))
+        return s.partner.relative_rate(at, self.motion(q), step, self.motion(dq))
+
     def motions_at_points(self) -> Array:
         """Return Phi, motions of the points by unknown of the body, shape (n, dim, k)."""
         s = self.surface

@@ -147,9 +147,7 @@ class Partner:
             rigid.seen(x + u, motion) - x if self.turns else u - rigid.field(x, motion)
         )
 
-    def relative_rate(
-        self, u: Array, motion: Array | None, du: Array, change: Array | None
-    ) -> Array:
+    def relative_rate(self, u: Array, motion: Array, du: Array, change: Array) -> Array:
         """Return the derivative of `relative`, rotated with the body.
 
         Args:
@@ -160,8 +158,6 @@ class Partner:
         """
         if self.body is None or not self.turns:
             return self.relative(du, change)
-        assert motion is not None
-        assert change is not None
         x = self.x[: len(u)] + u
         return np.asarray(du - self.body.kinematics.velocity(x, motion, change))
 
