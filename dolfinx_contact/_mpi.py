@@ -48,6 +48,7 @@ __all__ = [
     "on_root",
     "require",
     "same_everywhere",
+    "sorted_rows",
     "total",
 ]
 
@@ -380,6 +381,11 @@ def largest(comm: MPI.Comm, values: npt.ArrayLike) -> Array:
     maxima = np.empty_like(local)
     comm.Allreduce(local, maxima, op=_LARGEST)
     return maxima.reshape(np.shape(values))
+
+
+def sorted_rows(comm: MPI.Comm, rows: npt.NDArray[np.float64]) -> list[list[float]]:
+    """Return the rows (n, k) of all ranks in lexicographic order. Collective."""
+    return sorted(row for part in comm.allgather(rows.tolist()) for row in part)
 
 
 def maximum(comm: MPI.Comm, values: npt.ArrayLike, initial: float = 0.0) -> float:

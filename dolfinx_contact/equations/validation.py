@@ -27,7 +27,7 @@ from ufl.algorithms.analysis import extract_constants
 from ufl.corealg.traversal import unique_pre_traversal
 
 from dolfinx_contact._compat import dirichlet_value
-from dolfinx_contact._mpi import anywhere, largest, require, same_everywhere
+from dolfinx_contact._mpi import anywhere, largest, require, same_everywhere, sorted_rows
 from dolfinx_contact._ufl import refuse_other_condition, refuse_other_mesh
 from dolfinx_contact._validate import count
 from dolfinx_contact._validate import listed as as_list
@@ -497,9 +497,8 @@ def without_normal(eq: ContactEquations, state: Evaluation) -> str:
         # If the normal is finite, the undefined quantity is the slip in the step.
         turned = lost & np.isfinite(data.n).all(axis=1) & ~np.isfinite(fall)
         for which, why in ((lost & ~turned, _NO_NORMAL), (turned, _TURNED)):
-            mine = sorted(np.round((s.positions + place)[which] / eq.body_size, 9).tolist())
-            places = sorted(p for part in eq.comm.allgather(mine) for p in part)
-            if places:
+            relative = np.round((s.positions + place)[which] / eq.body_size, 9)
+            if places := sorted_rows(eq.comm, relative):
                 where = ", ".join(f"{c * eq.body_size:.6g}" for c in places[0])
                 return f"{s.name}: {why.format(where)}"
     return ""

@@ -141,7 +141,7 @@ class ConstantOperator(Operator):
         return np.zeros(v.size)
 
     def scalar_matrix(self, comm: MPI.Comm, nodes: int) -> PETSc.Mat:
-        return self.stencils.scalar_matrix(comm, nodes)
+        return self.stencils.jump_matrix(comm, nodes, 1)
 
     def destroy(self) -> None:
         self.B.destroy()
@@ -186,13 +186,9 @@ class Stencils:
         Args:
             comm: communicator.
             nodes: number of displacement nodes owned by this rank.
-            dim: dimension, 2 or 3.
+            dim: number of components; 1 for the matrix b of weights.
         """
         return weights_matrix(comm, self.points, self.nodes, self.weights, nodes, dim)
-
-    def scalar_matrix(self, comm: MPI.Comm, nodes: int) -> PETSc.Mat:
-        """Return b, from a scalar at nodes to one at points. Collective."""
-        return weights_matrix(comm, self.points, self.nodes, self.weights, nodes, 1)
 
     def traction_matrix(self, comm: MPI.Comm, nodes: int, dim: int) -> PETSc.Mat:
         """Return E, from multipliers to points. Collective."""

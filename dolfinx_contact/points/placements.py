@@ -72,7 +72,7 @@ class NodePoints(ContactPoints):
     def _give(self, given: Mask, idle: Mask) -> Mask:
         D, self.areas, given = shared(self.vertices, given, idle, self.areas)
         self.geometry.vertex_areas = self.exchange.from_owners(self.areas)
-        plain = self._weights.scalar_matrix(self.comm, self._owned_nodes)
+        plain = self._weights.jump_matrix(self.comm, self._owned_nodes, 1)
         means = self._each_alone(*rows_of(D.matMult(plain), np.ones(self.number)))
         plain.destroy()
         self._connect(means)
@@ -130,7 +130,7 @@ class AveragedPoints(NodePoints):
         return np.unique(self._gauss.cells)
 
     def _jumps(self, opposite: Opposite | None) -> Stencils:
-        at_gauss = self._at_gauss.scalar_matrix(self.comm, self._owned_nodes)
+        at_gauss = self._at_gauss.jump_matrix(self.comm, self._owned_nodes, 1)
         rows = rows_of(self._means.matMult(at_gauss), np.ones(self.number))
         at_gauss.destroy()
         return self._each_alone(*rows)

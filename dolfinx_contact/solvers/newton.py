@@ -23,7 +23,7 @@ from petsc4py import PETSc
 import numpy as np
 
 from dolfinx_contact._inexact import ROUNDS, settle
-from dolfinx_contact._mpi import anywhere, everywhere
+from dolfinx_contact._mpi import anywhere, everywhere, sorted_rows
 from dolfinx_contact._petsc import as_raised, logged, options_in_database
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation, Statuses, differs
@@ -465,8 +465,7 @@ def _restless(
     """Return coordinates of points whose statuses differ, at most five per surface. Collective."""
     places = {}
     for s, changed in zip(equations.surfaces, differs(before, after), strict=True):
-        mine = s.positions[changed].tolist()
-        everyone = sorted(x for xs in equations.comm.allgather(mine) for x in xs)
+        everyone = sorted_rows(equations.comm, s.positions[changed])
         if everyone:
             places[s.name] = everyone[:5]
     return places

@@ -44,7 +44,7 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact._mpi import maximum
+from dolfinx_contact._mpi import maximum, sorted_rows
 from dolfinx_contact._petsc import staged
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation, Statuses
@@ -219,15 +219,16 @@ def _negative_bounds(eq: ContactEquations, x: PETSc.Vec) -> Iterator[str]:
     for s, found in zip(eq.surfaces, eq.contact(x).surfaces, strict=True):
         size = maximum(eq.comm, np.linalg.norm(found.traction, axis=1))
         negative = closed(found.statuses) & (found.answers.bound < -_NEGATIVE * size)
-        mine = s.positions[negative].tolist()
-        places = sorted(place for part in eq.comm.allgather(mine) for place in part)
-        if places:
-            shown = "; ".join("(" + ", ".join(f"{c:.6g}" for c in x) + ")" for x in places[:_SHOWN])
+        if places := sorted_rows(eq.comm, s.positions[negative]):
             yield (
                 f"the friction bound of the law {s.law.name} of {s.name} is negative at "
-                f"{len(places)} points of an iterate, among them {shown}: let it end at 0, "
-                "as in ufl.max_value(..., 0.0)"
+                f"{len(places)} points of an iterate, among them {_listed(places[:_SHOWN])}: "
+                "let it end at 0, as in ufl.max_value(..., 0.0)"
             )
+
+
+def _listed(places: Sequence[Sequence[float]]) -> str:
+    return "; ".join("(" + ", ".join(f"{c:.6g}" for c in x) + ")" for x in places)
 
 
 def _diagnosis(eq: ContactEquations, attempts: list[Attempt], found: Sequence[str]) -> str:
@@ -265,8 +266,9 @@ def _diagnosis(eq: ContactEquations, attempts: list[Attempt], found: Sequence[st
         worst = f", residual {a.steps[-1].measures.worst:.2g}" if a.steps else ""
         lines.append(f"- {a.strategy}: {a.reason} ({a.iterations} iterations{worst})")
         for name, places in a.restless.items():
-            shown = "; ".join("(" + ", ".join(f"{c:.6g}" for c in x) + ")" for x in places)
-            lines.append(f"  points of {name} that keep changing status, among them {shown}")
+            lines.append(
+                f"  points of {name} that keep changing status, among them {_listed(places)}"
+            )
     lines.append("The displacement and the multipliers are as they were before the solve.")
     return "\n".join(lines)
 
