@@ -20,7 +20,7 @@ import numpy.typing as npt
 from dolfinx import fem, la
 
 from dolfinx_contact._geometry import node_positions
-from dolfinx_contact._mpi import SharedValues, largest, require, total
+from dolfinx_contact._mpi import SharedValues, count_of, largest, maximum, require, total
 from dolfinx_contact.equations.rigid_bodies import RigidBodies
 from dolfinx_contact.laws.status import STICK
 from dolfinx_contact.points.shared_functions import crossings, resting
@@ -100,7 +100,7 @@ class Constraints:
             removed = removed | s.points.mirrored
             clamped = np.asarray(removed.all(axis=1))
             owned = s.points.Q.dofmap.index_map.size_local
-            left = s.comm.allreduce(int((~clamped[:owned]).sum()))
+            left = count_of(s.comm, ~clamped[:owned])
             require(s.comm, left > 0, _why_none_is_left(s))
             if s.degrees[0] > s.degrees[1]:
                 _require_free_nodes(s, held, left)
@@ -135,7 +135,7 @@ class Constraints:
         motion = np.where(self.fixed, self.values(fill=0.0) - u.reshape(-1, s.dim), 0.0)
         along = motion @ normal
         along = np.abs(along) if s.between_bodies else along
-        return 0.5 * float(s.comm.allreduce(float(along.max(initial=0.0)), op=max))
+        return 0.5 * maximum(s.comm, along)
 
     # -- values ----------------------------------------------------------------------------------
 
@@ -274,7 +274,7 @@ def _require_free_nodes(s: DiscreteSurface, held: Mask, multipliers: int) -> Non
     on_face.array[np.unique(facet_closures(V, s.submesh.parent_facets))] = 1.0
     on_face.scatter_reverse(la.InsertMode.add)
     n = V.dofmap.index_map.size_local
-    free = s.comm.allreduce(int(((on_face.array[:n] > 0) & ~held[:n].all(axis=1)).sum()))
+    free = count_of(s.comm, (on_face.array[:n] > 0) & ~held[:n].all(axis=1))
     require(
         s.comm,
         multipliers <= free,
@@ -335,8 +335,8 @@ def check_overlap(surfaces: Sequence[DiscreteSurface]) -> None:
 def _warn_of_common_nodes(surfaces: Sequence[DiscreteSurface], crossed: Mask) -> None:
     """Warn of nodes that two surfaces share, except where pairs cross. Collective."""
     for a, b in combinations(surfaces, 2):
-        nodes = int((~crossed[np.intersect1d(_nodes(a), _nodes(b))]).sum())
-        if a.comm.allreduce(nodes, op=max) > 0 and a.comm.rank == 0:
+        shared = ~crossed[np.intersect1d(_nodes(a), _nodes(b))]
+        if count_of(a.comm, shared) > 0 and a.comm.rank == 0:
             logger.warning(
                 "surfaces %s and %s share nodes: where both hold one, their reactions cannot be "
                 "distinguished and the solve may fail; leave a facet out between them",
@@ -409,7 +409,7 @@ class Prescribed:
         bs = V.dofmap.index_map_bs
         for i in range(bs):
             fixed = self._constraints.fixed[:, i]
-            if not V.mesh.comm.allreduce(int(fixed.any())):
+            if not count_of(V.mesh.comm, fixed):
                 continue
             W, parents = V.sub(i).collapse()
             # Since DOLFINx 0.11 a list with one array for each kind of cell.

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact._mpi import largest
+from dolfinx_contact._mpi import largest, maximum
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import ContactState, Evaluation
 from dolfinx_contact.laws.status import STICK, closed, senses
@@ -207,7 +207,7 @@ def _of_surface(
         unit, size, traction, width = _largest(
             (points.r * area,), (rows,), (found.traction,), (area,)
         )
-        return size / s.comm.allreduce(unit, op=max), size, traction * width, moved
+        return size / maximum(s.comm, unit), size, traction * width, moved
     area = points.areas
     n = found.data.n
     rows = rows.reshape(-1, s.dim)

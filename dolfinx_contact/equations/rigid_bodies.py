@@ -23,7 +23,7 @@ import numpy.typing as npt
 
 from dolfinx import fem
 
-from dolfinx_contact._mpi import require
+from dolfinx_contact._mpi import maximum, require
 from dolfinx_contact.equations.evaluation import Evaluation, Rows, SurfaceTerm
 from dolfinx_contact.points.rigid_body import RigidBody
 from dolfinx_contact.points.surface import DiscreteSurface
@@ -79,12 +79,8 @@ class RigidBodies:
 
     def _reach(self, body: RigidBody) -> float:
         """Return the largest distance of a contact point from the reference point. Collective."""
-        mine = [
-            float(np.max(np.linalg.norm(s.positions - body.about, axis=1), initial=0.0))
-            for s in self.surfaces
-            if s.rigid_body is body
-        ]
-        return float(self.comm.allreduce(max(mine, default=0.0), op=max))
+        touching = [s.positions for s in self.surfaces if s.rigid_body is body]
+        return maximum(self.comm, np.linalg.norm(np.concatenate(touching) - body.about, axis=1))
 
     def slice_of(self, body: RigidBody) -> slice:
         """Return the places of the unknowns of a body."""

@@ -14,7 +14,7 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact._mpi import anywhere, largest
+from dolfinx_contact._mpi import anywhere, largest, maximum
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation, Statuses, SurfaceTerm
 from dolfinx_contact.equations.rigid_bodies import RigidTerm
@@ -130,8 +130,7 @@ def _rigid_reach(eq: ContactEquations, term: SurfaceTerm, state: Evaluation) -> 
     if not isinstance(term, RigidTerm):
         return 0.0
     step = np.where(eq.rigid.fixed, eq.prescribed.motions() - state.q, 0.0)
-    nearer = float(np.max(_closing(eq, term, state, step), initial=0.0))
-    return 0.5 * float(eq.comm.allreduce(nearer, op=max))
+    return 0.5 * maximum(eq.comm, _closing(eq, term, state, step))
 
 
 def _closing(eq: ContactEquations, term: SurfaceTerm, state: Evaluation, dq: Array) -> Array:

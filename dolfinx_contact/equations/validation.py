@@ -27,7 +27,7 @@ from ufl.algorithms.analysis import extract_constants
 from ufl.corealg.traversal import unique_pre_traversal
 
 from dolfinx_contact._compat import dirichlet_value
-from dolfinx_contact._mpi import anywhere, largest, require, same_everywhere, sorted_rows
+from dolfinx_contact._mpi import anywhere, largest, minimum, require, same_everywhere, sorted_rows
 from dolfinx_contact._ufl import refuse_other_condition, refuse_other_mesh
 from dolfinx_contact._validate import count
 from dolfinx_contact._validate import listed as as_list
@@ -369,7 +369,7 @@ def check_sides(eq: ContactEquations) -> None:
         eq.warn(f"units of {s.name!r}", units)
         message = ""
         gaps = np.abs(s.points.gaps)
-        nearest = s.comm.allreduce(float(np.min(gaps, initial=np.inf)), op=min)
+        nearest = minimum(s.comm, gaps, np.inf)
         if not np.isfinite(nearest):
             eq.warn(f"side of {s.name!r}", "")
             continue

@@ -23,6 +23,7 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
+from dolfinx_contact._mpi import maximum
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.solvers.history import Attempt
 from dolfinx_contact.solvers.linear import LinearSolver
@@ -102,7 +103,7 @@ def _weaken(eq: ContactEquations, x: PETSc.Vec, strengths: list[Array | None]) -
         after = np.maximum(before, now) if bond.sense > 0 else np.minimum(before, now)
         change = max(change, float(np.max(np.abs(after - before), initial=0.0)))
         strengths[i] = after
-    return float(eq.comm.allreduce(change, op=np.maximum))
+    return maximum(eq.comm, change)
 
 
 def _end(

@@ -24,6 +24,7 @@ import numpy.typing as npt
 from dolfinx import la
 
 from dolfinx_contact._geometry import ratio
+from dolfinx_contact._mpi import count_of
 from dolfinx_contact._petsc import Entries, matrix_of
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation
@@ -63,7 +64,7 @@ class ClosedPoints:
         for term, found in zip(eq.terms, state.surfaces, strict=True):
             s = term.surface
             points = closed(found.statuses)
-            touching = bool(eq.comm.allreduce(int(points.any())))
+            touching = count_of(eq.comm, points) > 0
             guessed = guessed or not touching
             # Too many closed nodes cost less than too few.
             reach = eq.constraints.reach(s, state.u) or np.inf

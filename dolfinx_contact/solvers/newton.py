@@ -23,7 +23,7 @@ from petsc4py import PETSc
 import numpy as np
 
 from dolfinx_contact._inexact import ROUNDS, settle
-from dolfinx_contact._mpi import anywhere, everywhere, sorted_rows
+from dolfinx_contact._mpi import anywhere, count_of, everywhere, sorted_rows
 from dolfinx_contact._petsc import as_raised, logged, options_in_database
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation, Statuses, differs
@@ -359,7 +359,7 @@ class Newton:
         flips = 0
         if run.history:
             changed = differs(statuses, run.history[-1][0])
-            flips = self.comm.allreduce(sum([int(c.sum()) for c in changed]))
+            flips = count_of(self.comm, np.concatenate(changed))
         krylov = self.snes.getKSP().getIterationNumber() if it > 0 else 0
         step = Step(it, measures, flips, run.load, krylov)
         run.attempt.steps.append(step)

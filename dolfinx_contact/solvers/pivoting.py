@@ -20,6 +20,7 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
+from dolfinx_contact._mpi import count_of
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import differs
 from dolfinx_contact.laws.status import MINUS, PLUS, STICK, senses
@@ -49,7 +50,7 @@ def pivot(solver: Newton, x: PETSc.Vec, attempt: Attempt) -> bool:
             return False
         required = eq.contact(x).statuses
         objecting = differs(required, held)
-        count = int(eq.comm.allreduce(sum(int(o.sum()) for o in objecting)))
+        count = count_of(eq.comm, np.concatenate(objecting))
         if count < fewest:
             fewest = count
             patience = _PATIENCE
