@@ -23,7 +23,6 @@ import numpy.typing as npt
 
 from dolfinx import fem, la
 
-from dolfinx_contact._geometry import node_positions
 from dolfinx_contact._petsc import (
     as_raised,
     forget_product,
@@ -32,6 +31,7 @@ from dolfinx_contact._petsc import (
     logged,
     options_in_database,
 )
+from dolfinx_contact.body.rigid import rigid_motions
 
 __all__ = ["PLAIN", "SMOOTHED", "Hierarchy", "Interpolation", "condition", "rigid_body_space"]
 
@@ -338,18 +338,13 @@ def rigid_body_space(V: fem.FunctionSpace) -> tuple[PETSc.NullSpace, list[PETSc.
     is the true rigid motion, solves stagnate (measured).
     """
     index_map = V.dofmap.index_map
-    dim = V.mesh.geometry.dim
     n = index_map.size_local
-    x = node_positions(V)[: n + index_map.num_ghosts, :dim]
-    axes = [(0, 1)] if dim == 2 else [(1, 2), (2, 0), (0, 1)]
-    basis = [la.vector(index_map, dim) for _ in range(dim + len(axes))]
-    for b in basis:
-        b.array[:] = 0.0
-    for i in range(dim):
-        basis[i].array.reshape(-1, dim)[:, i] = 1.0
-    for b, (i, j) in zip(basis[dim:], axes, strict=True):
-        b.array.reshape(-1, dim)[:, i] = -x[:, j]
-        b.array.reshape(-1, dim)[:, j] = x[:, i]
+    whole = np.zeros(n + index_map.num_ghosts, dtype=np.int32)
+    motions = rigid_motions(V, whole)
+    dim = motions.shape[2]
+    basis = [la.vector(index_map, dim) for _ in motions]
+    for b, motion in zip(basis, motions, strict=True):
+        b.array[:] = motion.reshape(-1)
     la.orthonormalize(basis)
     comm = V.mesh.comm
     vectors = [
