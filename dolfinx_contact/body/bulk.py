@@ -31,7 +31,7 @@ from dolfinx_contact._petsc import half_of
 from dolfinx_contact._ufl import kinks_of
 from dolfinx_contact.materials import materials_in
 
-__all__ = ["Bulk", "circumference", "weighted"]
+__all__ = ["Bulk", "checksum", "circumference", "weighted"]
 
 Array = npt.NDArray[np.float64]
 
@@ -216,7 +216,7 @@ class Bulk:
     def read_data(self) -> None:
         """Read the present values of the Functions and Constants in the forms. Collective."""
         of_data, of_stiffness = self._checksums
-        if not anywhere(self.comm, _checksum(self._data) != of_data)[0]:
+        if not anywhere(self.comm, checksum(self._data) != of_data)[0]:
             return
         self._update_ghosts()
         self._f = None
@@ -227,7 +227,7 @@ class Bulk:
         for f in self._others:
             f.x.scatter_forward()
         #: Checksums of the local values of all data and of those in the stiffness.
-        self._checksums = _checksum(self._data), _checksum(self.stiffness_data)
+        self._checksums = checksum(self._data), checksum(self.stiffness_data)
 
     # -- residual and energy ---------------------------------------------------------------------
 
@@ -318,7 +318,7 @@ class Bulk:
         is owned by this object: the caller must neither modify nor destroy it.
         """
         self.displacement.x.array[:] = u
-        mark = self.stiffness_mark, 0 if self.linear else _checksum([self.displacement])
+        mark = self.stiffness_mark, 0 if self.linear else checksum([self.displacement])
         if self._K is None:
             self._K = dolfinx.fem.petsc.create_matrix(self.jacobian_form)
         elif self._is_current or not anywhere(self.comm, mark != self._K_mark)[0]:
@@ -378,11 +378,11 @@ class Bulk:
             self._K = None
 
 
-def _checksum(data: Sequence[fem.Function | fem.Constant]) -> int:
+def checksum(data: Sequence[Any]) -> int:
     """Return a checksum of the local values of Functions and Constants."""
     mark = 0
     for d in data:
-        values = d.value if isinstance(d, fem.Constant) else d.x.array
+        values = d.x.array if hasattr(d, "x") else d.value
         mark = zlib.crc32(np.ascontiguousarray(values), mark)
     return mark
 

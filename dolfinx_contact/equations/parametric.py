@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import logging
-import zlib
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any, Protocol
@@ -22,6 +21,7 @@ from dolfinx_contact._compat import dirichlet_value, is_value_of
 from dolfinx_contact._forms import compiled_form
 from dolfinx_contact._geometry import Gathered, node_positions
 from dolfinx_contact._mpi import require
+from dolfinx_contact.body.bulk import checksum
 from dolfinx_contact.continuation import Events, Piece, Preconditioner, System
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.data import (
@@ -184,11 +184,7 @@ class ParametricEquations(System):
 
     def _data_mark(self) -> int:
         """Return a checksum of the data on this rank."""
-        mark = 0
-        for f in self._data:
-            values = f.x.array if hasattr(f, "x") else np.asarray(f.value)
-            mark = zlib.crc32(np.ascontiguousarray(values), mark)
-        return mark
+        return checksum(self._data)
 
     def _set(self, gamma: float) -> None:
         """Set gamma in forms and Dirichlet data. Collective."""

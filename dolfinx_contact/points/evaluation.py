@@ -7,7 +7,6 @@ are replaced by their values (`ScatteredEvaluator`).
 
 from __future__ import annotations
 
-import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache, cached_property
@@ -29,6 +28,7 @@ from dolfinx_contact._compat import facet_integration_entities, interpolation_po
 from dolfinx_contact._forms import compiled_expression, compiled_form
 from dolfinx_contact._mpi import SharedValues
 from dolfinx_contact._pointwise import PointValues, ScalarList, point_data
+from dolfinx_contact.body.bulk import checksum
 from dolfinx_contact.obstacles import Measured, Obstacle
 from dolfinx_contact.points.trace import owned_exterior
 
@@ -231,10 +231,7 @@ class Given:
 
     def checksum(self) -> int:
         """Return a checksum of the values on this rank."""
-        mark = 0
-        for v in [*(f.x.array for f in self._arrays), *(c.value for c in self.constants)]:
-            mark = zlib.crc32(np.ascontiguousarray(v), mark)
-        return mark
+        return checksum([*self._arrays, *self.constants])
 
 
 def fields_of(values: Mapping[str, Array]) -> dict[str, Array]:
