@@ -426,7 +426,13 @@ class Unknowns:
 
 
 def _fits(memory: Memory, s: DiscreteSurface) -> bool:
-    """Whether a memory belongs to a surface of this size and sliding."""
-    alike = memory.slides == s.slides and memory.follows == (s.displaced is not None)
-    known = set(s.law.memory(s.dim)) <= set(memory.fields)
-    return alike and known and memory.fits(s.points.number, s.dim)
+    """Whether a memory belongs to a surface with these points, law and sliding."""
+    shape = s.points.number, s.dim
+    vectors = [memory.jump] if memory.place is None else [memory.jump, memory.place]
+    return (
+        (memory.displacement is not None) == s.slides
+        and (memory.place is not None) == (s.displaced is not None)
+        and set(s.law.memory(s.dim)) <= set(memory.fields)
+        and all(values.shape == shape for values in vectors)
+        and all(len(values) == s.points.number for values in memory.fields.values())
+    )

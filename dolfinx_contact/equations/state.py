@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact.points.memory import Memory
+from dolfinx_contact.points.memory import Memory, read_only
 
 __all__ = ["State"]
 
@@ -65,19 +65,12 @@ class State:
 
     def __post_init__(self) -> None:
         for name in ("multipliers", "statuses", "motions"):
-            object.__setattr__(self, name, tuple(map(_read_only, getattr(self, name))))
+            object.__setattr__(self, name, tuple(map(read_only, getattr(self, name))))
         for name in ("memory", "previous"):
             object.__setattr__(self, name, tuple(getattr(self, name)))
-        object.__setattr__(self, "displacement", _read_only(self.displacement))
-        if self.velocity is not None:
-            object.__setattr__(self, "velocity", _read_only(self.velocity))
+        for name in ("displacement", "velocity"):
+            object.__setattr__(self, name, read_only(getattr(self, name)))
 
     def __reduce__(self) -> Any:
         # Arrays become writeable when they are unpickled, unless the constructor runs again.
         return type(self), tuple(getattr(self, f.name) for f in fields(self))
-
-
-def _read_only(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    copied = np.array(values)
-    copied.flags.writeable = False
-    return copied

@@ -26,6 +26,7 @@ from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from dolfinx_contact._arrays import Array, Codes
 from dolfinx_contact._geometry import dot, tangential
@@ -34,7 +35,7 @@ from dolfinx_contact.laws.compiled import CompiledLaw
 from dolfinx_contact.laws.status import closed
 from dolfinx_contact.laws.symbols import SLID, STEP, before
 
-__all__ = ["Memory", "slid_after", "with_memory"]
+__all__ = ["Memory", "read_only", "slid_after", "with_memory"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,30 +65,14 @@ class Memory:
     motion: Array | None = None
 
     def __post_init__(self) -> None:
-        kept = {name: _read_only(values) for name, values in self.fields.items()}
+        kept = {name: read_only(values, np.float64) for name, values in self.fields.items()}
         object.__setattr__(self, "fields", kept)
         for name in ("jump", "gap", "displacement", "place", "motion"):
-            object.__setattr__(self, name, _read_only(getattr(self, name)))
+            object.__setattr__(self, name, read_only(getattr(self, name), np.float64))
 
     def __reduce__(self) -> Any:
         # arrays become writeable when they are unpickled, unless the constructor runs again
         return type(self), tuple(getattr(self, f.name) for f in fields(self))
-
-    def fits(self, number: int, dim: int) -> bool:
-        """Return whether the memory has the shape for ``number`` points in ``dim`` dimensions."""
-        lengths = all(len(values) == number for values in self.fields.values())
-        vectors = [self.jump] if self.place is None else [self.jump, self.place]
-        return lengths and all(values.shape == (number, dim) for values in vectors)
-
-    @property
-    def slides(self) -> bool:
-        """Whether the memory is that of faces sliding over each other."""
-        return self.displacement is not None
-
-    @property
-    def follows(self) -> bool:
-        """Whether the memory contains positions on a curved obstacle."""
-        return self.place is not None
 
     def later(self, step: float) -> Memory:
         """Return a copy of the memory for a step of duration ``step``."""
@@ -137,10 +122,10 @@ def slid_after(data: PointData, jump: Array, statuses: Codes) -> Array:
     return np.asarray(data.fields[SLID] + step)
 
 
-def _read_only(values: Array | None) -> Any:
+def read_only(values: Any, dtype: npt.DTypeLike = None) -> Any:
     """Return a read-only copy of an array; None for None."""
     if values is None:
         return None
-    copy = np.array(values, dtype=np.float64)
+    copy = np.array(values, dtype=dtype)
     copy.flags.writeable = False
     return copy
