@@ -51,6 +51,7 @@ __all__ = [
     "stacked",
     "staged",
     "triplet_matrix",
+    "triplets",
 ]
 
 #: PETSc's error codes for unsupported, unknown or missing features, and for invalid or inconsistent
@@ -336,6 +337,16 @@ def matrix_of(comm: MPI.Comm, shape: tuple[int, int], *entries: Entries) -> PETS
     A.assemble()
     A.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
     return A
+
+
+def triplets(
+    A: PETSc.Mat,
+) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], npt.NDArray[np.float64]]:
+    """Return global rows, global columns and values of the entries of this rank."""
+    indptr, columns, values = A.getValuesCSR()
+    first, last = A.getOwnershipRange()
+    rows = np.repeat(np.arange(first, last, dtype=np.int64), np.diff(indptr))
+    return rows, columns.astype(np.int64), values
 
 
 def stacked(blocks: Sequence[PETSc.Mat]) -> PETSc.Mat:

@@ -35,7 +35,7 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact._petsc import Entries, matrix_of
+from dolfinx_contact._petsc import Entries, matrix_of, triplets
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import ContactState, Evaluation
 from dolfinx_contact.equations.rigid_bodies import RigidTerm
@@ -394,11 +394,9 @@ class SpreadTerms:
         """Return rows and columns, in the order of `values`."""
         self._multiply()
         assert self._product is not None
-        indptr, columns, _ = self._product.getValuesCSR()
-        first, last = self._product.getOwnershipRange()
-        rows = np.repeat(np.arange(first, last, dtype=np.int64), np.diff(indptr))
+        rows, columns, _ = triplets(self._product)
         self._number = len(rows)
-        return rows, columns.astype(np.int64)
+        return rows, columns
 
     def values(self, state: ContactState) -> Array:
         """Return the entries at an evaluation; zeros if a local law replaces the law."""

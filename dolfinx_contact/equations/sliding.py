@@ -21,7 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact._geometry import ratio
-from dolfinx_contact._petsc import Entries, matrix_of
+from dolfinx_contact._petsc import Entries, matrix_of, triplets
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import ContactState
 from dolfinx_contact.points.sliding.facing import Facing
@@ -170,7 +170,7 @@ class SlidingTerms:
         S, N, D = self._matrices
         self._matrices.append(N.matMult(D))
         self._searches = self._faces.searches
-        return [_pattern(S), _pattern(self._matrices[3])]
+        return [Entries(*triplets(A)[:2]) for A in (S, self._matrices[3])]
 
     def add(self, state: ContactState, A: PETSc.Mat) -> None:
         """Add S at a state to ``A``, which has its pattern."""
@@ -343,11 +343,3 @@ def _on_master(facing: Facing, tractions: Array, places: Array) -> Array:
     moving = facing.rays.slopes[:, :, :, None] * tractions[:, :, None, :, None]
     moving = moving.transpose(0, 2, 3, 1, 4).reshape(p, b * dim, q * e)
     return (moving @ places.reshape(p, q * e, c * dim)).reshape(p, b, dim, c, dim)
-
-
-def _pattern(A: PETSc.Mat) -> Entries:
-    """Return the entries of a matrix."""
-    indptr, columns, _ = A.getValuesCSR()
-    first, last = A.getOwnershipRange()
-    rows = np.repeat(np.arange(first, last, dtype=np.int64), np.diff(indptr))
-    return Entries(rows, columns.astype(np.int64))

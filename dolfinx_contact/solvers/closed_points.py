@@ -25,7 +25,7 @@ from dolfinx import la
 
 from dolfinx_contact._geometry import ratio
 from dolfinx_contact._mpi import count_of
-from dolfinx_contact._petsc import Entries, matrix_of
+from dolfinx_contact._petsc import Entries, matrix_of, triplets
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation
 from dolfinx_contact.laws.status import closed
@@ -135,16 +135,14 @@ def _springs(B: PETSc.Mat, share: Array, compliance: Array) -> tuple[Nodes, Node
         share: share of the area of a node of each joined point, shape (n,).
         compliance: compliance of the owned nodes.
     """
-    indptr, nodes, b = B.getValuesCSR()
-    point = np.repeat(np.arange(len(share)), np.diff(indptr))
-    soft = at_global_places(B.comm.tompi4py(), compliance, nodes.astype(np.int64))
-    total = np.bincount(point, b**2 * soft, len(share)).astype(np.float64)
+    points, nodes, b = triplets(B)
+    soft = at_global_places(B.comm.tompi4py(), compliance, nodes)
+    mine = points - B.getOwnershipRange()[0]
+    total = np.bincount(mine, b**2 * soft, len(share)).astype(np.float64)
     scale = B.createVecLeft()
     scale.array[:] = np.sqrt(ratio(share, total))
     B.diagonalScale(L=scale)
     joined = B.transposeMatMult(B)
-    indptr, nodes, values = joined.getValuesCSR()
-    first, last = joined.getOwnershipRange()
-    rows = np.repeat(np.arange(first, last, dtype=np.int64), np.diff(indptr))
+    springs = triplets(joined)
     scale.destroy(), joined.destroy()
-    return rows, nodes.astype(np.int64), values
+    return springs
