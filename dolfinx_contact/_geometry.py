@@ -102,9 +102,9 @@ def curves(facets: Ints) -> list[tuple[Ints, Ints]]:
         For each curve, the numbers of its k facets in order and its vertices, shape (k + 1,).
     """
     at_vertex: dict[int, list[int]] = {}
-    for number, ends in enumerate(facets.tolist()):
-        for v in ends:
-            at_vertex.setdefault(v, []).append(number)
+    for number in range(len(facets)):
+        for v in facets[number]:
+            at_vertex.setdefault(int(v), []).append(number)
     used = np.zeros(len(facets), dtype=bool)
     found = []
     # open curves first, from their ends
