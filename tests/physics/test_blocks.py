@@ -134,7 +134,8 @@ PROBLEMS = {
 
 
 @pytest.mark.ranks(2, 3)
-@pytest.mark.parametrize("ghosts", list(mesh.GhostMode)[:2] if COMM.size > 1 else [None], ids=str)
+@pytest.mark.skipif(COMM.size == 1, reason="one rank and all ranks are the same")
+@pytest.mark.parametrize("ghosts", list(mesh.GhostMode)[:2], ids=str)
 @pytest.mark.parametrize("name", PROBLEMS)
 @pytest.mark.verifies(
     "Coulomb",
@@ -147,11 +148,8 @@ PROBLEMS = {
 )
 def test_block_does_not_depend_on_ranks_and_ghosts(name, ghosts):
     options = dict(PROBLEMS[name])
-    if ghosts is None:
-        result = block(**options).solve()
-    else:
-        domain = box(COMM, options["n"], options["cell"], ghost_mode=ghosts)
-        result = block(**options, domain=domain).solve()
+    domain = box(COMM, options["n"], options["cell"], ghost_mode=ghosts)
+    result = block(**options, domain=domain).solve()
     alone = block(MPI.COMM_SELF, **options).solve()
     same_tables(result.tables["contact"], alone.tables["contact"])
     assert result.iterations == alone.iterations
@@ -244,11 +242,6 @@ def test_friction_may_be_number_constant_or_field():
     ]
     same_tables(tables[0], tables[1])
     same_tables(tables[0], tables[2])
-    # The coefficient of a law may be changed between solves.
-    problem = block(domain=domain, law=Coulomb(0.1))
-    problem.solve()
-    problem.surfaces[0].law.friction.value = 0.3
-    same_tables(problem.solve().tables["contact"], tables[0])
 
 
 @pytest.mark.ranks(2)

@@ -7,24 +7,18 @@ import cases.single_element
 import numpy as np
 import pytest
 from cases._triangle import linear_triangle
-from support.blocks import block, box, facets
+from support.blocks import block
 from support.histories import driven_block
-
-import ufl
-from dolfinx import fem
 
 from dolfinx_contact import (
     RCCM,
-    ContactProblem,
-    ContactSurface,
     Coulomb,
-    HalfSpace,
     NormalCompliance,
     ParametricContact,
     records,
 )
-from dolfinx_contact.continuation import Piece, StepControl, find_solutions, follow
-from dolfinx_contact.materials import LinearElastic, NeoHookean
+from dolfinx_contact.continuation import StepControl, find_solutions, follow
+from dolfinx_contact.materials import NeoHookean
 from dolfinx_contact.points.memory import Memory
 
 COMM = MPI.COMM_WORLD
@@ -115,74 +109,6 @@ def test_stick_and_slip_begin_at_their_closed_form(folder):
     assert summary["slip_error"] < 1e-10
     assert summary["gamma_end"] == pytest.approx(5.0, abs=1e-12)
     assert (folder / "branch.png").stat().st_size > 10_000
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("cell", ["quad", "tet"])
-@pytest.mark.verifies(
-    "branches",
-    "Coulomb",
-    reference="itself: the branch on one rank",
-    aspects=(
-        "2D",
-        "3D",
-        "branches",
-    ),
-)
-def test_block_branch_has_first_contact_and_slip(cell):
-    """A block moved down by gamma until it touches: every event, and the solution at the end."""
-    dim = 2 if cell == "quad" else 3
-    branches = []
-    for comm in [COMM, MPI.COMM_SELF] if COMM.size > 1 else [COMM]:
-        domain = box(comm, 3, cell)
-        V = fem.functionspace(domain, ("Lagrange", 1, (dim,)))
-        u = fem.Function(V)
-        top = fem.Function(V)
-        gamma = fem.Constant(domain, 0.0)
-        x = ufl.SpatialCoordinate(domain)
-        tilt = 1.0 + 0.1 * x[0] + 0.037 * x[dim - 2]
-        move = ufl.as_vector([0.004 * gamma, *[0.0] * (dim - 2), -0.01 * gamma * tilt])
-        held = fem.locate_dofs_topological(V, dim - 1, facets(domain, dim - 1, 1.0))
-        floor = HalfSpace((*[0.0] * (dim - 1), -0.002), np.eye(dim)[-1])
-        surface = ContactSurface(u, facets(domain, dim - 1, 0.0), obstacle=floor, law=Coulomb(0.3))
-        energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx
-        problem = ContactProblem(energy, u, [surface], bcs=[fem.dirichletbc(top, held)])
-        system = ParametricContact(problem, gamma, driven=[(top, move)])
-        start = problem.create_vector()
-        problem.solve()
-        problem.write(start)
-        branch = follow(system, start, 0.0, gamma_range=(-0.1, 1.0))
-        branches.append((system, branch))
-        assert branch.reason == "gamma reached the end of its range"
-        # The same solution as a solve at the end of the range.
-        end = branch.points[-1]
-        whole = problem.solve()
-        assert whole.iterations <= 1
-        assert system.letters(end.piece) == whole.tables["contact"].status
-    (system, branch), (other, alone) = branches[0], branches[-1]
-    events = np.array([s.gamma for s in branch.special])
-    assert len(events) >= 3
-    np.testing.assert_allclose(events, [s.gamma for s in alone.special], atol=1e-10)
-    gammas = [[p.gamma for p in b.points] for b in (branch, alone)]
-    np.testing.assert_allclose(*gammas, atol=1e-8)
-    for a, b in zip(branch.points, alone.points, strict=True):
-        assert system.letters(a.piece) == other.letters(b.piece)
-
-
-@pytest.mark.ranks(2)
-def test_gamma_must_be_a_scalar_constant():
-    system = driven_block("load")
-    with pytest.raises(ValueError, match="scalar Constant"):
-        ParametricContact(system.problem, 0.5)
-    with pytest.raises(ValueError, match="scalar Constant"):
-        ParametricContact(system.problem, fem.Constant(system.problem.V.mesh, (1.0, 2.0)))
-    absent = ParametricContact(system.problem, fem.Constant(system.problem.V.mesh, 1.0))
-    system.problem.solve()
-    x = system.create_vector()
-    system.problem.write(x)
-    with pytest.raises(ValueError, match="gamma does not appear in H"):
-        follow(absent, x, 0.0, gamma_range=(0.0, 1.0), control=StepControl())
-    assert isinstance(system.piece_at(x, 0.5), Piece)
 
 
 def test_singular_piece_is_a_continuum():

@@ -207,6 +207,7 @@ def columns(system):
 
 
 @pytest.mark.ranks(2, 3)
+@pytest.mark.skipif(COMM.size == 1, reason="one rank and all ranks are the same")
 @pytest.mark.parametrize("method", ["nodal", "integral"])
 @pytest.mark.verifies(
     "cracks",
