@@ -341,7 +341,7 @@ def test_cells_without_an_integral_give_a_warning(caplog):
 
 @pytest.mark.ranks(2)
 def test_contradicting_conditions_give_a_warning_while_they_do(caplog):
-    """The corners belong to the top and to the side."""
+    """The corners belong to the top and to the side; the later condition wins."""
     domain, u = square(2)
     V = u.function_space
     aside = fem.Constant(domain, (0.1, 0.0))
@@ -351,6 +351,8 @@ def test_contradicting_conditions_give_a_warning_while_they_do(caplog):
     warning = r"1 of the degrees of freedom several values: 0, and 0.1 by bcs\[1\], at \(1, 1\)"
     assert re.search(warning, problem.solve().warnings["bcs"])
     assert_warned(caplog, warning)
+    corner = fem.locate_dofs_geometrical(V, lambda x: np.isclose(x[:2], 1.0).all(axis=0))
+    assert np.all(u.x.array.reshape(-1, 2)[corner, 0] == 0.1)
     caplog.clear()
     problem.solve()
     assert not warnings_of(caplog)  # logged once
@@ -516,16 +518,12 @@ def test_problem_refuses_forms_surfaces_and_conditions():
         with pytest.raises(ValueError, match=message):
             ContactProblem(bulk, u, [surface(u)])
     energy = MATERIAL.energy(u) * ufl.dx
-    with pytest.raises(ValueError, match="got a TrialFunction"):
-        MATERIAL.energy(ufl.TrialFunction(u.function_space))
     with pytest.raises(ValueError, match="at least one contact surface"):
         ContactProblem(energy, u, [])
     with pytest.raises(ValueError, match="made with the displacement"):
         ContactProblem(energy, u, [surface(other)])
     with pytest.raises(ValueError, match="different names"):
         ContactProblem(energy, u, [surface(u), surface(u)])
-    with pytest.raises(ValueError, match="must be positive"):
-        ContactProblem(energy, u, [surface(u)], r=-1.0)
     with pytest.raises(ValueError, match="not on the space of u"):
         ContactProblem(energy, u, [surface(u)], bcs=[clamp(other_space(domain), 1, 1.0)])
 
@@ -575,7 +573,7 @@ def test_solve_refuses_moduli_that_leave_their_range(material, as_residual):
     problem.solve()
     before = u.x.array.copy()
     words = r"Lame coefficients, .* \(Young's modulus > 0, Poisson's ratio in \(-1, 1/2\)\), got "
-    for E, nu in ((1000.0, 0.6), (1000.0, 0.5), (1000.0, -1.5), (-1000.0, 0.3), (np.nan, 0.3)):
+    for E, nu in ((1e3, 0.6), (1e3, 0.5), (1e3, -1.5), (-1e3, 0.3), (0.0, 0.3), (np.nan, 0.3)):
         young.value, poisson.value = E, nu
         with pytest.raises(ValueError, match=words) as info:
             problem.solve()
