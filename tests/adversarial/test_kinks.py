@@ -98,15 +98,6 @@ def test_a_load_that_sets_in_on_the_way_is_right(factor):
     assert_close(lowest(factor), np.full(3, 0.1 - 0.014), 1e-8)
 
 
-def test_a_kink_in_space_is_allowed():
-    _, problem = pressed(
-        lambda b: (
-            b.at_bottom() * 8 * abs(ufl.SpatialCoordinate(b.domain)[0] - 0.5) * b.u[1] * ufl.ds
-        )
-    )
-    assert_close(normal_force(problem.solve()), 12.0)
-
-
 def test_a_sign_of_the_place_is_allowed_in_a_residual():
     body = block((2, 1, 1))
     body.move_top(0.0, 0.0, -D)
@@ -160,15 +151,6 @@ def test_a_spring_begins_to_act_after_some_way():
 def test_a_spring_of_a_quadratic_body_shares_the_load_with_the_floor():
     _, problem = pressed(one_sided, (2, 1), height=-0.003, degree=2)
     assert_close(normal_force(problem.solve()), E * (D - 0.003) - 3000.0 * (0.003 - C))
-
-
-def test_a_spring_that_acts_at_once_is_linear():
-    _, problem = pressed(
-        lambda b: b.at_bottom() * 1500.0 * b.u[1] ** 2 * ufl.ds, height=-1.0, cell="tri"
-    )
-    result = problem.solve()
-    assert_close(1.0 - result.tables["contact"].un, np.full(3, E * D / (E + 3000.0)), 1e-7)
-    assert verdict(problem) == "proved"
 
 
 @pytest.mark.parametrize("slack", [2e-9, 0.0])
@@ -232,7 +214,6 @@ def test_a_spring_beside_a_pair_begins_to_act_after_some_way():
     problem = ContactProblem(energy, both.u, [pair], bcs=both.bcs)
     result = problem.solve()
     assert_close(normal_force(result), E * (E * D + k * C) / (2 * E + k))
-    assert verdict(problem) in ("proved", "not proved")
 
 
 @dataclass(frozen=True)
@@ -641,10 +622,6 @@ def test_dry_damping_is_refused(name):
 def test_a_density_of_the_displacement_is_refused():
     with pytest.raises(ValueError, match="density"):
         kinetic(lambda v, w: 1e-6 * v[0] * w[0], density=lambda u: 2.0 * (1 + u[0] ** 2))
-
-
-def test_linear_damping_takes_its_share_in_each_step():
-    assert_close(kinetic(lambda v, w: ufl.dot(v, w)), (1 - 0.05 / (2 + 0.025)) ** 8)
 
 
 @pytest.mark.parametrize(("wind", "start"), [(1.5, 0.0), (0.0, 1.5)])

@@ -151,11 +151,9 @@ def test_nonlocal_average_keeps_a_constant_pressure(dim, cell):
     same_tables(local, nonlocal_, 1e-12)
     np.testing.assert_allclose(nonlocal_.bound, F * p * local.area, rtol=1e-12)
     plain = solved(NonlocalCoulomb(F, 0.7, "biweight", normalised=False))
-    share = averages(plain.x, plain.area, 0.7, "biweight", normalised=False).sum(axis=1)
-    np.testing.assert_allclose(plain.bound, F * plain.area * share * plain.pressure[0], rtol=0.3)
     N = averages(plain.x, plain.area, 0.7, "biweight", normalised=False)
     np.testing.assert_allclose(plain.bound, F * plain.area * (N @ plain.pressure), rtol=1e-10)
-    assert share.min() < 0.6  # what is lost at the ends
+    assert N.sum(axis=1).min() < 0.6  # what is lost at the ends
 
 
 LAWS = [

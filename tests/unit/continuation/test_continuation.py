@@ -240,23 +240,22 @@ def test_correctors_agree():
 
 
 @pytest.mark.parametrize(
-    ("name", "H", "J", "c", "other"),
+    ("H", "J", "c", "other"),
     [
         (
-            "pitchfork",
             lambda x, g: g * x - x**3,
             lambda x, g: [[g - 3 * x[0] ** 2]],
             lambda x, g: [x[0]],
             lambda x, g: g - x**2,
         ),
         (
-            "transcritical",
             lambda x, g: g * x - x**2,
             lambda x, g: [[g - 2 * x[0]]],
             lambda x, g: [x[0]],
             lambda x, g: g - x,
         ),
     ],
+    ids=["pitchfork", "transcritical"],
 )
 @pytest.mark.verifies(
     "branches",
@@ -264,7 +263,7 @@ def test_correctors_agree():
     aspects=("branches",),
     alone=True,
 )
-def test_smooth_bifurcations_are_located(name, H, J, c, other):
+def test_smooth_bifurcations_are_located(H, J, c, other):
     """From the trivial branch: found, located to 1e-8, and branched off both ways."""
     system = smooth(1, H, J, c)
     with Follower(system, StepControl(), gamma_scale=2.0) as follower:
@@ -283,7 +282,6 @@ def test_smooth_bifurcations_are_located(name, H, J, c, other):
             assert abs(other(x[0], g)) < 1e-9
             ends.append(np.sign(x[0]))
         assert sorted(ends) == [-1, 1]
-    assert name
 
 
 @pytest.mark.verifies(
@@ -302,7 +300,7 @@ def test_bratu_has_its_fold():
     assert fold.kind == "fold"
     assert fold.smooth
     assert abs(fold.gamma - 3.513830719) < 1e-8
-    assert branch.points[-1].gamma == pytest.approx(0.0, abs=1e-9) or branch.points[-1].gamma < 3
+    assert branch.points[-1].gamma < 3
 
 
 class bratu(System):
