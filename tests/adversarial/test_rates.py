@@ -16,7 +16,6 @@ import ufl
 from dolfinx import fem, mesh
 
 from dolfinx_contact import (
-    RCCM,
     ContactProblem,
     ContactSurface,
     Frictionless,
@@ -269,29 +268,6 @@ def test_wear_counts_the_way_there_and_back_in_a_history():
             sign = np.where(table.letters == "+", -1.0, 1.0)
             assert_close(table.rt[:, 0], sign * worn(way) * table.rn)
     assert set(table.status) == {"-"}
-
-
-def lifted(viscosity):
-    """Largest traction of the bonds of a block lifted on a path whose viscosity is set late."""
-    body = block((1, 1))
-    constant = fem.Constant(body.domain, 0.0)
-    problem = body.problem(RCCM(100.0, 100.0, 0.01, 0.0, constant))
-    gamma = fem.Constant(body.domain, 0.0)
-    lift = ufl.as_vector((0.0, gamma))
-    path = ArcLength(ParametricContact(problem, gamma, driven=[(body.moved, lift)]))
-    constant.value = viscosity
-    history = path.run(gamma_range=(0.0, 0.005), control=StepControl(maximum=0.2))
-    assert_close(history.steps[-1].gamma, 0.005)
-    return max(np.max(-s.result.tables["contact"].rn_adh) for s in history.steps) / 0.5
-
-
-def test_a_path_refuses_a_viscosity_that_is_set_after_it_was_made():
-    with pytest.raises(ValueError, match="time or length of a step"):
-        lifted(1.0)
-
-
-def test_a_path_without_viscosity_has_the_traction_of_springs_in_a_row():
-    assert_close(lifted(0.0), 0.005 / (1 / 100.0 + 1 / 1000.0))
 
 
 def test_a_path_refuses_friction_of_the_speed():

@@ -19,7 +19,7 @@ from dolfinx import fem
 
 from dolfinx_contact import RCCM, Coulomb, ParametricContact, State
 from dolfinx_contact.analysis import critical_friction
-from dolfinx_contact.continuation import find_solutions, follow, points_at
+from dolfinx_contact.continuation import follow, points_at
 from dolfinx_contact.evolution import QuasiStatic
 
 COMM = MPI.COMM_WORLD
@@ -215,29 +215,3 @@ def test_results_can_be_read_on_one_rank_alone():
         assert str(result)
     COMM.barrier()
     assert_close(normal_force(problem.solve()), 10.0)
-
-
-@pytest.mark.parametrize(
-    "question",
-    ["solve", "table", "snapshot", "history", "branch", "search", "uniqueness", "theory"],
-)
-def test_each_question_on_a_mesh_that_moved_is_refused(question):
-    body, problem = dragged()
-    gamma = fem.Constant(body.domain, 0.0)
-    system = ParametricContact(problem, gamma)
-    problem.solve()
-    x = system.create_vector()
-    problem.write(x)
-    body.domain.geometry.x[:, 0] *= 2.0
-    questions = {
-        "solve": problem.solve,
-        "table": lambda: table_of(problem),
-        "snapshot": problem.snapshot,
-        "history": lambda: QuasiStatic(problem, lambda t: None).run([0.0, 1.0]),
-        "branch": lambda: follow(system, x, 0.0, gamma_range=(0.0, 1.0)),
-        "uniqueness": problem.uniqueness,
-        "theory": problem.theory,
-        "search": lambda: find_solutions(system, [x], 0.0),
-    }
-    with pytest.raises(ValueError, match="the mesh has moved"):
-        questions[question]()

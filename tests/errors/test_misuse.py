@@ -448,6 +448,7 @@ MISUSE = {
     "guess no list": (lambda w: found(w, w.x), "must be lists of states"),
     "guess too short": (lambda w: found(w, [w.short]), "a guess does not fit the unknowns"),
     "guess array": (lambda w: found(w, [w.x.array]), "a guess must be a Vec, a PETSc vector"),
+    "length 0": (lambda w: found(w, lengths=(0.0,)), "must be a positive number"),
     "half an iteration": (
         lambda w: found(w, max_iterations=2.5),
         "max_iterations must be a whole number >= 1, got 2.5",

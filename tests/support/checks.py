@@ -127,20 +127,3 @@ def condensed(K: np.ndarray, kept: np.ndarray, gone: np.ndarray) -> np.ndarray:
             K[np.ix_(rest, rest)], K[np.ix_(rest, kept)]
         )
     return S
-
-
-def copy_values(u: fem.Function, own: fem.Function) -> None:
-    """Copy the values of a vector Function of all ranks to one on COMM_SELF. Collective.
-
-    Args:
-        u: vector Function.
-        own: Function of the same element on the same mesh, on one rank.
-    """
-    dim = u.function_space.dofmap.index_map_bs
-    x = u.function_space.tabulate_dof_coordinates()
-    parts = u.function_space.mesh.comm.allgather((x, u.x.array.reshape(-1, dim)))
-    places = np.concatenate([p[0] for p in parts])
-    values = np.concatenate([p[1] for p in parts])
-    for i, y in enumerate(own.function_space.tabulate_dof_coordinates()):
-        nearest = np.argmin(np.linalg.norm(places - y, axis=1))
-        own.x.array[dim * i : dim * (i + 1)] = values[nearest]

@@ -210,6 +210,9 @@ def test_every_call_refuses_a_moved_mesh():
     move(0.01, -0.02)
     problem.solve()
     state = problem.snapshot()
+    system = ParametricContact(problem, fem.Constant(problem.V.mesh, 0.0))
+    solution = problem.create_vector()
+    problem.write(solution)
     x = problem.V.mesh.geometry.x
     before = x.copy()
     x[:, 1] *= 1.01
@@ -224,6 +227,9 @@ def test_every_call_refuses_a_moved_mesh():
         lambda: problem.restore(state),
         problem.evaluate,
         lambda: problem.evaluate(state),
+        lambda: QuasiStatic(problem, lambda t: None).run([0.0, 1.0]),
+        lambda: follow(system, solution, 0.0, gamma_range=(0.0, 1.0)),
+        lambda: find_solutions(system, [solution], 0.0),
     ):
         with pytest.raises(ValueError, match="the mesh has moved since the problem was made"):
             call()
