@@ -297,25 +297,6 @@ def test_drag_takes_what_the_body_loses(theta):
     assert max(abs(s.energies.residue) for s in history.steps) < 1e-12
 
 
-@pytest.mark.verifies("NSCD motion", reference="closed form: v' = 3 (w - v)", aspects=("2D",))
-def test_damping_in_a_wind_carries_the_body():
-    """v' = 3 (w - v): the body takes the speed of the wind, which blows the other way later."""
-    problem, _ = block(n=2, height=5.0)
-    v = at_speed(problem, 0.0, 0.0)
-    wind = fem.Constant(problem.V.mesh, (0.4, 0.0))
-    drag = 3.0 * ufl.inner(v - wind, ufl.TestFunction(problem.V)) * ufl.dx
-    motion = NSCD(problem, 1.0, dt=0.05, velocity=v, damping=drag, mass="consistent")
-    mean = fem.form(v[0] * ufl.dx)
-    history = motion.run([0.0, 1.0])
-    at_one = COMM.allreduce(fem.assemble_scalar(mean))
-    assert at_one == pytest.approx(0.4 * (1 - np.exp(-3.0)), rel=2e-3)
-    assert abs(history.energies.residue) < 1e-9 * history.energies.external
-    wind.value = (-0.4, 0.0)
-    motion.run([1.0, 2.0])
-    expected = -0.4 + (at_one + 0.4) * np.exp(-3.0)
-    assert COMM.allreduce(fem.assemble_scalar(mean)) == pytest.approx(expected, rel=5e-3)
-
-
 @pytest.mark.verifies(
     "energies of motions", "hyperelastic bodies", reference="itself: half the step", aspects=("2D",)
 )
