@@ -372,5 +372,4 @@ def test_cycles_below_the_bound_that_never_come_to_rest():
             finer = shakedown_of(points, loads, steady, cycles=200, steps=8)
             if len(finer.broken) == len(result.broken):
                 broken.append(result)
-    mixed = [r for r in broken if any(c.ending == "rest" for c in r.cycles)]
-    assert len(broken) >= len(mixed) > 0
+    assert any(c.ending == "rest" for r in broken for c in r.cycles)

@@ -112,7 +112,7 @@ def test_corners_have_the_stress_of_their_cells(cell):
     u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (2,))))
     u.interpolate(lambda x: np.stack([0 * x[0], 0.01 * x[1] * (1 + x[0])]))
     young = ufl.conditional(ufl.lt(x[0], 0.5), 1000.0, 3000.0)
-    full, mises = body_fields(u, LinearElastic.from_young(young, 0.0).full_stress(u))
+    full, _ = body_fields(u, LinearElastic.from_young(young, 0.0).full_stress(u))
     W = full.function_space
     n = domain.topology.index_map(2).size_local
     dofs = W.dofmap.list[:n]
@@ -126,4 +126,3 @@ def test_corners_have_the_stress_of_their_cells(cell):
     found = full.x.array.reshape(-1, 3, 3)[dofs]
     expected = modulus[..., None, None] * strain
     np.testing.assert_allclose(found[..., :2, :2], expected, rtol=0, atol=1e-8 * 60.0)
-    assert np.all(np.isfinite(mises.x.array))
