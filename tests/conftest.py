@@ -184,3 +184,10 @@ def accuracy(request):
 def folder(tmp_path_factory):
     """The same new folder on every rank."""
     return COMM.bcast(tmp_path_factory.mktemp("out") if COMM.rank == 0 else None)
+
+
+@pytest.fixture
+def no_pictures(monkeypatch):
+    """Demos draw no bodies and contact faces, which takes long and is done by other tests."""
+    for name in ("picture_of_body", "picture_of_contact"):
+        monkeypatch.setattr(f"dolfinx_contact.plot.{name}", lambda *_, **__: None)

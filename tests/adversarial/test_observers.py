@@ -10,7 +10,7 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from support.bodies import block, floor, table_of, two_blocks
-from support.checks import assert_close
+from support.checks import assert_close, solved_start
 from support.recorded_run import resume
 
 import ufl
@@ -110,10 +110,7 @@ def test_the_problem_is_at_each_point_in_other_discretisations(degree, method):
 
 def test_explore_tells_of_the_points_of_all_branches_and_leaves_the_problem():
     body, system, reader = lowered()
-    system.set_parameter(0.7)
-    system.problem.solve()
-    x = system.create_vector()
-    system.problem.write(x)
+    x = solved_start(system, 0.7)
     before = [f.x.array.copy() for f in (body.u, body.moved)]
     diagram = explore(
         system,
@@ -264,10 +261,7 @@ def test_data_of_gamma_other_than_displacements_stand_when_a_point_is_told(kind)
     def foot():
         return COMM.allreduce(float(np.sum(body.u.x.array.reshape(-1, 2)[nodes, 1])))
 
-    system.set_parameter(0.2)
-    problem.solve()
-    x = system.create_vector()
-    problem.write(x)
+    x = solved_start(system, 0.2)
     reader = Rows(problem, foot)
     follow(system, x, 0.2, gamma_range=(0.2, 1.0), observer=reader, max_steps=60)
     gammas, force, lowest, highest, feet = np.array(reader.rows).T

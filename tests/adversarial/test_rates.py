@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from support.bodies import SlipWeakening, block, floor, friction_ratio
-from support.checks import assert_close
+from support.checks import assert_close, solved_start
 
 import ufl
 from dolfinx import fem, mesh
@@ -164,9 +164,7 @@ def driven(law):
 
 def test_branches_of_friction_that_knows_rest_have_its_static_coefficient():
     system = driven(OfSpeedOrRest(0.5, 0.1, 0.02))
-    system.problem.solve()
-    x = system.create_vector()
-    system.problem.write(x)
+    x = solved_start(system)
     branch = follow(system, x, 1.0, gamma_range=(0.9, 1.0), direction="decreasing", max_steps=5)
     assert len(branch.points) > 1
     for point in branch.points:

@@ -5,6 +5,7 @@ from mpi4py import MPI
 import cases.followed_mesh as demo
 import numpy as np
 import pytest
+from support.checks import solved_start
 from support.harness import varied
 
 from dolfinx_contact.continuation import Follower, StepControl
@@ -40,9 +41,7 @@ def test_every_solution_satisfies_the_contact_law():
     args = demo.arguments(COARSE)
     followed = demo.system(args, COMM)
     problem = followed.problem
-    problem.solve()
-    x = followed.create_vector()
-    problem.write(x)
+    x = solved_start(followed)
     with Follower(followed, StepControl(), gamma_scale=1.0) as follower:
         branch = follower.run(follower.start(x, 0.0), gamma_range=(0.0, 1.0))
         there = follower.at(branch, 0.7)

@@ -13,15 +13,9 @@ import numpy as np
 import pytest
 from support.demo_numbers import run
 
-from dolfinx_contact import Coulomb, Regularised, plot
+from dolfinx_contact import Coulomb, Regularised
 
 NAMES = ("slip_length", "end_displacement", "dissipation")
-
-
-@pytest.fixture
-def no_pictures(monkeypatch):
-    for name in ("picture_of_body", "picture_of_contact"):
-        monkeypatch.setattr(plot, name, lambda *_, **__: None)
 
 
 def bar(folder, n, thin, steps):

@@ -8,12 +8,7 @@ import numpy as np
 import pytest
 from support.demo_numbers import run
 
-from dolfinx_contact import plot
-
-
-@pytest.fixture(autouse=True)
-def no_pictures(monkeypatch):
-    monkeypatch.setattr(plot, "picture_of_body", lambda *_, **__: None)
+pytestmark = pytest.mark.usefixtures("no_pictures")
 
 
 @pytest.mark.long

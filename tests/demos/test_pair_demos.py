@@ -12,16 +12,7 @@ import numpy as np
 import pytest
 from support.demo_numbers import run
 
-from dolfinx_contact import plot
-
 COMM = MPI.COMM_WORLD
-
-
-@pytest.fixture
-def no_pictures(monkeypatch):
-    """Pictures take most of the time, and are drawn by other tests."""
-    for name in ("picture_of_body", "picture_of_contact"):
-        monkeypatch.setattr(plot, name, lambda *_, **__: None)
 
 
 def pressed(problem, hertz, size, *, ratio=1.0, friction=0.0):

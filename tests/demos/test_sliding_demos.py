@@ -7,13 +7,6 @@ import cases.rolling_wheel
 import cases.twisting_hemisphere
 import pytest
 
-from dolfinx_contact import plot
-
-
-@pytest.fixture
-def no_picture(monkeypatch):
-    monkeypatch.setattr(plot, "picture_of_body", lambda *_, **__: None)
-
 
 @pytest.mark.long
 @pytest.mark.verifies(
@@ -22,7 +15,7 @@ def no_picture(monkeypatch):
     reference="closed form: Carter's creepage of a rolling wheel",
     aspects=("2D", "pairs", "large sliding"),
 )
-def test_rolling_wheel_creeps_like_carter(folder, no_picture):
+def test_rolling_wheel_creeps_like_carter(folder, no_pictures):
     """A driven and a braked wheel creep as Carter says, with ten cells on the width."""
     found = cases.rolling_wheel.main(["--n=10", "--way=1", f"--output={folder}"])
     runs = found["runs"]
@@ -37,7 +30,7 @@ def test_rolling_wheel_creeps_like_carter(folder, no_picture):
 
 
 @pytest.mark.long
-def test_rolling_wheel_converges_to_carter(folder, no_picture):
+def test_rolling_wheel_converges_to_carter(folder, no_pictures):
     """Forty cells on the width that touches: creepages to five per cent, one by one."""
     found = cases.rolling_wheel.main(["--n=40", f"--output={folder}"])
     for name in ("driven", "braked"):
@@ -53,7 +46,7 @@ def test_rolling_wheel_converges_to_carter(folder, no_picture):
     reference="paper: Sauer, De Lorenzis (2015), beside FEBio: force and torque to 180 degrees",
     aspects=("3D", "pairs", "large sliding"),
 )
-def test_twisting_hemisphere_has_the_published_torque(folder, no_picture):
+def test_twisting_hemisphere_has_the_published_torque(folder, no_pictures):
     """Torque and force of pressing a half-sphere into a block and turning it, on 1000 cells."""
     found = cases.twisting_hemisphere.main([f"--output={folder}"])
     papers = cases.twisting_hemisphere.PUBLISHED
@@ -76,7 +69,7 @@ def test_twisting_hemisphere_has_the_published_torque(folder, no_picture):
     reference="differences: half of the body on a plane",
     aspects=("2D", "large sliding"),
 )
-def test_flattened_ring_has_the_force_of_its_half(folder, no_picture):
+def test_flattened_ring_has_the_force_of_its_half(folder, no_pictures):
     """A ring pressed into itself has the force of its half on a plane."""
     found = cases.flattened_ring.main(["--n=64", "--press=1.65", f"--output={folder}"])
     assert found["inside_force"] > 0.5 * found["plate_force"]  # it is pressed into itself
@@ -93,7 +86,7 @@ def test_flattened_ring_has_the_force_of_its_half(folder, no_picture):
     reference="paper: Puso, Laursen (2004), and three other published curves of the force",
     aspects=("3D", "pairs", "large sliding"),
 )
-def test_half_spheres_have_the_published_force(folder, no_picture):
+def test_half_spheres_have_the_published_force(folder, no_pictures):
     """Two shells pressed by a plane: the published force, and the same one on the way back."""
     words = ["--n=3", "--step=0.625", "--until=2.5", "--back=1", f"--output={folder}"]
     found = cases.half_spheres.main(words)
@@ -110,7 +103,7 @@ def test_half_spheres_have_the_published_force(folder, no_picture):
     reference="closed form: stiffness of a clamped arc of two layers",
     aspects=("2D", "pairs", "large sliding"),
 )
-def test_double_arc_begins_with_its_bending_stiffness(folder, no_picture):
+def test_double_arc_begins_with_its_bending_stiffness(folder, no_pictures):
     """Two arcs begin on a block with their stiffness in bending, if cells are small."""
     words = ["--n=120", "--until=1.5", f"--output={folder}"]
     found = cases.double_arc.main(words)
@@ -119,7 +112,7 @@ def test_double_arc_begins_with_its_bending_stiffness(folder, no_picture):
 
 
 @pytest.mark.long
-def test_double_arc_parts_from_the_block_and_buckles(folder, no_picture):
+def test_double_arc_parts_from_the_block_and_buckles(folder, no_pictures):
     """The middle sinks half as far as the published one, parts from the block and buckles."""
     found = cases.double_arc.main([f"--output={folder}"])
     assert found["lowest"] == pytest.approx(-3.04, abs=0.05)

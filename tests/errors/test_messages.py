@@ -7,6 +7,7 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from support.blocks import block, box, facets, same_tables
+from support.checks import solved_start
 
 import ufl
 from dolfinx import fem
@@ -50,10 +51,7 @@ def loaded(n=4, friction=0.3):
     energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx
     problem = ContactProblem(energy - push, u, [s], bcs=[bc])
     system = ParametricContact(problem, gamma)
-    problem.solve()
-    x = problem.create_vector()
-    problem.write(x)
-    return system, x
+    return system, solved_start(system)
 
 
 # -- options ---------------------------------------------------------------------------------------

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from cases.block import arguments
 from cases.block import problem as block
+from support.checks import solved_start
 
 from dolfinx_contact import ParametricContact, records
 from dolfinx_contact.analysis import critical_friction
@@ -109,10 +110,8 @@ def body(friction):
 def end_of_branch(start, end):
     """The system at F = end, on the branch from the solution at F = start, and its rows."""
     problem = body(start)
-    problem.solve()
     system = ParametricContact(problem, problem.surfaces[0].law.friction)
-    x = system.create_vector()
-    problem.write(x)
+    x = solved_start(system)
     span = (min(start, end), max(start, end))
     direction = "increasing" if end > start else "decreasing"
     branch = follow(system, x, start, gamma_range=span, direction=direction)

@@ -8,6 +8,7 @@ import pytest
 from cases._hertz import Hertz
 from cases._round import draw, quarter
 from support.blocks import box, facets, same_tables
+from support.checks import solved_start
 from support.pairs import FLOOR, disc, section, tagged
 from support.pairs import held_of_revolution as held
 
@@ -21,7 +22,6 @@ from dolfinx_contact import (
     Coulomb,
     Frictionless,
     HalfSpace,
-    NonlocalCoulomb,
     ParametricContact,
     RigidBody,
     Sphere,
@@ -256,7 +256,7 @@ def test_normal_at_the_tip_of_a_cone_is_along_the_axis(sizes):
     np.testing.assert_allclose(table.force[tip, 0], 0.0, atol=1e-12)
 
 
-def fitted(n, ratio, method, degree=1, twist=None):
+def fitted(n, ratio, method, degree=1):
     """The hub and the ring of `cases.press_fit` in a section of length 10, in plane strain."""
     bodies = []
     tags = []
@@ -358,12 +358,6 @@ def test_axisymmetric_history_balances_its_energies():
     assert residues[1] < 0.6 * residues[0]
 
 
-# -- rigid motions and solvers -------------------------------------------------------------------
-
-
-# -- materials and output ------------------------------------------------------------------------
-
-
 # -- what is refused -----------------------------------------------------------------------------
 
 
@@ -382,13 +376,7 @@ def test_axisymmetry_refuses_surfaces_across_the_axis():
     domain = section(3)
     bottom = facets(domain, 1, 0.0)
     refused("True or False, got 'r'", lambda: surface(domain, bottom, axisymmetric="r"))
-    refused("nonlocal", lambda: surface(domain, bottom, law=NonlocalCoulomb(0.1, radius=0.3)))
     refused("3 facets lie on the axis", lambda: surface(domain, facets(domain, 0, 0.0)))
-    for words in (dict(free=["x", "y", "rz"]), dict(held=["rz"], motion={"x": 0.1}, load={"y": 1})):
-        body = RigidBody(FLOOR, about=(0.0, 0.0), **words)
-        refused("hold x and rz", lambda body=body: surface(domain, bottom, obstacle=body))
-    given = dict(method="integral", quadrature_degree=2)
-    refused("must be a whole number >= 3, got 2", lambda: surface(domain, bottom, **given))
     shifted = section(3)
     shifted.geometry.x[:, 0] -= 0.5
     refused("the mesh reaches to x = -0.5", lambda: surface(shifted, facets(shifted, 1, 0.0)))
@@ -446,10 +434,8 @@ def test_a_branch_in_friction_ends_in_the_solution_of_a_disc():
     domain = section(4, "quad")
     friction = fem.Constant(domain, 0.1)
     problem = disc(domain, law=Coulomb(friction))
-    problem.solve()
     system = ParametricContact(problem, friction)
-    x = system.create_vector()
-    problem.write(x)
+    x = solved_start(system)
     branch = follow(system, x, 0.1, gamma_range=(0.1, 0.4))
     assert branch.points[-1].gamma == pytest.approx(0.4)
     table = system.result_at(branch.points[-1]).tables["contact"]

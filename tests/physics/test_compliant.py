@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq, minimize_scalar
 from support.blocks import KINDS, block, box, facets, same_tables
+from support.checks import solved_start
 from support.histories import rollers, sheared_block
 from support.mortars import sheared
 from support.pairs import displacement, held, stacked
@@ -223,9 +224,7 @@ def test_branches_in_width_and_stiffness_end_in_solutions():
         gamma = fem.Constant(domain, 0.0)
         problem = block(**options, domain=domain, law=law(gamma))
         system = ParametricContact(problem, gamma)
-        problem.solve()
-        x = system.create_vector()
-        problem.write(x)
+        x = solved_start(system)
         branch = follow(system, x, 0.0, gamma_range=(0.0, 1.0))
         assert branch.reason == "gamma reached the end of its range"
         found = system.result_at(branch.points[-1]).tables["contact"]

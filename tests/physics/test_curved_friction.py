@@ -28,7 +28,6 @@ from dolfinx_contact import (
     LevelSet,
     RigidBody,
     Sphere,
-    plot,
 )
 from dolfinx_contact.evolution import NSCD
 from dolfinx_contact.points.memory import Memory
@@ -393,9 +392,8 @@ def test_motion_around_a_drum_loses_its_residue():
     reference="closed form: Euler's belt on a drum",
     aspects=("2D", "large sliding"),
 )
-def test_the_belt_has_the_tension_of_the_capstan_equation(folder, monkeypatch):
+def test_the_belt_has_the_tension_of_the_capstan_equation(folder, no_pictures):
     """T2/T1 = exp(mu alpha), and its convergence with cells and thickness."""
-    monkeypatch.setattr(plot, "picture_of_body", lambda *_, **__: None)
     off = []
     for n in (64, 128):
         names = run("belt", folder, n=n, steps=n // 2)

@@ -8,6 +8,7 @@ import cases.around_a_cylinder
 import numpy as np
 import pytest
 from support.blocks import box, facets
+from support.checks import solved_start
 from support.curved_obstacles import DX, OBSTACLES, RUBBER, block, ellipse, shaken
 
 import ufl
@@ -25,7 +26,6 @@ from dolfinx_contact import (
     ParametricContact,
     Sphere,
     materials,
-    plot,
 )
 from dolfinx_contact.continuation import follow
 from dolfinx_contact.equations.jacobian import Jacobian
@@ -340,9 +340,7 @@ def test_moving_an_obstacle_is_moving_the_block_over_it():
     bcs = [fem.dirichletbc(np.zeros(2), held, V)]
     problem = ContactProblem(RUBBER.energy(u) * DX, u, [surface], bcs=bcs)
     system = ParametricContact(problem, gamma)
-    problem.solve()
-    x = system.create_vector()
-    problem.write(x)
+    x = solved_start(system)
     branch = follow(system, x, 0.0, gamma_range=(0.0, 1.0))
     assert branch.points[-1].gamma == 1.0
     found = system.result_at(branch.points[-1])
@@ -368,9 +366,8 @@ def test_moving_an_obstacle_is_moving_the_block_over_it():
         "large sliding",
     ),
 )
-def test_the_pressed_ring_has_the_pressure_of_its_closed_form(folder, monkeypatch):
+def test_the_pressed_ring_has_the_pressure_of_its_closed_form(folder, no_pictures):
     """The pressure of a ring to second order, and no change of it on the way around."""
-    monkeypatch.setattr(plot, "picture_of_body", lambda *_, **__: None)
     errors = []
     for n, steps in ((2, 5), (3, 7)):
         words = [f"--n={n}", f"--steps={steps}", f"--output={folder / str(n)}"]

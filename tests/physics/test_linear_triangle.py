@@ -8,19 +8,12 @@ from mpi4py import MPI
 import cases.linear_triangle as demo
 import numpy as np
 import pytest
+from support.checks import solved_start
 from support.harness import varied
 
 from dolfinx_contact.continuation import explore, follow
 
 COMM = MPI.COMM_WORLD
-
-
-def start_of(system):
-    """The solution at gamma = -1 as a vector."""
-    system.problem.solve()
-    x = system.create_vector()
-    system.problem.write(x)
-    return x
 
 
 @pytest.mark.ranks(2)
@@ -53,7 +46,7 @@ def test_linear_triangle_starts_with_one_solution():
 def test_three_rays_leave_the_degenerate_point(route):
     """n = 64, F = 1.7: one ray comes to (0, 0), where all nodes are at a kink, three leave it."""
     system = demo.linear_triangle(64, 1.7)
-    branch = follow(system, start_of(system), -1.0, gamma_range=(-1.0, 1.0), route=route)
+    branch = follow(system, solved_start(system), -1.0, gamma_range=(-1.0, 1.0), route=route)
     (point,) = branch.special
     assert point.kind == "bifurcation"
     assert point.gamma == pytest.approx(0.0, abs=1e-10)
@@ -128,7 +121,7 @@ def test_friction_decides_on_the_number_of_solutions():
     for friction, count in ((1.6588, 1), (1.6589, 3)):
         system = demo.linear_triangle(64, friction)
         system.proof_seconds = 0.0
-        diagram = explore(system, [(start_of(system), -1.0)], gamma_range=(-1.0, 1.0))
+        diagram = explore(system, [(solved_start(system), -1.0)], gamma_range=(-1.0, 1.0))
         ends = [b for b in diagram.branches if b.points[-1].gamma == 1.0]
         assert len(ends) == count
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.distance import cdist
 from support.blocks import block, box, randomise, remainders, same_tables
+from support.checks import solved_start
 from support.histories import sheared_block
 from support.pairs import displacement, held, stacked
 
@@ -283,10 +284,7 @@ def test_a_branch_in_nonlocal_friction_ends_in_the_solution():
     options = dict(n=4, cell="quad", top=(0.03, -0.03))
     problem = block(**options, domain=domain, law=NonlocalCoulomb(gamma, 0.3))
     system = ParametricContact(problem, gamma)
-    system.set_parameter(0.6)
-    problem.solve()
-    x = system.create_vector()
-    problem.write(x)
+    x = solved_start(system, 0.6)
     other = block(**options, domain=domain, law=NonlocalCoulomb(gamma, 0.31))
     assert manifest_of(other)["forms"] != manifest_of(system.problem)["forms"]
     branch = follow(system, x, 0.6, gamma_range=(0.3, 0.6), direction="decreasing")

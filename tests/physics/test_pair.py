@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from cases._triangle import linear_triangle
 from support.blocks import CELLS, KINDS, box, facets
+from support.checks import solved_start
 from support.pairs import (
     MATERIAL,
     cracked,
@@ -250,9 +251,7 @@ def test_branches_on_a_clamped_body_agree_with_the_triangle(route):
     ends = []
     seen = cases.linear_triangle.FUNCTIONALS
     for system in (triangle_on_a_body(4, 2.5), linear_triangle(4, 2.5)):
-        system.problem.solve()
-        x = system.create_vector()
-        system.problem.write(x)
+        x = solved_start(system)
         diagram = explore(system, [(x, -1.0)], gamma_range=(-1.0, 1.0), route=route)
         rows = records.journal_of(system, diagram.branches, seen).rows()
         last = [r for r in rows if abs(abs(r["gamma"]) - 1) < 1e-12]

@@ -8,6 +8,7 @@ from petsc4py import PETSc
 import numpy as np
 import pytest
 from support.blocks import box, facets, same_tables
+from support.checks import solved_start
 from support.histories import punch
 from support.histories import punched_block as block
 
@@ -365,9 +366,6 @@ def test_jacobian_with_rigid_motions_agrees_with_differences(dim, method, degree
     assert b[0].norm() < 1e-6 * b[2].norm()
 
 
-# -- ranks and units -----------------------------------------------------------------------------
-
-
 # -- branches ------------------------------------------------------------------------------------
 
 
@@ -400,9 +398,7 @@ def parametric(method=None, law=None, about=(0.5, 1)):
 def test_branch_under_a_growing_force_meets_a_solve(method, route):
     """Gamma is the force; both routes, against a solve at the end."""
     problem, body, system = parametric(method)
-    problem.solve()
-    x = problem.create_vector()
-    problem.write(x)
+    x = solved_start(system)
     branch = follow(system, x, 0.0, gamma_range=(0.0, 10.0), route=route)
     last = branch.points[-1]
     assert last.gamma == pytest.approx(10.0, abs=1e-12)
@@ -421,11 +417,8 @@ def test_branch_under_a_growing_force_meets_a_solve(method, route):
 )
 def test_all_solutions_carry_the_motion_of_a_rigid_body():
     """The reduced problem carries the unknowns of the body."""
-    problem, _, system = parametric(law=Coulomb(0.5))
-    system.set_parameter(4.0)
-    problem.solve()
-    x = problem.create_vector()
-    problem.write(x)
+    _, _, system = parametric(law=Coulomb(0.5))
+    x = solved_start(system, 4.0)
     assert system.is_piecewise_affine
     found = find_solutions(system, [x], 4.0).found
     assert len(found) == 1
@@ -451,12 +444,6 @@ def test_lemke_solves_with_a_prescribed_rigid_motion():
     assert "not positive definite" in attempt.reason
 
 
-# -- bad input -----------------------------------------------------------------------------------
-
-
-# -- results -------------------------------------------------------------------------------------
-
-
 def test_rates_of_loads_and_motions_of_a_rigid_body_agree_with_differences():
     """dH/dgamma where force, moment and a prescribed motion follow the parameter."""
 
@@ -469,10 +456,8 @@ def test_rates_of_loads_and_motions_of_a_rigid_body_agree_with_differences():
 
     made = {}
     problem = block(None, where=where)
-    problem.solve()
     system = ParametricContact(problem, made["c"])
-    x = system.create_vector()
-    problem.write(x)
+    x = solved_start(system)
     piece = system.piece_at(x, 0.0)
     after, before, rate = (system.create_vector() for _ in range(3))
     system.residual(x, 0.5 + 1e-4, after, piece)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 from support.blocks import CELLS
+from support.checks import solved_start
 from support.mortars import hats, stacked
 from support.pairs import displacement, tagged
 from support.sliding_bodies import TIMES, Bodies, hairpin, of_upper, sliding_history, smooth
@@ -354,10 +355,7 @@ def test_sliding_branch_meets_single_solutions():
 
     motion.x.array[:] = way(V.tabulate_dof_coordinates()[:, :2]).reshape(-1)
     system = ParametricContact(bodies.problem, gamma, driven=[(bodies.above, gamma * motion)])
-    system.set_parameter(0.0)
-    bodies.problem.solve()
-    x = system.create_vector()
-    bodies.problem.write(x)
+    x = solved_start(system, 0.0)
     branch = follow(system, x, 0.0, gamma_range=(0.0, 1.0), route="steps")
     assert branch.reason == "gamma reached the end of its range"
     for point in branch.points[:: max(len(branch.points) // 3, 1)]:

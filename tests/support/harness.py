@@ -1,12 +1,8 @@
 """Cases of the benchmarks with other steps, augmentation parameters, numberings and units.
 
-Results must not depend on any of these. From the command line:
-
-    python3 tests/support/harness.py linear_triangle --step-factor 0.1 -- --n 16
+Results must not depend on any of these.
 """
 
-import argparse
-import importlib
 import sys
 from contextlib import ExitStack, contextmanager
 from functools import partial
@@ -108,22 +104,3 @@ def renumbered(whole, seed):
         if not np.allclose(domain.geometry.x[:, :2], x, atol=1e-9 * np.ptp(x)):
             return domain
     raise AssertionError("no other order was found")
-
-
-def main():
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("case")
-    for name in ("step-factor", "r", "mm", "MPa"):
-        parser.add_argument(f"--{name}", type=float)
-    parser.add_argument("--seed", type=int)
-    parser.add_argument("options", nargs="*", help="of the case, after --")
-    args = vars(parser.parse_args())
-    sys.path.insert(0, str(CASES.parent))
-    case = importlib.import_module(f"cases.{args.pop('case')}")
-    options = args.pop("options")
-    with varied(**args):
-        case.main(options)
-
-
-if __name__ == "__main__":
-    main()

@@ -30,6 +30,7 @@ from dolfinx_contact.materials import (
 )
 from dolfinx_contact.problem import discretise
 from support.blocks import block, box, facets
+from support.checks import solved_start
 
 COMM = MPI.COMM_WORLD
 
@@ -86,9 +87,7 @@ def w():
     energy = MATERIAL.energy(u) * ufl.dx
     problem = ContactProblem(energy - load, u, [surface], bcs=[fem.dirichletbc(held, top)])
     system = ParametricContact(problem, gamma)
-    problem.solve()
-    x = problem.create_vector()
-    problem.write(x)
+    x = solved_start(system)
     short = PETSc.Vec().createMPI((2, None), comm=COMM)
     infinite = x.copy()
     infinite.array[:] = np.nan

@@ -21,6 +21,7 @@ from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.meshing import join
 from dolfinx_contact.problem import discretise
 from support.blocks import CELLS
+from support.checks import solved_start
 from support.pairs import MATERIAL, displacement, held, largest, tagged
 
 COMM = MPI.COMM_WORLD
@@ -115,10 +116,7 @@ def sheared(options=None, law=Coulomb(0.15)):  # noqa: B008
     problem = ContactProblem(energy, u, [pair], bcs=ends, petsc_options=options)
     way = ufl.as_vector((0.02 * gamma, -0.02 + 0.012 * gamma))
     system = ParametricContact(problem, gamma, driven=[(moved, way)])
-    system.set_parameter(0.0)
-    problem.solve()
-    x = system.create_vector()
-    problem.write(x)
+    x = solved_start(system, 0.0)
     return system, x
 
 

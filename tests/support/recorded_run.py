@@ -16,6 +16,7 @@ from dolfinx_contact.continuation import StepControl, follow
 from dolfinx_contact.materials import NeoHookean
 from dolfinx_contact.records import BranchRecord
 from support.blocks import box, facets
+from support.checks import solved_start
 
 CONTROL = StepControl(initial=0.01, maximum=0.01)
 
@@ -54,11 +55,7 @@ def force(problem):
 
 def start(system):
     """The unloaded state."""
-    x = system.create_vector()
-    system.set_parameter(0.0)
-    system.problem.solve()
-    system.problem.write(x)
-    return x
+    return solved_start(system, 0.0)
 
 
 def record(system, functionals, folder, *, every=7, max_steps=1000, **options):

@@ -174,6 +174,11 @@ def smooth(n, H, J, c):
     return Textbook(n, lambda x, g, _: H(x, g), lambda x, g, _: J(x, g), lambda x, g, _: c(x, g))
 
 
+def circle():
+    """The circle x^2 + g^2 = 1."""
+    return smooth(1, lambda x, g: x**2 + g**2 - 1, lambda x, g: [[2 * x[0]]], lambda x, g: [2 * g])
+
+
 def coulomb_system(S, load, rate, friction, *, r=1.0):
     """S a - r = load + gamma rate with Coulomb's law at every point, a = (ut, un), ..."""
     m = len(S) // 2

@@ -10,6 +10,7 @@ import cases.followed_mesh
 import numpy as np
 import pytest
 from cases._triangle import element
+from support.checks import solved_start
 from support.enumeration import events_by_enumeration as enumerated
 from support.enumeration import holds, random_family
 
@@ -33,10 +34,7 @@ COMM = MPI.COMM_WORLD
 
 
 def branch_of(system, gamma_range=(0.0, 1.0)):
-    system.set_parameter(gamma_range[0])
-    system.problem.solve()
-    x = system.create_vector()
-    system.problem.write(x)
+    x = solved_start(system, gamma_range[0])
     return follow(system, x, gamma_range[0], gamma_range=gamma_range)
 
 

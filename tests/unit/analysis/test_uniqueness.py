@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from cases._triangle import linear_triangle
 from support.blocks import block, facets
+from support.checks import solved_start
 
 import ufl
 from dolfinx import fem, mesh
@@ -227,10 +228,7 @@ TOTAL = dict(sum_rn=records.total("rn"))
 def explored(n, friction, unit=1.0):
     """The triangle, and its branches under -unit <= gamma <= unit."""
     system = linear_triangle(n, friction, load=(26.0 / unit, 7.5 / unit))
-    system.set_parameter(-unit)
-    system.problem.solve()
-    x = system.create_vector()
-    system.problem.write(x)
+    x = solved_start(system, -unit)
     return system, explore(system, [(x, -unit)], gamma_range=(-unit, unit))
 
 

@@ -7,7 +7,7 @@ from petsc4py import PETSc
 
 import numpy as np
 import pytest
-from support.textbook import SymmetricGuess, Textbook, one_node, smooth, start
+from support.textbook import SymmetricGuess, Textbook, circle, one_node, smooth, start
 
 from dolfinx_contact.continuation import (
     Ending,
@@ -43,9 +43,7 @@ def values(system, point):
 )
 def test_a_circle_has_its_fold_and_other_half():
     """x^2 + g^2 = 1: the smooth fold at g = 1, located, and round to the other end."""
-    system = smooth(
-        1, lambda x, g: x**2 + g**2 - 1, lambda x, g: [[2 * x[0]]], lambda x, g: [2 * g]
-    )
+    system = circle()
     branch = follow(system, start(system, [1.0]), 0.0, gamma_range=(-0.5, 2.0))
     assert [s.kind for s in branch.special] == ["fold"]
     assert branch.special[0].smooth
@@ -55,10 +53,6 @@ def test_a_circle_has_its_fold_and_other_half():
     assert x[0] == pytest.approx(-np.sqrt(0.75), abs=1e-10)
     assert branch.reason == "gamma reached the end of its range"
     assert branch.ending is Ending.REACHED
-
-
-def circle():
-    return smooth(1, lambda x, g: x**2 + g**2 - 1, lambda x, g: [[2 * x[0]]], lambda x, g: [2 * g])
 
 
 @pytest.fixture

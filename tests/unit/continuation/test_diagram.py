@@ -8,7 +8,8 @@ from mpi4py import MPI
 import cases.followed_mesh
 import numpy as np
 import pytest
-from support.textbook import Textbook, one_node, smooth, start
+from support.checks import solved_start
+from support.textbook import circle, one_node, smooth, start
 
 from dolfinx_contact import ParametricContact
 from dolfinx_contact.analysis import event_curves
@@ -24,9 +25,7 @@ def gammas(branch):
 )
 def test_closed_branch_ends_at_its_start():
     """The circle inside the range: the branch ends where it began, having folded twice."""
-    system = smooth(
-        1, lambda x, g: x**2 + g**2 - 1, lambda x, g: [[2 * x[0]]], lambda x, g: [2 * g]
-    )
+    system = circle()
     branch = follow(system, start(system, [1.0]), 0.0, gamma_range=(-2.0, 2.0))
     assert branch.reason == "the branch is closed"
     assert branch.ending is Ending.CLOSED
@@ -36,9 +35,7 @@ def test_closed_branch_ends_at_its_start():
 
 def test_diagram_names_an_unfinished_branch():
     """The diagram is incomplete and names the branch and the reason."""
-    system = smooth(
-        1, lambda x, g: x**2 + g**2 - 1, lambda x, g: [[2 * x[0]]], lambda x, g: [2 * g]
-    )
+    system = circle()
     span = dict(gamma_range=(-2.0, 2.0))
     whole = explore(system, [(start(system, [1.0]), 0.0)], **span)
     assert whole.complete
@@ -55,9 +52,7 @@ def test_diagram_names_an_unfinished_branch():
 )
 def test_branch_stops_where_the_caller_says():
     """A branch ends where the caller says so, with the caller's reason."""
-    system = smooth(
-        1, lambda x, g: x**2 + g**2 - 1, lambda x, g: [[2 * x[0]]], lambda x, g: [2 * g]
-    )
+    system = circle()
     branch = follow(
         system,
         start(system, [1.0]),
@@ -125,29 +120,6 @@ def test_a_loop_of_two_nodes_is_followed_once():
     # The line: in, between, out; the circle: two arcs.
     assert len(diagram.edges) == 5
     assert diagram.open_rays() == []
-
-
-@pytest.mark.ranks(2)
-def test_three_pieces_that_meet_are_a_node():
-    """x = |g| beside a third branch (see the follower's test): rays each once, set complete."""
-
-    def law(x, g, codes):
-        sign = 1.0 if codes[0] else -1.0
-        return np.array([(x[0] - sign * x[1]) * 1.0, x[1] - g])
-
-    system = Textbook(
-        2,
-        lambda x, g, codes: law(x, g, codes),
-        lambda x, g, codes: [[1.0, -1.0 if codes[0] else 1.0], [0.0, 1.0]],
-        lambda x, g, codes: [0.0, -1.0],
-        lambda x, g, codes: [[(x[1] if codes[0] else -x[1], 1 - codes[0])]],
-        lambda x, g: [1 if x[1] > 0 else 0],
-        (0, 1),
-    )
-    diagram = explore(system, [(start(system, [1.0, -1.0]), -1.0)], gamma_range=(-1.0, 1.0))
-    assert diagram.nodes == []  # |g| only kinks
-    assert len(diagram.edges) == 1
-    assert diagram.complete
 
 
 def test_two_starts_on_one_branch_merge():
@@ -279,11 +251,7 @@ def vee(*options):
 
 
 def branch_of(system):
-    system.set_parameter(0.0)
-    system.problem.solve()
-    x = system.create_vector()
-    system.problem.write(x)
-    return follow(system, x, 0.0, gamma_range=(0.0, 1.0), route="steps")
+    return follow(system, solved_start(system, 0.0), 0.0, gamma_range=(0.0, 1.0), route="steps")
 
 
 @pytest.mark.verifies(

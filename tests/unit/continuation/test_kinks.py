@@ -6,6 +6,7 @@ import cases.branch_3d
 import cases.followed_mesh
 import numpy as np
 import pytest
+from support.checks import solved_start
 from support.textbook import Textbook, one_node, start
 
 from dolfinx_contact.continuation import Follower, StepControl, follow
@@ -50,9 +51,7 @@ def test_the_vee_by_batches_has_the_folds_of_exact_passage(kinks):
     runs = {}
     for mode in ("exact", kinks):
         body = cases.followed_mesh.system(cases.followed_mesh.arguments(["--size", "0.1"]), COMM)
-        body.problem.solve()
-        x = body.create_vector()
-        body.problem.write(x)
+        x = solved_start(body)
         with Follower(body, StepControl(kinks=mode, minimum=1e-6), gamma_scale=1.0) as follower:
             branch = follower.run(follower.start(x, 0.0), gamma_range=(0.0, 1.0))
             there = follower.at(branch, 0.7)

@@ -7,6 +7,7 @@ import cases.branch_3d
 import cases.followed_mesh
 import numpy as np
 import pytest
+from support.checks import solved_start
 from support.textbook import SymmetricGuess, Textbook
 
 from dolfinx_contact.continuation import Follower, StepControl
@@ -72,9 +73,7 @@ def follow_vee(solver, kinks, *options):
     PETSc.Options()["contact_linear_solver"] = solver
     args = cases.followed_mesh.arguments(["--size", "0.1", *options])
     body = cases.followed_mesh.system(args, COMM)
-    body.problem.solve()
-    x = body.create_vector()
-    body.problem.write(x)
+    x = solved_start(body)
     with Follower(body, StepControl(kinks=kinks), gamma_scale=1.0) as follower:
         assert (type(follower.bordered.solver) is Krylov) == (solver == "amg")
         branch = follower.run(follower.start(x, 0.0), gamma_range=(0.0, 1.0))

@@ -5,6 +5,7 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from support import recorded_evolution, recorded_path
+from support.checks import solved_start
 from support.histories import driven_block
 from support.recorded_run import CONTROL, moved_block, resume, start
 
@@ -100,7 +101,7 @@ def check(system, looks):
 def test_every_point_stands_in_the_problem(kind):
     """Load, obstacle and Dirichlet data have the gamma of the point, also with steps."""
     system = driven_block(kind, n=3)
-    x = start_of(system)
+    x = solved_start(system)
     looks = Looks(system)
     asked = []
 
@@ -125,13 +126,6 @@ def test_every_point_stands_in_the_problem(kind):
     plain = follow(system, x, 0.5, gamma_range=(0.4, 0.8), route="steps")
     gammas = [[p.gamma for p in b.points] for b in (plain, branch)]
     np.testing.assert_allclose(*gammas, atol=1e-9)
-
-
-def start_of(system):
-    system.problem.solve()
-    x = system.create_vector()
-    system.problem.write(x)
-    return x
 
 
 @pytest.mark.ranks(2)
@@ -194,7 +188,7 @@ def test_one_observer_serves_branches_histories_and_paths(folder):
     """Branches, histories and paths call the same methods; a continuing run begins again."""
     system = driven_block("load", n=3)
     notes = Notes()
-    branch = follow(system, start_of(system), 0.5, gamma_range=(0.4, 0.6), observer=notes)
+    branch = follow(system, solved_start(system), 0.5, gamma_range=(0.4, 0.6), observer=notes)
     words = ("BranchStep", "Stepping")
     expected = [("begin", "Task", "Stepping"), *[("step", *words)] * len(branch.points)]
     assert notes.told == [*expected, ("end", branch.ending, branch.reason)]

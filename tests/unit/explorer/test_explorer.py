@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 from support import recorded_evolution
 from support.blocks import box, facets
+from support.checks import solved_start
 from support.record_bodies import globe, polygon
 from support.recorded_run import moved_block, record
 
@@ -254,9 +255,7 @@ def record_a_linear_block(folder, route):
     problem = ContactProblem(energy, u, [surface], bcs=[fem.dirichletbc(top, held)])
     system = ParametricContact(problem, gamma, driven=[(top, move)])
     with BranchRecord(folder, system, {"force": total("rn")}, **KEPT) as kept:
-        problem.solve()
-        start = system.create_vector()
-        problem.write(start)
+        start = solved_start(system)
         control = StepControl(initial=0.02, maximum=0.02)
         options = dict(gamma_range=(0.0, 1.0), control=control, route=route)
         follow(system, start, 0.0, record=kept, **options)

@@ -10,6 +10,7 @@ import pytest
 from cases._triangle import linear_triangle
 from scipy.optimize import minimize_scalar
 from support.blocks import block, same_tables
+from support.checks import solved_start
 from support.demo_numbers import run
 from support.own_laws import Orthotropic, SlipWeakening
 
@@ -107,10 +108,7 @@ def test_static_and_kinetic_friction_of_one_element(distance):
         friction = kinetic + (static - kinetic) * np.exp(ut / distance)
         return (kt * ut - friction * (k * ut - pn)) / rate
 
-    system.set_parameter(0.0)
-    system.problem.solve()
-    x = system.create_vector()
-    system.problem.write(x)
+    x = solved_start(system, 0.0)
     with Follower(system, StepControl(), gamma_scale=1.0) as follower:
         branch = follower.run(follower.start(x, 0.0), gamma_range=(0.0, 0.4))
     assert branch.points[-1].gamma == pytest.approx(0.4)

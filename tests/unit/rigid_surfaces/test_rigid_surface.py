@@ -33,7 +33,6 @@ from dolfinx_contact import (
     RigidBody,
     RigidSurface,
     Sphere,
-    plot,
 )
 from dolfinx_contact.evolution import NSCD, QuasiStatic
 from dolfinx_contact.materials import NeoHookean, lame
@@ -589,8 +588,7 @@ def _write_gmsh(path):
     reference="itself: exact shapes; closed form: equilibrium with the force",
     aspects=("3D", "large sliding"),
 )
-def test_the_rigid_indenter_demo_converges(tool, folder, monkeypatch):
-    monkeypatch.setattr(plot, "picture_of_body", lambda *_, **__: None)
+def test_the_rigid_indenter_demo_converges(tool, folder, no_pictures):
     found = cases.punch.main([f"--tool={tool}", "--n=6", "--steps=2", f"--output={folder}"])
     assert found["unbalanced"] < 1e-9
     assert found["kkt_violation"] < 1e-9
