@@ -104,7 +104,16 @@ def test_demo_names_an_unwritable_folder_before_meshing(folder):
 
 
 @pytest.mark.ranks(2)
-@pytest.mark.parametrize("option", ["--size=0", "--size=nan", "--degree=3", "--size=9"])
-def test_dragged_body_refuses_bad_options(option, capsys):
+@pytest.mark.parametrize(
+    ("option", "message"),
+    [
+        ("--size=0", "must be at least 0.01, got 0"),
+        ("--size=nan", "must be finite, got nan"),
+        ("--degree=3", "invalid choice: '3'"),
+        ("--size=9", "must be at most 0.5, got 9"),
+    ],
+)
+def test_dragged_body_refuses_bad_options(option, message, capsys):
     with pytest.raises(SystemExit):
         cases.dragged_body.main([option])
+    assert COMM.rank > 0 or message in capsys.readouterr().err

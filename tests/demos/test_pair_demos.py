@@ -129,6 +129,7 @@ def test_crack_case_refuses_data_without_slip(capsys):
     for words in (["--friction=2"], ["--shear=3", "--dip=60"], ["--levels", "0.2"]):
         with pytest.raises(SystemExit):
             cases.crack.main(words)
+        assert "a crack that is pressed and slips" in capsys.readouterr().err
 
 
 @pytest.mark.ranks(2)

@@ -196,6 +196,7 @@ def test_prove_solutions_refuses_statuses_of_other_points():
         prove_solutions(ReducedProblem(**REDUCED), known=[np.array([0, 0])])
 
 
-def test_all_solutions_refuses_words():
+def test_all_solutions_refuses_two_numbers_of_cells_for_a_block(capsys):
     with pytest.raises(SystemExit):
         cases.proofs_3d.arguments(["--shape", "block", "--cells", "2", "2"])
+    assert "two numbers for an extruded triangle, three for a block" in capsys.readouterr().err
