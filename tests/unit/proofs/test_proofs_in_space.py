@@ -292,13 +292,8 @@ def test_stored_proofs_are_read_unchanged(proofs, tmp_path):
         assert says(check(again)) == says(check(proof))
         p = again.problem
         other = ReducedProblem(p.S, p.p + 0.3 * np.abs(p.p).max(), p.friction)
-        try:
-            proved = check(Certificate(other, again.steps, again.vectors))
-        except InvalidCertificate:
-            continue
-        truth = prove_solutions(other)
-        if "complete" == proved.verdict == truth.verdict:
-            assert len(proved.inside) == len(truth.solutions)
+        with pytest.raises(InvalidCertificate):
+            check(Certificate(other, again.steps, again.vectors))
 
 
 def test_a_proof_of_the_plane_is_none_in_space(proofs):
