@@ -120,18 +120,15 @@ def test_algorithms_find_the_solution_of_one_node(algorithm):
 
 
 @pytest.mark.parametrize("algorithm", [*EVERY, Lemke()], ids=lambda a: a.described())
-def test_beyond_the_critical_friction_nothing_is_hidden(algorithm):
-    """With F = 3 a converged state is one of three solutions, and a failure has a reason."""
+def test_beyond_the_critical_friction_algorithms_find_one_of_the_solutions(algorithm):
+    """With F = 3 there are up to three."""
     for g in (2.2, 2.5, 2.9, 4.0):
         contact = PointProblem(NODE, np.array([-g, -1.0]), np.array([3.0]))
         known = solutions_of_one_node(2.0, 1.0, 2.0, -g, -1.0, 3.0)
         outcome = algorithm.run(contact)
-        assert outcome.reason
-        if outcome.converged:
-            state = np.concatenate([outcome.a[0], outcome.r[0]])
-            assert min(np.abs(state - np.array(w)).max() for w in known) < 1e-8
-        else:
-            assert outcome.residuals[-1] > 1e-10
+        assert outcome.converged, outcome.reason
+        state = np.concatenate([outcome.a[0], outcome.r[0]])
+        assert min(np.abs(state - np.array(w)).max() for w in known) < 1e-8
 
 
 def test_tresca_leaves_a_steep_fixed_point():
@@ -143,9 +140,6 @@ def test_tresca_leaves_a_steep_fixed_point():
     away = TrescaFixedPoint().run(contact, start=near)
     assert away.converged
     assert np.abs(away.r[0] - slip[2:]).max() > 0.1
-
-
-# -- Lemke --------------------------------------------------------------------------------------
 
 
 # -- parts ---------------------------------------------------------------------------------------

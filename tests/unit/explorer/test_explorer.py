@@ -14,7 +14,7 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from support import recorded_evolution
+from support import recorded_evolution, recorded_path
 from support.blocks import box, facets
 from support.checks import solved_start
 from support.record_bodies import globe, polygon
@@ -40,6 +40,7 @@ from dolfinx_contact.records import (
     BranchRecord,
     EvolutionRecord,
     Journal,
+    PathRecord,
     read_journal,
     total,
 )
@@ -288,6 +289,23 @@ def test_a_page_shows_every_step_of_a_history(kind, folder):
         assert page.meta["along"] == "time"
         assert page.meta["axes"][0] == "time"
         assert page.meta["axes"][1].rpartition("_")[2] in "xy"  # a contact force
+    COMM.barrier()
+
+
+@pytest.mark.ranks(2)
+def test_a_page_shows_the_bonds_of_a_path(folder):
+    path = recorded_path.made("bonds")
+    with PathRecord(folder / "path", path, **KEPT) as kept:
+        control = StepControl(initial=0.1, maximum=0.3)
+        path.run(gamma_range=(0.0, 0.7), control=control, record=kept, max_steps=8)
+    explorer(folder / "page.html", folder / "path")
+    if COMM.rank == 0:
+        page = read(folder / "page.html")
+        journal = read_journal(folder / "path")
+        check_states(page, journal, journal.entries())
+        (face,) = page.meta["surfaces"]
+        bonds = [bytes(page.table(face, state)["bond"]).decode() for state in (0, 8)]
+        assert bonds == ["iii", "dii"]
     COMM.barrier()
 
 
