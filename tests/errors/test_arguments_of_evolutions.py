@@ -10,7 +10,7 @@ from support.blocks import box, facets
 from support.bonds import C, W, bar
 from support.histories import cycle, dragged
 from support.histories import falling_block as block
-from support.textbook import one_node, smooth, start
+from support.textbook import one_node, pitchfork, smooth, start
 
 import ufl
 from dolfinx import fem
@@ -314,15 +314,6 @@ def test_step_control_refuses_values(keyword, value):
 def test_follower_refuses_a_search_without_exact_kinks():
     with pytest.raises(ValueError, match="nothing to locate"):
         Follower(without_load(), StepControl(), gamma_scale=1.0, locate=lambda change: True)
-
-
-def pitchfork():
-    return smooth(
-        1,
-        lambda x, g: x * (g - x**2),
-        lambda x, g: [[g - 3 * x[0] ** 2]],
-        lambda x, g: [x[0]],
-    )
 
 
 @pytest.mark.ranks(2)

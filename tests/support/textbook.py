@@ -174,6 +174,13 @@ def smooth(n, H, J, c):
     return Textbook(n, lambda x, g, _: H(x, g), lambda x, g, _: J(x, g), lambda x, g, _: c(x, g))
 
 
+def pitchfork():
+    """The pitchfork x (g - x^2) = 0."""
+    return smooth(
+        1, lambda x, g: x * (g - x**2), lambda x, g: [[g - 3 * x[0] ** 2]], lambda x, g: [x[0]]
+    )
+
+
 def circle():
     """The circle x^2 + g^2 = 1."""
     return smooth(1, lambda x, g: x**2 + g**2 - 1, lambda x, g: [[2 * x[0]]], lambda x, g: [2 * g])

@@ -9,7 +9,7 @@ import cases.followed_mesh
 import numpy as np
 import pytest
 from support.checks import solved_start
-from support.textbook import circle, one_node, smooth, start
+from support.textbook import circle, one_node, pitchfork, smooth, start
 
 from dolfinx_contact import ParametricContact
 from dolfinx_contact.analysis import event_curves
@@ -74,12 +74,7 @@ def test_branch_stops_where_the_caller_says():
 )
 def test_pitchfork_has_one_node_and_four_rays():
     """x (g - x^2) = 0: one node with four rays; two ends at g = 1, one at -1, one arch cut off."""
-    system = smooth(
-        1,
-        lambda x, g: x * (g - x**2),
-        lambda x, g: [[g - 3 * x[0] ** 2]],
-        lambda x, g: [x[0]],
-    )
+    system = pitchfork()
     diagram = explore(system, [(start(system, [0.0]), -1.0)], gamma_range=(-1.0, 1.0))
     assert len(diagram.nodes) == 1
     assert abs(diagram.nodes[0].point.gamma) < 1e-8

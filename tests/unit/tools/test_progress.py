@@ -10,7 +10,7 @@ from mpi4py import MPI
 import pytest
 from support import recorded_evolution
 from support.blocks import block
-from support.textbook import smooth, start
+from support.textbook import pitchfork, start
 
 from dolfinx_contact import ConvergenceError
 from dolfinx_contact.continuation import explore, follow
@@ -55,12 +55,7 @@ def test_progress_of_a_failed_solve_reports_no_success(capsys):
 @pytest.mark.ranks(2)
 def test_progress_of_branches_names_the_end(capsys):
     """From the beginning, or never; the end is said as well."""
-    system = smooth(
-        1,
-        lambda x, g: x * (g - x**2),
-        lambda x, g: [[g - 3 * x[0] ** 2]],
-        lambda x, g: [x[0]],
-    )
+    system = pitchfork()
     x = start(system, [0.0])
 
     def said_with(progress):
@@ -122,12 +117,7 @@ def test_failed_strategies_are_logged_but_give_no_warning(caplog):
 
 @pytest.mark.ranks(2)
 def test_branches_are_logged(caplog):
-    system = smooth(
-        1,
-        lambda x, g: x * (g - x**2),
-        lambda x, g: [[g - 3 * x[0] ** 2]],
-        lambda x, g: [x[0]],
-    )
+    system = pitchfork()
     with caplog.at_level(logging.DEBUG):
         follow(system, start(system, [0.0]), -1.0, gamma_range=(-1.0, -0.5))
         explore(system, [(start(system, [0.0]), -1.0)], gamma_range=(-1.0, 1.0))
