@@ -34,7 +34,7 @@ from dolfinx_contact.continuation.arguments import check_listeners, check_steps
 from dolfinx_contact.equations.data import data_within
 from dolfinx_contact.records.functionals import Functional, compiled, functional_forms
 from dolfinx_contact.records.journal import Explored, Journal
-from dolfinx_contact.records.manifest import manifest_of, values_of
+from dolfinx_contact.records.manifest import manifest_of, memory_of, values_of
 from dolfinx_contact.records.points import BranchEntries
 from dolfinx_contact.records.record import Record, Resume
 
@@ -52,8 +52,9 @@ class BranchRecord(Record[Journal]):
 
     A record is resumed with the same problem only. It stores a manifest: the mesh, the forms and
     their domains of integration, Dirichlet conditions and the expressions that drive them, surfaces
-    and laws, the values of all Constants and Functions, and the forms of the functionals. On
-    resumption the manifest is compared once, and the error names the first item that differs.
+    and laws, the values of all Constants and Functions, the memory of a step, and the forms of
+    the functionals. On resumption the manifest is compared once, and the error names the first
+    item that differs.
 
     Args:
         folder: folder of the record, created if necessary.
@@ -141,6 +142,7 @@ class BranchRecord(Record[Journal]):
                 more=data_within(driven),
                 but=[*system._driven_functions, system.constant],
             )
+        new["values"] |= memory_of(system.problem)
         self._require_same(recorded, new)
         return {**new, "functionals": list(self._functionals), "gamma": gamma}
 

@@ -36,18 +36,19 @@ from dolfinx import fem, mesh
 from dolfinx_contact._compat import geometry_dofmap
 from dolfinx_contact._mpi import total
 from dolfinx_contact.equations.data import Datum, placed_data
-from dolfinx_contact.records.states import by_cells, coefficients, input_numbers
+from dolfinx_contact.records.states import by_cells, coefficients, in_order, input_numbers
 
 if TYPE_CHECKING:
     from dolfinx_contact.points.surface import DiscreteSurface
     from dolfinx_contact.problem import ContactProblem
 
-__all__ = ["data_restored", "difference", "manifest_of", "values_of"]
+__all__ = ["data_restored", "difference", "manifest_of", "memory_of", "values_of"]
 
 Manifest = dict[str, dict[str, Any]]
 
 _TOLERANCE = 1e-9  # relative, of Constants and of projections
 _ROUND_OFF = 1e-14  # relative to the largest component of a Constant
+_COMPUTED = 1e-6  # relative, of memory, which is computed on other numbers of ranks
 _NO_LENGTH = 1e-13  # gaps and prescribed displacements that count as zero, relative to the body
 _LONGEST = 100  # largest number of characters of a value in a message
 _NUMBER = re.compile(r"[-+]?\d+\.\d+(?:e[-+]?\d+)?")
@@ -164,6 +165,32 @@ def values_of(
             found[name] = _projected(V.mesh, coefficients(V, value.x.array), least)
         else:
             found[name] = [float(v) for v in np.real(np.ravel(value.value))]
+    return found
+
+
+def memory_of(problem: ContactProblem) -> dict[str, Any]:
+    """Return the memory of a step, for the section ``values``. Collective.
+
+    Returns:
+        Dictionary by place, as in `values_of`; empty under the static law.
+    """
+    found: dict[str, Any] = {}
+    no_length = _NO_LENGTH * problem.equations.body_size
+    for s, memory in zip(problem.surfaces, problem.equations.memory, strict=True):
+        if memory is None:
+            continue
+        of = f" of {s.name!r} at the start of the step"
+        points = in_order(s)
+        vectors = {"jump": memory.jump} if memory.place is None else {"place": memory.place}
+        for name, values in (*vectors.items(), *memory.fields.items()):
+            whole = points(values).reshape(-1)
+            weights = np.random.RandomState(0).uniform(-1.0, 1.0, (len(whole), 2))
+            least = no_length * len(whole) ** 0.5 if name in vectors else 0.0
+            tolerance = max(_COMPUTED * float(np.linalg.norm(whole)), least)
+            projections = (whole @ weights).tolist()
+            scale = tolerance / _TOLERANCE
+            found[f"the memory {name}{of}"] = {"projections": projections, "scale": scale}
+        found["the duration" + of] = [float(memory.step)]
     return found
 
 

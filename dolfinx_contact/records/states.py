@@ -29,17 +29,17 @@ if TYPE_CHECKING:
     from dolfinx_contact.points.surface import DiscreteSurface
     from dolfinx_contact.problem import ContactProblem
 
-__all__ = ["StateArrays", "by_cells", "coefficients", "input_numbers", "places"]
+__all__ = ["StateArrays", "by_cells", "coefficients", "in_order", "input_numbers", "places"]
 
 T = TypeVar("T", bound=np.generic)
 
 
 def places(problem: ContactProblem) -> dict[str, list[list[float]]]:
     """Return the coordinates of the contact points by surface, in order. Collective."""
-    return {s.name: _in_order(s).positions.tolist() for s in problem.surfaces}
+    return {s.name: in_order(s).positions.tolist() for s in problem.surfaces}
 
 
-def _in_order(s: DiscreteSurface) -> Gathered:
+def in_order(s: DiscreteSurface) -> Gathered:
     """Return the contact points of a surface in the order of their table. Collective.
 
     Points with equal coordinates, such as both sides of a crack, are sorted by the numbers of their
@@ -61,7 +61,7 @@ class StateArrays:
             _Multiplier(s, f) for s, f in zip(problem.surfaces, problem.fields[1:], strict=True)
         ]
         self._fields = [problem.u, *(m.on_body for m in self._multipliers)]
-        self._points = [_in_order(s) for s in problem.surfaces]
+        self._points = [in_order(s) for s in problem.surfaces]
 
     def of_vectors(self, vectors: Mapping[str, PETSc.Vec]) -> Arrays:
         """Return the arrays of vectors of unknowns by name, on rank 0. Collective.

@@ -22,6 +22,7 @@ from dolfinx import fem, mesh
 from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, ParametricContact
 from dolfinx_contact.continuation import follow
 from dolfinx_contact.evolution import NSCD, QuasiStatic
+from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.records import BranchRecord, EvolutionRecord, read_journal
 
 COMM = MPI.COMM_WORLD
@@ -285,6 +286,40 @@ def test_format_of_another_version_is_refused(folder):
     with pytest.raises(ValueError, match=said):
         read_journal(folder / "record")
     assert path.read_bytes() == before
+
+
+@pytest.mark.ranks(2)
+def test_a_branch_of_a_step_knows_its_start(folder):
+    """Friction opposes the slip since the start of the step: another start is another problem."""
+
+    def system(way):
+        domain = mesh.create_unit_square(COMM, 4, 4)
+        V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+        u = fem.Function(V)
+        top = fem.Function(V)
+        gamma = fem.Constant(domain, 0.0)
+        floor = HalfSpace((0, 0), (0, 1))
+        surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=floor, law=Coulomb(0.3))
+        held = fem.locate_dofs_topological(V, 1, facets(domain, 1, 1.0))
+        bcs = [fem.dirichletbc(top, held)]
+        energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx
+        problem = ContactProblem(energy, u, [surface], bcs=bcs)
+        top.interpolate(lambda x: np.stack([way + 0 * x[0], -0.01 + 0 * x[0]]))
+        problem.solve()
+        step = problem.step_from(problem.snapshot())
+        path = ufl.as_vector((0.004 - 0.01 * gamma, -0.01))
+        return ParametricContact(step, gamma, driven=[(top, path)])
+
+    parametric = system(0.004)
+    x = parametric.create_vector()
+    parametric.problem.write(x)
+    with BranchRecord(folder / "branch", parametric) as kept:
+        follow(parametric, x, 0.0, gamma_range=(0.0, 1.0), max_steps=2, record=kept)
+    with BranchRecord(folder / "branch", system(0.004), resume=True) as kept:
+        assert kept.go_on(max_steps=100).complete
+    said = "differs: the memory jump of 'contact' at the start of the step"
+    with pytest.raises(ValueError, match=said):
+        BranchRecord(folder / "branch", system(-0.02), resume=True)
 
 
 @pytest.mark.ranks(2)
