@@ -23,13 +23,13 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
+from dolfinx_contact._arrays import Array, Mask
 from dolfinx_contact._petsc import Factor
 from dolfinx_contact.continuation.layout import Layout
 from dolfinx_contact.continuation.system import Piece
 
 __all__ = ["BorderedMatrix", "Factorised"]
 
-Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[Any]
 
 _LARGE = 2000  # unknowns above which a factorisation is reused for slightly different matrices
@@ -118,7 +118,7 @@ class _RowUpdate:
         change = values - self._base
         size = matrix.getSize()[1]
         at_border = columns == size - 1
-        changed = self._changed_rows(row_of, np.where(at_border, 0.0, change), len(ends) - 1)
+        changed = self._changed_rows(row_of, change, ~at_border, len(ends) - 1)
         comm = matrix.comm.tompi4py()
         self.changed = comm.allreduce(len(changed))
         if self.changed > most:
@@ -130,8 +130,9 @@ class _RowUpdate:
         if len(self._columns) > _MOST_COLUMNS:
             self._columns = {r: self._columns[r] for r in rows}
         others = at_border & ~np.isin(row_of, changed)
-        c = np.where(others, change, 0.0)
-        has_column = bool(comm.allreduce(len(self._changed_rows(row_of, c, len(ends) - 1))))
+        # its unit differs from that of the other entries of a row
+        in_column = self._changed_rows(row_of, change, others, len(ends) - 1)
+        has_column = bool(comm.allreduce(len(in_column)))
         if has_column:
             self._W.append(self._solved(matrix, row_of[others], change[others]))
         # V^T: the changes D, and on the last rank the unit vector of gamma
@@ -155,10 +156,11 @@ class _RowUpdate:
             self._forget()
         return regular
 
-    def _changed_rows(self, row_of: Indices, change: Array, number: int) -> Indices:
-        """Return the local rows in which ``change`` is more than round-off, or NaN."""
+    def _changed_rows(self, row_of: Indices, change: Array, chosen: Mask, number: int) -> Indices:
+        """Return the local rows whose chosen entries change beyond round-off, or are NaN."""
         sizes, changes = (
-            np.bincount(row_of, weights=np.abs(v), minlength=number) for v in (self._base, change)
+            np.bincount(row_of[chosen], weights=np.abs(v[chosen]), minlength=number)
+            for v in (self._base, change)
         )
         return np.flatnonzero(~(changes <= _SAME_ROW * (sizes + changes)))
 

@@ -55,6 +55,27 @@ def test_a_circle_has_its_fold_and_other_half():
     assert branch.ending is Ending.REACHED
 
 
+@pytest.mark.parametrize("unit", [1.0, 1e7])
+def test_a_kink_is_passed_in_any_units_of_gamma(unit):
+    """x = max(0, g - 1): only the column of gamma changes at the kink."""
+    size = 1.0 / unit
+    system = Textbook(
+        2,
+        lambda x, g, codes: [x[0] / size - codes[0] * (g / unit - 1.0), x[1] / size],
+        lambda x, g, codes: np.eye(2) / size,
+        lambda x, g, codes: [-codes[0] / unit, 0.0],
+        distances=lambda x, g, codes: [[((1.0 - g / unit) * (1 - 2 * codes[0]), 1 - codes[0])]],
+        codes=lambda x, g: [int(g > unit)],
+        statuses=(0, 1),
+    )
+    x = start(system, [0.0, 0.0])
+    branch = follow(system, x, 0.0, gamma_range=(0.0, 4.0 * unit), max_steps=50)
+    assert branch.complete
+    assert [s.gamma for s in branch.special] == pytest.approx([unit])
+    x, g = values(system, branch.points[-1])
+    assert (x[0] / size, g / unit) == pytest.approx((3.0, 4.0), rel=1e-9)
+
+
 @pytest.fixture
 def options():
     """Database of PETSc's options without changes after the test."""
