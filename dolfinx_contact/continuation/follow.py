@@ -420,6 +420,8 @@ class Follower(Walker):
         chord = new.y - point.y
         back = start.y - point.y
         square = b.inner(chord, chord)
+        if square == 0:  # the step before ended at the kink that this one crosses
+            return False
         part = b.inner(back, chord) / square
         if not -_HAIR <= part <= 1:
             return False

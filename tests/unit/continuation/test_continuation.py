@@ -76,6 +76,28 @@ def test_a_kink_is_passed_in_any_units_of_gamma(unit):
     assert (x[0] / size, g / unit) == pytest.approx((3.0, 4.0), rel=1e-9)
 
 
+@pytest.mark.parametrize("ahead", [-1.0, 2.0])
+def test_a_step_that_ends_at_a_kink_is_followed_by_others(ahead):
+    """x = g, below 0 ahead g: steps of 1/4 and 1/2 lead from g = 3/4 to the kink at 0."""
+    slopes = np.array([1.0, ahead])
+    system = Textbook(
+        1,
+        lambda x, g, codes: [x[0] - slopes[codes[0]] * g],
+        lambda x, g, codes: [[1.0]],
+        lambda x, g, codes: [-slopes[codes[0]]],
+        distances=lambda x, g, codes: [[(g * (1 - 2 * codes[0]), 1 - codes[0])]],
+        codes=lambda x, g: [int(g < 0)],
+        statuses=(0, 1),
+    )
+    control = StepControl(initial=0.125, maximum=1.0, increase=2.0)
+    ways = dict(gamma_range=(-1.0, 1.0), direction="decreasing", control=control)
+    branch = follow(system, start(system, [0.75]), 0.75, **ways)
+    assert [p.gamma for p in branch.points][:3] == pytest.approx([0.75, 0.5, 0.0], abs=1e-15)
+    assert [s.gamma for s in branch.special] == pytest.approx([0.0], abs=1e-15)
+    x, g = values(system, branch.points[-1])
+    assert (x[0], g) == pytest.approx((-ahead, -1.0))
+
+
 @pytest.fixture
 def options():
     """Database of PETSc's options without changes after the test."""
