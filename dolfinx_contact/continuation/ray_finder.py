@@ -49,6 +49,7 @@ logger = logging.getLogger(__name__)
 _MOST_PIECES = 1024  # largest number of pieces to enumerate
 _LENGTHS = (1e-3, 1e-2, 1e-4, 1e-5)  # changes of gamma at which H itself is solved
 _SAME = 1e-6  # relative distance of tangents of one ray
+_STILL = 1e-12  # motion along a unit tangent that is round-off, relative to the state
 _PROBE = 1e-6  # length of finite differences along a tangent
 _BENT = 1e-3  # relative nonlinearity of a row without a derivative
 _LED = "one step of Newton's method on H"
@@ -97,7 +98,6 @@ class RayFinder:
         corrector: corrector on the bordered system.
         y: point (x, gamma).
         inside: criterion for a ray that stays inside its piece.
-        norm: norm in which rays are compared.
     """
 
     def __init__(
@@ -105,13 +105,11 @@ class RayFinder:
         corrector: Corrector,
         y: PETSc.Vec,
         inside: Callable[[Ray], bool],
-        norm: Callable[[PETSc.Vec], float],
     ):
         self._corrector = corrector
         self._bordered = corrector.bordered
         self._y = y
         self.inside = inside
-        self._norm = norm
 
     def by_tangent_cone(self, tolerance: float) -> FoundRays[Ray] | None:
         """Return the rays of the tangent cone; None if the system cannot be condensed.
@@ -247,7 +245,8 @@ class RayFinder:
 
     def same(self, a: Ray, other: Ray) -> bool:
         """Return True if two rays coincide, for example along the common border of two pieces."""
-        return self._norm(a.tangent - other.tangent) <= _SAME * self._norm(a.tangent)
+        b = self._bordered
+        return b.length(a.tangent - other.tangent) <= _SAME * b.length(a.tangent)
 
     def distinct(self, rays: Sequence[Ray]) -> list[Ray]:
         """Return the rays without repetitions."""
@@ -277,7 +276,7 @@ class KinkRays(RayFinder):
         *,
         idle: bool = False,
     ):
-        super().__init__(corrector, y, self._stays_inside, PETSc.Vec.norm)
+        super().__init__(corrector, y, self._stays_inside)
         self._piece = piece
         self._tolerance = tolerance
         self._idle = idle
@@ -291,6 +290,16 @@ class KinkRays(RayFinder):
             statuses = tuple(map(int, b.system.statuses(point)))
             own.append(Kink(b.comm.rank, point, int(piece.codes[point]), target, statuses))
         self.kinks = tuple(k for part in b.comm.allgather(own) for k in part)
+
+    def same(self, a: Ray, other: Ray) -> bool:
+        # Rays may differ in unknowns without a length; before a tangent has moved x, none has one.
+        # x and gamma have different units and are compared separately.
+        b = self._bordered
+        tangents = (a.tangent, other.tangent, a.tangent - other.tangent)
+        moves = [b.split(t)[0].norm() for t in tangents]
+        still = _STILL * b.split(self._y)[0].norm()
+        together = moves[2] <= max(_SAME * max(moves[:2]), still)
+        return together and abs(b.gamma(tangents[2])) <= _SAME * b.gamma_scale
 
     def rays_out(self, t: PETSc.Vec) -> FoundRays[Ray]:
         """Return all outgoing rays of a point at which a branch begins or ends.

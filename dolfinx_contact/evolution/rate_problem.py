@@ -104,7 +104,7 @@ class RateProblem:
         self._y = y
         self._at_border = at_border
         self._beyond = beyond
-        self._finder = RayFinder(corrector, y, self._leads_out, self._bordered.length)
+        self._finder = RayFinder(corrector, y, self._leads_out)
 
     def onwards(self, piece: Piece, t: PETSc.Vec, *, every: bool) -> FoundRays[Ray]:
         """Return the directions for a path that arrived at the state.

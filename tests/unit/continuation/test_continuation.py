@@ -76,6 +76,35 @@ def test_a_kink_is_passed_in_any_units_of_gamma(unit):
     assert (x[0] / size, g / unit) == pytest.approx((3.0, 4.0), rel=1e-9)
 
 
+@pytest.mark.parametrize("unit", [1.0, 1e3])
+def test_rays_are_distinguished_in_any_units_of_gamma(unit):
+    """min(x, M x + g d) = 0 has two solutions for g < 0, one of them at rest, and two for g > 0."""
+    M = np.array([[2.0, 2.0], [1.5, -2.0]])
+    d = np.array([-1.0, -0.07])
+    size = 1.0 / unit
+
+    def driven(x, g):
+        return M @ x / size + d * g / unit
+
+    def sides(x, g, codes):
+        return np.where(codes == 0, 1.0, -1.0) * (driven(x, g) - x / size)
+
+    system = Textbook(
+        2,
+        lambda x, g, codes: np.where(codes == 0, x / size, driven(x, g)),
+        lambda x, g, codes: np.where(codes[:, None] == 0, np.eye(2), M) / size,
+        lambda x, g, codes: np.where(codes == 0, 0.0, d) / unit,
+        distances=lambda x, g, codes: [
+            [(d, 1 - c)] for d, c in zip(sides(x, g, codes), codes, strict=True)
+        ],
+        codes=lambda x, g: driven(x, g) < x / size,
+        statuses=(0, 1),
+    )
+    at_rest = start(system, [0.0, 0.0])
+    diagram = explore(system, [(at_rest, -unit)], gamma_range=(-2.0 * unit, 2.0 * unit))
+    assert [len(node.rays) for node in diagram.nodes] == [4]
+
+
 @pytest.mark.parametrize("ahead", [-1.0, 2.0])
 def test_a_step_that_ends_at_a_kink_is_followed_by_others(ahead):
     """x = g, below 0 ahead g: steps of 1/4 and 1/2 lead from g = 3/4 to the kink at 0."""
