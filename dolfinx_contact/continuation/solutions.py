@@ -56,6 +56,8 @@ __all__ = ["Continuum", "Solution", "Solutions", "find_solutions"]
 
 logger = logging.getLogger(__name__)
 
+_ROUND_OFF = 1e-14  # distance of equal solutions relative to the largest guess or solution
+
 
 @dataclass(frozen=True)
 class Solution:
@@ -310,6 +312,7 @@ class _Deflated:
         self._row = b.last_unit()
         self._h, self._w = (system.create_vector() for _ in range(2))
         self._scales: ResidualScales = ()  # scales of the residuals of all iterates
+        self._size = 0.0  # largest norm of a guess
 
     def __enter__(self) -> _Deflated:
         return self
@@ -325,6 +328,7 @@ class _Deflated:
         lengths: Sequence[float],
     ) -> tuple[list[PETSc.Vec], str]:
         """Return all solutions, known ones first, and a description of the search."""
+        self._size = max(guess.norm() for guess in guesses)
         solutions = [x.copy() for x in known]
         for s in () if proved is None else proved.found:
             if not self._is_known(s.x, solutions):
@@ -439,6 +443,10 @@ class _Deflated:
 
     def _is_known(self, x: PETSc.Vec, known: Sequence[PETSc.Vec]) -> bool:
         """Return True if a state is one of ``known``."""
+        sizes = [other.norm() for other in known]
+        # next to the solution 0, round-off of the iteration is compared with the guesses
+        least = _ROUND_OFF * max([self._size, *sizes])
         return any(
-            (x - other).norm() <= 1e-6 * max(x.norm(), other.norm(), 1e-300) for other in known
+            (x - other).norm() <= max(1e-6 * max(x.norm(), size), least)
+            for other, size in zip(known, sizes, strict=True)
         )

@@ -17,6 +17,7 @@ from dolfinx_contact.continuation import (
     StepControl,
     System,
     explore,
+    find_solutions,
     follow,
 )
 from dolfinx_contact.continuation.corrector import Corrector
@@ -76,20 +77,17 @@ def test_a_kink_is_passed_in_any_units_of_gamma(unit):
     assert (x[0] / size, g / unit) == pytest.approx((3.0, 4.0), rel=1e-9)
 
 
-@pytest.mark.parametrize("unit", [1.0, 1e3])
-def test_rays_are_distinguished_in_any_units_of_gamma(unit):
-    """min(x, M x + g d) = 0 has two solutions for g < 0, one of them at rest, and two for g > 0."""
-    M = np.array([[2.0, 2.0], [1.5, -2.0]])
-    d = np.array([-1.0, -0.07])
+def complementary(M, q, d, unit):
+    """min(x, M x + q + g d) = 0, with g in a unit and x in its inverse."""
     size = 1.0 / unit
 
     def driven(x, g):
-        return M @ x / size + d * g / unit
+        return M @ x / size + q + d * g / unit
 
     def sides(x, g, codes):
         return np.where(codes == 0, 1.0, -1.0) * (driven(x, g) - x / size)
 
-    system = Textbook(
+    return Textbook(
         2,
         lambda x, g, codes: np.where(codes == 0, x / size, driven(x, g)),
         lambda x, g, codes: np.where(codes[:, None] == 0, np.eye(2), M) / size,
@@ -100,6 +98,26 @@ def test_rays_are_distinguished_in_any_units_of_gamma(unit):
         codes=lambda x, g: driven(x, g) < x / size,
         statuses=(0, 1),
     )
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e3])
+def test_the_solution_zero_is_found_once(unit):
+    """The other solution is (0, q_2/3)."""
+    M = np.array([[0.0, 2.0], [3.0, -3.0]])
+    q = np.array([2.55, 2.82])
+    system = complementary(M, q, np.ones(2), unit)
+    random = np.random.default_rng(0)
+    guesses = [start(system, random.uniform(-1.0, 3.0, 2) / unit) for _ in range(2)]
+    found = find_solutions(system, guesses, 0.0, deflation=True).found
+    states = sorted((solution.x.array_r * unit for solution in found), key=sum)
+    np.testing.assert_allclose(states, [(0.0, 0.0), (0.0, 0.94)], atol=1e-10)
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e3])
+def test_rays_are_distinguished_in_any_units_of_gamma(unit):
+    """There are two solutions for g < 0, one of them at rest, and two for g > 0."""
+    M = np.array([[2.0, 2.0], [1.5, -2.0]])
+    system = complementary(M, np.zeros(2), np.array([-1.0, -0.07]), unit)
     at_rest = start(system, [0.0, 0.0])
     diagram = explore(system, [(at_rest, -unit)], gamma_range=(-2.0 * unit, 2.0 * unit))
     assert [len(node.rays) for node in diagram.nodes] == [4]
