@@ -123,8 +123,9 @@ def _of_surface(s: DiscreteSurface) -> tuple[dict[str, Any], dict[str, str]]:
     expressions = [_signature(e, s.domain) for e in s.given.at_points.values()]
     axisymmetric = " axisymmetric" if s.axisymmetric else ""
     signatures = {
-        "the obstacle": "".join([s.obstacle.mark, *expressions]),
         "the law": f"{s.law_at_points.compiled.signature} {s.law.averaging!r}{axisymmetric}",
+        # with the data of the law, which differ from those of another law
+        "the obstacle": "".join([s.obstacle.mark, *expressions]),
     }
     return parts, signatures
 
