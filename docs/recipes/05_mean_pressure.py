@@ -15,7 +15,7 @@ from dolfinx import fem
 wheel = Wheel(friction=0.0)
 wheel.put(down=0.05, forward=0.0, angle=0.0)
 table = wheel.problem.solve().tables["contact"]
-region = np.isin(table.letters, list("k+-"))  # closed points: open ones have round-off
+region = table.closed
 mean = np.average(table.pressure[region], weights=table.area[region])
 print(f"mean pressure {mean:.4f} on a length of {table.area[region].sum():.4f}")
 one = fem.Constant(wheel.body.mesh, 1.0)

@@ -18,4 +18,4 @@ for x, gap, letter in zip(table.x[:, 0], table.un, table.letters, strict=True):
     print(f"x = {x:.3f}: gap {gap:.5f} {letter}")
 assert np.all(table.un[table.letters == "o"] > 0)
 assert (table.letters == "o").any()
-assert np.allclose(table.un[table.letters != "o"], 0.0, atol=1e-12)
+assert np.allclose(table.un[table.closed], 0.0, atol=1e-12)

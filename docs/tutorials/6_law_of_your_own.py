@@ -101,7 +101,7 @@ plot.draw_curves("force.png", curves, labels=("way of the top", "shear over norm
 coulomb = curves["static 0.4, kinetic 0.4"][1]
 weakened = curves["static 0.4, kinetic 0.2"][1]
 fade = np.exp(-table.slid / DISTANCE)
-slips = np.isin(table.letters, ["+", "-"])
+slips = table.slips
 expected = (0.2 + 0.2 * fade) * table.rn
 print(f"{slips.sum()} of {len(slips)} points slip, by {table.slid[slips].max():.4f} at most")
 assert np.isclose(coulomb[-1], 0.4)

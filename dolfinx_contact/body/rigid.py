@@ -197,11 +197,11 @@ def largest_difference(
     nodes: Array,
     u: Array,
     part: Indices,
-) -> float:
+) -> tuple[float, float]:
     """Return the largest displacement difference in a connected part, over its size. Collective.
 
     It is the largest difference of one displacement component between two nodes of the part,
-    divided by the largest extent of the part.
+    divided by the largest and by the smallest extent of the part.
 
     Args:
         V: space of the displacement.
@@ -217,7 +217,10 @@ def largest_difference(
     np.maximum.at(ends[0], p, values)
     np.maximum.at(ends[1], p, -values)
     extents = np.sum(largest(V.mesh.comm, ends), axis=0)
-    return float(np.max(extents[:, dim:].max(axis=1) / extents[:, :dim].max(axis=1)))
+    size, difference = extents[:, :dim], extents[:, dim:].max(axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratios = difference / size.max(axis=1), difference / size.min(axis=1)
+    return float(np.max(ratios[0])), float(np.max(ratios[1]))
 
 
 def bounding_box(comm: MPI.Comm, x: Array) -> tuple[Array, Array]:

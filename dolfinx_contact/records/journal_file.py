@@ -80,7 +80,8 @@ class JournalFile(Generic[J]):
         self._locked = False
         absent = FileNotFoundError(f"there is no {FILE_NAME} in {folder}")
         exists = FileExistsError(
-            f"{self._path} exists: resume it, or record to another folder; nothing is overwritten"
+            f"{self._path} exists: take resume=True, or record to another folder; nothing is "
+            "overwritten"
         )
         if resume is True and not self._path.exists():
             raise absent

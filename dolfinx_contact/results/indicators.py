@@ -22,7 +22,7 @@ position, gap, normal and jump at contact points.
 | `growth` | static law: fraction of the friction bound at closed points whose initial gap exceeds the smallest one by more than 1 % of the largest displacement | 0.05 |
 | `negative_bound` | own laws: largest negative friction bound of closed points, as a nodal force, over the largest one | 1e-6 |
 | `penetration` | compliant laws: largest -g | 0.1 facets |
-| `min_det_F` | smallest det(I + grad u) of a nonlinear body | 0 (below) |
+| `min_det_F` | smallest det(I + grad u); for a linear body, only if displacements in it differ by more than its smallest extent | 0 (below) |
 | `rotation` | linear body: largest mean rotation of a connected part | 11.5 degrees |
 | `displacement` | linear body: largest difference of a displacement component between two nodes of a connected part, over the largest extent of the part | 1 |
 | `speed`, `residue` | history, signs of a jump of the state within a step: rate of change of all unknowns over that in the previous step; energy of the step that is neither stored nor dissipated, over the sum of the magnitudes of external work, stored energy and dissipation in the step | both: 1.5 and 0.1 |
@@ -124,8 +124,8 @@ _MESSAGES = {
     "negative_bound": "the friction bound of the law is negative, by {:.2g} of the largest force, "
     "so that friction acts along the slip; let the bound end at 0, as in ufl.max_value(..., 0.0)",
     "penetration": "the surface gives way by {:.2g} facet sizes; increase the stiffness of the law",
-    "min_det_F": "the body is turned inside out: the smallest det F is {:.3g}; take smaller steps "
-    "or an energy that grows without bound at det F = 0",
+    "min_det_F": "the body is turned inside out: the smallest det F is {:.3g}; use the same units "
+    "for mesh, displacements and loads, smaller steps, or an energy without bound at det F = 0",
     "rotation": "a linear body has rotated by {:.3g} degrees, and linear strains are not invariant "
     "under rotations; take materials.StVenantKirchhoff or materials.NeoHookean",
     "displacement": "displacements within a linear body differ by {:.3g} times its size: are mesh, "
@@ -240,7 +240,7 @@ class Indicators:
     Attributes:
         surfaces: indicators by surface name.
         min_det_F: smallest det(I + grad u), including the hoop stretch of a body of revolution;
-            None for linear bodies.
+            None for linear bodies whose displacements differ by less than the smallest extent.
         rotation: largest mean rotation of a part of a linear body in degrees; None for others.
         displacement: largest difference of a displacement component in a part of a linear body,
             over the size of the part; None for others.
@@ -277,9 +277,16 @@ def indicators_of(eq: ContactEquations, state: Evaluation) -> Indicators:
     if eq.bulk.linear:
         body = eq.V, eq.nodes, state.u, eq.scaling.part
         turn = None if eq.axisymmetric else float(np.degrees(largest_turn(*body)))
-        return Indicators(surfaces, rotation=turn, displacement=largest_difference(*body))
-    smallest, _ = smallest_jacobian(eq.V, state.u, axisymmetric=eq.axisymmetric)
-    return Indicators(surfaces, min_det_F=smallest)
+        moved, through = largest_difference(*body)
+        # a linear body is turned inside out only where the difference exceeds its thickness
+        det = _min_det_F(eq, state) if through > 1.0 else None
+        return Indicators(surfaces, rotation=turn, displacement=moved, min_det_F=det)
+    return Indicators(surfaces, min_det_F=_min_det_F(eq, state))
+
+
+def _min_det_F(eq: ContactEquations, state: Evaluation) -> float:
+    """Return the smallest det(I + grad u). Collective."""
+    return smallest_jacobian(eq.V, state.u, axisymmetric=eq.axisymmetric)[0]
 
 
 def small_sliding_violated(eq: ContactEquations, state: Evaluation) -> str:

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact._arrays import Array
+from dolfinx_contact._arrays import Array, Mask
 from dolfinx_contact._geometry import Gathered, along_tangent, in_space
 from dolfinx_contact._install import optional
 from dolfinx_contact.equations.contact import ContactEquations
@@ -144,6 +144,21 @@ class ContactTable:
     def status(self) -> str:
         """Status letters of all points as a string, see `letters`."""
         return "".join(self.letters)
+
+    @property
+    def closed(self) -> Mask:
+        """Mask of the closed points, which stick or slip, shape (n,); clamped points are not."""
+        return self.sticks | self.slips
+
+    @property
+    def sticks(self) -> Mask:
+        """Mask of the sticking points, shape (n,)."""
+        return self.letters == "k"
+
+    @property
+    def slips(self) -> Mask:
+        """Mask of the slipping points, shape (n,)."""
+        return np.isin(self.letters, list("+-s"))
 
     def columns(self) -> dict[str, npt.NDArray[Any]]:
         """Return the columns of ``contact.csv`` by name, shape (n,) each.

@@ -411,7 +411,7 @@ class Newton:
             self._run.attempt.reason = (
                 f"a rigid motion of the body is free ({loose}): neither Dirichlet data nor the "
                 f"contact of this iterate holds it. Add a Dirichlet condition{held}, or start from "
-                "a state in contact"
+                "a state in contact; if friction holds it, the load may exceed the friction bound"
             )
             self._run.floating = FloatingBodyError(self._run.attempt.reason)
         return bool(loose)

@@ -206,6 +206,16 @@ def test_an_inverted_solution_is_said(log):
     assert block(n=4, cell="tri").solve().min_det_F is None
 
 
+def test_a_linear_body_pressed_through_itself_gives_a_warning():
+    """A plate of thickness 0.1 is lowered by 0.9, as with lengths in other units."""
+    plate = mesh.create_rectangle(COMM, [(0.0, 0.9), (1.0, 1.0)], (8, 2))
+    floor = HalfSpace((0.0, 0.9), (0.0, 1.0))
+    way = dict(where=lambda domain: facets(domain, 1, 0.9), obstacle=floor)
+    result = block(domain=plate, top=(0.0, -0.9), **way).solve()
+    assert result.min_det_F < 0.0
+    assert "the same units" in result.warnings["min_det_F"]
+
+
 def turned(degrees, material):
     """A square turned about its corner by its Dirichlet data, far above its obstacle."""
     domain = box(COMM, 3, "tri")
