@@ -23,6 +23,7 @@ position, gap, normal and jump at contact points.
 | `negative_bound` | own laws: largest negative friction bound of closed points, as a nodal force, over the largest one | 1e-6 |
 | `penetration` | compliant laws: largest -g | 0.1 facets |
 | `min_det_F` | smallest det(I + grad u); for a linear body, only if displacements in it differ by more than its smallest extent | 0 (below) |
+| `floating` | rigid motions of a moved body that only contact without force holds | any |
 | `rotation` | linear body: largest mean rotation of a connected part | 11.5 degrees |
 | `displacement` | linear body: largest difference of a displacement component between two nodes of a connected part, over the largest extent of the part | 1 |
 | `speed`, `residue` | history, signs of a jump of the state within a step: rate of change of all unknowns over that in the previous step; energy of the step that is neither stored nor dissipated, over the sum of the magnitudes of external work, stored energy and dissipation in the step | both: 1.5 and 0.1 |
@@ -53,7 +54,7 @@ from dolfinx_contact.body.rigid import (
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import ContactState, Evaluation
 from dolfinx_contact.equations.measures import round_off_force
-from dolfinx_contact.laws.status import STICK, closed
+from dolfinx_contact.laws.status import OPEN, STICK, closed
 from dolfinx_contact.obstacles import Cylinder, Sphere, is_uniform
 from dolfinx_contact.points.geometry import distance_from_face, simplices_of
 from dolfinx_contact.points.rigid_body import shape_of
@@ -130,6 +131,8 @@ _MESSAGES = {
     "under rotations; take materials.StVenantKirchhoff or materials.NeoHookean",
     "displacement": "displacements within a linear body differ by {:.3g} times its size: are mesh, "
     "displacements and loads in the same units? Linear strains are small",
+    "floating": "a body has a free rigid motion ({}), which only contact without force holds, so "
+    "that its position is one of many; add a Dirichlet condition or a load",
     "jump": "the state may jump in step {} from the time {:.6g} to {:.6g}: it changes {:.3g} times "
     "faster than in the step before, and {:.0%} of the energy turned over is neither stored nor "
     "dissipated; QuasiStatic.run(..., locate_jumps=True) decides",
@@ -246,6 +249,8 @@ class Indicators:
             over the size of the part; None for others.
         step: indicators of a jump within the step of a history; None for other solves, first steps
             and steps from states that are not solutions.
+        floating: rigid motions that only contact without force holds, of bodies that have moved; ""
+            if there are none.
     """
 
     surfaces: dict[str, SurfaceIndicators]
@@ -253,6 +258,7 @@ class Indicators:
     rotation: float | None = None
     displacement: float | None = None
     step: StepIndicators | None = None
+    floating: str = ""
 
     @property
     def warnings(self) -> dict[str, str]:
@@ -264,6 +270,8 @@ class Indicators:
             value = getattr(self, name)
             if value is not None and value > LIMITS[name]:
                 found[name] = _MESSAGES[name].format(value)
+        if self.floating:
+            found["floating"] = _MESSAGES["floating"].format(self.floating)
         if self.step is not None and self.step.warning:
             found["jump"] = self.step.warning
         for surface, s in self.surfaces.items():
@@ -274,14 +282,36 @@ class Indicators:
 def indicators_of(eq: ContactEquations, state: Evaluation) -> Indicators:
     """Return the indicators of a state in the Functions. Collective."""
     surfaces = surface_indicators(eq, state)
+    floating = _floating(eq, state)
     if eq.bulk.linear:
         body = eq.V, eq.nodes, state.u, eq.scaling.part
         turn = None if eq.axisymmetric else float(np.degrees(largest_turn(*body)))
         moved, through = largest_difference(*body)
         # a linear body is turned inside out only where the difference exceeds its thickness
         det = _min_det_F(eq, state) if through > 1.0 else None
-        return Indicators(surfaces, rotation=turn, displacement=moved, min_det_F=det)
-    return Indicators(surfaces, min_det_F=_min_det_F(eq, state))
+        return Indicators(
+            surfaces, rotation=turn, displacement=moved, min_det_F=det, floating=floating
+        )
+    return Indicators(surfaces, min_det_F=_min_det_F(eq, state), floating=floating)
+
+
+def _floating(eq: ContactEquations, state: Evaluation) -> str:
+    """Return the rigid motions that only contact without force holds. Collective."""
+    loose = eq.scaling.loose
+    if not len(loose.of_body):
+        return ""
+    size = eq.comm.allreduce(float(np.max(np.abs(state.u), initial=0.0)), op=max)
+    mobile = loose.of_body.any(axis=(0, 2))
+    moved = bool(np.any(np.abs(state.u.reshape(-1, eq.dim)[mobile]) > _ROUND_OFF * size))
+    if not anywhere(eq.comm, moved)[0]:
+        return ""
+    least = _ROUND_OFF * round_off_force(eq, size)
+    carrying = []
+    for s, contact in zip(eq.surfaces, state.surfaces, strict=True):
+        force = np.linalg.norm(contact.traction, axis=1) * s.points.areas
+        carrying.append(np.where(force > least, contact.statuses, OPEN))
+    held = not loose.not_held([contact.statuses for contact in state.surfaces], state)
+    return loose.not_held(carrying, state) if held else ""
 
 
 def _min_det_F(eq: ContactEquations, state: Evaluation) -> float:

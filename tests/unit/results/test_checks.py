@@ -7,12 +7,14 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from support.blocks import KINDS, block, box, facets
+from support.bodies import two_blocks
 
 import basix.ufl
 import ufl
 from dolfinx import fem, mesh
 
 from dolfinx_contact import (
+    ContactPair,
     ContactProblem,
     ContactSurface,
     Coulomb,
@@ -214,6 +216,19 @@ def test_a_linear_body_pressed_through_itself_gives_a_warning():
     result = block(domain=plate, top=(0.0, -0.9), **way).solve()
     assert result.min_det_F < 0.0
     assert "the same units" in result.warnings["min_det_F"]
+
+
+@pytest.mark.ranks(2)
+def test_a_second_body_without_support_gives_a_warning():
+    """The lower block is pushed away by the upper one without force."""
+    blocks = two_blocks()
+    blocks.top.x.array[1::2] = -0.01
+    pair = ContactPair(blocks.u, blocks.slave, master_facets=blocks.master, law=Coulomb(0.3))
+    energy = LinearElastic.from_young(1000.0, 0.3).energy(blocks.u) * ufl.dx
+    alone = ContactProblem(energy, blocks.u, [pair], bcs=blocks.bcs[:1]).solve()
+    assert "rotation of part" in alone.warnings["floating"]
+    held = ContactProblem(energy, blocks.u, [pair], bcs=blocks.bcs).solve()
+    assert "floating" not in held.warnings
 
 
 def turned(degrees, material):
