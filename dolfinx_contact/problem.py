@@ -79,7 +79,10 @@ _SURFACES = f"numbers of a law change as surface.law.friction.value = 0.5; for o
 
 
 _IN_MOTION = "the state belongs to a motion, whose inertia forces are not part of a static problem"
-_NOT_SOLVED = "solve again if data have changed; after `step.solve()`, ask `step.uniqueness()`"
+_NOT_SOLVED = (
+    "solve again if data have changed; after `step.solve()`, ask `step.uniqueness()`, and after a "
+    "history `uniqueness(state=history.steps[-1].state)`"
+)
 
 
 def _classical() -> ModuleType:

@@ -8,7 +8,9 @@
 #
 # The law becomes steeper as steps shrink: in a step of length h the coefficient changes by
 # (s - k) / (v0 h) per unit of slip. Below a length of about (s - k) p / (v0 K), with the stiffness
-# K of the body per area, a step has several solutions. The history takes exactly the given times.
+# K of the body per area, a step has several solutions. Below twice this length, an error of one
+# step is multiplied in the next by a factor below -1, and the shear oscillates from step to step.
+# The history takes exactly the given times.
 # In a motion (`NSCD`), such a law requires `mass="lumped"`, since contact nodes without mass have
 # several solutions.
 

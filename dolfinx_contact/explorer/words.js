@@ -129,6 +129,7 @@ function axis(title, more) {
     automargin: true, ...more };
 }
 
-const CONFIG = { responsive: true, displaylogo: false,
+// No button of Plotly sends data to a server.
+const CONFIG = { responsive: true, displaylogo: false, showSendToCloud: false, plotlyServerURL: "",
   modeBarButtonsToRemove: ["select2d", "lasso2d", "autoScale2d", "toggleSpikelines"] };
 const SMALL = { ...CONFIG, displayModeBar: false };
