@@ -135,7 +135,7 @@ def _check_elements(a: Arguments, degree: int) -> None:
         stable = ", ".join(f"P{d}/P{m}" for d, m in sorted(_STABLE[method]))
         raise ValueError(
             f"{a.name}: displacement P{degree} with multiplier P{multiplier} is not a stable pair "
-            f"of the {method} method; stable: {stable}"
+            f"of the {method} method; stable: {stable}; without method= a stable one is taken"
         )
     if a.quadrature_degree is None:
         a.quadrature_degree = 2 * degree + a.axisymmetric
