@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 # # How do I get the reaction of one support?
 #
-# `supports` contains the reaction of each Dirichlet condition, in the order of `bcs`. Supports that
-# are to be distinguished are therefore conditions of their own. Here the held top has two halves
-# with a common node in the middle. A node in several conditions counts for the last of them, so the
-# reactions add up to `support`.
+# `supports` contains the reaction of each Dirichlet condition, in the order of `bcs`. Give each
+# support its own condition. Here the held top has two halves with a common node in the middle. The
+# force at a node in several conditions belongs to the last of them, so the reactions add up to
+# `support`.
 
 import numpy as np
 from common import Block
