@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The classical algorithms beside Newton's method: what converges, iterations, time over Newton's.
+"""Classical algorithms and Newton's method: convergence, iterations and time.
 
-The GRECO block, plane blocks and cubes, two bodies, four problems of Siconos (`tests/data/siconos`,
-on their contact points), and with ``--large`` a slab with 1 089 contact nodes; friction from 0.1 to
-3, from zero. Prints every run and a table of iterations in Markdown, writes the runs as JSON, draws
-the residual histories of one case, and the iterations of one problem over friction.
+The problems are the GRECO block, plane blocks and cubes, two bodies, four problems of Siconos on
+their contact points (`tests/data/siconos`), and with ``--large`` a slab with 1 089 contact nodes.
+The friction coefficient is 0.1 to 3, and every run starts from zero. The script prints every run
+and a table of iterations in Markdown, writes the runs as JSON, and draws the residual histories of
+one case and the iterations of one problem over friction.
 
     python3 benchmarks/algorithms.py --output algorithms.json
 """
@@ -86,7 +87,7 @@ PROBLEMS = {
     "cube 6": lambda comm: block(comm, n=6, cell="hex"),
 }
 SICONOS = Path(__file__).parents[1] / "tests" / "data" / "siconos"
-#: Problems of Siconos by their files. They have no body: Newton's method works on the points too.
+#: Files of the problems of Siconos. They have no body, so Newton's method works on the points, too.
 PUBLIC = {
     "Siconos 00031": "FrictionContactProblem00031.dat",
     "Siconos 00394": "FrictionContactProblem00394.dat",
@@ -136,12 +137,12 @@ class Points:
 
 
 def iterations(attempt):
-    """Iterations of an attempt or outcome; pivots of Lemke's method."""
+    """Return the iterations of an attempt or outcome; for Lemke's method, the pivots."""
     return int(attempt.series["pivots"][-1]) if "pivots" in attempt.series else attempt.iterations
 
 
 def solve(problem, algorithm):
-    """Seconds, and what happened, from zero."""
+    """Return the record of a solve from zero, and the forces; None if it does not converge."""
     zero = problem.create_vector()
     problem.read(zero)
     begun = time.perf_counter()
@@ -161,11 +162,11 @@ def solve(problem, algorithm):
 
 
 def run(name, case, algorithms, frictions, comm):
-    """Records of one problem."""
+    """Return the records of one problem."""
     records = []
     for friction in frictions:
         case.set(friction)
-        case.solve("newton")  # once untimed
+        case.solve("newton")  # not timed: the first solve compiles forms
         newton, known = case.solve("newton")
         records.append({"problem": name, "friction": friction, "algorithm": "newton"} | newton)
         for title in algorithms:
@@ -190,7 +191,7 @@ def shown(r):
 
 
 def table(records):
-    """Iterations by problem and algorithm, at every friction; a dash where nothing converged."""
+    """Return a table of iterations at every friction coefficient; a dash: no convergence."""
     cells = {}
     for r in records:
         cell = cells.setdefault(r["problem"], {}).setdefault(r["algorithm"], [])

@@ -10,8 +10,8 @@
 # The foot is a cube of hexahedra with a rounded sole, just above a rigid floor. Its top is moved by
 # $\gamma^2 s$ sideways and by $\gamma d$ downwards. It touches first at its lowest point and
 # sticks. Then it slips from the rim of the contact area inwards, until the last sticking point
-# gives way. The static law applies: a point sticks as long as it has not moved sideways since the
-# undeformed state, before contact included, as the warning `growth` says.
+# slips. The static law applies: a point sticks as long as it has not moved sideways since the
+# undeformed state. Its motion before contact counts as slip, which the warning `growth` reports.
 
 from mpi4py import MPI
 

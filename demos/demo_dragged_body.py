@@ -21,7 +21,7 @@
 # |t| \le F p,\quad t = -F p\,\frac{u_t}{|u_t|}\ \text{ if }\ u_t \ne 0.$$
 #
 # They hold exactly at every point, without a penalty. `solve` uses the static law, in which $u_t$
-# is the total slip since the undeformed state. A history takes the slip in each step.
+# is the total slip since the undeformed state. In a history, $u_t$ is the slip in each step.
 #
 # The demo runs on any number of MPI ranks: `mpirun -n 2 python3 demo_dragged_body.py`.
 
@@ -159,12 +159,12 @@ plot.picture_of_contact(folder / "contact.png", problem, title=title)
 
 # ## The path of the load
 #
-# Most points come into contact under the load. The static law counts their slip before contact,
-# too, which the warning `growth` reports. It also ignores whether the rocker is pressed before it
-# is dragged. A history in ten steps presses it first and drags it afterwards. Here the two results
-# nearly agree: 68 to 70 points slip, and the shear forces differ by 1.4 %. If the top is pressed
-# and dragged in proportion, 62 points stick instead of about 30, and the shear force is 5 %
-# smaller.
+# Most points come into contact under the load. In the static law, their motion before contact
+# counts as slip, which the warning `growth` reports. The static law also ignores whether the rocker
+# is pressed before it is dragged. A history in ten steps presses it first and drags it afterwards.
+# Here the two results nearly agree: 68 to 70 points slip, and the shear forces differ by 1.4 %. If
+# the top is pressed and dragged at the same time, 62 points stick instead of about 30, and the
+# shear force is 5 % smaller.
 
 
 def load(t):

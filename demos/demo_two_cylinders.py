@@ -121,8 +121,8 @@ say.result(result)
 # using the inaccurate points at the edge. NAFEMS requires 6.21 mm and 3585 MPa. Hertz assumes
 # contact without friction. With the friction coefficient 0.1, the peak pressure is 1.4 to 1.5 per
 # cent above his for cells of 1 to 0.25 mm; without friction it is 0.2 to 0.3 per cent above
-# (`benchmarks/cases/two_cylinders.py`). The warning `growth` of the static law concerns the shear:
-# the contact zone grows with the load.
+# (`benchmarks/cases/two_cylinders.py`). The contact zone grows with the load, so the static law
+# gives the warning `growth`; it concerns the shear.
 
 
 def fitted(table, a):
