@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact.points.memory import Memory, read_only
+from dolfinx_contact.points.memory import Memory, read_only_copy
 
 __all__ = ["State"]
 
@@ -65,11 +65,11 @@ class State:
 
     def __post_init__(self) -> None:
         for name in ("multipliers", "statuses", "motions"):
-            object.__setattr__(self, name, tuple(map(read_only, getattr(self, name))))
+            object.__setattr__(self, name, tuple(map(read_only_copy, getattr(self, name))))
         for name in ("memory", "previous"):
             object.__setattr__(self, name, tuple(getattr(self, name)))
         for name in ("displacement", "velocity"):
-            object.__setattr__(self, name, read_only(getattr(self, name)))
+            object.__setattr__(self, name, read_only_copy(getattr(self, name)))
 
     def __reduce__(self) -> Any:
         # Arrays become writeable when they are unpickled, unless the constructor runs again.

@@ -35,7 +35,7 @@ from dolfinx_contact.laws.compiled import CompiledLaw
 from dolfinx_contact.laws.status import closed
 from dolfinx_contact.laws.symbols import SLID, STEP, before
 
-__all__ = ["Memory", "read_only", "slid_after", "with_memory"]
+__all__ = ["Memory", "read_only_copy", "slid_after", "with_memory"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,10 +65,10 @@ class Memory:
     motion: Array | None = None
 
     def __post_init__(self) -> None:
-        kept = {name: read_only(values, np.float64) for name, values in self.fields.items()}
+        kept = {name: read_only_copy(values, np.float64) for name, values in self.fields.items()}
         object.__setattr__(self, "fields", kept)
         for name in ("jump", "gap", "displacement", "place", "motion"):
-            object.__setattr__(self, name, read_only(getattr(self, name), np.float64))
+            object.__setattr__(self, name, read_only_copy(getattr(self, name), np.float64))
 
     def __reduce__(self) -> Any:
         # arrays become writeable when they are unpickled, unless the constructor runs again
@@ -122,7 +122,7 @@ def slid_after(data: PointData, jump: Array, statuses: Codes) -> Array:
     return np.asarray(data.fields[SLID] + step)
 
 
-def read_only(values: Any, dtype: npt.DTypeLike = None) -> Any:
+def read_only_copy(values: Any, dtype: npt.DTypeLike = None) -> Any:
     """Return a read-only copy of an array; None for None."""
     if values is None:
         return None
