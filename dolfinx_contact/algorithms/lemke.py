@@ -25,8 +25,8 @@ for condition numbers of S from about 1e8.
 The method (Lemke, Management Science 11, 1965; for contact Klarbring, CMAME 58, 1986) stops when
 its artificial variable z_0 leaves the basis. In 2D, Newton steps with the statuses found remove the
 round-off of the pivots, and the result counts as converged if the measure of the law is below the
-tolerance. In 3D the same measure is evaluated with the disc, so that only solutions whose forces
-lie on corners of the polygon converge; the reason gives the distance of others.
+tolerance. In 3D the same measure is evaluated with the disc. Only solutions whose forces are at
+corners of the polygon then count as converged; for others, the reason gives their measure.
 """
 
 from __future__ import annotations

@@ -4,11 +4,12 @@ r"""Contact problem of a single point, the local problem of nonsmooth Gauss-Seid
 S a = r + b with the stiffness S (dim, dim) of the point and a load b containing the coupling to
 the other, fixed points. The statuses are tried in the order open, stick, slip. Slip means
 rt = -mu at with mu >= 0: a slipping point in contact satisfies (St + mu) at = bt and
-mu |at| = F rn + g. In 2D each sense of slip has an explicit solution. In 3D this is a scalar
-equation for mu, solved in the eigenvectors of St by Newton's method, safeguarded by bisection, up
-to round-off. A solution exists for every F (`lemke`); of several, the first one is returned. In 3D,
-if F and g are both positive and F is large, the slip found may violate the law, and sweeps do not
-converge.
+mu |at| = F rn + g. In 2D each sense of slip has an explicit solution. In 3D, mu is the root of a
+scalar equation in the eigenvectors of St; Newton's method, safeguarded by bisection, finds it up to
+round-off.
+
+A solution exists for every F (`lemke`). If there are several, the first one is returned. In 3D with
+positive g and large F, the slip found may violate the law; Gauss-Seidel then does not converge.
 """
 
 from __future__ import annotations
@@ -47,7 +48,7 @@ class OnePoint:
         coupling = S[:-1, -1]
         self._normal = float(S[-1, -1])
         self._coupling = [float(c) for c in coupling]
-        self._none = (0.0,) * len(coupling)
+        self._no_slip = (0.0,) * len(coupling)
         slip = _SlipInPlane if len(S) == 2 else _SlipInSpace
         self._if_closed = slip(S[:-1, :-1], coupling)
         eliminated = S[:-1, :-1] - np.outer(coupling, coupling) / self._normal
@@ -58,18 +59,20 @@ class OnePoint:
         *t, n = map(float, b)
         F = self._friction
         g = self._bound
-        left = [load - c * n / self._normal for load, c in zip(t, self._coupling, strict=True)]
+        # open, with the normal displacement eliminated; a bound g > 0 acts without contact, too
+        shear = [load - c * n / self._normal for load, c in zip(t, self._coupling, strict=True)]
         self.closed = False
-        self.stuck = g > 0 and hypot(*left) <= g
-        slip = self._none if self.stuck else self._if_open.solve(left, 0.0, 0.0, g)
-        rest = n
+        self.stuck = g > 0 and hypot(*shear) <= g
+        slip = self._no_slip if self.stuck else self._if_open.solve(shear, 0.0, 0.0, g)
+        opening = n
         for c, ut in zip(self._coupling, slip, strict=True):
-            rest -= c * ut
-        if rest >= 0:
-            return *slip, rest / self._normal
+            opening -= c * ut
+        if opening >= 0:
+            return *slip, opening / self._normal
+        # closed: stick or slip
         self.closed = True
         self.stuck = n <= 0 and hypot(*t) <= g - F * n
-        slip = self._none if self.stuck else self._if_closed.solve(t, n, F, g)
+        slip = self._no_slip if self.stuck else self._if_closed.solve(t, n, F, g)
         return *slip, 0.0
 
 
