@@ -187,7 +187,7 @@ class _AllTangents:
         self.solver = solver_of_body(eq, [self._N], solver)
 
     def coefficients(self, direction: Array) -> Array:
-        """Return all F with a real slip of one sign along a direction, if `held`."""
+        """Return all F with a real slip of one sign along a direction. `held` must be True."""
         eq = self._eq
         pattern = SlipPattern.of(eq, direction, None, by_law=True)
         slip = Slip(eq, pattern, hold_across=True)

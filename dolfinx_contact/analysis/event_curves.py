@@ -149,6 +149,7 @@ class EventCurve(CurveOverMu):
         return segment.statuses
 
     def _segment_at(self, mu: float) -> Segment | None:
+        """Return the segment whose span contains mu; None outside of the span of the curve."""
         return next((s for s in self.segments if s.low <= mu <= s.high), None)
 
     @property

@@ -21,12 +21,12 @@ the entries (tangent, normal) of every point; 1/F_R is the largest eigenvalue of
 
     sum_i [ beta_i a_n r_n + alpha_i a_t.(r_t + F r_n xi) ]_i  >  0    for all a other than 0.
 
-Renard's criterion has unit weights. For one point, k > 0 and |xi| = 1, optimal weights give
-F < k_t/k for xi = -1, beyond which some loads have several solutions, and every F for xi = 1. One
-set of weights is valid on an interval of F; the range of F is covered by overlapping intervals. The
-least eigenvalue of the sum, scaled to a unit diagonal, is maximised over the logarithms of the
-weights, with a soft minimum of several small eigenvalues as in `proofs.weights`. This takes many
-eigenproblems of dense matrices, with S = A^{-1} and X S for the rows F xi of normal forces.
+Renard's criterion has unit weights. For the point above with k > 0, optimal weights give F < k_t/k
+if xi = -1, beyond which some loads have several solutions, and every F if xi = 1. One set of
+weights is valid on an interval of F; the range of F is covered by overlapping intervals. The least
+eigenvalue of the sum, scaled to a unit diagonal, is maximised over the logarithms of the weights,
+with a soft minimum of several small eigenvalues as in `proofs.weights`. This takes many
+eigenproblems of dense matrices.
 """
 
 from __future__ import annotations
@@ -76,11 +76,11 @@ _EFFORT = 60  # of a search for weights
 _NOTHING = 1e-9  # slip or force that counts as zero, relative to body size and largest force
 _DEFAULTS = {"eps_type": "krylovschur", "eps_tol": 1e-10, "eps_max_it": 500}
 _ENOUGH = 1e-7  # least eigenvalue, relative to a unit diagonal, at which a search ends
-_SPREAD = 12.0  # of the logarithms of the weights
-_TAUS = 0.05, 0.01, 0.003  # of the soft minimum
-#: Factors by which the friction is raised, each as long as weights are found.
+_SPREAD = 12.0  # largest magnitude of the logarithm of a weight
+_TAUS = 0.05, 0.01, 0.003  # widths of the soft minimum, one stage each
+#: Steps of the friction factor, by multiplication; each is repeated as long as weights are found.
 _STEPS = (2.0, 1.3, 1.1, 1.03, 1.01, 1.003, 1.001)
-_MOST = 1e3  # largest factor
+_MOST = 1e3  # largest friction factor
 
 
 @dataclass(frozen=True)
@@ -350,11 +350,12 @@ def _over(largest: float) -> float:
 
 @dataclass(frozen=True, eq=False)
 class WeightedForm:
-    """The inequalities of a solution.
+    """Weighted sum of the inequalities of a solution.
 
     Attributes:
         S: stiffness of the components of jumps, symmetric and positive definite (n, n).
-        G: rows F xi of the normal forces, S_n, at tangential components; else 0 (n, n).
+        G: derivative of the sum by the friction factor: at tangential components the rows F xi S_n
+            of the normal forces, otherwise 0 (n, n).
         groups: numbers of the weights of the components, equal for the tangents of a point (n,).
     """
 

@@ -2,20 +2,17 @@
 r"""Stability of steady sliding: growing vibrations (squeal).
 
 A body slides steadily over a moving obstacle. Under perturbations u e^{lambda t}, closed points
-remain closed and the shear remains F times the pressure against the slip, so that at these points
-
-    (K + lambda C + lambda^2 M)_t - s F (...)_n = 0,    v_n = 0,
-
-with s = 1 where the obstacle drags along t. Coulomb friction does not depend on the velocity. With
-the rows N and D of slips along d and the rows H of held motions (`slip`), the forces r_n at
-slipping points and q at held ones,
+remain closed and the shear remains F times the pressure against the slip; it does not depend on the
+velocity. The rows N of normal displacements and D of slips along d belong to slipping points, with
+the normal forces r_n. The rows H belong to held motions (`slip`), with the forces q:
 
     (K + lambda C + lambda^2 M) u + (N + F D)^T r_n + H^T q = 0,    N u = 0,    H u = 0.
 
-The forces do not act along the held motions, so that the problem is not symmetric. A vibration
-grows if the pressure changes in phase with the slip, usually where two frequencies meet (mode
-coupling: A. Akay, Acoustics of friction, J. Acoust. Soc. Am. 111, 2002). In 3D, a point moves
-across the slip without resistance, provided that the sliding is fast compared with the vibration.
+The forces of slipping points do not act along the constraints N u = 0, so that the problem is not
+symmetric. A vibration grows if the pressure changes in phase with the slip, usually where two
+frequencies meet (mode coupling: A. Akay, Acoustics of friction, J. Acoust. Soc. Am. 111, 2002). In
+3D, a point moves across the slip without resistance, provided that the sliding is fast compared
+with the vibration.
 
 Small problems are projected onto two null spaces, of N and H and of N + F D and H, and all
 eigenvalues are computed. In large problems SLEPc finds the eigenvalues nearest to zero.

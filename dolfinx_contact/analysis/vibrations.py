@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Stiffness, mass and damping of a body for small motions u e^{lambda t}, and dense matrices.
 
-`steady_sliding` and `stability` constrain the motions of
+Without contact, the motions satisfy the quadratic eigenproblem
 
-    (K + lambda C + lambda^2 M) u = 0
+    (K + lambda C + lambda^2 M) u = 0.
 
-by rows of jumps at the contact points. With C = eta K it is the eigenproblem K u = mu M u of the
-undamped body, and lambda^2 + eta mu lambda + mu = 0 for each mu. Any other C makes it quadratic.
-Small problems are projected onto the null spaces of the rows.
+`steady_sliding` and `stability` add constraints, rows of jumps at the contact points. Small
+problems are projected onto the null spaces of these rows. If C = eta K, the eigenproblem is linear:
+the eigenvalues mu of K u = mu M u, those of the undamped body, give lambda by lambda^2 + eta mu
+lambda + mu = 0.
 """
 
 from __future__ import annotations
