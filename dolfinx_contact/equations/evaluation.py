@@ -2,7 +2,7 @@
 r"""The term of one contact surface or pair in H, and the values found by one evaluation.
 
 Contact points have areas W, jumps j(u, q) and tractions t = E l of the multipliers l; the law
-answers tau. B takes displacements to jumps (`points.operators`). A surface adds
+answers tau. B maps displacements to jumps (`points.operators`). A surface adds
 
     H_u += -B^T W t,    H_l = E^T W (t - tau(j, t; statuses)),
 
@@ -192,7 +192,7 @@ class SurfaceTerm:
         number: number of the surface.
         removed: mask of the owned multipliers that Dirichlet data remove (`constraints`), (k,).
         memory: memory of the points at the beginning of the step; None under the static law.
-        strength: strength at which bonds are held (`Law.weakening`), shape (n,); None: the law
+        strength: prescribed strength of the bonds (`Law.weakening`), shape (n,); None: the law
             determines it.
     """
 

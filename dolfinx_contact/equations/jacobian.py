@@ -9,10 +9,10 @@ are empty; those of removed multipliers have a typical stiffness on the diagonal
 never changes, so new statuses only cost new numbers. For sliding faces it changes with each search
 for opposing facets (`sliding`).
 
-With a rigid body the jump is B u - Phi q, so the contact terms of a surface are bordered by
+With a rigid body the jump is B (u - Phi q), so the contact terms of a surface are bordered by
 
-    [ .                      Phi^T W E ]
-    [ E^T W D_j Phi          .         ]
+    [ .                    (B Phi)^T W E ]
+    [ E^T W D_j B Phi      .             ]
 
 in the rows and columns of q and of the multipliers (`RigidTerms`).
 
@@ -309,7 +309,7 @@ class RigidTerms:
         unit: factor from unknowns to multipliers.
         motions: places of the unknowns of the body, -1 if prescribed, shape (k,).
         multipliers: places of the multipliers, -1 if removed, shape (groups, l, dim).
-        at_points: Phi, shape (n, dim, k).
+        at_points: B Phi, motions of the points by unknown, shape (n, dim, k).
     """
 
     operator: ConstantOperator

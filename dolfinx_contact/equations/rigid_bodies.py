@@ -7,7 +7,7 @@ its other unknowns. With the forces f = B^T W t of the surfaces touching a body,
 
     H_q = Phi^T f - F    where q is free,    H_q = k (q - q_prescribed)    elsewhere,
 
-where Phi are the motions at the nodes by unknown.
+where column k of Phi is the motion of the nodes for a unit of the unknown k.
 """
 
 from __future__ import annotations
@@ -180,7 +180,7 @@ class RigidTerm(SurfaceTerm):
         return s.partner.relative_rate(at, self.motion(q), step, self.motion(dq))
 
     def motions_at_points(self) -> Array:
-        """Return Phi, motions of the points by unknown of the body, shape (n, dim, k)."""
+        """Return B Phi, motions of the points by unknown of the body, shape (n, dim, k)."""
         s = self.surface
         operator = s.constant_operator("a rigid body that moves")
         x = s.node_positions[: s.owned_nodes]

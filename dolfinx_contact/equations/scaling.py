@@ -139,7 +139,7 @@ class Scaling:
             self._augment(self._forced)
 
     def _augment(self, forced: float | None) -> None:
-        """Set the r of the surfaces."""
+        """Set the r of the surfaces, at all points ``forced`` or, for None, the automatic one."""
         for term, r in zip(self._terms, self.automatic_r, strict=True):
             r_of_surface = r if forced is None else np.full_like(r, forced)
             term.surface.points.set_augmentation(r_of_surface)
@@ -253,7 +253,8 @@ def uniform_strains(
         axisymmetric: whether the body is a body of revolution.
 
     Returns:
-        Gradients, shape (dim, dim) each, and energies of pairs of them, shape (parts, k, k).
+        k gradients, shape (dim, dim) each, and the energies of pairs of them in every part, shape
+        (parts, k, k).
     """
     comm = V.mesh.comm
     dim = V.mesh.geometry.dim
@@ -342,6 +343,7 @@ class LooseMotions:
         self._jumps = [self._jumps_at(term) for term in terms]
 
     def _jumps_at(self, term: SurfaceTerm) -> Array:
+        """Return the jumps at the points of a surface by each free motion (motions, n, dim)."""
         s = term.surface
         number = len(self.of_body)
         jumps = np.zeros((number + self._bodies.size, s.points.number, s.dim))

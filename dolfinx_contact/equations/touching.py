@@ -86,8 +86,9 @@ def touching(eq: ContactEquations, load: float, state: Evaluation) -> Statuses:
 def _nearest(eq: ContactEquations, gaps: Sequence[Array], state: Evaluation) -> list[float]:
     """Return for each surface the smallest gap of points that may hold a loose body. Collective.
 
-    It is the gap to a rigid body that is free to move, or that of the surface if a vertex touches,
-    and minus infinity otherwise. Vertices may touch although no Gauss point between them does.
+    A surface with a vertex that touches has the smallest gap of its points. Vertices may touch
+    although no Gauss point between them does. A surface on a rigid body that is free to move has
+    at least the smallest gap to this body. Other surfaces have minus infinity.
     """
     least = []
     for term, gap in zip(eq.terms, gaps, strict=True):
@@ -156,6 +157,7 @@ def bring_together(eq: ContactEquations, x: PETSc.Vec) -> None:
             continue
         along = np.zeros(eq.rigid.size)
         along[part][: body.dim] = load / size
+        # distances to the nearest point in any direction, and to the nearest one along the load
         nearest = ahead = np.inf
         for term in eq.terms:
             if term.surface.rigid_body is body:

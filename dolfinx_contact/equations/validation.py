@@ -255,10 +255,10 @@ def check_obstacle(s: DiscreteSurface) -> None:
     """Raise ``ValueError`` if a gap or normal is not finite, and name the datum. Collective."""
     finite = all(np.isfinite(v).all() for v in (s.points.vertex_gaps, s.points.vertex_normals))
     if anywhere(s.comm, not finite)[0]:
-        place = _not_finite(s.comm, data_of_surface(s))
-        centre = "a contact point is the centre of a sphere, or a level set has no gradient there"
-        why = f"look at {place}" if place else centre
-        raise ValueError(f"{s.name}: the gap or normal of the obstacle is not finite: {why}")
+        cause = "a contact point is the centre of a sphere, or a level set has no gradient there"
+        if place := _not_finite(s.comm, data_of_surface(s)):
+            cause = f"look at {place}"
+        raise ValueError(f"{s.name}: the gap or normal of the obstacle is not finite: {cause}")
 
 
 def check_law(s: DiscreteSurface, memory: Memory | None, where: str = "") -> None:

@@ -107,7 +107,15 @@ class Operator(ABC):
 
     @abstractmethod
     def scalar_matrix(self, comm: MPI.Comm, nodes: int) -> PETSc.Mat:
-        """Return B without components, from the owned nodes to the points."""
+        """Return B for one component.
+
+        Args:
+            comm: communicator.
+            nodes: number of displacement nodes owned by this rank.
+
+        Returns:
+            Matrix from a scalar at the nodes to one at the points.
+        """
 
     @abstractmethod
     def destroy(self) -> None:

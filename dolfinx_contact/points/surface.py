@@ -75,7 +75,8 @@ class DiscreteSurface(ReadOnly):
         displaced: gap and normal at displaced points; None in small sliding.
         true_gaps: function returning distances of the displaced points to the obstacle.
         moved_along: whether the last change of its Constants moved the obstacle along its surface.
-        start_gaps: gaps of the points at the start, with overlaps, shape (n,).
+        start_gaps: initial gaps of the points, negative in the obstacle, before ``interference`` or
+            ``remove_overlap`` change them, shape (n,).
 
     Raises:
         ValueError: on every rank, if facets, obstacle or law do not fit the mesh, obstacles differ
