@@ -131,14 +131,14 @@ def _springs(B: PETSc.Mat, share: Array, compliance: Array) -> tuple[Nodes, Node
     """Return nodes (rows, columns) and stiffness of the springs of joined points. Collective.
 
     Args:
-        B: operator B without components; its rows are scaled.
+        B: operator B without components; overwritten by B with scaled rows.
         share: share of the area of a node of each joined point, shape (n,).
         compliance: compliance of the owned nodes.
     """
     points, nodes, b = triplets(B)
     soft = at_global_places(B.comm.tompi4py(), compliance, nodes)
-    mine = points - B.getOwnershipRange()[0]
-    total = np.bincount(mine, b**2 * soft, len(share)).astype(np.float64)
+    local = points - B.getOwnershipRange()[0]
+    total = np.bincount(local, b**2 * soft, len(share)).astype(np.float64)
     scale = B.createVecLeft()
     scale.array[:] = np.sqrt(ratio(share, total))
     B.diagonalScale(L=scale)

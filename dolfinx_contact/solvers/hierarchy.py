@@ -339,8 +339,8 @@ def rigid_body_space(V: fem.FunctionSpace) -> tuple[PETSc.NullSpace, list[PETSc.
     """
     index_map = V.dofmap.index_map
     n = index_map.size_local
-    whole = np.zeros(n + index_map.num_ghosts, dtype=np.int32)
-    motions = rigid_motions(V, whole)
+    part = np.zeros(n + index_map.num_ghosts, dtype=np.int32)  # all nodes as one part
+    motions = rigid_motions(V, part)
     dim = motions.shape[2]
     basis = [la.vector(index_map, dim) for _ in motions]
     for b, motion in zip(basis, motions, strict=True):

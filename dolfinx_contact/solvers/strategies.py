@@ -22,8 +22,8 @@ strategies, in this order and each from the caller's state:
    rigid motion is free under the full load and under increments.
 
 A strategy is a function of unknowns and attempt that changes the unknowns and returns whether they
-are a solution. Modules that full steps, a line search and load increments do not need
-are loaded when they are used.
+are a solution. Full steps, line search and load increments need no further modules; the modules of
+the other strategies are loaded on first use.
 
 A brief trial, for steps that may be shortened, ends with the first strategy. Each strategy but the
 first has a budget in Newton steps. A solution in which a hyperelastic body is turned inside out
@@ -141,9 +141,11 @@ def solve(
     ways = _Strategies(equations, linear, increments, notify)
     attempts: list[Attempt] = []
     floating: set[str] = set()  # strategies in which a rigid motion was free
-    inverting: Attempt | None = None  # the last one that turned the body inside out, to `turned`
     negative: list[str] = []
-    x, turned = x0.duplicate(), x0.duplicate()
+    x = x0.duplicate()
+    # the last solution in which the body is turned inside out, and its attempt
+    turned = x0.duplicate()
+    inverting: Attempt | None = None
     for strategy, run in strategies(ways, trial, start):
         # skip strategies that would fail for the same reason
         if inverting and strategy != _INCREMENTS and inverting.strategy != _EXTRAPOLATED:
@@ -155,7 +157,7 @@ def solve(
         attempts.append(attempt)
         progress.strategy = strategy
         x0.copy(x)
-        drift = ""
+        drift = ""  # reason why the body moves away, if it does
         try:
             attempt.converged = run(x, attempt)
         except FloatingBodyError as error:
@@ -228,6 +230,7 @@ def _negative_bounds(eq: ContactEquations, x: PETSc.Vec) -> Iterator[str]:
 
 
 def _listed(places: Sequence[Sequence[float]]) -> str:
+    """Return coordinates of points as text."""
     return "; ".join("(" + ", ".join(f"{c:.6g}" for c in x) + ")" for x in places)
 
 
