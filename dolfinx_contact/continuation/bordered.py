@@ -103,7 +103,7 @@ class Bordered(Layout):
             self.x_scale_is_new = True
 
     def _square(self, y: PETSc.Vec) -> float:
-        """Return the square of the length of x, without a scale."""
+        """Return the square of the length of x in the metric of the system, without `x_scale`."""
         x, _ = self.split(y)
         self.system.metric(x, self._w)
         return float(self._w.dot(x))

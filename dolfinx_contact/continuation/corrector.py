@@ -166,7 +166,7 @@ class Corrector:
     ) -> bool:
         """Correct ``y`` in place to the point at ``distance`` from ``start`` along ``t``.
 
-        A corrected point is accepted: `scales` include its own.
+        After a successful correction, `scales` include those at the point.
 
         Args:
             y: predicted point, corrected in place.

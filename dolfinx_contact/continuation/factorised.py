@@ -130,7 +130,7 @@ class _RowUpdate:
         if len(self._columns) > _MOST_COLUMNS:
             self._columns = {r: self._columns[r] for r in rows}
         others = at_border & ~np.isin(row_of, changed)
-        # its unit differs from that of the other entries of a row
+        # The column of gamma has another unit than the rest of a row: it is compared on its own.
         in_column = self._changed_rows(row_of, change, others, len(ends) - 1)
         has_column = bool(comm.allreduce(len(in_column)))
         if has_column:

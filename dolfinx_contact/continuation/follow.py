@@ -420,7 +420,7 @@ class Follower(Walker):
         chord = new.y - point.y
         back = start.y - point.y
         square = b.inner(chord, chord)
-        if square == 0:  # the step before ended at the kink that this one crosses
+        if square == 0:  # the previous step ended at the kink that this step crosses
             return False
         part = b.inner(back, chord) / square
         if not -_HAIR <= part <= 1:

@@ -49,7 +49,7 @@ logger = logging.getLogger(__name__)
 _MOST_PIECES = 1024  # largest number of pieces to enumerate
 _LENGTHS = (1e-3, 1e-2, 1e-4, 1e-5)  # changes of gamma at which H itself is solved
 _SAME = 1e-6  # relative distance of tangents of one ray
-_STILL = 1e-12  # motion along a unit tangent that is round-off, relative to the state
+_STILL = 1e-12  # change of x along a unit tangent, relative to x, that is round-off
 _PROBE = 1e-6  # length of finite differences along a tangent
 _BENT = 1e-3  # relative nonlinearity of a row without a derivative
 _LED = "one step of Newton's method on H"
@@ -292,8 +292,8 @@ class KinkRays(RayFinder):
         self.kinks = tuple(k for part in b.comm.allgather(own) for k in part)
 
     def same(self, a: Ray, other: Ray) -> bool:
-        # Rays may differ in unknowns without a length; before a tangent has moved x, none has one.
-        # x and gamma have different units and are compared separately.
+        # x and gamma have different units and are compared separately. The length of `Bordered`
+        # does not serve: some unknowns do not count in it, and none until a tangent has moved x.
         b = self._bordered
         tangents = (a.tangent, other.tangent, a.tangent - other.tangent)
         moves = [b.split(t)[0].norm() for t in tangents]

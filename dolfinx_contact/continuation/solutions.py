@@ -56,7 +56,7 @@ __all__ = ["Continuum", "Solution", "Solutions", "find_solutions"]
 
 logger = logging.getLogger(__name__)
 
-_ROUND_OFF = 1e-14  # distance of equal solutions relative to the largest guess or solution
+_ROUND_OFF = 1e-14  # distance of equal solutions, relative to the largest guess or solution
 
 
 @dataclass(frozen=True)
@@ -444,7 +444,7 @@ class _Deflated:
     def _is_known(self, x: PETSc.Vec, known: Sequence[PETSc.Vec]) -> bool:
         """Return True if a state is one of ``known``."""
         sizes = [other.norm() for other in known]
-        # next to the solution 0, round-off of the iteration is compared with the guesses
+        # The solution 0 has no size: its round-off is relative to the guesses.
         least = _ROUND_OFF * max([self._size, *sizes])
         return any(
             (x - other).norm() <= max(1e-6 * max(x.norm(), size), least)
