@@ -156,7 +156,7 @@ def vector(
     Args:
         value: value to validate.
         name: name of the argument in the message.
-        length: number of components; default: None, 2 or 3.
+        length: number of components; default: None, which allows 2 or 3.
         zero: whether the zero vector is accepted.
     """
     try:

@@ -72,7 +72,7 @@ def _require_uniform(value: Any, what: str) -> None:
 def _components(value: Any, what: str, *, zero: bool = True) -> Any:
     """Return a vector of 2 or 3 components, in UFL or as an array of numbers."""
     if has_ufl(value):
-        # float() of a Constant would be its present value, which does not follow it
+        # Constants are kept: float() would fix their present value.
         parts = [v if isinstance(v, ufl.core.expr.Expr) else number(v, what) for v in value]
         value = ufl.as_vector(parts)
     if not isinstance(value, ufl.core.expr.Expr):

@@ -93,7 +93,7 @@ def _at_state(
     tables: Mapping[str, ContactTable],
     energies: Energies,
 ) -> dict[str, Any]:
-    """Return the columns of a row that belong to the state at its time."""
+    """Return the columns of a row that describe the state at its time."""
     forces = {
         f"{name}_{axis}": float(v)
         for name, t in tables.items()

@@ -178,6 +178,7 @@ def _distances(x: Array, facets: Cells) -> Array:
     distances = np.zeros(facets.shape)
     begin = 0.0
     for numbers, vertices in curves(facets):
+        # begin at the end with the smaller coordinates
         if tuple(x[vertices[-1]]) < tuple(x[vertices[0]]):
             numbers, vertices = numbers[::-1], vertices[::-1]
         lengths = np.linalg.norm(np.diff(x[vertices], axis=0), axis=1)

@@ -345,7 +345,7 @@ class _Friction(FrictionLaw):
 
     @property
     def given(self) -> dict[str, Scalar]:
-        return {}  # the radius is composed of symbols
+        return {}  # the radius consists of symbols and is not validated
 
     @property
     def needs_pressure(self) -> bool:  # type: ignore[override]

@@ -310,7 +310,7 @@ class Law:
         self._check_fields()
 
     def _check_fields(self) -> None:
-        """Raise ``ValueError`` for fields that are not scalars, or numbers of another sign."""
+        """Raise ``ValueError`` for fields that are not scalars, or not of the required sign."""
         hiding = sorted(set(self.given) & set(dir(Law)))
         if hiding:
             kind = type(self).__name__  # the field ``name`` of a law may shadow the property
@@ -408,7 +408,7 @@ class Law:
         Raises:
             ValueError: if a field is not admissible or belongs to another mesh.
         """
-        self._check_fields()  # again: a law may define its own __post_init__
+        self._check_fields()  # again, because a law may define its own __post_init__
         coefficients = {}
         for k, v in self.given.items():
             coefficients[k] = fem.Constant(domain, float(v)) if is_number(v) else v

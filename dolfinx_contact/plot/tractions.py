@@ -230,11 +230,13 @@ def _positions(data: Arrays) -> tuple[Array, Cells, str, Array]:
     kept = []
     begin = 0.0
     for numbers, vertices in curves(facets):
+        # open a closed curve at the facet farthest from the contact
         if vertices[0] == vertices[-1]:
             touching = vertices[data["touching"][vertices]]
             middle = x[touching if len(touching) else vertices[:-1]].mean(axis=0)
             far = np.argmax(np.linalg.norm(x[facets[numbers]].mean(axis=1) - middle, axis=1))
             vertices = np.roll(vertices[:-1], -far - 1)
+        # follow the tangents
         if np.sum(np.diff(x[vertices], axis=0) * tangents[vertices[:-1]]) < 0:
             vertices = vertices[::-1]
         lengths = np.linalg.norm(np.diff(x[vertices], axis=0), axis=1)

@@ -56,7 +56,8 @@ def load(file: Path, recorded: str) -> Arrays:
     check(file, recorded)
     try:
         with zipfile.ZipFile(file) as content:
-            # Reading a whole member verifies its CRC; NumPy stops where a damaged head ends it.
+            # Reading a whole member verifies its CRC. np.load(file) reads as many bytes as the head
+            # of the array requires, which are fewer if the head is damaged.
             members = {name: content.read(name) for name in content.namelist()}
             return {
                 name.removesuffix(".npy"): np.load(io.BytesIO(data), allow_pickle=False)

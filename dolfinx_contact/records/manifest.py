@@ -48,7 +48,7 @@ Manifest = dict[str, dict[str, Any]]
 
 _TOLERANCE = 1e-9  # relative, of Constants and of projections
 _ROUND_OFF = 1e-14  # relative to the largest component of a Constant
-_COMPUTED = 1e-6  # relative, of memory, which is computed on other numbers of ranks
+_COMPUTED = 1e-6  # relative, of memory, whose round-off depends on the number of ranks
 _NO_LENGTH = 1e-13  # gaps and prescribed displacements that count as zero, relative to the body
 _LONGEST = 100  # largest number of characters of a value in a message
 _NUMBER = re.compile(r"[-+]?\d+\.\d+(?:e[-+]?\d+)?")
@@ -102,9 +102,9 @@ def manifest_of(
         expressions = [_signature(e, domain) for e in body.expressions]
         signatures[f"the rigid body {body.name!r}"] = "".join([words, *expressions])
     for s in problem.surfaces:
-        of_parts, of_signatures = _of_surface(s)
-        parts |= {f"{name} of {s.name!r}": part for name, part in of_parts.items()}
-        signatures |= {f"{name} of {s.name!r}": text for name, text in of_signatures.items()}
+        own_parts, own_signatures = _of_surface(s)
+        parts |= {f"{name} of {s.name!r}": part for name, part in own_parts.items()}
+        signatures |= {f"{name} of {s.name!r}": text for name, text in own_signatures.items()}
     hashes = {name: _digest(text.encode()) for name, text in signatures.items()}
     return {"parts": parts, "forms": {_UFL: ufl.__version__, **hashes}}
 
@@ -124,7 +124,7 @@ def _of_surface(s: DiscreteSurface) -> tuple[dict[str, Any], dict[str, str]]:
     axisymmetric = " axisymmetric" if s.axisymmetric else ""
     signatures = {
         "the law": f"{s.law_at_points.compiled.signature} {s.law.averaging!r}{axisymmetric}",
-        # with the data of the law, which differ from those of another law
+        # After the law: these expressions include its data, and the first difference is named.
         "the obstacle": "".join([s.obstacle.mark, *expressions]),
     }
     return parts, signatures
@@ -189,7 +189,7 @@ def memory_of(problem: ContactProblem) -> dict[str, Any]:
             least = no_length * len(whole) ** 0.5 if name in vectors else 0.0
             tolerance = max(_COMPUTED * float(np.linalg.norm(whole)), least)
             projections = (whole @ weights).tolist()
-            scale = tolerance / _TOLERANCE
+            scale = tolerance / _TOLERANCE  # `difference` multiplies it by _TOLERANCE
             found[f"the memory {name}{of}"] = {"projections": projections, "scale": scale}
         found["the duration" + of] = [float(memory.step)]
     return found
