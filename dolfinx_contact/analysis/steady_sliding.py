@@ -343,7 +343,7 @@ class SteadySliding(ReadOnly):
         solver.setTarget(0.0)
         solver.setDimensions(min(self._count, self._size))
         solve_eigenproblem(solver, _DEFAULTS)
-        # The highest frequency of a single unknown bounds those of the body.
+        # estimate of the highest frequency of the body: the highest one of a single unknown
         highest = float(np.sqrt(body.scale(body.K)))
         highest = max(highest, body.scale(body.C)) if quadratic else highest
         n = eq.owned_sizes[0]

@@ -76,6 +76,6 @@ def test_point_problem_refuses_data(arguments, message):
         (InteriorPoint, "max_iterations"),
     ],
 )
-def test_algorithms_refuse_options_that_are_no_numbers(algorithm, option, value):
+def test_algorithms_refuse_options_that_are_not_numbers(algorithm, option, value):
     with pytest.raises(ValueError, match=f"{option} must be"):
         algorithm(**{option: value})

@@ -318,12 +318,12 @@ def test_rigid_body_refuses_arguments(arguments, message):
         (lambda: LevelSet(1.0), "the level set must be a function of position, got 1.0"),
     ],
 )
-def test_obstacles_refuse_arguments_at_construction(obstacle, message):
+def test_obstacles_refuse_inadmissible_arguments_at_construction(obstacle, message):
     with pytest.raises(ValueError, match=message):
         obstacle()
 
 
 @pytest.mark.ranks(2)
-def test_obstacles_of_another_dimension_are_refused_with_the_mesh():
-    with pytest.raises(ValueError, match="centre of the sphere must have 2 components on this mes"):
+def test_a_sphere_in_space_is_refused_on_a_plane_mesh():
+    with pytest.raises(ValueError, match="centre of the sphere must have 2 components"):
         block(cell="tri", n=2, obstacle=Sphere((0.0, 0.0, -1.0), 1.0))

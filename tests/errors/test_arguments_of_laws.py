@@ -91,7 +91,7 @@ def test_rccm_refuses_options(arguments, message):
         (lambda: Falling([0.3], 1.0), "static of Falling must be a number"),
     ],
 )
-def test_laws_refuse_numbers_at_construction(law, message):
+def test_laws_refuse_inadmissible_numbers_at_construction(law, message):
     with pytest.raises(ValueError, match=message):
         law()
 

@@ -78,7 +78,7 @@ def test_snes_types_have_the_same_solution(kind):
     ids=["iterations", "breakdown"],
 )
 def test_failure_of_the_chosen_linear_solver_ends_the_solve(options, words):
-    """It is the reason of the only attempt: other strategies have systems like these."""
+    """No other strategy is tried, because its linear systems would be like these."""
     with pytest.raises(ConvergenceError, match="linear_solver='amg'") as info:
         block(options=options).solve()
     (attempt,) = info.value.attempts

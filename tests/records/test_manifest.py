@@ -289,10 +289,11 @@ def test_format_of_another_version_is_refused(folder):
 
 
 @pytest.mark.ranks(2)
-def test_a_branch_of_a_step_knows_its_start(folder):
-    """Friction opposes the slip since the start of the step: another start is another problem."""
+def test_a_branch_of_a_step_is_resumed_from_the_same_start_only(folder):
+    """Friction opposes the slip since the start of the step: another start, another problem."""
 
-    def system(way):
+    def system(shift):
+        """A step from a pressed block whose top has been moved sideways by ``shift``."""
         domain = mesh.create_unit_square(COMM, 4, 4)
         V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
         u = fem.Function(V)
@@ -304,7 +305,7 @@ def test_a_branch_of_a_step_knows_its_start(folder):
         bcs = [fem.dirichletbc(top, held)]
         energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx
         problem = ContactProblem(energy, u, [surface], bcs=bcs)
-        top.interpolate(lambda x: np.stack([way + 0 * x[0], -0.01 + 0 * x[0]]))
+        top.interpolate(lambda x: np.stack([shift + 0 * x[0], -0.01 + 0 * x[0]]))
         problem.solve()
         step = problem.step_from(problem.snapshot())
         path = ufl.as_vector((0.004 - 0.01 * gamma, -0.01))

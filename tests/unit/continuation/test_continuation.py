@@ -78,7 +78,7 @@ def test_a_kink_is_passed_in_any_units_of_gamma(unit):
 
 
 def complementary(M, q, d, unit):
-    """min(x, M x + q + g d) = 0, with g in a unit and x in its inverse."""
+    """min(x, M x + q + g d) = 0, with g in units of ``unit`` and x in units of its inverse."""
     size = 1.0 / unit
 
     def driven(x, g):
@@ -123,10 +123,10 @@ def test_rays_are_distinguished_in_any_units_of_gamma(unit):
     assert [len(node.rays) for node in diagram.nodes] == [4]
 
 
-@pytest.mark.parametrize("ahead", [-1.0, 2.0])
-def test_a_step_that_ends_at_a_kink_is_followed_by_others(ahead):
-    """x = g, below 0 ahead g: steps of 1/4 and 1/2 lead from g = 3/4 to the kink at 0."""
-    slopes = np.array([1.0, ahead])
+@pytest.mark.parametrize("slope", [-1.0, 2.0])
+def test_a_branch_continues_after_a_step_that_ends_at_a_kink(slope):
+    """x = g, or slope g for g < 0: steps of 1/4 and 1/2 lead from g = 3/4 to the kink at 0."""
+    slopes = np.array([1.0, slope])
     system = Textbook(
         1,
         lambda x, g, codes: [x[0] - slopes[codes[0]] * g],
@@ -142,7 +142,7 @@ def test_a_step_that_ends_at_a_kink_is_followed_by_others(ahead):
     assert [p.gamma for p in branch.points][:3] == pytest.approx([0.75, 0.5, 0.0], abs=1e-15)
     assert [s.gamma for s in branch.special] == pytest.approx([0.0], abs=1e-15)
     x, g = values(system, branch.points[-1])
-    assert (x[0], g) == pytest.approx((-ahead, -1.0))
+    assert (x[0], g) == pytest.approx((-slope, -1.0))
 
 
 @pytest.fixture

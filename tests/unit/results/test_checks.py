@@ -121,7 +121,7 @@ def test_a_cylinder_between_contact_points_gives_a_warning(log):
 @pytest.mark.parametrize("law", [Coulomb(0.3), Frictionless()])
 @pytest.mark.parametrize("sliding", ["small", "large"])
 def test_static_law_gives_a_warning_where_the_contact_zone_grows(law, sliding, log):
-    """All points but the lowest one have an initial gap; the next step starts from a state."""
+    """On a disc, all points except the lowest one have an initial gap; steps give no warning."""
     disc = Sphere((0.5, -2.0), 2.0)
     problem = block(n=8, cell="quad", law=law, obstacle=disc, top=(0.0, -0.05), sliding=sliding)
     result = problem.solve()

@@ -55,12 +55,9 @@ def test_one_solve_presses_a_block_to_a_third(cell):
     "loads in increments",
     "Newton's method",
     reference="itself: Newton's method",
-    aspects=(
-        "2D",
-        "3D",
-    ),
+    aspects=("2D", "3D"),
 )
-def test_strategies_of_few_iterations_find_the_solution_of_newtons_method(
+def test_fallbacks_with_few_iterations_find_the_solution_of_newtons_method(
     cell, iterations, strategy
 ):
     """A block that begins inside the obstacle, and a limit of the Newton steps of one attempt."""
