@@ -6,7 +6,7 @@
 # `mpirun -n 1, 2, 4 ...`; for weak scaling, let the mesh grow with the ranks. Time the second
 # solve, since the first one compiles. Direct solvers need memory like n^(4/3) in 3D; multigrid is
 # linear: a frictional solve costs one and a half to two and a half of the fastest elastic ones
-# ([figures](../guide/cost.md)).
+# ([numbers](../guide/cost.md)).
 
 import time
 

@@ -92,8 +92,11 @@ class Iteration:
         self.length = contact.length
         start = np.zeros((contact.number, contact.dim))
         self.outcome = Outcome(start, start)
+        #: Last iterates, each with its largest measure.
         self._before: deque[tuple[Array, float]] = deque(maxlen=_LONGEST_CYCLE)
+        #: Smallest of the largest measures so far.
         self._least = np.inf
+        #: Number of successive iterates that repeat an earlier one.
         self._suspicion = 0
 
     def measure(self, a: Array, r: Array) -> Measures:
@@ -154,7 +157,7 @@ class Iteration:
         return ""
 
     def _repetition(self, x: Array, worst: float) -> str:
-        """Describe iterates that stagnate or repeat for a period without improvement."""
+        """Return how iterates stagnate, or repeat for a whole period; "" if they do not."""
         away = [float(np.linalg.norm(x - y)) for y, _ in self._before]
         if away and away[-1] <= _STILL * float(np.linalg.norm(x)):
             return f"stands still at a residual of {worst:.1e}"
