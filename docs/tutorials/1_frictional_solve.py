@@ -117,12 +117,14 @@ plot.picture_of_contact("contact.png", problem)
 
 # ## The path of the foot
 #
-# The log has the warning `growth`. `solve` uses the static law, in which friction opposes the whole
+# The log has the warning `growth`. `solve` uses the static law, in which friction opposes the total
 # tangential displacement. Nearly all points of the round face came into contact under the load, and
-# the static law counts their slip before contact. A history avoids this: friction opposes the slip
-# in each step. The function `load` sets the data of a time. Here the foot is pressed until $t = 1$
-# and dragged by 0.04 mm until $t = 2$. More and more points slip, until all of them slip and the
-# shear is $F$ times the normal force.
+# the static law counts their motion before contact as slip. In a history, friction opposes the slip
+# in each step instead.
+#
+# The function `load` sets the data at a time. Here the foot is pressed until $t = 1$ and dragged by
+# 0.04 mm until $t = 2$. More and more points slip. Finally all of them slip, and the shear force is
+# $F$ times the normal force.
 
 
 def load(t):
