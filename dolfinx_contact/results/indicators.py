@@ -120,8 +120,9 @@ _MESSAGES = {
     "edge, or reverse the obstacle",
     "overlap": "the body starts in the obstacle, by {:.2g} of its smallest extent, and is pushed "
     "out; interference=True allows it, remove_overlap starts without stress",
-    "growth": "a fraction of {:.2g} of the friction bound is at points that came into contact "
-    "under the load, and the static law counts their slip before contact; use QuasiStatic",
+    "growth": "points that came into contact under the load have a fraction of {:.2g} of the "
+    "friction bound, and the static law counts their motion before contact as slip; use "
+    "QuasiStatic",
     "negative_bound": "the friction bound of the law is negative, by {:.2g} of the largest force, "
     "so that friction acts along the slip; let the bound end at 0, as in ufl.max_value(..., 0.0)",
     "penetration": "the surface gives way by {:.2g} facet sizes; increase the stiffness of the law",
@@ -143,7 +144,7 @@ _FACING = 0.5  # smallest cosine between normals of faces that face each other
 _CARRYING = 1e-3  # of the largest traction, above which an open point counts as carrying
 _ACROSS = 0.4  # cosine of the normals of body and obstacle, below which a force is across
 _SAMPLES = 4  # samples of an edge of the obstacle per facet of the body
-_AT_ONCE = 0.01  # of the largest displacement: spread of initial gaps that close together
+_AT_ONCE = 0.01  # difference of initial gaps that close together, over the largest displacement
 _STRAIGHT = 0.9  # cosine with the normal of a facet, above which a corner lies below the facet
 _ROUND_OFF = 1e-9  # relative excess of a threshold that is not an excess
 _TINY = float(np.finfo(np.float64).tiny)
@@ -398,7 +399,8 @@ def _negative_bound(
 def _growth(s: DiscreteSurface, state: Evaluation, contact: ContactState) -> float:
     """Return the fraction of the friction bound at points that closed under the load. Collective.
 
-    Points whose initial gaps differ little close together and have no slip before contact.
+    Points whose initial gaps differ little close together: the motion before contact is the same
+    for all of them and does not count.
     """
     if contact.kinematics.memory is not None or STICK not in s.law_at_points.codes:
         return 0.0
