@@ -292,6 +292,9 @@ class HalfSpace(Obstacle):
             value may be changed later.
         normal: normal of the plane, out of the obstacle towards the body; of any length, given like
             `point`.
+
+    Raises:
+        ValueError: if a vector does not have 2 or 3 finite components, or the normal is zero.
     """
 
     point: npt.ArrayLike | fem.Constant
@@ -315,12 +318,16 @@ class HalfSpace(Obstacle):
 class Sphere(Obstacle):
     """A rigid ball; in 2D a rigid disc.
 
-    Contact is enforced at contact points. A ball smaller than a facet passes between them, of which
-    a warning is given: refine the face there.
+    Contact is enforced at contact points. A ball smaller than a facet passes between them, which
+    gives a warning: refine the face there.
 
     Attributes:
         centre: centre; numbers, of which a copy is kept, or a Constant.
         radius: radius, a positive number or a Constant.
+
+    Raises:
+        ValueError: if the centre does not have 2 or 3 finite components, or the radius is not
+            positive.
     """
 
     centre: npt.ArrayLike | fem.Constant
@@ -341,9 +348,13 @@ class Cylinder(Obstacle):
     """A rigid circular cylinder of infinite length, in 3D.
 
     Attributes:
-        point: point of the axis.
-        axis: direction of the axis.
-        radius: radius.
+        point: point of the axis, 3 numbers, of which a copy is kept, or a Constant.
+        axis: direction of the axis, of any length, given like `point`.
+        radius: radius, a positive number or a Constant.
+
+    Raises:
+        ValueError: if a vector does not have 2 or 3 finite components, the axis is zero, or the
+            radius is not positive.
     """
 
     point: npt.ArrayLike | fem.Constant
@@ -376,6 +387,9 @@ class LevelSet(Obstacle):
         phi: function that takes the UFL position vector and returns a UFL scalar. Numbers in it
             keep the values that they have when a problem is made; data that are to change must be
             Constants.
+
+    Raises:
+        ValueError: if ``phi`` is not callable.
     """
 
     phi: Callable[[Any], Any]

@@ -84,7 +84,7 @@ class RCCM(Law):
             Signorini's conditions.
 
     Raises:
-        ValueError: if ``order``, ``recovers`` or ``contact`` is not admissible.
+        ValueError: if an attribute is not admissible.
     """
 
     normal: Scalar

@@ -177,6 +177,9 @@ class Coulomb(FrictionLaw):
 
     Attributes:
         friction: friction coefficient F >= 0, a number, a Constant, a Function or a UFL expression.
+
+    Raises:
+        ValueError: if the coefficient is not a scalar, or a negative or infinite number.
     """
 
     friction: Scalar
@@ -200,6 +203,9 @@ class Tresca(FrictionLaw):
 
     Attributes:
         threshold: friction bound g >= 0, a traction; same types as `Coulomb.friction`.
+
+    Raises:
+        ValueError: if the bound is not a scalar, or a negative or infinite number.
     """
 
     threshold: Scalar

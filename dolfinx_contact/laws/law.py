@@ -288,6 +288,9 @@ class Law:
     symbols for the values at a point. Laws of one class are compiled once, so nothing except the
     fields may vary between points or between solves. Pressure and shear of a point are *augmented*.
     At states satisfying the law, the required traction does not depend on r.
+
+    Raises:
+        ValueError: if a field is not a scalar, or is a number without its sign in `signs`.
     """
 
     #: Whether open points are traction-free.
@@ -445,7 +448,7 @@ def checked_pieces(pieces: Any, dim: int) -> dict[int, StatusPiece]:
 
 
 def _check_scalar(value: Scalar, what: str, sign: Sign) -> None:
-    """Raise ``ValueError`` if a field is not a scalar, or a number does not have its sign."""
+    """Raise ``ValueError`` if a field is not a scalar, or is a number without the given sign."""
     if is_number(value):
         if not (np.isfinite(value) and bool(obeys(sign, value, 0.0))):
             kind = {"any": "finite", "fraction": "between 0 and 1"}.get(sign, f"finite and {sign}")
