@@ -75,7 +75,7 @@ class Penalty(Algorithm):
 
 
 def _limit(states: list[Array]) -> Array:
-    """Return the state extrapolated to 1/k = 0 by Neville's scheme, stiffness doubling."""
+    """Extrapolate states for k, 2k, 4k, ... to 1/k = 0 by Neville's scheme."""
     column = states
     for j in range(1, len(states)):
         weight = 2.0**j

@@ -280,7 +280,7 @@ class _PressureByShear:
     def _gathered(
         self, seen: Sequence[npt.NDArray[Any]], modes: Callable[..., SlipModes]
     ) -> SlipModes:
-        """Return ``modes`` of shears, slips, pressures (m, k) and softness of all points."""
+        """Apply ``modes`` to shears, slips, pressures (m, k) and softness of all points."""
         columns = np.reshape(seen, (len(seen), 3, len(self._softness)))
         return on_gathered(self.comm, modes, *np.moveaxis(columns, 0, 2), self._softness)
 

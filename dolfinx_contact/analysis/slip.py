@@ -194,7 +194,7 @@ class Slip:
             raise ValueError(f"the body slides without resistance ({words}): nothing is critical")
 
     def in_order(self, values: Array) -> tuple[Array, Array]:
-        """Return positions and values of all slipping points, by coordinates. Collective.
+        """Return positions and values of all slipping points, in one order. Collective.
 
         Args:
             values: values at the slipping points of this rank (n, ...).

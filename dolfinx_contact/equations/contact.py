@@ -426,7 +426,7 @@ class Unknowns:
 
 
 def _fits(memory: Memory, s: DiscreteSurface) -> bool:
-    """Whether a memory belongs to a surface with these points, law and sliding."""
+    """Return whether a memory belongs to a surface with these points, law and sliding."""
     shape = s.points.number, s.dim
     vectors = [memory.jump] if memory.place is None else [memory.jump, memory.place]
     return (

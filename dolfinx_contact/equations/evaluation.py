@@ -185,7 +185,7 @@ class Rows:
 
 @dataclass(frozen=True, eq=False)
 class SurfaceTerm:
-    """Term of one contact surface. Methods are collective unless they say otherwise.
+    """Term of one contact surface. Methods are collective unless noted otherwise.
 
     Attributes:
         surface: contact surface.

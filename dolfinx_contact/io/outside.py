@@ -101,9 +101,7 @@ class Outside:
         self._strain: VertexMeans | None = None
 
     def gather(self, values: Mapping[str, npt.NDArray[Any]], *, whole: bool = False) -> Arrays:
-        """Gather the displacement ``u`` and other values on rank 0, see `_gather_cells`.
-
-        Collective.
+        """Gather cells, the displacement ``u`` and other values on rank 0. Collective.
 
         Args:
             values: values at the local vertices, by name.
@@ -211,11 +209,15 @@ def obstacle_facets(s: DiscreteSurface) -> Arrays:
 
 
 def gather_facets(s: DiscreteSurface, values: Mapping[str, Any]) -> Arrays:
-    """Gather the facets of a surface on rank 0, see `_gather_cells`. Collective.
+    """Gather the facets of a contact surface and values at its vertices on rank 0. Collective.
 
     Args:
         s: contact surface.
         values: values at its local vertices, by name.
+
+    Returns:
+        Facets ``cells``, and ``nodes``, ``x`` and the values at their vertices on rank 0; an empty
+        dictionary on other ranks.
     """
     V = s.points.vertices
     cells = V.dofmap.list[: s.submesh.mesh.topology.index_map(s.dim - 1).size_local]

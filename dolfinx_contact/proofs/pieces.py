@@ -35,12 +35,12 @@ _CLOSE = 1e-11  # relative residual of a solution
 
 
 def _slips(problem: ReducedProblem, codes: Codes) -> Mask:
-    """Points that slip with friction, closed or open with a prescribed bound (m,)."""
+    """Return the mask of points that slip with friction, closed or open, shape (m,)."""
     return ((codes == 2) | (codes == 5)) & ((problem.friction > 0) | (problem.g > 0))
 
 
 def _directions(slips: Mask, z: Array) -> Array:
-    """Unit directions of slip of unknowns (m, 2); 0 at points that do not slip."""
+    """Return unit directions of slip of unknowns, shape (m, 2); 0 at points that do not slip."""
     e = np.stack([np.cos(z[:, 1]), np.sin(z[:, 1])], axis=1)
     return np.where(slips[:, None], e, 0.0)
 
