@@ -85,12 +85,14 @@ class Scaling:
         self._bulk = bulk
         self._V = V
         self._terms = list(terms)
-        self._given = fixed, rigid
+        self._fixed = fixed
+        self._rigid = rigid
         #: Number of the connected part of each local node of the displacement.
         self.part = parts(V)
         self._extents = extents(V, self.part)[self.part]
         self._forced = forced_r
         self._mark = -1
+        # set by `follow`
         self.stiffness: float
         self.softness: float
         self.automatic_r: list[Array]
@@ -110,20 +112,25 @@ class Scaling:
         if self._bulk.stiffness_mark == self._mark:
             return False
         surfaces = [term.surface for term in self._terms]
-        fixed, rigid = self._given
         K = self._bulk.stiffness(u)
-        around = surfaces[0].axisymmetric
-        if around:
+        axisymmetric = surfaces[0].axisymmetric
+        if axisymmetric:
             require_hoop_stiffness(K)
-        _, energies = uniform_strains(K, self._V, self.part, axisymmetric=around)
+        # the augmentation parameter, from the softness of every connected part
+        _, energies = uniform_strains(K, self._V, self.part, axisymmetric=axisymmetric)
         soft = np.array([softness(of_part) for of_part in energies])
         self.softness = float(soft.min())
         self.stiffness, self.automatic_r, self.at_vertices = automatic_augmentation(
             K, soft[self.part], self._V, surfaces, self._extents
         )
-        moves = None if self._bulk.has_mass else K
         self.loose = LooseMotions(
-            moves, self._V, self.part, self._terms, fixed, rigid, axisymmetric=around
+            None if self._bulk.has_mass else K,
+            self._V,
+            self.part,
+            self._terms,
+            self._fixed,
+            self._rigid,
+            axisymmetric=axisymmetric,
         )
         self._mark = self._bulk.stiffness_mark
         self._augment(self._forced)
