@@ -8,7 +8,7 @@ The change from a state a to a state b consists of
     means      mean change |j_b - j_a| of the jump at the points of each surface, a length
     bonds      mean change of the variable by which the bonds of each surface weaken.
 
-Where points move one after the other, such a mean over a time is the sum over its parts.
+If points move one after the other, the changes of the means in successive steps add up.
 
 Where a branch of the rate problem folds or ends (Klarbring, Ing.-Arch. 60, 1990: one node, friction
 beyond a bound), the solver finds a solution to which no path of solutions leads. Such a jump
@@ -81,8 +81,9 @@ class StateChanges:
     """Changes from one state to another, see the top of the module.
 
     Attributes:
-        parts: moved, unknowns, and, between states of equilibrium, the means and the bonds of all
-            n surfaces, shape (2 + 2 n,).
+        parts: largest change of the displacement and norm of the change of all unknowns (`MOVED`,
+            `UNKNOWNS`); between states of equilibrium also the mean changes of the jump and of the
+            bonds of the n surfaces; shape (2 + 2 n,).
         largest: largest change of the jump at a point of each surface, a length, shape (n,).
         broken: largest weakening of a bond of each surface, relative to the strength that the
             strongest bond had left; 0 where that is unknown, shape (n,).
