@@ -188,6 +188,6 @@ def folder(tmp_path_factory):
 
 @pytest.fixture
 def no_pictures(monkeypatch):
-    """Demos draw no bodies and contact faces, which takes long and is done by other tests."""
+    """Skip pictures of bodies and contact faces, which take long and have tests of their own."""
     for name in ("picture_of_body", "picture_of_contact"):
         monkeypatch.setattr(f"dolfinx_contact.plot.{name}", lambda *_, **__: None)

@@ -66,7 +66,7 @@ def test_uniform_pressure_on_a_disc_is_exact(cell, degree, method):
     np.testing.assert_allclose(table.pressure, 10.0, rtol=1e-9)
     np.testing.assert_allclose(result.resultants["contact"], [0.0, 10.0 * np.pi], rtol=1e-9)
     np.testing.assert_allclose(result.support, [0.0, -10.0 * np.pi], rtol=1e-9)
-    assert len(result.supports) == len(problem.bcs)  # the last one is that of the axis
+    assert len(result.supports) == len(problem.bcs)  # the last condition is on the axis
     np.testing.assert_allclose(result.supports.sum(axis=0), result.support, rtol=1e-9)
     assert not result.supports[-1].any()
     np.testing.assert_allclose(result.external, 0.0, atol=1e-9)

@@ -476,7 +476,7 @@ def random_stiffness(random, m):
 
 
 def described(found, number):
-    """Senses of gamma along rays, and the statuses of the first points."""
+    """Return the senses of gamma along rays, and the statuses of the first points."""
     return sorted((r.rate, "".join("ok+-"[c] for c in r.codes[:number])) for r in found.rays)
 
 
@@ -488,7 +488,7 @@ def described(found, number):
     alone=True,
 )
 def test_unfolding_finds_what_enumeration_proves(seed):
-    """Random stiffness, load and friction: both ways find the rays of three points.
+    """Random stiffness, load and friction: both methods find the rays of three points.
 
     Six uncoupled points, with one status for each sense of gamma, add no rays. With them there are
     too many pieces to enumerate.

@@ -149,7 +149,7 @@ def test_a_state_of_another_mesh_is_refused():
 
 @pytest.mark.ranks(2)
 def test_states_of_other_contact_points_are_refused():
-    """Also on the same mesh, with as many points of the same name; other laws are accepted."""
+    """On the same mesh, with as many points of the same name, too; other laws are accepted."""
     problem = block(cell="quad")
     state = problem.snapshot()
     (contact,) = problem.contacts

@@ -141,7 +141,7 @@ def test_static_law_gives_a_warning_where_the_contact_zone_grows(law, sliding, l
 
 
 def test_points_that_close_together_do_not_count_as_growth():
-    """A block lowered on a floor below it, with an uneven face of 1e-6 of its height."""
+    """A block is lowered onto a floor whose height varies by 1e-6 of the height of the block."""
     floor = LevelSet(lambda x: x[1] + 0.1 + 1e-6 * ufl.sin(7 * x[0]))
     result = block(n=4, cell="quad", obstacle=floor, top=(0.05, -0.2)).solve()
     assert result.tables["contact"].bound.sum() > 0.0

@@ -163,7 +163,7 @@ def test_reaction_of_each_support_has_its_closed_form(degree, at_end):
     pair = ContactPair(u, both, slave=3, master=2, law=Frictionless())
     problem = ContactProblem(energy, u, [pair], bcs=bcs)
     result = problem.solve()
-    middle = 5.0 * at_end / n  # its force from the facet of one half
+    middle = 5.0 * at_end / n  # force at the middle node from the facet in one half
     expected = [(0.0, -2.5 + middle), (0.0, -2.5 - middle), (0.0, 5.0)]
     np.testing.assert_allclose(result.supports, expected, atol=1e-10)
     np.testing.assert_allclose(result.supports.sum(axis=0), result.support, atol=1e-10)
