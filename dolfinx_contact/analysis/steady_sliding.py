@@ -317,6 +317,7 @@ class SteadySliding(ReadOnly):
         body = self._body
         eq = body.eq
         quadratic = body.C is not None
+        # [[A, forces^T], [held, 0]] for A = K, C, M; the forces act along N + F D
         G = slip.D.copy()
         F = slip.D.createVecLeft()
         F.array[:] = friction
@@ -330,6 +331,7 @@ class SteadySliding(ReadOnly):
                 inside = with_dirichlet_rows(A, eq, scale)
                 matrices.append(saddle([HeldField(inside, held, forces)], scale))
                 inside.destroy()
+        # eigenvalues nearest to zero
         solver: Any
         if quadratic:
             solver = SLEPc.PEP().create(self.comm)
@@ -343,7 +345,8 @@ class SteadySliding(ReadOnly):
         solver.setTarget(0.0)
         solver.setDimensions(min(self._count, self._size))
         solve_eigenproblem(solver, _DEFAULTS)
-        # estimate of the highest frequency of the body: the highest one of a single unknown
+        # Leave out the infinite eigenvalues of the forces, which have no mass. The highest
+        # frequency of a single unknown is an estimate of the highest one of the body.
         highest = float(np.sqrt(body.scale(body.K)))
         highest = max(highest, body.scale(body.C)) if quadratic else highest
         n = eq.owned_sizes[0]
@@ -355,7 +358,7 @@ class SteadySliding(ReadOnly):
             value = solver.getEigenpair(i, real, imaginary)
             size = float(abs(value) if quadratic else np.sqrt(abs(value)))
             if size > _FINITE * highest:
-                continue  # an eigenvalue of the forces, which have no mass
+                continue
             farthest = max(farthest, size)
             both = [value] if quadratic else [*map(complex, damped(np.array([value]), body.eta))]
             values += both

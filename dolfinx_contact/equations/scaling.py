@@ -250,8 +250,9 @@ def uniform_strains(
 ) -> tuple[list[Array], Array]:
     """Return displacement gradients of uniform strains, and their energies. Collective.
 
-    The gradients are constant, symmetric and orthonormal. In a body of revolution the displacements
-    are (r, 0), with the same strain around the axis, (0, z) and (0, r).
+    The displacements x E have constant gradients E, whose strains are orthonormal. E is symmetric.
+    In a body of revolution the displacements are, up to factors, (r, 0), with the same strain
+    around the axis, (0, z) and (0, r).
 
     Args:
         K: stiffness.
