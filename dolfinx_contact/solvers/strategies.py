@@ -206,6 +206,7 @@ def _soft_strain(eq: ContactEquations) -> str:
     if abs(values[0]) > _SOFT * np.abs(values).max():
         return ""
     worst = sum(c * gradient for c, gradient in zip(vectors[:, 0], gradients, strict=True))
+    worst = (worst + np.transpose(worst)) / 2  # in a body of revolution gradients are not symmetric
     worst = np.round(worst / np.abs(worst).max(), 3) + 0.0
     return (
         f"the body has no stiffness against the uniform strain {worst.tolist()}: its energy must "
