@@ -155,7 +155,7 @@ def _decoded(line: bytes) -> Entry:
     """
     body, mark, crc = line.decode().rpartition(_CRC)
     if not mark or crc != f'{zlib.crc32(body.encode()):08x}"}}':
-        raise ValueError("its check sum is wrong")
+        raise ValueError("its checksum is wrong")
     entry: Entry = json.loads(body + "}", object_hook=Entry)
     return entry
 

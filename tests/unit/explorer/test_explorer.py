@@ -455,7 +455,7 @@ def test_explorer_names_damaged_records(folder):
     with pytest.raises(ValueError, match="no point was recorded"):
         explorer(file, folder / "branch")
     changed(whole.replace(b'"gamma": 0.0', b'"gamma": 0.5', 1))
-    with pytest.raises(ValueError, match="the journal is damaged: its check sum is wrong"):
+    with pytest.raises(ValueError, match="the journal is damaged: its checksum is wrong"):
         explorer(file, folder / "branch")
     changed(whole)
     state = folder / "branch" / "surface" / "branch_0000_point_000002.npz"
