@@ -165,16 +165,16 @@ class LocalProblem:
         """Find one solution; W may be singular.
 
         Args:
-            algorithm: "gauss-seidel", or "lemke" in 2D.
-            tolerance: violation at which Gauss-Seidel stops.
-            max_iterations: largest number of sweeps.
+            algorithm: "gauss-seidel" (default), or "lemke" in 2D.
+            tolerance: violation at which Gauss-Seidel stops; default: 1e-10.
+            max_iterations: largest number of sweeps; default: 20000.
 
         Returns:
             The forces, also if the tolerance was not reached; see `LocalSolution.violation`.
 
         Raises:
             RayTermination: if Lemke's method ends in a ray.
-            ValueError: for another algorithm, and for Lemke's method in 3D.
+            ValueError: for an unknown algorithm, and for Lemke's method in 3D.
         """
         one_of(algorithm, "algorithm", ("gauss-seidel", "lemke"))
         if algorithm == "lemke":

@@ -254,13 +254,14 @@ def free_motions(eq: ContactEquations, blocks: Sequence[PETSc.Mat]) -> Array:
     if len(motions) == 0:
         return motions
     rows = stacked(blocks)
-    u, held = rows.createVecs()
+    u, jumps = rows.createVecs()
     responses = []
     for motion in motions:
         u.array[:] = motion[: eq.V.dofmap.index_map.size_local].reshape(-1)
-        rows.mult(u, held)
-        responses.append(held.array_r.copy())
-    for thing in (rows, u, held):
+        rows.mult(u, jumps)
+        responses.append(jumps.array_r.copy())
+    for thing in (rows, u, jumps):
         thing.destroy()
     R = np.array(responses)
+    # combinations of motions without jumps on any rank
     return rigid.combine(eq.comm.allreduce(R @ R.T), motions)

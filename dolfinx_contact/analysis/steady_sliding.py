@@ -265,7 +265,7 @@ class SteadySliding(ReadOnly):
         slopes = self._slope
         if friction is None:
             known = bool(np.isfinite(slopes).all())
-            require(self._eq.comm, known, "the law has no coefficient of friction: say which")
+            require(self._eq.comm, known, "the law has no friction coefficient: pass friction=")
         else:
             slopes = np.full_like(slopes, friction)
         known_up_to = np.inf
@@ -273,6 +273,7 @@ class SteadySliding(ReadOnly):
             values, motions, known_up_to = self._by_slepc(slopes)
         else:
             values, motions = self._by_matrices(self._matrices, slopes, vectors=vectors)
+        # keep Im >= 0, in order: growth up to round-off, then frequency
         values = np.where(np.abs(values.imag) <= 1e-14 * np.abs(values), values.real + 0j, values)
         upper = np.flatnonzero(values.imag >= 0)
         size = np.abs(values).max(initial=0.0) or 1.0
