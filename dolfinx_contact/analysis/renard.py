@@ -367,17 +367,17 @@ class WeightedForm:
         """Return the interval around a friction factor in which the sum is positive definite.
 
         Args:
-            weights: weights of the groups.
+            weights: positive weights of the groups, shape (groups,).
             factor: friction factor; if the sum is not definite there, the interval is empty.
         """
         w = weights[self.groups][:, None]
-        at, slope = (w * M + (w * M).T for M in (self.S + factor * self.G, self.G))
-        unit = 1 / np.sqrt(np.abs(np.diag(at)))
-        last = len(at) - 1
-        at, slope = (unit[:, None] * M * unit for M in (at, slope))
-        if np.linalg.eigvalsh(at)[0] <= _ENOUGH / 2:
+        form, slope = (w * M + (w * M).T for M in (self.S + factor * self.G, self.G))
+        unit = 1 / np.sqrt(np.abs(np.diag(form)))
+        last = len(form) - 1
+        form, slope = (unit[:, None] * M * unit for M in (form, slope))
+        if np.linalg.eigvalsh(form)[0] <= _ENOUGH / 2:
             return factor, factor
-        values = eigh(slope, at, eigvals_only=True, subset_by_index=(0, last))
+        values = eigh(slope, form, eigvals_only=True, subset_by_index=(0, last))
         down, up = (1 / max(value, 1 / _MOST) for value in (values[-1], -values[0]))
         return factor - down, factor + up
 
@@ -385,9 +385,9 @@ class WeightedForm:
         """Return a friction factor up to which some weights prove uniqueness.
 
         Args:
-            enough: factor that need not be surpassed.
-            effort: iterations of each search.
-            seconds: time of the search.
+            enough: factor at which the search ends; default: 1000.
+            effort: largest number of iterations of each search; default: 60.
+            seconds: time limit of all searches; default: none.
         """
         end = time.monotonic() + seconds
         logs: Array = np.zeros(int(self.groups.max(initial=-1)) + 1)
