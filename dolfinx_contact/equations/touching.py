@@ -61,8 +61,8 @@ def touching(eq: ContactEquations, load: float, state: Evaluation) -> Statuses:
     """Return statuses in which all points stick that the load may close. Collective.
 
     If that leaves a rigid body loose, the points nearest to it stick as well, as many as are needed
-    to hold it, because the load presses it against them. Likewise for a loose body touching at
-    a few points only, such as one that rests on a bump.
+    to hold it, because the load presses it against them. The same holds for a loose body that
+    touches at a few points only, such as one that rests on a bump.
 
     Args:
         eq: contact problem.
@@ -92,20 +92,20 @@ def _nearest(eq: ContactEquations, gaps: Sequence[Array], state: Evaluation) -> 
     """
     least = []
     for term, gap in zip(eq.terms, gaps, strict=True):
-        at_vertices, s = gap, term.surface
+        s = term.surface
+        at_vertices = gap
         if s.method == "integral":
             nodes = term.relative(state.u, state.q)
             jump = (nodes - s.opposite(nodes))[s.points.vertex_trace_dofs]
             at_vertices = s.at_vertices(jump)[0]
         least += [np.min(g, initial=np.inf) for g in (at_vertices, gap)]
     at_vertices, at_points = (-largest(eq.comm, -np.array(least))).reshape(-1, 2).T
-    found = np.where(at_vertices <= _TOUCHES * eq.body_size, at_points, -np.inf)
+    nearest = np.where(at_vertices <= _TOUCHES * eq.body_size, at_points, -np.inf)
     for body in eq.rigid.bodies:
         if not body.fixed.all():
-            touching_body = [s.rigid_body is body for s in eq.surfaces]
-            least_gap = at_points[touching_body].min()
-            found[touching_body] = np.maximum(found[touching_body], least_gap)
-    return [float(near) for near in found]
+            on_body = [s.rigid_body is body for s in eq.surfaces]
+            nearest[on_body] = np.maximum(nearest[on_body], at_points[on_body].min())
+    return [float(gap) for gap in nearest]
 
 
 def _reaches(eq: ContactEquations, load: float, state: Evaluation) -> list[float]:
