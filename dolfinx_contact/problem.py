@@ -531,8 +531,8 @@ class ContactProblem(ReadOnly):
     def restore(self, state: State) -> None:
         """Copy a state to the Functions and the rigid bodies, bitwise. Collective.
 
-        The state may be that of a problem with other loads or laws on the same contact points, for
-        example a frictionless solution as the start of a frictional solve.
+        Loads and laws may differ from those with which the state was computed: a frictionless
+        solution, for example, can be the start of a frictional solve.
 
         Raises:
             ValueError: on every rank, if the mesh has moved, or the state belongs to another mesh,
