@@ -126,7 +126,7 @@ def check_options(prefix: str, options: Mapping[str, Any]) -> None:
     """Validate options of a problem and those of the database under its prefix. Not collective.
 
     Raises:
-        ValueError: for a prefix with a dash, names with a dash or the prefix, misspelt names of
+        ValueError: for a prefix with a dash, names with a dash or the prefix, misspelled names of
             this package, a tolerance that is not positive, and options that cannot be used here.
     """
     if not isinstance(prefix, str) or prefix.startswith("-") or prefix != "".join(prefix.split()):
@@ -144,12 +144,13 @@ def check_options(prefix: str, options: Mapping[str, Any]) -> None:
     named = {f"petsc_options: {key}": (key, value) for key, value in options.items()}
     named |= {f"-{prefix}{key}": (key, value) for key, value in in_database(prefix).items()}
     for name, (key, value) in named.items():
-        near = get_close_matches(key, _OWN, n=1, cutoff=_NEARLY)
-        if near and key not in _OWN:
-            raise ValueError(f"{name}: there is no such option; {near[0]} is meant?")
+        # before the search for misspelled names: snes_atol resembles snes_rtol
         reasons = [reason for pattern, reason in _NOT_HERE.items() if re.fullmatch(pattern, key)]
         if reasons:
             raise ValueError(f"{name} cannot be used: {reasons[0]}")
+        near = get_close_matches(key, _OWN, n=1, cutoff=_NEARLY)
+        if near and key not in _OWN:
+            raise ValueError(f"{name}: there is no such option; did you mean {near[0]}?")
         if key == "snes_rtol":
             positive(value, name, text=True)
         if key == "snes_type":

@@ -178,13 +178,13 @@ MISUSE = {
         lambda w: problem(w, petsc_options={"contact_snes_rtol": 1e-8}),
         "without dash and prefix, as 'snes_rtol'",
     ),
-    "option misspelt": (
+    "option misspelled": (
         lambda w: problem(w, petsc_options={"snes_rtoll": 1e-8}),
-        "petsc_options: snes_rtoll: there is no such option; snes_rtol is meant",
+        "petsc_options: snes_rtoll: there is no such option; did you mean snes_rtol",
     ),
-    "option in the database misspelt": (
+    "option in the database misspelled": (
         lambda w: with_option(w, "contact_linear_solvr", "amg"),
-        "-contact_linear_solvr: there is no such option; linear_solver is meant",
+        "-contact_linear_solvr: there is no such option; did you mean linear_solver",
     ),
     "tolerance < 0": (
         lambda w: problem(w, petsc_options={"snes_rtol": -1e-8}),
@@ -298,6 +298,10 @@ MISUSE = {
         )
         for name in ("snes_mf", "snes_mf_operator", "snes_fd")
     },
+    "absolute tolerance": (
+        lambda w: problem(w, petsc_options={"snes_atol": 1e-8}),
+        "petsc_options: snes_atol cannot be used: only snes_rtol decides on convergence",
+    ),
     "snes_fd in the database": (
         lambda w: with_option(w, "contact_snes_fd", True),
         "-contact_snes_fd cannot be used: the linear solvers need",
