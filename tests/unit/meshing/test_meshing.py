@@ -308,7 +308,7 @@ def test_names_that_differ_between_ranks_are_refused():
 @pytest.mark.parametrize(
     ("match", "options"),
     [
-        ("mesh file differs between ranks", {"file": ("box.msh", "other.msh")}),
+        ("filename differs between ranks", {"file": ("box.msh", "other.msh")}),
         ("dim differs between ranks: 3 on rank 0, 2 on rank 1", {"dim": (3, 2)}),
         ("groups differs between ranks", {"groups": (["top"], ["side"])}),
         ("groups differs between ranks", {"groups": (["top"], [])}),
