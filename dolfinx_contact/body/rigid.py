@@ -20,6 +20,7 @@ __all__ = [
     "bounding_box",
     "combine",
     "describe",
+    "differences",
     "extents",
     "free_motions",
     "largest_turn",
@@ -192,35 +193,28 @@ def largest_turn(
     return float(np.linalg.norm(turns, axis=1).max(initial=0.0))
 
 
-def largest_difference(
-    V: fem.FunctionSpace,
-    nodes: Array,
-    u: Array,
-    part: Indices,
-) -> tuple[float, float]:
-    """Return the largest displacement difference in a connected part, over its size. Collective.
-
-    It is the largest difference of one displacement component between two nodes of the part,
-    divided by the largest and by the smallest extent of the part.
+def differences(V: fem.FunctionSpace, nodes: Array, u: Array, part: Indices) -> tuple[Array, Array]:
+    """Return displacement differences and extents of connected parts. Collective.
 
     Args:
         V: space of the displacement.
         nodes: positions of the local nodes, shape (n, dim).
         u: local values of the displacement.
         part: index of the connected part of each local node (`parts`).
+
+    Returns:
+        The largest difference of a displacement component between two nodes of each part, shape
+        (parts,), and its extents along the coordinate axes, shape (parts, dim).
     """
     dim = V.mesh.geometry.dim
     n = V.dofmap.index_map.size_local
     p = part[:n]
-    values = np.hstack([nodes[:n], u.reshape(-1, dim)[:n]])
+    values = np.hstack([u.reshape(-1, dim)[:n], nodes[:n]])
     ends = np.full((2, number_of_parts(V.mesh.comm, p), 2 * dim), -np.inf)
     np.maximum.at(ends[0], p, values)
     np.maximum.at(ends[1], p, -values)
-    extents = np.sum(largest(V.mesh.comm, ends), axis=0)
-    size, difference = extents[:, :dim], extents[:, dim:].max(axis=1)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ratios = difference / size.max(axis=1), difference / size.min(axis=1)
-    return float(np.max(ratios[0])), float(np.max(ratios[1]))
+    ranges = np.sum(largest(V.mesh.comm, ends), axis=0)
+    return ranges[:, :dim].max(axis=1), ranges[:, dim:]
 
 
 def bounding_box(comm: MPI.Comm, x: Array) -> tuple[Array, Array]:

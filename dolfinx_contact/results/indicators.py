@@ -19,7 +19,7 @@ position, gap, normal and jump at contact points.
 | `between_points` | depth of an edge, corner, sphere or cylinder in a facet, between its contact points, over the size of the facet, or the radius if that is smaller | 0.2 |
 | `across` | fraction of the normal forces where the normals of body and obstacle are more than 66 degrees apart | 0.02 |
 | `overlap` | initial penetration of closed points into a rigid obstacle, over the smallest extent of the body; not evaluated with interference or remove_overlap, nor after the obstacle has moved | 0.05 |
-| `growth` | static law: fraction of the friction bound at closed points whose initial gap exceeds the smallest one by more than 1 % of the largest displacement | 0.05 |
+| `growth` | static law: fraction of the friction bound at closed points whose initial gap exceeds the smallest one by more than 1 % of the largest difference of a displacement component in a connected part; also with the gaps at which an obstacle that was moved is now | 0.05 |
 | `negative_bound` | own laws: largest negative friction bound of closed points, as a nodal force, over the largest one | 1e-6 |
 | `penetration` | compliant laws: largest -g | 0.1 facets |
 | `min_det_F` | smallest det(I + grad u); for a linear body, only if displacements in it differ by more than its smallest extent | 0 (below) |
@@ -43,11 +43,11 @@ from dolfinx import fem
 
 from dolfinx_contact._arrays import Array, Mask
 from dolfinx_contact._geometry import dot, unit
-from dolfinx_contact._mpi import anywhere
+from dolfinx_contact._mpi import anywhere, minimum
 from dolfinx_contact.body.cells import smallest_jacobian
 from dolfinx_contact.body.rigid import (
     bounding_box,
-    largest_difference,
+    differences,
     largest_turn,
     sums_of_parts,
 )
@@ -144,7 +144,7 @@ _FACING = 0.5  # smallest cosine between normals of faces that face each other
 _CARRYING = 1e-3  # of the largest traction, above which an open point counts as carrying
 _ACROSS = 0.4  # cosine of the normals of body and obstacle, below which a force is across
 _SAMPLES = 4  # samples of an edge of the obstacle per facet of the body
-_AT_ONCE = 0.01  # difference of initial gaps that close together, over the largest displacement
+_AT_ONCE = 0.01  # of the displacement differences: spread of initial gaps that close together
 _STRAIGHT = 0.9  # cosine with the normal of a facet, above which a corner lies below the facet
 _ROUND_OFF = 1e-9  # relative excess of a threshold that is not an excess
 _TINY = float(np.finfo(np.float64).tiny)
@@ -287,12 +287,11 @@ def indicators_of(eq: ContactEquations, state: Evaluation) -> Indicators:
     if eq.bulk.linear:
         body = eq.V, eq.nodes, state.u, eq.scaling.part
         turn = None if eq.axisymmetric else float(np.degrees(largest_turn(*body)))
-        moved, through = largest_difference(*body)
+        moved, extents = differences(*body)
+        displacement = float(np.max(moved / extents.max(axis=1)))
         # a linear body is turned inside out only where the difference exceeds its thickness
-        det = _min_det_F(eq, state) if through > 1.0 else None
-        return Indicators(
-            surfaces, rotation=turn, displacement=moved, min_det_F=det, floating=floating
-        )
+        det = _min_det_F(eq, state) if np.any(moved > extents.min(axis=1)) else None
+        return Indicators(surfaces, det, turn, displacement, floating=floating)
     return Indicators(surfaces, min_det_F=_min_det_F(eq, state), floating=floating)
 
 
@@ -343,7 +342,7 @@ def surface_indicators(eq: ContactEquations, state: Evaluation) -> dict[str, Sur
             small,
             spin=_spin(eq, s, contact),
             penetration=depth,
-            growth=_growth(s, state, contact),
+            growth=_growth(eq, s, state, contact),
             negative_bound=_negative_bound(eq, s, state, contact),
         )
         if s.slides:
@@ -396,17 +395,24 @@ def _negative_bound(
     return below / scale if below > 0.0 else 0.0
 
 
-def _growth(s: DiscreteSurface, state: Evaluation, contact: ContactState) -> float:
+def _growth(
+    eq: ContactEquations, s: DiscreteSurface, state: Evaluation, contact: ContactState
+) -> float:
     """Return the fraction of the friction bound at points that closed under the load. Collective.
 
     Points whose initial gaps differ little close together: the motion before contact is the same
-    for all of them and does not count.
+    for all of them and does not count. The obstacle may have been moved since the start, as a load
+    or to another place.
     """
     if contact.kinematics.memory is not None or STICK not in s.law_at_points.codes:
         return 0.0
-    gaps = np.maximum(s.start_gaps, 0.0)
-    first = s.comm.allreduce(float(np.min(gaps, initial=np.inf)), op=min)
-    late = gaps - first > _AT_ONCE * _most(s, np.abs(state.u))
+    moved, _ = differences(eq.V, eq.nodes, state.u, eq.scaling.part)
+    late = np.ones(len(contact.statuses), dtype=bool)
+    for gaps in (
+        np.maximum(s.start_gaps, 0.0),
+        s.start_gaps if s.between_bodies else s.points.gaps,
+    ):
+        late &= gaps - minimum(s.comm, gaps, np.inf) > _AT_ONCE * moved.max()
     bound = np.maximum(_touching(contact, np.nan_to_num(contact.answers.bound)), 0.0)
     bound = bound * s.points.areas
     sums = s.comm.allreduce(np.array([bound[late].sum(), bound.sum()]))

@@ -77,6 +77,7 @@ class SlidingPair(DiscreteSurface):
         depth = contact.search_distance
         obstacle = SlidingFacets(V, slave, master, depth, name, self._planes, direction)
         super().__init__(contact, slave, obstacle, SlidingPoints)
+        self.start_gaps = self.points.known.facing.nodal.gap[: self.points.number].copy()
         _check_law(self.law_at_points, name)
         self._require_no_edge()
         self._require_apart()

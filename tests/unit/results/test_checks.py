@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from support.blocks import KINDS, block, box, facets
 from support.bodies import two_blocks
+from support.pairs import displacement, held, stacked
 
 import basix.ufl
 import ufl
@@ -138,6 +139,54 @@ def test_static_law_gives_a_warning_where_the_contact_zone_grows(law, sliding, l
     assert bool(said(log, "growth of 'contact'")) == isinstance(law, Coulomb)
     step = problem.step_from(problem.snapshot())
     assert "growth of 'contact'" not in step.solve().warnings
+
+
+@pytest.mark.ranks(2, 3)
+def test_growth_does_not_depend_on_the_way_into_contact():
+    """A block lowered on a near and a distant disc, and a disc raised by a Constant."""
+    disc = Sphere((0.5, -2.0), 2.0)
+    expected = block(n=8, cell="quad", obstacle=disc, top=(0.0, -0.05)).solve()
+    domain = box(COMM, 8, "quad")
+    place = fem.Constant(domain, (0.5, -3.0))
+    distant = Sphere(place, 2.0)
+    lowered = block(domain=domain, obstacle=distant, top=(0.0, -1.05)).solve()
+    problem = block(domain=domain, obstacle=distant, top=(0.0, 0.0))
+    place.value[:] = (0.5, -1.95)
+    raised = problem.solve()
+    for result in (lowered, raised):
+        found = result.indicators.surfaces["contact"].growth
+        assert found == pytest.approx(expected.indicators.surfaces["contact"].growth, abs=0.1)
+        assert "growth of 'contact'" in result.warnings
+
+
+@pytest.mark.ranks(2, 3)
+def test_growth_of_a_pair_in_large_sliding_is_that_in_small_sliding():
+    """A straight block pressed on a rounded one."""
+    found = []
+    for sliding in ("small", "large"):
+        both = stacked(2, "quad", 8, gap=0.01)
+        x = both.mesh.geometry.x
+        x[:, 1] -= np.where(x[:, 1] < 1.005, 0.1 * x[:, 1] * (x[:, 0] - 0.5) ** 2, 0.0)
+        u = displacement(both.mesh)
+        bcs = [held(u, both.facet_tags, 1, (0.0, 0.0)), held(u, both.facet_tags, 4, (0.0, -0.03))]
+        energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx
+        pair = ContactPair(u, both, slave=3, master=2, law=Coulomb(0.3), sliding=sliding)
+        result = ContactProblem(energy, u, [pair], bcs=bcs).solve()
+        found.append(result.indicators.surfaces["contact"].growth)
+    assert found[0] > 0.5
+    assert found[1] == pytest.approx(found[0], rel=0.1)
+
+
+def test_levelled_floor_does_not_count_as_growth():
+    """The floor was inclined when the problem was made."""
+    domain = box(COMM, 4, "quad")
+    normal = fem.Constant(domain, (0.3, 1.0))
+    floor = HalfSpace((0.0, -0.1), normal)
+    problem = block(domain=domain, obstacle=floor, top=(0.0, -0.11))
+    normal.value[:] = (0.0, 1.0)
+    result = problem.solve()
+    assert result.tables["contact"].bound.sum() > 0.0
+    assert result.indicators.surfaces["contact"].growth == 0.0
 
 
 def test_points_that_close_together_do_not_count_as_growth():
