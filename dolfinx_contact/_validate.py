@@ -44,7 +44,7 @@ _T = TypeVar("_T")
 
 def is_number(value: Any) -> TypeGuard[float]:
     """Return True for real numbers, including NaN and infinities, but not for bool."""
-    return isinstance(value, int | float | np.number) and not isinstance(value, bool | complex)
+    return isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
 
 
 def is_count(value: Any) -> TypeGuard[int]:
@@ -160,7 +160,7 @@ def vector(
         zero: whether the zero vector is accepted.
     """
     try:
-        found = np.array(value, dtype=np.float64)
+        found = np.empty(0) if np.iscomplexobj(value) else np.array(value, dtype=np.float64)
     except (TypeError, ValueError):
         found = np.empty(0)
     shapes = [(2,), (3,)] if length is None else [(length,)]

@@ -312,6 +312,8 @@ def test_rigid_body_refuses_arguments(arguments, message):
         (lambda: HalfSpace((0, 0), (0, 0)), "normal of the half-space must be 2 or 3 finite .* 0"),
         (lambda: HalfSpace((0, (1, 2)), (0, 1)), "the point of the half-space must be 2 or 3"),
         (lambda: Sphere((0.0,), 1.0), "the centre of the sphere must be 2 or 3 finite numbers"),
+        (lambda: Sphere(np.array([0, 1j]), 1.0), "the centre of the sphere must be 2 or 3 finite"),
+        (lambda: Sphere((0, 0), np.complex64(1 + 1j)), "the radius must be positive"),
         (lambda: Sphere((0.0, 0.0), -1.0), "the radius must be positive, got -1.0"),
         (lambda: Cylinder((0, 0, 0), (0, 0, 1), np.nan), "the radius must be positive, got nan"),
         (lambda: Cylinder((0, 0, 0), (0, 0, 0), 1.0), "the axis of the cylinder must be .* not"),
