@@ -273,6 +273,8 @@ class StepsRecord(Record[J], Generic[J, H]):
             return self._runs.go_on(task, self._resumed_state, listeners)
         self._runs.put(run_state)
         history = self._runs.history(run_state)
+        tables = {s.name: self.problem.table(s) for s in self.problem.surfaces}
+        history.begin(run_state.number, tables)
         history.end(run.ending, run.reason)
         if run.ending in _WITHOUT_CONTINUATION and getattr(task, "at_jump", "stop") != "stop":
             raise NoContinuation(run.reason, history)

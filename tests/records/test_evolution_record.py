@@ -75,6 +75,9 @@ def test_the_journal_has_the_steps_and_the_task_of_a_run(folder):
         again = kept.go_on()
         assert (again.reason, again.steps) == ("the last time is reached", [])
         assert again.energies == history.energies
+        last = history.rows()[-1]
+        assert [(r["step"], r["time"]) for r in again.rows()] == [(last["step"], last["time"])]
+        assert again.rows()[0]["contact_y"] == pytest.approx(last["contact_y"], rel=1e-12)
         # A second run of the same record.
         evolution.load = lambda time: None
         evolution.run([7.0, 8.0], record=kept)
