@@ -19,7 +19,7 @@ position, gap, normal and jump at contact points.
 | `between_points` | depth of an edge, corner, sphere or cylinder in a facet, between its contact points, over the size of the facet, or the radius if that is smaller | 0.2 |
 | `across` | fraction of the normal forces where the normals of body and obstacle are more than 66 degrees apart | 0.02 |
 | `overlap` | initial penetration of closed points into a rigid obstacle, over the smallest extent of the body; not evaluated with interference or remove_overlap, nor after the obstacle has moved | 0.05 |
-| `growth` | static law: fraction of the friction bound at closed points whose initial gap exceeds the smallest one by more than 1 % of the largest difference of a displacement component in a connected part; also with the gaps at which an obstacle that was moved is now | 0.05 |
+| `growth` | static law: fraction of the friction bound at closed points whose initial gap exceeds the smallest one by more than 1 % of the largest difference of a displacement component in a connected part; also with the present gaps to an obstacle that was moved; in large sliding of a pair, gaps end at the search distance | 0.05 |
 | `negative_bound` | own laws: largest negative friction bound of closed points, as a nodal force, over the largest one | 1e-6 |
 | `penetration` | compliant laws: largest -g | 0.1 facets |
 | `min_det_F` | smallest det(I + grad u); for a linear body, only if displacements in it differ by more than its smallest extent | 0 (below) |
