@@ -26,6 +26,10 @@ Codes = npt.NDArray[np.int8]
 
 #: Round-off, relative to the largest entry of a state.
 TOLERANCE = 1e-10
+#: Relative determinant at which a neighbouring piece is nearly singular.
+_VANISHING = 1e-10
+#: Relative residual of a piece whose updated inverse is not accurate.
+_INACCURATE = 1e-11
 #: Largest condition number of a piece that is not singular.
 _SINGULAR = 1e12
 
@@ -116,6 +120,11 @@ class AffineSystem:
         )
 
     @cached_property
+    def largest_entry(self) -> float:
+        """Largest absolute entry of M."""
+        return largest(self.matrix)
+
+    @cached_property
     def _left_inverses(self) -> Array:
         return np.asarray(np.linalg.pinv(self.bases), dtype=float)
 
@@ -200,7 +209,25 @@ class AffinePiece:
         return w_0 + gamma * w_1
 
     def neighbour(self, point: int, code: int) -> AffinePiece | None:
-        """Return the piece in which one point has the status ``code``; None if it is singular."""
+        """Return the piece in which one point has the status ``code``; None if it is singular.
+
+        The inverse changes by a matrix of rank d (Woodbury), which costs N^2 d operations. If the
+        result is not accurate, the matrix is inverted.
+        """
+        s = self.system
         codes = self.codes.copy()
         codes[point] = code
-        return self.system.piece(codes)
+        d = s.bases.shape[3]
+        columns = slice(point * d, (point + 1) * d)
+        change = s.bases[point, code] - s.bases[point, self.codes[point]]
+        V = self.inverse @ (s.matrix[:, point] @ change)
+        small = np.eye(d) + V[columns]
+        factor = float(np.linalg.det(small))
+        if abs(factor) <= _VANISHING * max(1.0, largest(small)) ** d:
+            return s.piece(codes)
+        inverse = self.inverse - V @ np.linalg.solve(small, self.inverse[columns])
+        moved = AffinePiece(s, codes, inverse, self.sign * float(np.sign(factor)))
+        w = np.stack(moved.coefficients, axis=2).reshape(-1, 2)
+        residual = s.matrix.reshape(len(s.load), -1) @ w - np.stack([s.load, s.rate], axis=1)
+        accurate = largest(residual) <= _INACCURATE * s.largest_entry * largest(w)
+        return moved if accurate else s.piece(codes)
