@@ -244,6 +244,8 @@ class Walker(ABC):
         if stepping is not None:
             first = stepping.index
             self._resume(stepping)
+        # before the start is recorded, whose next step depends on the way through kinks
+        steps = self._walk(branch, origin or start, gamma_range)
 
         def put() -> None:
             last = branch.points[-1]
@@ -261,7 +263,6 @@ class Walker(ABC):
         observers.step(step, self._stepping(first))
         _show(line, step, 0)
         # accepted steps
-        steps = self._walk(branch, origin or start, gamma_range)
         for index in range(first + 1, max_steps + 1):
             with self.system.undisturbed():
                 following = next(steps, None)
