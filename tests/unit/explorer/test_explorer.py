@@ -309,6 +309,14 @@ def test_a_page_shows_the_bonds_of_a_path(folder):
     COMM.barrier()
 
 
+@pytest.mark.parametrize("route", ["pivoting", "steps"])
+def test_only_pivoted_branches_are_interpolated_between_points(route, folder):
+    record_a_linear_block(folder / "linear", route=route)
+    explorer(folder / "page.html", folder / "linear")
+    page = read(folder / "page.html")
+    assert page.meta["series"][0]["linear"] == (route == "pivoting")
+
+
 @pytest.mark.parametrize("kind", ["pair", "cracked"])
 def test_the_start_of_a_history_has_counts_and_forces(kind, folder):
     """The recorded run starts in the last state of another run."""
