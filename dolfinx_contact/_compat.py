@@ -15,10 +15,11 @@ from typing import Any
 from mpi4py import MPI
 
 import numpy as np
-import numpy.typing as npt
 
 import ufl
 from dolfinx import default_scalar_type, fem, graph, io, mesh
+
+from dolfinx_contact._arrays import Array, Indices, Ints
 
 try:  # DOLFINx >= 0.10
     from dolfinx.io import gmsh as gmsh_io
@@ -54,11 +55,11 @@ class FacetSubmesh:
     """Mesh of facets and its relation to the parent mesh."""
 
     mesh: mesh.Mesh
-    parent_facets: npt.NDArray[np.int32]  # parent facet of each submesh cell, ghosts included
+    parent_facets: Indices  # parent facet of each submesh cell, ghosts included
     entity_map: Any
 
 
-def create_facet_submesh(domain: mesh.Mesh, facets: npt.NDArray[np.int32]) -> FacetSubmesh:
+def create_facet_submesh(domain: mesh.Mesh, facets: Indices) -> FacetSubmesh:
     """Create the codimension-one submesh of ``facets`` (local indices, ghosts included)."""
     fdim = domain.topology.dim - 1
     submesh, cell_map, _, _ = mesh.create_submesh(domain, fdim, facets)
@@ -74,9 +75,7 @@ def create_facet_submesh(domain: mesh.Mesh, facets: npt.NDArray[np.int32]) -> Fa
     return FacetSubmesh(submesh, parents, to_submesh)
 
 
-def create_mesh(
-    comm: MPI.Comm, cells: npt.NDArray[np.int64], x: npt.NDArray[np.float64], element: Any
-) -> mesh.Mesh:
+def create_mesh(comm: MPI.Comm, cells: Ints, x: Array, element: Any) -> mesh.Mesh:
     """Create a mesh with a ghost layer from the cells and nodes on each rank. Collective."""
     mode = mesh.GhostMode.shared_facet
     try:  # since 0.11 with the number of cells that a facet may have
@@ -89,8 +88,8 @@ def create_mesh(
 def tags_of_entities(
     domain: mesh.Mesh,
     dim: int,
-    entities: npt.NDArray[np.int64],
-    values: npt.NDArray[np.int32],
+    entities: Ints,
+    values: Indices,
 ) -> mesh.MeshTags:
     """Create MeshTags of entities given on any rank by their input node numbers. Collective."""
     domain.topology.create_entities(dim)
@@ -108,9 +107,7 @@ def merge_entity_maps(submeshes: Sequence[FacetSubmesh]) -> Any:
     return {s.mesh: s.entity_map for s in submeshes}
 
 
-def facet_integration_entities(
-    domain: mesh.Mesh, facets: npt.NDArray[np.int32]
-) -> npt.NDArray[np.int32]:
+def facet_integration_entities(domain: mesh.Mesh, facets: Indices) -> Indices:
     """Return (cell, local facet) pairs of owned exterior facets, flat, for ``subdomain_data``."""
     args: tuple[Any, ...] = (fem.IntegralType.exterior_facet, domain.topology, facets)
     if not _HAS_ENTITY_MAP:
@@ -168,7 +165,7 @@ def instantiated(
     return fem.Form(made, ufcx, module=module)
 
 
-def interpolation_points(V: fem.FunctionSpace) -> npt.NDArray[np.float64]:
+def interpolation_points(V: fem.FunctionSpace) -> Array:
     """Return the reference interpolation points (a method in 0.9, a property since 0.10)."""
     points = V.element.interpolation_points
     return points() if callable(points) else points
@@ -198,7 +195,7 @@ def is_value_of(f: fem.Function | fem.Constant, bc: fem.DirichletBC) -> bool:
     return f._cpp_object is dirichlet_value(bc)
 
 
-def geometry_dofmap(domain: mesh.Mesh) -> npt.NDArray[np.int32]:
+def geometry_dofmap(domain: mesh.Mesh) -> Indices:
     """Return the local geometry nodes of every local cell (0.11 replaces it by ``dofmaps``)."""
     geometry = domain.geometry
     several = getattr(geometry, "dofmaps", None)

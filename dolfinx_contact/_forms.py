@@ -20,13 +20,13 @@ from typing import Any
 from mpi4py import MPI
 
 import numpy as np
-import numpy.typing as npt
 
 import ufl
 from dolfinx import fem, jit
 from ufl.corealg.traversal import unique_pre_traversal
 from ufl.domain import extract_unique_domain
 
+from dolfinx_contact._arrays import Array
 from dolfinx_contact._compat import instantiated
 from dolfinx_contact._mpi import everywhere
 
@@ -171,9 +171,7 @@ def _compiled_anew(form: ufl.Form, entity_maps: Any) -> fem.Form:
         return fem.form(form, jit_options=_folder(form.signature()[:2]), **maps)
 
 
-def compiled_expression(
-    e: Any, points: npt.NDArray[np.float64], comm: MPI.Comm | None = None
-) -> fem.Expression:
+def compiled_expression(e: Any, points: Array, comm: MPI.Comm | None = None) -> fem.Expression:
     """Compile an expression at points of the reference cell. Collective.
 
     Args:

@@ -383,7 +383,7 @@ def largest(comm: MPI.Comm, values: npt.ArrayLike) -> Array:
     return maxima.reshape(np.shape(values))
 
 
-def sorted_rows(comm: MPI.Comm, rows: npt.NDArray[np.float64]) -> list[list[float]]:
+def sorted_rows(comm: MPI.Comm, rows: Array) -> list[list[float]]:
     """Return the rows (n, k) of all ranks in lexicographic order. Collective."""
     return sorted(row for part in comm.allgather(rows.tolist()) for row in part)
 

@@ -22,8 +22,8 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
-import numpy.typing as npt
 
+from dolfinx_contact._arrays import Array, Ints
 from dolfinx_contact._validate import one_of, positive
 
 if TYPE_CHECKING:
@@ -280,7 +280,7 @@ class Entries:
         number: number n of entries.
     """
 
-    def __init__(self, rows: npt.NDArray[np.int64], columns: npt.NDArray[np.int64]):
+    def __init__(self, rows: Ints, columns: Ints):
         self.number = len(rows)
         self._kept = np.flatnonzero((rows >= 0) & (columns >= 0))
         i = rows[self._kept]
@@ -288,7 +288,7 @@ class Entries:
         width = int(j.max(initial=0)) + 1
         places = i * width + j
         #: Places of the sums; None if every entry has its own place, in order.
-        self._sums: npt.NDArray[np.int64] | None = None
+        self._sums: Ints | None = None
         if not np.all(places[1:] > places[:-1]):
             places, self._sums = np.unique(places, return_inverse=True)
             i, j = np.divmod(places, width)
@@ -298,18 +298,18 @@ class Entries:
         self._starts = np.append(starts, self._size).astype(PETSc.IntType)
         self._columns = j.astype(PETSc.IntType)
 
-    def numbers(self, rows: int) -> npt.NDArray[np.int64]:
+    def numbers(self, rows: int) -> Ints:
         """Return the number of entries in each of the first ``rows`` rows."""
         return np.bincount(self._rows, weights=np.diff(self._starts), minlength=rows).astype(
             np.int64
         )
 
-    def add(self, values: npt.NDArray[np.float64], A: PETSc.Mat) -> None:
+    def add(self, values: Array, A: PETSc.Mat) -> None:
         """Add values, in the order of the triplets, to ``A`` and assemble it. Collective."""
         self.insert(values, A)
         A.assemble()
 
-    def insert(self, values: npt.NDArray[np.float64], A: PETSc.Mat) -> None:
+    def insert(self, values: Array, A: PETSc.Mat) -> None:
         """Add values like `add`, without assembling ``A``. Not collective."""
         summed = values[self._kept]
         if self._sums is not None:
@@ -342,7 +342,7 @@ def matrix_of(comm: MPI.Comm, shape: tuple[int, int], *entries: Entries) -> PETS
 
 def triplets(
     A: PETSc.Mat,
-) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], npt.NDArray[np.float64]]:
+) -> tuple[Ints, Ints, Array]:
     """Return global rows, global columns and values of the entries of this rank."""
     indptr, columns, values = A.getValuesCSR()
     first, last = A.getOwnershipRange()
@@ -361,9 +361,9 @@ def stacked(blocks: Sequence[PETSc.Mat]) -> PETSc.Mat:
 def triplet_matrix(
     comm: MPI.Comm,
     shape: tuple[int, int],
-    rows: npt.NDArray[np.int64],
-    columns: npt.NDArray[np.int64],
-    values: npt.NDArray[np.float64],
+    rows: Ints,
+    columns: Ints,
+    values: Array,
 ) -> PETSc.Mat:
     """Return the matrix with given entries; duplicates are summed, also across ranks. Collective.
 

@@ -13,17 +13,16 @@ from typing import Any
 from mpi4py import MPI
 
 import numpy as np
-import numpy.typing as npt
 
 import basix.ufl
 import ufl
 from dolfinx import fem, mesh
 
+from dolfinx_contact._arrays import Array
 from dolfinx_contact._forms import compiled_expression
 
 __all__ = ["PointValues", "ScalarList", "point_data"]
 
-Array = npt.NDArray[np.float64]
 _CHUNK = 256  # number of points evaluated at once
 
 

@@ -16,7 +16,8 @@ from inspect import isfunction
 from typing import Any, ClassVar, TypeGuard, TypeVar
 
 import numpy as np
-import numpy.typing as npt
+
+from dolfinx_contact._arrays import Array
 
 __all__ = [
     "ReadOnly",
@@ -148,9 +149,7 @@ def scalar(value: Any, name: str) -> Any:
     return number(value, name, "a finite number or a UFL scalar")
 
 
-def vector(
-    value: Any, name: str, length: int | None = None, *, zero: bool = True
-) -> npt.NDArray[np.float64]:
+def vector(value: Any, name: str, length: int | None = None, *, zero: bool = True) -> Array:
     """Validate a vector of finite numbers, and return a copy, shape (length,).
 
     Args:

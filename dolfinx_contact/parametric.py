@@ -17,11 +17,11 @@ from typing import Any, ClassVar
 from petsc4py import PETSc
 
 import numpy as np
-import numpy.typing as npt
 
 import ufl
 from dolfinx import fem
 
+from dolfinx_contact._arrays import Codes
 from dolfinx_contact._compat import is_mesh_of, is_value_of
 from dolfinx_contact._geometry import Gathered
 from dolfinx_contact._mpi import Arguments, collective, on_root, require
@@ -364,7 +364,7 @@ class ParametricContact(ReadOnly, ParametricEquations):
         self,
         condensed: Condensed,
         cone: AffineSystem,
-        known: Sequence[tuple[npt.NDArray[np.int8], float]],
+        known: Sequence[tuple[Codes, float]],
     ) -> RayProof | None:
         """Compute all rays of a tangent cone, with a proof (`proofs.rays`). Collective.
 

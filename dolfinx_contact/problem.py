@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from petsc4py import PETSc
 
 import numpy as np
-import numpy.typing as npt
 
 import ufl
 from dolfinx import fem
 
+from dolfinx_contact._arrays import Array
 from dolfinx_contact._geometry import mesh_mark
 from dolfinx_contact._mpi import (
     Arguments,
@@ -174,7 +174,7 @@ class _LastWrite:
         previous: memory of the law under which the unknowns were written.
     """
 
-    unknowns: npt.NDArray[np.float64] | None = None
+    unknowns: Array | None = None
     statuses: Statuses = ()
     previous: Sequence[Memory | None] = ()
 
@@ -447,7 +447,7 @@ class ContactProblem(ReadOnly):
         eq = self.equations
         eq.unknowns.write([f.x.array for f in self.fields], eq.rigid.given, x)
 
-    def _owned_values(self) -> npt.NDArray[np.float64]:
+    def _owned_values(self) -> Array:
         """Return the owned values of all unknowns in the user's units, (n,). Not collective."""
         sizes = self.equations.owned_sizes
         parts = [f.x.array[:n] for f, n in zip(self.fields, sizes, strict=False)]
@@ -735,7 +735,7 @@ class ContactProblem(ReadOnly):
 
     def support_forces(
         self, surface: Contact | DiscreteSurface | str, *, state: State | None = None
-    ) -> npt.NDArray[np.float64]:
+    ) -> Array:
         """Return the Dirichlet reactions on the body at local vertices of a surface. Collective.
 
         Args:

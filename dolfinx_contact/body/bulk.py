@@ -19,12 +19,12 @@ from typing import Any, TypeVar
 from petsc4py import PETSc
 
 import numpy as np
-import numpy.typing as npt
 
 import dolfinx.fem.petsc
 import ufl
 from dolfinx import fem, la
 
+from dolfinx_contact._arrays import Array
 from dolfinx_contact._forms import derived_form
 from dolfinx_contact._mpi import SharedValues, anywhere
 from dolfinx_contact._petsc import half_of
@@ -33,7 +33,6 @@ from dolfinx_contact.materials import materials_in
 
 __all__ = ["Bulk", "checksum", "circumference", "weighted"]
 
-Array = npt.NDArray[np.float64]
 
 _Fact = TypeVar("_Fact")
 

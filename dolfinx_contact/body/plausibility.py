@@ -16,11 +16,11 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 import ufl
 from dolfinx import fem, mesh
 
+from dolfinx_contact._arrays import Indices
 from dolfinx_contact.materials import materials_in, present_value
 
 __all__ = ["unintended"]
@@ -142,9 +142,7 @@ def _ids(integral: ufl.Integral) -> tuple[Any, ...]:
     return ids if isinstance(ids, tuple) else (ids,)
 
 
-def _entities(
-    integral: ufl.Integral, number: int, domain: mesh.Mesh
-) -> tuple[int, npt.NDArray[np.int32]]:
+def _entities(integral: ufl.Integral, number: int, domain: mesh.Mesh) -> tuple[int, Indices]:
     """Return the number of entities of an integral over a tag, and the entities with this tag.
 
     Facets with the tag that are not of the kind of the measure are not integrated. Not collective.

@@ -15,10 +15,10 @@ from functools import cached_property
 from itertools import combinations
 
 import numpy as np
-import numpy.typing as npt
 
 from dolfinx import fem, la
 
+from dolfinx_contact._arrays import Array, Indices, Ints, Mask
 from dolfinx_contact._geometry import node_positions
 from dolfinx_contact._mpi import SharedValues, count_of, largest, maximum, require, total
 from dolfinx_contact.equations.rigid_bodies import RigidBodies
@@ -31,8 +31,6 @@ __all__ = ["Constraints", "Prescribed", "check_overlap"]
 
 logger = logging.getLogger(__name__)
 
-Array = npt.NDArray[np.float64]
-Mask = npt.NDArray[np.bool_]
 
 _TOLERANCE = 1e-6  # direction cosine that counts as zero
 _SAME = 1e-9  # gap, relative to the size of the body, that counts as zero
@@ -345,7 +343,7 @@ def _warn_of_common_nodes(surfaces: Sequence[DiscreteSurface], crossed: Mask) ->
             )
 
 
-def _nodes(s: DiscreteSurface) -> npt.NDArray[np.int64]:
+def _nodes(s: DiscreteSurface) -> Ints:
     """Return the local nodes at the vertices of a surface and of its master."""
     if not s.between_bodies:
         return s.points.vertex_trace_dofs.astype(np.int64)
@@ -402,7 +400,7 @@ class Prescribed:
     @cached_property
     def _components(
         self,
-    ) -> list[tuple[int, fem.Function, npt.NDArray[np.int32], fem.DirichletBC]]:
+    ) -> list[tuple[int, fem.Function, Indices, fem.DirichletBC]]:
         """Components fixed somewhere: number, Function of values, nodes, and condition of each."""
         V = self._V
         found = []

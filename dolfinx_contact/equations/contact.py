@@ -36,10 +36,10 @@ from typing import TYPE_CHECKING
 from petsc4py import PETSc
 
 import numpy as np
-import numpy.typing as npt
 
 from dolfinx import fem
 
+from dolfinx_contact._arrays import Array
 from dolfinx_contact._geometry import mesh_mark, node_positions
 from dolfinx_contact._mpi import anywhere, require, total
 from dolfinx_contact._petsc import ProblemOptions, logged
@@ -58,8 +58,6 @@ if TYPE_CHECKING:
 __all__ = ["ContactEquations", "Unknowns"]
 
 logger = logging.getLogger(__name__)
-
-Array = npt.NDArray[np.float64]
 
 
 class ContactEquations:

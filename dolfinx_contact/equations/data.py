@@ -18,6 +18,7 @@ import numpy.typing as npt
 import ufl
 from ufl.algorithms.analysis import extract_constants
 
+from dolfinx_contact._arrays import Array
 from dolfinx_contact._compat import dirichlet_value
 from dolfinx_contact._mpi import largest
 from dolfinx_contact.equations.contact import ContactEquations
@@ -41,7 +42,7 @@ class Datum(NamedTuple):
     value: Any
 
     @property
-    def values(self) -> npt.NDArray[np.float64]:
+    def values(self) -> Array:
         """Present values, those of a Function with ghosts; a view."""
         return np.asarray(self.value.x.array if hasattr(self.value, "x") else self.value.value)
 

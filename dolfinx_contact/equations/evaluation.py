@@ -16,8 +16,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
+from dolfinx_contact._arrays import Array, Codes, Mask
 from dolfinx_contact.laws import Answers, HeldAnswers, PointData
 from dolfinx_contact.laws.symbols import SLID
 from dolfinx_contact.points.kinematics import Kinematics
@@ -26,9 +26,8 @@ from dolfinx_contact.points.surface import DiscreteSurface
 
 __all__ = ["ContactState", "Evaluation", "Rows", "Statuses", "SurfaceTerm", "differs"]
 
-Array = npt.NDArray[np.float64]
 #: Status codes of the contact points of this rank, surface by surface.
-Statuses = Sequence[npt.NDArray[np.int8]]
+Statuses = Sequence[Codes]
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +45,7 @@ class ContactState:
 
     kinematics: Kinematics
     traction: Array
-    statuses: npt.NDArray[np.int8]
+    statuses: Codes
     answers: Answers
 
     @property
@@ -198,14 +197,14 @@ class SurfaceTerm:
 
     surface: DiscreteSurface
     number: int
-    removed: npt.NDArray[np.bool_]
+    removed: Mask
     memory: Memory | None = None
     strength: Array | None = None
 
     # -- evaluation ------------------------------------------------------------------------------
 
     def evaluate(
-        self, u: Array, q: Array, multipliers: Array, statuses: npt.NDArray[np.int8] | None
+        self, u: Array, q: Array, multipliers: Array, statuses: Codes | None
     ) -> ContactState:
         """Evaluate kinematics and law.
 
@@ -318,6 +317,6 @@ def _turning(n: Array, v: Array) -> Array:
     return np.asarray(along * np.eye(n.shape[1]) - n[:, :, None] * v[:, None])
 
 
-def differs(a: Statuses, b: Statuses) -> list[npt.NDArray[np.bool_]]:
+def differs(a: Statuses, b: Statuses) -> list[Mask]:
     """Return masks of the points whose statuses differ, surface by surface."""
     return [np.asarray(x != y) for x, y in zip(a, b, strict=True)]

@@ -33,8 +33,8 @@ from typing import TYPE_CHECKING
 from petsc4py import PETSc
 
 import numpy as np
-import numpy.typing as npt
 
+from dolfinx_contact._arrays import Array, Ints
 from dolfinx_contact._petsc import Entries, matrix_of, triplets
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import ContactState, Evaluation
@@ -49,9 +49,6 @@ if TYPE_CHECKING:
 
 __all__ = ["ContactTerms", "Jacobian", "RigidTerms", "SpreadTerms"]
 
-Array = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.int64]
-
 
 @dataclass(frozen=True)
 class _Block:
@@ -59,11 +56,11 @@ class _Block:
 
     operator: ConstantOperator
     unit: float
-    bodies: Indices  # (groups, k, dim)
-    multipliers: Indices  # (groups, l, dim)
+    bodies: Ints  # (groups, k, dim)
+    multipliers: Ints  # (groups, l, dim)
     coupling: Array  # sum_p W_p b_pk e_pl, (groups, k, l)
 
-    def entries(self) -> tuple[Indices, Indices]:
+    def entries(self) -> tuple[Ints, Ints]:
         """Return rows and columns, in the order of `values`."""
         u = self.bodies
         m = self.multipliers
@@ -207,22 +204,22 @@ class _Numbering:
         n = eq.owned_sizes[0]
         self._absent = [eq.fixed[:n], *eq.constraints.removed_multipliers]
 
-    def rigid(self) -> Indices:
+    def rigid(self) -> Ints:
         """Return the places of the unknowns of rigid bodies, which rank 0 owns."""
         return np.asarray(self._firsts[0, -1] + np.arange(self._eq.rigid.size))
 
-    def places(self, field: int, nodes: Indices) -> Indices:
+    def places(self, field: int, nodes: Ints) -> Ints:
         """Return places of the dofs of global nodes (..., dim), -1 if absent. Collective."""
         return self.dof_places(field, self._eq.dim * nodes[..., None] + np.arange(self._eq.dim))
 
-    def dof_places(self, field: int, dofs: Indices) -> Indices:
+    def dof_places(self, field: int, dofs: Ints) -> Ints:
         """Return places of global dofs, -1 if fixed or removed. Collective."""
         owner = np.searchsorted(self._ends[:, field], dofs, side="right")
         places = dofs - self._starts[owner, field] + self._firsts[owner, field]
         absent = at_global_places(self._eq.comm, self._absent[field].astype(float), dofs) > 0.5
         return np.where(absent, -1, places)
 
-    def column_places(self, columns: Indices, owned: tuple[int, int]) -> Indices:
+    def column_places(self, columns: Ints, owned: tuple[int, int]) -> Ints:
         """Return places of columns of the stiffness, most of which are owned. Collective.
 
         Args:
@@ -314,11 +311,11 @@ class RigidTerms:
 
     operator: ConstantOperator
     unit: float
-    motions: Indices
-    multipliers: Indices
+    motions: Ints
+    multipliers: Ints
     at_points: Array
 
-    def entries(self) -> tuple[Indices, Indices]:
+    def entries(self) -> tuple[Ints, Ints]:
         """Return rows and columns, in the order of `values`."""
         m = np.broadcast_to(
             self.multipliers[..., None], (*self.multipliers.shape, len(self.motions))
@@ -356,8 +353,8 @@ class SpreadTerms:
         surface: DiscreteSurface,
         operator: ConstantOperator,
         unit: float,
-        bodies: Indices,
-        multipliers: Indices,
+        bodies: Ints,
+        multipliers: Ints,
         unknowns: int,
     ):
         self._operator = operator
@@ -370,7 +367,7 @@ class SpreadTerms:
         self._N = law.neighbours.matrix
         point = (comm.exscan(n) or 0) + stencils.points[:, :, None, None]
 
-        def pairs(places: Indices) -> tuple[Indices, Indices]:
+        def pairs(places: Ints) -> tuple[Ints, Ints]:
             shape = *stencils.points.shape, *places.shape[1:]
             at = np.broadcast_to(point, shape)
             of = np.broadcast_to(places[:, None], shape)
@@ -390,7 +387,7 @@ class SpreadTerms:
         self._first = self._left.matMult(self._N, self._first)
         self._product = self._first.matMult(self._right, self._product)
 
-    def entries(self) -> tuple[Indices, Indices]:
+    def entries(self) -> tuple[Ints, Ints]:
         """Return rows and columns, in the order of `values`."""
         self._multiply()
         assert self._product is not None

@@ -20,13 +20,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from dolfinx_contact._arrays import Array
 from dolfinx_contact._mpi import largest, maximum
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import ContactState, Evaluation
 from dolfinx_contact.laws.status import STICK, closed, senses
 from dolfinx_contact.points.surface import DiscreteSurface
-
-Array = npt.NDArray[np.float64]
 
 __all__ = [
     "Measures",

@@ -17,6 +17,7 @@ import dolfinx.fem.petsc
 import ufl
 from dolfinx import fem
 
+from dolfinx_contact._arrays import Array, Ints
 from dolfinx_contact._compat import dirichlet_value, is_value_of
 from dolfinx_contact._forms import compiled_form
 from dolfinx_contact._geometry import Gathered, node_positions
@@ -47,8 +48,6 @@ __all__ = ["JacobianSolver", "ParametricEquations"]
 logger = logging.getLogger(__name__)
 
 _MANY_POINTS = 50  # contact points in 3D above which kinks are passed in batches
-
-Array = npt.NDArray[np.float64]
 
 
 class JacobianSolver(Protocol):
@@ -446,7 +445,7 @@ class ParametricEquations(System):
         return np.concatenate([s.points.positions for s in self.equations.surfaces])
 
     @property
-    def _ids(self) -> npt.NDArray[np.int64]:
+    def _ids(self) -> Ints:
         """Identifiers of points, which also distinguish points at one position, shape (n, k)."""
         surfaces = enumerate(self.equations.surfaces)
         parts = [np.insert(s.points.ids, 0, i, axis=1) for i, s in surfaces]

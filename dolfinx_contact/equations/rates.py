@@ -15,12 +15,12 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 import ufl
 from dolfinx import fem
 from ufl.algorithms.analysis import extract_constants
 
+from dolfinx_contact._arrays import Array
 from dolfinx_contact._compat import interpolation_points
 from dolfinx_contact._forms import compiled_expression, compiled_form
 from dolfinx_contact._ufl import derivative, not_affine
@@ -31,8 +31,6 @@ from dolfinx_contact.points.rigid_body import number
 from dolfinx_contact.points.surface import DiscreteSurface
 
 __all__ = ["Driven", "Rate", "RigidRates", "SurfaceRates", "depends_on", "dirichlet_rates"]
-
-Array = npt.NDArray[np.float64]
 
 
 def depends_on(gamma: fem.Constant, *expressions: Any) -> bool:

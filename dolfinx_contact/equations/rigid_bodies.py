@@ -23,6 +23,7 @@ import numpy.typing as npt
 
 from dolfinx import fem
 
+from dolfinx_contact._arrays import Array
 from dolfinx_contact._mpi import maximum, require
 from dolfinx_contact.equations.evaluation import Evaluation, Rows, SurfaceTerm
 from dolfinx_contact.points.rigid_body import RigidBody
@@ -30,7 +31,6 @@ from dolfinx_contact.points.surface import DiscreteSurface
 
 __all__ = ["RigidBodies", "RigidTerm"]
 
-Array = npt.NDArray[np.float64]
 T = TypeVar("T", bound=np.generic)
 
 

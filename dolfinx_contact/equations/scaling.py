@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING
 from petsc4py import PETSc
 
 import numpy as np
-import numpy.typing as npt
 
 from dolfinx import fem
 
+from dolfinx_contact._arrays import Array, Indices, Mask
 from dolfinx_contact._geometry import node_positions
 from dolfinx_contact._mpi import require, total
 from dolfinx_contact.body import rigid
@@ -41,7 +41,6 @@ __all__ = [
     "uniform_strains",
 ]
 
-Array = npt.NDArray[np.float64]
 _NO_HOOP = 1e-12  # resistance, relative to the stiffness, that counts as zero
 _ROUND_OFF = 1e-12  # shear, relative to the traction, that has no direction
 #: Ratio of r to the stiffness of a node for sliding faces, whose slips of a facet per step are far
@@ -78,7 +77,7 @@ class Scaling:
         bulk: Bulk | MovingBody,
         V: fem.FunctionSpace,
         terms: Sequence[SurfaceTerm],
-        fixed: npt.NDArray[np.bool_],
+        fixed: Mask,
         rigid: RigidBodies,
         forced_r: float | None,
     ):
@@ -158,7 +157,7 @@ def automatic_augmentation(
     V: fem.FunctionSpace,
     surfaces: Sequence[DiscreteSurface],
     extents: Array,
-) -> tuple[float, list[npt.NDArray[np.float64]], list[npt.NDArray[np.float64]]]:
+) -> tuple[float, list[Array], list[Array]]:
     """Return the mean diagonal entry of the stiffness, and r and stiffness at vertices.
 
     The stiffness of a vertex is that of its node alone divided by its area: a traction divided by
@@ -244,7 +243,7 @@ def require_hoop_stiffness(K: PETSc.Mat) -> None:
 def uniform_strains(
     K: PETSc.Mat,
     V: fem.FunctionSpace,
-    part: npt.NDArray[np.int32] | None = None,
+    part: Indices | None = None,
     *,
     axisymmetric: bool = False,
 ) -> tuple[list[Array], Array]:
@@ -331,9 +330,9 @@ class LooseMotions:
         self,
         K: PETSc.Mat | None,
         V: fem.FunctionSpace,
-        part: npt.NDArray[np.int32],
+        part: Indices,
         terms: Sequence[SurfaceTerm],
-        fixed: npt.NDArray[np.bool_],
+        fixed: Mask,
         bodies: RigidBodies,
         *,
         axisymmetric: bool = False,

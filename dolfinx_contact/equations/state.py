@@ -7,14 +7,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
-
+from dolfinx_contact._arrays import Array, Codes
 from dolfinx_contact.points.memory import Memory, read_only_copy
 
 __all__ = ["State"]
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +49,7 @@ class State:
 
     displacement: Array
     multipliers: tuple[Array, ...]
-    statuses: tuple[npt.NDArray[np.int8], ...]
+    statuses: tuple[Codes, ...]
     motions: tuple[Array, ...]
     memory: tuple[Memory, ...]
     previous: tuple[Memory | None, ...]

@@ -12,8 +12,8 @@ from collections.abc import Sequence
 from petsc4py import PETSc
 
 import numpy as np
-import numpy.typing as npt
 
+from dolfinx_contact._arrays import Array
 from dolfinx_contact._mpi import anywhere, largest, maximum
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation, Statuses, SurfaceTerm
@@ -22,7 +22,6 @@ from dolfinx_contact.laws.status import PLUS, STICK, closed
 
 __all__ = ["bring_together", "touches_nothing", "touching"]
 
-Array = npt.NDArray[np.float64]
 
 _TOUCHES = 1e-9  # gap, relative to the size of the body, that counts as zero
 _ROUND_OFF = 1e-14  # penetration, relative to the size of the body, that counts as zero

@@ -19,13 +19,13 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
-import numpy.typing as npt
 
 import ufl
 from dolfinx import fem
 from ufl.algorithms.analysis import extract_constants
 from ufl.corealg.traversal import unique_pre_traversal
 
+from dolfinx_contact._arrays import Array
 from dolfinx_contact._compat import dirichlet_value
 from dolfinx_contact._mpi import anywhere, largest, minimum, require, same_everywhere, sorted_rows
 from dolfinx_contact._ufl import refuse_other_condition, refuse_other_mesh
@@ -64,7 +64,6 @@ __all__ = [
 
 logger = logging.getLogger(__name__)
 
-Array = npt.NDArray[np.float64]
 
 _ROUND_OFF = 1e-14  # relative excess of a bound that counts as round-off
 _AGAINST = -0.5  # cosine of contact normal and outward normal below which they disagree

@@ -21,8 +21,8 @@ from dataclasses import replace
 from petsc4py import PETSc
 
 import numpy as np
-import numpy.typing as npt
 
+from dolfinx_contact._arrays import Array
 from dolfinx_contact._mpi import maximum
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.solvers.history import Attempt
@@ -32,7 +32,6 @@ from dolfinx_contact.solvers.pivoting import pivot
 
 __all__ = ["release_bonds"]
 
-Array = npt.NDArray[np.float64]
 
 #: Successive changes of the strengths below which Newton's method is tried.
 _NEAR = 1e-2, 1e-3, 1e-4, 1e-6, 1e-8

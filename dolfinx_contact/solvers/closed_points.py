@@ -19,10 +19,10 @@ from dataclasses import dataclass
 from petsc4py import PETSc
 
 import numpy as np
-import numpy.typing as npt
 
 from dolfinx import la
 
+from dolfinx_contact._arrays import Array, Ints, Mask
 from dolfinx_contact._geometry import ratio
 from dolfinx_contact._mpi import count_of
 from dolfinx_contact._petsc import Entries, matrix_of, triplets
@@ -33,13 +33,10 @@ from dolfinx_contact.points.trace import at_global_places, facet_closures
 
 __all__ = ["ClosedPoints"]
 
-Array = npt.NDArray[np.float64]
-Nodes = npt.NDArray[np.int64]
-
 
 @dataclass(frozen=True)
 class ClosedPoints:
-    """Nodes and points that a hierarchy treats as closed.
+    """Ints and points that a hierarchy treats as closed.
 
     Attributes:
         held: mask of owned displacement dofs of nodes in contact with an obstacle.
@@ -47,8 +44,8 @@ class ClosedPoints:
         guessed: whether a surface has no closed point, so its closed nodes are guessed.
     """
 
-    held: npt.NDArray[np.bool_]
-    joined: list[npt.NDArray[np.bool_]]
+    held: Mask
+    joined: list[Mask]
     guessed: bool
 
     @classmethod
@@ -127,7 +124,7 @@ class ClosedPoints:
         return A
 
 
-def _springs(B: PETSc.Mat, share: Array, compliance: Array) -> tuple[Nodes, Nodes, Array]:
+def _springs(B: PETSc.Mat, share: Array, compliance: Array) -> tuple[Ints, Ints, Array]:
     """Return nodes (rows, columns) and stiffness of the springs of joined points. Collective.
 
     Args:

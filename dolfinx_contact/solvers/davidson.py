@@ -28,11 +28,11 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
+from dolfinx_contact._arrays import Array
 from dolfinx_contact._mpi import on_root, total
 
 __all__ = ["Davidson"]
 
-Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
 
 _ROOM = 40  # largest number of vectors in a search

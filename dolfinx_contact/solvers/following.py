@@ -13,10 +13,10 @@ from dataclasses import replace
 from petsc4py import PETSc
 
 import numpy as np
-import numpy.typing as npt
 
 from dolfinx import fem
 
+from dolfinx_contact._arrays import Array
 from dolfinx_contact.continuation import Follower, Piece, StepControl
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation
@@ -28,7 +28,6 @@ __all__ = ["Loaded", "follow_load"]
 
 _MOST_STEPS = 400
 _ROUND_OFF = 1e-8  # contact rows, relative to stiffness times displacement, that are round-off
-Array = npt.NDArray[np.float64]
 
 
 class Loaded(ParametricEquations):

@@ -31,6 +31,7 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
+from dolfinx_contact._arrays import Array
 from dolfinx_contact._petsc import options_in_database, stacked
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.reduced.held_body import with_dirichlet_rows
@@ -43,7 +44,6 @@ if TYPE_CHECKING:
 
 __all__ = ["HeldMultigrid", "have_own_nodes"]
 
-Array = npt.NDArray[np.float64]
 _DEFAULTS = {"ksp_rtol": 1e-11, "ksp_max_it": 1000, "ksp_norm_type": "unpreconditioned"}
 _OWN = 1e-10  # largest deviation of R R_o^T from 1
 _LEAST = 1e-2  # smallest squared norm of a row at its own node

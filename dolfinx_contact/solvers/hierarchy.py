@@ -19,10 +19,10 @@ from typing import Any
 from petsc4py import PETSc
 
 import numpy as np
-import numpy.typing as npt
 
 from dolfinx import fem, la
 
+from dolfinx_contact._arrays import Indices
 from dolfinx_contact._petsc import (
     as_raised,
     forget_product,
@@ -173,7 +173,7 @@ class Hierarchy:
     def build(
         self,
         K: PETSc.Mat,
-        identity: npt.NDArray[np.int32],
+        identity: Indices,
         diagonal: float,
         added: PETSc.Mat | None = None,
         half: PETSc.Mat | None = None,
@@ -276,7 +276,7 @@ class _Held:
         diagonal: diagonal entry of these rows.
     """
 
-    def __init__(self, rows: npt.NDArray[np.int32], diagonal: float):
+    def __init__(self, rows: Indices, diagonal: float):
         self._rows = rows
         self._diagonal = diagonal
 
@@ -295,7 +295,7 @@ class _Held:
         y.array[self._rows] = self._diagonal * values
 
 
-def _held(A: PETSc.Mat, rows: npt.NDArray[np.int32], diagonal: float) -> PETSc.Mat:
+def _held(A: PETSc.Mat, rows: Indices, diagonal: float) -> PETSc.Mat:
     """Return a matrix-free ``A`` with rows and columns of a scaled identity. Collective."""
     made = PETSc.Mat().createPython(A.getSizes(), _Held(rows, diagonal), comm=A.comm)
     made.setUp()

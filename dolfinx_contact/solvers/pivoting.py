@@ -18,8 +18,8 @@ from __future__ import annotations
 from petsc4py import PETSc
 
 import numpy as np
-import numpy.typing as npt
 
+from dolfinx_contact._arrays import Codes, Mask
 from dolfinx_contact._mpi import count_of
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import differs
@@ -29,8 +29,6 @@ from dolfinx_contact.solvers.newton import Newton
 
 __all__ = ["pivot"]
 
-Codes = npt.NDArray[np.int8]
-Mask = npt.NDArray[np.bool_]
 
 _PATIENCE = 4  # rounds without a new minimum of objections before single changes
 

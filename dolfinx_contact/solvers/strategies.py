@@ -42,8 +42,8 @@ from typing import TypeAlias
 from petsc4py import PETSc
 
 import numpy as np
-import numpy.typing as npt
 
+from dolfinx_contact._arrays import Array
 from dolfinx_contact._mpi import maximum, sorted_rows
 from dolfinx_contact._petsc import staged
 from dolfinx_contact.equations.contact import ContactEquations
@@ -95,7 +95,7 @@ class Trial:
     """
 
     expected: Sequence[Statuses] = ()
-    extrapolated: npt.NDArray[np.float64] | None = None
+    extrapolated: Array | None = None
     brief: bool = False
 
 
@@ -317,9 +317,7 @@ class _Strategies:
         attempt.state = None  # evaluated with another r
         return done
 
-    def from_unknowns(
-        self, x: PETSc.Vec, attempt: Attempt, unknowns: npt.NDArray[np.float64]
-    ) -> bool:
+    def from_unknowns(self, x: PETSc.Vec, attempt: Attempt, unknowns: Array) -> bool:
         """Newton's method from given unknowns."""
         x.array[:] = unknowns
         attempt.reason = inverted(self.eq, x)

@@ -23,10 +23,10 @@ from typing import Any
 from petsc4py import PETSc
 
 import numpy as np
-import numpy.typing as npt
 
 from dolfinx import la
 
+from dolfinx_contact._arrays import Array, Indices
 from dolfinx_contact._petsc import Factor
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.points.trace import facet_closures, owned_exterior
@@ -155,7 +155,7 @@ class SurfaceBlock:
         finally:
             present.destroy()
 
-    def solve(self, residual: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    def solve(self, residual: Array) -> Array:
         """Return the unknowns on s for a residual on s, local parts. Collective."""
         assert self._b is not None
         self._b.array[:] = residual
@@ -261,7 +261,7 @@ class CondensedBlock:
         self._block.zeroRowsColumns(rows, diag=A.diagonal)
         self.factor.factorise(self._block)
 
-    def solve(self, residual: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    def solve(self, residual: Array) -> Array:
         """Return the unknowns on s for a residual on s, local parts. Collective."""
         n = self._s.nodes
         assert self._K is not None
@@ -324,7 +324,7 @@ def _combined(A: PETSc.Mat, a: float, B: PETSc.Mat, out: PETSc.Mat | None) -> PE
     return out
 
 
-def _contact_dofs(equations: ContactEquations, *, opposite: bool = True) -> npt.NDArray[np.int32]:
+def _contact_dofs(equations: ContactEquations, *, opposite: bool = True) -> Indices:
     """Return the owned displacement dofs of all contact facets, local indices. Collective.
 
     Args:

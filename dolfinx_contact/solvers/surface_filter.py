@@ -17,8 +17,8 @@ from __future__ import annotations
 from petsc4py import PETSc
 
 import numpy as np
-import numpy.typing as npt
 
+from dolfinx_contact._arrays import Array
 from dolfinx_contact._mpi import total
 from dolfinx_contact._petsc import logged
 from dolfinx_contact.solvers.operator import ContactOperator
@@ -134,7 +134,7 @@ class SurfaceFilter:
         assert self.block is not None
         return self.block.factor.determinant_sign
 
-    def solve(self, residual: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    def solve(self, residual: Array) -> Array:
         """Return the unknowns on s for a residual on s, local parts. Collective."""
         assert self.block is not None
         with logged("ContactSurface"):
