@@ -225,8 +225,8 @@ def held_body(
     """Return the body with rows held, and a solver from `solver_of_body`. Collective."""
     if kind == "amg":
         return HeldMultigrid(eq, u, rows, "analysis_")
-    K = with_dirichlet_rows(eq.bulk.stiffness(u), eq, eq.stiffness_scale)
-    body = HeldBody(eq.comm, [HeldField(K, rows)], eq.stiffness_scale)
+    K = with_dirichlet_rows(eq.bulk.stiffness(u), eq, eq.scaling.stiffness)
+    body = HeldBody(eq.comm, [HeldField(K, rows)], eq.scaling.stiffness)
     K.destroy()
     return body
 

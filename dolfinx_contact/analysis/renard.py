@@ -276,8 +276,8 @@ class _Form:
         # Rows are along n, against which pressures are counted.
         entries.add(-np.sum(friction[point] * tangents, axis=1), self._X)
         u = eq.bulk.displacement.x.array.copy()
-        self._K = with_dirichlet_rows(eq.bulk.stiffness(u), eq, eq.stiffness_scale)
-        self._free = HeldBody(eq.comm, [HeldField(self._K, [])], eq.stiffness_scale)
+        self._K = with_dirichlet_rows(eq.bulk.stiffness(u), eq, eq.scaling.stiffness)
+        self._free = HeldBody(eq.comm, [HeldField(self._K, [])], eq.scaling.stiffness)
         self.definite = self._free.definite
 
     def by_factorisation(self, effort: int, enough: float, seconds: float) -> float:
@@ -306,7 +306,7 @@ class _Form:
         """Return the factor, using products with A and its inverse, the stiffness of the points."""
         SLEPc = optional("slepc4py.SLEPc", "solver")
         R, X = self._R, self._X
-        held = HeldBody(self.comm, [HeldField(self._K, [R])], self._eq.stiffness_scale)
+        held = HeldBody(self.comm, [HeldField(self._K, [R])], self._eq.scaling.stiffness)
 
         def product(x: PETSc.Vec, y: PETSc.Vec) -> None:
             """Multiply by -(X + S X^T A)/2, whose eigenvalues are those of the form over A."""

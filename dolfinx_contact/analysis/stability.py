@@ -279,8 +279,8 @@ def _signs(body: Body, rows: list[PETSc.Mat], parts: tuple[float, float, float])
     for part, B in ((k, body.K), (c, body.C)):
         if B is not None and part != 0:
             A.axpy(part, B, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
-    inside = with_dirichlet_rows(A, eq, eq.stiffness_scale)
-    held = HeldBody(eq.comm, [HeldField(inside, rows)], eq.stiffness_scale, counted=True)
+    inside = with_dirichlet_rows(A, eq, eq.scaling.stiffness)
+    held = HeldBody(eq.comm, [HeldField(inside, rows)], eq.scaling.stiffness, counted=True)
     signs = held.signs
     held.destroy()
     inside.destroy(), A.destroy()

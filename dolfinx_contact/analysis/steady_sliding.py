@@ -327,7 +327,7 @@ class SteadySliding(ReadOnly):
         held = [slip.N, slip.H]
         forces = [G, slip.H]
         matrices = []
-        for A, scale in ((body.K, eq.stiffness_scale), (body.C, 0.0), (body.M, 0.0)):
+        for A, scale in ((body.K, eq.scaling.stiffness), (body.C, 0.0), (body.M, 0.0)):
             if A is not None:
                 inside = with_dirichlet_rows(A, eq, scale)
                 matrices.append(saddle([HeldField(inside, held, forces)], scale))

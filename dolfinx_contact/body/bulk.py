@@ -277,13 +277,30 @@ class Bulk:
         fem.assemble_vector(b.array, form)
         return b
 
-    def lifting(self, u: Array, bcs: Sequence[fem.DirichletBC], start: Array) -> Array:
-        """Return K(u) (g - start), with g equal to ``start`` except for ``bcs``. Collective."""
+    def rate_at(self, u: Array, step: Array) -> Array:
+        """Return the owned entries of K(u) d for a step d of the Dirichlet data. Collective.
+
+        Unless K is up to date, only cells with dofs at which the step is nonzero are assembled.
+
+        Args:
+            u: displacement.
+            step: step d at all local dofs.
+        """
+        if self._is_current:
+            return self.times(step)
         self.displacement.x.array[:] = u
+        self._step.x.array[:] = step
+        dofs = np.flatnonzero(step).astype(np.int32)
         b = self._rows.zeros(self._V.dofmap.index_map_bs)
-        fem.apply_lifting(b.array, [self.jacobian_form], [list(bcs)], x0=[start], alpha=-1.0)
+        bc = fem.dirichletbc(self._step, [dofs, dofs], self._V)
+        fem.apply_lifting(b.array, [self.jacobian_form], [[bc]], alpha=-1.0)
         b.scatter_reverse(la.InsertMode.add)
         return b.array[: self._owned].copy()
+
+    @cached_property
+    def _step(self) -> fem.Function:
+        """Step of the Dirichlet data."""
+        return fem.Function(self._V)
 
     def affine_residual(self, u: Array) -> Array | None:
         """Return the owned entries of K u + f if K is up to date, otherwise None. Collective.
@@ -348,10 +365,6 @@ class Bulk:
         if self._half is None:
             self._half = half_of(self._K)
         return self._half
-
-    def product(self, u: Array) -> Array | None:
-        """Return K u if K is constant and up to date, otherwise None. Collective."""
-        return self.times(u) if self._is_current else None
 
     def times(self, u: Array) -> Array:
         """Return owned entries of K u with the most recently assembled stiffness. Collective."""

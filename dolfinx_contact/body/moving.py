@@ -27,7 +27,6 @@ R contains the loads: R(u_1) those at t_1, and R(u_0) those at t_0.
 from __future__ import annotations
 
 import zlib
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, TypeAlias
 
@@ -254,12 +253,9 @@ class MovingBody:
         u = self.step.displacement(w, self._origin)
         return np.asarray(self.step.theta * self.body.assembled(form, u))
 
-    def lifting(self, w: Array, bcs: Sequence[fem.DirichletBC], start: Array) -> Array:
-        """Return the stiffness times (g - start); see `Bulk.lifting`. Collective."""
-        step = start.copy()
-        for bc in bcs:
-            bc.set(step)
-        return self.times(self.stiffness(w), step - start)
+    def rate_at(self, w: Array, step: Array) -> Array:
+        """Return the stiffness times a step of w; see `Bulk.rate_at`. Collective."""
+        return self.times(self.stiffness(w), step)
 
     def stiffness(self, w: Array) -> PETSc.Mat:
         """Return the derivative of the rows with respect to w; see `Bulk.stiffness`. Collective."""
@@ -293,12 +289,6 @@ class MovingBody:
         if self._half is None:
             self._half = half_of(self._K)
         return self._half
-
-    def product(self, w: Array) -> Array | None:
-        """Return the stiffness times ``w``; see `Bulk.product`. Collective."""
-        if self.body.product(w) is None:
-            return None
-        return self.times(self.stiffness(w), w)
 
     @property
     def stiffness_mark(self) -> int:

@@ -3,22 +3,20 @@
 
 If Dirichlet data fix the displacement of a contact node, nothing determines its multiplier: the
 reaction belongs to the support. Such multiplier components are removed (identity rows).
-`Prescribed` can apply a part of the prescribed values.
 """
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-from functools import cached_property
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
 
 from dolfinx import fem, la
 
-from dolfinx_contact._arrays import Array, Indices, Ints, Mask
+from dolfinx_contact._arrays import Array, Ints, Mask
 from dolfinx_contact._geometry import node_positions
 from dolfinx_contact._mpi import SharedValues, count_of, largest, maximum, require, total
 from dolfinx_contact.equations.rigid_bodies import RigidBodies
@@ -27,7 +25,7 @@ from dolfinx_contact.points.shared_functions import crossings, resting
 from dolfinx_contact.points.surface import DiscreteSurface
 from dolfinx_contact.points.trace import facet_closures, rounded
 
-__all__ = ["Constraints", "Prescribed", "check_overlap"]
+__all__ = ["Constraints", "Ramp", "check_overlap"]
 
 logger = logging.getLogger(__name__)
 
@@ -36,13 +34,33 @@ _TOLERANCE = 1e-6  # direction cosine that counts as zero
 _SAME = 1e-9  # gap, relative to the size of the body, that counts as zero
 
 
+@dataclass(eq=False)
+class Ramp:
+    """Load that grows with its fraction s from 0 to 1 (`ContactEquations.ramped`).
+
+    Attributes:
+        u: displacement at all local dofs at the start.
+        q: unknowns of the rigid bodies at the start.
+        unknowns: all owned unknowns at the start, in the units of the PETSc vectors.
+        rows: rows of H at the start with s = 0; empty until they are known.
+        fraction: applied fraction s of the load.
+    """
+
+    u: Array
+    q: Array
+    unknowns: Array
+    rows: Sequence[Array] = ()
+    fraction: float = 0.0
+
+
 class Constraints:
-    """Displacement and multiplier components that Dirichlet data fix.
+    """Displacement and multiplier components that Dirichlet data fix, and prescribed values.
 
     Args:
         V: space of the displacement.
         surfaces: discretisations of the contact surfaces.
         bcs: Dirichlet conditions.
+        rigid: rigid bodies.
 
     Attributes:
         fixed: mask of the fixed components of the displacement, shape (local nodes, dim).
@@ -54,6 +72,9 @@ class Constraints:
         fixed_jumps: per surface, mask of the components of the jump that the multipliers weight
             and Dirichlet data fix, shape (local multiplier nodes, dim); with quadratic
             displacement and linear multipliers the jump is a mean over the facets of a vertex.
+        ramp: growing load, of which a fraction is prescribed; None: the data of the user.
+        to_unknowns: map from prescribed displacements to the unknowns of a step, which differ from
+            them in time integration; None: they are equal.
 
     Raises:
         ValueError: on every rank, if every node of a surface is clamped, or a component that is
@@ -65,10 +86,14 @@ class Constraints:
         V: fem.FunctionSpace,
         surfaces: Sequence[DiscreteSurface],
         bcs: Sequence[fem.DirichletBC],
+        rigid: RigidBodies,
     ):
         self._V = V
         self._bcs = list(bcs)
+        self._rigid = rigid
         self._read = fem.Function(V)  # receives the values
+        self.ramp: Ramp | None = None
+        self.to_unknowns: Callable[[Array], Array] | None = None
         # A value may itself be NaN, so a component is fixed if either filling is overwritten.
         self.fixed = np.isfinite(self.values()) | np.isnan(self.values(fill=0.0))
         # nodes of several surfaces
@@ -107,6 +132,9 @@ class Constraints:
             self.removed.append(removed)
             self.clamped.append(clamped)
             self.removed_multipliers.append(removed[:owned].reshape(-1))
+        self.read_data()
+
+    # -- values ----------------------------------------------------------------------------------
 
     def values(self, fill: float = np.nan) -> Array:
         """Return Dirichlet values at the local nodes, shape (n, dim), ``fill`` at free dofs."""
@@ -116,6 +144,25 @@ class Constraints:
             bc.set(f.x.array)
         f.x.scatter_forward()
         return f.x.array.reshape(-1, self._V.dofmap.index_map_bs).copy()
+
+    def read_data(self) -> None:
+        """Read the present Dirichlet values, loads and motions of the user. Collective."""
+        self._data = self.values(fill=0.0).reshape(-1)
+        self._rigid.read_data()
+
+    def displacement(self) -> Array:
+        """Return prescribed values at the local dofs, 0 at free ones."""
+        values = self._data if self.to_unknowns is None else self.to_unknowns(self._data)
+        if self.ramp is not None:
+            values = self.ramp.u + self.ramp.fraction * (values - self.ramp.u)
+        return np.where(self.fixed.reshape(-1), values, 0.0)
+
+    def motions(self) -> Array:
+        """Return prescribed unknowns of the rigid bodies, 0 where they are free."""
+        values = self._rigid.numbers * self._rigid.units
+        if self.ramp is not None:
+            values = self.ramp.q + self.ramp.fraction * (values - self.ramp.q)
+        return np.where(self._rigid.fixed, values, 0.0)
 
     def reach(self, s: DiscreteSurface, u: Array) -> float:
         """Gap up to which open points of a surface are expected to close. Collective.
@@ -134,8 +181,6 @@ class Constraints:
         along = motion @ normal
         along = np.abs(along) if s.between_bodies else along
         return 0.5 * maximum(s.comm, along)
-
-    # -- values ----------------------------------------------------------------------------------
 
     def check_values(
         self, surfaces: Sequence[DiscreteSurface], size: float, where: str = ""
@@ -371,98 +416,3 @@ def _fixed_on_support(s: DiscreteSurface, fixed: Mask) -> Mask:
     nodes = s.points.Q.dofmap.list[cells]
     at_nodes = np.repeat(any_free[:, None], nodes.shape[1], axis=1)
     return np.asarray(SharedValues(s.points.Q.dofmap.index_map).sums(nodes, at_nodes) == 0)
-
-
-class Prescribed:
-    """Prescribed displacements and motions of rigid bodies: the user's data, or a fraction of them.
-
-    Args:
-        V: space of the displacement.
-        constraints: fixed components and their values.
-        rigid: rigid bodies.
-
-    Attributes:
-        fraction: fraction of the way from a start to the user's data that is prescribed; 1 outside
-            of `ramped`.
-        to_unknowns: map from prescribed displacements to the unknowns of a step, which differ from
-            them in time integration; None: they are equal.
-    """
-
-    def __init__(self, V: fem.FunctionSpace, constraints: Constraints, rigid: RigidBodies):
-        self._V = V
-        self._constraints = constraints
-        self._rigid = rigid
-        self.fraction = 1.0
-        self._data = np.zeros_like(constraints.fixed, dtype=np.float64)
-        self._start: tuple[Array, Array] | None = None
-        self.to_unknowns: Callable[[Array], Array] | None = None
-
-    @cached_property
-    def _components(
-        self,
-    ) -> list[tuple[int, fem.Function, Indices, fem.DirichletBC]]:
-        """Components fixed somewhere: number, Function of values, nodes, and condition of each."""
-        V = self._V
-        found = []
-        bs = V.dofmap.index_map_bs
-        for i in range(bs):
-            fixed = self._constraints.fixed[:, i]
-            if not count_of(V.mesh.comm, fixed):
-                continue
-            W, parents = V.sub(i).collapse()
-            # Since DOLFINx 0.11 a list with one array for each kind of cell.
-            nodes = np.asarray(parents, dtype=np.int32).reshape(-1) // bs
-            here = np.flatnonzero(fixed[nodes]).astype(np.int32)
-            f = fem.Function(W)
-            dofs = [(bs * nodes[here] + i).astype(np.int32), here]
-            found.append((i, f, nodes, fem.dirichletbc(f, dofs, V.sub(i))))
-        return found
-
-    @property
-    def conditions(self) -> list[fem.DirichletBC]:
-        """Dirichlet conditions with the present values, one per fixed component. Collective."""
-        values = self.values()
-        for i, f, nodes, _ in self._components:
-            f.x.array[:] = values[nodes, i]
-        return [bc for *_, bc in self._components]
-
-    def read_data(self) -> None:
-        """Read the present Dirichlet values, loads and motions of the user. Collective."""
-        self._data = self._constraints.values(fill=0.0)
-        self._rigid.read_data()
-
-    def values(self) -> Array:
-        """Return prescribed values at the local nodes, shape (n, dim), 0 at free dofs."""
-        values = self._data
-        if self.to_unknowns is not None:
-            values = self.to_unknowns(values.reshape(-1)).reshape(values.shape)
-        if self._start is not None:
-            start = self._start[0].reshape(values.shape)
-            values = start + self.fraction * (values - start)
-        return np.where(self._constraints.fixed, values, 0.0)
-
-    def motions(self) -> Array:
-        """Return prescribed unknowns of the rigid bodies, 0 where they are free."""
-        values = self._rigid.numbers * self._rigid.units
-        if self._start is not None:
-            start = self._start[1]
-            values = start + self.fraction * (values - start)
-        return np.where(self._rigid.fixed, values, 0.0)
-
-    @contextmanager
-    def ramped(self, u: Array, q: Array) -> Iterator[None]:
-        """Prescribe a fraction of the way from a start to the user's data, at first 0.
-
-        The caller sets `fraction` while the context lasts.
-
-        Args:
-            u: displacement at all local dofs at the start.
-            q: unknowns of the rigid bodies at the start.
-        """
-        self._start = u.copy(), q.copy()
-        self.fraction = 0.0
-        try:
-            yield
-        finally:
-            self._start = None
-            self.fraction = 1.0

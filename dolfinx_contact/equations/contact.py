@@ -45,7 +45,7 @@ from dolfinx_contact._mpi import anywhere, require, total
 from dolfinx_contact._petsc import ProblemOptions, logged
 from dolfinx_contact.body.bulk import Bulk
 from dolfinx_contact.body.rigid import bounding_box
-from dolfinx_contact.equations.constraints import Constraints, Prescribed, check_overlap
+from dolfinx_contact.equations.constraints import Constraints, Ramp, check_overlap
 from dolfinx_contact.equations.evaluation import Evaluation, Rows, Statuses, SurfaceTerm
 from dolfinx_contact.equations.rigid_bodies import RigidBodies, RigidTerm
 from dolfinx_contact.equations.scaling import Scaling
@@ -77,8 +77,8 @@ class ContactEquations:
         owned_sizes: numbers of owned unknowns: displacement, surface by surface, rigid bodies.
         terms: terms of the contact surfaces.
         rigid: rigid bodies that surfaces touch.
-        constraints: displacement and multiplier components that Dirichlet data fix.
-        prescribed: prescribed displacements and motions.
+        constraints: displacement and multiplier components that Dirichlet data fix, and prescribed
+            values.
         fixed: mask of the local displacement dofs that Dirichlet data fix.
         scaling: typical stiffness, augmentation parameters and loose motions.
         body_size: diagonal of the bounding box of the body, a length.
@@ -113,11 +113,9 @@ class ContactEquations:
         check_overlap(self.surfaces)
         self.axisymmetric = self.surfaces[0].axisymmetric
         self.linear = bulk.linear and all(s.linear for s in self.surfaces)
-        self.constraints = Constraints(V, self.surfaces, bcs)
-        self.fixed = self.constraints.fixed.reshape(-1)
         self.rigid = RigidBodies(V, self.surfaces, self.body_size)
-        self.prescribed = Prescribed(V, self.constraints, self.rigid)
-        self.prescribed.read_data()
+        self.constraints = Constraints(V, self.surfaces, bcs, self.rigid)
+        self.fixed = self.constraints.fixed.reshape(-1)
         removed = zip(self.surfaces, self.constraints.removed_multipliers, strict=True)
         self.terms = [
             SurfaceTerm(s, i, mask)
@@ -132,16 +130,11 @@ class ContactEquations:
             bulk.displacement,
             [s.points.Q for s in self.surfaces],
             self.rigid,
-            [self.stiffness_scale / g.mean(g.vertex_areas) for g in geometries],
+            [self.scaling.stiffness / g.mean(g.vertex_areas) for g in geometries],
         )
         self.owned_sizes = self.unknowns.sizes
         if not bulk.linear:
             bulk.destroy()
-
-    @property
-    def stiffness_scale(self) -> float:
-        """Typical stiffness, factor of the Dirichlet rows; updated with the data (`scaling`)."""
-        return self.scaling.stiffness
 
     # -- evaluation ------------------------------------------------------------------------------
 
@@ -176,8 +169,8 @@ class ContactEquations:
         """
         at = self.contact(x, statuses)
         # step from the unknowns to the prescribed values
-        off = at.u - self.prescribed.values().reshape(-1)
-        off_motions = at.q - self.prescribed.motions()
+        off = at.u - self.constraints.displacement()
+        off_motions = at.q - self.constraints.motions()
         du = np.where(self.fixed, -off, 0.0)
         dq = np.where(self.rigid.fixed, -off_motions, 0.0)
         # body; for a linear one K (u + du) + f needs no assembly
@@ -189,17 +182,17 @@ class ContactEquations:
         reactions = rows.body.copy()
         if anywhere(self.comm, bool(du.any() or dq.any()))[0]:
             if affine is None:
-                rows.body += self.bulk.lifting(at.u, self.prescribed.conditions, at.u)
+                rows.body += self.bulk.rate_at(at.u, du)
             for term in self.terms:
                 term.add_rate(at, du, dq, rows)
         # rows of prescribed values
-        k = self.stiffness_scale
+        k = self.scaling.stiffness
         fixed = self.fixed[: len(rows.body)]
         rows.body[fixed] = k * off[: len(rows.body)][fixed]
         laws = self._law_rows(rows.laws, x)
         pushed = total(self.comm, rows.pushed) if self.rigid.size else rows.pushed
         rigid = np.where(self.rigid.fixed, k * off_motions, pushed - self.rigid.loads)
-        parts = [rows.body, *laws, self.rigid.here(rigid)]
+        parts = self._ramped([rows.body, *laws, self.rigid.here(rigid)], slice(None))
         return replace(at, rows=parts, reactions=reactions, pushes=-pushed)
 
     def contact_rows(self, x: PETSc.Vec, statuses: Statuses | None = None) -> Array:
@@ -210,7 +203,16 @@ class ContactEquations:
             statuses: statuses for the laws; default: those determined by the unknowns.
         """
         at = self.contact(x, statuses)
-        return np.concatenate(self._law_rows([found.off for found in at.surfaces], x))
+        rows = self._law_rows([found.off for found in at.surfaces], x)
+        return np.concatenate(self._ramped(rows, slice(1, -1)))
+
+    def _ramped(self, rows: list[Array], fields: slice) -> list[Array]:
+        """Return rows of H minus the part 1 - s of those at the start of a growing load."""
+        ramp = self.constraints.ramp
+        if ramp is None or not ramp.rows:
+            return rows
+        pairs = zip(rows, ramp.rows[fields], strict=True)
+        return [row - (1.0 - ramp.fraction) * first for row, first in pairs]
 
     def rates(
         self,
@@ -236,14 +238,10 @@ class ContactEquations:
         laws = [np.zeros_like(s.traction) if rate is None else -rate for s, rate in pairs]
         rows = Rows(body.copy(), laws, np.zeros(self.rigid.size))
         if anywhere(self.comm, bool(dirichlet.any() or motions.any()))[0]:
-            product = self.bulk.product(dirichlet)
-            if product is None:
-                start = np.where(self.fixed, self.prescribed.values().reshape(-1) - dirichlet, at.u)
-                product = self.bulk.lifting(at.u, self.prescribed.conditions, start)
-            rows.body += product
+            rows.body += self.bulk.rate_at(at.u, dirichlet)
             for term in self.terms:
                 term.add_rate(at, dirichlet, motions, rows)
-        k = self.stiffness_scale
+        k = self.scaling.stiffness
         fixed = self.fixed[: len(rows.body)]
         rows.body[fixed] = -k * dirichlet[: len(rows.body)][fixed]
         parts = [rows.body, *self._law_rows(rows.laws)]
@@ -260,7 +258,7 @@ class ContactEquations:
         if x is not None:
             owned = self.unknowns.blocks(x)[1:-1]
         return [
-            np.where(term.removed, self.stiffness_scale * values, term.surface.points.rows(off))
+            np.where(term.removed, self.scaling.stiffness * values, term.surface.points.rows(off))
             for term, off, values in zip(self.terms, laws, owned, strict=True)
         ]
 
@@ -276,7 +274,7 @@ class ContactEquations:
             Whether the data of a surface have changed.
         """
         self.bulk.read_data()
-        self.prescribed.read_data()
+        self.constraints.read_data()
         moved = anywhere(self.comm, *[s.has_changed for s in self.surfaces])
         for s, changed in zip(self.surfaces, moved, strict=True):
             if changed:
@@ -290,10 +288,27 @@ class ContactEquations:
         require(self.comm, same, words)
 
     @contextmanager
-    def ramped(self, x: PETSc.Vec) -> Iterator[None]:
-        """Prescribe a fraction of the way from ``x`` to the data, at first 0; see `Prescribed`."""
-        with self.prescribed.ramped(self.unknowns.displacement(x), self.unknowns.motions(x)):
-            yield
+    def ramped(self, x: PETSc.Vec) -> Iterator[Ramp]:
+        """Apply a fraction s of the load within the context, at first 0.
+
+        Prescribed values are between those of ``x`` and those of the user, and the residual at the
+        start fades: H(x, s) - (1 - s) H(x_0, 0). This residual contains the loads on an unloaded
+        body and the depth of points that begin inside an obstacle.
+
+        Args:
+            x: unknowns x_0 at the start.
+
+        Yields:
+            Load, whose fraction the caller sets.
+        """
+        self.read_data()
+        start = self.unknowns.displacement(x), self.unknowns.motions(x)
+        ramp = self.constraints.ramp = Ramp(*start, x.array_r.copy())
+        try:
+            ramp.rows = self.evaluate(x).rows
+            yield ramp
+        finally:
+            self.constraints.ramp = None
 
     # -- memory ----------------------------------------------------------------------------------
 

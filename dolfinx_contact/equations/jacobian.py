@@ -285,7 +285,7 @@ class Jacobian:
             self.matrix.zeroEntries()
             _, _, values = K.getValuesCSR()
             self._body.insert(values, self.matrix)
-            diagonal = np.full(self._fixed.number, self._equations.stiffness_scale)
+            diagonal = np.full(self._fixed.number, self._equations.scaling.stiffness)
             self._fixed.add(diagonal, self.matrix)
             self.matrix.storeValues()
             self._assemblies = bulk.assemblies

@@ -74,7 +74,7 @@ def least_scales(equations: ContactEquations, length: float) -> tuple[float, flo
         length: size of the displacements.
     """
     none = _NOTHING * equations.body_size
-    return (equations.stiffness_scale * none, none) if length <= none else (0.0, 0.0)
+    return (equations.scaling.stiffness * none, none) if length <= none else (0.0, 0.0)
 
 
 def round_off_force(equations: ContactEquations, displacement: float) -> float:
@@ -85,7 +85,7 @@ def round_off_force(equations: ContactEquations, displacement: float) -> float:
     round-off is 1e-15 of the moduli even without load.
     """
     strain = 0.0 if equations.bulk.linear else 1e-5 * equations.body_size
-    return equations.stiffness_scale * max(1e-4 * displacement, strain)
+    return equations.scaling.stiffness * max(1e-4 * displacement, strain)
 
 
 class Scales:

@@ -295,14 +295,9 @@ class ParametricEquations(System):
         self, x: PETSc.Vec, gamma: float, b: PETSc.Vec, piece: Piece | None, scales: Sequence[float]
     ) -> tuple[float, tuple[float, ...]]:
         units = Scales(self.equations, known=scales)
-        size = units.measure(self._evaluate(x, gamma, b, piece)).worst
+        state = self._equations_at(gamma).residual(x, b, self.statuses_of(piece))
+        size = units.measure(state).worst
         return size, (units.force, units.length)
-
-    def _evaluate(
-        self, x: PETSc.Vec, gamma: float, b: PETSc.Vec, piece: Piece | None
-    ) -> Evaluation:
-        """Write H(x, gamma) into ``b``, and return the evaluation. Collective."""
-        return self._equations_at(gamma).residual(x, b, self.statuses_of(piece))
 
     def jacobian(self, x: PETSc.Vec, gamma: float, piece: Piece | None) -> None:
         linear = self._jacobian_solver

@@ -129,7 +129,7 @@ def _rigid_reach(eq: ContactEquations, term: SurfaceTerm, state: Evaluation) -> 
     """Return half the approach of a rigid body to points of a surface by prescribed motions."""
     if not isinstance(term, RigidTerm):
         return 0.0
-    step = np.where(eq.rigid.fixed, eq.prescribed.motions() - state.q, 0.0)
+    step = np.where(eq.rigid.fixed, eq.constraints.motions() - state.q, 0.0)
     return 0.5 * maximum(eq.comm, _closing(eq, term, state, step))
 
 

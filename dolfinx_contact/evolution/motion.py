@@ -180,7 +180,7 @@ class MotionStepper(Stepper):
         a = _motion(accepted)
         step = self._begin(accepted, time)
         # increment of the prescribed motions of rigid bodies
-        dq = np.where(eq.rigid.fixed, eq.prescribed.motions() - eq.rigid.given, 0.0)
+        dq = np.where(eq.rigid.fixed, eq.constraints.motions() - eq.rigid.given, 0.0)
         law = problem.step_from(accepted.state, step=step.length)
         at_end: Evaluation | None = None
 
@@ -194,7 +194,7 @@ class MotionStepper(Stepper):
             return law.equations, at_end
 
         # Dirichlet data prescribe u_1, the unknown is w
-        eq.prescribed.to_unknowns = lambda values: step.seen(values, body.origin)
+        eq.constraints.to_unknowns = lambda values: step.seen(values, body.origin)
         try:
             # 1. solve the static problem for w
             contact = problem.with_memory(self._memory_of_laws(accepted, step, dq))
@@ -207,7 +207,7 @@ class MotionStepper(Stepper):
             b = motion_at(law.equations, at_end, at_end.u, self._velocity.x.array.copy())
             energies = account(accepted.energies, law.equations, solution, a, b, dq)
         finally:
-            eq.prescribed.to_unknowns = None
+            eq.constraints.to_unknowns = None
         friction = energies.dissipated - accepted.energies.dissipated
         result = replace(result, energies=result.energies | {"friction": friction})
         self._held.watch(a, b, step)
@@ -503,7 +503,7 @@ class HeldNodes:
         """Return the owned values of the displacement and of the Dirichlet data."""
         eq = self._problem.equations
         n = len(self._held)
-        return self._problem.u.x.array[:n], eq.prescribed.values().reshape(-1)[:n]
+        return self._problem.u.x.array[:n], eq.constraints.displacement()[:n]
 
     def _deviation(
         self, values: Array, data: Array, which: npt.NDArray[np.bool_], tolerance: float

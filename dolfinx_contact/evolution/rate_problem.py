@@ -322,8 +322,8 @@ def loaded(problem: ContactProblem) -> Iterator[tuple[Loaded, PETSc.Vec]]:
     x = problem.create_vector()
     problem.write(x)
     try:
-        with equations.ramped(x):
-            system = Loaded(equations, lambda: problem.linear_solver, x)
+        with equations.ramped(x) as ramp:
+            system = Loaded(equations, lambda: problem.linear_solver, ramp)
             try:
                 yield system, x
             finally:

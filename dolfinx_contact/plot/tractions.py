@@ -144,7 +144,7 @@ def _gathered(problem: ContactProblem, s: DiscreteSurface) -> Arrays:
     traction = fields["traction"].x.array.reshape(-1, s.dim)
     u = maximum(s.comm, np.abs(s.u.x.array))
     force = np.linalg.norm(traction, axis=1) * s.points.geometry.vertex_areas
-    carries = force > _ZERO_FORCE * problem.equations.stiffness_scale * u
+    carries = force > _ZERO_FORCE * problem.equations.scaling.stiffness * u
     carries &= letters != "d"
     normal = at_vertices["n"]
     values = {

@@ -104,7 +104,7 @@ def is_positive_definite(eq: ContactEquations, A: PETSc.Mat) -> bool:
         eq: contact problem, whose Dirichlet rows are excluded.
         A: matrix; the signs of its pivots decide, up to round-off.
     """
-    inside = with_dirichlet_rows(A, eq, eq.stiffness_scale)
+    inside = with_dirichlet_rows(A, eq, eq.scaling.stiffness)
     definite = False
     if marked_symmetric(inside):
         factor = Factor(eq.comm, "analysis_", symmetric=True, counted=True)

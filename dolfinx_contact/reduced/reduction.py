@@ -107,7 +107,7 @@ class Reduction:
         self._dim = eq.dim
         self._gamma = gamma
         self._x = x.copy()
-        self._scale = eq.stiffness_scale
+        self._scale = eq.scaling.stiffness
         self._nodal = eq.owned_sizes[0]
         self._n = eq.owned_sizes[0] + eq.rigid.owned
         b = parametric.create_vector()

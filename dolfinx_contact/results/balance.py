@@ -119,7 +119,7 @@ def balance(
     size += comm.allreduce(float(np.linalg.norm(reactions, axis=1).sum()))
     size += float(np.linalg.norm(external))
     # Stresses of a strain near zero, (I + grad u) - I, are round-off of the moduli.
-    nothing = _NO_STRAIN * eq.stiffness_scale * eq.body_size
+    nothing = _NO_STRAIN * eq.scaling.stiffness * eq.body_size
     moved = comm.allreduce(float(np.max(np.abs(state.u), initial=0.0)), op=max)
     size = max(size, nothing, round_off_force(eq, moved))
     left = contact + support + external

@@ -163,11 +163,11 @@ class HeldMultigrid:
         self._own = own
         self._Z = _projection(R, own)
         R.destroy()
-        K = with_dirichlet_rows(eq.bulk.stiffness(u), eq, eq.stiffness_scale)
+        K = with_dirichlet_rows(eq.bulk.stiffness(u), eq, eq.scaling.stiffness)
         self._forces = own.matMult(K)
         A = K.ptap(self._Z)
         held = own.transposeMatMult(own)
-        A.axpy(eq.stiffness_scale, held, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+        A.axpy(eq.scaling.stiffness, held, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
         self.symmetric = eq.bulk.is_energy
         self._hierarchy = Hierarchy(eq.V, prefix, symmetric=self.symmetric)
         fixed = np.flatnonzero(eq.fixed[: A.getLocalSize()[0]]).astype(np.int32)
@@ -176,7 +176,7 @@ class HeldMultigrid:
         self._ksp.setType("cg" if self.symmetric else "gmres")
         with options_in_database(prefix + "held_", _DEFAULTS):
             self._ksp.setFromOptions()
-        self._ksp.setPC(self._hierarchy.build(A, fixed, eq.stiffness_scale))
+        self._ksp.setPC(self._hierarchy.build(A, fixed, eq.scaling.stiffness))
         self._b, self._x = A.createVecs()
         for thing in (K, A, held):
             thing.destroy()

@@ -60,8 +60,6 @@ class _Run:
         attempt: attempt recording the iterates.
         held: statuses with which H is evaluated; None: those determined by the unknowns.
         most: number of steps after which the run ends; None: only at a solution.
-        load: applied part of the load.
-        offset: residual of which the part 1 - load is subtracted.
         history: statuses and residual of the iterates.
         guess: statuses for the next Jacobian; None: those of the iterate.
         warm: whether the run began from a state in contact.
@@ -71,8 +69,6 @@ class _Run:
     attempt: Attempt
     held: Statuses | None = None
     most: int | None = None
-    load: float = 1.0
-    offset: PETSc.Vec | None = None
     history: list[tuple[Statuses, float]] = field(default_factory=list)
     guess: Statuses | None = None
     warm: bool = False
@@ -161,6 +157,12 @@ class Newton:
         return float(self.snes.getTolerances()[0])
 
     @property
+    def _load(self) -> float:
+        """Applied fraction of the load."""
+        ramp = self.equations.constraints.ramp
+        return 1.0 if ramp is None else ramp.fraction
+
+    @property
     def max_iterations(self) -> int:
         """Largest number of steps of a run."""
         return int(self.snes.getTolerances()[3])
@@ -173,10 +175,8 @@ class Newton:
         *,
         held: Statuses | None = None,
         most: int | None = None,
-        load: float = 1.0,
-        offset: PETSc.Vec | None = None,
     ) -> bool:
-        """Solve H(x) = (1 - load) offset and return whether a solution was found.
+        """Solve H(x) = 0 under the present load and return whether a solution was found.
 
         Args:
             x: start; receives the solution, or the last iterate.
@@ -185,13 +185,11 @@ class Newton:
             start: evaluation at the start under the whole load, if available.
             held: statuses with which H is evaluated; default: those determined by the unknowns.
             most: number of steps after which the run ends successfully; default: none.
-            load: applied part of the load.
-            offset: H at the start of load increments; default: none.
 
         Raises:
             FloatingBodyError: if a rigid motion is free.
         """
-        self._run = run = _Run(attempt, held, most, load, offset)
+        self._run = run = _Run(attempt, held, most)
         self._memo = start
         attempt.state = None
         attempt.linear_solver_failed = False
@@ -205,7 +203,7 @@ class Newton:
             y.copy(x)
             reason = self.snes.getConvergedReason()
             # Only H under the whole load, with its own statuses, is the state of the result.
-            if reason > 0 and held is None and load == 1.0 and self._is_known(x):
+            if reason > 0 and held is None and self._load == 1.0 and self._is_known(x):
                 attempt.state = self._memo
         except LinearSolverError as error:
             attempt.reason = str(error)
@@ -254,15 +252,13 @@ class Newton:
         return not anywhere(self.comm, not same)[0]
 
     def _evaluate(self, _snes: PETSc.SNES, x: PETSc.Vec, b: PETSc.Vec) -> None:
-        """Write H(x) under the load of the run into ``b``."""
+        """Write H(x) into ``b``."""
         if not self._is_known(x):
             with logged("ContactResidual"):
                 self._memo = self.equations.evaluate(x, self._run.held)
             self._run.attempt.evaluations += 1
         assert self._memo is not None
         b.array[:] = np.concatenate(self._memo.rows)
-        if self._run.offset is not None:
-            b.axpy(self._run.load - 1.0, self._run.offset)
 
     def _jacobian(self, _snes: PETSc.SNES, x: PETSc.Vec, _A: PETSc.Mat, _P: PETSc.Mat) -> None:
         run = self._run
@@ -291,7 +287,7 @@ class Newton:
         def correct(_x: PETSc.Vec, b: PETSc.Vec, d: PETSc.Vec) -> bool:
             state = self._memo
             assert state is not None
-            return not self._is_solved(state, b) and self.linear.correct(state, b, d)
+            return not self._is_solved(state) and self.linear.correct(state, b, d)
 
         if settle(evaluate, correct, after, b, d, rounds):
             step.waxpy(-1.0, after, x)
@@ -302,30 +298,25 @@ class Newton:
 
     def _remainder(self, correction: PETSc.Vec) -> float:
         """Return the norm of H after a full step, in the rows of the contact conditions."""
-        run = self._run
         after = self._after[0]
         after.waxpy(-1.0, correction, self.snes.getSolution())
-        rows = self.equations.contact_rows(after, run.held)
-        if run.offset is not None:
-            first = self.equations.owned_sizes[0]
-            rows = rows + (run.load - 1.0) * run.offset.array_r[first : first + len(rows)]
+        rows = self.equations.contact_rows(after, self._run.held)
         return float(np.sqrt(self.comm.allreduce(float(rows @ rows))))
 
-    def _is_solved(self, state: Evaluation, b: PETSc.Vec) -> bool:
-        """Return whether a full step has led to a solution, where H is ``b``."""
+    def _is_solved(self, state: Evaluation) -> bool:
+        """Return whether a full step has led to a solution."""
         if self.linear.reduction * self._run.attempt.steps[-1].measures.worst > self.tolerance:
             return False  # the linear system was not solved accurately enough
-        state = replace(state, rows=self.equations.unknowns.blocks(b))
         return copy(self.scales).measure(state).worst <= self.tolerance
 
     # -- convergence -----------------------------------------------------------------------------
 
-    def _test(self, snes: PETSc.SNES, it: int, _norms: tuple[float, float, float]) -> int:
+    def _test(self, _snes: PETSc.SNES, it: int, _norms: tuple[float, float, float]) -> int:
         """Record an iterate; return 0 to continue or the reason to stop."""
         run = self._run
         state = self._memo
         assert state is not None
-        measures = self._measure(state, snes.getFunction()[0])
+        measures = self._measure(state)
         statuses = state.statuses
         self._record(it, measures, statuses)
         if not np.isfinite(measures.worst):
@@ -343,7 +334,7 @@ class Newton:
             return _TOO_MANY_STEPS
         cycles = self._full_steps and self._in_cycle(statuses, measures.worst)
         if cycles and not self.linear.tighten():
-            inaccurate = self.linear.inaccuracy(snes.getKSP())
+            inaccurate = self.linear.inaccuracy(self.snes.getKSP())
             floor = self._at_round_off(statuses, measures.worst)
             run.attempt.reason = floor or inaccurate or "the status repeats in a cycle"
             run.attempt.restless = _restless(self.equations, run.history[-1][0], statuses)
@@ -361,22 +352,20 @@ class Newton:
             changed = differs(statuses, run.history[-1][0])
             flips = count_of(self.comm, np.concatenate(changed))
         krylov = self.snes.getKSP().getIterationNumber() if it > 0 else 0
-        step = Step(it, measures, flips, run.load, krylov)
+        step = Step(it, measures, flips, self._load, krylov)
         run.attempt.steps.append(step)
         if self.comm.rank == 0:
             logger.info("%s, %s", run.attempt.strategy, step)
         if self.monitor is not None:
             self.monitor(step)
 
-    def _measure(self, state: Evaluation, b: PETSc.Vec) -> Measures:
-        """Return the measures of the residual ``b`` of a state.
+    def _measure(self, state: Evaluation) -> Measures:
+        """Return the measures of the residual of a state.
 
         The scales remember the forces and lengths of the start. If those of a state that appears
         converged are a million times smaller, its own scales are used from then on: relative to a
         distant start everything is small.
         """
-        if self._run.offset is not None:
-            state = replace(state, rows=self.equations.unknowns.blocks(b))
         measures = self.scales.measure(state)
         if measures.worst <= self.tolerance:
             own = Scales(self.equations, settled=True)
@@ -397,10 +386,10 @@ class Newton:
         only replaced if a body would float.
         """
         eq, run = self.equations, self._run
-        run.warm = not touches_nothing(eq, run.load, state)
+        run.warm = not touches_nothing(eq, self._load, state)
         cold = self._full_steps and not run.warm and run.held is None
         if cold or eq.scaling.loose.not_held(statuses, state):
-            run.guess = statuses = touching(eq, run.load, state)
+            run.guess = statuses = touching(eq, self._load, state)
         return statuses
 
     def _floats(self, statuses: Statuses, state: Evaluation) -> bool:

@@ -56,7 +56,7 @@ class ContactOperator:
     @property
     def diagonal(self) -> float:
         """Diagonal entry of the Dirichlet rows."""
-        return self.equations.stiffness_scale
+        return self.equations.scaling.stiffness
 
     def update(self, state: Evaluation) -> None:
         """Assemble at a state. Collective."""

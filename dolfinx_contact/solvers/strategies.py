@@ -419,13 +419,10 @@ def strategies(
 
 
 def raise_load(solver: Newton, x: PETSc.Vec, attempt: Attempt, increments: int) -> bool:
-    """Solve under a load in increments, starting at ``x``. Collective.
+    """Solve under a load in increments (`ContactEquations.ramped`), starting at ``x``. Collective.
 
-    With the load s from 0 to 1, Dirichlet data go from the displacement at the start to the data of
-    the user, and the residual at the start fades, H(x, s) = (1 - s) H(x_0, 0). The residual
-    contains unbalanced forces (the loads on an unloaded body) and the depth of points that begin
-    inside the obstacle. An increment that fails or turns the body inside out is quartered; the
-    increment after a successful one is doubled.
+    An increment that fails or turns the body inside out is quartered; the increment after a
+    successful one is doubled.
 
     Args:
         solver: Newton's method.
@@ -436,27 +433,24 @@ def raise_load(solver: Newton, x: PETSc.Vec, attempt: Attempt, increments: int) 
     eq = solver.equations
     first = step = 1.0 / increments
     done = 0.0
-    good, offset = x.duplicate(), x.duplicate()
-    try:
-        with eq.ramped(x):
-            eq.residual(x, offset)
-            while done < 1.0:
+    good = x.copy()
+    with eq.ramped(x) as ramp:
+        while done < 1.0:
+            ramp.fraction = min(1.0, done + step)
+            solved = solver.run(x, attempt)
+            if solved and (objection := inverted(eq, x)):
+                solved = False
+                attempt.reason = objection
+            if solved:
                 x.copy(good)
-                load = eq.prescribed.fraction = min(1.0, done + step)
-                solved = solver.run(x, attempt, load=load, offset=offset)
-                if solved and (objection := inverted(eq, x)):
-                    solved = False
-                    attempt.reason = objection
-                if solved:
-                    done = load
-                    step = 2 * step
-                    continue
-                good.copy(x)
-                step /= 4
-                if step < _SMALLEST * first or attempt.gives_up():
-                    attempt.reason = f"stuck at {done:.4g} of the load: {attempt.reason}"
-                    return False
-        attempt.state = None  # evaluated with ramped Dirichlet data
-        return True
-    finally:
-        good.destroy(), offset.destroy()
+                done = ramp.fraction
+                step = 2 * step
+                continue
+            good.copy(x)
+            step /= 4
+            if step < _SMALLEST * first or attempt.gives_up():
+                attempt.reason = f"stuck at {done:.4g} of the load: {attempt.reason}"
+                break
+    good.destroy()
+    attempt.state = None  # evaluated with ramped Dirichlet data
+    return done == 1.0

@@ -161,14 +161,14 @@ def test_vectors_and_given_augmentation_stay_with_another_material():
     """The meaning of vectors, and r that is given."""
     problem, E = soft_block(1.0, "tri")
     problem.solve()
-    scale = problem.equations.stiffness_scale
+    scale = problem.equations.scaling.stiffness
     r = problem.surfaces[0].points.r.copy()
     x = problem.create_vector()
     problem.write(x)
     before = [f.x.array.copy() for f in problem.fields]
     E.value = 11.0
     problem.solve()
-    assert problem.equations.stiffness_scale == pytest.approx(11.0 * scale, rel=1e-12)
+    assert problem.equations.scaling.stiffness == pytest.approx(11.0 * scale, rel=1e-12)
     np.testing.assert_allclose(problem.surfaces[0].points.r, 11.0 * r, rtol=1e-12)
     problem.read(x)
     for f, values in zip(problem.fields, before, strict=True):
@@ -177,7 +177,7 @@ def test_vectors_and_given_augmentation_stay_with_another_material():
     E.value = 1e3
     forced.solve()
     assert np.all(forced.surfaces[0].points.r == 3.0)
-    assert forced.equations.stiffness_scale == pytest.approx(1e3 * scale, rel=1e-12)
+    assert forced.equations.scaling.stiffness == pytest.approx(1e3 * scale, rel=1e-12)
 
 
 @pytest.mark.parametrize("cell", ["tri", "hex"])
