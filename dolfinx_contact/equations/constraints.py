@@ -19,7 +19,7 @@ from dolfinx import fem, la
 from dolfinx_contact._arrays import Array, Ints, Mask
 from dolfinx_contact._geometry import node_positions
 from dolfinx_contact._mpi import SharedValues, count_of, largest, maximum, require, total
-from dolfinx_contact.equations.rigid_bodies import RigidBodies
+from dolfinx_contact.equations.evaluation import RigidBodies
 from dolfinx_contact.laws.status import STICK
 from dolfinx_contact.points.shared_functions import crossings, resting
 from dolfinx_contact.points.surface import DiscreteSurface

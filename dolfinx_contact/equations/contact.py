@@ -5,7 +5,7 @@ H has rows of the displacement u, of the multipliers l and of the rigid bodies q
 
     H_u = R(u) - sum B^T W t,           the body (`body.bulk`, with loads and springs), and surfaces
     H_l = E^T W (t - tau(j, t)),        the law of each surface or pair (`evaluation`)
-    H_q = sum Phi^T B^T W t - F,        the rigid bodies (`rigid_bodies`).
+    H_q = sum Phi^T B^T W t - F,        the rigid bodies (`evaluation`).
 
 `evaluation` defines the symbols. In axisymmetry the integrals in R and the areas W are weighted.
 
@@ -46,8 +46,14 @@ from dolfinx_contact._petsc import ProblemOptions, logged
 from dolfinx_contact.body.bulk import Bulk
 from dolfinx_contact.body.rigid import bounding_box
 from dolfinx_contact.equations.constraints import Constraints, Ramp, check_overlap
-from dolfinx_contact.equations.evaluation import Evaluation, Rows, Statuses, SurfaceTerm
-from dolfinx_contact.equations.rigid_bodies import RigidBodies, RigidTerm
+from dolfinx_contact.equations.evaluation import (
+    Evaluation,
+    RigidBodies,
+    RigidTerm,
+    Rows,
+    Statuses,
+    SurfaceTerm,
+)
 from dolfinx_contact.equations.scaling import Scaling
 from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.points.surface import DiscreteSurface
@@ -368,7 +374,7 @@ class Unknowns:
     """Layout of the unknowns in PETSc vectors.
 
     The unknowns of a rank are its displacements, its multipliers surface by surface, divided by a
-    typical stiffness per area, and, on rank 0, the motions of rigid bodies (`rigid_bodies`).
+    typical stiffness per area, and, on rank 0, the motions of rigid bodies (`evaluation`).
 
     Args:
         displacement: Function that receives displacements to update their ghosts.

@@ -37,8 +37,7 @@ import numpy as np
 from dolfinx_contact._arrays import Array, Ints
 from dolfinx_contact._petsc import Entries, matrix_of, triplets
 from dolfinx_contact.equations.contact import ContactEquations
-from dolfinx_contact.equations.evaluation import ContactState, Evaluation
-from dolfinx_contact.equations.rigid_bodies import RigidTerm
+from dolfinx_contact.equations.evaluation import ContactState, Evaluation, RigidTerm
 from dolfinx_contact.points.neighbours import LawAmongPoints
 from dolfinx_contact.points.operators import ConstantOperator
 from dolfinx_contact.points.surface import DiscreteSurface

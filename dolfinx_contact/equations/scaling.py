@@ -24,8 +24,13 @@ from dolfinx_contact._mpi import require, total
 from dolfinx_contact.body import rigid
 from dolfinx_contact.body.bulk import Bulk
 from dolfinx_contact.body.rigid import extents, number_of_parts, parts, sums_of_parts
-from dolfinx_contact.equations.evaluation import Evaluation, Statuses, SurfaceTerm
-from dolfinx_contact.equations.rigid_bodies import RigidBodies, RigidTerm
+from dolfinx_contact.equations.evaluation import (
+    Evaluation,
+    RigidBodies,
+    RigidTerm,
+    Statuses,
+    SurfaceTerm,
+)
 from dolfinx_contact.laws.status import STICK, closed, senses
 from dolfinx_contact.points.surface import DiscreteSurface
 

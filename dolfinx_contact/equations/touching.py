@@ -16,8 +16,7 @@ import numpy as np
 from dolfinx_contact._arrays import Array
 from dolfinx_contact._mpi import anywhere, largest, maximum
 from dolfinx_contact.equations.contact import ContactEquations
-from dolfinx_contact.equations.evaluation import Evaluation, Statuses, SurfaceTerm
-from dolfinx_contact.equations.rigid_bodies import RigidTerm
+from dolfinx_contact.equations.evaluation import Evaluation, RigidTerm, Statuses, SurfaceTerm
 from dolfinx_contact.laws.status import PLUS, STICK, closed
 
 __all__ = ["bring_together", "touches_nothing", "touching"]

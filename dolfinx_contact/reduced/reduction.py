@@ -47,10 +47,9 @@ from dolfinx_contact._petsc import Entries, matrix_of, staged
 from dolfinx_contact.continuation import Piece
 from dolfinx_contact.continuation.affine import AffineSystem
 from dolfinx_contact.equations.contact import ContactEquations
-from dolfinx_contact.equations.evaluation import SurfaceTerm
+from dolfinx_contact.equations.evaluation import RigidTerm, SurfaceTerm
 from dolfinx_contact.equations.measures import Scales
 from dolfinx_contact.equations.parametric import ParametricEquations
-from dolfinx_contact.equations.rigid_bodies import RigidTerm
 from dolfinx_contact.laws.cones import no_cones
 from dolfinx_contact.reduced.gathered import GatheredPoints
 from dolfinx_contact.reduced.held_body import ROUND_OFF, HeldBody, HeldField, with_dirichlet_rows
