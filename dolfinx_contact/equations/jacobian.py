@@ -14,14 +14,14 @@ With a rigid body the jump is B (u - Phi q), so the contact terms of a surface a
     [ .                    (B Phi)^T W E ]
     [ E^T W D_j B Phi      .             ]
 
-in the rows and columns of q and of the multipliers (`RigidTerms`).
+in the rows and columns of q and of the multipliers (`_RigidTerms`).
 
 The answer of a nonlocal law is tau(j, t; N q) with the averaged quantity q(j, t) and the matrix N
 of the surface, so the contact rows contain the additional term
 
     -E^T W D_s N (q_j B, q_t E)
 
-outside of the blocks of single points (`SpreadTerms`). N and the pattern of the product are
+outside of the blocks of single points (`_SpreadTerms`). N and the pattern of the product are
 constant.
 """
 
@@ -46,7 +46,7 @@ from dolfinx_contact.points.trace import at_global_places
 if TYPE_CHECKING:
     from dolfinx_contact.equations.sliding import SlidingTerms
 
-__all__ = ["ContactTerms", "Jacobian", "RigidTerms", "SpreadTerms"]
+__all__ = ["ContactTerms", "Jacobian"]
 
 
 @dataclass(frozen=True)
@@ -116,11 +116,10 @@ class ContactTerms:
         self.numbering = numbering = _Numbering(eq)
         removed = np.concatenate(eq.constraints.removed_multipliers)
         held = np.flatnonzero(removed) + numbering.first + eq.owned_sizes[0]
-        rigid = numbering.rigid()
-        mine = eq.rigid.here(rigid)
+        mine = eq.rigid.here(numbering.rigid)
         # Diagonal of removed and prescribed unknowns, to be multiplied by a typical stiffness.
         self._held = np.concatenate([np.ones(len(held)), eq.rigid.here(eq.rigid.fixed)])
-        self._blocks: list[tuple[int, _Block | RigidTerms | SpreadTerms]] = []
+        self._blocks: list[tuple[int, _Block | _RigidTerms | _SpreadTerms]] = []
         self._sliding: list[tuple[int, SlidingTerms]] = []
         rows = [held, mine]
         columns = [held, mine]
@@ -137,19 +136,19 @@ class ContactTerms:
             coupling = np.einsum("gpk,gpl->gkl", weighted, stencils.multiplier_weights)
             bodies = numbering.places(0, stencils.nodes)
             multipliers = numbering.places(i + 1, stencils.multiplier_nodes)
-            blocks: list[_Block | RigidTerms | SpreadTerms] = [
+            blocks: list[_Block | _RigidTerms | _SpreadTerms] = [
                 _Block(operator, eq.unknowns.units[i + 1], bodies, multipliers, coupling)
             ]
             if isinstance(term, RigidTerm):
-                places = np.where(eq.rigid.fixed, -1, rigid)[term.motion_slice]
+                places = np.where(eq.rigid.fixed, -1, numbering.rigid)[term.motion_slice]
                 at_points = term.motions_at_points()
                 blocks.append(
-                    RigidTerms(operator, eq.unknowns.units[i + 1], places, multipliers, at_points)
+                    _RigidTerms(operator, eq.unknowns.units[i + 1], places, multipliers, at_points)
                 )
             if s.law.averaging is not None:
                 n = sum(eq.owned_sizes)
                 blocks.append(
-                    SpreadTerms(s, operator, eq.unknowns.units[i + 1], bodies, multipliers, n)
+                    _SpreadTerms(s, operator, eq.unknowns.units[i + 1], bodies, multipliers, n)
                 )
             for block in blocks:
                 row, column = block.entries()
@@ -188,35 +187,37 @@ class ContactTerms:
 
 
 class _Numbering:
-    """Places of dofs among all unknowns, which are ordered by rank and then by field."""
+    """Places of dofs among all unknowns, -1 for fixed dofs and removed multipliers.
+
+    Unknowns are ordered by rank and then by field.
+
+    Attributes:
+        first: place of the first unknown of this rank.
+        rigid: places of the unknowns of rigid bodies, which rank 0 owns.
+    """
 
     def __init__(self, eq: ContactEquations):
-        self._eq = eq
-        sizes = np.array(eq.comm.allgather(eq.owned_sizes), dtype=np.int64)  # ranks x fields
-        ends = np.cumsum(sizes, axis=0)
-        self._starts = ends - sizes  # first dof of every field on every rank
-        totals = sizes.sum(axis=1)
-        offsets = np.concatenate([[0], np.cumsum(totals)])[:-1]
-        self._firsts = offsets[:, None] + np.cumsum(sizes, axis=1) - sizes
-        self._ends = ends
-        self.first: int = int(offsets[eq.comm.rank])
-        n = eq.owned_sizes[0]
-        self._absent = [eq.fixed[:n], *eq.constraints.removed_multipliers]
-
-    def rigid(self) -> Ints:
-        """Return the places of the unknowns of rigid bodies, which rank 0 owns."""
-        return np.asarray(self._firsts[0, -1] + np.arange(self._eq.rigid.size))
+        self._comm = eq.comm
+        self._dim = eq.dim
+        n = sum(eq.owned_sizes)
+        self.first: int = eq.comm.exscan(n) or 0
+        places = self.first + np.arange(n, dtype=np.int64)
+        self.rigid: Ints = eq.comm.bcast(places[n - eq.rigid.owned :])
+        absent = np.concatenate(
+            [eq.fixed[: eq.owned_sizes[0]], *eq.constraints.removed_multipliers]
+        )
+        places[: len(absent)][absent] = -1
+        #: Places of the owned dofs, by field.
+        self._owned = np.split(places, np.cumsum(eq.owned_sizes)[:-1])
 
     def places(self, field: int, nodes: Ints) -> Ints:
-        """Return places of the dofs of global nodes (..., dim), -1 if absent. Collective."""
-        return self.dof_places(field, self._eq.dim * nodes[..., None] + np.arange(self._eq.dim))
+        """Return places of the dofs of global nodes, shape (*nodes.shape, dim). Collective."""
+        return self.dof_places(field, self._dim * nodes[..., None] + np.arange(self._dim))
 
     def dof_places(self, field: int, dofs: Ints) -> Ints:
-        """Return places of global dofs, -1 if fixed or removed. Collective."""
-        owner = np.searchsorted(self._ends[:, field], dofs, side="right")
-        places = dofs - self._starts[owner, field] + self._firsts[owner, field]
-        absent = at_global_places(self._eq.comm, self._absent[field].astype(float), dofs) > 0.5
-        return np.where(absent, -1, places)
+        """Return places of global dofs. Collective."""
+        owned = self._owned[field].astype(np.float64)
+        return at_global_places(self._comm, owned, dofs).astype(np.int64)
 
     def column_places(self, columns: Ints, owned: tuple[int, int]) -> Ints:
         """Return places of columns of the stiffness, most of which are owned. Collective.
@@ -226,14 +227,12 @@ class _Numbering:
             owned: range of the owned dofs.
         """
         first, end = owned
+        places = np.empty(len(columns), dtype=np.int64)
         here = (first <= columns) & (columns < end)
-        known, inverse = np.unique(columns[~here], return_inverse=True)
-        wanted = np.concatenate([np.arange(first, end), known])
-        places = self.dof_places(0, wanted.astype(np.int64))
-        index = np.empty(len(columns), dtype=np.int64)
-        index[here] = columns[here] - first
-        index[~here] = end - first + inverse
-        return np.asarray(places[index])
+        places[here] = self._owned[0][columns[here] - first]
+        others, inverse = np.unique(columns[~here], return_inverse=True)
+        places[~here] = self.dof_places(0, others.astype(np.int64))[inverse]
+        return places
 
 
 class Jacobian:
@@ -297,7 +296,7 @@ class Jacobian:
 
 
 @dataclass(frozen=True)
-class RigidTerms:
+class _RigidTerms:
     """Entries of one surface touching a rigid body.
 
     Attributes:
@@ -335,7 +334,7 @@ class RigidTerms:
         return np.concatenate([self.unit * force.reshape(-1), jump.reshape(-1)])
 
 
-class SpreadTerms:
+class _SpreadTerms:
     """Jacobian entries of one surface with a nonlocal law. All methods are collective.
 
     Args:
