@@ -127,7 +127,7 @@ def _require_scope(eq: ContactEquations) -> None:
             raise ValueError(
                 f'{s.name}: this algorithm needs small sliding; use algorithm="newton"'
             )
-    if not eq.linear or len(eq.scaling.loose.of_body):
+    if not eq.linear or len(eq.scaling.loose):
         raise ValueError(
             'this algorithm needs a linear body without free rigid motions; use algorithm="newton"'
         )

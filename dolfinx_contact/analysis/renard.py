@@ -185,7 +185,7 @@ def criterion_at(
     least = float(eq.comm.allreduce(slope.min(initial=np.inf), op=min))
     factor = np.inf
     definite = True
-    if len(eq.scaling.loose.of_body):
+    if len(eq.scaling.loose):
         factor = 0.0  # the form vanishes for rigid motions
         definite = False
     elif largest > 0:

@@ -250,7 +250,7 @@ def free_motions(eq: ContactEquations, blocks: Sequence[PETSc.Mat]) -> Array:
     Returns:
         Basis of the free motions, one per row.
     """
-    motions = eq.scaling.loose.of_body
+    motions = eq.scaling.loose
     if len(motions) == 0:
         return motions
     rows = stacked(blocks)

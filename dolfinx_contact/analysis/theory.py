@@ -36,7 +36,7 @@ def theory_of(eq: ContactEquations) -> Theory:
         (rubs is not None, "the law is not Coulomb's, Tresca's or without friction"),
         (all(s.points.E is None for s in eq.surfaces), "the law does not hold node by node"),
         (eq.rigid.size == 0, "a rigid body moves"),
-        (len(eq.scaling.loose.of_body) == 0, "a body is not held by Dirichlet data"),
+        (len(eq.scaling.loose) == 0, "a body is not held by Dirichlet data"),
     ):
         if not applies:
             return Theory(False, False, _NONE + what)

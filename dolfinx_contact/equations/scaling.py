@@ -37,14 +37,7 @@ from dolfinx_contact.points.surface import DiscreteSurface
 if TYPE_CHECKING:
     from dolfinx_contact.body.moving import MovingBody
 
-__all__ = [
-    "LooseMotions",
-    "Scaling",
-    "automatic_augmentation",
-    "require_hoop_stiffness",
-    "softness",
-    "uniform_strains",
-]
+__all__ = ["Scaling", "uniform_strains"]
 
 _NO_HOOP = 1e-12  # resistance, relative to the stiffness, that counts as zero
 _ROUND_OFF = 1e-12  # shear, relative to the traction, that has no direction
@@ -63,15 +56,17 @@ class Scaling:
         V: space of its displacement.
         terms: terms of the contact surfaces, which receive their r.
         fixed: mask of components fixed by Dirichlet data, shape (local nodes, dim).
-        rigid: rigid bodies.
+        bodies: rigid bodies.
         forced_r: augmentation parameter; None for the automatic one.
 
     Attributes:
-        stiffness: mean diagonal entry of the stiffness.
-        softness: softness of the part of the body that yields least (`softness`).
+        stiffness: mean diagonal entry of the stiffness, factor of the Dirichlet rows.
+        softness: softness of the part of the body that yields least (`_softness`).
         automatic_r: automatic r at the local vertices of each surface.
         at_vertices: stiffness per area of the nodes at the local vertices of each surface.
-        loose: rigid motions held neither by stiffness nor by Dirichlet data.
+        part: index of the connected part of each local node of the displacement.
+        loose: rigid motions of deformable bodies held neither by stiffness nor by Dirichlet data,
+            at the local nodes, shape (motions, nodes, dim).
 
     Raises:
         ValueError: on every rank, if the stiffness is zero or not finite.
@@ -83,25 +78,20 @@ class Scaling:
         V: fem.FunctionSpace,
         terms: Sequence[SurfaceTerm],
         fixed: Mask,
-        rigid: RigidBodies,
+        bodies: RigidBodies,
         forced_r: float | None,
     ):
         self._bulk = bulk
         self._V = V
         self._terms = list(terms)
+        self._surfaces = [term.surface for term in terms]
         self._fixed = fixed
-        self._rigid = rigid
-        #: Number of the connected part of each local node of the displacement.
+        self._bodies = bodies
+        self._axisymmetric = self._surfaces[0].axisymmetric
         self.part = parts(V)
         self._extents = extents(V, self.part)[self.part]
         self._forced = forced_r
         self._mark = -1
-        # set by `follow`
-        self.stiffness: float
-        self.softness: float
-        self.automatic_r: list[Array]
-        self.at_vertices: list[Array]
-        self.loose: LooseMotions
         self.follow(bulk.displacement.x.array.copy())
 
     def follow(self, u: Array) -> bool:
@@ -115,30 +105,26 @@ class Scaling:
         """
         if self._bulk.stiffness_mark == self._mark:
             return False
-        surfaces = [term.surface for term in self._terms]
         K = self._bulk.stiffness(u)
-        axisymmetric = surfaces[0].axisymmetric
-        if axisymmetric:
-            require_hoop_stiffness(K)
+        if self._axisymmetric:
+            _require_hoop_stiffness(K)
         # the augmentation parameter, from the softness of every connected part
-        _, energies = uniform_strains(K, self._V, self.part, axisymmetric=axisymmetric)
-        soft = np.array([softness(of_part) for of_part in energies])
+        _, energies = uniform_strains(K, self._V, self.part, axisymmetric=self._axisymmetric)
+        soft = np.array([_softness(of_part) for of_part in energies])
         self.softness = float(soft.min())
-        self.stiffness, self.automatic_r, self.at_vertices = automatic_augmentation(
-            K, soft[self.part], self._V, surfaces, self._extents
-        )
-        self.loose = LooseMotions(
-            None if self._bulk.has_mass else K,
-            self._V,
-            self.part,
-            self._terms,
-            self._fixed,
-            self._rigid,
-            axisymmetric=axisymmetric,
-        )
-        self._mark = self._bulk.stiffness_mark
+        self._measure(K, soft[self.part])
         self._augment(self._forced)
+        # loose motions, rigid bodies last, and the jumps at the points by each of them
+        self.loose = np.zeros((0, *self._fixed.shape))
+        if not self._bulk.has_mass:  # mass resists all motions
+            self.loose = rigid.free_motions(
+                K, self._V, self.part, self._fixed, axisymmetric=self._axisymmetric
+            )
+        self._jumps = [self._jumps_at(term) for term in self._terms]
+        self._mark = self._bulk.stiffness_mark
         return True
+
+    # -- augmentation ----------------------------------------------------------------------------
 
     @contextmanager
     def automatic(self) -> Iterator[None]:
@@ -151,74 +137,115 @@ class Scaling:
 
     def _augment(self, forced: float | None) -> None:
         """Set the r of the surfaces, at all points ``forced`` or, for None, the automatic one."""
-        for term, r in zip(self._terms, self.automatic_r, strict=True):
-            r_of_surface = r if forced is None else np.full_like(r, forced)
-            term.surface.points.set_augmentation(r_of_surface)
+        for s, r in zip(self._surfaces, self.automatic_r, strict=True):
+            s.points.set_augmentation(r if forced is None else np.full_like(r, forced))
 
+    def _measure(self, K: PETSc.Mat, soft: Array) -> None:
+        """Compute the typical stiffness, and r and stiffness at the vertices.
 
-def automatic_augmentation(
-    K: PETSc.Mat,
-    soft: float | Array,
-    V: fem.FunctionSpace,
-    surfaces: Sequence[DiscreteSurface],
-    extents: Array,
-) -> tuple[float, list[Array], list[Array]]:
-    """Return the mean diagonal entry of the stiffness, and r and stiffness at vertices.
+        The stiffness of a vertex is that of its node alone divided by its area: a traction divided
+        by it is the displacement that the traction would cause.
 
-    The stiffness of a vertex is that of its node alone divided by its area: a traction divided by
-    it is the displacement that the traction would cause.
+        The automatic r is close to Young's modulus divided by the size of the touching part of the
+        body, taken from the diagonal of the stiffness; in a pair, both bodies act in series. With a
+        small r, a point slipping in the wrong direction sticks next; with a large one (such as the
+        nodal stiffness) it slips in the other direction, and Newton's method cycles. The diagonal
+        of a nearly incompressible body reflects its resistance to compression, by which it hardly
+        yields in contact. Beyond Poisson's ratio 0.4, r therefore decreases with the square root of
+        the softness, between the two stiffnesses. At 0.499 full steps then converge that cycled
+        otherwise (measured). Sliding faces need an r close to the stiffness of a node.
 
-    The automatic r is close to Young's modulus divided by the size of the touching part of the
-    body, taken from the diagonal of the stiffness; in a pair, both bodies act in series. With a
-    small r, a point slipping in the wrong direction sticks next; with a large one (such as the
-    nodal stiffness) it slips in the other direction, and Newton's method cycles. The diagonal of a
-    nearly incompressible body reflects its resistance to compression, by which it hardly yields in
-    contact. Beyond Poisson's ratio 0.4, r therefore decreases with the square root of the
-    `softness`, between the two stiffnesses. At 0.499 full steps then converge that cycled otherwise
-    (measured). Sliding faces need an r close to the stiffness of a node.
+        Args:
+            K: stiffness.
+            soft: softness of the part of each local node.
 
-    Args:
-        K: stiffness.
-        soft: `softness` of the body, or of the part of each local node.
-        V: space of the displacement.
-        surfaces: contact surfaces.
-        extents: size of the connected part of each local node.
+        Raises:
+            ValueError: if the stiffness is zero or not finite.
+        """
+        V = self._V
+        bs = V.dofmap.index_map_bs
+        n = V.dofmap.index_map.size_local * bs
+        diagonal = fem.Function(V)
+        diagonal.x.array[:n] = np.abs(K.getDiagonal().array)
+        diagonal.x.scatter_forward()
+        size = float(total(V.mesh.comm, np.sum(diagonal.x.array[:n])))
+        require(
+            V.mesh.comm,
+            bool(np.isfinite(size)) and size > 0,
+            "the stiffness of the bulk is zero or not finite at the starting displacement",
+        )
+        self.stiffness = size / (V.dofmap.index_map.size_global * bs)
+        per_node = diagonal.x.array.reshape(-1, bs).mean(axis=1)
+        share = np.sqrt(np.minimum(2.0 * soft, 1.0))
+        self.automatic_r: list[Array] = []
+        self.at_vertices: list[Array] = []
+        for s in self._surfaces:
+            geometry = s.points.geometry
+            nodes = s.points.vertex_trace_dofs
+            stiffness = _in_series(per_node, s)[nodes] / geometry.vertex_areas
+            self.at_vertices.append(stiffness)
+            if s.slides:
+                self.automatic_r.append(_SLIDING * stiffness)
+                continue
+            width = (geometry.vertex_areas / geometry.circumferences) ** (1 / (s.dim - 1))
+            whole = _in_series(share * per_node / self._extents, s)[nodes]
+            self.automatic_r.append(width * whole / geometry.vertex_areas)
 
-    Returns:
-        Mean diagonal entry; r and stiffness per area at the local vertices of each surface.
+    # -- loose motions ---------------------------------------------------------------------------
 
-    Raises:
-        ValueError: if the stiffness is zero or not finite. Collective.
-    """
-    comm = V.mesh.comm
-    bs = V.dofmap.index_map_bs
-    n = V.dofmap.index_map.size_local * bs
-    diagonal = fem.Function(V)
-    diagonal.x.array[:n] = np.abs(K.getDiagonal().array)
-    diagonal.x.scatter_forward()
-    size = comm.allreduce(float(np.sum(diagonal.x.array[:n])))
-    require(
-        comm,
-        bool(np.isfinite(size)) and size > 0,
-        "the stiffness of the bulk is zero or not finite at the starting displacement",
-    )
-    per_node = diagonal.x.array.reshape(-1, bs).mean(axis=1)
-    automatic = []
-    at_vertices = []
-    share = np.sqrt(np.minimum(2.0 * soft, 1.0))
-    for s in surfaces:
-        # Both bodies of a pair yield.
-        pair = _in_series(per_node, s)
-        geometry = s.points.geometry
-        width = (geometry.vertex_areas / geometry.circumferences) ** (1 / (s.dim - 1))
-        stiffness = pair[s.points.vertex_trace_dofs] / geometry.vertex_areas
-        at_vertices.append(stiffness)
-        if s.slides:
-            automatic.append(_SLIDING * stiffness)
-            continue
-        whole = _in_series(share * per_node / extents, s)
-        automatic.append(width * whole[s.points.vertex_trace_dofs] / geometry.vertex_areas)
-    return size / (V.dofmap.index_map.size_global * bs), automatic, at_vertices
+    def _jumps_at(self, term: SurfaceTerm) -> Array:
+        """Return the jumps at the points of a surface by each free motion (motions, n, dim)."""
+        s = term.surface
+        number = len(self.loose)
+        jumps = np.zeros((number + self._bodies.size, s.points.number, s.dim))
+        for i in range(number):
+            jumps[i] = s.points.operator.apply(self.loose[i, : s.owned_nodes])
+        if isinstance(term, RigidTerm):
+            jumps[number:][term.motion_slice] = -np.moveaxis(term.motions_at_points(), 2, 0)
+        return np.delete(jumps, number + np.flatnonzero(self._bodies.fixed), axis=0)
+
+    def not_held(self, statuses: Statuses, state: Evaluation | None = None) -> str:
+        """Return the names of the motions that these statuses do not hold; "" if there are none.
+
+        A slipping point in 3D holds across the direction of its shear, which turns with the motion.
+        With creeping friction every closed point holds.
+
+        Args:
+            statuses: statuses of the points.
+            state: evaluation with the shear; default: none, and only sticking points hold.
+        """
+        count = len(self.loose)
+        free = np.flatnonzero(~self._bodies.fixed)
+        number = count + len(free)
+        if number == 0:
+            return ""
+        gram = np.zeros((number, number))
+        for i, (s, codes, jumps) in enumerate(
+            zip(self._surfaces, statuses, self._jumps, strict=True)
+        ):
+            n = s.points.data.n if state is None else state.surfaces[i].data.n
+            normal = np.einsum("and,nd->an", jumps, n)
+            along = jumps - normal[:, :, None] * n[None]
+            grips = closed(codes) if s.law.creeps else senses(codes) == STICK
+            if state is not None and s.dim == 3:
+                shear = _direction(state.surfaces[i].traction, n)
+                slips = ~grips & closed(codes) & shear.any(axis=1)
+                across = np.where(slips[:, None], shear, 0.0)
+                along -= np.einsum("and,nd->an", along, across)[:, :, None] * across[None]
+                grips |= slips
+            along *= grips[None, :, None]
+            gram += (normal * closed(codes)) @ normal.T + np.einsum("and,bnd->ab", along, along)
+        loose = rigid.loose(total(self._V.mesh.comm, gram))
+        words = []
+        if np.any(np.abs(loose[:, :count]) > _SHARE):
+            body = np.einsum("ab,bnd->and", loose[:, :count], self.loose)
+            around = self._axisymmetric
+            words.append(rigid.describe(body, self._V, self.part, axisymmetric=around))
+        rest = np.zeros((len(loose), self._bodies.size))
+        rest[:, free] = loose[:, count:]
+        if np.any(np.abs(rest) > _SHARE):
+            words.append(self._bodies.names(rest))
+        return ", ".join(words)
 
 
 def _in_series(stiffness: Array, s: DiscreteSurface) -> Array:
@@ -227,7 +254,7 @@ def _in_series(stiffness: Array, s: DiscreteSurface) -> Array:
     return np.divide(stiffness * other, stiffness + other, where=other > 0, out=stiffness.copy())
 
 
-def require_hoop_stiffness(K: PETSc.Mat) -> None:
+def _require_hoop_stiffness(K: PETSc.Mat) -> None:
     """Raise ``ValueError`` if a stiffness does not resist radial translation. Collective.
 
     The stiffness of a plane body does not.
@@ -298,7 +325,7 @@ def uniform_strains(
     return gradients, sums_of_parts(comm, number, mine, np.stack(columns, axis=2))
 
 
-def softness(energies: Array) -> float:
+def _softness(energies: Array) -> float:
     """Return the ratio of median to mean eigenvalue of the energies of uniform strains (k, k).
 
     The energies are those of Voigt's average of the elasticity tensor (Hill, Proc. Phys. Soc. A 65,
@@ -313,99 +340,6 @@ def softness(energies: Array) -> float:
     share = median / eigenvalues.mean()
     # An unstable body has no typical stiffness in this sense.
     return float(max(share, 1e-4)) if eigenvalues[0] > 0 else 1.0
-
-
-class LooseMotions:
-    """Rigid motions held neither by stiffness nor by Dirichlet data. Methods are collective.
-
-    Args:
-        K: stiffness of the body without Dirichlet rows; None if its mass resists all motions.
-        V: space of the displacement.
-        part: connected part of each local node.
-        terms: terms of the contact surfaces.
-        fixed: mask of components fixed by Dirichlet data, shape (local nodes, dim).
-        bodies: rigid bodies.
-        axisymmetric: whether the body is a body of revolution.
-
-    Attributes:
-        of_body: motions of deformable bodies at the local nodes, shape (motions, nodes, dim).
-    """
-
-    def __init__(
-        self,
-        K: PETSc.Mat | None,
-        V: fem.FunctionSpace,
-        part: Indices,
-        terms: Sequence[SurfaceTerm],
-        fixed: Mask,
-        bodies: RigidBodies,
-        *,
-        axisymmetric: bool = False,
-    ):
-        self._V = V
-        self._part = part
-        self._surfaces = [term.surface for term in terms]
-        self._bodies = bodies
-        self._axisymmetric = axisymmetric
-        self.of_body = np.zeros((0, *fixed.shape))
-        if K is not None:
-            self.of_body = rigid.free_motions(K, V, part, fixed, axisymmetric=axisymmetric)
-        self._free = np.flatnonzero(~bodies.fixed)
-        #: Jumps at the points by each motion, rigid bodies last, shape (motions, n, dim).
-        self._jumps = [self._jumps_at(term) for term in terms]
-
-    def _jumps_at(self, term: SurfaceTerm) -> Array:
-        """Return the jumps at the points of a surface by each free motion (motions, n, dim)."""
-        s = term.surface
-        number = len(self.of_body)
-        jumps = np.zeros((number + self._bodies.size, s.points.number, s.dim))
-        for i in range(number):
-            jumps[i] = s.points.operator.apply(self.of_body[i, : s.owned_nodes])
-        if isinstance(term, RigidTerm):
-            jumps[number:][term.motion_slice] = -np.moveaxis(term.motions_at_points(), 2, 0)
-        return np.delete(jumps, number + np.flatnonzero(self._bodies.fixed), axis=0)
-
-    def not_held(self, statuses: Statuses, state: Evaluation | None = None) -> str:
-        """Return the names of the motions that these statuses do not hold; "" if there are none.
-
-        A slipping point in 3D holds across the direction of its shear, which turns with the motion.
-        With creeping friction every closed point holds.
-
-        Args:
-            statuses: statuses of the points.
-            state: evaluation with the shear; default: none, and only sticking points hold.
-        """
-        count = len(self.of_body)
-        number = count + len(self._free)
-        if number == 0:
-            return ""
-        gram = np.zeros((number, number))
-        for i, (s, codes, jumps) in enumerate(
-            zip(self._surfaces, statuses, self._jumps, strict=True)
-        ):
-            n = s.points.data.n if state is None else state.surfaces[i].data.n
-            normal = np.einsum("and,nd->an", jumps, n)
-            along = jumps - normal[:, :, None] * n[None]
-            grips = closed(codes) if s.law.creeps else senses(codes) == STICK
-            if state is not None and s.dim == 3:
-                shear = _direction(state.surfaces[i].traction, n)
-                slips = ~grips & closed(codes) & shear.any(axis=1)
-                across = np.where(slips[:, None], shear, 0.0)
-                along -= np.einsum("and,nd->an", along, across)[:, :, None] * across[None]
-                grips |= slips
-            along *= grips[None, :, None]
-            gram += (normal * closed(codes)) @ normal.T + np.einsum("and,bnd->ab", along, along)
-        loose = rigid.loose(total(self._V.mesh.comm, gram))
-        words = []
-        if np.any(np.abs(loose[:, :count]) > _SHARE):
-            body = np.einsum("ab,bnd->and", loose[:, :count], self.of_body)
-            around = self._axisymmetric
-            words.append(rigid.describe(body, self._V, self._part, axisymmetric=around))
-        rest = np.zeros((len(loose), self._bodies.size))
-        rest[:, self._free] = loose[:, count:]
-        if np.any(np.abs(rest) > _SHARE):
-            words.append(self._bodies.names(rest))
-        return ", ".join(words)
 
 
 def _direction(traction: Array, n: Array) -> Array:

@@ -70,13 +70,13 @@ def touching(eq: ContactEquations, load: float, state: Evaluation) -> Statuses:
     gaps = [term.gaps(state) for term in eq.terms]
     reaches = [max(reach, _TOUCHES * eq.body_size) for reach in _reaches(eq, load, state)]
     found = _within(eq, gaps, reaches)
-    if not eq.scaling.loose.not_held(found):
+    if not eq.scaling.not_held(found):
         return found
     nearest = _nearest(eq, gaps, state)
     for band in _BANDS if max(nearest) > -np.inf else ():
         limits = zip(reaches, nearest, strict=True)
         found = _within(eq, gaps, [max(r, g + band * eq.body_size) for r, g in limits])
-        if not eq.scaling.loose.not_held(found):
+        if not eq.scaling.not_held(found):
             break
     return found
 

@@ -34,7 +34,7 @@ def check_reducible(eq: ContactEquations) -> None:
         (alone, "contact at the nodes (nodal or mixed)"),
         (eq.bulk.linear, "a body that is linear"),
         (eq.linear or not eq.bulk.linear, "small sliding, on curved obstacles and between bodies"),
-        (len(eq.scaling.loose.of_body) == 0, "a body that Dirichlet data hold"),
+        (len(eq.scaling.loose) == 0, "a body that Dirichlet data hold"),
         (along or not guided, "contact nodes that Dirichlet data do not hold in part"),
         (not _share_nodes(eq), "surfaces without common nodes"),
         (eq.rigid.size == 0, "obstacles without unknowns of their own"),

@@ -297,11 +297,11 @@ def indicators_of(eq: ContactEquations, state: Evaluation) -> Indicators:
 
 def _floating(eq: ContactEquations, state: Evaluation) -> str:
     """Return the rigid motions that only contact without force holds. Collective."""
-    loose = eq.scaling.loose
-    if not len(loose.of_body):
+    scaling = eq.scaling
+    if not len(scaling.loose):
         return ""
     size = eq.comm.allreduce(float(np.max(np.abs(state.u), initial=0.0)), op=max)
-    mobile = loose.of_body.any(axis=(0, 2))
+    mobile = scaling.loose.any(axis=(0, 2))
     moved = bool(np.any(np.abs(state.u.reshape(-1, eq.dim)[mobile]) > _ROUND_OFF * size))
     if not anywhere(eq.comm, moved)[0]:
         return ""
@@ -310,8 +310,8 @@ def _floating(eq: ContactEquations, state: Evaluation) -> str:
     for s, contact in zip(eq.surfaces, state.surfaces, strict=True):
         force = np.linalg.norm(contact.traction, axis=1) * s.points.areas
         carrying.append(np.where(force > least, contact.statuses, OPEN))
-    held = not loose.not_held([contact.statuses for contact in state.surfaces], state)
-    return loose.not_held(carrying, state) if held else ""
+    held = not scaling.not_held(state.statuses, state)
+    return scaling.not_held(carrying, state) if held else ""
 
 
 def _min_det_F(eq: ContactEquations, state: Evaluation) -> float:

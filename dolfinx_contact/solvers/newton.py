@@ -388,13 +388,13 @@ class Newton:
         eq, run = self.equations, self._run
         run.warm = not touches_nothing(eq, self._load, state)
         cold = self._full_steps and not run.warm and run.held is None
-        if cold or eq.scaling.loose.not_held(statuses, state):
+        if cold or eq.scaling.not_held(statuses, state):
             run.guess = statuses = touching(eq, self._load, state)
         return statuses
 
     def _floats(self, statuses: Statuses, state: Evaluation) -> bool:
         """Return whether a rigid motion is free, and store the error."""
-        loose = self.equations.scaling.loose.not_held(statuses, state)
+        loose = self.equations.scaling.not_held(statuses, state)
         if loose:
             held = ", hold the rigid body" if self.equations.rigid.bodies else ""
             self._run.attempt.reason = (
