@@ -18,8 +18,6 @@ a multiplier's row to its dof, W = B^-1 and E = I - T T^T - T L W this is
 
 from __future__ import annotations
 
-from typing import Any
-
 from petsc4py import PETSc
 
 import numpy as np
@@ -27,9 +25,10 @@ import numpy as np
 from dolfinx import la
 
 from dolfinx_contact._arrays import Array, Indices
-from dolfinx_contact._petsc import Factor
+from dolfinx_contact._mpi import anywhere
+from dolfinx_contact._petsc import Factor, triplet_matrix, triplets
 from dolfinx_contact.equations.contact import ContactEquations
-from dolfinx_contact.points.trace import facet_closures, owned_exterior
+from dolfinx_contact.points.trace import at_global_places, facet_closures, owned_exterior
 from dolfinx_contact.solvers.history import LinearSolverError
 from dolfinx_contact.solvers.operator import ContactOperator
 
@@ -75,221 +74,209 @@ class SurfaceSet:
             thing.destroy()
 
 
-class _SurfaceFactor(Factor):
-    """Direct solver for a matrix on the surface.
-
-    Args:
-        comm: communicator.
-        prefix: prefix of PETSc options.
-    """
-
-    def __init__(self, comm: Any, prefix: str):
-        super().__init__(comm, prefix, determinant=True, room=_ROOM)
-
-    def factorise(self, A: PETSc.Mat) -> bool:
-        """Factorise ``A``. Collective.
-
-        Raises:
-            LinearSolverError: if it is singular.
-        """
-        # The second attempt repeats the analysis.
-        if not (super().factorise(A) or super().factorise(A)):
-            raise LinearSolverError(
-                "the contact block of the Jacobian is singular: contact conditions contradict one "
-                "another or the Dirichlet data, or a contact node has no stiffness"
-            )
-        return True
-
-
 class SurfaceBlock:
     """Direct solver of the assembled block on s, with displacements and multipliers.
 
     It supports any coupling. For a diagonal coupling, `CondensedBlock` solves a system of half the
     size.
-    """
-
-    def __init__(self, operator: ContactOperator, s: SurfaceSet, prefix: str):
-        self._operator = operator
-        self._s = s
-        self._comm = operator.comm
-        self.factor = _SurfaceFactor(operator.comm, prefix)
-        self._K: PETSc.Mat | None = None
-        self._S: PETSc.Mat | None = None
-        self._block: PETSc.Mat | None = None
-        self._b: PETSc.Vec | None = None
-        self._contact = operator.contact
-
-    def set_stiffness(self, square: PETSc.Mat) -> None:
-        """Set the stiffness of the contact nodes, in the numbering of s. Collective."""
-        indptr, columns, values = square.getValuesCSR()
-        starts = np.asarray(square.getOwnershipRanges())
-        n = len(self._s.local)
-        sizes = np.asarray(self._comm.allgather(n))
-        shift = np.concatenate([[0], np.cumsum(sizes)])[:-1] - starts[:-1]
-        owner = np.searchsorted(starts, columns, side="right") - 1
-        indptr = np.concatenate([indptr, np.full(n - self._s.nodes, indptr[-1])])
-        csr = (indptr.astype(np.int32), (columns + shift[owner]).astype(np.int32), values)
-        whole = PETSc.Mat().createAIJ(((n, None), (n, None)), csr=csr, comm=self._comm)
-        self._K = _copied(whole, self._K)
-        whole.destroy()
-
-    def update(self) -> None:
-        """Assemble the block of the current operator and factorise it. Collective."""
-        assert self._K is not None
-        A = self._operator
-        s = self._s
-        if A.contact is not self._contact:  # another pattern
-            _free(self._S, self._block)
-            self._S = self._block = None
-            self._contact = A.contact
-        self._S = A.contact.createSubMatrix(s.of_all, s.of_all, self._S)
-        self._block = _combined(self._K, 1.0, self._S, self._block)
-        rows = s.fixed + self._block.getOwnershipRange()[0]
-        self._block.zeroRowsColumns(rows, diag=A.diagonal)
-        if self._b is None:
-            self._x, self._b = self._block.createVecs()
-        # The pattern contains all pairs of facets that may touch; most entries are zero.
-        present = _without_zeros(self._block)
-        try:
-            self.factor.factorise(present)
-        finally:
-            present.destroy()
-
-    def solve(self, residual: Array) -> Array:
-        """Return the unknowns on s for a residual on s, local parts. Collective."""
-        assert self._b is not None
-        self._b.array[:] = residual
-        self.factor.solve(self._b, self._x)
-        return self._x.array_r.copy()
-
-    def release(self) -> None:
-        """Free the PETSc objects."""
-        self.factor.destroy()
-        _free(self._K, self._S, self._block)
-
-
-class CondensedBlock:
-    """Direct solver of the block on s that condenses the multipliers.
 
     Args:
         operator: assembled Jacobian.
         s: unknowns of the surface.
         prefix: prefix of the PETSc options of the direct solver.
+
+    Attributes:
+        factor: factorisation.
     """
 
     def __init__(self, operator: ContactOperator, s: SurfaceSet, prefix: str):
         self._operator = operator
         self._s = s
         self._comm = operator.comm
-        self.factor = _SurfaceFactor(operator.comm, prefix)
+        self.factor = Factor(operator.comm, prefix, determinant=True, room=_ROOM)
+        self._contact = operator.contact
+        #: Matrices by name; most of them are recomputed with their patterns.
+        self._made: dict[str, PETSc.Mat] = {}
+
+    def set_stiffness(self, square: PETSc.Mat) -> None:
+        """Set the stiffness of the contact nodes, in the numbering of s. Collective."""
+        rows, columns, values = triplets(square)
+        n = len(self._s.local)
+        places = (self._comm.exscan(n) or 0) + np.arange(self._s.nodes)
+        rows = places[rows - square.getOwnershipRange()[0]]
+        columns = at_global_places(self._comm, places.astype(np.float64), columns)
+        whole = triplet_matrix(self._comm, (n, n), rows, columns.astype(np.int64), values)
+        self._copy("K", whole)
+        whole.destroy()
+
+    def update(self) -> None:
+        """Assemble the block of the current operator and factorise it. Collective."""
+        A = self._operator
+        made = self._made
+        if A.contact is not self._contact:  # another pattern
+            for name in ("S", "block"):
+                made.pop(name).destroy()
+            self._contact = A.contact
+        s = self._s.of_all
+        made["S"] = A.contact.createSubMatrix(s, s, made.get("S"))
+        self._add("block", "K", 1.0, "S")
+        # The pattern contains all pairs of facets that may touch; most entries are zero.
+        present = _without_zeros(self._held("block"))
+        try:
+            self._factorise(present)
+        finally:
+            present.destroy()
+
+    def solve(self, residual: Array) -> Array:
+        """Return the unknowns on s for a residual on s, local parts. Collective."""
+        x, b = self._made["block"].createVecs()
+        b.array[:] = residual
+        self.factor.solve(b, x)
+        found = x.array_r.copy()
+        x.destroy(), b.destroy()
+        return found
+
+    def release(self) -> None:
+        """Free the PETSc objects."""
+        self.factor.destroy()
+        for matrix in self._made.values():
+            matrix.destroy()
+
+    def _copy(self, name: str, A: PETSc.Mat) -> None:
+        """Copy a matrix, into the one of this name if it exists. Collective."""
+        if name in self._made:
+            A.copy(self._made[name], structure=_STRUCTURE.SAME_NONZERO_PATTERN)
+        else:
+            self._made[name] = _keeping_pattern(A.copy())
+
+    def _add(self, name: str, first: str, a: float, second: str) -> None:
+        """Compute A + a B, in the matrix of this name if it exists. Collective."""
+        A = self._made[first]
+        B = self._made[second]
+        if name not in self._made:
+            self._made[name] = A.copy()
+            self._made[name].axpy(a, B, structure=_STRUCTURE.DIFFERENT_NONZERO_PATTERN)
+            _keeping_pattern(self._made[name])
+            return
+        out = self._made[name]
+        out.zeroEntries()
+        out.axpy(1.0, A, structure=_STRUCTURE.SUBSET_NONZERO_PATTERN)
+        out.axpy(a, B, structure=_STRUCTURE.SUBSET_NONZERO_PATTERN)
+
+    def _held(self, name: str) -> PETSc.Mat:
+        """Return a matrix with Dirichlet rows and columns. Collective."""
+        A = self._made[name]
+        A.zeroRowsColumns(self._s.fixed + A.getOwnershipRange()[0], diag=self._operator.diagonal)
+        return A
+
+    def _factorise(self, A: PETSc.Mat) -> None:
+        # The second attempt repeats the analysis.
+        if not (self.factor.factorise(A) or self.factor.factorise(A)):
+            raise LinearSolverError(
+                "the contact block of the Jacobian is singular: contact conditions contradict one "
+                "another or the Dirichlet data, or a contact node has no stiffness"
+            )
+
+
+class CondensedBlock(SurfaceBlock):
+    """Direct solver of the block on s that condenses the multipliers.
+
+    Attributes:
+        applies: whether every multiplier has one dof, or was removed.
+    """
+
+    def __init__(self, operator: ContactOperator, s: SurfaceSet, prefix: str):
+        super().__init__(operator, s, prefix)
         B = operator.contact.createSubMatrix(s.displacements, s.multipliers)
         indptr, columns, values = B.getValuesCSR()
         rows = np.repeat(np.arange(s.nodes), np.diff(indptr))
-        kept = (values != 0) & s.answered[rows] & ~np.isin(rows, s.fixed)
-        rows = rows[kept]
-        columns = columns[kept]
-        values = values[kept]
+        kept = np.flatnonzero((values != 0) & s.answered[rows] & ~np.isin(rows, s.fixed))
+        one_each = not anywhere(self._comm, len(np.unique(rows[kept])) < len(kept))[0]
+        if not one_each:
+            kept = kept[:0]
         n = s.nodes
         m = len(s.local) - s.nodes
-        #: Whether every multiplier has one dof, or was removed.
-        self.applies = not self._comm.allreduce(int(len(np.unique(rows)) < len(rows)))
-        if not self.applies:
-            rows = rows[:0]
-            columns = columns[:0]
-            values = values[:0]
-        starts = np.searchsorted(rows, np.arange(n + 1)).astype(np.int32)
-        self._T, inverse = (
-            PETSc.Mat().createAIJ(((n, None), (m, None)), csr=(starts, columns, v), comm=self._comm)
-            for v in (np.ones(len(rows)), 1.0 / values)
+        starts = np.searchsorted(rows[kept], np.arange(n + 1)).astype(np.int32)
+        T, inverse = (
+            PETSc.Mat().createAIJ(
+                ((n, None), (m, None)), csr=(starts, columns[kept], v), comm=self._comm
+            )
+            for v in (np.ones(len(kept)), 1.0 / values[kept])
         )
-        self._W = inverse.transpose(PETSc.Mat())
-        answered = self._T.createVecRight()
-        ones = self._T.createVecLeft()
+        W = inverse.transpose(PETSc.Mat())
+        number, ones = T.createVecs()  # number of dofs of each multiplier
         ones.set(1.0)
-        self._T.multTranspose(ones, answered)
-        self._alone = answered.array_r == 0  # multipliers without a dof
+        T.multTranspose(ones, number)
+        self._alone = number.array_r == 0
         removed = np.concatenate(operator.equations.constraints.removed_multipliers)
-        fits = bool(((answered.array_r == 1) | (self._alone & removed)).all())
-        self.applies = self.applies and not self._comm.allreduce(int(not fits))
+        fits = bool(((number.array_r == 1) | (self._alone & removed)).all())
+        self.applies = one_each and not anywhere(self._comm, not fits)[0]
         # I - B W: without the rows of dependent dofs, and with their contributions to others.
         identity = PETSc.Mat().createAIJ(((n, None), (n, None)), nnz=(1, 0), comm=self._comm)
         identity.setUp()
         identity.setDiagonal(ones)
         identity.assemble()
-        passed_on = B.matMult(self._W)
-        self._plain = _combined(identity, -1.0, passed_on, None)
-        self._rc, self._x = self._plain.createVecs()
-        self._rl = answered
-        self._y = answered.duplicate()
-        self._b, self._t = self._rc.duplicate(), self._rc.duplicate()
-        self._K: PETSc.Mat | None = None
-        self._C: PETSc.Mat | None = None
-        self._L: PETSc.Mat | None = None
-        self._LW: PETSc.Mat | None = None
-        self._TLW: PETSc.Mat | None = None
-        self._TC: PETSc.Mat | None = None
-        self._EK: PETSc.Mat | None = None
-        self._E: PETSc.Mat | None = None
-        self._block: PETSc.Mat | None = None
-        for thing in (B, inverse, ones, identity, passed_on):
+        self._made |= {"T": T, "W": W, "1": identity, "BW": B.matMult(W)}
+        self._add("1 - BW", "1", -1.0, "BW")
+        for thing in (B, inverse, number, ones):
             thing.destroy()
 
     def set_stiffness(self, square: PETSc.Mat) -> None:
         """See `SurfaceBlock.set_stiffness`. Collective."""
-        self._K = _copied(square, self._K)
-        # Columns of Dirichlet dofs are zero; their rows are never used but as identities.
-        rows = self._s.fixed + self._K.getOwnershipRange()[0]
-        self._K.zeroRowsColumns(rows, diag=self._operator.diagonal)
+        self._copy("K", square)
+        self._held(
+            "K"
+        )  # columns of Dirichlet dofs are zero; their rows are used as identities only
 
     def update(self) -> None:
         """Condense and factorise the block of the current operator. Collective.
 
         Patterns never change: products, sums and the analysis of the LU are set up once.
         """
-        A = self._operator
+        contact = self._operator.contact
         s = self._s
-        self._C = A.contact.createSubMatrix(s.multipliers, s.displacements, self._C)
-        self._L = A.contact.createSubMatrix(s.multipliers, s.multipliers, self._L)
-        self._LW = self._L.matMult(self._W, self._LW)
-        self._TLW = self._T.matMult(self._LW, self._TLW)
-        self._E = _combined(self._plain, -1.0, self._TLW, self._E)
-        self._EK = self._E.matMult(self._K, self._EK)
-        self._TC = self._T.matMult(self._C, self._TC)
-        self._block = _combined(self._EK, 1.0, self._TC, self._block)
-        # Dirichlet columns of C as well.
-        rows = s.fixed + self._block.getOwnershipRange()[0]
-        self._block.zeroRowsColumns(rows, diag=A.diagonal)
-        self.factor.factorise(self._block)
+        made = self._made
+        for name, columns in (("C", s.displacements), ("L", s.multipliers)):
+            made[name] = contact.createSubMatrix(s.multipliers, columns, made.get(name))
+        self._multiply("LW", "L", "W")
+        self._multiply("TLW", "T", "LW")
+        self._add("E", "1 - BW", -1.0, "TLW")
+        self._multiply("EK", "E", "K")
+        self._multiply("TC", "T", "C")
+        self._add("block", "EK", 1.0, "TC")
+        self._factorise(self._held("block"))  # also with Dirichlet columns of C
+
+    def _multiply(self, name: str, first: str, second: str) -> None:
+        """Compute a product, in the matrix of this name if it exists. Collective."""
+        A = self._made[first]
+        self._made[name] = A.matMult(self._made[second], self._made.get(name))
 
     def solve(self, residual: Array) -> Array:
         """Return the unknowns on s for a residual on s, local parts. Collective."""
+        made = self._made
+        r_l, r_c = made["T"].createVecs()
+        b = r_c.duplicate()
         n = self._s.nodes
-        assert self._K is not None
-        assert self._E is not None
-        self._rc.array[:] = residual[:n]
-        self._rl.array[:] = residual[n:]
-        self._E.mult(self._rc, self._b)
-        self._T.multAdd(self._rl, self._b, self._b)
-        self.factor.solve(self._b, self._x)
-        self._K.mult(self._x, self._t)
-        self._t.aypx(-1.0, self._rc)
-        self._W.mult(self._t, self._y)
-        multipliers = self._y.array_r.copy()
+        r_c.array[:], r_l.array[:] = residual[:n], residual[n:]
+        made["E"].mult(r_c, b)
+        made["T"].multAdd(r_l, b, b)
+        u = r_c.duplicate()
+        self.factor.solve(b, u)
+        # multipliers W (r_c - K u)
+        made["K"].mult(u, b)
+        b.aypx(-1.0, r_c)
+        made["W"].mult(b, r_l)
+        multipliers = r_l.array_r.copy()
         multipliers[self._alone] = residual[n:][self._alone] / self._operator.diagonal
-        return np.concatenate([self._x.array_r, multipliers])
-
-    def release(self) -> None:
-        """Free the PETSc objects."""
-        self.factor.destroy()
-        made = (self._K, self._C, self._L, self._LW, self._TLW, self._TC, self._EK, self._E)
-        mine = (self._T, self._W, self._plain, self._rc, self._x, self._rl, self._y, self._b)
-        _free(*mine, self._t, *made, self._block)
-
-
-def _free(*made: PETSc.Object | None) -> None:
-    for thing in made:
-        if thing is not None:
+        found = np.concatenate([u.array_r, multipliers])
+        for thing in (r_l, r_c, b, u):
             thing.destroy()
+        return found
+
+
+def _keeping_pattern(A: PETSc.Mat) -> PETSc.Mat:
+    A.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
+    return A
 
 
 def _without_zeros(A: PETSc.Mat) -> PETSc.Mat:
@@ -299,29 +286,6 @@ def _without_zeros(A: PETSc.Mat) -> PETSc.Mat:
     before = np.concatenate([[0], np.cumsum(kept)])
     csr = (before[indptr].astype(PETSc.IntType), columns[kept], values[kept])
     return PETSc.Mat().createAIJ(A.getSizes(), csr=csr, comm=A.comm)
-
-
-def _copied(A: PETSc.Mat, out: PETSc.Mat | None) -> PETSc.Mat:
-    """Copy ``A`` with its pattern, into ``out`` if it exists. Collective."""
-    if out is None:
-        out = A.copy()
-        out.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
-    else:
-        A.copy(out, structure=_STRUCTURE.SAME_NONZERO_PATTERN)
-    return out
-
-
-def _combined(A: PETSc.Mat, a: float, B: PETSc.Mat, out: PETSc.Mat | None) -> PETSc.Mat:
-    """Return A + a B, in ``out`` if it is an earlier sum of the same patterns. Collective."""
-    if out is None:
-        out = _copied(A, None)
-        out.axpy(a, B, structure=_STRUCTURE.DIFFERENT_NONZERO_PATTERN)
-        out.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
-        return out
-    out.zeroEntries()
-    out.axpy(1.0, A, structure=_STRUCTURE.SUBSET_NONZERO_PATTERN)
-    out.axpy(a, B, structure=_STRUCTURE.SUBSET_NONZERO_PATTERN)
-    return out
 
 
 def _contact_dofs(equations: ContactEquations, *, opposite: bool = True) -> Indices:

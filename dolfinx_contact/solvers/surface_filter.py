@@ -47,7 +47,7 @@ class SurfaceFilter:
         self.operator = operator
         self.comm = operator.comm
         self.cycle: PETSc.PC | None = None
-        self.block: SurfaceBlock | CondensedBlock | None = None
+        self.block: SurfaceBlock | None = None
         self._prefix = prefix + "surface_"
         self.surface = SurfaceSet(operator)
         first = operator.stiffness.getOwnershipRange()[0]
@@ -79,7 +79,7 @@ class SurfaceFilter:
                 self._assemblies = assemblies
             self.block.update()
 
-    def _choose_block(self) -> SurfaceBlock | CondensedBlock:
+    def _choose_block(self) -> SurfaceBlock:
         # In finite sliding each multiplier couples to several dofs.
         slides = any(s.slides for s in self.operator.equations.surfaces)
         if not slides and PETSc.Options().getBool(self._prefix + "condensed", True):
