@@ -15,7 +15,6 @@ break one by one until the next state is reached.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 from petsc4py import PETSc
@@ -39,10 +38,9 @@ _HELD_RESIDUAL = 1e-9  # relative residual that suffices while bonds are held
 _ROUNDS = 2000  # largest number of rounds
 
 
-def release_bonds(
-    eq: ContactEquations, linear: Callable[[], LinearSolver], x: PETSc.Vec, attempt: Attempt
-) -> bool:
+def release_bonds(solver: Newton, x: PETSc.Vec, attempt: Attempt) -> bool:
     """Solve from ``x``, which is overwritten, with strengths that only decrease. Collective."""
+    eq = solver.equations
     strengths = [
         c.data.fields[s.law.weakening.name].copy() if s.law.weakens and s.law.weakening else None
         for s, c in zip(eq.surfaces, eq.contact(x).surfaces, strict=True)
@@ -51,13 +49,14 @@ def release_bonds(
     for rounds in range(1, _ROUNDS + 1):
         pairs = zip(eq.terms, strengths, strict=True)
         held = eq.with_terms([replace(term, strength=strength) for term, strength in pairs])
-        if not _solve(held, linear, x, attempt):
+        if not _solve(held, solver.linear, x, attempt):
             attempt.reason = f"bonds that are held, round {rounds}: {attempt.reason}"
             return False
         change = _weaken(eq, x, strengths)
         if change <= near[0]:
             y = x.copy()
-            solved = _end(eq, linear, y, attempt)
+            with Newton(eq, solver.linear, "none", None) as whole:
+                solved = whole.run_holding(y, attempt, eq.contact(y).statuses)
             if solved:
                 y.copy(x)
             y.destroy()
@@ -72,14 +71,12 @@ def release_bonds(
     return False
 
 
-def _solve(
-    held: ContactEquations, linear: Callable[[], LinearSolver], x: PETSc.Vec, attempt: Attempt
-) -> bool:
+def _solve(held: ContactEquations, linear: LinearSolver, x: PETSc.Vec, attempt: Attempt) -> bool:
     """Solve contact and friction with held bonds. Collective."""
     start = x.copy()
     try:
         for run in (Newton.run, pivot):
-            with Newton(held, linear(), "none", None) as solver:
+            with Newton(held, linear, "none", None) as solver:
                 solver.snes.setTolerances(rtol=max(solver.tolerance, _HELD_RESIDUAL))
                 if run(solver, x, attempt):
                     return True
@@ -103,15 +100,3 @@ def _weaken(eq: ContactEquations, x: PETSc.Vec, strengths: list[Array | None]) -
         change = max(change, float(np.max(np.abs(after - before), initial=0.0)))
         strengths[i] = after
     return maximum(eq.comm, change)
-
-
-def _end(
-    eq: ContactEquations, linear: Callable[[], LinearSolver], x: PETSc.Vec, attempt: Attempt
-) -> bool:
-    """Newton's method with the law itself; the first step holds the statuses. Collective."""
-    with Newton(eq, linear(), "none", None) as solver:
-        start = x.copy()
-        if not solver.run(x, attempt, held=eq.contact(x).statuses, most=1):
-            start.copy(x)
-        start.destroy()
-        return solver.run(x, attempt)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Last strategy of a solve: follow the branch of solutions from no load to the whole load.
 
-The load grows as in `strategies.raise_load`, with s from 0 to 1. Where the branch turns back, load
-increments fail, but the branch can be followed through its folds.
+The load grows as in `ContactEquations.ramped`, with s from 0 to 1. Where the branch turns back,
+load increments fail, but the branch can be followed through its folds.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.parametric import ParametricEquations
 from dolfinx_contact.solvers.history import Attempt
 from dolfinx_contact.solvers.linear import LinearSolver
+from dolfinx_contact.solvers.newton import Newton
 
 __all__ = ["Loaded", "follow_load"]
 
@@ -68,28 +69,22 @@ class Loaded(ParametricEquations):
         return displacements, np.zeros_like(motions), motions
 
 
-def follow_load(
-    equations: ContactEquations,
-    linear: Callable[[], LinearSolver],
-    x: PETSc.Vec,
-    attempt: Attempt,
-    most: int,
-) -> bool:
+def follow_load(solver: Newton, x: PETSc.Vec, attempt: Attempt) -> bool:
     """Follow the load from ``x``, which receives the solution at full load, and return success.
 
     Args:
-        equations: contact problem under the whole load.
-        linear: function returning its linear solver.
+        solver: Newton's method, whose number of iterations limits those at a point of the branch.
         x: start; receives the solution.
         attempt: attempt recording the reason of a failure.
-        most: largest number of iterations at a point of the branch.
     """
+    most = solver.max_iterations
     if most < 1:
         attempt.reason = "no convergence in 0 iterations"
         return False
     control = StepControl(corrections=min(most, StepControl().corrections))
-    with equations.ramped(x) as ramp:
-        return _follow(Loaded(equations, linear, ramp), x, attempt, control)
+    with solver.equations.ramped(x) as ramp:
+        system = Loaded(solver.equations, lambda: solver.linear, ramp)
+        return _follow(system, x, attempt, control)
 
 
 def _follow(system: Loaded, x: PETSc.Vec, attempt: Attempt, control: StepControl) -> bool:

@@ -227,6 +227,14 @@ class Newton:
             ksp.reset()  # MUMPS does not recover from a singular matrix
         return bool(reason > 0)
 
+    def run_holding(self, x: PETSc.Vec, attempt: Attempt, statuses: Statuses) -> bool:
+        """Like `run` from ``x``, but the first step holds given statuses."""
+        start = x.copy()
+        if not self.run(x, attempt, held=statuses, most=1):
+            start.copy(x)
+        start.destroy()
+        return self.run(x, attempt)
+
     def _retry(self, y: PETSc.Vec) -> None:
         """Continue from ``y`` with new preconditioners while linear solves fail."""
         for again in range(_RETRIES):

@@ -21,13 +21,17 @@ strategies, in this order and each from the caller's state:
 7. The branch of solutions under a growing load, followed through its folds (`following`); not if a
    rigid motion is free under the full load and under increments.
 
-A strategy is a function of unknowns and attempt that changes the unknowns and returns whether they
-are a solution. Full steps, line search and load increments need no further modules; the modules of
-the other strategies are loaded on first use.
+Full steps, line search and load increments need no further modules; the modules of the other
+strategies are loaded on first use.
 
 A brief trial, for steps that may be shortened, ends with the first strategy. Each strategy but the
 first has a budget in Newton steps. A solution in which a hyperelastic body is turned inside out
 (det F <= 0) is only accepted if load increments find no other.
+
+The option ``linear_solver`` of Newton's method is auto, direct (`linear.Direct`) or amg
+(`multigrid.Multigrid`). auto chooses direct up to 10^5 unknowns in 2D and 5 10^3 in 3D, with rigid
+bodies, and if the user has chosen a ``ksp_type`` or ``pc_type``; otherwise amg. If multigrid
+stagnates, the direct solver takes over if the free memory suffices.
 """
 
 from __future__ import annotations
@@ -35,16 +39,18 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass
 from functools import partial
-from typing import TypeAlias
+from pathlib import Path
 
+from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
 
 from dolfinx_contact._arrays import Array
-from dolfinx_contact._mpi import maximum, sorted_rows
+from dolfinx_contact._mpi import anywhere, maximum, sorted_rows
 from dolfinx_contact._petsc import staged
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation, Statuses
@@ -52,7 +58,6 @@ from dolfinx_contact.equations.scaling import uniform_strains
 from dolfinx_contact.equations.touching import bring_together
 from dolfinx_contact.equations.validation import diverged, inverted, validate
 from dolfinx_contact.laws.status import closed
-from dolfinx_contact.solvers.choice import LinearSolverChoice
 from dolfinx_contact.solvers.history import (
     Attempt,
     ConvergenceError,
@@ -60,9 +65,10 @@ from dolfinx_contact.solvers.history import (
     SolveProgress,
     Step,
 )
+from dolfinx_contact.solvers.linear import Direct, LinearSolver
 from dolfinx_contact.solvers.newton import Newton
 
-__all__ = ["Trial", "raise_load", "solve"]
+__all__ = ["LinearSolverChoice", "Trial", "solve"]
 
 logger = logging.getLogger(__name__)
 
@@ -73,14 +79,17 @@ _INCREMENTS = "load increments"
 _FOLLOWING = "load following"
 #: Budgets of the strategies, in Newton steps.
 _LIMITS = {_BONDS: 2000.0, "pivoting": 500.0, "line search": 80.0, _INCREMENTS: 400.0}
-_HELD = 1  # Newton steps in which expected statuses are held
 _SMALLEST = 1e-4  # smallest increment of the load, relative to the first one
 _SHOWN = 5  # points in a message
 _NEGATIVE = 1e-6  # negative friction bound that is round-off, relative to the largest traction
 _SOFT = 1e-12  # energy of a uniform strain that is round-off, relative to the largest one
 
-#: Function of unknowns and attempt that returns whether the unknowns are a solution.
-Strategy: TypeAlias = Callable[[PETSc.Vec, Attempt], bool]
+_KINDS = ("auto", "direct", "amg")
+_MEMORY = Path("/proc/meminfo")
+_LARGEST_DIRECT = {2: 100_000, 3: 5_000}
+#: Factor and power of the number of unknowns that predict the gigabytes of MUMPS, by dimension;
+#: measured with 9 10^3 and 7 10^4 unknowns in 2D, and with 4 10^3 and 10^4 in 3D.
+_DIRECT_MEMORY = {2: (6.5e-7, 1.1), 3: (3.8e-7, 4 / 3)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,7 +147,6 @@ def solve(
 
     start = validate(equations, x0)
     bring_together(equations, x0)
-    ways = _Strategies(equations, linear, increments, notify)
     attempts: list[Attempt] = []
     floating: set[str] = set()  # strategies in which a rigid motion was free
     negative: list[str] = []
@@ -146,23 +154,24 @@ def solve(
     # the last solution in which the body is turned inside out, and its attempt
     turned = x0.duplicate()
     inverting: Attempt | None = None
-    for strategy, run in strategies(ways, trial, start):
+    for strategy in strategies(equations, trial, increments, start):
+        name = strategy.name
         # skip strategies that would fail for the same reason
-        if inverting and strategy != _INCREMENTS and inverting.strategy != _EXTRAPOLATED:
+        if inverting and name != _INCREMENTS and inverting.strategy != _EXTRAPOLATED:
             continue
-        if strategy == _FOLLOWING and _INCREMENTS in floating and attempts[0].strategy in floating:
+        if name == _FOLLOWING and _INCREMENTS in floating and attempts[0].strategy in floating:
             continue  # its branch begins where nothing holds the body
         # run the strategy from the start
-        attempt = Attempt(strategy, limit=_LIMITS.get(strategy, math.inf))
+        attempt = Attempt(name, limit=_LIMITS.get(name, math.inf))
         attempts.append(attempt)
-        progress.strategy = strategy
+        progress.strategy = name
         x0.copy(x)
         drift = ""  # reason why the body moves away, if it does
         try:
-            attempt.converged = run(x, attempt)
+            attempt.converged = strategy.solve(equations, linear, notify, x, attempt)
         except FloatingBodyError as error:
             attempt.reason = drift = str(error)
-            floating.add(strategy)
+            floating.add(name)
         # refuse a body that has drifted away, and inverted cells
         if attempt.converged:
             drift = diverged(equations, x)
@@ -183,7 +192,7 @@ def solve(
             break  # systems of other strategies are like these
         if equations.comm.rank == 0:
             # The error of a failed solve lists all attempts; a later success is not doubtful.
-            logger.info("%s failed: %s", strategy, attempt.reason)
+            logger.info("%s failed: %s", name, attempt.reason)
     if inverting and not trial.brief:
         # No other solution was found; the result contains a warning.
         attempts.append(Attempt(inverting.strategy, inverting.reason, converged=True))
@@ -277,145 +286,137 @@ def _diagnosis(eq: ContactEquations, attempts: list[Attempt], found: Sequence[st
     return "\n".join(lines)
 
 
+# -- strategies ------------------------------------------------------------------------------------
+
+
 @dataclass(frozen=True, eq=False)
-class _Strategies:
-    """Strategies for one problem: each solves from ``x`` and returns whether it succeeded.
+class _Strategy:
+    """Strategy of a solve.
 
     Attributes:
-        eq: contact problem.
-        linear: choice of its linear solver.
-        increments: initial number of load increments.
-        monitor: function called with every Newton iterate.
+        name: name of the strategy.
+        run: function of Newton's method, unknowns and attempt that changes the unknowns and returns
+            whether they are a solution.
+        line_search: line search of PETSc.
+        is_newton: whether it is Newton's method, which may go on with the direct solver.
+        automatic: whether the automatic augmentation parameter replaces a forced one.
     """
 
-    eq: ContactEquations
-    linear: LinearSolverChoice
-    increments: int
-    monitor: Callable[[Step], None]
+    name: str
+    run: Callable[[Newton, PETSc.Vec, Attempt], bool]
+    line_search: str = "none"
+    is_newton: bool = False
+    automatic: bool = False
 
-    def _solver(self, line_search: str = "none") -> Newton:
-        return Newton(self.eq, self.linear(), line_search, self.monitor)
-
-    def newton(
+    def solve(
         self,
+        eq: ContactEquations,
+        linear: LinearSolverChoice,
+        monitor: Callable[[Step], None],
         x: PETSc.Vec,
         attempt: Attempt,
-        line_search: str = "none",
-        start: Evaluation | None = None,
     ) -> bool:
-        """Newton's method with a line search of PETSc, from an evaluation if available."""
-        with self._solver(line_search) as solver:
-            done = solver.run(x, attempt, start)
-        if attempt.linear_solver_failed and self.linear.direct_instead():
-            return self.newton(x, attempt, line_search)
+        """Solve from ``x``, which is overwritten, and return success. Collective."""
+        run = self.run
+        with eq.scaling.automatic() if self.automatic else nullcontext():
+            while True:
+                with Newton(eq, linear(), self.line_search, monitor) as solver:
+                    done = run(solver, x, attempt)
+                failed = self.is_newton and attempt.linear_solver_failed
+                if not (failed and linear.direct_instead()):
+                    break
+                run = Newton.run
+        if self.automatic:
+            attempt.state = None  # evaluated with another r
         return done
-
-    def with_automatic_r(self, x: PETSc.Vec, attempt: Attempt, strategy: Strategy) -> bool:
-        """A strategy with the automatic augmentation parameter instead of a forced one."""
-        with self.eq.scaling.automatic():
-            done = strategy(x, attempt)
-        attempt.state = None  # evaluated with another r
-        return done
-
-    def from_unknowns(self, x: PETSc.Vec, attempt: Attempt, unknowns: Array) -> bool:
-        """Newton's method from given unknowns."""
-        x.array[:] = unknowns
-        attempt.reason = inverted(self.eq, x)
-        if attempt.reason:
-            return False
-        b = x.duplicate()
-        start = self.eq.residual(x, b)
-        finite = np.isfinite(b.norm())
-        b.destroy()
-        if not finite:
-            attempt.reason = "the residual is not finite there"
-            return False
-        return self.newton(x, attempt, start=start)
-
-    def from_statuses(self, x: PETSc.Vec, attempt: Attempt, statuses: Statuses) -> bool:
-        """Newton's method whose first step holds given statuses."""
-        start = x.copy()
-        with self._solver() as solver:
-            if not solver.run(x, attempt, held=statuses, most=_HELD):
-                start.copy(x)
-            start.destroy()
-            return solver.run(x, attempt)
-
-    def load_increments(self, x: PETSc.Vec, attempt: Attempt) -> bool:
-        """Newton's method under a load in increments that shrink and grow."""
-        with self._solver() as solver:
-            return raise_load(solver, x, attempt, self.increments)
-
-    def load_following(self, x: PETSc.Vec, attempt: Attempt) -> bool:
-        """The branch of solutions under a growing load, through its folds."""
-        from dolfinx_contact.solvers.following import follow_load
-
-        with self._solver() as solver:
-            followed = follow_load(self.eq, self.linear, x, attempt, solver.max_iterations)
-            return followed and solver.run(x, attempt)
-
-    def pivoting(self, x: PETSc.Vec, attempt: Attempt) -> bool:
-        """Solve the pieces of H successively."""
-        from dolfinx_contact.solvers.pivoting import pivot
-
-        with self._solver() as solver:
-            return pivot(solver, x, attempt)
-
-    def lemke(self, x: PETSc.Vec, attempt: Attempt) -> bool:
-        """Lemke's method on the reduced problem."""
-        from dolfinx_contact.algorithms.classical import start_by_lemke
-
-        with self._solver() as solver:
-            if solver.max_iterations < 1:
-                attempt.reason = "no convergence in 0 iterations"
-                return False
-            return start_by_lemke(self.eq, self.linear, x, attempt) and solver.run(x, attempt)
-
-    def releasing_bonds(self, x: PETSc.Vec, attempt: Attempt) -> bool:
-        """Weakening bonds, all held and then released in turn."""
-        from dolfinx_contact.solvers.bonds import release_bonds
-
-        return release_bonds(self.eq, self.linear, x, attempt)
 
 
 def strategies(
-    ways: _Strategies, trial: Trial, start: Evaluation | None
-) -> Iterator[tuple[str, Strategy]]:
-    """Yield names and strategies in the order in which they are tried.
+    eq: ContactEquations, trial: Trial, increments: int, start: Evaluation | None
+) -> Iterator[_Strategy]:
+    """Yield the strategies in the order in which they are tried.
 
     Args:
-        ways: strategies for the problem.
+        eq: contact problem.
         trial: starts of the solve, and its extent.
+        increments: initial number of load increments.
         start: evaluation at the state of the caller, if available.
     """
-    eq = ways.eq
     if trial.extrapolated is not None:
         start = None  # it may change the candidates of sliding faces
-        yield _EXTRAPOLATED, partial(ways.from_unknowns, unknowns=trial.extrapolated)
+        run = partial(_from_unknowns, unknowns=trial.extrapolated)
+        yield _Strategy(_EXTRAPOLATED, run, is_newton=True)
     for statuses in trial.expected:
         start = None
-        yield _EXPECTED, partial(ways.from_statuses, statuses=statuses)
-    yield "full steps", partial(ways.newton, start=start)
+        yield _Strategy(_EXPECTED, partial(Newton.run_holding, statuses=statuses))
+    yield _Strategy("full steps", partial(Newton.run, start=start), is_newton=True)
     if trial.brief:
         return
     # In the integral method r is part of the discretisation, and a forced r is kept.
     weak = any([s.points.E is not None for s in eq.surfaces])
-    fallbacks: list[tuple[str, Strategy]] = []
+    made = partial(_Strategy, automatic=not weak)
     if eq.forced_r is not None and not weak:
-        fallbacks.append(("full steps with the automatic r", ways.newton))
+        yield made("full steps with the automatic r", Newton.run, is_newton=True)
     if any([s.law.weakens for s in eq.surfaces]):
-        fallbacks.append((_BONDS, ways.releasing_bonds))
-    pivoting = "pivoting", ways.pivoting
-    line_search = "line search", partial(ways.newton, line_search="bt")
-    loading = _INCREMENTS, ways.load_increments
-    following = _FOLLOWING, ways.load_following
+        yield made(_BONDS, _release_bonds)
+    pivoting = made("pivoting", _pivot)
+    line_search = made("line search", Newton.run, "bt", is_newton=True)
+    loading = made(_INCREMENTS, partial(raise_load, increments=increments))
+    following = made(_FOLLOWING, _follow_load)
     if not eq.linear:
-        fallbacks += [loading, line_search, pivoting, following]
-    else:
-        lemke = [("Lemke's method", ways.lemke)] if eq.dim == 2 else []
-        fallbacks += [pivoting, line_search, *lemke, loading, following]
-    for name, run in fallbacks:
-        yield name, run if weak else partial(ways.with_automatic_r, strategy=run)
+        yield from (loading, line_search, pivoting, following)
+        return
+    yield from (pivoting, line_search)
+    if eq.dim == 2:
+        yield made("Lemke's method", _lemke)
+    yield from (loading, following)
+
+
+def _from_unknowns(solver: Newton, x: PETSc.Vec, attempt: Attempt, unknowns: Array) -> bool:
+    """Newton's method from given unknowns."""
+    eq = solver.equations
+    x.array[:] = unknowns
+    attempt.reason = inverted(eq, x)
+    if attempt.reason:
+        return False
+    b = x.duplicate()
+    start = eq.residual(x, b)
+    finite = np.isfinite(b.norm())
+    b.destroy()
+    if not finite:
+        attempt.reason = "the residual is not finite there"
+        return False
+    return solver.run(x, attempt, start)
+
+
+def _pivot(solver: Newton, x: PETSc.Vec, attempt: Attempt) -> bool:
+    from dolfinx_contact.solvers.pivoting import pivot
+
+    return pivot(solver, x, attempt)
+
+
+def _release_bonds(solver: Newton, x: PETSc.Vec, attempt: Attempt) -> bool:
+    from dolfinx_contact.solvers.bonds import release_bonds
+
+    return release_bonds(solver, x, attempt)
+
+
+def _lemke(solver: Newton, x: PETSc.Vec, attempt: Attempt) -> bool:
+    """Lemke's method on the reduced problem."""
+    from dolfinx_contact.algorithms.classical import start_by_lemke
+
+    if solver.max_iterations < 1:
+        attempt.reason = "no convergence in 0 iterations"
+        return False
+    found = start_by_lemke(solver.equations, lambda: solver.linear, x, attempt)
+    return found and solver.run(x, attempt)
+
+
+def _follow_load(solver: Newton, x: PETSc.Vec, attempt: Attempt) -> bool:
+    """The branch of solutions under a growing load, through its folds."""
+    from dolfinx_contact.solvers.following import follow_load
+
+    return follow_load(solver, x, attempt) and solver.run(x, attempt)
 
 
 def raise_load(solver: Newton, x: PETSc.Vec, attempt: Attempt, increments: int) -> bool:
@@ -454,3 +455,104 @@ def raise_load(solver: Newton, x: PETSc.Vec, attempt: Attempt, increments: int) 
     good.destroy()
     attempt.state = None  # evaluated with ramped Dirichlet data
     return done == 1.0
+
+
+# -- linear solver ---------------------------------------------------------------------------------
+
+
+class LinearSolverChoice:
+    """Linear solver of a problem, created when it is first needed. Collective.
+
+    It is created again if options other than those of SNES have changed. The previous one is freed
+    unless a branch is followed with it.
+
+    Args:
+        equations: contact problem.
+    """
+
+    def __init__(self, equations: ContactEquations):
+        self._equations = equations
+        self._solver: LinearSolver | None = None
+        self._options: dict[str, str] = {}
+
+    def __call__(self) -> LinearSolver:
+        """Return the solver; ``ValueError`` for an unknown kind."""
+        options = self._equations.options.beside_newton()
+        if anywhere(self._equations.comm, options != self._options)[0]:
+            self._leave()
+            self._options = options
+        if self._solver is None:
+            self._solver = self._create()
+        return self._solver
+
+    def _create(self) -> LinearSolver:
+        eq = self._equations
+        size = sum(eq.unknowns.global_sizes)
+        kind = eq.options.value("linear_solver") or "auto"
+        if kind not in _KINDS:
+            raise ValueError(f"unknown linear solver {kind!r}; known: {', '.join(_KINDS)}")
+        bodies = eq.rigid.bodies
+        if kind == "amg" and bodies:
+            raise ValueError(
+                f"{bodies[0].name}: problems with rigid bodies require linear_solver='direct'; "
+                f"got {kind!r}"
+            )
+        if kind == "auto":
+            chosen = eq.options.value("ksp_type") or eq.options.value("pc_type")
+            small = size <= _LARGEST_DIRECT[eq.dim]
+            kind = "direct" if bodies or chosen or small else "amg"
+        if eq.comm.rank == 0:
+            words = "%d unknowns, linear solver %s (the direct one takes about %.2g GB)"
+            logger.info(words, size, kind, _gigabytes(size, eq.dim))
+        if kind == "direct":
+            return Direct(eq)
+        from dolfinx_contact.solvers.multigrid import Multigrid  # for large problems only
+
+        return Multigrid(eq)
+
+    def direct_instead(self) -> bool:
+        """Replace multigrid by the direct solver if the user chose neither and memory allows it."""
+        eq = self._equations
+        given = (eq.options.value("linear_solver") or "auto") != "auto"
+        if given or self().name == "direct":
+            return False
+        needed = _gigabytes(sum(eq.unknowns.global_sizes), eq.dim)
+        free = _free_gigabytes(eq.comm)
+        if eq.comm.rank == 0:
+            log = logger.warning if needed > free else logger.info
+            log("a direct solver needs about %.2g GB; %.2g GB are free", needed, free)
+        if needed > free:
+            return False
+        self._leave()
+        self._solver = Direct(eq)
+        return True
+
+    def _leave(self) -> None:
+        """Free the solver unless a branch is followed with it."""
+        if self._solver is not None and self._solver.is_followed_with:
+            self._solver = None
+        self.destroy()
+
+    def destroy(self) -> None:
+        """Free the solver."""
+        if self._solver is not None:
+            self._solver.destroy()
+        self._solver = None
+
+
+def _gigabytes(size: int, dim: int) -> float:
+    """Predict the memory of the direct solver for ``size`` unknowns, in 10^9 bytes."""
+    factor, power = _DIRECT_MEMORY[dim]
+    return float(factor * size**power)
+
+
+def _free_gigabytes(comm: MPI.Comm) -> float:
+    """Return the free memory of all hosts in 10^9 bytes; inf if unknown. Collective."""
+    host = comm.Split_type(MPI.COMM_TYPE_SHARED)
+    mine = 0.0
+    if host.rank == 0:
+        lines = _MEMORY.read_text().splitlines() if _MEMORY.exists() else []
+        found = [int(line.split()[1]) for line in lines if line.startswith("MemAvailable:")]
+        mine = 1024e-9 * found[0] if found else np.inf
+    host.Free()
+    return float(comm.allreduce(mine))
