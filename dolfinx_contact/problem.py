@@ -35,12 +35,11 @@ from dolfinx_contact._ufl import described
 from dolfinx_contact._validate import ReadOnly, copy_with, instance, is_count, nonnegative, positive
 from dolfinx_contact.body.bulk import Bulk, weighted
 from dolfinx_contact.body.cells import check_cells
-from dolfinx_contact.body.plausibility import unintended
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation, Statuses
 from dolfinx_contact.equations.measures import require_solution
 from dolfinx_contact.equations.state import State
-from dolfinx_contact.equations.validation import check, check_sides, validate
+from dolfinx_contact.equations.validation import check, check_sides, unintended, validate
 from dolfinx_contact.points.descriptions import (
     Contact,
     ContactPair,

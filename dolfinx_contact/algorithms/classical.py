@@ -28,8 +28,8 @@ from dolfinx_contact.algorithms import (
     coulomb_by_lemke,
 )
 from dolfinx_contact.equations.contact import ContactEquations
+from dolfinx_contact.equations.measures import diverged
 from dolfinx_contact.equations.parametric import ParametricEquations
-from dolfinx_contact.equations.validation import diverged
 from dolfinx_contact.reduced.reduction import Reduction, scaled, scales_at
 from dolfinx_contact.reduced.scope import can_condense
 from dolfinx_contact.solvers.history import (

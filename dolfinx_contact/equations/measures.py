@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Relative residuals of H in physical units: forces, constraints and the friction cone.
+"""Relative residuals of H in physical units, and states that are not physical.
 
 Forces are compared with the largest nodal force (reactions, contact forces, first residual). Gaps
 and slips are compared with the largest displacement. In a body sticking everywhere displacements
@@ -8,6 +8,9 @@ node alone (`held_back`). Thus the test is independent of the user's units, and 
 cannot hide behind a large force row.
 
 All maxima are NaN if one of their values is NaN.
+
+States that satisfy the equations but are not physical are described by `diverged`, `inverted`,
+`held_across` and `without_normal`.
 """
 
 from __future__ import annotations
@@ -17,11 +20,14 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
+from petsc4py import PETSc
+
 import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact._arrays import Array
-from dolfinx_contact._mpi import largest, maximum
+from dolfinx_contact._mpi import anywhere, largest, maximum, sorted_rows
+from dolfinx_contact.body.cells import smallest_jacobian
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import ContactState, Evaluation
 from dolfinx_contact.laws.status import STICK, closed, senses
@@ -30,15 +36,33 @@ from dolfinx_contact.points.surface import DiscreteSurface
 __all__ = [
     "Measures",
     "Scales",
+    "diverged",
+    "held_across",
     "held_back",
+    "inverted",
     "least_scales",
     "require_solution",
     "round_off_force",
+    "without_normal",
 ]
 
 _SOLVED = 1e-6  # residual up to which a state counts as a solution
 _AT_REST = 1e-3  # the same for a body without displacements and forces: 1e-15 of its stiffness
 _NOTHING = 1e-12  # displacement that counts as zero, relative to the size of the body
+_FAR = 1e5  # displacement, in body sizes, that is not an equilibrium
+_ACROSS = 1e-6  # component of a unit normal along a held direction
+#: Largest admissible slope of a gap along the normal at a touching point: -1 where a level set has
+#: a gradient, -1/m where it vanishes like the m-th power of the distance.
+_STEEPEST = -0.75
+_NO_NORMAL = (
+    "the obstacle has no normal at a contact point that is at ({}) or next to it: the gradient of "
+    "a level set vanishes there, or it is the centre of a sphere"
+)
+_TURNED = (
+    "the normal of the obstacle has turned by half a turn in this step at a contact point that is "
+    "at ({}), as where a body passes through a thin tool: how far it slipped is not known; take "
+    "shorter steps"
+)
 
 
 @dataclass(frozen=True)
@@ -229,3 +253,84 @@ def _of_surface(
 def _largest(*groups: Sequence[npt.NDArray[Any]]) -> list[float]:
     """Return the largest magnitude in the arrays of each group, 0 if they are empty."""
     return [float(np.max([np.abs(v).max(initial=0.0) for v in group])) for group in groups]
+
+
+# -- states that are not physical ------------------------------------------------------------------
+
+
+def diverged(eq: ContactEquations, x: PETSc.Vec) -> str:
+    """Return a message about a motion beyond any equilibrium; "" if there is none. Collective.
+
+    Where loads have no equilibrium a body slides away, and residuals relative to the nodal forces
+    of such displacements are meaningless.
+    """
+    parts = eq.unknowns.blocks(x)
+    values = np.array([np.max(np.abs(v), initial=0.0) for v in (parts[0], parts[-1])])
+    body, rigid = largest(eq.comm, values) / eq.body_size
+    if max(body, rigid) <= _FAR:
+        return ""
+    which = "the body" if body >= rigid else "a rigid body"
+    return (
+        f"{which} goes away, by {max(body, rigid):.1e} times the size of the body: nothing holds "
+        "it against the loads"
+    )
+
+
+def inverted(eq: ContactEquations, x: PETSc.Vec) -> str:
+    """Return a message about a hyperelastic body turned inside out; "" if it is not. Collective."""
+    if eq.bulk.linear:
+        return ""
+    smallest, place = smallest_jacobian(
+        eq.V, eq.unknowns.displacement(x), vertices=False, axisymmetric=eq.axisymmetric
+    )
+    if smallest > 0:
+        return ""
+    where = ", ".join(f"{c:.4g}" for c in place)
+    return f"its solution has det F = {smallest:.3g} at ({where})"
+
+
+def held_across(eq: ContactEquations, state: Evaluation) -> str:
+    """Return a message about a touching point held along its normal; "" if none is. Collective.
+
+    With friction on a curved obstacle, a node held in one direction has no multiplier component in
+    that direction, which must remain tangential.
+    """
+    for held, s, found in zip(eq.constraints.held, eq.surfaces, state.surfaces, strict=True):
+        if s.displaced is None or not s.displaced.friction:
+            continue
+        n = s.points.vertices.dofmap.index_map.size_local
+        fixed = np.asarray(held)[s.points.vertex_trace_dofs]
+        partly = np.where(np.all(fixed, axis=1)[:, None], False, fixed)
+        if not anywhere(eq.comm, bool(partly.any()))[0]:
+            continue
+        touches = s.points.at_vertices(closed(found.statuses).astype(float))[:n]
+        normal = s.points.at_vertices(found.data.n)[:n]
+        across = np.linalg.norm(np.where(partly[:n], normal, 0.0), axis=1)
+        if anywhere(eq.comm, bool(np.any(across[touches > 0] > _ACROSS)))[0]:
+            return (
+                f"{s.name}: Dirichlet data fix a displacement component of a touching node that "
+                "was tangential to the obstacle and is not where it is now, so that friction and "
+                "the support cannot be distinguished; fix all components there or leave it free"
+            )
+    return ""
+
+
+def without_normal(eq: ContactEquations, state: Evaluation) -> str:
+    """Return a message about a displaced point without a normal; "" if all have one. Collective."""
+    for s, found in zip(eq.surfaces, state.surfaces, strict=True):
+        data = found.data
+        place = found.kinematics.place
+        if place is None:
+            continue
+        fall = np.sum(found.kinematics.gap_slope * data.n, axis=1)
+        lost = ~np.isfinite(fall + found.kinematics.gap) | (
+            closed(found.statuses) & (fall > _STEEPEST)
+        )
+        # If the normal is finite, the undefined quantity is the slip in the step.
+        turned = lost & np.isfinite(data.n).all(axis=1) & ~np.isfinite(fall)
+        for which, why in ((lost & ~turned, _NO_NORMAL), (turned, _TURNED)):
+            relative = np.round((s.positions + place)[which] / eq.body_size, 9)
+            if places := sorted_rows(eq.comm, relative):
+                where = ", ".join(f"{c * eq.body_size:.6g}" for c in places[0])
+                return f"{s.name}: {why.format(where)}"
+    return ""

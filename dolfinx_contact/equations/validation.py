@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Validation of the arguments of a problem, of its data before a solve, and of states.
+"""Validation of the arguments of a problem and of its data before a solve.
 
 `check` validates arguments. `validate` is called once before every solve: values of Functions and
-Constants are tested nowhere else, and the solvers trust them. States that satisfy the equations but
-are not physical are described by `diverged`, `inverted`, `held_across` and `without_normal`.
+Constants are tested nowhere else, and the solvers trust them. `unintended` and `check_sides` warn
+of data that are probably not intended.
 
 Most tests are local and return an objection, a message that is empty if there is none. One
 collective call per test raises the objection of the lowest rank on every rank.
@@ -11,8 +11,7 @@ collective call per test raises the objection of the lowest rank on every rank.
 
 from __future__ import annotations
 
-import logging
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 from mpi4py import MPI
@@ -21,23 +20,24 @@ from petsc4py import PETSc
 import numpy as np
 
 import ufl
-from dolfinx import fem
+from dolfinx import fem, mesh
 from ufl.algorithms.analysis import extract_constants
 from ufl.corealg.traversal import unique_pre_traversal
 
-from dolfinx_contact._arrays import Array
+from dolfinx_contact._arrays import Array, Indices
 from dolfinx_contact._compat import dirichlet_value
-from dolfinx_contact._mpi import anywhere, largest, minimum, require, same_everywhere, sorted_rows
+from dolfinx_contact._mpi import anywhere, minimum, require, same_everywhere
 from dolfinx_contact._ufl import refuse_other_condition, refuse_other_mesh
 from dolfinx_contact._validate import count
 from dolfinx_contact._validate import listed as as_list
-from dolfinx_contact.body.cells import cells_around, smallest_jacobian
+from dolfinx_contact.body.cells import cells_around
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.data import Datum, data_of_surface, placed_data
 from dolfinx_contact.equations.evaluation import Evaluation
+from dolfinx_contact.equations.measures import without_normal
 from dolfinx_contact.laws.law import obeys
-from dolfinx_contact.laws.status import STICK, closed
-from dolfinx_contact.materials import Axisymmetric, materials_in
+from dolfinx_contact.laws.status import STICK
+from dolfinx_contact.materials import Axisymmetric, materials_in, present_value
 from dolfinx_contact.points.descriptions import Contact
 from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.points.rigid_body import shape_of
@@ -54,36 +54,21 @@ __all__ = [
     "check_surface",
     "check_times",
     "check_turn",
-    "diverged",
-    "held_across",
-    "inverted",
+    "unintended",
     "validate",
     "validate_data",
-    "without_normal",
 ]
-
-logger = logging.getLogger(__name__)
-
 
 _ROUND_OFF = 1e-14  # relative excess of a bound that counts as round-off
 _AGAINST = -0.5  # cosine of contact normal and outward normal below which they disagree
 _BESIDE = 1e-3  # facet sizes from a contact point to the place where the body is searched
 _UNITS = 100.0  # ratio of the sizes of body and obstacle above which units may differ
+_MEASURES = {"cell": "dx", "exterior_facet": "ds", "interior_facet": "dS"}
+_LOCKS = 0.48  # Poisson's ratio from which elements of degree 1 are about a tenth too stiff
 _TIED = 8  # contact points nearest to an obstacle that are examined, per rank
-_FAR = 1e5  # displacement, in body sizes, that is not an equilibrium
-_ACROSS = 1e-6  # component of a unit normal along a held direction
-#: Largest admissible slope of a gap along the normal at a touching point: -1 where a level set has
-#: a gradient, -1/m where it vanishes like the m-th power of the distance.
-_STEEPEST = -0.75
-_NO_NORMAL = (
-    "the obstacle has no normal at a contact point that is at ({}) or next to it: the gradient of "
-    "a level set vanishes there, or it is the centre of a sphere"
-)
-_TURNED = (
-    "the normal of the obstacle has turned by half a turn in this step at a contact point that is "
-    "at ({}), as where a body passes through a thin tool: how far it slipped is not known; take "
-    "shorter steps"
-)
+
+
+_Warning = tuple[str, str]  # name and text
 
 
 # -- arguments of a problem ------------------------------------------------------------------------
@@ -352,7 +337,146 @@ def check_turn(s: DiscreteSurface, before: Array | None, where: str = "") -> Non
     )
 
 
-# -- sides of obstacles ----------------------------------------------------------------------------
+# -- data that are probably not intended -----------------------------------------------------------
+
+
+def unintended(
+    form: ufl.Form, V: fem.FunctionSpace, bcs: Sequence[fem.DirichletBC]
+) -> dict[str, str]:
+    """Return warnings about data of a body that are probably not intended, by name. Collective.
+
+    - An integral over a tag without entities is 0, so that a load is missing. Facets between cells
+      do not belong to ds, and facets of the boundary do not belong to dS.
+    - Cells without an integral have no stiffness.
+    - A Dirichlet condition without dofs holds nothing.
+    - With too few quadrature points a stiffness is singular (hourglass modes).
+    - Elements of degree 1 lock if Poisson's ratio is near 1/2, as it is if Young's modulus and
+      Poisson's ratio are given in place of the Lame coefficients.
+
+    Args:
+        form: energy or residual of the body.
+        V: space of the displacement.
+        bcs: Dirichlet conditions.
+    """
+    empty = *_empty(form, V.mesh), *_without_dofs(V, bcs), *_uncovered(form, V.mesh)
+    return dict([*empty, *_hourglass(form, V), *_locking(form, V)])
+
+
+def _without_dofs(V: fem.FunctionSpace, bcs: Sequence[fem.DirichletBC]) -> Iterator[_Warning]:
+    """Yield warnings about conditions without dofs. Collective."""
+    for number, bc in enumerate(bcs):
+        if not V.mesh.comm.allreduce(bc.dof_indices()[1]):
+            name = f"bcs[{number}]"
+            yield name, f"the Dirichlet condition {name} holds nothing: no dof was located for it"
+
+
+def _empty(form: ufl.Form, domain: mesh.Mesh) -> Iterator[_Warning]:
+    """Yield warnings about integrals over nothing. Collective."""
+    domain.topology.create_connectivity(domain.topology.dim - 1, domain.topology.dim)
+    for integral in form.integrals():
+        kind = integral.integral_type()
+        for number in _ids(integral):
+            if isinstance(number, str):
+                continue
+            found, tagged = _entities(integral, number, domain)
+            if domain.comm.allreduce(found):
+                continue
+            reason = "no cell or facet has this tag"
+            if integral.subdomain_data() is None:
+                reason = "its measure has no subdomain_data"
+            elif domain.comm.allreduce(len(tagged)):
+                where = "on the boundary" if kind == "interior_facet" else "between cells"
+                reason = f"all facets with this tag are {where}"
+            name = f"{_MEASURES.get(kind, 'the measure')}({number})"
+            yield f"integral over {name}", f"an integral over {name} is 0: {reason}"
+
+
+def _uncovered(form: ufl.Form, domain: mesh.Mesh) -> Iterator[_Warning]:
+    """Yield a warning about cells without an integral, which have no stiffness. Collective."""
+    covered = np.zeros(domain.topology.index_map(domain.topology.dim).size_local, dtype=bool)
+    tags: dict[int, int] = {}  # of the cells in the data of the measures
+    for integral in form.integrals_by_type("cell"):
+        for number in _ids(integral):
+            if isinstance(number, str):  # over all cells
+                return
+            covered[_entities(integral, number, domain)[1]] = True
+        data = integral.subdomain_data()
+        if isinstance(data, mesh.MeshTags):
+            tags |= zip(data.indices.tolist(), data.values.tolist(), strict=True)
+    count = domain.comm.allreduce(int((~covered).sum()))
+    if count:
+        own = {tag for cell, tag in tags.items() if cell < len(covered) and not covered[cell]}
+        found = sorted(set().union(*domain.comm.allgather(own)))
+        names = f"; their tags: {', '.join(map(str, found))}" if found else ""
+        yield "cells", f"{count} cells have no integral over dx, and no stiffness{names}"
+
+
+def _hourglass(form: ufl.Form, V: fem.FunctionSpace) -> Iterator[_Warning]:
+    """Yield warnings about quadrature rules with too few points for a regular stiffness."""
+    degrees: dict[Any, list[int]] = {}  # of the integrals over each set of cells
+    for integral in form.integrals():
+        if integral.integral_type() == "cell":
+            for number in _ids(integral):
+                degree = integral.metadata().get("quadrature_degree", -1)  # -1: estimated
+                degrees.setdefault(number, []).append(degree)
+    degree = V.ufl_element().degree
+    simplex = V.mesh.topology.cell_name() in ("triangle", "tetrahedron")
+    least, usual = (2 * degree - 2, 2 * degree) if simplex else (2 * degree, 2 * degree + 1)
+    for named in degrees.values():
+        if min(named) >= 0 and max(named) < least:
+            yield (
+                "quadrature",
+                f"the quadrature degree {max(named)} of dx is below {least}, so that displacements "
+                f"without energy may exist (hourglass modes): take quadrature_degree {usual}",
+            )
+
+
+def _locking(form: ufl.Form, V: fem.FunctionSpace) -> Iterator[_Warning]:
+    """Yield warnings about elements that lock."""
+    rules = [integral.metadata().get("quadrature_rule") for integral in form.integrals()]
+    if V.ufl_element().degree > 1 or "custom" in rules:  # a mean dilatation
+        return
+    for material in materials_in(form):
+        given = getattr(material, "material", material)  # of a body of revolution
+        moduli = (getattr(given, name, 0.0) for name in ("lmbda", "mu"))
+        lmbda, mu = (present_value(modulus) for modulus in moduli)
+        if not lmbda or mu is None or getattr(given, "plane_stress", False):
+            continue
+        poisson = lmbda / (2 * (lmbda + mu))
+        if _LOCKS < poisson < 0.5:
+            yield (
+                "locking",
+                f"elements of degree 1 lock at Poisson's ratio {poisson:.6g}, which follows from "
+                f"lambda = {lmbda:.6g} and mu = {mu:.6g}: take mean_dilatation_energy or degree 2; "
+                "if these are Young's modulus and Poisson's ratio, take LinearElastic.from_young "
+                "or materials.lame",
+            )
+
+
+def _ids(integral: ufl.Integral) -> tuple[Any, ...]:
+    """Return the tags of an integral, or the name of its domain."""
+    ids = integral.subdomain_id()
+    return ids if isinstance(ids, tuple) else (ids,)
+
+
+def _entities(integral: ufl.Integral, number: int, domain: mesh.Mesh) -> tuple[int, Indices]:
+    """Return the number of entities of an integral over a tag, and the entities with this tag.
+
+    Facets with the tag that are not of the kind of the measure are not integrated. Not collective.
+    """
+    data = integral.subdomain_data()
+    if not isinstance(data, mesh.MeshTags):
+        given = [np.ravel(entities) for tag, entities in data or () if tag == number]
+        tagged = np.concatenate([*given, np.zeros(0, dtype=np.int32)])
+        return len(tagged), tagged
+    owned = domain.topology.index_map(data.dim).size_local
+    tagged = data.find(number)
+    tagged = tagged[tagged < owned]
+    kind = integral.integral_type()
+    if kind == "cell":
+        return len(tagged), tagged
+    boundary = np.isin(tagged, mesh.exterior_facet_indices(domain.topology))
+    return int((boundary if kind == "exterior_facet" else ~boundary).sum()), tagged
 
 
 def check_sides(eq: ContactEquations) -> None:
@@ -420,87 +544,6 @@ def _warn_of_dragging(eq: ContactEquations) -> None:
                 "friction opposes slip over the obstacle as it is now; use a RigidBody with the "
                 "motion of the obstacle",
             )
-
-
-# -- states ----------------------------------------------------------------------------------------
-
-
-def diverged(eq: ContactEquations, x: PETSc.Vec) -> str:
-    """Return a message about a motion beyond any equilibrium; "" if there is none. Collective.
-
-    Where loads have no equilibrium a body slides away, and residuals relative to the nodal forces
-    of such displacements are meaningless.
-    """
-    parts = eq.unknowns.blocks(x)
-    values = np.array([np.max(np.abs(v), initial=0.0) for v in (parts[0], parts[-1])])
-    body, rigid = largest(eq.comm, values) / eq.body_size
-    if max(body, rigid) <= _FAR:
-        return ""
-    which = "the body" if body >= rigid else "a rigid body"
-    return (
-        f"{which} goes away, by {max(body, rigid):.1e} times the size of the body: nothing holds "
-        "it against the loads"
-    )
-
-
-def inverted(eq: ContactEquations, x: PETSc.Vec) -> str:
-    """Return a message about a hyperelastic body turned inside out; "" if it is not. Collective."""
-    if eq.bulk.linear:
-        return ""
-    smallest, place = smallest_jacobian(
-        eq.V, eq.unknowns.displacement(x), vertices=False, axisymmetric=eq.axisymmetric
-    )
-    if smallest > 0:
-        return ""
-    where = ", ".join(f"{c:.4g}" for c in place)
-    return f"its solution has det F = {smallest:.3g} at ({where})"
-
-
-def held_across(eq: ContactEquations, state: Evaluation) -> str:
-    """Return a message about a touching point held along its normal; "" if none is. Collective.
-
-    With friction on a curved obstacle, a node held in one direction has no multiplier component in
-    that direction, which must remain tangential.
-    """
-    for held, s, found in zip(eq.constraints.held, eq.surfaces, state.surfaces, strict=True):
-        if s.displaced is None or not s.displaced.friction:
-            continue
-        n = s.points.vertices.dofmap.index_map.size_local
-        fixed = np.asarray(held)[s.points.vertex_trace_dofs]
-        partly = np.where(np.all(fixed, axis=1)[:, None], False, fixed)
-        if not anywhere(eq.comm, bool(partly.any()))[0]:
-            continue
-        touches = s.points.at_vertices(closed(found.statuses).astype(float))[:n]
-        normal = s.points.at_vertices(found.data.n)[:n]
-        across = np.linalg.norm(np.where(partly[:n], normal, 0.0), axis=1)
-        if anywhere(eq.comm, bool(np.any(across[touches > 0] > _ACROSS)))[0]:
-            return (
-                f"{s.name}: Dirichlet data fix a displacement component of a touching node that "
-                "was tangential to the obstacle and is not where it is now, so that friction and "
-                "the support cannot be distinguished; fix all components there or leave it free"
-            )
-    return ""
-
-
-def without_normal(eq: ContactEquations, state: Evaluation) -> str:
-    """Return a message about a displaced point without a normal; "" if all have one. Collective."""
-    for s, found in zip(eq.surfaces, state.surfaces, strict=True):
-        data = found.data
-        place = found.kinematics.place
-        if place is None:
-            continue
-        fall = np.sum(found.kinematics.gap_slope * data.n, axis=1)
-        lost = ~np.isfinite(fall + found.kinematics.gap) | (
-            closed(found.statuses) & (fall > _STEEPEST)
-        )
-        # If the normal is finite, the undefined quantity is the slip in the step.
-        turned = lost & np.isfinite(data.n).all(axis=1) & ~np.isfinite(fall)
-        for which, why in ((lost & ~turned, _NO_NORMAL), (turned, _TURNED)):
-            relative = np.round((s.positions + place)[which] / eq.body_size, 9)
-            if places := sorted_rows(eq.comm, relative):
-                where = ", ".join(f"{c * eq.body_size:.6g}" for c in places[0])
-                return f"{s.name}: {why.format(where)}"
-    return ""
 
 
 # -- data ------------------------------------------------------------------------------------------

@@ -18,8 +18,13 @@ from dolfinx_contact._arrays import Array
 from dolfinx_contact._mpi import require
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation
-from dolfinx_contact.equations.measures import held_back, least_scales, round_off_force
-from dolfinx_contact.equations.validation import held_across, without_normal
+from dolfinx_contact.equations.measures import (
+    held_across,
+    held_back,
+    least_scales,
+    round_off_force,
+    without_normal,
+)
 from dolfinx_contact.laws import status
 from dolfinx_contact.results.balance import (
     PairBalance,

@@ -27,9 +27,8 @@ from dolfinx_contact._mpi import anywhere, count_of, everywhere, sorted_rows
 from dolfinx_contact._petsc import as_raised, logged, options_in_database
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation, Statuses, differs
-from dolfinx_contact.equations.measures import Measures, Scales
+from dolfinx_contact.equations.measures import Measures, Scales, without_normal
 from dolfinx_contact.equations.touching import touches_nothing, touching
-from dolfinx_contact.equations.validation import without_normal
 from dolfinx_contact.solvers.history import Attempt, FloatingBodyError, LinearSolverError, Step
 from dolfinx_contact.solvers.linear import LinearSolver
 

@@ -54,9 +54,10 @@ from dolfinx_contact._mpi import anywhere, maximum, sorted_rows
 from dolfinx_contact._petsc import staged
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation, Statuses
+from dolfinx_contact.equations.measures import diverged, inverted
 from dolfinx_contact.equations.scaling import uniform_strains
 from dolfinx_contact.equations.touching import bring_together
-from dolfinx_contact.equations.validation import diverged, inverted, validate
+from dolfinx_contact.equations.validation import validate
 from dolfinx_contact.laws.status import closed
 from dolfinx_contact.solvers.history import (
     Attempt,
