@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Cache of compiled UFL.
+"""Compiled UFL: a cache, and values at points that belong to no quadrature rule.
 
 A look-up in FFCx's cache lists its folder, which may contain thousands of files. This cache has a
 folder for every first two letters of a signature.
@@ -21,8 +21,9 @@ from mpi4py import MPI
 
 import numpy as np
 
+import basix.ufl
 import ufl
-from dolfinx import fem, jit
+from dolfinx import fem, jit, mesh
 from ufl.corealg.traversal import unique_pre_traversal
 from ufl.domain import extract_unique_domain
 
@@ -31,13 +32,17 @@ from dolfinx_contact._compat import instantiated
 from dolfinx_contact._mpi import everywhere
 
 __all__ = [
+    "PointValues",
+    "ScalarList",
     "at_middle",
     "compiled_expression",
     "compiled_form",
     "derived_form",
     "is_of_cells",
+    "point_data",
 ]
 
+_CHUNK = 256  # number of points evaluated at once
 _PARTS = {"cell": "cells", "exterior_facet": "boundary", "interior_facet": "facets between cells"}
 
 
@@ -102,7 +107,7 @@ def derived_form(
         ValueError: as `compiled_form`.
     """
     key = name, original.signature()
-    mesh = original.integrals()[0].ufl_domain().ufl_cargo()
+    comm = original.integrals()[0].ufl_domain().ufl_cargo().comm
     given = original.coefficients() if functions is None else functions
     constants = original.constants()
     values = [c.value for c in constants if isinstance(c, fem.Constant)]
@@ -111,8 +116,8 @@ def derived_form(
         raise ValueError("a Constant or Function has complex values: give real ones")
     known = _compiled.get(key) if _tags_agree(original) else None
     here = known is not None
-    if mesh.comm.size > 1:
-        here = bool(mesh.comm.allreduce(int(here), op=MPI.MIN))
+    if comm.size > 1:
+        here = bool(comm.allreduce(int(here), op=MPI.MIN))
     if here and known is not None:
         if spaces is None:
             spaces = [a.ufl_function_space() for a in original.arguments()]
@@ -288,3 +293,63 @@ def _compiler_named(comm: MPI.Comm) -> Iterator[None]:
 def _folder(name: str) -> dict[str, Any]:
     cache: Path = jit.get_options()["cache_dir"]
     return {"cache_dir": cache / "dolfinx_contact" / name}
+
+
+# -- values at points ------------------------------------------------------------------------------
+# The points are the cells of a small mesh, with one value of each datum per cell. The code that is
+# compiled therefore does not depend on a discretisation.
+
+
+def point_data(width: int) -> fem.Function:
+    """Return a Function with the data of a point in each cell of a small mesh, in columns."""
+    points = mesh.create_interval(MPI.COMM_SELF, _CHUNK, (0.0, 1.0))
+    element = basix.ufl.element("DG", "interval", 0, shape=(width,))
+    return fem.Function(fem.functionspace(points, element))
+
+
+class ScalarList:
+    """List of the scalar components of UFL expressions."""
+
+    def __init__(self) -> None:
+        self.components: list[Any] = []
+
+    def add(self, expression: Any) -> list[int]:
+        """Append the components of an expression and return their numbers."""
+        e = ufl.as_ufl(expression)
+        first = len(self.components)
+        self.components += [e[i] for i in np.ndindex(e.ufl_shape)] if e.ufl_shape else [e]
+        return list(range(first, len(self.components)))
+
+
+class PointValues:
+    """Compiled UFL scalars, evaluated at any number of points. Only construction is collective.
+
+    Several evaluations are made if there are more points than cells.
+
+    Args:
+        components: UFL scalars in ``w``.
+        w: Function with the data of a point, one component per datum; see `point_data`.
+        comm: communicator of the ranks that compile together.
+    """
+
+    def __init__(self, components: Sequence[Any], w: fem.Function, comm: MPI.Comm):
+        self.components = list(components)
+        self._w = w
+        self._mesh = w.function_space.mesh
+        self._dofs = w.function_space.dofmap.list[:, 0]
+        middle = np.array([[0.5]])
+        self._compiled = compiled_expression(ufl.as_vector(self.components), middle, comm)
+
+    def __call__(self, columns: Array) -> Array:
+        """Return values (n, components) for the data ``columns``, shape (n, components of w)."""
+        n = len(columns)
+        chunk = len(self._dofs)
+        width = len(self.components)
+        given = self._w.x.array.reshape(chunk, -1)
+        found = np.empty((n, width))
+        for a in range(0, n, chunk):
+            part = columns[a : a + chunk]
+            given[self._dofs[: len(part)]] = part
+            cells = np.arange(len(part), dtype=np.int32)
+            found[a : a + chunk] = self._compiled.eval(self._mesh, cells).reshape(len(part), width)
+        return found

@@ -2,7 +2,7 @@
 """Contact laws compiled from UFL: values and derivatives at contact points.
 
 A compiled law depends only on the kind of the law and on the dimension, not on the discretisation
-(`_pointwise`).
+(`_forms`).
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ from ufl.algorithms import extract_coefficients
 from ufl.algorithms.analysis import extract_constants
 from ufl.corealg.traversal import unique_pre_traversal
 
+from dolfinx_contact._forms import PointValues, ScalarList
 from dolfinx_contact._mpi import everywhere
-from dolfinx_contact._pointwise import PointValues, ScalarList
 from dolfinx_contact._ufl import depends_on, not_affine
 from dolfinx_contact.laws.answers import Answers, Array, Codes, PointData
 from dolfinx_contact.laws.law import Law, StatusPiece, checked_pieces

@@ -13,7 +13,7 @@ import numpy.typing as npt
 import ufl
 from dolfinx import fem
 
-from dolfinx_contact._pointwise import PointValues, ScalarList
+from dolfinx_contact._forms import PointValues, ScalarList
 from dolfinx_contact.laws.law import Equations
 from dolfinx_contact.laws.symbols import Solved
 

@@ -18,7 +18,7 @@ from ufl.corealg.map_dag import map_expr_dag
 from ufl.corealg.multifunction import MultiFunction
 from ufl.corealg.traversal import unique_pre_traversal
 
-from dolfinx_contact._pointwise import point_data
+from dolfinx_contact._forms import point_data
 from dolfinx_contact.laws.law import ContactPoint, Equations
 
 __all__ = [

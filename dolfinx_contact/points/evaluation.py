@@ -25,9 +25,14 @@ from ufl.corealg.traversal import unique_pre_traversal
 
 from dolfinx_contact._arrays import Array, Indices
 from dolfinx_contact._compat import facet_integration_entities, interpolation_points
-from dolfinx_contact._forms import compiled_expression, compiled_form
+from dolfinx_contact._forms import (
+    PointValues,
+    ScalarList,
+    compiled_expression,
+    compiled_form,
+    point_data,
+)
 from dolfinx_contact._mpi import SharedValues
-from dolfinx_contact._pointwise import PointValues, ScalarList, point_data
 from dolfinx_contact.body.bulk import checksum
 from dolfinx_contact.obstacles import Measured, Obstacle
 from dolfinx_contact.points.trace import owned_exterior
