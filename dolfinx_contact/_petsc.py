@@ -47,6 +47,7 @@ __all__ = [
     "matrix_of",
     "options_in_database",
     "parse_arguments",
+    "product",
     "require_real",
     "stacked",
     "staged",
@@ -227,6 +228,16 @@ def half_of(A: PETSc.Mat) -> PETSc.Mat:
     """
     A.setOption(PETSc.Mat.Option.SYMMETRIC, True)
     return A.convert("sbaij", PETSc.Mat())
+
+
+def product(A: PETSc.Mat, values: Array) -> Array:
+    """Return the owned entries of A x; the owned entries of x begin ``values``. Collective."""
+    x, y = A.createVecs()
+    x.array[:] = values[: x.getLocalSize()]
+    A.mult(x, y)
+    found: Array = y.array_r.copy()
+    x.destroy(), y.destroy()
+    return found
 
 
 def forget_product(A: PETSc.Mat) -> None:

@@ -27,7 +27,7 @@ import numpy.typing as npt
 from dolfinx_contact._arrays import Array, Mask
 from dolfinx_contact._geometry import Gathered, plane_tangents
 from dolfinx_contact._mpi import require
-from dolfinx_contact._petsc import stacked
+from dolfinx_contact._petsc import product, stacked
 from dolfinx_contact.analysis.rows import (
     component_rows,
     free_axes,
@@ -254,14 +254,7 @@ def free_motions(eq: ContactEquations, blocks: Sequence[PETSc.Mat]) -> Array:
     if len(motions) == 0:
         return motions
     rows = stacked(blocks)
-    u, jumps = rows.createVecs()
-    responses = []
-    for motion in motions:
-        u.array[:] = motion[: eq.V.dofmap.index_map.size_local].reshape(-1)
-        rows.mult(u, jumps)
-        responses.append(jumps.array_r.copy())
-    for thing in (rows, u, jumps):
-        thing.destroy()
-    R = np.array(responses)
+    R = np.array([product(rows, motion.reshape(-1)) for motion in motions])
+    rows.destroy()
     # combinations of motions without jumps on any rank
     return rigid.combine(eq.comm.allreduce(R @ R.T), motions)

@@ -27,11 +27,11 @@ from dolfinx import fem, la
 from dolfinx_contact._arrays import Array
 from dolfinx_contact._forms import derived_form
 from dolfinx_contact._mpi import SharedValues, anywhere
-from dolfinx_contact._petsc import half_of
+from dolfinx_contact._petsc import half_of, product
 from dolfinx_contact._ufl import kinks_of
 from dolfinx_contact.materials import materials_in
 
-__all__ = ["Bulk", "checksum", "circumference", "weighted"]
+__all__ = ["Bulk", "Stiffness", "checksum", "circumference", "weighted"]
 
 
 _Fact = TypeVar("_Fact")
@@ -72,7 +72,47 @@ def weighted(form: ufl.Form, *, axisymmetric: bool) -> ufl.Form:
 # -- the body --------------------------------------------------------------------------------------
 
 
-class Bulk:
+class Stiffness:
+    """Stiffness matrix of a body, which may be stored by half for products.
+
+    Attributes:
+        linear: whether the stiffness does not depend on the displacement.
+    """
+
+    linear: bool
+    #: Whether the stiffness is symmetric.
+    _symmetric: bool
+    _K: PETSc.Mat | None = None
+    _half: PETSc.Mat | None = None
+
+    @property
+    def for_products(self) -> PETSc.Mat:
+        """Most recently assembled stiffness, optimised for many products. Collective.
+
+        If the body is linear and the stiffness symmetric, only the upper triangle is stored. The
+        conversion costs as much as a few tens of products.
+        """
+        assert self._K is not None
+        if not self.linear or not self._symmetric:
+            return self._K
+        if self._half is None:
+            self._half = half_of(self._K)
+        return self._half
+
+    def _forget_half(self) -> None:
+        if self._half is not None:
+            self._half.destroy()
+            self._half = None
+
+    def destroy(self) -> None:
+        """Free the matrices."""
+        self._forget_half()
+        if self._K is not None:
+            self._K.destroy()
+            self._K = None
+
+
+class Bulk(Stiffness):
     """Residual and stiffness of a body, evaluated at displacements passed as arguments.
 
     Displacements are arrays of all local values, including ghosts. Symbolic properties of the form,
@@ -116,7 +156,7 @@ class Bulk:
         self.materials = materials_in(form)
         self.displacement = own = fem.Function(self._V, name=u.name)
         self._given = form, u
-        self.is_energy = not form.arguments()
+        self.is_energy = self._symmetric = not form.arguments()
         #: Functions in the user's form, in UFL order.
         self._ordered = [own if f is u else f for f in form.coefficients()]
         #: Key of the form: its signature, and the position of the displacement among its Functions.
@@ -141,8 +181,6 @@ class Bulk:
         self._update_ghosts()
         self._owned = self._V.dofmap.index_map.size_local * self._V.dofmap.index_map_bs
         self._rows = SharedValues(self._V.dofmap.index_map)
-        self._K: PETSc.Mat | None = None
-        self._half: PETSc.Mat | None = None
         self._f: Array | None = None
         #: Data and displacement of the assembled stiffness: `stiffness_mark` and a checksum.
         self._K_mark = 0, 0
@@ -352,42 +390,10 @@ class Bulk:
         """Whether the stiffness is constant and assembled with the present data."""
         return self.linear and self._K is not None and self._K_mark[0] == self.stiffness_mark
 
-    @property
-    def for_products(self) -> PETSc.Mat:
-        """Most recently assembled stiffness, optimised for many products. Collective.
-
-        If the body is linear and has an energy, only the upper triangle is stored. The conversion
-        costs as much as a few tens of products.
-        """
-        assert self._K is not None
-        if not self.linear or not self.is_energy:
-            return self._K
-        if self._half is None:
-            self._half = half_of(self._K)
-        return self._half
-
     def times(self, u: Array) -> Array:
         """Return owned entries of K u with the most recently assembled stiffness. Collective."""
         assert self._K is not None
-        x = self._K.createVecRight()
-        y = self._K.createVecLeft()
-        x.array[:] = u[: x.getLocalSize()]
-        (self._K if self._half is None else self._half).mult(x, y)
-        values = y.array_r.copy()
-        x.destroy(), y.destroy()
-        return values
-
-    def _forget_half(self) -> None:
-        if self._half is not None:
-            self._half.destroy()
-            self._half = None
-
-    def destroy(self) -> None:
-        """Free the matrices."""
-        self._forget_half()
-        if self._K is not None:
-            self._K.destroy()
-            self._K = None
+        return product(self._K if self._half is None else self._half, u)
 
 
 def checksum(data: Sequence[Any]) -> int:

@@ -26,9 +26,10 @@ import dolfinx.fem.petsc
 import ufl
 from dolfinx import fem
 
-from dolfinx_contact._arrays import Array, Mask
+from dolfinx_contact._arrays import Mask
 from dolfinx_contact._forms import compiled_form
 from dolfinx_contact._mpi import require
+from dolfinx_contact._petsc import product
 from dolfinx_contact.body.rigid import combine, parts, rigid_motions
 
 __all__ = ["Mass", "inertia_error", "mass_matrix"]
@@ -101,21 +102,12 @@ def inertia_error(
     if not len(modes):
         return 0.0
     rows = modes[:, :n].reshape(len(modes), -1)
-    G, G0 = (comm.allreduce(rows @ np.array(_products(A, rows)).T) for A in (M, consistent))
+    G, G0 = (
+        comm.allreduce(rows @ np.array([product(A, row) for row in rows]).T)
+        for A in (M, consistent)
+    )
     ratios = 1.0 / np.maximum(scipy.linalg.eigh(G, G0, eigvals_only=True), 1e-300)
     return float(np.max(np.abs(ratios - 1.0)))
-
-
-def _products(A: PETSc.Mat, rows: Array) -> list[Array]:
-    """Return the owned entries of the products of a matrix with several vectors. Collective."""
-    x, y = A.createVecs()
-    found = []
-    for row in rows:
-        x.array[:] = row
-        A.mult(x, y)
-        found.append(y.array_r.copy())
-    x.destroy(), y.destroy()
-    return found
 
 
 def _check_density(V: fem.FunctionSpace, density: Any) -> None:

@@ -38,8 +38,8 @@ import ufl
 from dolfinx import fem
 
 from dolfinx_contact._arrays import Array
-from dolfinx_contact._petsc import half_of, is_symmetric
-from dolfinx_contact.body.bulk import Bulk
+from dolfinx_contact._petsc import is_symmetric, product
+from dolfinx_contact.body.bulk import Bulk, Stiffness
 
 __all__ = ["MovingBody", "Scheme", "TimeStep"]
 
@@ -99,7 +99,7 @@ class TimeStep:
         return np.asarray(w0 + (u - w0) / self.share)
 
 
-class MovingBody:
+class MovingBody(Stiffness):
     """Body with inertia in a time step, with the interface of a `Bulk`; the unknown is w.
 
     Args:
@@ -121,8 +121,6 @@ class MovingBody:
 
     def __init__(self, body: Bulk, mass: PETSc.Mat, damping: PETSc.Mat | None, step: TimeStep):
         self.body = body
-        self.mass = mass
-        self.damping = damping
         self.comm = body.comm
         self.linear = body.linear
         self.is_energy = body.is_energy
@@ -140,10 +138,8 @@ class MovingBody:
         self._origin = zeros
         self._given = zeros[: self._owned]
         self.reach = 0.0
-        self._K: PETSc.Mat | None = None
-        self._half: PETSc.Mat | None = None
         self._of: tuple[int, TimeStep] | None = None
-        self._symmetric = damping is None or is_symmetric(damping)
+        self._take(mass, damping)
         #: R(0), number of the stiffness assembly, and rows at w_0 computed with them.
         self._start: tuple[Array, tuple[int, TimeStep], Array] | None = None
 
@@ -152,10 +148,13 @@ class MovingBody:
         for old in (self.mass, self.damping):
             if old is not None:
                 old.destroy()
+        self._take(mass, damping)
+        self._of = self._start = None
+
+    def _take(self, mass: PETSc.Mat, damping: PETSc.Mat | None) -> None:
         self.mass = mass
         self.damping = damping
-        self._symmetric = damping is None or is_symmetric(damping)
-        self._of = self._start = None
+        self._symmetric = self.is_energy and (damping is None or is_symmetric(damping))
 
     def begin(self, step: TimeStep, u: Array, v: Array, rows: Array) -> None:
         """Begin a time step. Collective.
@@ -169,7 +168,7 @@ class MovingBody:
         self.step = step
         self._origin = step.origin(u, v)
         self._start = None
-        before = self.times(self.mass, v) / step.length
+        before = product(self.mass, v) / step.length
         self._given = (1.0 - step.theta) * rows - before
         self.reach = float(np.max(np.abs(self._origin), initial=0.0))
 
@@ -183,28 +182,19 @@ class MovingBody:
         """Displacement w_0 of the step, array of all local values including ghosts."""
         return self._origin
 
-    def times(self, matrix: PETSc.Mat, values: Array) -> Array:
-        """Return the owned entries of the product of a matrix with a local array. Collective."""
-        x, y = matrix.createVecs()
-        x.array[:] = values[: self._owned]
-        matrix.mult(x, y)
-        product = y.array_r.copy()
-        x.destroy(), y.destroy()
-        return product
-
     def _rows(self, w: Array, inner: Array) -> Array:
         """Return the rows of the step from the residual R at u_1. Collective."""
         v = self.step.velocity(w, self._origin)
-        rows = self.step.theta * inner + self.times(self.mass, v) / self.step.length
+        rows = self.step.theta * inner + product(self.mass, v) / self.step.length
         if self.damping is not None:
-            rows += self.step.theta * self.times(self.damping, v)
+            rows += self.step.theta * product(self.damping, v)
         return np.asarray(rows + self._given)
 
     def forces(self, u: Array, v: Array) -> Array:
         """Return the owned values of R(u) + C v with the current loads. Collective."""
         inner = self.body.affine_residual(u)
         inner = self.body.residual_at(u) if inner is None else inner
-        return inner if self.damping is None else inner + self.times(self.damping, v)
+        return inner if self.damping is None else inner + product(self.damping, v)
 
     def load(self) -> Array:
         """Return the owned values of the current loads, -R(0). Collective."""
@@ -234,13 +224,13 @@ class MovingBody:
         f = self.body.affine_load()
         if f is None:
             return None
-        if self._of != (self.body.assemblies, self.step):
+        if self._K is None or self._of != (self.body.assemblies, self.step):
             self.stiffness(w)
         assert self._of is not None
         if self._start is None or self._start[0] is not f or self._start[1] != self._of:
             at = self._rows(self._origin, f + self.body.times(self._origin))
             self._start = f, self._of, at
-        return self._start[2] + self.times(self.for_products, w - self._origin)
+        return self._start[2] + product(self.for_products, w - self._origin)
 
     def local_rows(self, w: Array) -> Array:
         """Return the contributions of this rank to the rows, shape (n, dim). Collective."""
@@ -255,7 +245,7 @@ class MovingBody:
 
     def rate_at(self, w: Array, step: Array) -> Array:
         """Return the stiffness times a step of w; see `Bulk.rate_at`. Collective."""
-        return self.times(self.stiffness(w), step)
+        return product(self.stiffness(w), step)
 
     def stiffness(self, w: Array) -> PETSc.Mat:
         """Return the derivative of the rows with respect to w; see `Bulk.stiffness`. Collective."""
@@ -281,16 +271,6 @@ class MovingBody:
         return self._K
 
     @property
-    def for_products(self) -> PETSc.Mat:
-        """Most recently assembled stiffness; see `Bulk.for_products`. Collective."""
-        assert self._K is not None
-        if not self.linear or not self.is_energy or not self._symmetric:
-            return self._K
-        if self._half is None:
-            self._half = half_of(self._K)
-        return self._half
-
-    @property
     def stiffness_mark(self) -> int:
         """Checksum of the step and of `Bulk.stiffness_mark`, the same on every rank."""
         return zlib.crc32(repr((self.step, self.body.stiffness_mark)).encode())
@@ -299,15 +279,3 @@ class MovingBody:
     def stiffness_data(self) -> list[Any]:
         """See `Bulk`."""
         return self.body.stiffness_data
-
-    def _forget_half(self) -> None:
-        if self._half is not None:
-            self._half.destroy()
-            self._half = None
-
-    def destroy(self) -> None:
-        """Free the matrices created by this object."""
-        self._forget_half()
-        if self._K is not None:
-            self._K.destroy()
-            self._K = self._of = None

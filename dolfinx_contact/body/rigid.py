@@ -14,6 +14,7 @@ from dolfinx import fem, la
 from dolfinx_contact._arrays import Array, Indices, Mask
 from dolfinx_contact._geometry import connected_parts, dot, in_space, node_positions
 from dolfinx_contact._mpi import largest, total
+from dolfinx_contact._petsc import product
 from dolfinx_contact.body.cells import vertex_moments
 
 __all__ = [
@@ -252,16 +253,8 @@ def free_motions(
     by_data = total(V.mesh.comm, held @ held.T)
     if not len(loose(by_data)):
         return modes[:0]
-    x = K.createVecRight()
-    y = K.createVecLeft()
     scale = K.norm(PETSc.NormType.NORM_INFINITY)
-    forces = []
-    for mode in modes:
-        x.array[:] = mode[:n].reshape(-1)
-        K.mult(x, y)
-        forces.append(y.array.copy() / scale)
-    x.destroy(), y.destroy()
-    resisting = np.array(forces)
+    resisting = np.array([product(K, mode[:n].reshape(-1)) for mode in modes]) / scale
     return combine(by_data + total(V.mesh.comm, resisting @ resisting.T), modes)
 
 

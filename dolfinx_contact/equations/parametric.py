@@ -22,6 +22,7 @@ from dolfinx_contact._compat import dirichlet_value, is_value_of
 from dolfinx_contact._forms import compiled_form
 from dolfinx_contact._geometry import Gathered, node_positions
 from dolfinx_contact._mpi import require
+from dolfinx_contact._petsc import product
 from dolfinx_contact.body.bulk import checksum
 from dolfinx_contact.continuation import Events, Piece, Preconditioner, System
 from dolfinx_contact.equations.contact import ContactEquations
@@ -352,15 +353,11 @@ class ParametricEquations(System):
     def metric(self, x: PETSc.Vec, out: PETSc.Vec) -> None:
         if self._metric is None:
             self._metric = self._mass()
-            self._mass_in, self._mass_out = self._metric.createVecs()
         dim = self.equations.dim
-        n = dim * self._mass_in.getLocalSize()
         out.set(0.0)
         for component in range(dim):
-            part = slice(component, n, dim)
-            self._mass_in.array[:] = x.array_r[part]
-            self._metric.mult(self._mass_in, self._mass_out)
-            out.array[part] = self._mass_out.array_r
+            part = slice(component, self.equations.owned_sizes[0], dim)
+            out.array[part] = product(self._metric, x.array_r[part])
         rigid = out.getLocalSize() - self.equations.rigid.owned
         out.array[rigid:] = x.array_r[rigid:] / self.equations.body_size**2
 

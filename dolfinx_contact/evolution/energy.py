@@ -50,6 +50,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact._mpi import total
+from dolfinx_contact._petsc import product
 from dolfinx_contact.body.moving import MovingBody
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import ContactState, Evaluation
@@ -331,7 +332,7 @@ def motion_at(eq: ContactEquations, state: Evaluation, u: Array, v: Array) -> Mo
     n = eq.owned_sizes[0]
     load = body.load()
     inner = body.body.energy_at(u)
-    products = np.array([load @ u[:n], 0.5 * v[:n] @ body.times(body.mass, v)])
+    products = np.array([load @ u[:n], 0.5 * v[:n] @ product(body.mass, v)])
     potential, kinetic = eq.comm.allreduce(products).tolist()
     surfaces = tuple(map(_at_surface, eq.surfaces, state.surfaces))
     inner = None if inner is None else inner + potential
@@ -369,7 +370,7 @@ def account(
     damping = stored = 0.0
     if body.damping is not None:
         mean = step.theta * b.v + (1 - step.theta) * a.v
-        damping = step.length * float(v[:n] @ body.times(body.damping, mean))
+        damping = step.length * float(v[:n] @ product(body.damping, mean))
     if a.inner is None or b.inner is None:
         # the trapezoidal rule of the internal forces, exact for a linear body
         stored = float((a.rows + a.load + b.rows + b.load) / 2 @ du) - damping
