@@ -44,9 +44,46 @@ from dolfinx_contact.points.surface import DiscreteSurface
 from dolfinx_contact.points.trace import at_global_places
 
 if TYPE_CHECKING:
+    from dolfinx_contact.continuation import Preconditioner
     from dolfinx_contact.equations.sliding import SlidingTerms
 
-__all__ = ["ContactTerms", "Jacobian"]
+__all__ = ["ContactTerms", "Jacobian", "JacobianSolver"]
+
+
+class JacobianSolver:
+    """Linear solver of a contact problem: its Jacobian and preconditioner. Methods are collective.
+
+    Attributes:
+        matrix: Jacobian, for SNES.
+        corrects: whether `correct` is implemented.
+        is_followed_with: whether a branch is followed with this solver.
+    """
+
+    matrix: PETSc.Mat
+    corrects = False
+    is_followed_with = False
+
+    @property
+    def preconditioner(self) -> Preconditioner | None:
+        """Preconditioner for systems containing the Jacobian; None if it must be factorised."""
+        return None
+
+    def update(self, state: Evaluation) -> None:
+        """Assemble the Jacobian at an evaluation."""
+        raise NotImplementedError
+
+    def correct(self, state: Evaluation, residual: PETSc.Vec, correction: PETSc.Vec) -> bool:
+        """Solve the rows of the contact surface for its unknowns.
+
+        Args:
+            state: evaluation of H.
+            residual: H.
+            correction: vector that receives the vector to subtract, zero off the surface.
+
+        Returns:
+            Whether there is a correction.
+        """
+        return False
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any, Protocol
+from typing import Any
 
 from petsc4py import PETSc
 
@@ -31,6 +31,7 @@ from dolfinx_contact.equations.data import (
     placed_data,
 )
 from dolfinx_contact.equations.evaluation import Evaluation, Statuses
+from dolfinx_contact.equations.jacobian import JacobianSolver
 from dolfinx_contact.equations.measures import Scales
 from dolfinx_contact.equations.rates import (
     Driven,
@@ -44,29 +45,11 @@ from dolfinx_contact.equations.validation import check_moduli, check_surface
 from dolfinx_contact.laws.status import OPEN
 from dolfinx_contact.points.surface import DiscreteSurface
 
-__all__ = ["JacobianSolver", "ParametricEquations"]
+__all__ = ["ParametricEquations"]
 
 logger = logging.getLogger(__name__)
 
 _MANY_POINTS = 50  # contact points in 3D above which kinks are passed in batches
-
-
-class JacobianSolver(Protocol):
-    """Linear solver of a contact problem. Methods are collective."""
-
-    matrix: PETSc.Mat
-    corrects: bool
-    is_followed_with: bool
-
-    @property
-    def preconditioner(self) -> Preconditioner | None:
-        """Preconditioner of `matrix`; None if the matrix is to be factorised."""
-
-    def update(self, state: Evaluation) -> None:
-        """Assemble the Jacobian at a state."""
-
-    def correct(self, state: Evaluation, residual: PETSc.Vec, correction: PETSc.Vec) -> bool:
-        """Solve the rows of the surfaces for their unknowns; see `System.correct`."""
 
 
 class ParametricEquations(System):
@@ -151,11 +134,6 @@ class ParametricEquations(System):
         driving = [d.value for d in data_within(self._driven_expressions)]
         found = [*(d.value for d in placed_data(self.equations)), *driving]
         return [f for f in found if not any(f is other for other in ours)]
-
-    @property
-    def _driven_functions(self) -> list[fem.Function]:
-        """Functions of Dirichlet conditions depending on gamma."""
-        return [d.function for d in self._driven]
 
     @property
     def _driven_expressions(self) -> list[Any]:

@@ -21,7 +21,6 @@ import numpy as np
 
 import ufl
 from dolfinx import fem, mesh
-from ufl.algorithms.analysis import extract_constants
 from ufl.corealg.traversal import unique_pre_traversal
 
 from dolfinx_contact._arrays import Array, Indices
@@ -164,7 +163,7 @@ def validate(eq: ContactEquations, x0: PETSc.Vec) -> Evaluation | None:
         Evaluation at ``x0``; None if the scales of the data, and with them H, have changed.
     """
     # data, without a state
-    same_everywhere(eq.comm, "data of the problem", Constants=_numbers(eq))
+    same_everywhere(eq.comm, "data of the problem", Constants=lambda: _constants(eq))
     eq.require_same_mesh()
     check_moduli(eq)
     if eq.read_data():
@@ -567,12 +566,7 @@ def _not_finite_law(eq: ContactEquations, state: Evaluation) -> str:
     return ""
 
 
-def _numbers(eq: ContactEquations) -> list[list[float]]:
+def _constants(eq: ContactEquations) -> list[list[float]]:
     """Return the values of all Constants of the data, which must be the same on every rank."""
-    constants = [*eq.bulk.constants, *(c for s in eq.surfaces for c in s.given.constants)]
-    for body in eq.rigid.bodies:
-        for e in body.expressions:
-            constants += extract_constants(e)
-    prescribed = map(dirichlet_value, eq.bcs)
-    constants += [value for value in prescribed if not hasattr(value, "x")]
-    return [[float(v) for v in np.ravel(c.value)] for c in constants]
+    constants = [d.values for d in placed_data(eq) if not hasattr(d.value, "x")]
+    return [np.ravel(values).tolist() for values in constants]

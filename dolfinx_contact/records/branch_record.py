@@ -140,7 +140,7 @@ class BranchRecord(Record[Journal]):
             new["values"] = values_of(
                 system.problem,
                 more=data_within(driven),
-                but=[*system._driven_functions, system.constant],
+                but=[*(d.function for d in system._driven), system.constant],
             )
         new["values"] |= memory_of(system.problem)
         self._require_same(recorded, new)

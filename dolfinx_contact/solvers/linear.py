@@ -13,44 +13,32 @@ from typing import TYPE_CHECKING, Any
 from petsc4py import PETSc
 
 from dolfinx_contact._petsc import DEFAULTS, logged
-from dolfinx_contact.equations.jacobian import Jacobian
+from dolfinx_contact.equations.jacobian import Jacobian, JacobianSolver
 
 if TYPE_CHECKING:
-    from dolfinx_contact.continuation import Preconditioner
     from dolfinx_contact.equations.contact import ContactEquations
     from dolfinx_contact.equations.evaluation import Evaluation
     from dolfinx_contact.solvers.history import Step
 
-__all__ = ["Direct", "LinearSolver", "reasons_of"]
+__all__ = ["Direct", "LinearSolver", "reason_name", "reasons_of"]
 
 _INACCURATE = 1e-2  # relative residual from which a linear solve counts as failed
 
 
-class LinearSolver:
+class LinearSolver(JacobianSolver):
     """Interface of the linear solvers of Newton's method.
 
     Attributes:
         name: ``direct`` or ``amg``.
-        matrix: Jacobian, for SNES.
         defaults: PETSc options of the KSP.
-        corrects: whether `correct` is implemented.
         reduction: reduction of the residual by the last solve; 0 if unknown.
-        is_followed_with: whether a branch is followed with this solver.
         is_iterative: whether the user's options choose an iterative method.
     """
 
     name: str
-    corrects = False
     reduction = 0.0
-    is_followed_with = False
     is_iterative = False
-    matrix: PETSc.Mat
     defaults: dict[str, Any]
-
-    @property
-    def preconditioner(self) -> Preconditioner | None:
-        """Preconditioner for systems containing the Jacobian; None if it must be factorised."""
-        return None
 
     def attach(self, ksp: PETSc.KSP, remainder: Callable[[PETSc.Vec], float]) -> None:
         """Prepare a KSP before it reads its options.
@@ -60,10 +48,6 @@ class LinearSolver:
             remainder: function of a correction returning the norm of H after it, in the rows of
                 the contact conditions; collective.
         """
-
-    def update(self, state: Evaluation) -> None:
-        """Assemble the Jacobian at an evaluation. Collective."""
-        raise NotImplementedError
 
     def prepare(
         self, ksp: PETSc.KSP, step: Step, target: float, state: Evaluation, *, warm: bool
@@ -77,19 +61,6 @@ class LinearSolver:
             state: evaluation at the iterate.
             warm: whether Newton's method began from a state in contact.
         """
-
-    def correct(self, state: Evaluation, residual: PETSc.Vec, correction: PETSc.Vec) -> bool:
-        """Solve the rows of the contact surface for its unknowns. Collective.
-
-        Args:
-            state: evaluation of H.
-            residual: H.
-            correction: vector that receives the vector to subtract, zero off the surface.
-
-        Returns:
-            Whether there is a correction.
-        """
-        return False
 
     def retry(self, ksp: PETSc.KSP, state: Evaluation) -> bool:
         """Return whether another preconditioner is available after a failed solve. Collective."""
@@ -173,10 +144,10 @@ def reasons_of(ksp: PETSc.KSP) -> str:
     comm = ksp.comm.tompi4py()
     pc = ksp.getPC()
     words = [f"{ksp.getType()} with {pc.getType()}"]
-    words.append(f"KSP {_name(PETSc.KSP.ConvergedReason, ksp.getConvergedReason())}")
+    words.append(f"KSP {reason_name(PETSc.KSP.ConvergedReason, ksp.getConvergedReason())}")
     failed = max(comm.allgather(int(pc.getFailedReason())), key=abs)
     if failed != PETSc.PC.FailedReason.NOERROR:
-        words.append(f"PC {_name(PETSc.PC.FailedReason, failed)}")
+        words.append(f"PC {reason_name(PETSc.PC.FailedReason, failed)}")
     if pc.getType() in ("lu", "cholesky"):
         words.append(str(pc.getFactorSolverType()))
         if pc.getFactorSolverType() == "mumps":
@@ -186,6 +157,7 @@ def reasons_of(ksp: PETSc.KSP) -> str:
     return ", ".join(words)
 
 
-def _name(reasons: Any, value: int) -> str:
+def reason_name(reasons: Any, value: int) -> str:
+    """Return PETSc's name of a reason."""
     names = [k for k, v in vars(reasons).items() if v == value and not k.startswith("_")]
     return max(names, key=len, default=str(value))

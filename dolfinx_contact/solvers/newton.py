@@ -30,7 +30,7 @@ from dolfinx_contact.equations.evaluation import Evaluation, Statuses, differs
 from dolfinx_contact.equations.measures import Measures, Scales, without_normal
 from dolfinx_contact.equations.touching import touches_nothing, touching
 from dolfinx_contact.solvers.history import Attempt, FloatingBodyError, LinearSolverError, Step
-from dolfinx_contact.solvers.linear import LinearSolver
+from dolfinx_contact.solvers.linear import LinearSolver, reason_name
 
 __all__ = ["Newton"]
 
@@ -451,8 +451,7 @@ class Newton:
         if reason == _NOT_A_NUMBER:
             lost = "" if self._memo is None else without_normal(self.equations, self._memo)
             return lost or "the residual is not a number"
-        names = {v: k for k, v in vars(reasons).items() if isinstance(v, int)}
-        return names.get(reason, str(reason))
+        return reason_name(reasons, reason)
 
 
 def _restless(
