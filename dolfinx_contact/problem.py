@@ -476,12 +476,7 @@ class ContactProblem(ReadOnly):
     @property
     def statuses(self) -> Statuses:
         """Statuses of the state in the Functions. Collective."""
-        written = self.written_statuses
-        if written is not None:
-            return written
-        self.equations.read_data()
-        with self._unknowns() as x:
-            return self.equations.contact(x).statuses
+        return self.snapshot().statuses
 
     @property
     def written_statuses(self) -> Statuses | None:

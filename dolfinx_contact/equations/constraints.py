@@ -18,7 +18,15 @@ from dolfinx import fem, la
 
 from dolfinx_contact._arrays import Array, Ints, Mask
 from dolfinx_contact._geometry import node_positions
-from dolfinx_contact._mpi import SharedValues, count_of, largest, maximum, require, total
+from dolfinx_contact._mpi import (
+    SharedValues,
+    count_of,
+    largest,
+    maximum,
+    require,
+    sorted_rows,
+    total,
+)
 from dolfinx_contact.equations.evaluation import RigidBodies
 from dolfinx_contact.laws.status import STICK
 from dolfinx_contact.points.shared_functions import crossings, resting
@@ -211,36 +219,32 @@ class Constraints:
         """
         if len(self._bcs) < 2:
             return ""
+        V = self._V
+        bs = V.dofmap.index_map_bs
+        x = rounded(node_positions(V)[:, : V.mesh.geometry.dim])
         values = self._read.x.array
         values[:] = np.nan
-        bs = self._V.dofmap.index_map_bs
-        owned = self._V.dofmap.index_map.size_local * bs
-        changes = []  # condition, dofs, earlier values, values
+        rows = []  # condition, place, earlier value, value
         for number, bc in enumerate(self._bcs):
             # DOLFINx 0.9 counts ghosts among the owned dofs of a condition on several components
             dofs = bc.dof_indices()[0]
-            dofs = dofs[dofs < owned]
+            dofs = dofs[dofs < V.dofmap.index_map.size_local * bs]
             before = values[dofs]
             bc.set(values)
-            changes.append((number, dofs, before, values[dofs]))
-        comm = self._V.mesh.comm
-        size = max(np.max(np.abs(after), initial=0.0) for *_, after in changes)
-        tolerance = _SAME * float(largest(comm, [size])[0])
-        x = rounded(node_positions(self._V)[:, : self._V.mesh.geometry.dim])
-        found = [
-            (number, *x[dofs[i] // bs], before[i], after[i])
-            for number, dofs, before, after in changes
-            for i in np.flatnonzero(np.abs(after - before) > tolerance)
-        ]
-        every = comm.allgather((len(found), min(found, default=None)))
-        count = sum(n for n, _ in every)
-        if not count:
+            numbers = np.full(len(dofs), number)
+            rows.append(np.column_stack([numbers, x[dofs // bs], before, values[dofs]]))
+        changes = np.concatenate(rows)
+        tolerance = _SAME * maximum(V.mesh.comm, np.abs(changes[:, -1]))
+        several = np.abs(changes[:, -1] - changes[:, -2]) > tolerance
+        found = sorted_rows(V.mesh.comm, changes[several])
+        if not found:
             return ""
-        number, *place, first, last = min(example for _, example in every if example is not None)
+        condition, *place, first, last = found[0]
         where = ", ".join(f"{c:.6g}" for c in place)
         return (
-            f"Dirichlet conditions give {count} of the degrees of freedom several values: "
-            f"{first:.6g}, and {last:.6g} by bcs[{number}], at ({where}); the last condition holds"
+            f"Dirichlet conditions give {len(found)} of the degrees of freedom several values: "
+            f"{first:.6g}, and {last:.6g} by bcs[{condition:.0f}], at ({where}); the last "
+            "condition holds"
         )
 
     def _objection_to_values(

@@ -348,7 +348,7 @@ def test_jacobian_with_rigid_motions_agrees_with_differences(dim, method, degree
     v = system.probe(2)
     x.scale(1e-2)
     eq = problem.equations  # what is prescribed is in order: H has that linearly
-    q = np.where(eq.rigid.fixed, eq.prescribed.motions(), eq.unknowns.motions(x))
+    q = np.where(eq.rigid.fixed, eq.constraints.motions(), eq.unknowns.motions(x))
     x.array[x.getLocalSize() - eq.rigid.owned :] = eq.rigid.here(q)
     state = eq.contact(x)
     b = [system.create_vector() for _ in range(3)]
