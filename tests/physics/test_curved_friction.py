@@ -197,9 +197,9 @@ def test_the_jacobian_on_curved_obstacles_agrees_with_differences(
     v.array[:n][eq.fixed[:n]] = 0.0
     if turned:
         rest = n + eq.owned_sizes[1]
-        x.array[rest:] = eq.rigid.here(np.where(eq.rigid.fixed, eq.prescribed.motions(), 0.03))
+        x.array[rest:] = eq.rigid.here(np.where(eq.rigid.fixed, eq.constraints.motions(), 0.03))
         v.array[rest:] = eq.rigid.here(np.where(eq.rigid.fixed, 0.0, 1.0))
-    x.array[:n][eq.fixed[:n]] = eq.prescribed.values().reshape(-1)[:n][eq.fixed[:n]]
+    x.array[:n][eq.fixed[:n]] = eq.constraints.displacement()[:n][eq.fixed[:n]]
     errors = errors_of_differences(problem, x, v, (3e-5, 3e-6))
     assert errors[0] < 1e-5
     assert errors[1] < 0.02 * errors[0] + 1e-9

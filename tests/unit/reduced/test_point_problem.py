@@ -151,7 +151,7 @@ def compliance(cell):
     K = K[np.arange(n, dtype=PETSc.IntType), np.arange(n, dtype=PETSc.IntType)]
     fixed = eq.fixed[:n]
     free = np.flatnonzero(~fixed)
-    prescribed = np.where(fixed, eq.prescribed.values().reshape(-1)[:n], 0.0)
+    prescribed = np.where(fixed, eq.constraints.displacement()[:n], 0.0)
     nodes = problem.u.function_space.tabulate_dof_coordinates()[:, :d]
     up = np.array((0.1, *[0.05] * (d - 2), 1.0)) / np.linalg.norm((0.1, *[0.05] * (d - 2), 1.0))
     rows = np.zeros((d * points.number, n))

@@ -207,8 +207,8 @@ def test_the_jacobian_on_rigid_surfaces_agrees_with_differences(kind, given):
     rest = n + eq.owned_sizes[1]
     v.array[:n][eq.fixed[:n]] = 0.0
     v.array[rest:] = 0.0
-    x.array[rest:] = eq.rigid.here(eq.prescribed.motions())
-    x.array[:n][eq.fixed[:n]] = eq.prescribed.values().reshape(-1)[:n][eq.fixed[:n]]
+    x.array[rest:] = eq.rigid.here(eq.constraints.motions())
+    x.array[:n][eq.fixed[:n]] = eq.constraints.displacement()[:n][eq.fixed[:n]]
     errors = errors_of_differences(problem, x, v, (1e-5, 1e-6))
     assert errors[0] < 1e-5
     assert errors[1] < 0.02 * errors[0] + 1e-8
