@@ -7,8 +7,8 @@ collective; `_mpi.collective` raises the error of one rank on every rank.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Mapping
-from contextlib import suppress
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from copy import copy
 from dataclasses import FrozenInstanceError
 from functools import wraps
@@ -27,6 +27,7 @@ __all__ = [
     "instance",
     "is_count",
     "is_number",
+    "located",
     "nonnegative",
     "number",
     "one_of",
@@ -175,6 +176,15 @@ def word(value: Any, name: str) -> str:
     if not isinstance(value, str) or not value:
         raise ValueError(f"{name} must be a word, got {value!r}")
     return value
+
+
+@contextmanager
+def located(where: str) -> Iterator[None]:
+    """Context manager that begins the message of a ``ValueError`` with a place."""
+    try:
+        yield
+    except ValueError as error:
+        raise ValueError(f"{where}: {error}") from None
 
 
 # -- compiled objects ------------------------------------------------------------------------------

@@ -17,6 +17,7 @@ from dolfinx import fem
 
 from dolfinx_contact._arrays import Array, Codes
 from dolfinx_contact._mpi import Arguments, collective, on_root, require
+from dolfinx_contact._validate import located
 from dolfinx_contact.analysis.body_proofs import obstacle_to_proof
 from dolfinx_contact.analysis.curve_search import follow_events
 from dolfinx_contact.analysis.event_curves import EventCurves
@@ -101,7 +102,8 @@ def _condensed(
         system.set_parameter(0.0)
         for s, memory in zip(eq.surfaces, eq.memory, strict=True):
             s.update_geometry()
-            check_law(s, memory, f" where the second parameter is {mu:g}")
+            with located(f"where the second parameter is {mu:g}"):
+                check_law(s, memory)
         fits = system.is_linear and can_condense(system)
         fits = fits and not any(s.law.bound_kind == "given" for s in eq.surfaces)
         nothing = system.create_vector()

@@ -190,9 +190,7 @@ class Constraints:
         along = np.abs(along) if s.between_bodies else along
         return 0.5 * maximum(s.comm, along)
 
-    def check_values(
-        self, surfaces: Sequence[DiscreteSurface], size: float, where: str = ""
-    ) -> None:
+    def check_values(self, surfaces: Sequence[DiscreteSurface], size: float) -> None:
         """Raise ``ValueError`` for Dirichlet values that contact does not allow. Collective.
 
         These are values that are not finite, clamped nodes inside an obstacle, and nodes off their
@@ -201,16 +199,15 @@ class Constraints:
         Args:
             surfaces: contact surfaces.
             size: size of the body, a length.
-            where: addition to the name of the surface in the message.
         """
         values = self.values()
         finite = bool(np.isfinite(values[self.fixed]).all())
-        require(self._V.mesh.comm, finite, f"a Dirichlet value is not finite{where}")
+        require(self._V.mesh.comm, finite, "a Dirichlet value is not finite")
         prescribed = np.where(self.fixed, values, 0.0)
         for i, s in enumerate(surfaces):
-            s.require_in_place(prescribed, size, where)
+            s.require_in_place(prescribed, size)
             objection = self._objection_to_values(i, s, prescribed, size)
-            require(s.comm, not objection, f"{s.name}{where}: {objection}")
+            require(s.comm, not objection, f"{s.name}: {objection}")
 
     def contradiction(self) -> str:
         """Return a message about dofs with several Dirichlet values; "" without any. Collective.

@@ -23,6 +23,7 @@ from dolfinx_contact._forms import compiled_form
 from dolfinx_contact._geometry import Gathered, node_positions
 from dolfinx_contact._mpi import require
 from dolfinx_contact._petsc import product
+from dolfinx_contact._validate import located
 from dolfinx_contact.body.bulk import checksum
 from dolfinx_contact.continuation import Events, Piece, Preconditioner, System
 from dolfinx_contact.equations.contact import ContactEquations
@@ -214,17 +215,17 @@ class ParametricEquations(System):
         changing = bool(self._driven or varying or self._rigid_rates.applies)
         with self.restored(always=True):
             for gamma in gammas:
-                where = f" at gamma = {gamma:g}"
                 self._set(gamma)
-                check_moduli(eq, where)
-                for s, memory in zip(surfaces, eq.memory, strict=True):
-                    # The test of a pair searches its faces: at the ends only if it is constant.
-                    ends = gammas[:1] if not s.between_bodies else (gammas[0], gammas[-1])
-                    if s in varying or gamma in ends:
-                        s.update_geometry()
-                        check_surface(s, memory, where)
-                if changing or gamma == gammas[0]:
-                    eq.constraints.check_values(surfaces, eq.body_size, where)
+                with located(f"at gamma = {gamma:g}"):
+                    check_moduli(eq)
+                    for s, memory in zip(surfaces, eq.memory, strict=True):
+                        # The test of a pair searches its faces: at the ends only if it is constant.
+                        ends = gammas[:1] if not s.between_bodies else (gammas[0], gammas[-1])
+                        if s in varying or gamma in ends:
+                            s.update_geometry()
+                            check_surface(s, memory)
+                    if changing or gamma == gammas[0]:
+                        eq.constraints.check_values(surfaces, eq.body_size)
 
     @property
     def has_many_pieces(self) -> bool:  # type: ignore[override]

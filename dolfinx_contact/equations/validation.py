@@ -208,30 +208,29 @@ def validate_data(eq: ContactEquations) -> None:
         check_surface(s, memory)
 
 
-def check_moduli(eq: ContactEquations, where: str = "") -> None:
+def check_moduli(eq: ContactEquations) -> None:
     """Raise ``ValueError`` if the moduli of a material are not admissible. Collective."""
     objection = ""
     try:
         for material in eq.bulk.materials:
             material.check_moduli()
     except ValueError as error:
-        objection = f"{error}{where}"
+        objection = str(error)
     require(eq.comm, not objection, objection)
 
 
-def check_surface(s: DiscreteSurface, memory: Memory | None, where: str = "") -> None:
+def check_surface(s: DiscreteSurface, memory: Memory | None) -> None:
     """Raise ``ValueError`` if gaps, normals or law of a surface are not valid now. Collective.
 
     Args:
         s: contact surface.
         memory: memory of its points at the beginning of the step; None under the static law.
-        where: end of the message.
     """
     check_obstacle(s)
     s.check_gaps()
-    check_law(s, memory, where)
+    check_law(s, memory)
     if memory is None:
-        check_turn(s, None, where)
+        check_turn(s, None)
 
 
 def check_obstacle(s: DiscreteSurface) -> None:
@@ -244,7 +243,7 @@ def check_obstacle(s: DiscreteSurface) -> None:
         raise ValueError(f"{s.name}: the gap or normal of the obstacle is not finite: {cause}")
 
 
-def check_law(s: DiscreteSurface, memory: Memory | None, where: str = "") -> None:
+def check_law(s: DiscreteSurface, memory: Memory | None) -> None:
     """Raise ``ValueError`` if the law of a surface is not valid with its fields. Collective.
 
     Fields must be finite and have the sign that the law requires, the friction bound must not be
@@ -253,22 +252,21 @@ def check_law(s: DiscreteSurface, memory: Memory | None, where: str = "") -> Non
     Args:
         s: contact surface.
         memory: memory of its points at the beginning of the step; None under the static law.
-        where: end of the message.
     """
-    objection = _objection_to_time(s, memory) or _objection_to_fields(s, where)
+    objection = _objection_to_time(s, memory) or _objection_to_fields(s)
     require(s.comm, not objection, f"{s.name}: {objection}")
     at_rest = np.zeros_like(s.points.data.n)
     radius = s.law_at_points(at_rest, at_rest, s.point_data(memory)).unit_bound
     good = not (radius < -_ROUND_OFF).any()
-    require(s.comm, good, f"{s.name}: the law {s.law.name} has a negative radius{where}")
+    require(s.comm, good, f"{s.name}: the law {s.law.name} has a negative radius")
 
 
-def _objection_to_fields(s: DiscreteSurface, where: str) -> str:
+def _objection_to_fields(s: DiscreteSurface) -> str:
     """Return the first objection to the values of the fields of a law. Not collective."""
     fields = s.points.data.fields
     wrong = {"positive": "not positive:", "fraction": "not between 0 and 1:"}
     for name, values in fields.items():
-        what = f"{name} of {s.law.name}{where}"
+        what = f"{name} of {s.law.name}"
         if not np.isfinite(values).all():
             return f"NaN in the {what}"
         sign = s.law.signs.get(name, "any")
@@ -278,7 +276,7 @@ def _objection_to_fields(s: DiscreteSurface, where: str) -> str:
         if x.end is not None:
             left = x.sense * (x.end - fields[x.name])
             if (left < -_ROUND_OFF * (1.0 + abs(x.end))).any():
-                return f"{x.name} of {s.law.name}{where} is beyond its end {x.end:g}"
+                return f"{x.name} of {s.law.name} is beyond its end {x.end:g}"
     return ""
 
 
@@ -312,7 +310,7 @@ def _objection_to_time(s: DiscreteSurface, memory: Memory | None) -> str:
     )
 
 
-def check_turn(s: DiscreteSurface, before: Array | None, where: str = "") -> None:
+def check_turn(s: DiscreteSurface, before: Array | None) -> None:
     """Raise ``ValueError`` if a rigid body turns by half a turn or more in a step. Collective.
 
     Slips on it are known only below half a turn: a whole turn leaves every place as it was.
@@ -320,7 +318,6 @@ def check_turn(s: DiscreteSurface, before: Array | None, where: str = "") -> Non
     Args:
         s: contact surface.
         before: motion of its rigid body at the last accepted state; None: position of the mesh.
-        where: end of the message.
     """
     body = s.rigid_body
     if body is None or s.displaced is None or not s.displaced.friction:
@@ -331,7 +328,7 @@ def check_turn(s: DiscreteSurface, before: Array | None, where: str = "") -> Non
     require(
         s.comm,
         turned < np.pi,
-        f"{s.name}: the rigid body {body.name!r} turns by {turned:.4g} rad in one step{where}: "
+        f"{s.name}: the rigid body {body.name!r} turns by {turned:.4g} rad in one step: "
         "slips on it are known below half a turn; take shorter steps of a history",
     )
 

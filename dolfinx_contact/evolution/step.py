@@ -31,6 +31,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact._mpi import anywhere, everywhere, require
+from dolfinx_contact._validate import located
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.data import Constancy, Datum, placed_data
 from dolfinx_contact.equations.evaluation import Evaluation, Statuses
@@ -367,7 +368,8 @@ class Stepper:
         eq = self.problem.equations
         finite = bool(np.isfinite(self.problem.u.x.array).all())
         require(eq.comm, finite, "the displacement at the start is not finite")
-        eq.constraints.check_values(eq.surfaces, eq.body_size, " at the start")
+        with located("at the start"):
+            eq.constraints.check_values(eq.surfaces, eq.body_size)
 
     def _evaluated(self, law: ContactProblem) -> Evaluation:
         """Evaluate a start. Collective."""

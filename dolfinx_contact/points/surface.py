@@ -288,13 +288,12 @@ class DiscreteSurface(ReadOnly):
             crossing: mask of the local vertices at which pairs cross.
         """
 
-    def require_in_place(self, prescribed: Array, size: float, where: str) -> None:
+    def require_in_place(self, prescribed: Array, size: float) -> None:
         """Raise ``ValueError`` if nodes are moved off planes of symmetry. Collective.
 
         Args:
             prescribed: displacements of the local nodes by Dirichlet data, 0 at free dofs.
             size: size of the body, a length.
-            where: addition to the name of the surface in the message.
         """
 
     # -- gap, slip and B -------------------------------------------------------------------------

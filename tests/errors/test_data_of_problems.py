@@ -218,7 +218,7 @@ def test_all_evolutions_refuse_nan_in_dirichlet_data():
     problem = block(top=(np.nan, 0.0))
     with pytest.raises(ValueError, match="a Dirichlet value is not finite"):
         problem.solve()
-    match = "a Dirichlet value is not finite at the start"
+    match = "at the start: a Dirichlet value is not finite"
     with pytest.raises(ValueError, match=match):
         QuasiStatic(problem, lambda _: None).run([0.0, 1.0])
     with pytest.raises(ValueError, match=match):

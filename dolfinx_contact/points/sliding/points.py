@@ -98,7 +98,7 @@ class SlidingPair(DiscreteSurface):
             "they lie; hold them across it",
         )
 
-    def require_in_place(self, prescribed: Array, size: float, where: str) -> None:
+    def require_in_place(self, prescribed: Array, size: float) -> None:
         across = self.points.across
         moved = np.abs(np.where(across, prescribed[: len(across)], 0.0))
         worst = self.comm.allreduce(moved.max(axis=0, initial=0.0), op=np.maximum)
@@ -106,7 +106,7 @@ class SlidingPair(DiscreteSurface):
         require(
             self.comm,
             bool(worst[axis] <= _IN_PLACE * size),
-            f"{self.name}{where}: Dirichlet data move nodes by {worst[axis]:.3g} off the plane of "
+            f"{self.name}: Dirichlet data move nodes by {worst[axis]:.3g} off the plane of "
             f"symmetry {'xyz'[axis]} = {self._planes.get(axis, 0.0):g}, in which the images of "
             "both faces are made: hold them there with the value 0, and move the rest of the model "
             "instead",
