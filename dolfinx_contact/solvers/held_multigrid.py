@@ -32,7 +32,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact._arrays import Array
-from dolfinx_contact._petsc import options_in_database, stacked
+from dolfinx_contact._petsc import options_in_database, product, stacked
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.reduced.held_body import with_dirichlet_rows
 from dolfinx_contact.solvers.davidson import Davidson
@@ -92,12 +92,12 @@ def _own_nodes(rows: PETSc.Mat, dim: int) -> PETSc.Mat | None:
     own.setValuesCSR(starts, columns, values / sizes[entry])
     own.assemble()
     transposed = own.transpose(PETSc.Mat())
-    product = rows.matMult(transposed)
-    one = PETSc.Mat().createConstantDiagonal(product.getSizes(), 1.0, comm=rows.comm)
+    squared = rows.matMult(transposed)
+    one = PETSc.Mat().createConstantDiagonal(squared.getSizes(), 1.0, comm=rows.comm)
     off = one.convert("aij", PETSc.Mat())
-    off.axpy(-1.0, product, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+    off.axpy(-1.0, squared, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
     fits = bool(off.norm(PETSc.NormType.NORM_INFINITY) <= _OWN)
-    for thing in (transposed, product, one, off):
+    for thing in (transposed, squared, one, off):
         thing.destroy()
     if not fits:
         own.destroy()
@@ -178,6 +178,7 @@ class HeldMultigrid:
             self._ksp.setFromOptions()
         self._ksp.setPC(self._hierarchy.build(A, fixed, eq.scaling.stiffness))
         self._b, self._x = A.createVecs()
+        self._rest = self._b.duplicate()
         for thing in (K, A, held):
             thing.destroy()
 
@@ -194,9 +195,7 @@ class HeldMultigrid:
         Raises:
             RuntimeError: on every rank, if conjugate gradients do not converge.
         """
-        b = self._b
-        x = self._x
-        rest = b.duplicate()
+        b, x, rest = self._b, self._x, self._rest
         b.array[:] = load
         self._Z.multTranspose(b, rest)
         x.array[:] = 0.0 if start is None else start
@@ -205,22 +204,13 @@ class HeldMultigrid:
         self.solves += 1
         self.iterations += self._ksp.getIterationNumber()
         if self._ksp.getConvergedReason() < 0:
-            rest.destroy()
             raise RuntimeError(
                 f"multigrid did not solve the held body ({reasons_of(self._ksp)}); take "
                 "solver='direct' if memory allows"
             )
-        u = rest
-        self._Z.mult(x, u)
-        p = self._own.createVecLeft()
-        moving = p.duplicate()
-        self._own.mult(b, p)
-        self._forces.mult(u, moving)
-        p.axpy(-1.0, moving)
-        found = [u.array_r.copy(), *np.split(p.array_r.copy(), np.cumsum(self._sizes)[:-1])]
-        for thing in (u, p, moving):
-            thing.destroy()
-        return found
+        u = product(self._Z, x.array_r)
+        p = product(self._own, load) - product(self._forces, u)
+        return [u, *np.split(p, np.cumsum(self._sizes)[:-1])]
 
     def respond(self, loads: Columns, seen: PETSc.Mat) -> tuple[Array, Array]:
         """Solve for many loads b, one after the other, as `HeldBody.respond`.
@@ -238,21 +228,17 @@ class HeldMultigrid:
         """
         motions = np.empty((seen.getLocalSize()[0], loads.shape[1]))
         forces = np.empty((self._sizes[0], loads.shape[1]))
-        x = seen.createVecRight()
-        y = seen.createVecLeft()
         for k in range(loads.shape[1]):
-            x.array[:], forces[:, k], *_ = self.solve(loads[:, [k]].toarray()[:, 0])
-            seen.mult(x, y)
-            motions[:, k] = y.array_r
-        x.destroy(), y.destroy()
+            u, forces[:, k], *_ = self.solve(loads[:, [k]].toarray()[:, 0])
+            motions[:, k] = product(seen, u)
         return motions, forces
 
     def leaves_alone(self, D: PETSc.Mat) -> bool:
         """Return True if R_o D^T = 0: forces D^T f act on free motions only. Collective."""
         transposed = D.transpose(PETSc.Mat())
-        product = self._own.matMult(transposed)
-        off = product.norm(PETSc.NormType.NORM_INFINITY)
-        transposed.destroy(), product.destroy()
+        forces = self._own.matMult(transposed)
+        off = forces.norm(PETSc.NormType.NORM_INFINITY)
+        transposed.destroy(), forces.destroy()
         return bool(off <= _OWN)
 
     def eigenvalues(self, D: PETSc.Mat, loads: Array) -> Davidson:
@@ -279,15 +265,15 @@ class HeldMultigrid:
     def destroy(self) -> None:
         """Free the PETSc objects."""
         self._hierarchy.release()
-        for thing in (self._ksp, self._own, self._Z, self._forces, self._b, self._x):
+        for thing in (self._ksp, self._own, self._Z, self._forces, self._b, self._x, self._rest):
             thing.destroy()
 
 
 def _projection(R: PETSc.Mat, own: PETSc.Mat) -> PETSc.Mat:
     """Return the projection Z = 1 - R_o^T R. Collective."""
-    product = own.transposeMatMult(R)
-    one = PETSc.Mat().createConstantDiagonal(product.getSizes(), 1.0, comm=R.comm)
+    removed = own.transposeMatMult(R)
+    one = PETSc.Mat().createConstantDiagonal(removed.getSizes(), 1.0, comm=R.comm)
     Z = one.convert("aij", PETSc.Mat())
-    Z.axpy(-1.0, product, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
-    one.destroy(), product.destroy()
+    Z.axpy(-1.0, removed, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+    one.destroy(), removed.destroy()
     return Z
