@@ -48,6 +48,8 @@ __all__ = [
     "options_in_database",
     "parse_arguments",
     "product",
+    "reason_name",
+    "reasons_of",
     "require_real",
     "stacked",
     "staged",
@@ -218,6 +220,30 @@ def as_raised() -> Iterator[None]:
         if error.ierr in _NO_SUCH_THING:
             raise ValueError(f"PETSc: {str(error).splitlines()[-1].partition('] ')[2]}") from error
         raise
+
+
+def reasons_of(ksp: PETSc.KSP) -> str:
+    """Return the reasons of KSP, PC and MUMPS in PETSc's names. Collective."""
+    comm = ksp.comm.tompi4py()
+    pc = ksp.getPC()
+    words = [f"{ksp.getType()} with {pc.getType()}"]
+    words.append(f"KSP {reason_name(PETSc.KSP.ConvergedReason, ksp.getConvergedReason())}")
+    failed = max(comm.allgather(int(pc.getFailedReason())), key=abs)
+    if failed != PETSc.PC.FailedReason.NOERROR:
+        words.append(f"PC {reason_name(PETSc.PC.FailedReason, failed)}")
+    if pc.getType() in ("lu", "cholesky"):
+        words.append(str(pc.getFactorSolverType()))
+        if pc.getFactorSolverType() == "mumps":
+            info = [pc.getFactorMatrix().getMumpsInfog(i) for i in (1, 2)]
+            if info[0] != 0:
+                words[-1] += f" INFOG(1:2) = {info[0]}, {info[1]}"
+    return ", ".join(words)
+
+
+def reason_name(reasons: Any, value: int) -> str:
+    """Return PETSc's name of a reason."""
+    names = [k for k, v in vars(reasons).items() if v == value and not k.startswith("_")]
+    return max(names, key=len, default=str(value))
 
 
 def half_of(A: PETSc.Mat) -> PETSc.Mat:

@@ -56,8 +56,9 @@ from dolfinx_contact.results.result import Result, Shown, collect, log_warnings
 from dolfinx_contact.results.tables import ContactTable, contact_table
 from dolfinx_contact.results.uniqueness import Theory, Uniqueness, check_seconds
 from dolfinx_contact.solvers.history import Attempt, SolveProgress, Step
-from dolfinx_contact.solvers.linear import LinearSolver
-from dolfinx_contact.solvers.strategies import LinearSolverChoice, Trial, solve
+from dolfinx_contact.solvers.linear import LinearSolverChoice
+from dolfinx_contact.solvers.newton import LinearSolver
+from dolfinx_contact.solvers.strategies import Trial, solve
 
 if TYPE_CHECKING:
     from dolfinx_contact.algorithms import Algorithm

@@ -32,12 +32,11 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact._arrays import Array
-from dolfinx_contact._petsc import options_in_database, product, stacked
+from dolfinx_contact._petsc import options_in_database, product, reasons_of, stacked
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.reduced.held_body import with_dirichlet_rows
 from dolfinx_contact.solvers.davidson import Davidson
 from dolfinx_contact.solvers.hierarchy import Hierarchy
-from dolfinx_contact.solvers.linear import reasons_of
 
 if TYPE_CHECKING:
     from scipy.sparse import csc_matrix as Columns

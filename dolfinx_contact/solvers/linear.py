@@ -1,85 +1,42 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Linear solvers of Newton's method: their interface, and the direct solver.
+"""Linear solvers of Newton's method: the direct solver, and the choice between it and multigrid.
 
 `Direct` is any KSP and PC on the assembled Jacobian, by default MUMPS; the other solver is
-`multigrid.Multigrid`. `choice` selects one of them.
+`multigrid.Multigrid`. The option ``linear_solver`` is auto, direct or amg. auto chooses direct up
+to 10^5 unknowns in 2D and 5 10^3 in 3D, with rigid bodies, and if the user has chosen a
+``ksp_type`` or ``pc_type``; otherwise amg. If multigrid stagnates, the direct solver takes over if
+the free memory suffices.
 """
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
 
+from mpi4py import MPI
 from petsc4py import PETSc
 
-from dolfinx_contact._petsc import DEFAULTS, logged
-from dolfinx_contact.equations.jacobian import Jacobian, JacobianSolver
+import numpy as np
 
-if TYPE_CHECKING:
-    from dolfinx_contact.equations.contact import ContactEquations
-    from dolfinx_contact.equations.evaluation import Evaluation
-    from dolfinx_contact.solvers.history import Step
+from dolfinx_contact._mpi import anywhere
+from dolfinx_contact._petsc import DEFAULTS, logged, reasons_of
+from dolfinx_contact.equations.contact import ContactEquations
+from dolfinx_contact.equations.evaluation import Evaluation
+from dolfinx_contact.equations.jacobian import Jacobian
+from dolfinx_contact.solvers.newton import LinearSolver
 
-__all__ = ["Direct", "LinearSolver", "reason_name", "reasons_of"]
+__all__ = ["Direct", "LinearSolverChoice"]
+
+logger = logging.getLogger(__name__)
 
 _INACCURATE = 1e-2  # relative residual from which a linear solve counts as failed
-
-
-class LinearSolver(JacobianSolver):
-    """Interface of the linear solvers of Newton's method.
-
-    Attributes:
-        name: ``direct`` or ``amg``.
-        defaults: PETSc options of the KSP.
-        reduction: reduction of the residual by the last solve; 0 if unknown.
-        is_iterative: whether the user's options choose an iterative method.
-    """
-
-    name: str
-    reduction = 0.0
-    is_iterative = False
-    defaults: dict[str, Any]
-
-    def attach(self, ksp: PETSc.KSP, remainder: Callable[[PETSc.Vec], float]) -> None:
-        """Prepare a KSP before it reads its options.
-
-        Args:
-            ksp: linear solver of SNES.
-            remainder: function of a correction returning the norm of H after it, in the rows of
-                the contact conditions; collective.
-        """
-
-    def prepare(
-        self, ksp: PETSc.KSP, step: Step, target: float, state: Evaluation, *, warm: bool
-    ) -> None:
-        """Set tolerances and preconditioner for the step from an iterate. Collective.
-
-        Args:
-            ksp: linear solver of SNES.
-            step: iterate.
-            target: relative residual at which Newton's method ends.
-            state: evaluation at the iterate.
-            warm: whether Newton's method began from a state in contact.
-        """
-
-    def retry(self, ksp: PETSc.KSP, state: Evaluation) -> bool:
-        """Return whether another preconditioner is available after a failed solve. Collective."""
-        return False
-
-    def explain(self, ksp: PETSc.KSP) -> str:
-        """Return the reason of a failed linear solve as text. Collective."""
-        raise NotImplementedError
-
-    def inaccuracy(self, ksp: PETSc.KSP) -> str:
-        """Return a message about an inaccurate solve that PETSc accepted, or "". Collective."""
-        return ""
-
-    def tighten(self) -> bool:
-        """Tighten the tolerances, and return whether this was possible; statuses may cycle."""
-        return False
-
-    def destroy(self) -> None:
-        """Free the PETSc objects."""
+_KINDS = ("auto", "direct", "amg")
+_MEMORY = Path("/proc/meminfo")
+_LARGEST_DIRECT = {2: 100_000, 3: 5_000}
+#: Factor and power of the number of unknowns that predict the gigabytes of MUMPS, by dimension;
+#: measured with 9 10^3 and 7 10^4 unknowns in 2D, and with 4 10^3 and 10^4 in 3D.
+_DIRECT_MEMORY = {2: (6.5e-7, 1.1), 3: (3.8e-7, 4 / 3)}
 
 
 class Direct(LinearSolver):
@@ -139,25 +96,99 @@ class Direct(LinearSolver):
         )
 
 
-def reasons_of(ksp: PETSc.KSP) -> str:
-    """Return the reasons of KSP, PC and MUMPS in PETSc's names. Collective."""
-    comm = ksp.comm.tompi4py()
-    pc = ksp.getPC()
-    words = [f"{ksp.getType()} with {pc.getType()}"]
-    words.append(f"KSP {reason_name(PETSc.KSP.ConvergedReason, ksp.getConvergedReason())}")
-    failed = max(comm.allgather(int(pc.getFailedReason())), key=abs)
-    if failed != PETSc.PC.FailedReason.NOERROR:
-        words.append(f"PC {reason_name(PETSc.PC.FailedReason, failed)}")
-    if pc.getType() in ("lu", "cholesky"):
-        words.append(str(pc.getFactorSolverType()))
-        if pc.getFactorSolverType() == "mumps":
-            info = [pc.getFactorMatrix().getMumpsInfog(i) for i in (1, 2)]
-            if info[0] != 0:
-                words[-1] += f" INFOG(1:2) = {info[0]}, {info[1]}"
-    return ", ".join(words)
+class LinearSolverChoice:
+    """Linear solver of a problem, created when it is first needed. Collective.
+
+    It is created again if options other than those of SNES have changed. The previous one is freed
+    unless a branch is followed with it.
+
+    Args:
+        equations: contact problem.
+    """
+
+    def __init__(self, equations: ContactEquations):
+        self._equations = equations
+        self._solver: LinearSolver | None = None
+        self._options: dict[str, str] = {}
+
+    def __call__(self) -> LinearSolver:
+        """Return the solver; ``ValueError`` for an unknown kind."""
+        options = self._equations.options.beside_newton()
+        if anywhere(self._equations.comm, options != self._options)[0]:
+            self._leave()
+            self._options = options
+        if self._solver is None:
+            self._solver = self._create()
+        return self._solver
+
+    def _create(self) -> LinearSolver:
+        eq = self._equations
+        size = sum(eq.unknowns.global_sizes)
+        kind = eq.options.value("linear_solver") or "auto"
+        if kind not in _KINDS:
+            raise ValueError(f"unknown linear solver {kind!r}; known: {', '.join(_KINDS)}")
+        bodies = eq.rigid.bodies
+        if kind == "amg" and bodies:
+            raise ValueError(
+                f"{bodies[0].name}: problems with rigid bodies require linear_solver='direct'; "
+                f"got {kind!r}"
+            )
+        if kind == "auto":
+            chosen = eq.options.value("ksp_type") or eq.options.value("pc_type")
+            small = size <= _LARGEST_DIRECT[eq.dim]
+            kind = "direct" if bodies or chosen or small else "amg"
+        if eq.comm.rank == 0:
+            words = "%d unknowns, linear solver %s (the direct one takes about %.2g GB)"
+            logger.info(words, size, kind, _gigabytes(size, eq.dim))
+        if kind == "direct":
+            return Direct(eq)
+        from dolfinx_contact.solvers.multigrid import Multigrid  # for large problems only
+
+        return Multigrid(eq)
+
+    def direct_instead(self) -> bool:
+        """Replace multigrid by the direct solver if the user chose neither and memory allows it."""
+        eq = self._equations
+        given = (eq.options.value("linear_solver") or "auto") != "auto"
+        if given or self().name == "direct":
+            return False
+        needed = _gigabytes(sum(eq.unknowns.global_sizes), eq.dim)
+        free = _free_gigabytes(eq.comm)
+        if eq.comm.rank == 0:
+            log = logger.warning if needed > free else logger.info
+            log("a direct solver needs about %.2g GB; %.2g GB are free", needed, free)
+        if needed > free:
+            return False
+        self._leave()
+        self._solver = Direct(eq)
+        return True
+
+    def _leave(self) -> None:
+        """Free the solver unless a branch is followed with it."""
+        if self._solver is not None and self._solver.is_followed_with:
+            self._solver = None
+        self.destroy()
+
+    def destroy(self) -> None:
+        """Free the solver."""
+        if self._solver is not None:
+            self._solver.destroy()
+        self._solver = None
 
 
-def reason_name(reasons: Any, value: int) -> str:
-    """Return PETSc's name of a reason."""
-    names = [k for k, v in vars(reasons).items() if v == value and not k.startswith("_")]
-    return max(names, key=len, default=str(value))
+def _gigabytes(size: int, dim: int) -> float:
+    """Predict the memory of the direct solver for ``size`` unknowns, in 10^9 bytes."""
+    factor, power = _DIRECT_MEMORY[dim]
+    return float(factor * size**power)
+
+
+def _free_gigabytes(comm: MPI.Comm) -> float:
+    """Return the free memory of all hosts in 10^9 bytes; inf if unknown. Collective."""
+    host = comm.Split_type(MPI.COMM_TYPE_SHARED)
+    mine = 0.0
+    if host.rank == 0:
+        lines = _MEMORY.read_text().splitlines() if _MEMORY.exists() else []
+        found = [int(line.split()[1]) for line in lines if line.startswith("MemAvailable:")]
+        mine = 1024e-9 * found[0] if found else np.inf
+    host.Free()
+    return float(comm.allreduce(mine))

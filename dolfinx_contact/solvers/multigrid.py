@@ -33,10 +33,10 @@ import numpy as np
 
 from dolfinx_contact._inexact import Forcing
 from dolfinx_contact._mpi import total
-from dolfinx_contact._petsc import has_package, logged
+from dolfinx_contact._petsc import has_package, logged, reasons_of
 from dolfinx_contact.solvers.closed_points import ClosedPoints
 from dolfinx_contact.solvers.hierarchy import PLAIN, SMOOTHED, Hierarchy
-from dolfinx_contact.solvers.linear import LinearSolver, reasons_of
+from dolfinx_contact.solvers.newton import LinearSolver
 from dolfinx_contact.solvers.operator import ContactOperator
 from dolfinx_contact.solvers.surface_filter import SurfaceFilter
 

@@ -187,4 +187,4 @@ def test_log_of_the_guide_appears():
         timeout=120,
     )
     assert "INFO:dolfinx_contact.solvers.newton:full steps, iteration 0: residual" in done.stderr
-    assert "INFO:dolfinx_contact.solvers.strategies:" in done.stderr
+    assert "INFO:dolfinx_contact.solvers.linear:" in done.stderr
