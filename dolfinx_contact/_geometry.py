@@ -5,7 +5,8 @@ from __future__ import annotations
 
 import weakref
 import zlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from itertools import chain
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -30,11 +31,13 @@ __all__ = [
     "edges_of",
     "global_numbers",
     "in_space",
+    "listed_pairs",
     "mesh_mark",
     "node_positions",
     "plane_tangents",
     "ratio",
     "tangential",
+    "transformed",
     "unit",
     "unit_rates",
 ]
@@ -72,6 +75,13 @@ def global_numbers(index_map: Any, local: npt.NDArray[Any]) -> Ints:
     """Return the global numbers of local places of an index map, of any shape."""
     numbers = index_map.local_to_global(local.reshape(-1).astype(np.int32))
     return np.asarray(numbers, dtype=np.int64).reshape(local.shape)
+
+
+def listed_pairs(lists: Sequence[Sequence[int]]) -> tuple[Ints, Ints]:
+    """Return the pairs (i, k) with k in the list i, as lists of neighbours of points."""
+    sizes = [len(part) for part in lists]
+    numbers = np.fromiter(chain.from_iterable(lists), dtype=np.int64, count=sum(sizes))
+    return np.repeat(np.arange(len(sizes)), sizes), numbers
 
 
 def connected_parts(count: int, first: Ints, second: Ints) -> Ints:
@@ -195,6 +205,11 @@ def dot(a: Array, b: Array) -> Array:
 def tangential(v: Array, n: Array) -> Array:
     """Return the parts of vectors (..., dim) across unit vectors n (..., dim)."""
     return np.asarray(v - dot(v, n)[..., None] * n)
+
+
+def transformed(A: Array, v: Array) -> Array:
+    """Return the products of matrices (..., i, j) and vectors (..., j), shape (..., i)."""
+    return np.asarray((A @ v[..., None])[..., 0])
 
 
 def unit(v: Array) -> Array:

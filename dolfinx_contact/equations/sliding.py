@@ -20,8 +20,8 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact._geometry import ratio
-from dolfinx_contact._petsc import Entries, matrix_of, triplets
+from dolfinx_contact._geometry import ratio, transformed
+from dolfinx_contact._petsc import Entries, triplets
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import ContactState
 from dolfinx_contact.points.sliding.facing import Facing
@@ -51,54 +51,36 @@ class _Block:
     rows: Indices
     columns: Indices
 
-    def add(self, values: Array, A: PETSc.Mat) -> None:
-        """Add values (n, rows, dim, columns, dim) to ``A``; the caller assembles ``A``.
+    def add(self, A: PETSc.Mat, values: Array | None = None) -> None:
+        """Add values (n, rows, dim, columns, dim), by default 0, to ``A``, without assembling it.
 
         Not collective.
         """
         n, r, d = self.rows.shape
-        c = self.columns.shape[1]
-        rows = self.rows.reshape(n, r * d).astype(PETSc.IntType)
-        columns = self.columns.reshape(n, c * d).astype(PETSc.IntType)
-        A.setValuesRCV(
-            rows, columns, values.reshape(n, r * d, c * d), addv=PETSc.InsertMode.ADD_VALUES
-        )
-
-    def pattern(self) -> tuple[Indices, Indices]:
-        """Return rows and columns of all entries without repetition and without fixed dofs."""
-        n, r, d = self.rows.shape
-        c = self.columns.shape[1]
-        # The last place of a node identifies it.
-        row = np.broadcast_to(self.rows.max(axis=2)[:, :, None], (n, r, c)).reshape(-1)
-        column = np.broadcast_to(self.columns.max(axis=2)[:, None], (n, r, c)).reshape(-1)
-        known = np.flatnonzero((row >= 0) & (column >= 0))
-        width = int(column.max(initial=0)) + 1
-        _, first = np.unique(row[known] * width + column[known], return_index=True)
-        block, i, j = np.unravel_index(known[first], (n, r, c))
-        rows = np.repeat(self.rows[block, i], d, axis=1)
-        columns = np.tile(self.columns[block, j], (1, d))
-        return rows.reshape(-1), columns.reshape(-1)
+        shape = n, r * d, self.columns.shape[1] * d
+        rows = self.rows.reshape(shape[:2]).astype(PETSc.IntType)
+        columns = self.columns.reshape(n, shape[2]).astype(PETSc.IntType)
+        block = np.zeros(shape) if values is None else values.reshape(shape)
+        A.setValuesRCV(rows, columns, block, addv=PETSc.InsertMode.ADD_VALUES)
 
 
 @dataclass(frozen=True, eq=False)
 class _Pieces:
-    """Derivatives at p pieces of the faces; facets have a corners (slave) and b nodes (master).
+    """Derivatives at p pieces of the faces; see `points.sliding.facing.Facing` for a, b and c.
 
     Attributes:
         facet: facets of the slave (p,).
         nodes: global nodes of the facets of the master (p, b).
-        mirrors: -1 along axes across which the master facet is a mirror image, otherwise 1
-            (p, dim).
-        coupling: forces on slave and master by the multipliers (p, a + b, a).
-        on_master: forces on the master by u of the slave, m, and u of the master
-            (p, b, dim, c, dim).
-        of_law: contact rows by the same (p, a, dim, c, dim).
+        signs: signs of the components of the corners of both facets (p, c, dim).
+        coupling: forces on both by the multipliers, with the opposite sign (p, a, c).
+        on_master: forces on the master by the displacements of both and m (p, b, dim, c + a, dim).
+        of_law: contact rows by the same (p, a, dim, c + a, dim).
         means: contact rows by the neighbouring tractions (p, a, a).
     """
 
     facet: Indices
     nodes: Indices
-    mirrors: Array
+    signs: Array
     coupling: Array
     on_master: Array
     of_law: Array
@@ -116,7 +98,7 @@ class _Pieces:
         first = np.concatenate([[0], 1 + np.flatnonzero(other)])
         values = self.coupling, self.on_master, self.of_law, self.means
         sums = (np.add.reduceat(v, first, axis=0) for v in values)
-        return _Pieces(self.facet[first], self.nodes[first], self.mirrors[first], *sums)
+        return _Pieces(self.facet[first], self.nodes[first], self.signs[first], *sums)
 
 
 class SlidingTerms:
@@ -163,10 +145,14 @@ class SlidingTerms:
         facet, master = found.pairs.T
         of_pairs = self._blocks(facet, found.nodes[master])
         shapes = ((n, n), (n, m), (m, n))
-        for shape, blocks in zip(shapes, (*of_pairs, [self._turned]), strict=True):
-            places = zip(*(b.pattern() for b in blocks), strict=True)
-            entries = Entries(*(np.concatenate(part) for part in places))
-            self._matrices.append(matrix_of(self._comm, shape, entries))
+        for (rows, columns), blocks in zip(shapes, (*of_pairs, [self._turned]), strict=True):
+            A = PETSc.Mat().createAIJ(((rows, None), (columns, None)), comm=self._comm)
+            A.setUp()
+            for block in blocks:
+                block.add(A)
+            A.assemble()
+            A.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
+            self._matrices.append(A)
         S, N, D = self._matrices
         self._matrices.append(N.matMult(D))
         self._searches = self._faces.searches
@@ -177,19 +163,17 @@ class SlidingTerms:
         operator = state.kinematics.operator
         assert isinstance(operator, SlidingOperator)
         at = self._at(state, operator)
-        blocks = self._blocks(at[0].facet, at[0].nodes)
         k = self._slave.shape[1]
         rates = self._faces.normal_rates(operator.x)
         images = self._faces.images[self._faces.corners]
         turned = images[:, :, :, None, None] * np.repeat(rates[:, None], k, axis=1)
         S, N, D, product = self._matrices
-        found = zip(
-            (S, N, D), (*blocks, [self._turned]), (*self._values(*at), [turned]), strict=True
-        )
-        for matrix, places, values in found:
+        places = (*self._blocks(at[0].facet, at[0].nodes), [self._turned])
+        given = (*self._values(*at), [turned])
+        for matrix, blocks, values in zip((S, N, D), places, given, strict=True):
             matrix.zeroEntries()
-            for block, value in zip(places, values, strict=True):
-                block.add(value, matrix)
+            for block, value in zip(blocks, values, strict=True):
+                block.add(matrix, value)
             matrix.assemble()
         N.matMult(D, product)
         for matrix in (S, product):
@@ -205,50 +189,40 @@ class SlidingTerms:
 
     def _at(self, state: ContactState, operator: SlidingOperator) -> tuple[_Pieces, Array, Array]:
         """Return derivatives at pieces, and derivatives of contact rows by l and m at vertices."""
-        facing = operator.facing
-        faces = self._faces
-        n = operator.number
-        nodal = facing.nodal
+        facing, faces = operator.facing, self._faces
+        n, nodal = operator.number, facing.nodal
         areas = self._points.areas
-        weight = nodal.weight[:n]
         counts = areas * nodal.share[:n]
-        by_weight = ratio(counts, weight)
-        by_jump = by_weight[:, None, None] * state.by_jump
-        by_gap = faces.vertices.from_owners(np.einsum("nij,nj->ni", by_jump, nodal.normal[:n]))
-        by_slip = faces.vertices.from_owners(-by_jump @ nodal.rotation[:n]) * faces.kept[:, None]
-        by_spin = -np.einsum("nij,nj->ni", by_jump, nodal.by_spin[:n])
-        by_spin = faces.vertices.from_owners(by_spin) * faces.free_to_spin[:, None]
         at = faces.corners[facing.facet]
-        places, gaps = facing.slopes()
-        of_law = _of_law(facing, by_gap[at], by_slip[at], places, gaps)
-        if self._dim == 3:
-            of_spin = facing.weighted.sum(axis=1)[..., None, None] * facing.spin_slopes()[:, None]
-            of_law += by_spin[at][..., None, None] * of_spin[:, :, None]
-        t = facing.areas[..., None] * operator.at_quadrature(state.traction)
-        on_master = _on_master(facing, t, places)
-        alive = (nodal.weight > 0)[at]
-        basis = facing.basis * alive[:, None]
-        both = np.concatenate([-facing.basis, facing.rays.weights], axis=2)
-        coupling = (facing.areas[..., None] * both).transpose(0, 2, 1) @ basis
+
+        def at_corners(values: Array) -> Array:
+            return np.asarray(faces.vertices.from_owners(values)[at])
+
+        # contact rows by the gap, slip and spin of their node, and by its traction and normal
+        by_jump = ratio(counts, nodal.weight[:n])[:, None, None] * state.by_jump
+        by_gap = at_corners(transformed(by_jump, nodal.normal[:n]))
+        by_slip = at_corners(-by_jump @ nodal.rotation[:n]) * faces.kept[at][:, :, None]
         of_traction = areas[:, None, None] * np.eye(self._dim)
         of_traction = of_traction - counts[:, None, None] * state.by_traction
         turned = state.by_jump @ nodal.by_turning[:n] + state.by_normal
         of_normal = -counts[:, None, None] * (turned @ nodal.by_normal[:n])
-        around = nodal.around[:n]
-        by_around = ratio(areas - counts, around)
-        by_around = faces.vertices.from_owners(by_around)
-        means = -by_around[at][:, :, None] * facing.mass * alive[:, None]
-        parts = (
-            facing.facet,
-            facing.master_nodes,
-            facing.mirrors,
-            coupling,
-            on_master,
-            of_law,
-            means,
-        )
-        pieces = _Pieces(*parts).of_pairs(facing.master)
-        return pieces, of_traction[:, None, :, None], of_normal[:, None, :, None]
+        # derivatives at the pieces
+        places, gaps = facing.slopes()
+        of_law = _of_law(facing, by_gap, by_slip, places, gaps)
+        if self._dim == 3:
+            by_spin = at_corners(-transformed(by_jump, nodal.by_spin[:n]))
+            by_spin *= (faces.free_to_spin[at] * facing.weighted.sum(axis=2))[..., None]
+            spins = facing.spins[:, None, None]
+            of_law[:, :, :, : spins.shape[3]] += by_spin[..., None, None] * spins
+        on_master = _on_master(facing, operator.at_quadrature(state.traction), places)
+        alive = (nodal.weight > 0)[at][:, :, None]
+        coupling = alive * (facing.weighted @ facing.jumps)
+        by_around = at_corners(ratio(areas - counts, nodal.around[:n]))
+        means = -by_around[:, :, None] * facing.mass * alive.transpose(0, 2, 1)
+        nodes = facing.nodes[:, at.shape[1] :]
+        pieces = _Pieces(facing.facet, nodes, facing.signs, coupling, on_master, of_law, means)
+        rows = of_traction[:, None, :, None], of_normal[:, None, :, None]
+        return pieces.of_pairs(facing.master), *rows
 
     def _blocks(self, facet: Indices, nodes: Indices) -> tuple[list[_Block], list[_Block]]:
         """Return blocks of S_u and S_m for pieces on slave facets with nodes of the master."""
@@ -275,34 +249,19 @@ class SlidingTerms:
         self, at: _Pieces, of_traction: Array, of_normal: Array
     ) -> tuple[list[Array], list[Array]]:
         """Return the values of the blocks."""
-        k = self._slave.shape[1]
-        moved = [*range(k), *range(2 * k, 2 * k + at.nodes.shape[1])]
-        turned = slice(k, 2 * k)
         identity = np.eye(self._dim)
-        coupling = self._unit * np.einsum("pca,ij->pciaj", at.coupling, identity)
-        on_master, of_law = at.on_master, at.of_law
-        if (at.mirrors < 0).any():  # rows and columns of the mirrored dofs
-            theirs = at.mirrors[:, None].repeat(at.nodes.shape[1], axis=1)
-            mine = np.ones((len(theirs), k, self._dim))
-            bodies = np.concatenate([mine, theirs], axis=1)
-            columns = np.concatenate([mine, bodies], axis=1)[:, None, None]
-            coupling = bodies[..., None, None] * coupling
-            on_master = theirs[..., None, None] * on_master * columns
-            of_law = of_law * columns
+        k, c = at.coupling.shape[1:]
+        # rows and columns of mirrored dofs
+        mirrored = at.signs[:, k:, :, None, None]
+        columns = np.concatenate([at.signs, np.ones_like(at.signs[:, :k])], axis=1)[:, None, None]
+        coupling = -self._unit * np.einsum("pac,ij,pci->pciaj", at.coupling, identity, at.signs)
+        on_master = mirrored * at.on_master * columns
+        of_law = at.of_law * columns
         kept = self._faces.kept[self._faces.corners[at.facet]]
         means = self._unit * np.einsum("pca,ij,pci->pciaj", at.means, identity, kept)
-        by_unknowns = [
-            coupling,
-            on_master[:, :, :, moved],
-            of_law[:, :, :, moved],
-            self._unit * of_traction,
-            means,
-        ]
-        return by_unknowns, [
-            on_master[:, :, :, turned],
-            of_law[:, :, :, turned],
-            of_normal,
-        ]
+        of_traction = self._unit * of_traction
+        by_unknowns = [coupling, on_master[..., :c, :], of_law[..., :c, :], of_traction, means]
+        return by_unknowns, [on_master[..., c:, :], of_law[..., c:, :], of_normal]
 
     @property
     def _turned(self) -> _Block:
@@ -322,10 +281,11 @@ def _of_law(facing: Facing, by_gap: Array, by_slip: Array, places: Array, gaps: 
     """
     p, q, e, c, dim = places.shape
     a = by_gap.shape[1]
-    weighted = facing.weighted.transpose(0, 2, 1)
+    weighted = facing.weighted
     of_gaps = (weighted @ gaps.reshape(p, q, c * dim))[:, :, None]
-    along = (facing.weighted[..., None, None] * facing.along).transpose(0, 2, 3, 1, 4)
-    of_slips = along.reshape(p, a * dim, q * e) @ places.reshape(p, q * e, c * dim)
+    along = weighted.transpose(0, 2, 1)[..., None, None] * facing.along
+    along = along.transpose(0, 2, 3, 1, 4).reshape(p, a * dim, q * e)
+    of_slips = along @ places.reshape(p, q * e, c * dim)
     of_slips = of_slips.reshape(p, a, dim, c * dim)
     return (by_gap[..., None] * of_gaps + by_slip @ of_slips).reshape(p, a, dim, c, dim)
 

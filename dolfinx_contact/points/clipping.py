@@ -9,13 +9,14 @@ of ranks.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
 import basix
 
 from dolfinx_contact._arrays import Array, Ints, Mask
-from dolfinx_contact._geometry import dot
+from dolfinx_contact._geometry import area_vectors, dot, tangential, unit
 
 __all__ = [
     "Cover",
@@ -23,8 +24,8 @@ __all__ = [
     "QuadratureRule",
     "basis",
     "cover",
+    "linear_basis",
     "nodal_points",
-    "slopes",
     "tabulated",
 ]
 
@@ -34,6 +35,8 @@ _STEEP = 0.5  # smallest cosine between the normals of facets that face each oth
 _MORE = 1e-3  # fraction of a facet by which its parts may exceed it
 _SLIVER = 1e-10  # fraction of a facet that is round-off
 _ON_LINE = 1e-12  # distance of points on a line, relative to the edge
+_STEPS = 20
+_FOUND = 1e-14  # last step of Newton's method, relative to the facet
 _KINDS = {2: basix.CellType.interval, 3: basix.CellType.triangle, 4: basix.CellType.quadrilateral}
 _LOOP = {3: [0, 1, 2], 4: [0, 1, 3, 2]}  # corners around a facet
 
@@ -103,9 +106,8 @@ class Cover:
     theirs: Array
 
     def __getitem__(self, chosen: Ints) -> Cover:
-        facets = self.facet[chosen], self.other[chosen]
-        shapes = self.pieces[chosen], self.mine[chosen], self.theirs[chosen]
-        return Cover(self.slave, self.master, *facets, *shapes)
+        every = self.facet, self.other, self.pieces, self.mine, self.theirs
+        return Cover(self.slave, self.master, *(values[chosen] for values in every))
 
     def places(self) -> tuple[Ints, Ints, Array]:
         """Return the opposing points of slave corners, one for each piece at the corner.
@@ -131,44 +133,44 @@ class Cover:
         flat = {2: basix.CellType.interval, 3: basix.CellType.triangle}[dim]
         total = 2 * degree if 4 in (self.mine.shape[1], self.theirs.shape[1]) else degree
         points, weights = basix.make_quadrature(flat, total)
-        x = np.einsum("qv,pva->pqa", basis(points, dim, 1), self.pieces)
+        x = basis(points, dim, 1) @ self.pieces
         sizes = np.abs(np.linalg.det(self.pieces[:, 1:] - self.pieces[:, :1]))
-        return QuadratureRule(
-            sizes[:, None] * weights, _reference(self.mine, x), _reference(self.theirs, x)
-        )
+        places = _reference(self.mine, x), _reference(self.theirs, x)
+        return QuadratureRule(sizes[:, None] * weights, *places)
 
 
+@cache
 def _element(corners: int, degree: int) -> basix.finite_element.FiniteElement:
     variant = basix.LagrangeVariant.gll_warped
     return basix.create_element(basix.ElementFamily.P, _KINDS[corners], degree, variant)
 
 
-def basis(x: Array, corners: int, degree: int) -> Array:
-    """Return the Lagrange basis of facets with 2, 3 or 4 corners at places (..., dim - 1)."""
-    return tabulated(_element(corners, degree), x)
+def tabulated(element: basix.finite_element.FiniteElement, x: Array, order: int = 0) -> Array:
+    """Return values and derivatives of a scalar element at reference coordinates (..., dim - 1).
 
+    Args:
+        element: element with k basis functions.
+        x: reference coordinates.
+        order: order of the derivatives, 0 or 1.
 
-def slopes(eta: Array, corners: int) -> Array:
-    """Return derivatives of the linear basis at places (..., dim - 1), (..., corners, dim - 1)."""
-    if corners == 2:
-        constant = np.array([[-1.0], [1.0]])
-    elif corners == 3:
-        constant = np.array([[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]])
-    else:
-        a = eta[..., 0]
-        b = eta[..., 1]
-        by_a = np.stack([b - 1, 1 - b, -b, b], axis=-1)
-        by_b = np.stack([a - 1, -a, 1 - a, a], axis=-1)
-        return np.stack([by_a, by_b], axis=-1)
-    return np.asarray(np.broadcast_to(constant, (*eta.shape[:-1], *constant.shape)))
-
-
-def tabulated(element: basix.finite_element.FiniteElement, x: Array) -> Array:
-    """Return values of a scalar element (..., k) at reference coordinates (..., dim - 1)."""
+    Returns:
+        Values (1, ..., k), followed by the derivatives in each direction for order 1.
+    """
     # Basix aborts without any points.
     points = x.reshape(-1, x.shape[-1]) if x.size else np.zeros((1, x.shape[-1]))
-    values = element.tabulate(0, points)[0, : x[..., 0].size, :, 0]
-    return np.asarray(values.reshape(*x.shape[:-1], values.shape[1]))
+    table = element.tabulate(order, points)[:, : x[..., 0].size, :, 0]
+    return np.asarray(table.reshape(len(table), *x.shape[:-1], table.shape[2]))
+
+
+def basis(x: Array, corners: int, degree: int) -> Array:
+    """Return the Lagrange basis of facets with 2, 3 or 4 corners at places (..., dim - 1)."""
+    return np.asarray(tabulated(_element(corners, degree), x)[0])
+
+
+def linear_basis(x: Array, corners: int) -> tuple[Array, Array]:
+    """Return the basis of degree 1 (..., k) and its derivatives (..., k, dim - 1) at places."""
+    table = tabulated(_element(corners, 1), x, 1)
+    return table[0], np.moveaxis(table[1:], 0, -1)
 
 
 def nodal_points(corners: int, degree: int) -> Array:
@@ -200,27 +202,24 @@ def cover(
         least: covered fraction of a slave facet below which it does not count.
         steep: cosine of the largest angle at which facets face each other.
     """
-    i, k = pairs.T
-    facing = dot(slave.normals[i], master.normals[k]) < -steep
-    i = i[facing]
-    k = k[facing]
-    centre = slave.x.mean(axis=1)
+    facing = dot(slave.normals[pairs[:, 0]], master.normals[pairs[:, 1]]) < -steep
+    i, k = pairs[facing].T
+    # common parts in the planes of the slave facets
+    centres = slave.x.mean(axis=1, keepdims=True)
     axes = _axes(slave)
-    flat = np.einsum("nkd,nda->nka", slave.x - centre[:, None], axes)
-    mine = flat[i]
-    theirs = np.einsum("pkd,pda->pka", master.x[k] - centre[i, None], axes[i])
-    if slave.x.shape[2] == 2:
-        size = np.abs(flat[:, 1, 0] - flat[:, 0, 0])
-        pair, pieces = _segments(mine, theirs, size[i])
-    else:
-        size = np.abs(_area(flat[:, _LOOP[slave.corners]]))
-        pair, pieces = _polygons(mine, theirs, size[i])
+    mine = (slave.x[i] - centres[i]) @ axes[i]
+    theirs = (master.x[k] - centres[i]) @ axes[i]
+    size = np.linalg.norm(area_vectors(slave.x), axis=1)
+    divided = _segments if slave.x.shape[2] == 2 else _polygons
+    pair, pieces = divided(mine, theirs, size[i])
     found = Cover(slave, master, i[pair], k[pair], pieces, mine[pair], theirs[pair])
+    # mean gaps of the pieces
     rule = found.rule(1)
-    heights = np.einsum("pkd,pd->pk", master.x[k] - centre[i, None], slave.normals[i])[pair]
     area = rule.weights.sum(axis=1)
-    gaps = np.einsum("pqk,pk->pq", basis(rule.theirs, master.corners, 1), heights)
-    gap = np.einsum("pq,pq->p", rule.weights, gaps) / area
+    offset = master.x[found.other] - centres[found.facet]
+    heights = offset @ slave.normals[found.facet][:, :, None]
+    gaps = basis(rule.theirs, master.corners, 1) @ heights
+    gap = dot(rule.weights, gaps[..., 0]) / area
     limit = np.broadcast_to(deepest, (len(slave.x),))[found.facet]
     kept = np.flatnonzero((gap > -limit) & (gap < farthest))
     kept = kept[_nearest(found.facet[kept], gap[kept], area[kept], size)]
@@ -230,11 +229,9 @@ def cover(
 
 def _axes(faces: Faces) -> Array:
     """Return unit vectors in the planes of facets, shape (n, dim, dim - 1)."""
-    first = faces.x[:, 1] - faces.x[:, 0]
-    first -= dot(first, faces.normals)[:, None] * faces.normals
-    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    first = unit(tangential(faces.x[:, 1] - faces.x[:, 0], faces.normals))
     if faces.x.shape[2] == 2:
-        return np.asarray(first[:, :, None])
+        return first[:, :, None]
     return np.stack([first, np.cross(faces.normals, first)], axis=2)
 
 
@@ -267,106 +264,81 @@ def _polygons(mine: Array, theirs: Array, size: Array) -> tuple[Ints, Array]:
     """Return common parts of pairs of polygons, as triangles around their centres."""
     clip = _anticlockwise(mine[:, _LOOP[mine.shape[1]]])
     polygon = _anticlockwise(theirs[:, _LOOP[theirs.shape[1]]])
-    count: Ints = np.full(len(mine), polygon.shape[1], dtype=np.int64)
+    ends = np.roll(clip, -1, axis=1)
     for edge in range(clip.shape[1]):
-        start = clip[:, edge]
-        end = clip[:, (edge + 1) % clip.shape[1]]
-        polygon, count = _cut(polygon, count, start, end)
-    polygon, count = _without_copies(polygon, count, size)
-    pair, corner = np.nonzero(np.arange(polygon.shape[1]) < count[:, None])
-    held = (count[pair] > 3) | ((count[pair] == 3) & (corner == 0))
-    pair = pair[held]
-    corner = corner[held]
-    after = (corner + 1) % count[pair]
-    middle = _centre(polygon, count)[pair]
-    apex = np.where((count[pair] == 3)[:, None], polygon[pair, 2], middle)
-    triangles = np.stack([polygon[pair, corner], polygon[pair, after], apex], axis=1)
-    kept = _area(triangles) > _SLIVER * size[pair]
-    return pair[kept], triangles[kept]
+        polygon = _cut(polygon, clip[:, edge], ends[:, edge])
+    # corners at the place of the next one are left out
+    step = np.roll(polygon, -1, axis=1) - polygon
+    far = np.linalg.norm(step, axis=2) > _SLIVER * np.sqrt(size)[:, None]
+    polygon, count = _kept(polygon, far)
+    apex = np.where(count[:, None] == 3, polygon[:, 2], _centre(polygon))
+    sides = polygon, np.roll(polygon, -1, axis=1), np.broadcast_to(apex[:, None], polygon.shape)
+    triangles = np.stack(sides, axis=2)
+    kept = _area(triangles) > _SLIVER * size[:, None]
+    return np.nonzero(kept)[0], triangles[kept]
 
 
-def _centre(polygon: Array, count: Ints) -> Array:
-    """Return centres of area (n, 2), independent of the order and repetition of corners."""
-    first = polygon[:, :1]
-    places = np.minimum(np.arange(polygon.shape[1]), np.maximum(count - 1, 0)[:, None])
-    x = np.take_along_axis(polygon, places[:, :, None], axis=1) - first
-    y = np.roll(x, -1, axis=1)
-    double = x[..., 0] * y[..., 1] - x[..., 1] * y[..., 0]
-    total = double.sum(axis=1)
-    moment = np.einsum("nk,nka->na", double, x + y) / 3
-    offset = np.divide(moment, total[:, None], out=np.zeros_like(moment), where=total[:, None] > 0)
-    return np.asarray(first[:, 0] + offset)
+def _crossed(a: Array, b: Array) -> Array:
+    """Return the products a x b of vectors (..., 2), shape (...)."""
+    return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
 
 
 def _area(x: Array) -> Array:
-    """Return signed areas of polygons (n, k, 2)."""
+    """Return signed areas of polygons (..., k, 2)."""
+    return np.asarray(0.5 * _crossed(x, np.roll(x, -1, axis=-2)).sum(axis=-1))
+
+
+def _centre(polygon: Array) -> Array:
+    """Return centres of area (n, 2), independent of the order and repetition of corners."""
+    first = polygon[:, :1]
+    x = polygon - first
     y = np.roll(x, -1, axis=1)
-    double = x[..., 0] * y[..., 1] - x[..., 1] * y[..., 0]
-    return np.asarray(0.5 * double.sum(axis=1))
+    double = _crossed(x, y)[..., None]
+    moment = np.sum(double * (x + y), axis=1) / 3
+    total = double.sum(axis=1)
+    offset = np.divide(moment, total, out=np.zeros_like(moment), where=total > 0)
+    return np.asarray(first[:, 0] + offset)
 
 
 def _anticlockwise(x: Array) -> Array:
     return np.where(_area(x)[:, None, None] < 0, x[:, ::-1], x)
 
 
-def _after(count: Ints, m: int) -> Ints:
-    """Return the places of the next corners of polygons, shape (n, m)."""
-    places = np.arange(1, m + 1)
-    return np.where(places < count[:, None], places, 0)
-
-
-def _cut(polygon: Array, count: Ints, start: Array, end: Array) -> tuple[Array, Ints]:
-    """Return the parts of convex polygons (n, m, 2) to the left of lines.
-
-    The polygons have ``count`` corners each.
-    """
-    n, m, _ = polygon.shape
+def _cut(polygon: Array, start: Array, end: Array) -> Array:
+    """Return the parts of convex polygons (n, m, 2) to the left of lines; see `_kept`."""
     along = end - start
-    offset = polygon - start[:, None]
-    left = along[:, None, 0] * offset[..., 1] - along[:, None, 1] * offset[..., 0]
-    left /= np.sum(along**2, axis=1)[:, None]
-    held = np.arange(m) < count[:, None]
-    after = _after(count, m)
-    there = np.take_along_axis(left, after, axis=1)
+    left = _crossed(along[:, None], polygon - start[:, None]) / dot(along, along)[:, None]
     inside = left >= -_ON_LINE
-    crosses = inside != (there >= -_ON_LINE)
+    crosses = inside != np.roll(inside, -1, axis=1)
     # An edge along the line, one end of which is within the tolerance, is cut at that end.
-    share = np.clip(left / np.where(crosses, left - there, 1.0), 0.0, 1.0)
-    beyond = np.take_along_axis(polygon, after[:, :, None], axis=1)
-    crossing = polygon + share[:, :, None] * (beyond - polygon)
-    every = np.stack([polygon, crossing], axis=2).reshape(n, 2 * m, 2)
-    return _kept(every, (np.stack([inside, crosses], axis=2) & held[:, :, None]).reshape(n, 2 * m))
-
-
-def _without_copies(polygon: Array, count: Ints, size: Array) -> tuple[Array, Ints]:
-    """Return polygons without corners at the place of the next one."""
-    m = polygon.shape[1]
-    after = _after(count, m)
-    step = np.take_along_axis(polygon, after[:, :, None], axis=1) - polygon
-    far = np.linalg.norm(step, axis=2) > _SLIVER * np.sqrt(size)[:, None]
-    return _kept(polygon, far & (np.arange(m) < count[:, None]))
+    step = np.where(crosses, left - np.roll(left, -1, axis=1), 1.0)
+    share = np.clip(left / step, 0.0, 1.0)[..., None]
+    crossing = polygon + share * (np.roll(polygon, -1, axis=1) - polygon)
+    n, m, _ = polygon.shape
+    corners = np.stack([polygon, crossing], axis=2).reshape(n, 2 * m, 2)
+    return _kept(corners, np.stack([inside, crosses], axis=2).reshape(n, 2 * m))[0]
 
 
 def _kept(corners: Array, kept: Mask) -> tuple[Array, Ints]:
-    """Return polygons of the kept corners, in their order, and the numbers of corners."""
+    """Return polygons of the kept corners, in their order, and the numbers of corners.
+
+    The last corner is repeated, so that all polygons have equally many.
+    """
     count = kept.sum(axis=1)
-    order = np.argsort(~kept, axis=1, kind="stable")[:, : int(count.max(initial=3))]
+    place = np.minimum(np.arange(count.max(initial=3)), np.maximum(count - 1, 0)[:, None])
+    order = np.take_along_axis(np.argsort(~kept, axis=1, kind="stable"), place, axis=1)
     return np.take_along_axis(corners, order[:, :, None], axis=1), count
 
 
 def _reference(corners: Array, x: Array) -> Array:
     """Return reference coordinates in facets (n, k, dim - 1) of points of their plane (n, q)."""
     k, width = corners.shape[1:]
-    if k == width + 1:
-        edges = corners[:, 1:] - corners[:, :1]
-        offset = (x - corners[:, :1])[..., None]
-        return np.asarray(np.linalg.solve(edges.transpose(0, 2, 1)[:, None], offset)[..., 0])
     xi: Array = np.full(x.shape, 0.5)
-    for _ in range(20):
-        off = np.einsum("nqk,nka->nqa", basis(xi, k, 1), corners) - x
-        jacobian = np.einsum("nqkb,nka->nqab", slopes(xi, k), corners)
-        step = np.linalg.solve(jacobian, off[..., None])[..., 0]
+    for _ in range(1 if k == width + 1 else _STEPS):  # one step is exact in simplices
+        weights, slopes = linear_basis(xi, k)
+        jacobian = corners.transpose(0, 2, 1)[:, None] @ slopes
+        step = np.linalg.solve(jacobian, (weights @ corners - x)[..., None])[..., 0]
         xi -= step
-        if np.max(np.abs(step), initial=0.0) < 1e-14:
+        if np.max(np.abs(step), initial=0.0) < _FOUND:
             break
     return xi

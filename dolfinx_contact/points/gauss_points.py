@@ -101,7 +101,7 @@ class GaussPoints:
         scalar = element.sub_elements[0] if element.block_size > 1 else element
         # groups of whole facets are alike
         alike = self._x.strides[0] == 0 and len(self._x) > 0
-        values = tabulated(scalar.basix_element, self._x[:1] if alike else self._x)
+        values = tabulated(scalar.basix_element, self._x[:1] if alike else self._x)[0]
         return np.broadcast_to(values, (len(self._x), *values.shape[1:]))
 
     def evaluator(self, expressions: Mapping[str, Any]) -> Evaluator:

@@ -25,12 +25,13 @@ from dolfinx_contact._geometry import (
     global_numbers,
     node_positions,
     ratio,
+    transformed,
     unit,
 )
 from dolfinx_contact._mpi import SharedValues, maximum, require
 from dolfinx_contact._petsc import logged
 from dolfinx_contact.body.cells import cells_around
-from dolfinx_contact.points.clipping import Cover, Faces, basis, cover, slopes
+from dolfinx_contact.points.clipping import Cover, Faces, cover, linear_basis
 from dolfinx_contact.points.geometry import SurfaceFacets
 from dolfinx_contact.points.kinematics import rotation
 from dolfinx_contact.points.revolution import on_axis
@@ -147,7 +148,7 @@ class SlidingFaces:
         """Return the corners of the slave facets at a displacement, shape (n, k, dim)."""
         return self._facets.at_corners(self._X + self.nodes.from_owners(u))
 
-    @property
+    @cached_property
     def slave_nodes(self) -> Ints:
         """Global nodes of the displacement at the corners of the slave facets, shape (n, k)."""
         return global_numbers(self._V.dofmap.index_map, self._facets.trace[self.corners])
@@ -175,22 +176,17 @@ class SlidingFaces:
         """Return sums of facet vectors (n, dim) around local vertices, with mirror images."""
         return self.images * self._facets.around_vertices(of_facets)
 
-    def forces(self, facing: Facing, mine: Array, theirs: Array) -> Array:
+    def forces(self, facing: Facing, values: Array) -> Array:
         """Return forces at the owned displacement dofs, flat.
 
         Args:
             facing: opposing parts.
-            mine: forces at the corners of the slave facets, shape (p, k, dim).
-            theirs: forces at the nodes of the master facets or of their images, (p, b, dim).
+            values: forces at the corners of both facets or their images, shape (p, c, dim).
         """
-        theirs = theirs * facing.mirrors[:, None]
-        nodes = np.concatenate(
-            [self.slave_nodes[facing.facet].reshape(-1), facing.master_nodes.reshape(-1)]
-        )
-        values = np.concatenate([mine.reshape(-1, self.dim), theirs.reshape(-1, self.dim)])
-        dofs = (self.dim * nodes[:, None] + np.arange(self.dim)).reshape(-1)
+        dofs = self.dim * facing.nodes[:, :, None] + np.arange(self.dim)
         owned = self.dim * self._V.dofmap.index_map.size_local
-        return sums_at_global_places(self.comm, owned, dofs, values.reshape(-1))
+        values = facing.signs * values
+        return sums_at_global_places(self.comm, owned, dofs.reshape(-1), values.reshape(-1))
 
     # -- search ----------------------------------------------------------------------------------
 
@@ -346,75 +342,90 @@ class SlidingFaces:
             before: displacement of the owned nodes at the last accepted state; None for the mesh.
             areas: areas of the local vertices in the reference configuration.
         """
-        x = self._X + self.nodes.from_owners(u)
-        self._search(x, self._direction)
-        mine = self._facets.at_corners(x)
-        theirs = self._found_before + self.master.vectors(u, self.found)
-        facet, master, shape, weights, eta = self._pieces(mine, theirs)
-        # rays along averaged normals
-        m = self.at_nodes(self._facets.vectors(mine))
-        at = self.corners[facet]
-        start = np.einsum("pqa,pad->pqd", shape, mine[facet])
-        normal = np.einsum("pqa,pad->pqd", shape, m[at])
-        rays = cast(start, normal, theirs[master], eta)
-        # spins and slips since the last accepted state
-        old, old_theirs = self._reference, self._found_before
-        if before is not None:
-            old = self.positions(before)
-            old_theirs = self._found_before + self.master.vectors(before, self.found)
-        old_m = self.at_nodes(self._facets.vectors(old))
-        mine_spun, by_mine = spins(old, mine, self._facets.sense)
-        theirs_spun, by_theirs = spins(old_theirs, theirs, self.found.senses)
-        # normals of the master look the other way
-        both_spun = mine_spun[facet], -theirs_spun[master]
-        spun = np.stack([0.5 * sum(both_spun), both_spun[0] - both_spun[1]], axis=1)
-        by_corners = 0.5 * by_mine[facet], -0.5 * by_theirs[master]
-        way = np.einsum("pqb,pbd->pqd", rays.weights, old_theirs[master])
-        way -= np.einsum("pqa,pad->pqd", shape, old[facet])
-        o = unit(np.einsum("pqa,pad->pqd", shape, old_m[at]))
-        edges = np.einsum("pqbi,pbd->pqdi", rays.slopes, old_theirs[master])
-        old_normals = unit(old_m)
-        turn = rotation(o[:, :, None], old_normals[at][:, None])
-        along = turn @ edges[:, :, None]
-        slip = np.einsum("pqaij,pqj->pqai", turn, way)
-        # weighted means at the nodes
-        weighted = shape * weights[..., None]
-        weight = self.sums(facet, weighted.sum(axis=1))
-        weight = np.where(weight > _LEAST_WEIGHT * areas, weight, 0.0)
-        inverse = ratio(np.ones_like(weight), weight)
-        gaps = inverse * self.sums(facet, np.einsum("pqa,pq->pa", weighted, rays.gap))
-        # faces on each other in the mesh do not touch yet, whatever the sign of round-off
-        gaps = np.where(np.abs(gaps) <= self._no_gap, 0.0, gaps)
-        gaps = np.where(weight > 0, gaps + self.removed, self._depth)
-        slips = self.sums(facet, np.einsum("pqa,pqad->pad", weighted, slip))
-        slips = self.kept * (inverse[:, None] * slips)
-        turns = self.sums(facet, weighted.sum(axis=1)[..., None] * spun[:, None])
-        turns = (inverse * self.free_to_spin)[:, None] * turns
-        mass = np.einsum("pqa,pqb->pab", weighted, shape)
-        around = self.sums(facet, mass.sum(axis=2) - np.einsum("paa->pa", mass))
-        others = np.where(weight > 0, around, 0.0)
-        share = np.where(others > 0, np.minimum(weight / (_SHARE * areas), 1.0), 1.0)
-        length = np.linalg.norm(m, axis=1)
-        n = m / length[:, None]
-        nodal = Nodal(weight, share, others, gaps, slips, n, length, old_normals, *turns.T)
-        return Facing(self.found, facet, master, shape, weights, rays, along, by_corners, nodal)
-
-    def _pieces(self, mine: Array, theirs: Array) -> tuple[Ints, Ints, Array, Array, Array]:
-        """Return opposing parts: facets, basis, weights, and places on the master."""
+        self._search(self._X + self.nodes.from_owners(u), self._direction)
+        mine, theirs, m = self._placed(u)
+        old, old_theirs, old_m = self._placed(np.zeros_like(u) if before is None else before)
+        # common parts of the facets, with quadrature points
         limits = {} if self._direction is None else {"steep": _STEEP_ITSELF}
         common = self._covered(mine, theirs, self._deepest, **limits)
         rule = common.rule(_DEGREES[self.dim])
-        facet = common.facet
-        shape = basis(rule.mine, self.corners.shape[1], 1)
-        stretch = self._measure(self._reference[facet], rule.mine)
-        stretch /= self._measure(mine[facet], rule.mine)
+        facet, master = common.facet, common.other
+        shape, slopes = linear_basis(rule.mine, self.corners.shape[1])
+        stretch = self._measure(self._reference[facet], slopes) / self._measure(mine[facet], slopes)
+        weights = rule.weights * stretch
         if self._axisymmetric:
-            stretch *= 2 * np.pi * np.einsum("pqa,pa->pq", shape, self._reference[facet, :, 0])
-        return facet, common.other, shape, rule.weights * stretch, rule.theirs
+            weights *= 2 * np.pi * (shape @ self._reference[facet])[..., 0]
+        # rays along averaged normals
+        at = self.corners[facet]
+        rays = cast(shape @ mine[facet], shape @ m[at], theirs[master], rule.theirs)
+        # slips since the last accepted state
+        old_normals = unit(old_m)
+        turn = rotation(unit(shape @ old_m[at])[:, :, None], old_normals[at][:, None])
+        way = rays.weights @ old_theirs[master] - shape @ old[facet]
+        slip = transformed(turn, way[:, :, None])
+        along = turn @ (old_theirs[master].transpose(0, 2, 1)[:, None] @ rays.slopes)[:, :, None]
+        # spins since then; normals of the master look the other way
+        spun, by_mine = spins(old, mine, self._facets.sense)
+        theirs_spun, by_theirs = spins(old_theirs, theirs, self.found.senses)
+        spun, theirs_spun = spun[facet], -theirs_spun[master]
+        both_spun = np.stack([0.5 * (spun + theirs_spun), spun - theirs_spun], axis=1)
+        by_corners = np.concatenate([0.5 * by_mine[facet], -0.5 * by_theirs[master]], axis=1)
+        # sums around the nodes
+        weighted = (weights[..., None] * shape).transpose(0, 2, 1)
+        weight = weighted.sum(axis=2, keepdims=True)
+        between = weighted @ shape * (1.0 - np.eye(shape.shape[2]))
+        sums = (
+            weight,
+            between.sum(axis=2, keepdims=True),
+            weighted @ rays.gap[..., None],
+            np.einsum("paq,pqad->pad", weighted, slip),
+            weight * both_spun[:, None],
+        )
+        sums_at_nodes = self.sums(facet, np.concatenate(sums, axis=2))
+        nodal = self._nodal(sums_at_nodes, m, old_normals, areas)
+        nodes = np.concatenate([self.slave_nodes[facet], self.found.nodes[master]], axis=1)
+        signs = np.ones((*nodes.shape, self.dim))
+        signs[:, shape.shape[2] :] = self.found.mirrors[master][:, None]
+        corners = self.found, facet, master, nodes, signs
+        return Facing(*corners, shape, weights, rays, along, by_corners, nodal)
 
-    def _measure(self, x: Array, at: Array) -> Array:
-        """Return area ratios of facets (p, k, dim) and reference facets at places (p, q)."""
-        edges = np.einsum("pqai,pad->pqdi", slopes(at, x.shape[1]), x)
+    def _nodal(self, sums: Array, m: Array, before: Array, areas: Array) -> Nodal:
+        """Return the values at the local vertices.
+
+        Args:
+            sums: sums at the vertices of w, m_ab, w g, w d and of w times both spins, in columns.
+            m: sums of area vectors around the vertices, shape (n, dim).
+            before: unit normals of the last accepted state, shape (n, dim).
+            areas: areas of the vertices in the reference configuration, shape (n,).
+        """
+        weight, around = sums[:, 0], sums[:, 1]
+        weight = np.where(weight > _LEAST_WEIGHT * areas, weight, 0.0)
+        means = ratio(np.ones_like(weight), weight)[:, None] * sums[:, 2:]
+        # faces on each other in the mesh do not touch yet, whatever the sign of round-off
+        gap = np.where(np.abs(means[:, 0]) <= self._no_gap, 0.0, means[:, 0])
+        gap = np.where(weight > 0, gap + self.removed, self._depth)
+        around = np.where(weight > 0, around, 0.0)
+        share = np.where(around > 0, np.minimum(weight / (_SHARE * areas), 1.0), 1.0)
+        slip = self.kept * means[:, 1:-2]
+        spin, apart = self.free_to_spin * means[:, -2:].T
+        length = np.linalg.norm(m, axis=1)
+        n = m / length[:, None]
+        return Nodal(weight, share, around, gap, slip, n, length, before, spin, apart)
+
+    def _placed(self, u: Array) -> tuple[Array, Array, Array]:
+        """Return the corners of slave and candidates at a displacement, and nodal vectors m."""
+        slave = self.positions(u)
+        master = self._found_before + self.master.vectors(u, self.found)
+        return slave, master, self.at_nodes(self._facets.vectors(slave))
+
+    def _measure(self, x: Array, slopes: Array) -> Array:
+        """Return area ratios (p, q) of facets (p, k, dim) and the reference facet.
+
+        Args:
+            x: corners.
+            slopes: derivatives of the basis at the points, shape (p, q, k, dim - 1).
+        """
+        edges = x.transpose(0, 2, 1)[:, None] @ slopes
         if self.dim == 2:
             return np.linalg.norm(edges[..., 0], axis=-1)
         return np.linalg.norm(np.cross(edges[..., 0], edges[..., 1]), axis=-1)

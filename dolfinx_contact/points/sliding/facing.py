@@ -51,6 +51,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import count
 
 import numpy as np
 
@@ -62,9 +63,11 @@ from dolfinx_contact._geometry import (
     edges_of,
     ratio,
     tangential,
+    transformed,
+    unit,
     unit_rates,
 )
-from dolfinx_contact.points.clipping import basis, slopes
+from dolfinx_contact.points.clipping import linear_basis
 from dolfinx_contact.points.kinematics import rotation
 from dolfinx_contact.points.sliding.candidates import Candidates
 
@@ -123,26 +126,21 @@ def cast(x: Array, m: Array, y: Array, eta: Array) -> CastRays:
         y: nodes of the master facets, shape (p, b, dim).
         eta: first guesses of the places, shape (p, q, dim - 1).
     """
-    dim = x.shape[-1]
-    corners = y.shape[1]
     length = np.linalg.norm(m, axis=-1)
     n = m / length[..., None]
-    eta = eta.copy()
-    gap = np.zeros(x.shape[:2])
-    for _ in range(_STEPS):
-        weights = basis(eta, corners, 1)
-        by_eta = slopes(eta, corners)
-        matrix = np.concatenate([np.einsum("pqbi,pbd->pqdi", by_eta, y), -n[..., None]], axis=-1)
-        off = x + gap[..., None] * n - np.einsum("pqb,pbd->pqd", weights, y)
-        step = np.linalg.solve(matrix, off[..., None])[..., 0]
-        eta += step[..., : dim - 1]
-        gap += step[..., -1]
-        if np.max(np.abs(step[..., : dim - 1]), initial=0.0) <= _FOUND:
+    place = np.concatenate([eta, np.zeros((*eta.shape[:-1], 1))], axis=-1)  # eta and g
+    largest = np.inf
+    for steps in count():
+        weights, slopes = linear_basis(place[..., :-1], y.shape[1])
+        edges = y.transpose(0, 2, 1)[:, None] @ slopes
+        matrix = np.concatenate([edges, -n[..., None]], axis=-1)
+        if largest <= _FOUND or steps == _STEPS:
             break
-    weights = basis(eta, corners, 1)
-    by_eta = slopes(eta, corners)
-    matrix = np.concatenate([np.einsum("pqbi,pbd->pqdi", by_eta, y), -n[..., None]], axis=-1)
-    return CastRays(n, length, gap, weights, by_eta, np.linalg.inv(matrix))
+        off = x + place[..., -1:] * n - weights @ y
+        step = np.linalg.solve(matrix, off[..., None])[..., 0]
+        place += step
+        largest = np.max(np.abs(step[..., :-1]), initial=0.0)
+    return CastRays(n, length, place[..., -1], weights, slopes, np.linalg.inv(matrix))
 
 
 def spins(before: Array, now: Array, sense: Array) -> tuple[Array, Array]:
@@ -173,12 +171,11 @@ def spins(before: Array, now: Array, sense: Array) -> tuple[Array, Array]:
     m = sense[:, None] * area_vectors(now)
     length = np.linalg.norm(m, axis=1, keepdims=True)
     normal = m / length
-    o = sense[:, None] * area_vectors(before)
-    o /= np.linalg.norm(o, axis=1, keepdims=True)
+    o = unit(sense[:, None] * area_vectors(before))
     a, b = edges_of(before)
-    volume = np.sum(o * np.cross(a, b), axis=1)[:, None]
+    volume = dot(o, np.cross(a, b))[:, None]
     reciprocal = np.stack([np.cross(b, o) / volume, np.cross(o, a) / volume], axis=1)
-    g = np.einsum("nij,nkj->nki", rotation(o, normal), reciprocal)
+    g = reciprocal @ rotation(o, normal).transpose(0, 2, 1)
     e = np.stack(edges_of(now), axis=1)
     across = np.cross(normal[:, None], g)
     c = np.sum(g * e, axis=(1, 2))
@@ -251,7 +248,7 @@ class Nodal:
     @property
     def slip_now(self) -> Array:
         """Slip S R d, shape (n, dim)."""
-        return np.einsum("nij,nj->ni", self.rotation, self.slip)
+        return transformed(self.rotation, self.slip)
 
     @property
     def by_spin(self) -> Array:
@@ -283,7 +280,7 @@ class Nodal:
         c = (1.0 + dot(n, o))[:, None]
         turned = -(n + o)[:, :, None] * (d / c - b * o / c**2)[:, None]
         turned -= (b / c)[:, :, None] * np.eye(n.shape[1])
-        slip = np.einsum("nij,nj->ni", self._turned, self.slip)
+        slip = transformed(self._turned, self.slip)
         return np.asarray(self._spun @ (turned + n[:, :, None] * slip[:, None]))
 
 
@@ -291,87 +288,72 @@ class Nodal:
 class Facing:
     """Opposing parts p of slave and master, with q quadrature points each.
 
+    Both faces together have c corners at a part: a of the slave facet, and b of the master facet.
+
     Attributes:
         found: candidates.
         facet: slave facets, shape (p,).
         master: master facets among the candidates, shape (p,).
+        nodes: global nodes at the corners of both, shape (p, c).
+        signs: -1 for the components of corners that are mirror images, otherwise 1, (p, c, dim).
         basis: basis N_a at the points, shape (p, q, a).
         areas: weights w of the reference configuration, shape (p, q).
         rays: rays at the points.
         along: R_aq (I - n_o n_o^T) Y_o of the last accepted state, shape (p, q, a, dim, dim - 1).
-        spins: derivatives of psi by the slave corners (p, a, dim) and the master nodes (p, b, dim).
+        spins: derivatives of psi by the corners of both, shape (p, c, dim).
         nodal: values at the vertices.
     """
 
     found: Candidates
     facet: Ints
     master: Ints
+    nodes: Ints
+    signs: Array
     basis: Array
     areas: Array
     rays: CastRays
     along: Array
-    spins: tuple[Array, Array]
+    spins: Array
     nodal: Nodal
 
-    @property
-    def master_nodes(self) -> Ints:
-        """Global nodes of the master facets, shape (p, b)."""
-        return self.found.nodes[self.master]
-
-    @property
-    def mirrors(self) -> Array:
-        """Sign of each axis, -1 if the master facet is a mirror image along it, shape (p, dim)."""
-        return self.found.mirrors[self.master]
-
-    @property
+    @cached_property
     def weighted(self) -> Array:
-        """Weighted basis w N_a, shape (p, q, a)."""
-        return self.areas[..., None] * self.basis
+        """Weighted basis w N_a, shape (p, a, q)."""
+        return np.asarray((self.areas[..., None] * self.basis).transpose(0, 2, 1))
+
+    @cached_property
+    def jumps(self) -> Array:
+        """Weights of the corners in the jumps at the points, shape (p, q, c)."""
+        return np.concatenate([self.basis, -self.rays.weights], axis=2)
 
     @property
     def mass(self) -> Array:
         """Parts of m_ab, 0 for a = b, shape (p, a, b)."""
-        found = np.einsum("pqa,pqb->pab", self.weighted, self.basis)
-        return found * (1.0 - np.eye(found.shape[1]))
+        found = self.weighted @ self.basis
+        return np.asarray(found * (1.0 - np.eye(found.shape[1])))
 
-    def moved(self, x: Array, m: Array, y: Array) -> tuple[Array, Array]:
+    def moved(self, v: Array, m: Array) -> tuple[Array, Array]:
         """Return changes of places (p, q, dim - 1) and gaps (p, q).
 
         Args:
-            x: displacements of the slave corners, shape (p, a, dim).
-            m: changes of the vectors m at these, shape (p, a, dim).
-            y: displacements of the master nodes, shape (p, b, dim).
+            v: displacements of the corners of both facets, shape (p, c, dim).
+            m: changes of the vectors m at the slave corners, shape (p, a, dim).
         """
         rays = self.rays
-        at = np.einsum("pqa,pad->pqd", self.basis, x)
-        at -= np.einsum("pqb,pbd->pqd", rays.weights, y)
-        turned = np.einsum("pqa,pad->pqd", self.basis, m)
-        at += rays.gap[..., None] * np.einsum("pqij,pqj->pqi", rays.by_normal, turned)
-        found = np.einsum("pqij,pqj->pqi", rays.inverse, at)
+        turned = rays.gap[..., None] * transformed(rays.by_normal, self.basis @ m)
+        found = transformed(rays.inverse, self.jumps @ v + turned)
         return found[..., :-1], found[..., -1]
-
-    def spun(self, x: Array, y: Array) -> Array:
-        """Return changes of psi at the pieces (p,) for the displacements of `moved`."""
-        mine, theirs = self.spins
-        return np.asarray(np.sum(mine * x, axis=(1, 2)) + np.sum(theirs * y, axis=(1, 2)))
-
-    def spin_slopes(self) -> Array:
-        """Derivatives of `spun`, numbered like `slopes`, shape (p, c, dim)."""
-        mine, theirs = self.spins
-        return np.concatenate([mine, np.zeros_like(mine), theirs], axis=1)
 
     def slopes(self) -> tuple[Array, Array]:
         """Return derivatives of `moved` by its arguments.
 
         Returns:
-            Derivatives of places (p, q, dim - 1, c, dim) and of gaps (p, q, c, dim); c numbers the
-            corners of x, the corners of m, and the nodes of y.
+            Derivatives of places (p, q, dim - 1, c + a, dim) and of gaps (p, q, c + a, dim) by v
+            and m.
         """
         rays = self.rays
-        inverse = rays.inverse[..., :, None, :]
-        by_x = inverse * self.basis[..., None, :, None]
-        turning = (rays.gap[..., None, None] * (rays.inverse @ rays.by_normal))[..., :, None, :]
-        by_m = turning * self.basis[..., None, :, None]
-        by_y = -inverse * rays.weights[..., None, :, None]
-        every = np.concatenate([by_x, by_m, by_y], axis=3)
-        return every[..., :-1, :, :], every[..., -1, :, :]
+        by_m = rays.gap[..., None, None] * (rays.inverse @ rays.by_normal)
+        parts = (rays.inverse, self.jumps), (by_m, self.basis)
+        every = [by[..., :, None, :] * weights[..., None, :, None] for by, weights in parts]
+        both = np.concatenate(every, axis=3)
+        return both[..., :-1, :, :], both[..., -1, :, :]
