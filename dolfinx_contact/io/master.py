@@ -71,7 +71,7 @@ class MasterFace:
         areas.scatter_forward()
         self.areas = areas.array.copy()
         W = fem.functionspace(V.mesh, ("Lagrange", 1))
-        normals, _ = outward_normals(W, opposite.master_facets)
+        normals = outward_normals(W, opposite.master_facets)
         self.normals = normals[trace_dofs(W, self.vertices, facets)]
 
     def fields(self, problem: ContactProblem) -> dict[str, fem.Function]:

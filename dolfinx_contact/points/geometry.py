@@ -23,7 +23,7 @@ from dolfinx_contact._compat import FacetSubmesh
 from dolfinx_contact._forms import compiled_form
 from dolfinx_contact._geometry import area_vectors, dot, node_positions, unit
 from dolfinx_contact._mpi import SharedValues
-from dolfinx_contact.points.trace import facet_closures, facet_normals
+from dolfinx_contact.points.trace import facet_closures, facet_normals, owned_facets
 from dolfinx_contact.rigid_surfaces.closest import ClosestFacets
 
 __all__ = ["SurfaceFacets", "SurfaceGeometry", "distance_from_face", "simplices_of"]
@@ -213,7 +213,7 @@ def simplices_of(V: fem.FunctionSpace, facets: Indices, u: Array) -> tuple[Array
         mesh point outward; and the mean size of a facet.
     """
     domain, dim = V.mesh, V.mesh.geometry.dim
-    owned = facets[facets < domain.topology.index_map(dim - 1).size_local]
+    owned = owned_facets(domain, facets)
     closures = facet_closures(V, owned)
     X = _positions(V)
     pieces = _SIMPLICES[dim, closures.shape[1]]

@@ -13,6 +13,7 @@ may be, and answers come back.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 from mpi4py import MPI
@@ -24,7 +25,13 @@ import ufl
 from dolfinx import fem, mesh
 
 from dolfinx_contact._arrays import Array, Indices, Ints, Mask
-from dolfinx_contact._geometry import dot, global_numbers, node_positions
+from dolfinx_contact._geometry import (
+    area_vectors,
+    dot,
+    global_numbers,
+    node_positions,
+    tangential,
+)
 from dolfinx_contact._mpi import SharedValues, count_of, minimum, require
 from dolfinx_contact._petsc import triplet_matrix
 from dolfinx_contact.body.rigid import bounding_box
@@ -38,10 +45,10 @@ from dolfinx_contact.points.revolution import mirrored
 from dolfinx_contact.points.search import around, faces_of, nearest, opposing_facets
 from dolfinx_contact.points.trace import (
     at_global_places,
-    facet_normals,
     facets_in_common,
     nodes_on,
     outward_normals,
+    owned_facets,
     unit_field,
 )
 
@@ -79,9 +86,8 @@ class Opposite:
     """Weighted means of nodes opposite to the nodes of a surface.
 
     Attributes:
-        rows: row of `nodes` and `weights` by local node of the displacement, -1 off the surface.
-        nodes: global nodes, shape (rows, k).
-        weights: their weights, shape (rows, k); nodes of weight 0 are copies of any node.
+        nodes: global nodes opposite to the local nodes on the slave, in their order, shape (m, k).
+        weights: their weights, shape (m, k); nodes of weight 0 are copies of any node.
         none: mask of the local nodes without an opposing point, or opposite to themselves.
         areas: covered areas of the local nodes at corners of facets; None if faces match.
         sides: masks of the local nodes on slave and master.
@@ -89,7 +95,6 @@ class Opposite:
         common: common parts of the faces; None if they match.
     """
 
-    rows: Ints
     nodes: Ints
     weights: Array
     none: Mask
@@ -104,23 +109,23 @@ class Opposite:
         return self.common is None
 
     def at(self, nodes: Indices) -> tuple[Ints, Array]:
-        """Return nodes and weights (..., k) opposite to local nodes of the surface."""
-        return self.nodes[self.rows[nodes]], self.weights[self.rows[nodes]]
+        """Return nodes and weights (..., k) opposite to local nodes of the slave."""
+        rows = np.cumsum(self.sides[0])[nodes] - 1
+        return self.nodes[rows], self.weights[rows]
 
-    def values(self, comm: MPI.Comm, values: Array, size: int, *, sizes: bool = False) -> Array:
-        """Return values opposite to the local nodes, 0 off the surface. Collective.
+    def values(self, comm: MPI.Comm, values: Array, *, sizes: bool = False) -> Array:
+        """Return values opposite to the local nodes, 0 off the slave. Collective.
 
         Args:
             comm: communicator.
             values: values at the owned nodes, shape (n, ...).
-            size: number of local nodes.
             sizes: whether the absolute values of the weights are used.
         """
-        found = np.zeros((size, *values.shape[1:]))
-        on = np.flatnonzero(self.rows >= 0)
-        nodes, weights = self.at(on.astype(np.int32))
-        every = at_global_places(comm, values, nodes)
-        found[on] = np.einsum("nk,nk...->n...", np.abs(weights) if sizes else weights, every)
+        slave = self.sides[0]
+        found = np.zeros((len(slave), *values.shape[1:]))
+        every = at_global_places(comm, values, self.nodes)
+        weights = np.abs(self.weights) if sizes else self.weights
+        found[slave] = np.einsum("nk,nk...->n...", weights, every)
         return found
 
 
@@ -171,11 +176,16 @@ class OppositeFacets(Obstacle):
         common = facets_in_common(domain, slave, master)
         require(comm, common == 0, f"{name}: slave and master have {common} facets in common")
         W = fem.functionspace(domain, ("Lagrange", 1))
-        size = comm.allreduce(outward_normals(W, slave)[1], op=min)
+        faces = _Sides(V, slave, master, name, normal, axisymmetric)
+        size = faces.size
         if normal is not None:
-            _refuse_aslant(domain, slave, normal, name)
-        sides = nodes_on(V, slave), nodes_on(V, master)
-        faces = _Sides(V, slave, master, sides, size, name, normal, axisymmetric)
+            count = count_of(comm, faces.facets.normals @ normal < _ASLANT)
+            require(
+                comm,
+                count == 0,
+                f"{name}: the given normal is more than 60 degrees off {count} facet normals of "
+                "the slave; it points from the slave to the master",
+            )
         self.opposite = found = _matched(faces) or _mortar(faces)
         normals = faces.normals(W)
         field, self._normal = unit_field(domain, normals)
@@ -204,14 +214,12 @@ class OppositeFacets(Obstacle):
 
 @dataclass(frozen=True)
 class _Sides:
-    """Slave and master.
+    """Slave and master. Properties are collective.
 
     Attributes:
         V: displacement space.
         slave: local slave facets, ghosts included.
         master: local master facets, ghosts included.
-        nodes: masks of the local nodes on slave and master.
-        size: size of the smallest slave facet.
         name: name of the pair for messages.
         normal: given normal, shape (dim,); None for the normals of the slave.
         axisymmetric: whether the bodies are bodies of revolution.
@@ -220,11 +228,26 @@ class _Sides:
     V: fem.FunctionSpace
     slave: Indices
     master: Indices
-    nodes: tuple[Mask, Mask]
-    size: float
     name: str
     normal: Array | None
     axisymmetric: bool
+
+    @cached_property
+    def nodes(self) -> tuple[Mask, Mask]:
+        """Masks of the local nodes on slave and master."""
+        return nodes_on(self.V, self.slave), nodes_on(self.V, self.master)
+
+    @cached_property
+    def facets(self) -> Faces:
+        """Slave facets owned by this rank."""
+        return faces_of(self.V, self.slave)
+
+    @cached_property
+    def size(self) -> float:
+        """Size of the smallest slave facet."""
+        areas = np.linalg.norm(area_vectors(self.facets.x), axis=1)
+        least = minimum(self.V.mesh.comm, areas, np.inf)
+        return float(least ** (1 / (self.V.mesh.geometry.dim - 1)))
 
     @property
     def x(self) -> Array:
@@ -233,14 +256,10 @@ class _Sides:
 
     def normals(self, V: fem.FunctionSpace) -> Array:
         """Return normals of the slave at local nodes, zero elsewhere. Collective."""
-        normals, _ = outward_normals(V, self.slave)
+        normals = outward_normals(V, self.slave)
         if self.normal is not None:
             normals[np.any(normals != 0.0, axis=1)] = self.normal
         return mirrored(V, normals) if self.axisymmetric else normals
-
-    def owned(self, local: Mask) -> int:
-        """Return the number of owned nodes of a mask on all ranks. Collective."""
-        return count_of(self.V.mesh.comm, local[: self.V.dofmap.index_map.size_local])
 
 
 def _to_surface(
@@ -249,8 +268,8 @@ def _to_surface(
     """Return gaps and normals of a given surface at the slave nodes, zero elsewhere. Collective."""
     gaps, shape = at_nodes(W, surface)
     on_slave = nodes_on(W, faces.slave)
-    turned = (dot(shape, normals) < _FACING)[: W.dofmap.index_map.size_local]
-    count = count_of(W.mesh.comm, turned & on_slave[: len(turned)])
+    turned = on_slave & (dot(shape, normals) < _FACING)
+    count = count_of(W.mesh.comm, turned[: W.dofmap.index_map.size_local])
     require(
         W.mesh.comm,
         count == 0,
@@ -264,7 +283,7 @@ def _to_surface(
 def _gaps(faces: _Sides, opposite: Opposite) -> Array:
     """Return gaps at local nodes along the normals; large without an opposing point. Collective."""
     V, x = faces.V, faces.x
-    there = opposite.values(V.mesh.comm, x[: V.dofmap.index_map.size_local], len(x))
+    there = opposite.values(V.mesh.comm, x[: V.dofmap.index_map.size_local])
     gaps = dot(there - x, faces.normals(V))
     gaps[np.abs(gaps) <= _ROUND_OFF * faces.size] = 0.0
     low, high = bounding_box(V.mesh.comm, x)
@@ -283,7 +302,7 @@ def _matched(faces: _Sides) -> Opposite | None:
     comm = V.mesh.comm
     index_map = V.dofmap.index_map
     x = faces.x
-    theirs, _ = outward_normals(V, faces.master)
+    theirs = outward_normals(V, faces.master)
     against = faces.nodes[1]
     if given is not None:
         x = _projected(given, x)
@@ -293,17 +312,13 @@ def _matched(faces: _Sides) -> Opposite | None:
     first = index_map.local_range[0]
     known = {"x": x[on_master], "normal": theirs[on_master], "node": first + on_master}
     found = nearest(comm, known, x[mine])
-    offset = found["x"] - x[mine]
+    nodes = found["node"]
     n = faces.normals(V)[mine]
-    gap = dot(offset, n)
-    aside = np.linalg.norm(offset - gap[:, None] * n, axis=1)
+    aside = np.linalg.norm(tangential(found["x"] - x[mine], n), axis=1)
     unmatched = np.asarray(~(aside <= _TANGENTIAL * faces.size))
     owned = mine < index_map.size_local
-    if count_of(comm, unmatched & owned):
+    if count_of(comm, unmatched & owned) or _facets_differ(faces):
         return None
-    if _facets_differ(faces):
-        return None
-    nodes = found["node"]
     itself = nodes == global_numbers(index_map, mine)
     turned = dot(found["normal"], n) > 0.5
     require(
@@ -323,12 +338,10 @@ def _matched(faces: _Sides) -> Opposite | None:
         "an arm of a crack ends on the other side: exchange slave and master; where cracks cross, "
         "or both sides have an arm, each arm needs a group of its own",
     )
-    rows = np.full(len(x), -1, dtype=np.int64)
     none = np.zeros(len(x), dtype=bool)
-    rows[mine] = np.arange(len(mine))
     none[mine] = itself
     weights = np.ones((len(mine), 1))
-    return Opposite(rows, nodes[:, None], weights, none, None, faces.nodes, faces.master)
+    return Opposite(nodes[:, None], weights, none, None, faces.nodes, faces.master)
 
 
 def _facets_differ(faces: _Sides) -> bool:
@@ -336,12 +349,19 @@ def _facets_differ(faces: _Sides) -> bool:
 
     Nodes of finer facets lie between the nodes that have an opposing node.
     """
-    domain, given = faces.V.mesh, faces.normal
-    ours = _facet_data(domain, faces.slave, given)
-    others = _facet_data(domain, faces.master, None if given is None else -given)
-    facing = nearest(domain.comm, others, ours["x"])
+    sides = []
+    for facets, sense in ((faces.slave, 1.0), (faces.master, -1.0)):
+        side = faces_of(faces.V, facets)
+        x = side.x.mean(axis=1)
+        area = np.linalg.norm(area_vectors(side.x), axis=1)
+        if faces.normal is not None:
+            seen = sense * (side.normals @ faces.normal) > 0
+            x, area = _projected(faces.normal, x)[seen], area[seen]
+        sides.append({"x": x, "area": area})
+    ours, theirs = sides
+    facing = nearest(faces.V.mesh.comm, theirs, ours["x"])
     off = np.abs(facing["area"] / ours["area"] - 1) > _TANGENTIAL
-    return bool(count_of(domain.comm, off))
+    return bool(count_of(faces.V.mesh.comm, off))
 
 
 def _mortar(faces: _Sides) -> Opposite:
@@ -356,11 +376,10 @@ def _mortar(faces: _Sides) -> Opposite:
     degree = V.ufl_element().degree
     curved = V.mesh.ufl_domain().ufl_coordinate_element().degree > 1
     require(comm, not curved, f"{name}: cells are curved where faces do not match")
-    shared = faces.owned(faces.nodes[0] & faces.nodes[1])
+    shared = count_of(comm, (faces.nodes[0] & faces.nodes[1])[:n])
     require(comm, shared == 0, f"{name}: slave and master touch at {shared} nodes of the mesh")
-    dim = V.mesh.geometry.dim
-    facets = faces.slave[faces.slave < V.mesh.topology.index_map(dim - 1).size_local]
-    mine = faces_of(V, facets)
+    facets = owned_facets(V.mesh, faces.slave)
+    mine = faces.facets
     if faces.normal is not None:
         require(comm, degree == 1, f"{name}: a given normal needs degree 1 here")
         mine = _projected_faces(faces.normal, mine)
@@ -372,7 +391,7 @@ def _mortar(faces: _Sides) -> Opposite:
     local = index_map.global_to_local(mine.nodes[:, : mine.corners].reshape(-1))
     sums = SharedValues(index_map).sums(local, found.areas.reshape(-1))
     # without an opposing point there is no traction, and any area serves
-    areas = np.where(sums > 0, sums, size ** (dim - 1))
+    areas = np.where(sums > 0, sums, size ** (V.mesh.geometry.dim - 1))
 
     def opposite(rows: Ints, columns: Ints, values: Array, common: Common | None) -> Opposite:
         A = triplet_matrix(comm, (n, n), rows, columns, values)
@@ -386,7 +405,7 @@ def _mortar(faces: _Sides) -> Opposite:
     return opposite(found.slave, found.master, found.values, Common(facets, common, places))
 
 
-def _means(V: fem.FunctionSpace, A: PETSc.Mat, on_slave: Mask) -> tuple[Ints, Ints, Array, Mask]:
+def _means(V: fem.FunctionSpace, A: PETSc.Mat, on_slave: Mask) -> tuple[Ints, Array, Mask]:
     """Return the rows of a matrix as weighted means, as in `Opposite`. Collective.
 
     The matrix is destroyed. Its row sums are the areas, except for round-off.
@@ -402,25 +421,10 @@ def _means(V: fem.FunctionSpace, A: PETSc.Mat, on_slave: Mask) -> tuple[Ints, In
     weights[alone, 0] = 1.0
     nodes, weights = rows_with_ghosts(V.mesh.comm, index_map, nodes, weights)
     none = SharedValues(index_map).from_owners(alone.astype(np.float64)) > 0
-    on = np.flatnonzero(on_slave)
-    places = np.full(len(on_slave), -1, dtype=np.int64)
-    places[on] = np.arange(len(on))
-    return places, nodes[on], weights[on], np.asarray(on_slave & none)
+    return nodes[on_slave], weights[on_slave], np.asarray(on_slave & none)
 
 
 # -- given normals ---------------------------------------------------------------------------------
-
-
-def _refuse_aslant(domain: mesh.Mesh, slave: Indices, normal: Array, name: str) -> None:
-    """Raise ``ValueError`` if a given normal does not fit the slave facets. Collective."""
-    owned = slave[slave < domain.topology.index_map(domain.topology.dim - 1).size_local]
-    count = count_of(domain.comm, facet_normals(domain, owned) @ normal < _ASLANT)
-    require(
-        domain.comm,
-        not count,
-        f"{name}: the given normal is more than 60 degrees off {count} facet normals of "
-        "the slave; it points from the slave to the master",
-    )
 
 
 def _projected_faces(normal: Array, faces: Faces) -> Faces:
@@ -433,28 +437,3 @@ def _projected_faces(normal: Array, faces: Faces) -> Faces:
 def _projected(direction: Array, x: Array) -> Array:
     """Return points (n, dim) projected along a unit vector, in a plane across it."""
     return np.asarray(x - np.outer(x @ direction, direction))
-
-
-def _facet_data(
-    domain: mesh.Mesh, facets: Indices, direction: Array | None = None
-) -> dict[str, Array]:
-    """Return node means ``"x"`` (n, dim) and ``"area"`` (n,) of the facets owned by this rank.
-
-    Args:
-        domain: mesh.
-        facets: local facets.
-        direction: direction of projection, without the facets that look against it; default: no
-            projection.
-    """
-    dim = domain.geometry.dim
-    owned = facets[facets < domain.topology.index_map(dim - 1).size_local]
-    vectors = facet_normals(domain, owned, unit=False)
-    places: Array = np.zeros((0, dim))
-    if len(owned):  # DOLFINx divides by their number
-        corners = mesh.entities_to_geometry(domain, dim - 1, owned)
-        places = domain.geometry.x[corners][:, :, :dim].mean(axis=1)
-    area = np.linalg.norm(vectors, axis=1)
-    if direction is None:
-        return {"x": places, "area": area}
-    kept = vectors @ direction > 0
-    return {"x": _projected(direction, places)[kept], "area": area[kept]}

@@ -26,17 +26,21 @@ import basix
 from dolfinx import fem
 
 from dolfinx_contact._arrays import Array, Indices, Ints
-from dolfinx_contact._geometry import dot, global_numbers, node_positions
+from dolfinx_contact._geometry import (
+    dot,
+    global_numbers,
+    listed_pairs,
+    node_positions,
+    tangential,
+)
 from dolfinx_contact._mpi import maximum
 from dolfinx_contact.points.clipping import Faces
-from dolfinx_contact.points.trace import facet_closures, facet_normals
+from dolfinx_contact.points.trace import facet_closures, facet_normals, owned_facets
 
 __all__ = ["Columns", "around", "faces_of", "facets_along_normals", "nearest", "opposing_facets"]
 
 #: Data of points by name, arrays of shape (n, ...).
 Columns = Mapping[str, npt.NDArray[Any]]
-#: The same data as a structured array with one row per point.
-Rows = npt.NDArray[Any]
 #: Function from a `scipy.spatial.cKDTree` of points and data of questions to pairs of numbers of
 #: questions and points. (SciPy loads its trees at the first search.)
 Selection = Callable[[Any, Columns], tuple[Ints, Ints]]
@@ -44,7 +48,13 @@ Selection = Callable[[Any, Columns], tuple[Ints, Ints]]
 
 def _in_balls(tree: scipy.spatial.cKDTree, questions: Columns) -> tuple[Ints, Ints]:
     """Return pairs of questions and points of a tree within their distances."""
-    return _pairs(tree.query_ball_point(questions["x"], questions["reach"]))
+    return listed_pairs(tree.query_ball_point(questions["x"], questions["reach"]))
+
+
+def _nearest_in(tree: scipy.spatial.cKDTree, questions: Columns) -> tuple[Ints, Ints]:
+    """Return the nearest point of a tree for each question."""
+    found = tree.query(questions["x"])[1]
+    return np.arange(len(found)), found
 
 
 def nearest(comm: MPI.Comm, known: Columns, x: Array) -> dict[str, npt.NDArray[Any]]:
@@ -58,9 +68,9 @@ def nearest(comm: MPI.Comm, known: Columns, x: Array) -> dict[str, npt.NDArray[A
     Returns:
         Data of the nearest points, shape (n, ...); infinite positions if no rank has a point.
     """
-    boxes = _Boxes(comm, known["x"], x)
-    reach = np.nanmin(boxes.far, axis=0, initial=np.inf) * (1 + 1e-12)
-    i, found = _answers(comm, boxes, known, {"x": x, "reach": reach}, _nearest_in)
+    _, far = _distances_of_boxes(comm, known["x"], x)
+    reach = np.nanmin(far, axis=0, initial=np.inf) * (1 + 1e-12)
+    i, found = around(comm, known, {"x": x, "reach": reach}, _nearest_in)
     order = np.lexsort((np.linalg.norm(found["x"] - x[i], axis=1), i))
     places, first = np.unique(i[order], return_index=True)
     best = {name: np.zeros((len(x), *v.shape[1:]), v.dtype) for name, v in found.items()}
@@ -85,15 +95,50 @@ def around(
     Returns:
         Numbers of places, shape (pairs,), and data of points near them, shape (pairs, ...).
     """
-    boxes = _Boxes(comm, known["x"], wanted["x"])
-    return _answers(comm, boxes, known, wanted, select)
+    questions = []
+    for near in _distances_of_boxes(comm, known["x"], wanted["x"])[0]:
+        asked = np.flatnonzero(near <= wanted["reach"])
+        questions.append({"place": asked} | {name: v[asked] for name, v in wanted.items()})
+    tree = scipy.spatial.cKDTree(known["x"]) if len(known["x"]) else None
+    answers = []
+    for q in comm.alltoall(questions):
+        i: Ints = np.zeros(0, dtype=np.int64)
+        k = i
+        if tree is not None and len(q["x"]):
+            i, k = select(tree, q)
+        answers.append({"place": q["place"][i]} | {name: v[k] for name, v in known.items()})
+    parts = comm.alltoall(answers)
+    found = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+    return found.pop("place"), found
+
+
+def _distances_of_boxes(comm: MPI.Comm, known: Array, x: Array) -> tuple[Array, Array]:
+    """Return distances of places to the boxes around the known points of every rank. Collective.
+
+    Args:
+        comm: communicator.
+        known: points of this rank, shape (m, dim).
+        x: places, shape (n, dim).
+
+    Returns:
+        Distances to the nearest and to the farthest point of each box, shape (ranks, n); NaN for
+        ranks without points.
+    """
+    box = np.full((2, x.shape[1]), np.nan)
+    if len(known):
+        box[:] = known.min(axis=0), known.max(axis=0)
+    boxes = np.array(comm.allgather(box))
+    below = boxes[:, 0, None] - x
+    above = x - boxes[:, 1, None]
+    near = np.linalg.norm(np.maximum(below, above).clip(0.0), axis=2)
+    return near, np.linalg.norm(np.maximum(np.abs(below), np.abs(above)), axis=2)
 
 
 def faces_of(V: fem.FunctionSpace, facets: Indices) -> Faces:
     """Return the facets owned by this rank."""
     domain = V.mesh
     dim = V.mesh.geometry.dim
-    owned = facets[facets < domain.topology.index_map(dim - 1).size_local]
+    owned = owned_facets(domain, facets)
     closures = facet_closures(V, owned)
     corners = len(basix.topology(domain.basix_cell())[dim - 1][0])
     x = node_positions(V)[:, :dim][closures[:, :corners]]
@@ -164,12 +209,6 @@ def opposing_facets(comm: MPI.Comm, slave: Faces, master: Faces) -> tuple[Faces,
 # -- search on a rank ------------------------------------------------------------------------------
 
 
-def _nearest_in(tree: scipy.spatial.cKDTree, questions: Columns) -> tuple[Ints, Ints]:
-    """Return the nearest point of a tree for each question."""
-    found = tree.query(questions["x"])[1]
-    return np.arange(len(found)), found
-
-
 def _near_rays(tree: scipy.spatial.cKDTree, q: Columns, radii: Array) -> tuple[Ints, Ints]:
     """Return pairs of rays and balls of this rank in cylinders around the rays.
 
@@ -196,97 +235,12 @@ def _near_rays(tree: scipy.spatial.cKDTree, q: Columns, radii: Array) -> tuple[I
         half = half / 2
         at = np.concatenate([at - half[i], at + half[i]])
         i = np.concatenate([i, i])
-    parts, k = _pairs(tree.query_ball_point(middles, reach))
+    parts, k = listed_pairs(tree.query_ball_point(middles, reach))
     pairs = np.unique(i[parts] * tree.n + k)
     i, k = pairs // tree.n, pairs % tree.n
     off = tree.data[k] - q["x"][i]
     along = dot(off, q["normal"][i])
-    aside = np.linalg.norm(off - along[:, None] * q["normal"][i], axis=1)
+    aside = np.linalg.norm(tangential(off, q["normal"][i]), axis=1)
     limit = q["across"][i] + radii[k]
     kept = (np.abs(along) <= q["depth"][i] + limit) & (aside <= limit)
     return i[kept], k[kept]
-
-
-class _Boxes:
-    """Boxes around the known points of every rank, and a tree of the points of this rank.
-
-    Args:
-        comm: communicator.
-        known: points of this rank, shape (m, dim).
-        x: places, shape (n, dim).
-
-    Attributes:
-        near: distances of the places to the nearest point of each box, NaN for ranks without
-            points, shape (ranks, n).
-        far: distances to the farthest point of each box, shape (ranks, n).
-        tree: tree of the points of this rank; None without points.
-    """
-
-    def __init__(self, comm: MPI.Comm, known: Array, x: Array):
-        box = np.full((2, x.shape[1]), np.nan)
-        if len(known):
-            box[:] = known.min(axis=0), known.max(axis=0)
-        boxes = np.array(comm.allgather(box))
-        below = boxes[:, 0, None] - x
-        above = x - boxes[:, 1, None]
-        self.near = np.linalg.norm(np.maximum(below, above).clip(0.0), axis=2)
-        self.far = np.linalg.norm(np.maximum(np.abs(below), np.abs(above)), axis=2)
-        self.tree = scipy.spatial.cKDTree(known) if len(known) else None
-
-
-def _answers(
-    comm: MPI.Comm, boxes: _Boxes, known: Columns, wanted: Columns, select: Selection
-) -> tuple[Ints, dict[str, npt.NDArray[Any]]]:
-    """Return numbers of places, and data of the points selected for them. Collective."""
-    asked = _rows({"place": np.arange(len(wanted["x"])), **wanted})
-    questions = [asked[near <= wanted["reach"]] for near in boxes.near]
-    answers = []
-    for q in _exchanged(comm, questions):
-        i: Ints = np.zeros(0, dtype=np.int64)
-        k = i
-        if boxes.tree is not None and len(q):
-            i, k = select(boxes.tree, _by_name(q))
-        chosen = {name: values[k] for name, values in known.items()}
-        answers.append(_rows({"place": q["place"][i], **chosen}))
-    found = _by_name(np.concatenate(_exchanged(comm, answers)))
-    return found.pop("place"), found
-
-
-def _pairs(lists: npt.NDArray[np.object_]) -> tuple[Ints, Ints]:
-    """Return the pairs (i, k) with k in the list i."""
-    i = np.repeat(np.arange(len(lists)), [len(part) for part in lists])
-    return i, np.array([k for part in lists for k in part], dtype=np.int64)
-
-
-def _rows(columns: Columns) -> Rows:
-    """Return named data as a structured array with one row per point."""
-    rows = np.empty(len(columns["x"]), [(k, v.dtype, v.shape[1:]) for k, v in columns.items()])
-    for name, values in columns.items():
-        rows[name] = values
-    return rows
-
-
-def _by_name(rows: Rows) -> dict[str, npt.NDArray[Any]]:
-    """Return the columns of a structured array as separate arrays."""
-    return {name: np.ascontiguousarray(rows[name]) for name in rows.dtype.names or ()}
-
-
-def _exchanged(comm: MPI.Comm, parts: list[Rows]) -> list[Rows]:
-    """Return the array that each rank has for this one. Collective.
-
-    Args:
-        comm: communicator.
-        parts: array for every rank, shape (n,).
-    """
-    counts = comm.alltoall([len(p) for p in parts])
-    received = [np.empty(n, dtype=parts[0].dtype) for n in counts]
-    requests = [
-        comm.Irecv([a.view(np.uint8), MPI.BYTE], source=r) for r, a in enumerate(received) if len(a)
-    ]
-    requests += [
-        comm.Isend([np.ascontiguousarray(p).view(np.uint8), MPI.BYTE], dest=r)
-        for r, p in enumerate(parts)
-        if len(p)
-    ]
-    MPI.Request.Waitall(requests)
-    return received

@@ -144,7 +144,7 @@ def resting(V: fem.FunctionSpace, opposite: Opposite, fixed: Mask) -> Mask:
         fixed: mask of the components fixed by Dirichlet data, shape (local nodes, dim).
     """
     free = (~fixed[: V.dofmap.index_map.size_local]).astype(float)
-    moves = opposite.values(V.mesh.comm, free, len(fixed), sizes=True) > _MOVES
+    moves = opposite.values(V.mesh.comm, free, sizes=True) > _MOVES
     return np.asarray((fixed & ~moves) | opposite.none[:, None])
 
 
@@ -160,9 +160,7 @@ def held_in_place(V: fem.FunctionSpace, opposite: Opposite, fixed: Mask) -> Mask
     places = opposite.common.places
     held: Mask = np.asarray(fixed.all(axis=1))
     free = (~held[: V.dofmap.index_map.size_local]).astype(float)
-    here, around = (
-        of.values(V.mesh.comm, free, len(held), sizes=True) for of in (places, opposite)
-    )
+    here, around = (of.values(V.mesh.comm, free, sizes=True) for of in (places, opposite))
     fixed_here = opposite.sides[0] & held & ~places.none & (here <= _MOVES)
     return np.asarray(fixed_here & (around > _MOVES))
 
@@ -171,7 +169,7 @@ def in_place(opposite: Opposite, nodes: Mask) -> Opposite:
     """Return opposing points, at marked local nodes those at their own places. Not collective."""
     assert opposite.common is not None
     places = opposite.common.places
-    chosen = nodes[opposite.rows >= 0][:, None]
+    chosen = nodes[opposite.sides[0]][:, None]
     width = max(opposite.nodes.shape[1], places.nodes.shape[1])
 
     def rows(values: Any, others: Any) -> Any:

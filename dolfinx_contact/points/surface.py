@@ -355,7 +355,7 @@ class DiscreteSurface(ReadOnly):
         opposite = self.obstacle.opposite
         if opposite is None:
             return np.zeros_like(values)
-        return opposite.values(self.comm, values[: self.owned_nodes], len(values))
+        return opposite.values(self.comm, values[: self.owned_nodes])
 
     @cached_property
     def node_positions(self) -> Array:

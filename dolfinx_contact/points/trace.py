@@ -13,7 +13,7 @@ import numpy as np
 
 import basix
 import ufl
-from dolfinx import fem, la, mesh
+from dolfinx import fem, mesh
 
 from dolfinx_contact import _geometry
 from dolfinx_contact._arrays import Array, Indices, Ints, Mask
@@ -22,7 +22,6 @@ from dolfinx_contact._geometry import dot, node_positions
 from dolfinx_contact._mpi import (
     SharedValues,
     anywhere,
-    count_of,
     everywhere,
     maximum,
     require,
@@ -43,6 +42,7 @@ __all__ = [
     "nodes_on",
     "outward_normals",
     "owned_exterior",
+    "owned_facets",
     "point_ids",
     "rounded",
     "sums_at_global_places",
@@ -53,6 +53,11 @@ __all__ = [
 
 
 _ON_PLANE = 1e-9  # distance from a plane of symmetry, relative to the largest coordinate
+
+
+def owned_facets(domain: mesh.Mesh, facets: Indices) -> Indices:
+    """Return the facets among the local ``facets`` that this rank owns."""
+    return facets[facets < domain.topology.index_map(domain.topology.dim - 1).size_local]
 
 
 def owned_exterior(domain: mesh.Mesh, facets: Indices) -> Indices:
@@ -92,11 +97,9 @@ def exterior_facets(domain: mesh.Mesh, facets: Any, tag: int | str | None, name:
             chosen = _chosen(domain, facets, tag)
         except ValueError as error:
             raise ValueError(f"{name}: {error}") from None
-    marks = la.vector(index_map, 1)
-    marks.array[:] = 0.0
-    marks.array[chosen] = 1.0
-    marks.scatter_reverse(la.InsertMode.add)
-    owned = np.flatnonzero(marks.array[: index_map.size_local] > 0).astype(np.int32)
+    named = SharedValues(index_map).sums(chosen, np.ones(len(chosen)))
+    found = np.flatnonzero(named).astype(np.int32)
+    owned = owned_facets(domain, found)
     counts = np.array([len(owned), len(owned) - len(owned_exterior(domain, owned))])
     number, inside = comm.allreduce(counts)
     missing = "no facet was given"
@@ -106,8 +109,7 @@ def exterior_facets(domain: mesh.Mesh, facets: Any, tag: int | str | None, name:
     require(comm, number > 0, f"{name}: {missing}")
     words = f"{inside} facets lie inside the body; contact needs facets of its boundary"
     require(comm, inside == 0, f"{name}: {words}")
-    marks.scatter_forward()
-    return np.flatnonzero(marks.array > 0).astype(np.int32)
+    return found
 
 
 def _chosen(domain: mesh.Mesh, facets: Any, tag: int | str | None) -> Indices:
@@ -170,7 +172,7 @@ def trace_dofs(V: fem.FunctionSpace, Q: fem.FunctionSpace, parent_facets: Indice
     return nodes
 
 
-def outward_normals(V: fem.FunctionSpace, facets: Indices) -> tuple[Array, float]:
+def outward_normals(V: fem.FunctionSpace, facets: Indices) -> Array:
     """Return unit normals at local nodes, area-weighted means of the facets there. Collective.
 
     Args:
@@ -178,20 +180,13 @@ def outward_normals(V: fem.FunctionSpace, facets: Indices) -> tuple[Array, float
         facets: local exterior facets, ghosts included.
 
     Returns:
-        Normals, zero off the facets, shape (nodes, dim), and size of the smallest facet of this
-        rank.
+        Normals, zero off the facets, shape (nodes, dim).
     """
-    domain = V.mesh
-    dim = V.mesh.geometry.dim
-    owned = facets[facets < domain.topology.index_map(dim - 1).size_local]
-    normals = facet_normals(domain, owned, unit=False)
+    owned = owned_facets(V.mesh, facets)
     nodes = facet_closures(V, owned)
-    at_nodes = np.repeat(normals[:, None], nodes.shape[1], axis=1)
-    values = SharedValues(V.dofmap.index_map).sums(nodes, at_nodes)
-    areas = np.linalg.norm(normals, axis=1)
-    size = float(np.min(areas, initial=np.inf) ** (1 / (dim - 1)))
-    length = np.linalg.norm(values, axis=1, keepdims=True)
-    return np.divide(values, length, out=np.zeros_like(values), where=length > 0), size
+    vectors = facet_normals(V.mesh, owned, unit=False)
+    parts = np.repeat(vectors[:, None], nodes.shape[1], axis=1)
+    return _geometry.unit(SharedValues(V.dofmap.index_map).sums(nodes, parts))
 
 
 def facet_normals(domain: mesh.Mesh, facets: Indices, *, unit: bool = True) -> Array:
@@ -279,8 +274,7 @@ def across_planes(
 
 def facets_in_common(domain: mesh.Mesh, slave: Indices, master: Indices) -> int:
     """Return the number of facets in two lists of local facets. Collective."""
-    owned = domain.topology.index_map(domain.topology.dim - 1).size_local
-    return count_of(domain.comm, np.intersect1d(slave, master) < owned)
+    return domain.comm.allreduce(len(owned_facets(domain, np.intersect1d(slave, master))))
 
 
 def unit_field(domain: mesh.Mesh, vectors: Array) -> tuple[fem.Function, Any]:
@@ -316,9 +310,8 @@ def at_global_places(comm: MPI.Comm, values: Array, places: Ints) -> Array:
     width = int(np.prod(shape, dtype=int))
     given = PETSc.Vec().createMPI((values.size, None), comm=comm)
     given.array[:] = values.reshape(-1)
-    entries = width * places.reshape(-1, 1) + np.arange(width)
-    wanted = PETSc.IS().createGeneral(entries.reshape(-1).astype(PETSc.IntType), comm=comm)
-    here = PETSc.Vec().createSeq(entries.size, comm=PETSc.COMM_SELF)
+    wanted = PETSc.IS().createBlock(width, places.reshape(-1).astype(PETSc.IntType), comm=comm)
+    here = PETSc.Vec().createSeq(width * places.size, comm=PETSc.COMM_SELF)
     scatter = PETSc.Scatter().create(given, wanted, here, None)
     scatter.scatter(given, here)
     found = here.array_r.copy()

@@ -303,7 +303,7 @@ def _apart(s: DiscreteSurface, x: Array) -> float:
     """
     opposite = s.obstacle.opposite
     assert opposite is not None
-    on = (opposite.rows >= 0) & ~opposite.none
+    on = opposite.sides[0] & ~opposite.none
     off = np.linalg.norm((s.opposite(x) - x)[on], axis=1)
     return float(s.comm.allreduce(float(np.max(off, initial=0.0)), op=max))
 

@@ -191,7 +191,7 @@ def _size(comm: MPI.Comm, x: Array) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class SlidingOpposite(Opposite):
-    """The other face. Opposing points depend on the state, so rows and weights are empty.
+    """The other face. Opposing points depend on the state, so nodes and weights are empty.
 
     Attributes:
         depth: search distance.
@@ -262,7 +262,6 @@ class SlidingFacets(Obstacle):
             x = node_positions(V)[:, :dim]
             depth = _REACH * min(_size(comm, x[side]) for side in sides)
         self.opposite = SlidingOpposite(
-            rows=np.where(sides[0], 0, -1),
             nodes=np.zeros((1, 1), dtype=np.int64),
             weights=np.zeros((1, 1)),
             none=np.zeros(len(sides[0]), dtype=bool),
@@ -275,7 +274,7 @@ class SlidingFacets(Obstacle):
             direction=direction,
         )
         # normals, without their parts across planes of symmetry
-        normals = outward_normals(V, slave)[0]
+        normals = outward_normals(V, slave)
         normals[self.opposite.across] = 0.0
         left = np.linalg.norm(normals[sides[0]], axis=1)
         count = count_of(comm, left < _ALONG)
