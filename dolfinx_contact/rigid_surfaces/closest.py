@@ -16,14 +16,14 @@ are examined only if they may be closer.
 
 from __future__ import annotations
 
-from itertools import chain, combinations
+from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
 import scipy
 
 from dolfinx_contact._arrays import Array, Ints
-from dolfinx_contact._geometry import area_vectors
+from dolfinx_contact._geometry import area_vectors, dot, listed_pairs
 
 __all__ = ["ClosestFacets", "ClosestPoints", "closest_on"]
 
@@ -54,10 +54,10 @@ def closest_on(x: Array, corners: Array) -> Array:
     for i, j in combinations(range(corners.shape[1]), 2):
         along = corners[:, j] - corners[:, i]
         away = x - corners[:, i]
-        square = np.maximum(_dot(along, along), np.finfo(float).tiny)
-        part = np.clip(_dot(away, along) / square, 0.0, 1.0)
+        square = np.maximum(dot(along, along), np.finfo(float).tiny)
+        part = np.clip(dot(away, along) / square, 0.0, 1.0)
         away -= part[:, None] * along
-        distance = _dot(away, away)
+        distance = dot(away, away)
         closer = np.flatnonzero(distance < least)
         least[closer] = distance[closer]
         rows = outside[closer]
@@ -75,7 +75,7 @@ def _parts(x: Array, corners: Array) -> Array:
     a = corners[:, 1] - corners[:, 0]
     b = corners[:, 2] - corners[:, 0]
     off = x - corners[:, 0]
-    aa, ab, bb, ax, bx = (_dot(*pair) for pair in ((a, a), (a, b), (b, b), (a, off), (b, off)))
+    aa, ab, bb, ax, bx = (dot(*pair) for pair in ((a, a), (a, b), (b, b), (a, off), (b, off)))
     square = aa * bb - ab**2
     second = bb * ax - ab * bx
     third = aa * bx - ab * ax
@@ -84,16 +84,12 @@ def _parts(x: Array, corners: Array) -> Array:
     if len(thin):
         across = area_vectors(corners[thin])
         away = corners[thin] - x[thin, None]
-        squares = np.maximum(_dot(across, across), np.finfo(float).tiny)
+        squares = np.maximum(dot(across, across), np.finfo(float).tiny)
         height = np.einsum("nki,ni->nk", away, across) / squares[:, None]
         away -= height[..., None] * across[:, None]
         crossed = np.cross(away[:, [1, 2, 0]], away[:, [2, 0, 1]])
         parts[thin] = np.einsum("nki,ni->nk", crossed, across)
     return np.asarray(parts)
-
-
-def _dot(a: Array, b: Array) -> Array:
-    return np.asarray(np.einsum("ni,ni->n", a, b))
 
 
 class ClosestPoints(NamedTuple):
@@ -136,9 +132,8 @@ class ClosestFacets:
         sizes = self._tree.query_ball_point(x[left], within[left], return_length=True)
         groups = np.cumsum(sizes) // _PAIRS
         for some in np.split(left, np.flatnonzero(np.diff(groups)) + 1):
-            found = self._tree.query_ball_point(x[some], within[some])
-            balls = np.fromiter(chain.from_iterable(found), dtype=np.int64)
-            points = np.repeat(some, [len(f) for f in found])
+            points, balls = listed_pairs(self._tree.query_ball_point(x[some], within[some]))
+            points = some[points]
             apart = np.linalg.norm(x[points] - self._centres[balls], axis=1)
             near = apart <= _LARGER * (closest.distance[points] + self._radii[balls])
             sizes = np.bincount(points[near], minlength=len(x))[some]
@@ -186,12 +181,12 @@ def _radii(corners: Array) -> Array:
 def _halved(corners: Array) -> Array:
     """Return both halves of each facet after bisection of its longest edge."""
     k = corners.shape[1]
-    pairs = [(i, j) for i in range(k) for j in range(i + 1, k)]
+    pairs = list(combinations(range(k), 2))
     lengths = [np.linalg.norm(corners[:, i] - corners[:, j], axis=1) for i, j in pairs]
-    longest = np.array(pairs)[np.argmax(lengths, axis=0)]
+    ends = np.array(pairs)[np.argmax(lengths, axis=0)]
     row = np.arange(len(corners))
-    halves = np.repeat(corners, 2, axis=0).reshape(-1, 2, k, corners.shape[2])
-    middle = (corners[row, longest[:, 0]] + corners[row, longest[:, 1]]) / 2
-    halves[row, 0, longest[:, 0]] = middle
-    halves[row, 1, longest[:, 1]] = middle
+    middle = corners[row[:, None], ends].mean(axis=1)
+    halves = np.repeat(corners[:, None], 2, axis=1)
+    for half in range(2):
+        halves[row, half, ends[:, half]] = middle
     return halves.reshape(-1, k, corners.shape[2])

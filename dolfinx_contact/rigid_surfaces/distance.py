@@ -34,8 +34,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from dolfinx_contact._arrays import Array, Ints, Mask
+from dolfinx_contact._geometry import dot, tangential, unit
 from dolfinx_contact.rigid_surfaces.closest import ClosestFacets
-from dolfinx_contact.rigid_surfaces.triangulation import Triangulation
+from dolfinx_contact.rigid_surfaces.triangulation import Features, Triangulation
 
 __all__ = ["Distances", "distances_from"]
 
@@ -92,9 +93,9 @@ def distances_from(
     length = np.linalg.norm(away, axis=1)
     inside_facet = on.zeros == 0
     far: Mask = ~inside_facet & (length > _ON * surface.size)
-    outside = np.einsum("ni,ni->n", away, on.side)
+    outside = dot(away, on.side)
     sign = np.where((outside >= 0) | on.rim, 1.0, -1.0)
-    distance = np.where(inside_facet, np.einsum("ni,ni->n", away, flat), sign * length)
+    distance = np.where(inside_facet, dot(away, flat), sign * length)
     safe = np.where(far, sign * length, 1.0)
     slope = np.where(far[:, None], away / safe[:, None], on.side)
     eye = np.eye(x.shape[1])
@@ -141,24 +142,19 @@ class _Places:
         self.rim = np.zeros(len(facets), dtype=bool)
         cells = surface.cells[facets]
         edges = np.flatnonzero((self.zeros == 1) & (dim == 3))
-        if len(edges):
-            opposite = np.argmax(none[edges], axis=1)
-            ridges = surface.ridges[facets[edges], opposite]
-            self._take(edges, surface.ridge_normals[ridges])
-            self.crease[edges] = surface.ridge_creases[ridges]
-            self.rim[edges] = surface.ridge_rims[ridges]
-            ends = [cells[edges, (opposite + k) % 3] for k in (1, 2)]
-            along = surface.points[ends[1]] - surface.points[ends[0]]
-            self.along[edges] = along / np.linalg.norm(along, axis=1)[:, None]
+        opposite = np.argmax(none[edges], axis=1)
+        self._take(edges, surface.of_ridges, surface.ridges[facets[edges], opposite])
+        ends = [cells[edges, (opposite + k) % dim] for k in (1, 2)]
+        self.along[edges] = unit(surface.points[ends[1]] - surface.points[ends[0]])
         corners = np.flatnonzero(self.zeros == dim - 1)
-        if len(corners):
-            points = cells[corners, np.argmax(parts[corners], axis=1)]
-            self._take(corners, surface.point_normals[points])
-            self.crease[corners] = surface.point_creases[points]
-            self.rim[corners] = surface.point_rims[points]
+        points = cells[corners, np.argmax(parts[corners], axis=1)]
+        self._take(corners, surface.of_points, points)
 
-    def _take(self, where: Ints, sides: Array) -> None:
-        self.side[where] = sides / np.maximum(np.linalg.norm(sides, axis=1), 1e-300)[:, None]
+    def _take(self, where: Ints, features: Features, numbers: Ints) -> None:
+        """Set the closest points ``where`` to lie on the ridges or points with given numbers."""
+        self.side[where] = unit(features.normals[numbers])
+        self.crease[where] = features.creases[numbers]
+        self.rim[where] = features.rims[numbers]
 
 
 def _ended(
@@ -174,13 +170,12 @@ def _ended(
         b: distances within which points leave, shape (n,).
         low: heights above which points leave gradually, shape (n,).
     """
-    z = np.einsum("ni,ni->n", away, m)
-    past = away - z[:, None] * m
-    square = b**2 - np.einsum("ni,ni->n", past, past)
+    z = dot(away, m)
+    past = tangential(away, m)
+    square = b**2 - dot(past, past)
     within: Mask = (square > 0.0) & (z > low)
     root = np.sqrt(np.where(within, square, 1.0))
-    rise = m - np.einsum("ni,ni->n", m, along)[:, None] * along
-    rise += np.einsum("ni,nij->nj", away, turn)
+    rise = tangential(m, along) + np.einsum("ni,nij->nj", away, turn)
     slope = (1.0 - z / root)[:, None] * rise + away / root[:, None]
     return within, z + b - root, slope
 

@@ -31,7 +31,7 @@ import numpy as np
 import scipy
 
 from dolfinx_contact._arrays import Array, Ints
-from dolfinx_contact._geometry import area_vectors, plane_tangents, unit
+from dolfinx_contact._geometry import area_vectors, dot, plane_tangents, unit
 
 __all__ = ["corner_normals", "crossed", "without_tips"]
 
@@ -71,8 +71,8 @@ def without_tips(corners: Array, fans: Ints) -> Ints:
     sums = np.zeros((int(fans.max()) + 1, 4))  # slopes here, magnitudes, slopes there, edges
     for i, j in ((i, j) for i in range(dim) for j in range(dim) if i != j):
         edge = unit(corners[:, j] - corners[:, i])
-        here = np.sum(normals[:, i] * edge, axis=1)
-        there = -np.sum(normals[:, j] * edge, axis=1)
+        here = dot(normals[:, i], edge)
+        there = -dot(normals[:, j], edge)
         np.add.at(sums, numbers[:, i], np.stack([here, np.abs(here), there, np.ones(k)], axis=1))
     here, size, there, number = sums.T
     tip = np.abs(here) > np.maximum(_ONE_SIGN * size, _SHALLOW * number)
@@ -172,7 +172,7 @@ def _along_edges(
     row = np.arange(len(a))[:, None] * np.ones((1, dim - 1), dtype=np.int64)
     for _ in range(2):  # unit vectors turn by slightly more than their tangential increment
         frames = _tangents(normals)
-        off = -np.sum((normals[a] + normals[b]) * edges, axis=1)
+        off = -dot(normals[a] + normals[b], edges)
         values, columns = [], []
         for end in (a, b):
             values.append(free[end, None] * np.einsum("ei,eid->ed", edges, frames[end]))

@@ -18,7 +18,7 @@ import numpy.typing as npt
 from dolfinx import mesh
 
 from dolfinx_contact._arrays import Array, Ints
-from dolfinx_contact._geometry import area_vectors, unit
+from dolfinx_contact._geometry import area_vectors, dot, unit
 from dolfinx_contact._mpi import Arguments, collective, on_root
 from dolfinx_contact._validate import ReadOnly, copy_with, is_number, positive, word
 from dolfinx_contact.obstacles import Measured, Obstacle, Outline, Start
@@ -183,7 +183,7 @@ class RigidSurface(ReadOnly, Obstacle):
 
     @property
     def outline(self) -> Outline | None:
-        return Outline(self.points, self.cells, -unit(self._surface.point_normals))
+        return Outline(self.points, self.cells, -unit(self._surface.of_points.normals))
 
     @cached_property
     def facet_size(self) -> float:
@@ -231,12 +231,12 @@ class RigidSurface(ReadOnly, Obstacle):
         feet = found.feet[rim]
         at_rim = distances_from(self._surface, self._closest, feet, np.ones(len(feet))).normal
         away = (x - found.feet)[rim]
-        z = np.einsum("ni,ni->n", away, at_rim)
+        z = dot(away, at_rim)
         height = gap.copy()
         height[rim] = z - self.rounding
         normal[rim] = -at_rim
         held = np.ones(len(x), dtype=bool)
-        held[rim] = (z > -ends[rim]) & (np.sum(away**2, axis=1) - z**2 < ends[rim] ** 2)
+        held[rim] = (z > -ends[rim]) & (dot(away, away) - z**2 < ends[rim] ** 2)
         return Start(gap, height, normal, held)
 
     def _ends(self, widths: Array) -> Array:

@@ -18,7 +18,7 @@ import numpy as np
 import scipy
 
 from dolfinx_contact._arrays import Array, Ints, Mask
-from dolfinx_contact._geometry import connected_parts, unit
+from dolfinx_contact._geometry import connected_parts, dot, listed_pairs, tangential, unit
 from dolfinx_contact.rigid_surfaces.normals import corner_normals, crossed, without_tips
 
 __all__ = ["Triangulation", "mended", "merged", "triangulated"]
@@ -32,6 +32,21 @@ _FLAT = 1e-10  # area of a degenerate facet, relative to its longest edge square
 
 
 @dataclass(frozen=True)
+class Features:
+    """Ridges, or points, of a surface.
+
+    Attributes:
+        normals: outward pseudonormals, not normalised, shape (m, dim).
+        creases: mask of those at which normals are not averaged.
+        rims: mask of those on the rim.
+    """
+
+    normals: Array
+    creases: Mask
+    rims: Mask
+
+
+@dataclass(frozen=True)
 class Triangulation:
     """Consistently oriented surface of facets.
 
@@ -40,12 +55,8 @@ class Triangulation:
         cells: points of the facets, shape (k, dim).
         normals: unit normals of the facets, pointing out of the obstacle, shape (k, dim).
         ridges: indices of the ridges opposite to the corners of facets, shape (k, dim).
-        ridge_normals: outward pseudonormals of the ridges, not normalised.
-        point_normals: outward pseudonormals of the points, not normalised.
-        ridge_creases: mask of the ridges across which normals are not averaged.
-        point_creases: mask of the points at which normals are not averaged.
-        ridge_rims: mask of the ridges on the rim.
-        point_rims: mask of the points on the rim.
+        of_ridges: normals, creases and rims of the ridges.
+        of_points: normals, creases and rims of the points.
         corner_normals: averaged normals at the corners of facets, shape (k, dim, dim).
     """
 
@@ -53,18 +64,14 @@ class Triangulation:
     cells: Ints
     normals: Array
     ridges: Ints
-    ridge_normals: Array
-    point_normals: Array
-    ridge_creases: Mask
-    point_creases: Mask
-    ridge_rims: Mask
-    point_rims: Mask
+    of_ridges: Features
+    of_points: Features
     corner_normals: Array
 
     @property
     def closed(self) -> bool:
         """Whether the surface has no rim."""
-        return not bool(self.ridge_rims.any())
+        return not bool(self.of_ridges.rims.any())
 
     @property
     def edges(self) -> Ints:
@@ -72,7 +79,7 @@ class Triangulation:
         if self.points.shape[1] == 2:
             return np.zeros((0, 2), dtype=np.int64)
         first = np.unique(self.ridges, return_index=True)[1]
-        facet, corner = np.divmod(first[self.ridge_creases | self.ridge_rims], 3)
+        facet, corner = np.divmod(first[self.of_ridges.creases | self.of_ridges.rims], 3)
         return np.stack([self.cells[facet, (corner + k) % 3] for k in (1, 2)], axis=1)
 
     @property
@@ -170,7 +177,7 @@ def mended(points: Array, cells: Ints, name: str) -> Ints:
     volume.
 
     Raises:
-        ValueError: if a part is not orientable, like a Moebius strip.
+        ValueError: if a part is not orientable.
     """
     cells = cells[~_collapsed(cells)]
     dim = cells.shape[1]
@@ -180,20 +187,12 @@ def mended(points: Array, cells: Ints, name: str) -> Ints:
     cells = cells[np.sort(np.unique(cyclic, axis=0, return_index=True)[1])]
     cells = _cut_at_points(points, cells, name)
     ridges = _Ridges(cells, name)
-    first, second = ridges.facets
-    turned, part = _turned(len(cells), first, second, ridges.alike)
-    if np.any(turned[first] ^ turned[second] ^ ridges.alike):
-        raise ValueError(f"{name}: the surface has one side alone, as a Moebius strip has")
+    turned, part = _turned(len(cells), *ridges.facets, ridges.alike, name)
     area = np.linalg.norm(crossed(points[cells]), axis=1)
-    volume = _volumes(points, _flipped(cells, turned))
-    for k in range(part.max(initial=-1) + 1):
-        mine = part == k
-        if ridges.rims[mine].any():
-            wrong = area[mine & turned].sum() > area[mine & ~turned].sum()
-        else:
-            wrong = volume[mine].sum() < 0
-        turned[mine] ^= wrong
-    return _flipped(cells, turned)
+    against = np.bincount(part, np.where(turned, area, -area)) > 0
+    inward = np.bincount(part, _volumes(points, _flipped(cells, turned))) < 0
+    has_rim = np.bincount(part, ridges.rims.any(axis=1)) > 0
+    return _flipped(cells, turned ^ np.where(has_rim, against, inward)[part])
 
 
 def triangulated(
@@ -220,7 +219,7 @@ def triangulated(
     _check_sides(points, cells, ridges, name, inward=inward)
     first, second = ridges.facets
     # creases and rims
-    at_crease = np.einsum("pi,pi->p", normals[first], normals[second]) < np.cos(crease)
+    at_crease = dot(normals[first], normals[second]) < np.cos(crease)
     count = int(ridges.numbers.max()) + 1
     creases, rims = np.zeros(count, dtype=bool), np.zeros(count, dtype=bool)
     creases[ridges.numbers.ravel()[ridges.first]] = at_crease
@@ -237,19 +236,10 @@ def triangulated(
     same = np.linalg.norm(normals[first] - normals[second], axis=1) < _COPLANAR
     planes = connected_parts(len(cells), first[same], second[same])
     bends = _bends_at_creases(corners, normals, ridges, at_crease, planes)
-    return Triangulation(
-        points,
-        cells,
-        normals,
-        ridges.numbers,
-        ridge_normals,
-        point_normals,
-        creases,
-        _fans_of_points(cells, fans) > 1,
-        rims,
-        point_rims,
-        corner_normals(corners, fans, planes, bends),
-    )
+    of_ridges = Features(ridge_normals, creases, rims)
+    of_points = Features(point_normals, _fans_of_points(cells, fans) > 1, point_rims)
+    averaged = corner_normals(corners, fans, planes, bends)
+    return Triangulation(points, cells, normals, ridges.numbers, of_ridges, of_points, averaged)
 
 
 # -- checks ----------------------------------------------------------------------------------------
@@ -348,16 +338,15 @@ def _points_on_rims(points: Array, cells: Ints, ridges: _Ridges) -> tuple[Ints, 
     if not len(ends):
         return np.zeros(0, dtype=np.int64), ends
     edges = ridges.nodes[rims] if ridges.dim == 3 else cells
-    start = points[edges[:, 0]]
-    way = points[edges[:, 1]] - start
+    way = points[edges[:, 1]] - points[edges[:, 0]]
     length = np.linalg.norm(way, axis=1)
+    middles = points[edges[:, :2]].mean(axis=1)
     tree = scipy.spatial.cKDTree(points[ends])
-    near = tree.query_ball_point(start + way / 2, (0.5 + _ON_EDGE) * length)
-    edge = np.repeat(np.arange(len(edges)), [len(n) for n in near])
-    point = ends[np.concatenate([np.asarray(n, dtype=np.int64) for n in near])]
-    offset = points[point] - start[edge]
-    along = np.sum(offset * way[edge], axis=1) / length[edge]
-    apart = np.linalg.norm(offset - (along / length[edge])[:, None] * way[edge], axis=1)
+    edge, number = listed_pairs(tree.query_ball_point(middles, (0.5 + _ON_EDGE) * length))
+    point, direction = ends[number], unit(way)[edge]
+    offset = points[point] - points[edges[edge, 0]]
+    along = dot(offset, direction)
+    apart = np.linalg.norm(tangential(offset, direction), axis=1)
     size = np.minimum(_shortest_edges(points, cells)[point], length[edge])
     on = (apart < _ON_EDGE * size) & (np.minimum(along, length[edge] - along) > _SLIT * size)
     on &= (point[:, None] != edges[edge]).all(axis=1)
@@ -405,18 +394,26 @@ def _fans_of_points(cells: Ints, fans: Ints) -> Ints:
     return np.bincount(np.unique(np.stack([cells.ravel(), fans], axis=1), axis=0)[:, 0])
 
 
-def _turned(count: int, first: Ints, second: Ints, alike: Mask) -> tuple[Mask, Ints]:
-    """Return the facets to flip to agree with the first facet of their part, and the parts."""
-    part = connected_parts(count, first, second)
-    # a link of weight 2 flips the facet, one of weight 1 does not
-    links = scipy.sparse.csr_array((alike + 1, (first, second)), shape=(count, count))
-    both = links + links.T
-    turned = np.zeros(count, dtype=bool)
-    for start in np.unique(part, return_index=True)[1]:
-        order, before = scipy.sparse.csgraph.breadth_first_order(both, start, directed=False)
-        for facet in order[1:]:
-            turned[facet] = turned[before[facet]] ^ (both[before[facet], facet] == 2)
-    return turned, part
+def _turned(count: int, first: Ints, second: Ints, alike: Mask, name: str) -> tuple[Mask, Ints]:
+    """Return the facets to flip to agree with the first facet of their part, and the parts.
+
+    The connected parts of the facets in both orientations are found: a part that can be oriented
+    occurs twice, first with the orientation of its first facet.
+
+    Raises:
+        ValueError: if a part is not orientable, like a Moebius strip.
+    """
+    other = np.where(alike, count, 0)
+    ends = (
+        np.concatenate([first, first + count]),
+        np.concatenate([second + other, second + count - other]),
+    )
+    sides = connected_parts(2 * count, *ends)
+    kept, flipped = sides[:count], sides[count:]
+    if (kept == flipped).any():
+        raise ValueError(f"{name}: the surface has one side alone, as a Moebius strip has")
+    part = np.unique(np.minimum(kept, flipped), return_inverse=True)[1]
+    return kept > flipped, part
 
 
 def _flipped(cells: Ints, turned: Mask) -> Ints:
@@ -432,7 +429,7 @@ def _volumes(points: Array, cells: Ints) -> Array:
     """Return the signed volumes of cones from the centre of the surface to its facets, (k,)."""
     corners = points[cells] - points.mean(axis=0)
     dim = cells.shape[1]
-    return np.einsum("ki,ki->k", corners.mean(axis=1), crossed(corners)) / (dim * (dim - 1))
+    return dot(corners.mean(axis=1), crossed(corners)) / (dim * (dim - 1))
 
 
 def _angles(corners: Array) -> Array:
@@ -442,7 +439,7 @@ def _angles(corners: Array) -> Array:
     a = np.roll(corners, -1, axis=1) - corners
     b = np.roll(corners, 1, axis=1) - corners
     across = np.linalg.norm(np.cross(a, b), axis=2)
-    return np.asarray(np.arctan2(across, np.einsum("kci,kci->kc", a, b)))
+    return np.asarray(np.arctan2(across, dot(a, b)))
 
 
 def _bends_at_creases(
