@@ -4,7 +4,7 @@
 The block on a base of `pair_ratio.py` in large sliding, without any solve: the pair, the search for
 candidates where the block is pressed and drawn aside, the pattern of the contact terms of the
 Jacobian, and who faces whom there. Times are those of the slowest rank, and in brackets processor
-time of all; of a search the bytes are counted that all ranks send.
+time of all.
 
     mpirun -n 2 python3 benchmarks/sliding_search.py --n 34
 """
@@ -22,7 +22,6 @@ from timing import Timer, clean, peak_gigabytes
 
 from dolfinx import fem
 
-import dolfinx_contact.points.search as searching
 from dolfinx_contact import ContactPair, Frictionless
 from dolfinx_contact.equations.sliding import SlidingTerms
 from dolfinx_contact.problem import discretise
@@ -45,17 +44,6 @@ class Places:
         dofs = 3 * nodes[..., None] + np.arange(3)
         owner = np.searchsorted(self._ends[:, field], dofs, side="right")
         return dofs + self._shift[owner, field]
-
-
-def counting(sent):
-    """The exchange between ranks, which adds the bytes that this rank sends to others."""
-    plain = searching._exchanged
-
-    def exchanged(comm, parts):
-        sent.append(sum(p.nbytes for r, p in enumerate(parts) if r != comm.rank))
-        return plain(comm, parts)
-
-    return exchanged
 
 
 def main(argv=None):
@@ -81,8 +69,6 @@ def main(argv=None):
     moved = np.where(upper[:, None], SHIFT, 0.0)
     moved = moved[: V.dofmap.index_map.size_local]
     faces.searches = 0
-    sent = []
-    searching._exchanged = counting(sent)
     clean(comm)
     timed("search", lambda: faces._search(faces._X + faces.nodes.from_owners(moved), None))
     sizes = [moved.size, 3 * pair.points.number]
@@ -91,12 +77,11 @@ def main(argv=None):
     timed("pattern", terms.set_up)
     timed("who faces whom", lambda: pair.points.at(moved, None))
     pairs = comm.allreduce(len(faces.found.pairs))
-    total = comm.allreduce(sum(sent))
     memory = peak_gigabytes(comm)
     if comm.rank == 0:
         words = [f"{name} {t.total:.2f} s ({t.processor:.2f})" for name, t in timers.items()]
         print(f"{3 * V.dofmap.index_map.size_global} dofs, {comm.size} ranks:", ", ".join(words))
-        print(f"  {pairs} pairs of facets, {total} bytes sent in a search, peak {memory:.1f} GB")
+        print(f"  {pairs} pairs of facets, peak {memory:.1f} GB")
     return pairs
 
 
