@@ -42,7 +42,7 @@ from dolfinx_contact.points.evaluation import (
     measure_of,
     point_space,
 )
-from dolfinx_contact.points.gauss_points import GaussPoints, gauss_points
+from dolfinx_contact.points.gauss_points import CommonGaussPoints, GaussPoints
 from dolfinx_contact.points.geometry import SurfaceFacets, SurfaceGeometry
 from dolfinx_contact.points.operators import (
     ConstantOperator,
@@ -114,6 +114,8 @@ class ContactPoints(ABC):
     vertex_normals: Array
     vertex_ids: Ints
     operator: Operator
+    #: Gauss points of the integral and the mixed method; None in the nodal method.
+    _gauss: GaussPoints | None = None
     #: Components of the vertices across planes of symmetry, where images cancel.
     mirrored: Mask | bool = False
     #: Removed overlaps with an obstacle, at points and at vertices; None if none is removed.
@@ -189,11 +191,6 @@ class ContactPoints(ABC):
         Ghosts are included. If the points are the vertices, the values are returned.
         """
 
-    @property
-    @abstractmethod
-    def cells(self) -> Indices:
-        """Cells of the submesh owned by this rank that have points."""
-
     @abstractmethod
     def _given_at_vertices(self, values: Mapping[str, Array]) -> Mapping[str, Array]:
         """Return data at the local vertices from data at the local points. Collective."""
@@ -207,6 +204,13 @@ class ContactPoints(ABC):
         """Return an evaluator of UFL on the body at the points."""
 
     # -- data ------------------------------------------------------------------------------------
+
+    @property
+    def cells(self) -> Indices:
+        """Cells of the submesh owned by this rank that have points."""
+        if self._gauss is None:
+            return np.arange(len(self.facets.corners), dtype=np.int32)
+        return np.unique(self._gauss.cells)
 
     def evaluators(self, given: Given, offset: Any) -> tuple[Evaluator, Evaluator | None]:
         """Return evaluators of ``given`` at the points, and of ``offset`` in the mixed method."""
@@ -303,18 +307,32 @@ class ContactPoints(ABC):
         return self.geometry.mean(self.r)
 
     def _gauss_points(self, rule_degree: int, opposite: Opposite | None) -> GaussPoints:
-        """Return Gauss points of the face. Collective."""
+        """Return Gauss points of the face, on common parts if faces do not match. Collective."""
         given = self._V, self.submesh, self.vertices, rule_degree, self._maps, self._weight
-        return gauss_points(opposite, *given)
+        if opposite is None or opposite.common is None:
+            return GaussPoints(*given)
+        return CommonGaussPoints(opposite.common, *given)
 
     # -- areas -----------------------------------------------------------------------------------
 
-    def _geometry(self, sections: Array, opposite: Opposite | None) -> SurfaceGeometry:
-        """Return the geometry from the areas of the section at the local vertices. Collective."""
-        areas = sections if self._weight is None else self._swept()
+    def _geometry(
+        self, opposite: Opposite | None, sections: Array, averaged: Array | None = None
+    ) -> SurfaceGeometry:
+        """Return the geometry of the local vertices. Collective.
+
+        Args:
+            opposite: opposing points of the nodes.
+            sections: areas of the section around the vertices.
+            averaged: areas of the points in the mixed method; None in the others.
+        """
+        areas = averaged
+        if areas is None:
+            areas = sections if self._weight is None else self._swept()
+        sections = areas if self._weight is None else sections
         geometry = SurfaceGeometry(self.vertices, areas, areas / sections, self._swept)
         if opposite is not None and opposite.areas is not None:
-            geometry.cover(opposite.areas[self.vertex_trace_dofs])
+            covered = opposite.areas[self.vertex_trace_dofs] if averaged is None else averaged
+            geometry.cover(covered)
         return geometry
 
     def _swept(self) -> Array:

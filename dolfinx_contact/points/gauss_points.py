@@ -19,7 +19,7 @@ from dolfinx import fem
 
 from dolfinx_contact._arrays import Array, Indices, Ints
 from dolfinx_contact._compat import FacetSubmesh, geometry_dofmap
-from dolfinx_contact._geometry import global_numbers, node_positions
+from dolfinx_contact._geometry import global_numbers, node_positions, ratio, transformed
 from dolfinx_contact._mpi import SharedValues
 from dolfinx_contact.points.clipping import basis, tabulated
 from dolfinx_contact.points.evaluation import (
@@ -33,7 +33,7 @@ from dolfinx_contact.points.operators import Stencils, Trace, trace_of
 from dolfinx_contact.points.opposite import Common, Opposite
 from dolfinx_contact.points.trace import facet_closures, trace_dofs
 
-__all__ = ["GaussPoints", "gauss_points"]
+__all__ = ["CommonGaussPoints", "GaussPoints"]
 
 
 class GaussPoints:
@@ -111,7 +111,7 @@ class GaussPoints:
     def from_vertices(self, values: Array) -> Array:
         """Return values at the points (n,) interpolated from the local vertices."""
         at_points: Array = np.zeros(self.number)
-        at_points[self.numbers] = np.einsum("gpv,gv->gp", self._hats, values[self.corners])
+        at_points[self.numbers] = transformed(self._hats, values[self.corners])
         return at_points
 
     def at_vertices(self, values: Array, areas: Array) -> Array:
@@ -124,13 +124,11 @@ class GaussPoints:
         width = int(np.prod(values.shape[1:], dtype=int))  # a rank may have no points
         columns = [np.ones(self.number), values.reshape(self.number, width)]
         weighted = areas[:, None] * np.column_stack(columns)
-        parts = np.einsum("gpv,gpw->gvw", self._hats, weighted[self.numbers])
-        sums = self._sums.sums(self.corners, parts)
+        parts = self._hats.transpose(0, 2, 1) @ weighted[self.numbers]
+        whole, *sums = self._sums.sums(self.corners, parts).T
         # on partly covered faces some vertices have no point
-        means = np.divide(
-            sums[:, 1:], sums[:, :1], out=np.zeros_like(sums[:, 1:]), where=sums[:, :1] > 0
-        )
-        return means.reshape(-1, *values.shape[1:])
+        means = np.reshape([ratio(s, whole) for s in sums], (width, len(whole)))
+        return means.T.reshape(-1, *values.shape[1:])
 
     def jumps(self, Q: fem.FunctionSpace, opposite: Opposite | None) -> Stencils:
         """Return the stencils of jumps, and of multipliers in the space Q. Collective."""
@@ -183,8 +181,7 @@ class CommonGaussPoints(GaussPoints):
         self._rule_on_pieces = rule = cover.rule(degree)
         pieces, p = rule.weights.shape
         hats = basis(rule.mine, slave.corners, 1)
-        x = np.einsum("gpk,gkd->gpd", hats, slave.x[cover.facet])
-        self._positions = x.reshape(-1, dim)
+        self._positions = (hats @ slave.x[cover.facet]).reshape(-1, dim)
         self._areas = rule.weights.reshape(-1)
         if self._weight is not None:
             self._areas = 2 * np.pi * self._positions[:, 0] * self._areas
@@ -202,7 +199,7 @@ class CommonGaussPoints(GaussPoints):
         distance = np.linalg.norm(corners[:, :, None] - theirs[:, None], axis=3)
         places = basix.geometry(domain.basix_cell())[np.argmin(distance, axis=2)]
         self.numbers = np.arange(pieces * p, dtype=np.int64).reshape(pieces, p)
-        self._x = np.einsum("gpk,gka->gpa", hats, places)
+        self._x = hats @ places
 
     def evaluator(self, expressions: Mapping[str, Any]) -> Evaluator:
         return ScatteredEvaluator(
@@ -214,15 +211,3 @@ class CommonGaussPoints(GaussPoints):
         degree = int(self._V.ufl_element().degree)
         weights = basis(self._rule_on_pieces.theirs, cover.master.corners, degree)
         return replace(here, nodes=cover.master.nodes[cover.other], weights=weights)
-
-
-def gauss_points(opposite: Opposite | None, *args: Any) -> GaussPoints:
-    """Return the Gauss points of a face; see `GaussPoints` for the other arguments. Collective.
-
-    Args:
-        opposite: opposing points of the nodes; None without another body.
-        args: other arguments of `GaussPoints`.
-    """
-    if opposite is None or opposite.common is None:
-        return GaussPoints(*args)
-    return CommonGaussPoints(opposite.common, *args)

@@ -11,10 +11,11 @@ from petsc4py import PETSc
 
 import numpy as np
 
-from dolfinx_contact._arrays import Array, Indices, Ints, Mask
+from dolfinx_contact._arrays import Array, Ints, Mask
 from dolfinx_contact.points.contact_points import ContactPoints
 from dolfinx_contact.points.descriptions import ContactMethod
 from dolfinx_contact.points.evaluation import Evaluator, Given, PointEvaluator
+from dolfinx_contact.points.gauss_points import GaussPoints
 from dolfinx_contact.points.geometry import SurfaceGeometry
 from dolfinx_contact.points.operators import Stencils, multiplied, rows_of, trace_of
 from dolfinx_contact.points.opposite import Opposite
@@ -35,7 +36,7 @@ class NodePoints(ContactPoints):
         self.ids, self.vertex_ids = point_ids(self.vertices)
 
     def _measure(self, opposite: Opposite | None) -> SurfaceGeometry:
-        geometry = self._geometry(self._evaluate.areas, opposite)
+        geometry = self._geometry(opposite, self._evaluate.areas)
         self.areas = geometry.vertex_areas[: self.number].copy()
         return geometry
 
@@ -51,11 +52,6 @@ class NodePoints(ContactPoints):
 
     def at_vertices(self, values: Array) -> Array:
         return self.exchange.from_owners(values)
-
-    @property
-    def cells(self) -> Indices:
-        topology = self.submesh.mesh.topology
-        return np.arange(topology.index_map(topology.dim).size_local, dtype=np.int32)
 
     def _jumps(self, opposite: Opposite | None) -> Stencils:
         nodes = self.trace_dofs[: self.number]
@@ -89,6 +85,7 @@ class AveragedPoints(NodePoints):
     """
 
     method: ClassVar[ContactMethod] = "mixed"
+    _gauss: GaussPoints
 
     def _place(self, rule_degree: int, opposite: Opposite | None) -> None:
         super()._place(rule_degree, opposite)
@@ -116,18 +113,8 @@ class AveragedPoints(NodePoints):
         points.array[:] = areas
         self._means.diagonalScale(vertices, points)
         vertices.destroy(), points.destroy()
-        vertex_areas = self.exchange.from_owners(self.areas)
-        sections = vertex_areas if self._weight is None else self._evaluate.areas
-        geometry = SurfaceGeometry(
-            self.vertices, vertex_areas, vertex_areas / sections, self._swept
-        )
-        if opposite is not None and opposite.areas is not None:
-            geometry.cover(vertex_areas)
-        return geometry
-
-    @property
-    def cells(self) -> Indices:
-        return np.unique(self._gauss.cells)
+        averaged = self.exchange.from_owners(self.areas)
+        return self._geometry(opposite, self._evaluate.areas, averaged)
 
     def _jumps(self, opposite: Opposite | None) -> Stencils:
         at_gauss = self._at_gauss.jump_matrix(self.comm, self._owned_nodes, 1)
@@ -151,6 +138,7 @@ class FacetPoints(ContactPoints):
     """Gauss points of facets, or of the common parts of two faces that do not match."""
 
     method: ClassVar[ContactMethod] = "integral"
+    _gauss: GaussPoints
 
     def _place(self, rule_degree: int, opposite: Opposite | None) -> None:
         self._gauss = self._gauss_points(rule_degree, opposite)
@@ -163,7 +151,7 @@ class FacetPoints(ContactPoints):
         self._of_vertices = PointEvaluator(
             self.vertices, self._at_nodes, self.given.at_points, self._maps
         )
-        return self._geometry(self._of_vertices.areas, opposite)
+        return self._geometry(opposite, self._of_vertices.areas)
 
     def evaluator(self, expressions: Mapping[str, Any]) -> Evaluator:
         return self._gauss.evaluator(expressions)
@@ -176,10 +164,6 @@ class FacetPoints(ContactPoints):
 
     def at_vertices(self, values: Array) -> Array:
         return self._gauss.at_vertices(values, self.areas)
-
-    @property
-    def cells(self) -> Indices:
-        return np.unique(self._gauss.cells)
 
     def _jumps(self, opposite: Opposite | None) -> Stencils:
         return self._gauss.jumps(self.Q, opposite)
