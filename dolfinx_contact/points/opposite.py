@@ -45,7 +45,6 @@ from dolfinx_contact.points.revolution import mirrored
 from dolfinx_contact.points.search import around, faces_of, nearest, opposing_facets
 from dolfinx_contact.points.trace import (
     at_global_places,
-    facets_in_common,
     nodes_on,
     outward_normals,
     owned_facets,
@@ -152,9 +151,9 @@ class OppositeFacets(Obstacle):
         opposite: opposing points of the nodes of the slave.
 
     Raises:
-        ValueError: on every rank, if the faces have facets in common, do not match where they have
-            to, look the same way, or the bodies overlap by more than is allowed, or if a given
-            normal deviates by more than 60 degrees from a facet normal of the slave.
+        ValueError: on every rank, if the faces do not match where they have to, look the same way,
+            or the bodies overlap by more than is allowed, or if a given normal deviates by more
+            than 60 degrees from a facet normal of the slave.
     """
 
     opposite: Opposite
@@ -173,8 +172,6 @@ class OppositeFacets(Obstacle):
         name: str,
     ):
         domain, comm = V.mesh, V.mesh.comm
-        common = facets_in_common(domain, slave, master)
-        require(comm, common == 0, f"{name}: slave and master have {common} facets in common")
         W = fem.functionspace(domain, ("Lagrange", 1))
         faces = _Sides(V, slave, master, name, normal, axisymmetric)
         size = faces.size

@@ -12,7 +12,7 @@ from dolfinx_contact.points.opposite import Opposite, OppositeFacets
 from dolfinx_contact.points.revolution import check_section
 from dolfinx_contact.points.shared_functions import held_in_place, in_place, resting
 from dolfinx_contact.points.surface import DiscreteSurface
-from dolfinx_contact.points.trace import exterior_facets
+from dolfinx_contact.points.trace import exterior_facets, owned_facets
 
 __all__ = ["DiscretePair", "facets_of_sides"]
 
@@ -107,16 +107,23 @@ class DiscretePair(DiscreteSurface):
 
 
 def facets_of_sides(pair: ContactPair) -> tuple[Indices, Indices]:
-    """Return the local facets of slave and master. Collective."""
-    domain = pair.u.function_space.mesh
+    """Return the local facets of slave and master. Collective.
+
+    Raises:
+        ValueError: on every rank, if they have facets in common.
+    """
+    domain, name = pair.u.function_space.mesh, pair.name
     keep(domain)
     masters = pair.facets if pair.master_facets is None else pair.master_facets
-    sides = []
-    for facets, tag, side in (
-        (pair.facets, pair.slave, "slave"),
-        (masters, pair.master, "master"),
-    ):
-        sides.append(exterior_facets(domain, facets, tag, f"{pair.name}, {side}"))
+    slave = exterior_facets(domain, pair.facets, pair.slave, f"{name}, slave")
+    master = exterior_facets(domain, masters, pair.master, f"{name}, master")
+    common = domain.comm.allreduce(len(owned_facets(domain, np.intersect1d(slave, master))))
+    require(
+        domain.comm,
+        common == 0,
+        f"{name}: slave and master have {common} facets in common; for a face that may touch "
+        "itself there is SelfContact",
+    )
     if pair.axisymmetric:
-        check_section(domain, sides[1], f"{pair.name}, master")
-    return sides[0], sides[1]
+        check_section(domain, master, f"{name}, master")
+    return slave, master

@@ -175,7 +175,6 @@ class RigidBody(ReadOnly, Obstacle):
         return not bool(self.fixed[self.dim :].all())
 
     def at(self, domain: mesh.Mesh, x: Any) -> tuple[Any, Any]:
-        self._check(domain)
         return self.shape.at(domain, x)
 
     def on(self, domain: mesh.Mesh) -> tuple[Any, Any]:

@@ -25,7 +25,6 @@ from dolfinx_contact._mpi import (
     everywhere,
     maximum,
     require,
-    same_everywhere,
 )
 from dolfinx_contact._validate import count, instance, number, one_of
 from dolfinx_contact.body.cells import midpoints
@@ -38,7 +37,6 @@ __all__ = [
     "exterior_facets",
     "facet_closures",
     "facet_normals",
-    "facets_in_common",
     "nodes_on",
     "outward_normals",
     "owned_exterior",
@@ -90,8 +88,6 @@ def exterior_facets(domain: mesh.Mesh, facets: Any, tag: int | str | None, name:
     index_map = domain.topology.index_map(fdim)
     if isinstance(facets, GmshMesh):
         facets = facets._named_facets
-    tag = int(tag) if isinstance(tag, np.integer) else tag
-    same_everywhere(comm, **{f"{name}: tag": tag})
     with everywhere(comm, f"the facets of {name}"):
         try:
             chosen = _chosen(domain, facets, tag)
@@ -255,26 +251,15 @@ def across_planes(
         sides = [near, ~near & (off < 0), ~near & (off > 0)]
         counts = np.array([[int((on & c)[:owned].sum()) for c in sides] for on in (slave, master)])
         (there, below, above), (_, under, over) = comm.allreduce(counts)
-        where = f"the symmetry plane {'xyz'[axis]} = {place:g}"
         require(
             comm,
-            there > 0 and not (below and above),
-            f"{name}: the face must end at {where}: {there} nodes lie on it, {below} below and "
-            f"{above} above",
-        )
-        require(
-            comm,
-            not (below + under and above + over),
-            f"{name}: {where} has images of the master behind it, so both faces lie on one side of "
-            f"it; below are {below} nodes of the slave and {under} of the master, above {above} "
-            f"and {over}",
+            there > 0 and not (below + under and above + over),
+            f"{name}: the face must end at the symmetry plane {'xyz'[axis]} = {place:g}: {there} "
+            f"nodes lie on it, {below} below and {above} above. Both faces lie on one side of it, "
+            f"since the master has images behind it: {under} of its nodes are below and {over} "
+            "above",
         )
     return across
-
-
-def facets_in_common(domain: mesh.Mesh, slave: Indices, master: Indices) -> int:
-    """Return the number of facets in two lists of local facets. Collective."""
-    return domain.comm.allreduce(len(owned_facets(domain, np.intersect1d(slave, master))))
 
 
 def unit_field(domain: mesh.Mesh, vectors: Array) -> tuple[fem.Function, Any]:

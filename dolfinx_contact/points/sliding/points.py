@@ -32,7 +32,6 @@ from dolfinx_contact.points.surface import DiscreteSurface
 from dolfinx_contact.points.trace import (
     across_planes,
     exterior_facets,
-    facets_in_common,
     nodes_on,
     outward_normals,
     unit_field,
@@ -227,8 +226,8 @@ class SlidingFacets(Obstacle):
         opposite: the other face.
 
     Raises:
-        ValueError: on every rank, if the faces have facets or nodes in common, or the slave lies in
-            a plane of symmetry.
+        ValueError: on every rank, if two faces have nodes in common, or the slave lies in a plane
+            of symmetry.
     """
 
     opposite: SlidingOpposite
@@ -245,19 +244,11 @@ class SlidingFacets(Obstacle):
     ):
         comm = V.mesh.comm
         dim = V.mesh.geometry.dim
-        itself = direction is not None
-        common = facets_in_common(V.mesh, slave, master)
-        require(
-            comm,
-            common == 0 or itself,
-            f"{name}: slave and master have {common} facets in common; for a face that may touch "
-            "itself there is SelfContact",
-        )
         sides = nodes_on(V, slave), nodes_on(V, master)
         n = V.dofmap.index_map.size_local
         shared = count_of(comm, (sides[0] & sides[1])[:n])
         words = f"{name}: slave and master share {shared} nodes of the mesh"
-        require(comm, shared == 0 or itself, words)
+        require(comm, shared == 0 or direction is not None, words)
         if depth is None:
             x = node_positions(V)[:, :dim]
             depth = _REACH * min(_size(comm, x[side]) for side in sides)
