@@ -516,11 +516,6 @@ class Factor:
         self.ksp.solve(b, x)
         return bool(self.ksp.getConvergedReason() > 0)
 
-    def solve_transposed(self, b: PETSc.Vec, x: PETSc.Vec) -> bool:
-        """Solve A^T x = b and return whether this succeeded."""
-        self.ksp.solveTranspose(b, x)
-        return bool(self.ksp.getConvergedReason() > 0)
-
     def solve_columns(self, loads: Columns) -> PETSc.Mat:
         """Solve A X = B; return the dense matrix X, to be destroyed by the caller.
 

@@ -26,7 +26,6 @@ from dolfinx_contact.continuation.observer import (
 from dolfinx_contact.continuation.parameters import Direction, Kinks, StepControl
 from dolfinx_contact.continuation.pivoting import Pivoting
 from dolfinx_contact.continuation.solutions import Continuum, Solution, Solutions, find_solutions
-from dolfinx_contact.continuation.special_curves import SpecialCurve, follow_special
 from dolfinx_contact.continuation.steps import Locate
 from dolfinx_contact.continuation.system import (
     Condensed,
@@ -63,7 +62,6 @@ __all__ = [
     "Route",
     "Solution",
     "Solutions",
-    "SpecialCurve",
     "SpecialPoint",
     "StepControl",
     "Stepping",
@@ -73,7 +71,6 @@ __all__ = [
     "explore",
     "find_solutions",
     "follow",
-    "follow_special",
     "follower_for",
     "points_at",
 ]
