@@ -74,7 +74,7 @@ def _parser() -> argparse.ArgumentParser:
     about = "Write a page in which a record is explored: one HTML file that needs no network."
     explore = commands.add_parser("explore", help="write a page of a record", description=about)
     add = explore.add_argument
-    add("record", metavar="RECORD", help="folder of a record, or a file of Chart.save")
+    add("record", metavar="RECORD", help="folder of a record")
     add("-o", "--output", default="diagram.html", metavar="FILE", help="default: %(default)s")
     add("--title", default="", help="of the page (default: the name of the record)")
     pair: dict[str, Any] = dict(action="append", default=[])

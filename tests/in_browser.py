@@ -323,19 +323,6 @@ def rigid_surface(b, name, dim):
     b.no_errors()
 
 
-def chart(b):
-    """A click on a place lists its solutions."""
-    b.open("chart")
-    assert "1 solution, proved" in b.find("#chart-side").text
-    b.click_at("chart", 3.25, 2.75)
-    b.wait("byId('chart-side').textContent.includes('mu = 3.25, gamma = 2.75')")
-    text = b.find("#chart-side").text
-    assert "3 solutions, proved" in text
-    for word in ("1 open", "1 stick", "1 slip"):
-        assert word in text
-    b.no_errors()
-
-
 def history(b):
     """A history opens at its last step, with the friction bound and without round-off."""
     b.open("history")
@@ -398,7 +385,7 @@ def without_webgl(b):
 
 def narrow(b):
     """On a telephone nothing is wider than the screen."""
-    for name in ("branch_quad", "chart", "bare"):
+    for name in ("branch_quad", "bare"):
         b.open(name)
         time.sleep(0.3)
         wide = b.ask("document.documentElement.scrollWidth - window.innerWidth")
@@ -422,8 +409,6 @@ def main():
         between_points(b, "linear")
         rigid_surface(b, "rigid_quad", 2)
         rigid_surface(b, "rigid_hex", 3)
-        chart(b)
-        b.picture("chart")
         odd(b)
         history(b)
     finally:

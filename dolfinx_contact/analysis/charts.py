@@ -9,17 +9,12 @@ that nothing changes within a cell.
 
 from __future__ import annotations
 
-import json
-import os
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
-from pathlib import Path
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from dolfinx_contact._arrays import Array, Mask
-from dolfinx_contact._files import part_of
 from dolfinx_contact._mpi import Arguments, collective, everywhere
 from dolfinx_contact._progress import Progress
 from dolfinx_contact._validate import count, positive
@@ -41,8 +36,6 @@ __all__ = [
 #: Statuses of all points of each solution, as bytes.
 Statuses = tuple[bytes, ...]
 
-_KIND = "a chart of solutions"
-_FORMAT = 3
 _SAME = 1e-9  # fraction of the range of mu that lies at the end of a cell
 _STEPS = 32  # of a curve, between two points at which its statuses change
 
@@ -175,75 +168,6 @@ class Chart:
                 if low <= gamma <= high:
                     return c
         raise ValueError(f"({mu:g}, {gamma:g}) is outside of the cells")
-
-    def save(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
-        """Write the chart to a file, from one rank, since every rank has the same chart.
-
-        The file is JSON. Numbers are written without loss, curves as points.
-
-        Args:
-            path: file in an existing folder.
-            overwrite: whether an existing file is replaced.
-
-        Returns:
-            The path.
-
-        Raises:
-            FileExistsError: if the file exists and ``overwrite`` is False.
-            OSError: if the file cannot be written; an existing file is then unchanged.
-        """
-        file = Path(path)
-        if file.exists() and not overwrite:
-            raise FileExistsError(f"{file} exists: save with overwrite=True, or to another file")
-        content = {
-            "of": _KIND,
-            "format": _FORMAT,
-            "cells": [self._stored(cell) for cell in self.cells],
-            "curves": [asdict(curve) for curve in self.curves],
-            "explained": self.explained,
-        }
-        with part_of(file) as part:
-            part.write_text(json.dumps(content))
-        return file
-
-    @staticmethod
-    def load(path: str | os.PathLike[str]) -> Chart:
-        """Read a chart written by `save`; on this rank alone.
-
-        Raises:
-            OSError: if the file cannot be read.
-            ValueError: if it is not a chart, has another format, or is truncated.
-        """
-        try:
-            content = json.loads(Path(path).read_bytes())
-        except ValueError as error:
-            raise ValueError(f"{path} is not a chart, or is truncated: {error}") from None
-        if not isinstance(content, dict) or content.get("of") != _KIND:
-            raise ValueError(f"{path} is not a chart")
-        if content.get("format") != _FORMAT:
-            raise ValueError(f"{path} has the format {content.get('format')}, known is {_FORMAT}")
-        curves = tuple(
-            ChartCurve(c["kind"], tuple((mu, gamma) for mu, gamma in c["points"]))
-            for c in content["curves"]
-        )
-        cells = tuple(
-            ChartCell(
-                tuple(c["mu"]),
-                tuple(c["gamma"]),
-                tuple(c["solutions"]),
-                c["proved"],
-                *(tuple(curves[k] for k in c[side]) for side in ("below", "above")),
-            )
-            for c in content["cells"]
-        )
-        return Chart(cells, curves, content["explained"])
-
-    def _stored(self, cell: ChartCell) -> dict[str, Any]:
-        """Return a cell for the file, with its curves as numbers."""
-        below, above = (
-            [self.curves.index(ChartCurve.of(c)) for c in side] for side in (cell.below, cell.above)
-        )
-        return {**vars(cell), "below": below, "above": above}
 
 
 def solutions_at(

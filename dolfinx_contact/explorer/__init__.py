@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""HTML pages that explore records and charts: one file each, usable without a network.
+"""HTML pages that explore records: one file each, usable without a network.
 
-This extension reads journals and charts. `lines.py` turns a journal into columns and special
+This extension reads journals. `lines.py` turns a journal into columns and special
 points, `surfaces.py` packs deformed bodies and contact tables (see `packing.py`), and
 `html_page.py` writes the file with plotly and the scripts of this folder.
 """

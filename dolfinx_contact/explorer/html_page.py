@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Write the HTML page of a record or a chart."""
+"""Write the HTML page of a record."""
 
 from __future__ import annotations
 
@@ -23,8 +23,7 @@ from dolfinx_contact._files import part_of
 from dolfinx_contact._install import optional
 from dolfinx_contact._mpi import Arguments, collective, on_root
 from dolfinx_contact._validate import count, is_number, number, one_of, positive
-from dolfinx_contact.analysis import Chart, EventCurves, ProvedCount
-from dolfinx_contact.analysis.chart_regions import chart_scene
+from dolfinx_contact.analysis import ProvedCount
 from dolfinx_contact.continuation import Solutions
 from dolfinx_contact.explorer.lines import AnyRecord, DiagramData, diagram_of
 from dolfinx_contact.explorer.packing import Arrays, deflated
@@ -35,11 +34,11 @@ from dolfinx_contact.records import EvolutionJournal, Journal, read_journal
 __all__ = ["SolutionCount", "explorer", "watch"]
 
 #: Scripts in the order in which the page runs them.
-_SCRIPTS = ("decode", "words", "diagram", "body", "face", "table", "chart", "main")
+_SCRIPTS = ("decode", "words", "diagram", "body", "face", "table", "main")
 _QUANTITIES = ("length", "force", "stress")
 _ERRORS = (1e-4, 0.1)
 
-Record = str | os.PathLike[str] | AnyRecord | Chart
+Record = str | os.PathLike[str] | AnyRecord
 
 
 @dataclass(frozen=True)
@@ -98,7 +97,6 @@ def explorer(
     file: str | os.PathLike[str],
     record: Record,
     *,
-    curves: EventCurves | None = None,
     counts: Counts = (),
     title: str = "",
     labels: Mapping[str, str] | None = None,
@@ -106,7 +104,7 @@ def explorer(
     error: float = 0.005,
     comm: MPI.Comm = MPI.COMM_WORLD,
 ) -> Path:
-    """Write a page that explores a record or a chart. Collective; rank 0 reads and writes.
+    """Write a page that explores a record. Collective; rank 0 reads and writes.
 
     The page is one file for a browser and needs no network. It shows a diagram of any two columns,
     with branches coloured by their statuses or any column and with special points; at each point
@@ -119,9 +117,7 @@ def explorer(
 
     Args:
         file: name of the page, ending in ``.html``.
-        record: folder of a record, journal (`records.read_journal`, `records.journal_of`), chart,
-            regions, or file of `Chart.save`.
-        curves: curves of folds and events in a chart; by default those of the chart.
+        record: folder of a record, or journal (`records.read_journal`, `records.journal_of`).
         counts: numbers of solutions, shown at their gamma: results of `find_solutions` or
             `analysis.prove_counts`, or `SolutionCount`.
         title: title; by default the name of the record.
@@ -151,11 +147,8 @@ def explorer(
     page = _Page(title, dict(labels or {}), dict(units or {}), error, [_count(c) for c in counts])
 
     def write() -> None:
-        chart = _chart(record)
-        if curves is not None and chart is None:
-            raise ValueError("curves belong to charts, not to records")
         page.library = _library()
-        _put(Path(file), page.of(record) if chart is None else page.of_chart(chart, curves, record))
+        _put(Path(file), page.of(record))
 
     on_root(comm, write)
     return Path(file)
@@ -215,13 +208,6 @@ def watch(
                 if not unfinished:
                     return path
         time.sleep(seconds)
-
-
-def _chart(record: Any) -> Chart | None:
-    """Return the chart of a page, or None for a record."""
-    if isinstance(record, str | os.PathLike):
-        return Chart.load(record) if Path(record).is_file() else None
-    return record if isinstance(record, Chart) else None
 
 
 def _put(path: Path, text: str) -> None:
@@ -306,25 +292,6 @@ class _Page:
         check = not (diagram.unfinished and len(numbers) == 1)
         return self._text(arrays, content, name, diagram.columns, notes, reload, check=check)
 
-    def of_chart(self, chart: Chart, curves: EventCurves | None, record: Any) -> str:
-        """Return the page of a chart, or of the file ``record`` that contains it."""
-        name = "Numbers of solutions" if chart is record else Path(os.path.abspath(record)).name
-        scene = chart_scene(chart, curves)
-        cells = [
-            {"middle": c.middle, "solutions": c.solutions, "proved": c.proved} for c in scene.cells
-        ]
-        regions = [asdict(region) for region in scene.regions]
-        for region in regions:
-            region["outlines"] = [outline.tolist() for outline in region["outlines"]]
-        drawn = [asdict(curve) for curve in scene.curves]
-        shown = {"ranges": scene.ranges, "regions": regions, "curves": drawn, "cells": cells}
-        notes = [
-            "The chart has no curves: regions end at cells. count_solutions(..., curves=) stores "
-            "the curves with the cells."
-        ]
-        content = {"chart": shown | {"exact": scene.exact}, "about": "a chart"}
-        return self._text(Arrays(), content, name, ["mu", "gamma"], [] if scene.exact else notes)
-
     def _text(
         self,
         arrays: Arrays,
@@ -346,15 +313,7 @@ class _Page:
             raise ValueError(f"there is no column {unknown[0]!r}; columns: {', '.join(columns)}")
         title = self.title or name
         described = self._columns(columns, content)
-        meta = {
-            "series": [],
-            "points": 0,
-            "body": None,
-            "fields": {},
-            "surfaces": [],
-            "chart": None,
-        }
-        meta |= content
+        meta = {"body": None, "fields": {}, "surfaces": []} | content
         meta |= {
             "title": title,
             "units": self.units,

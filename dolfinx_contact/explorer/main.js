@@ -225,27 +225,20 @@ function first() {
 async function begin() {
   head();
   await loadLibrary();
-  if (META.chart) {
-    byId("chart-main").hidden = false;
-    byId("help").hidden = true;
-    say("");
-    await drawChart();
-  } else {
-    diagram.columns = await array("columns");
-    diagram.words = (await array("words")).split("\n");
-    diagram.states = await array("states");
-    if (META.body) await prepareBody();
-    else { byId("main").classList.add("no-body"); now.tab = "values"; }
-    document.querySelector('[data-tab="points"]').hidden = !META.body;
-    controls();
-    const before = kept();
-    byId("main").hidden = false;
-    listen();
-    [now.series, now.index] = before ? [Math.min(before[0], META.series.length - 1), 0] : [0, 0];
-    await drawDiagram();
-    await choose(...(before || first()));
-    say("");
-  }
+  diagram.columns = await array("columns");
+  diagram.words = (await array("words")).split("\n");
+  diagram.states = await array("states");
+  if (META.body) await prepareBody();
+  else { byId("main").classList.add("no-body"); now.tab = "values"; }
+  document.querySelector('[data-tab="points"]').hidden = !META.body;
+  controls();
+  const before = kept();
+  byId("main").hidden = false;
+  listen();
+  [now.series, now.index] = before ? [Math.min(before[0], META.series.length - 1), 0] : [0, 0];
+  await drawDiagram();
+  await choose(...(before || first()));
+  say("");
   document.body.dataset.ready = "true";
 }
 

@@ -2,7 +2,6 @@
 "use strict";
 
 const LINES = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#000000"];
-const FILLS = ["#e9edf2", "#dbe9f4", "#fbe6c8", "#cfe8d5", "#e6d5ea", "#f7d3cf", "#d3d9f0"];
 // From light to dark, so that a body at rest is light: of displacements and of tractions.
 const SCALE = [
   [0, "#f3efe6"], [0.2, "#f6d9a0"], [0.4, "#f0a868"], [0.6, "#dc6a53"], [0.8, "#a83a5b"],

@@ -128,16 +128,15 @@ def draw_chart(
 ) -> Axes:
     """Draw the solutions over two parameters. Not collective.
 
-    Without ``names`` the colours show the number of solutions, in regions bounded by the curves of
-    folds where these are known; with ``names`` each cell has the colour of its set of statuses.
-    Cells without a proof of the number are hatched: there are at least so many solutions. Curves
-    of folds are thick, those of events thin, and a dot marks a cusp.
+    Each cell has the colour of its number of solutions, or with ``names`` that of its set of
+    statuses. Cells without a proof of the number are hatched: there are at least so many solutions.
+    Curves of folds are thick, those of events thin, and a dot marks a cusp.
 
     Args:
         file: picture in any format of matplotlib; None writes nothing.
         chart: result of `count_solutions` or `solution_regions`.
         curves: curves of folds and events, default those of the chart.
-        names: names of the sets of statuses, for the legend.
+        names: names of the sets of statuses, for the legend; default: numbers of solutions.
         labels: labels of the axes, TeX between dollars.
         title: title of the picture, default none.
 
@@ -146,40 +145,39 @@ def draw_chart(
 
     Raises:
         OSError: with the path, if it cannot be written; an existing file is then unchanged.
-        ValueError: if a set of statuses has no name, or the chart has no cells.
+        ValueError: if a set of statuses has no name.
     """
     from matplotlib.patches import Patch
 
-    from dolfinx_contact.analysis.chart_regions import Area, chart_scene
+    from dolfinx_contact.analysis import ChartCurve
 
-    scene = chart_scene(chart, curves)
-    areas: list[tuple[Any, str, bool]]  # outline, word, and whether the number is proved
     if names is None:
-        numbers = {len(region.solutions[0]) for region in scene.regions}
-        colours = {_solutions(n): FILLS[n % len(FILLS)] for n in sorted(numbers)}
-        areas = [
-            (outline, _solutions(len(region.solutions[0])), region.proved)
-            for region in scene.regions
-            for outline in region.outlines
-        ]
+        words = [_solutions(cell.count) for cell in chart.cells]
+        numbers = sorted({cell.count for cell in chart.cells})
+        colours = {_solutions(n): FILLS[n % len(FILLS)] for n in numbers}
     else:
         unnamed = {c.solutions for c in chart.cells} - set(names)
         if unnamed:
             raise ValueError(f"no names are given for {sorted(unnamed)}")
+        words = [names[cell.solutions] for cell in chart.cells]
         colours = {word: FILLS[i % len(FILLS)] for i, word in enumerate(names.values())}
-        areas = [(Area(*c.outline()).outline, names[c.solutions], c.proved) for c in chart.cells]
     axes = new_figure((6.4, 6.0)).add_subplot()
-    for outline, word, proved in areas:
-        hatch = None if proved else "///"
-        axes.fill(*outline.T, facecolor=colours[word], hatch=hatch, lw=0, antialiased=False)
-    for curve in scene.curves:
+    for cell, word in zip(chart.cells, words, strict=True):
+        hatch = None if cell.proved else "///"
+        outline = cell.outline()
+        axes.fill_between(*outline, facecolor=colours[word], hatch=hatch, lw=0, antialiased=False)
+    for curve in chart.curves if curves is None else map(ChartCurve.of, curves.curves):
         axes.plot(*np.array(curve.points).T, color="black", lw=1.8 if curve.kind == "fold" else 0.7)
     if curves is not None and curves.cusps:
         axes.plot(*np.array(curves.cusps).T, "o", color="black", ms=5)
-    axes.set(xlim=scene.ranges[0], ylim=scene.ranges[1], xlabel=labels[0], ylabel=labels[1])
+    axes.set(
+        xlim=(min(c.mu[0] for c in chart.cells), max(c.mu[1] for c in chart.cells)),
+        ylim=(min(c.gamma[0] for c in chart.cells), max(c.gamma[1] for c in chart.cells)),
+        xlabel=labels[0],
+        ylabel=labels[1],
+    )
     axes.set_title(title or "", loc="left")
-    present = {word for _, word, _ in areas}
-    fills = {word: dict(facecolor=c) for word, c in colours.items() if word in present}
+    fills = {word: dict(facecolor=c) for word, c in colours.items() if word in words}
     if not chart.proved:
         fills["at least"] = dict(facecolor="white", hatch="///")
     handles = [Patch(edgecolor="0.4", label=word, **fill) for word, fill in fills.items()]

@@ -10,7 +10,7 @@ import pytest
 from support.enumeration import events_by_enumeration as enumerated
 from support.enumeration import holds, random_family
 
-from dolfinx_contact.analysis import Chart, EventCurves, contact_family, solution_regions
+from dolfinx_contact.analysis import EventCurves, contact_family, solution_regions
 from dolfinx_contact.analysis.curve_search import follow_events
 
 COMM = MPI.COMM_WORLD
@@ -83,16 +83,6 @@ def test_regions_of_more_elements_agree_with_solutions():
         assert regions.at(F1, F2).solutions == regions.at(F1 / 7, F2 / 7).solutions
     assert {c.count for c in regions.cells} == {1, 3}
     assert len(curves.folds) == 2
-
-
-def test_regions_are_stored_with_their_curves(folder):
-    """Cells read from a file end at the same curves, up to their polylines, which are straight."""
-    _, regions = regions_of(1, 3.0)
-    again = Chart.load(regions.save(folder / "regions.json"))
-    assert again.explained
-    assert again.curves == regions.curves
-    for F1, F2 in itertools.product(np.linspace(-2.9, 2.8, 7), repeat=2):
-        assert again.at(F1, F2).solutions == regions.at(F1, F2).solutions
 
 
 @pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.long)])

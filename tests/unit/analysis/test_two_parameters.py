@@ -1,7 +1,6 @@
 """Curves of folds and events in two parameters, against closed forms, branches and enumeration."""
 
 import itertools
-from dataclasses import replace
 
 from mpi4py import MPI
 
@@ -18,13 +17,7 @@ import ufl
 from dolfinx import fem, mesh
 
 from dolfinx_contact import ContactProblem, ParametricContact, materials
-from dolfinx_contact.analysis import (
-    Chart,
-    ChartCell,
-    count_solutions,
-    critical_friction,
-    event_curves,
-)
+from dolfinx_contact.analysis import count_solutions, critical_friction, event_curves
 from dolfinx_contact.analysis.curve_search import follow_events
 from dolfinx_contact.analysis.two_parameters import contact_family
 from dolfinx_contact.continuation import follow
@@ -273,38 +266,6 @@ def test_charts_refuse_ranges_and_families(vee):
         event_curves(vee, F, [(4.0, branch_of(vee))], mu_range=(5.0, 6.0), gamma_range=(0.0, 1.0))
     with pytest.raises(ValueError, match="pairs"):
         event_curves(vee, F, [(1.5, None)], mu_range=(1.0, 2.0), gamma_range=(0.0, 1.0))
-
-
-# -- charts in files -------------------------------------------------------------------------------
-
-
-def chart_of_few():
-    """A chart whose numbers have no short decimals, some of which nothing is known to be all."""
-    cells = [
-        ChartCell((i / 3, (i + 1) / 3), (-np.pi, np.nextafter(1 / 7, 1)), solutions, i != 1)
-        for i, solutions in enumerate([("ok",), ("k+", "o-", "oo"), ()])
-    ]
-    return Chart(tuple(cells))
-
-
-@pytest.mark.ranks(2)
-@pytest.mark.verifies("charts", reference="itself: the chart that was saved")
-def test_chart_is_stored_exactly(folder):
-    family = replace(random_family(1), comm=COMM)
-    counted = count_solutions(
-        family, mu_range=(0.2, 4.0), gamma_range=(-8.0, 8.0), cells=(2, 3), depth=1
-    )
-    for number, chart in enumerate([counted, chart_of_few()]):
-        file = folder / f"{number}.json"
-        if COMM.rank == COMM.size - 1:
-            assert chart.save(file) == file
-        COMM.barrier()
-        again = Chart.load(file)
-        assert again.cells == chart.cells
-        assert again.curves == chart.curves == ()
-        assert [type(c.proved) for c in again.cells] == [bool] * len(chart.cells)
-        assert again.proved == chart.proved
-        COMM.barrier()
 
 
 def test_crossing_curves_of_folds_agree_with_enumeration():

@@ -32,7 +32,6 @@ from dolfinx_contact import (
     RigidSurface,
 )
 from dolfinx_contact.__main__ import main
-from dolfinx_contact.analysis import Chart, ChartCell, ChartCurve
 from dolfinx_contact.continuation import Ending, StepControl, follow
 from dolfinx_contact.explorer import SolutionCount, explorer
 from dolfinx_contact.materials import LinearElastic
@@ -372,60 +371,6 @@ def test_labels_of_pictures_are_shown_without_tex(tmp_path):
     assert shown[:2] == ["load γ_max", "u_t of A, 3 $"]
 
 
-# -- charts ----------------------------------------------------------------------------------------
-
-
-def chart_of_a_wedge():
-    """Three solutions between gamma = 2 and gamma = F from F = 2 on; else one."""
-    cells = []
-    ends = np.linspace(0, 4, 9)
-    for a in range(8):
-        for b in range(8):
-            mu, gamma = (ends[a], ends[a + 1]), (ends[b], ends[b + 1])
-            x, y = np.mean(mu), np.mean(gamma)
-            words = ("k", "o", "-") if 2 < y < x else ("o",)
-            cells.append(ChartCell(tuple(map(float, mu)), tuple(map(float, gamma)), words, True))
-    mus = np.linspace(2, 4, 17)
-    folds = [ChartCurve("fold", tuple((m, g) for m, g in zip(mus, y, strict=True)))
-             for y in (mus, np.full(17, 2.0))]  # fmt: skip
-    return Chart(tuple(cells), (*folds, ChartCurve("event", ((0.0, 1.0), (4.0, 1.5)))))
-
-
-@pytest.mark.verifies(
-    "explorer", "charts", reference="closed form: areas of the regions of a wedge", aspects=("2D",)
-)
-def test_page_of_a_chart_has_numbered_regions(tmp_path):
-    """Regions end at the curves and not at cells, and are numbered; the file keeps the curves."""
-    chart = chart_of_a_wedge()
-    chart.save(tmp_path / "chart.json")
-    again = Chart.load(tmp_path / "chart.json")
-    assert again.curves == chart.curves
-    explorer(tmp_path / "chart.html", tmp_path / "chart.json", labels={"mu": "F"})
-    meta = read(tmp_path / "chart.html").meta
-    assert [c["label"] for c in meta["columns"]] == ["F", "gamma"]
-    found = meta["chart"]
-    assert found["exact"]
-    assert [c["kind"] for c in found["curves"]] == ["fold", "fold", "event"]
-    assert [r["number"] for r in found["regions"]] == [1, 2]
-    one, three = found["regions"]
-    assert (len(one["solutions"][0]), len(three["solutions"][0])) == (1, 3)
-    assert one["proved"]
-    assert three["proved"]
-    assert one["looked"] + three["looked"] == 64 - 4  # four places are on a curve
-
-    def area(region):
-        total = 0.0
-        for outline in region["outlines"]:
-            x, y = np.array(outline).T
-            total += abs(np.dot(x, np.roll(y, 1)) - np.dot(y, np.roll(x, 1))) / 2
-        return total
-
-    np.testing.assert_allclose(area(three), 2.0)  # the triangle, whatever the cells
-    np.testing.assert_allclose(area(one), 14.0)
-    x, y = three["place"]
-    assert 2 < y < x
-
-
 # -- what is refused -------------------------------------------------------------------------------
 
 
@@ -546,11 +491,8 @@ def test_pages_for_a_browser():
     record(system, functionals, folder / "bare", max_steps=5)
     explorer(folder / "bare.html", folder / "bare")
     if COMM.rank == 0:
-        chart_of_a_wedge().save(folder / "chart.json", overwrite=True)
         gamma = np.linspace(0, 1, 10_000)
         odd = np.where(gamma > 0.9, np.nan, np.sin(9 * gamma))
         long = plain_journal(gamma, {"force": odd, "stable": gamma < 0.5})
         for name, journal in {"long": long, "one": plain_journal([1.0])}.items():
             explorer(folder / f"{name}.html", journal, comm=MPI.COMM_SELF)
-    COMM.barrier()
-    explorer(folder / "chart.html", folder / "chart.json")
