@@ -5,7 +5,7 @@ Proofs that all solutions are known are in `dolfinx_contact.proofs`.
 """
 
 from dolfinx_contact.analysis.branch_counts import BranchCounts, ProvedCount, prove_counts
-from dolfinx_contact.analysis.charts import Chart, ChartCell, ChartCurve, count_solutions
+from dolfinx_contact.analysis.charts import Chart, ChartCell, count_solutions
 from dolfinx_contact.analysis.critical_friction import CriticalFriction, critical_friction
 from dolfinx_contact.analysis.directions_of_slip import (
     FrictionByDirection,
@@ -24,7 +24,6 @@ __all__ = [
     "BranchCounts",
     "Chart",
     "ChartCell",
-    "ChartCurve",
     "CriticalFriction",
     "EventCurve",
     "EventCurves",

@@ -18,7 +18,7 @@ from dolfinx_contact._arrays import Array, Mask
 from dolfinx_contact._mpi import Arguments, collective, everywhere
 from dolfinx_contact._progress import Progress
 from dolfinx_contact._validate import count, positive
-from dolfinx_contact.analysis.event_curves import CurveOverMu, EventCurve, EventCurves
+from dolfinx_contact.analysis.event_curves import EventCurve, EventCurves
 from dolfinx_contact.analysis.family import ContactFamily
 from dolfinx_contact.continuation.arguments import checked_range
 from dolfinx_contact.laws import status
@@ -27,7 +27,6 @@ from dolfinx_contact.proofs import prove_solutions
 __all__ = [
     "Chart",
     "ChartCell",
-    "ChartCurve",
     "count_solutions",
     "letters",
     "solutions_at",
@@ -37,7 +36,6 @@ __all__ = [
 Statuses = tuple[bytes, ...]
 
 _SAME = 1e-9  # fraction of the range of mu that lies at the end of a cell
-_STEPS = 32  # of a curve, between two points at which its statuses change
 
 
 @dataclass(frozen=True)
@@ -59,8 +57,8 @@ class ChartCell:
     gamma: tuple[float, float]
     solutions: tuple[str, ...] = ()
     proved: bool = False
-    below: tuple[EventCurve | ChartCurve, ...] = ()
-    above: tuple[EventCurve | ChartCurve, ...] = ()
+    below: tuple[EventCurve, ...] = ()
+    above: tuple[EventCurve, ...] = ()
 
     @property
     def count(self) -> int:
@@ -98,44 +96,6 @@ class ChartCell:
         return mus, ends[:, 0], ends[:, 1]
 
 
-@dataclass(frozen=True)
-class ChartCurve(CurveOverMu):
-    """Curve of folds or events in a chart, as a polyline.
-
-    Attributes:
-        kind: ``"fold"`` where gamma turns back, ``"event"`` where it continues.
-        points: (mu, gamma), at least two, mu rising.
-    """
-
-    kind: str
-    points: tuple[tuple[float, float], ...]
-
-    @classmethod
-    def of(cls, curve: EventCurve | ChartCurve) -> ChartCurve:
-        """Return points of a curve, which lie on it up to round-off."""
-        if isinstance(curve, ChartCurve):
-            return curve
-        points = curve.points(_STEPS)
-        # At its own end a curve may have no gamma.
-        points = points[np.isfinite(points).all(axis=1)]
-        return cls(curve.kind, tuple((float(mu), float(gamma)) for mu, gamma in points))
-
-    @property
-    def span(self) -> tuple[float, float]:  # type: ignore[override]
-        """Least and largest mu."""
-        return self.points[0][0], self.points[-1][0]
-
-    @property
-    def breaks(self) -> Array:  # type: ignore[override]
-        """Values of mu of the points."""
-        return np.array(self.points)[:, 0]
-
-    def at(self, mu: float) -> float:
-        """Gamma at mu; NaN outside of the span."""
-        mus, gammas = np.array(self.points).T
-        return float(np.interp(mu, mus, gammas, left=np.nan, right=np.nan))
-
-
 @dataclass(frozen=True, eq=False)
 class Chart:
     """Numbers of solutions over two parameters.
@@ -148,7 +108,7 @@ class Chart:
     """
 
     cells: tuple[ChartCell, ...]
-    curves: tuple[ChartCurve, ...] = ()
+    curves: tuple[EventCurve, ...] = ()
     explained: bool | None = None
 
     @property
@@ -322,7 +282,7 @@ class _Counting:
             level = self._counted([part for leaf in divided for part in leaf.parts()])
             size //= 2
         leaves = sorted(leaves + level, key=lambda leaf: (leaf.i, leaf.j))
-        kept = () if curves is None else tuple(map(ChartCurve.of, curves.curves))
+        kept = () if curves is None else curves.curves
         cells = (
             replace(self._cell(v), solutions=letters(v.codes), proved=v.proved) for v in leaves
         )

@@ -6,7 +6,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations, pairwise
-from typing import TypeVar
 
 import numpy as np
 
@@ -15,7 +14,6 @@ from dolfinx_contact.analysis.family import Frame
 from dolfinx_contact.laws import status
 
 __all__ = [
-    "CurveOverMu",
     "EventCurve",
     "EventCurves",
     "Meeting",
@@ -25,7 +23,6 @@ __all__ = [
 ]
 
 
-Curve = TypeVar("Curve", bound="CurveOverMu")
 _SAME = 1e-9  # fraction of the range of mu below which two values are equal
 
 
@@ -79,44 +76,8 @@ class Meeting:
         return counts == [0, 2]
 
 
-class CurveOverMu:
-    """Curve in (mu, gamma) with one gamma for each mu of its span.
-
-    Attributes:
-        span: least and largest mu.
-        breaks: values of mu between which two curves cross at most once (n,).
-    """
-
-    @property
-    def span(self) -> tuple[float, float]:
-        raise NotImplementedError
-
-    @property
-    def breaks(self) -> Array:
-        raise NotImplementedError
-
-    def at(self, mu: float) -> float:
-        """Gamma at mu."""
-        raise NotImplementedError
-
-    def crossings(self, other: CurveOverMu) -> list[float]:
-        """Return all mu at which this curve crosses another one, in increasing order.
-
-        Between two neighbouring `breaks` of either curve, the curves cross if their order at these
-        two values differs. Crossings are exact up to round-off.
-        """
-        low = max(self.span[0], other.span[0])
-        high = min(self.span[1], other.span[1])
-        mus = np.union1d(self.breaks, other.breaks)
-        mus = mus[(low < mus) & (mus < high)]
-        apart = np.array([self.at(mu) - other.at(mu) for mu in mus])
-        places = np.flatnonzero(apart[:-1] * apart[1:] < 0)
-        found = [_crossing(self, other, mus[k], mus[k + 1]) for k in places]
-        return sorted([*found, *mus[apart == 0].tolist()])
-
-
 @dataclass(frozen=True, eq=False)
-class EventCurve(CurveOverMu):
+class EventCurve:
     """Chain of curve segments with increasing mu.
 
     Attributes:
@@ -128,7 +89,7 @@ class EventCurve(CurveOverMu):
     segments: tuple[Segment, ...]
 
     @property
-    def span(self) -> tuple[float, float]:  # type: ignore[override]
+    def span(self) -> tuple[float, float]:
         """Least and largest mu."""
         return self.segments[0].low, self.segments[-1].high
 
@@ -153,8 +114,8 @@ class EventCurve(CurveOverMu):
         return next((s for s in self.segments if s.low <= mu <= s.high), None)
 
     @property
-    def breaks(self) -> Array:  # type: ignore[override]
-        """Sixteen values of mu in each segment."""
+    def breaks(self) -> Array:
+        """Values of mu between which two curves cross at most once: sixteen in each segment."""
         return np.asarray(self.points(16)[:, 0])
 
     def points(self, number: int = 8) -> Array:
@@ -162,6 +123,21 @@ class EventCurve(CurveOverMu):
         first, _ = self.span
         mus = [np.linspace(s.low, s.high, number + 1)[1:] for s in self.segments]
         return np.array([(mu, self.at(mu)) for mu in (first, *np.concatenate(mus))])
+
+    def crossings(self, other: EventCurve) -> list[float]:
+        """Return all mu at which this curve crosses another one, in increasing order.
+
+        Between two neighbouring `breaks` of either curve, the curves cross if their order at these
+        two values differs. Crossings are exact up to round-off.
+        """
+        low = max(self.span[0], other.span[0])
+        high = min(self.span[1], other.span[1])
+        mus = np.union1d(self.breaks, other.breaks)
+        mus = mus[(low < mus) & (mus < high)]
+        apart = np.array([self.at(mu) - other.at(mu) for mu in mus])
+        places = np.flatnonzero(apart[:-1] * apart[1:] < 0)
+        found = [_crossing(self, other, mus[k], mus[k + 1]) for k in places]
+        return sorted([*found, *mus[apart == 0].tolist()])
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,7 +176,7 @@ class EventCurves:
         return sorted((g for g in there if np.isfinite(g)), reverse=True)
 
 
-def strips(curves: Sequence[CurveOverMu], mus: tuple[float, float]) -> list[tuple[float, float]]:
+def strips(curves: Sequence[EventCurve], mus: tuple[float, float]) -> list[tuple[float, float]]:
     """Return intervals of mu in which the same curves lie in the same order."""
     cuts = {mu for curve in curves for mu in curve.span}
     cuts |= {mu for a, b in combinations(curves, 2) for mu in a.crossings(b)}
@@ -213,8 +189,8 @@ def strips(curves: Sequence[CurveOverMu], mus: tuple[float, float]) -> list[tupl
 
 
 def layers(
-    curves: Sequence[Curve], strip: tuple[float, float], near: float
-) -> list[tuple[Curve, ...]]:
+    curves: Sequence[EventCurve], strip: tuple[float, float], near: float
+) -> list[tuple[EventCurve, ...]]:
     """Return the curves in a strip from below, with coinciding curves in one group.
 
     Args:
@@ -230,7 +206,7 @@ def layers(
     return [tuple(c for _, c in there[a:b]) for a, b in pairwise(ends)]
 
 
-def _crossing(a: CurveOverMu, b: CurveOverMu, low: float, high: float) -> float:
+def _crossing(a: EventCurve, b: EventCurve, low: float, high: float) -> float:
     """Return the mu between two others at which curves cross, to round-off, by bisection."""
     above = a.at(low) > b.at(low)
     while low < (middle := (low + high) / 2) < high:

@@ -20,8 +20,8 @@ from itertools import combinations, pairwise
 
 from dolfinx_contact._mpi import Arguments, collective
 from dolfinx_contact._validate import positive
-from dolfinx_contact.analysis.charts import Chart, ChartCell, ChartCurve, letters, solutions_at
-from dolfinx_contact.analysis.event_curves import EventCurve, EventCurves, layers, strips
+from dolfinx_contact.analysis.charts import Chart, ChartCell, letters, solutions_at
+from dolfinx_contact.analysis.event_curves import EventCurves, layers, strips
 from dolfinx_contact.analysis.family import ContactFamily
 from dolfinx_contact.continuation.arguments import checked_range
 
@@ -77,7 +77,7 @@ def solution_regions(
         for cell, (statuses, proved) in zip(bare, found, strict=True)
     )
     bounds = dict.fromkeys(curve for cell in cells for curve in (*cell.below, *cell.above))
-    return Chart(cells, tuple(map(ChartCurve.of, bounds)), _are_explained(cells))
+    return Chart(cells, tuple(bounds), _are_explained(cells))
 
 
 def _are_explained(cells: Sequence[ChartCell]) -> bool:
@@ -104,12 +104,11 @@ def _differ_as_required(below: ChartCell, above: ChartCell) -> bool:
     mu = below.middle[0]
     lower = set(below.solutions)
     upper = set(above.solutions)
-    curves = [curve for curve in below.above if isinstance(curve, EventCurve)]
-    if len(curves) == 1:
-        (curve,) = curves
+    if len(below.above) == 1:
+        (curve,) = below.above
         statuses = set(curve.statuses_at(mu))
         sides = (statuses <= lower, statuses <= upper)
         # both solutions of a fold are on one side, those of an event on different sides
         fits = any(sides) if curve.kind == "fold" else not any(sides)
         return lower ^ upper == statuses and fits
-    return lower ^ upper <= set().union(*(curve.statuses_at(mu) for curve in curves))
+    return lower ^ upper <= set().union(*(curve.statuses_at(mu) for curve in below.above))

@@ -149,8 +149,6 @@ def draw_chart(
     """
     from matplotlib.patches import Patch
 
-    from dolfinx_contact.analysis import ChartCurve
-
     if names is None:
         words = [_solutions(cell.count) for cell in chart.cells]
         numbers = sorted({cell.count for cell in chart.cells})
@@ -166,8 +164,8 @@ def draw_chart(
         hatch = None if cell.proved else "///"
         outline = cell.outline()
         axes.fill_between(*outline, facecolor=colours[word], hatch=hatch, lw=0, antialiased=False)
-    for curve in chart.curves if curves is None else map(ChartCurve.of, curves.curves):
-        axes.plot(*np.array(curve.points).T, color="black", lw=1.8 if curve.kind == "fold" else 0.7)
+    for curve in chart.curves if curves is None else curves.curves:
+        axes.plot(*curve.points(32).T, color="black", lw=1.8 if curve.kind == "fold" else 0.7)
     if curves is not None and curves.cusps:
         axes.plot(*np.array(curves.cusps).T, "o", color="black", ms=5)
     axes.set(
