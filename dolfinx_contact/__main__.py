@@ -23,7 +23,7 @@ import dolfinx
 
 import dolfinx_contact
 from dolfinx_contact._mpi import on_root
-from dolfinx_contact.explorer import SolutionCount, explorer, watch
+from dolfinx_contact.explorer import SolutionCount, explorer
 from dolfinx_contact.proofs.check_proof import Certificate
 from dolfinx_contact.proofs.check_proof import check as follow_proof
 from dolfinx_contact.proofs.check_proof import main as check
@@ -85,14 +85,6 @@ def _parser() -> argparse.ArgumentParser:
     add("--proof", **pair, metavar="GAMMA=FILE", help=proof)
     error = "of displacements, over the largest one (default: %(default)s)"
     add("--error", type=float, default=0.005, help=error)
-    add(
-        "--watch",
-        type=float,
-        nargs="?",
-        const=5.0,
-        metavar="SECONDS",
-        help="write the page anew as the record grows, until its run has ended",
-    )
     return parser
 
 
@@ -132,20 +124,12 @@ def _explore(args: argparse.Namespace, comm: MPI.Comm) -> int:
             "counts": on_root(comm, lambda: _proofs(args.proof)),
             "error": args.error,
         }
-        if args.watch is None:
-            explorer(args.output, args.record, **look)
-        elif comm.size > 1:
-            raise ValueError("--watch runs on one rank")
-        else:
-            print("Ctrl-C ends the watch", file=sys.stderr)
-            watch(args.output, args.record, seconds=args.watch, report=print, **look)
+        explorer(args.output, args.record, **look)
     except (OSError, ValueError, ModuleNotFoundError) as error:
         if comm.rank == 0:
             print(f"refused: {error}", file=sys.stderr)
         return 1
-    except KeyboardInterrupt:
-        return 130
-    if comm.rank == 0 and args.watch is None:
+    if comm.rank == 0:
         print(args.output)
     return 0
 

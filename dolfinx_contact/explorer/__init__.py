@@ -6,6 +6,6 @@ points, `surfaces.py` packs deformed bodies and contact tables (see `packing.py`
 `html_page.py` writes the file with plotly and the scripts of this folder.
 """
 
-from dolfinx_contact.explorer.html_page import SolutionCount, explorer, watch
+from dolfinx_contact.explorer.html_page import SolutionCount, explorer
 
-__all__ = ["SolutionCount", "explorer", "watch"]
+__all__ = ["SolutionCount", "explorer"]

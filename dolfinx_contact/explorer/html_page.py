@@ -7,8 +7,7 @@ import html
 import json
 import os
 import re
-import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from html.entities import html5
 from importlib.resources import files
@@ -22,7 +21,7 @@ import numpy as np
 from dolfinx_contact._files import part_of
 from dolfinx_contact._install import optional
 from dolfinx_contact._mpi import Arguments, collective, on_root
-from dolfinx_contact._validate import count, is_number, number, one_of, positive
+from dolfinx_contact._validate import count, is_number, number, one_of
 from dolfinx_contact.analysis import ProvedCount
 from dolfinx_contact.continuation import Solutions
 from dolfinx_contact.explorer.lines import AnyRecord, DiagramData, diagram_of
@@ -31,7 +30,7 @@ from dolfinx_contact.explorer.surfaces import add_bodies
 from dolfinx_contact.laws import status
 from dolfinx_contact.records import EvolutionJournal, Journal, read_journal
 
-__all__ = ["SolutionCount", "explorer", "watch"]
+__all__ = ["SolutionCount", "explorer"]
 
 #: Scripts in the order in which the page runs them.
 _SCRIPTS = ("decode", "words", "diagram", "body", "face", "table", "main")
@@ -154,62 +153,6 @@ def explorer(
     return Path(file)
 
 
-def watch(
-    file: str | os.PathLike[str],
-    record: str | os.PathLike[str],
-    *,
-    counts: Counts = (),
-    title: str = "",
-    labels: Mapping[str, str] | None = None,
-    units: Mapping[str, str] | None = None,
-    error: float = 0.005,
-    seconds: float = 5.0,
-    report: Callable[[str], None] = lambda text: None,
-) -> Path:
-    """Write the page of a growing record repeatedly until its run has ended. Not collective.
-
-    The page reloads itself and keeps the selection.
-
-    Args:
-        file: name of the page, as for `explorer`.
-        record: folder of the record; it may not exist yet.
-        counts: numbers of solutions, as for `explorer`.
-        title: title of the page.
-        labels: displayed names of columns.
-        units: units of quantities.
-        error: largest relative error of a displacement.
-        seconds: time between two readings of the journal, and between two reloads of the page.
-        report: function called with a sentence after each page, and while no point is recorded.
-
-    Returns:
-        Path of the page.
-
-    Raises:
-        OSError, ValueError, ModuleNotFoundError: as for `explorer`.
-    """
-    positive(seconds, "seconds")
-    _check(Arguments(file=file, units=units, error=error, counts=()))
-    page = _Page(title, dict(labels or {}), dict(units or {}), error, [_count(c) for c in counts])
-    page.library = _library()
-    path = Path(file)
-    seen = (-1, False)
-    while True:
-        journal = read_journal(record) if (Path(record) / "journal.jsonl").is_file() else None
-        now = (0, False) if journal is None else (journal.lines, journal.torn)
-        if now != seen:
-            seen = now
-            points = 0 if journal is None else sum(1 for _ in journal.all_entries())
-            if journal is None or not points:
-                report(f"waiting for a point in {record}")
-            else:
-                unfinished = diagram_of(journal).unfinished
-                _put(path, page.of(journal, reload=seconds if unfinished else None))
-                report(f"{path}: {points} points")
-                if not unfinished:
-                    return path
-        time.sleep(seconds)
-
-
 def _put(path: Path, text: str) -> None:
     with part_of(path) as part:
         part.write_text(text, encoding="utf-8")
@@ -252,8 +195,8 @@ class _Page:
     counts: list[SolutionCount]
     library: bytes = b""
 
-    def of(self, record: Any, *, reload: float | None = None) -> str:
-        """Return the page of a record, which reloads itself after ``reload`` seconds."""
+    def of(self, record: Any) -> str:
+        """Return the page of a record."""
         if isinstance(record, Journal | EvolutionJournal):
             journal = record
             name = "Solutions" if journal.folder is None else journal.folder.name
@@ -290,7 +233,7 @@ class _Page:
         content["about"] = about + (f" · recorded by dolfinx_contact {package}" if package else "")
         # Columns of steps are unknown before the first step.
         check = not (diagram.unfinished and len(numbers) == 1)
-        return self._text(arrays, content, name, diagram.columns, notes, reload, check=check)
+        return self._text(arrays, content, name, diagram.columns, notes, check=check)
 
     def _text(
         self,
@@ -299,7 +242,6 @@ class _Page:
         name: str,
         columns: Sequence[str],
         notes: list[str],
-        reload: float | None = None,
         *,
         check: bool = True,
     ) -> str:
@@ -317,7 +259,6 @@ class _Page:
         meta |= {
             "title": title,
             "units": self.units,
-            "reload": reload,
             "counts": [asdict(c) for c in self.counts],
             "statuses": _statuses(),
             "notes": notes,

@@ -180,11 +180,6 @@ function head() {
   byId("title").textContent = META.title;
   byId("about").textContent = META.about;
   byId("notes").replaceChildren(...META.notes.map((note) => element("p", note)));
-  if (META.reload) {
-    byId("follow").hidden = false;
-    setInterval(() => { if (byId("following").checked && !now.playing) location.reload(); },
-      1000 * META.reload);
-  }
 }
 
 function controls() {
@@ -215,7 +210,7 @@ function controls() {
 
 /** Where a page begins: a branch where tractions are largest, histories and paths at their end. */
 function first() {
-  if (META.reload || META.along !== "gamma") return [0, Infinity];
+  if (META.along !== "gamma") return [0, Infinity];
   if (!META.body) return [0, 0];
   const at = diagram.states.indexOf(META.body.start);
   const series = META.series.findIndex((s) => s.first <= at && at < s.first + s.count);

@@ -420,7 +420,7 @@ def test_explorer_names_damaged_records(folder):
         assert read(file).meta["points"] == 3  # that of before
 
 
-# -- following, and the command line ---------------------------------------------------------------
+# -- the command line ------------------------------------------------------------------------------
 
 
 @pytest.mark.ranks(2)
