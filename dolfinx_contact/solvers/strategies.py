@@ -43,15 +43,12 @@ from petsc4py import PETSc
 import numpy as np
 
 from dolfinx_contact._arrays import Array
-from dolfinx_contact._mpi import maximum, sorted_rows
 from dolfinx_contact._petsc import staged
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation, Statuses
 from dolfinx_contact.equations.measures import diverged, inverted
-from dolfinx_contact.equations.scaling import uniform_strains
 from dolfinx_contact.equations.touching import bring_together
 from dolfinx_contact.equations.validation import validate
-from dolfinx_contact.laws.status import closed
 from dolfinx_contact.solvers.history import (
     Attempt,
     ConvergenceError,
@@ -74,9 +71,6 @@ _FOLLOWING = "load following"
 #: Budgets of the strategies, in Newton steps.
 _LIMITS = {_BONDS: 2000.0, "pivoting": 500.0, "line search": 80.0, _INCREMENTS: 400.0}
 _SMALLEST = 1e-4  # smallest increment of the load, relative to the first one
-_SHOWN = 5  # points in a message
-_NEGATIVE = 1e-6  # negative friction bound that is round-off, relative to the largest traction
-_SOFT = 1e-12  # energy of a uniform strain that is round-off, relative to the largest one
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,7 +130,6 @@ def solve(
     bring_together(equations, x0)
     attempts: list[Attempt] = []
     floating: set[str] = set()  # strategies in which a rigid motion was free
-    negative: list[str] = []
     x = x0.duplicate()
     # the last solution in which the body is turned inside out, and its attempt
     turned = x0.duplicate()
@@ -153,11 +146,10 @@ def solve(
         attempts.append(attempt)
         progress.strategy = name
         x0.copy(x)
-        drift = ""  # reason why the body moves away, if it does
         try:
             attempt.converged = strategy.solve(equations, linear, notify, x, attempt)
         except FloatingBodyError as error:
-            attempt.reason = drift = str(error)
+            attempt.reason = str(error)
             floating.add(name)
         # refuse a body that has drifted away, and inverted cells
         if attempt.converged:
@@ -170,11 +162,7 @@ def solve(
             if not drift:
                 inverting = attempt
                 x.copy(turned)
-        negative = negative or list(_negative_bounds(equations, x))
         progress.clear()
-        # end if other strategies would fail too
-        if len(attempts) == 1 and drift and (soft := _soft_strain(equations)):
-            raise ConvergenceError(soft, attempts)
         if attempt.linear_solver_failed and linear().is_iterative:
             break  # systems of other strategies are like these
         if equations.comm.rank == 0:
@@ -186,44 +174,7 @@ def solve(
         return turned, attempts
     if attempts[0].strategy in floating:
         raise FloatingBodyError(attempts[0].reason, attempts)
-    raise ConvergenceError(_diagnosis(equations, attempts, negative), attempts)
-
-
-def _soft_strain(eq: ContactEquations) -> str:
-    """Return the message for a linear body without stiffness against a uniform strain; "" if none.
-
-    Collective.
-    """
-    if not eq.bulk.linear:
-        return ""
-    K = eq.bulk.stiffness(eq.bulk.displacement.x.array)
-    gradients, energies = uniform_strains(K, eq.V, axisymmetric=eq.axisymmetric)
-    values, vectors = np.linalg.eigh((energies[0] + energies[0].T) / 2)
-    if abs(values[0]) > _SOFT * np.abs(values).max():
-        return ""
-    worst = sum(c * gradient for c, gradient in zip(vectors[:, 0], gradients, strict=True))
-    worst = (worst + np.transpose(worst)) / 2  # in a body of revolution gradients are not symmetric
-    worst = np.round(worst / np.abs(worst).max(), 3) + 0.0
-    return (
-        f"the body has no stiffness against the uniform strain {worst.tolist()}: its energy must "
-        "grow with every strain, shear included; look at its moduli and at missing terms. The "
-        "displacement and the multipliers are as they were before the solve."
-    )
-
-
-def _negative_bounds(eq: ContactEquations, x: PETSc.Vec) -> Iterator[str]:
-    """Yield messages about laws with a negative friction bound at an iterate. Collective."""
-    if not np.isfinite(x.norm()) or diverged(eq, x):
-        return
-    for s, found in zip(eq.surfaces, eq.contact(x).surfaces, strict=True):
-        size = maximum(eq.comm, np.linalg.norm(found.traction, axis=1))
-        negative = closed(found.statuses) & (found.answers.bound < -_NEGATIVE * size)
-        if places := sorted_rows(eq.comm, s.positions[negative]):
-            yield (
-                f"the friction bound of the law {s.law.name} of {s.name} is negative at "
-                f"{len(places)} points of an iterate, among them {_listed(places[:_SHOWN])}: "
-                "let it end at 0, as in ufl.max_value(..., 0.0)"
-            )
+    raise ConvergenceError(_diagnosis(equations, attempts), attempts)
 
 
 def _listed(places: Sequence[Sequence[float]]) -> str:
@@ -231,14 +182,8 @@ def _listed(places: Sequence[Sequence[float]]) -> str:
     return "; ".join("(" + ", ".join(f"{c:.6g}" for c in x) + ")" for x in places)
 
 
-def _diagnosis(eq: ContactEquations, attempts: list[Attempt], found: Sequence[str]) -> str:
-    """Return the message of a failed solve: possible causes, and the attempts. Collective.
-
-    Args:
-        eq: contact problem.
-        attempts: attempts of all strategies.
-        found: causes found in iterates.
-    """
+def _diagnosis(eq: ContactEquations, attempts: list[Attempt]) -> str:
+    """Return the message of a failed solve: possible causes, and the attempts. Collective."""
     lines = ["the contact problem was not solved:"]
     if eq.bulk.linear:
         diagonal = eq.bulk.stiffness(eq.bulk.displacement.x.array).getDiagonal()
@@ -255,7 +200,6 @@ def _diagnosis(eq: ContactEquations, attempts: list[Attempt], found: Sequence[st
             "general no root, and friction or a threshold on a face must be a law of a contact "
             "surface instead, such as Tresca"
         )
-    lines += found
     if attempts[-1].linear_solver_failed:
         lines.append(
             "the iterative solver that the options choose failed, and no other strategy was tried: "

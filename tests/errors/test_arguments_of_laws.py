@@ -17,7 +17,6 @@ from dolfinx import fem
 from dolfinx_contact import (
     RCCM,
     BilinearCohesive,
-    ConvergenceError,
     Coulomb,
     MaxwellLayer,
     NonlocalCoulomb,
@@ -299,8 +298,6 @@ class Falling(FrictionLaw):
 def test_negative_bound_of_an_own_law_is_named():
     result = block(law=Falling(0.3, 300.0), top=(0.03, -0.02)).solve()
     assert "the friction bound of the law is neg" in result.warnings["negative_bound of 'contact'"]
-    with pytest.raises(ConvergenceError, match=r"Falling of contact is negative at .* \(0\.5, 0\)"):
-        block(law=Falling(0.5, 1000.0), top=(0.05, -0.02)).solve()
 
 
 @pytest.mark.parametrize("law", [Coulomb(0.3), RCCM(C, C, W), NormalCompliance(1e3)])
