@@ -12,8 +12,7 @@ centre of a horizontal fracture of 50 m, which the remote vertical stress of -10
 horizontal fracture slips to both sides and opens near the intersection. The references are normal
 traction, slip and aperture of Phan et al. by symmetric-Galerkin boundary elements, at the points
 that GEOS tabulates ("Fracture Intersection Problem", read off a figure with about 0.3 % of the
-largest value). `one group` is the same problem with all facets in one group, which `crack` divides
-into three arms.
+largest value).
 
 The remote stress is prescribed as the displacement of a uniform strain at the edges of a square,
 `--reach` fracture lengths away from its centre; this changes the results by about 1 / reach^2.
@@ -56,7 +55,7 @@ APERTURE += [(42.099, 280.388), (50.442, 282.227), (59.292, 275.485), (68.268, 2
 APERTURE += [(80.025, 224.311), (90.898, 163.023)]
 
 
-def lines_in_square(lines, reach, h, growth, group=None):
+def lines_in_square(lines, reach, h, growth):
     """Mesh of a square with inner lines that become fractures; call it for gmsh.
 
     Args:
@@ -64,7 +63,6 @@ def lines_in_square(lines, reach, h, growth, group=None):
         reach: half the edge of the square, in m.
         h: edge of the cells at the ends of the lines, in m.
         growth: increase of the edge of the cells with the distance from these points.
-        group: name of one group for all lines; default: a group for each line.
     """
     occ = gmsh.model.occ
     field = gmsh.model.mesh.field
@@ -74,12 +72,8 @@ def lines_in_square(lines, reach, h, growth, group=None):
     occ.synchronize()
     gmsh.model.addPhysicalGroup(2, [tag for _, tag in pieces[0]], name="body")
     points = set()
-    if group:
-        every = [tag for parts in pieces[1:] for _, tag in parts]
-        gmsh.model.addPhysicalGroup(1, every, name=group)
     for name, parts in zip(lines, pieces[1:], strict=True):
-        if not group:
-            gmsh.model.addPhysicalGroup(1, [tag for _, tag in parts], name=name)
+        gmsh.model.addPhysicalGroup(1, [tag for _, tag in parts], name=name)
         points |= {tag for _, tag in gmsh.model.getBoundary(parts, combined=False)}
     distance = field.add("Distance")
     field.setNumbers(distance, "PointsList", sorted(points))
@@ -158,30 +152,26 @@ def single(h, reach, growth):
     }
 
 
-def intersection(h, reach, growth, group=None):
+def intersection(h, reach, growth):
     """Differences from the tables, relative to the largest value of each."""
     lines = {
         "horizontal": ((-25.0, 50.0), (25.0, 50.0)),
         "vertical": ((0.0, -50.0), (0.0, 50.0)),
     }
-    body = mesh_from_gmsh(COMM, lambda: lines_in_square(lines, 100 * reach, 50 * h, growth, group))
-    # Arms are numbered from left to right.
-    slipping = [f"{group}_1", f"{group}_3"] if group else ["horizontal"]
-    pressurised = f"{group}_2" if group else "vertical"
-    body = crack(body, [group] if group else list(lines))
+    body = mesh_from_gmsh(COMM, lambda: lines_in_square(lines, 100 * reach, 50 * h, growth))
     problem, _, _ = compressed(
-        body, (38.89e9, 29.17e9), np.diag([0.0, -100e6]), slipping, pressurised, 100e6
+        crack(body, list(lines)),
+        (38.89e9, 29.17e9),
+        np.diag([0.0, -100e6]),
+        ["horizontal"],
+        "vertical",
+        100e6,
     )
     result = problem.solve()
-    tables = result.tables
-    x, pressure, slip = (
-        np.concatenate([column(tables[name]) for name in slipping])
-        for column in (
-            lambda table: table.x[:, 0],
-            lambda table: 1e-6 * table.pressure,
-            lambda table: 1e3 * np.abs(table.ut[:, 0]),
-        )
-    )
+    horizontal = result.tables["horizontal"]
+    x = horizontal.x[:, 0]
+    pressure = 1e-6 * horizontal.pressure
+    slip = 1e3 * np.abs(horizontal.ut[:, 0])
     order = np.argsort(x)
     differences = {}
     for name, reference, values in (("pressure", PRESSURE, pressure), ("slip", SLIP, slip)):
@@ -189,7 +179,7 @@ def intersection(h, reach, growth, group=None):
         # Both halves of the fracture have the same values by symmetry.
         ours = [np.interp(side * (place - 25.0), x[order], values[order]) for side in (1, -1)]
         differences[name] = (np.mean(ours, axis=0) - expected) / np.max(expected)
-    vertical = tables[pressurised]
+    vertical = result.tables["vertical"]
     order = np.argsort(vertical.x[:, 1])
     place, expected = np.array(APERTURE).T
     ours = np.interp(50.0 - place, vertical.x[order, 1], 1e3 * vertical.un[order])
@@ -199,11 +189,6 @@ def intersection(h, reach, growth, group=None):
         record[f"{name}_rms"] = rms(values)
         record[f"{name}_largest"] = float(np.abs(values).max())
     return record
-
-
-def one_group(h, reach, growth):
-    """Differences from the tables with all fractures in one group."""
-    return intersection(h, reach, growth, "fractures")
 
 
 def rms(values):
@@ -216,7 +201,7 @@ def main(argv=None):
     parser.add_argument("--reach", type=float, default=30.0, help="fracture lengths to the edge")
     parser.add_argument("--output", type=Path)
     args = parser.parse_args(argv)
-    runs = {"single": single, "intersection": intersection, "one group": one_group}
+    runs = {"single": single, "intersection": intersection}
     records = {name: [] for name in runs}
     for h in args.levels:
         for name, run in runs.items():

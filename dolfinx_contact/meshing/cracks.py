@@ -71,17 +71,12 @@ def crack(
     the order of coordinates (x, then y, then z). Where the crack ends inside the body, both sides
     keep their common nodes. The mesh is rebuilt on rank 0, as when it is read.
 
-    A group that crosses itself or branches is divided into its arms, which need pairs of their own
-    (`ContactPair` describes contact where they meet). They are named ``"fault_1"``, ``"fault_2"``
-    and so on, in the order of the coordinates of their middles (x, then y, then z), and their
-    opposite sides ``"fault_1_opposite"``. The first arm keeps the tag. All names of the whole group
-    are removed.
-
     Args:
         body: mesh, or mesh with physical groups.
-        groups: names or tags of groups of facets. If cracks of different groups cross, each arm
-            must be a group. If a crack ends on another one, its arm is a group, and the side
-            divided by it must be the slave of the other crack.
+        groups: names or tags of groups of facets. Each arm of crossing or branching cracks needs a
+            group and a pair of its own (`ContactPair` describes contact where they meet). If a
+            crack ends on another one, its arm is a group, and the side divided by it must be the
+            slave of the other crack.
         facet_tags: facet tags of a mesh without groups.
         cell_tags: cell tags of a mesh without groups; default: none.
 
@@ -90,9 +85,9 @@ def crack(
 
     Raises:
         ValueError: on every rank, if a group does not exist, a new name is the name of another
-            group, a facet lies on the boundary, an arm does not have two sides, no node of an arm
-            can be doubled, the cells are curved, or tags are missing or belong to another mesh or
-            to other entities.
+            group, a facet lies on the boundary, a group crosses itself or branches, no node of a
+            group can be doubled, the cells are curved, or tags are missing or belong to another
+            mesh or to other entities.
     """
     domain = _mesh_of(body)
     names = body.names if isinstance(body, GmshMesh) else {}
@@ -107,25 +102,16 @@ def crack(
 
     result: list[WholeMesh] = []
 
-    def split() -> tuple[dict[int, list[int]], dict[int, int]]:
+    def split() -> dict[int, int]:
         assert whole is not None
-        divided, arms = _divided(whole, list(dict.fromkeys(tags.values())))
-        new, others = _split(divided, cell, [arm for each in arms.values() for arm in each])
+        new, others = _split(whole, cell, list(dict.fromkeys(tags.values())))
         result.append(new)
-        return arms, others
+        return others
 
-    arms, others = on_root(comm, split)
+    others = on_root(comm, split)
     element = domain.ufl_domain().ufl_coordinate_element()
     new, cells, facets = distributed(comm, result[0] if result else None, element)
-    sides: dict[str, int] = {}
-    for g, t in tags.items():
-        if len(arms[t]) > 1:
-            known = {name: tag for name, tag in known.items() if tag != t}
-            names = {name: item for name, item in names.items() if item != (tdim - 1, t)}
-            sides |= {f"{g}_{i}": arm for i, arm in enumerate(arms[t], 1)}
-            sides |= {f"{g}_{i}_opposite": others[arm] for i, arm in enumerate(arms[t], 1)}
-        else:
-            sides[f"{g}_opposite"] = others[t]
+    sides = {f"{g}_opposite": others[t] for g, t in tags.items()}
     taken = sorted(known.keys() & sides.keys())
     if taken:
         raise ValueError(f"the crack names its sides {', '.join(taken)}: rename these groups")
@@ -256,41 +242,20 @@ def _split(
     return new, others
 
 
-def _divided(whole: WholeMesh, tags: list[int]) -> tuple[WholeMesh, dict[int, list[int]]]:
-    """Return the mesh with a tag for every arm of the groups, and the tags of the arms by group."""
+def _check_groups(whole: WholeMesh, tags: list[int], opens: Mask) -> None:
+    """Raise ``ValueError`` if a group branches or does not open; warn of facets that do not."""
     rims = {2: [[0], [1]], 3: [[0, 1], [1, 2], [2, 0]], 4: [[0, 1], [1, 3], [3, 2], [2, 0]]}
     rim = np.array(rims[whole.facets.shape[1]])
-    values = whole.facet_values.copy()
-    arms: dict[int, list[int]] = {}
-    for tag in tags:
-        arms[tag] = [tag]
-        here = np.flatnonzero(whole.facet_values == tag)
-        every = np.sort(whole.facets[here][:, rim].reshape(-1, rim.shape[1]))
-        _, number, meeting = np.unique(every, axis=0, return_inverse=True, return_counts=True)
-        if not (meeting > 2).any():
-            continue
-        # facets of an arm are connected through rims at which two facets meet
-        number = number.reshape(-1)
-        inner = meeting[number] == 2
-        facet = np.repeat(np.arange(len(here)), len(rim))[inner]
-        arm = connected_parts(len(here) + len(meeting), facet, len(here) + number[inner])[
-            : len(here)
-        ]
-        middles = whole.x[whole.facets[here]].mean(axis=1)
-        parts = np.unique(arm)
-        centres = np.array([middles[arm == part].mean(axis=0) for part in parts])
-        order = by_coordinates(centres)
-        first = int(values.max()) + 1
-        arms[tag] += range(first, first + len(parts) - 1)
-        for new, part in zip(arms[tag], parts[order], strict=True):
-            values[here[arm == part]] = new
-    return replace(whole, facet_values=values), arms
-
-
-def _check_groups(whole: WholeMesh, tags: list[int], opens: Mask) -> None:
-    """Raise ``ValueError`` if an arm does not open; warn of facets that do not."""
     for tag in tags:
         here = whole.facet_values == tag
+        every = np.sort(whole.facets[here][:, rim].reshape(-1, rim.shape[1]))
+        meeting = np.unique(every, axis=0, return_counts=True)[1]
+        if (meeting > 2).any():
+            raise ValueError(
+                f"the crack with the tag {tag} crosses itself or branches: more than two of its "
+                f"facets meet at {int((meeting > 2).sum())} places; tag each arm as a group of its "
+                "own, and use a pair for each"
+            )
         if not opens[here].any():
             raise ValueError(
                 f"no node can be doubled along the {int(here.sum())} facets with the tag {tag}: at "
@@ -325,8 +290,7 @@ def _sides(
     )
     if (label[patch] == label[patch + count]).any():
         raise ValueError(
-            f"the facets with the tag {tag} have no two sides: arms of a branched crack need "
-            "groups of their own, and a crack must not meet itself"
+            f"the facets with the tag {tag} have no two sides: a crack must not meet itself"
         )
     piece = connected_parts(count, a, b)[patch]
     # the first side at the first facet of every piece, in order of coordinates

@@ -18,7 +18,7 @@ REACH = 0.5
 
 
 def cross(cells, friction, strain):
-    """Displace the edges of a square [-1, 1]^2 with a cross of cracks, given as one group.
+    """Displace the edges of a square [-1, 1]^2 with a cross of cracks, a group for each arm.
 
     Returns:
         Coordinates and displacements of the nodes, and the nodes of the triangles.
@@ -26,20 +26,19 @@ def cross(cells, friction, strain):
     comm = MPI.COMM_SELF
     square = mesh.create_rectangle(comm, [(-1, -1), (1, 1)], [cells, cells])
     square.topology.create_entities(1)
-    arms = np.unique(
-        np.concatenate(
-            [
-                mesh.locate_entities(
-                    square,
-                    1,
-                    lambda x, i=i: (np.abs(x[i]) < 1e-9) & (np.abs(x[1 - i]) < REACH + 1e-9),
-                )
-                for i in (0, 1)
-            ]
-        )
-    )
-    tags = mesh.meshtags(square, 1, arms, np.ones(len(arms), dtype=np.int32))
-    body = crack(square, [1], facet_tags=tags)
+    arms = []
+    for axis, sense in ((0, -1), (1, -1), (1, 1), (0, 1)):
+
+        def arm(x, axis=axis, sense=sense):
+            along = sense * x[axis]
+            return (np.abs(x[1 - axis]) < 1e-9) & (along > -1e-9) & (along < REACH + 1e-9)
+
+        arms.append(mesh.locate_entities(square, 1, arm))
+    facets = np.concatenate(arms)
+    values = np.repeat(np.arange(1, 5, dtype=np.int32), [len(each) for each in arms])
+    order = np.argsort(facets)
+    tags = mesh.meshtags(square, 1, facets[order], values[order])
+    body = crack(square, [1, 2, 3, 4], facet_tags=tags)
     V = fem.functionspace(body.mesh, ("Lagrange", 1, (2,)))
     u = fem.Function(V)
     edges = fem.locate_dofs_geometrical(V, lambda x: np.isclose(np.abs(x).max(axis=0), 1.0))
@@ -47,7 +46,7 @@ def cross(cells, friction, strain):
     far.interpolate(lambda x: strain @ x[:2])
     law = Coulomb(friction)
     pairs = [
-        ContactPair(u, body, slave=f"1_{i}", master=f"1_{i}_opposite", law=law, name=f"arm {i}")
+        ContactPair(u, body, slave=i, master=f"{i}_opposite", law=law, name=f"arm {i}")
         for i in range(1, 5)
     ]
     energy = LinearElastic.from_young(YOUNG, POISSON).energy(u) * ufl.dx
