@@ -27,6 +27,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 import cases.greco_block
 import cases.two_blocks
+import local_problem
 from support.blocks import block
 
 from dolfinx import mesh
@@ -39,7 +40,6 @@ from dolfinx_contact.algorithms import (
     SemismoothNewton,
     TrescaFixedPoint,
     Uzawa,
-    load_points,
 )
 
 FRICTION = [0.1, 0.3, 0.6, 1.0, 2.0, 3.0]
@@ -115,7 +115,7 @@ class Points:
     """A problem that was published on its contact points."""
 
     def __init__(self, file):
-        self.problem = load_points(SICONOS / file)
+        self.problem = local_problem.read(SICONOS / file).points()
         self.dim = self.problem.dim
 
     def set(self, friction):

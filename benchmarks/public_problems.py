@@ -17,49 +17,66 @@ from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
+from local_problem import LocalProblem, read
 
-from dolfinx_contact.algorithms import LocalProblem, RayTermination, load_local
+from dolfinx_contact.algorithms import RayTermination
 from dolfinx_contact.proofs import ReducedProblem, prove_solutions
 
-HEAD = "| problem | dim, points | F | rank | algorithm | steps | s | violation | statement | s |"
+HEAD = "| problem | dim, points | F | rank | algorithm, steps | s | violation | statement | s |"
 
 
-def solved(problem: LocalProblem, sweeps: int):
-    """Solve by Lemke's method in 2D, otherwise or if it fails by Gauss-Seidel."""
-    start = time.process_time()
-    solution = None
+def solved(problem: LocalProblem, sweeps: int) -> tuple[str, np.ndarray, int]:
+    """Solve by Lemke's method in 2D, otherwise or if it fails by Gauss-Seidel.
+
+    Returns:
+        Name of the algorithm, forces (m, dim), and number of pivots or sweeps.
+    """
     if problem.dim == 2:
         with suppress(RayTermination):
-            solution = problem.solve("lemke")
-    if solution is None or solution.violation > 1e-8:
-        solution = problem.solve(max_iterations=sweeps)
-    return solution, time.process_time() - start
+            r, steps = problem.by_lemke()
+            if problem.violation(r) <= 1e-8:
+                return "lemke", r, steps
+    return "gauss-seidel", *problem.by_sweeps(sweeps)
 
 
-def statement(problem: LocalProblem, solution, seconds: float) -> tuple[str, float]:
-    """What is known of the solutions, and the processor seconds that it took."""
+def statement(problem: LocalProblem, r: np.ndarray, seconds: float) -> str:
+    """Describe the solutions; proofs stop after the given seconds."""
+    solves = problem.violation(r) <= 1e-8
     if problem.rank < len(problem.q):
-        if solution.violation > 1e-8:
-            return "singular; not solved", 0.0
-        freedom = problem.reaction_freedom(solution)
+        if not solves:
+            return "singular W; not solved"
+        freedom = problem.reaction_freedom(r)
         if freedom:
-            return f"singular; forces with these velocities: dimension {freedom}", 0.0
-        return "singular; forces are unique for these velocities", 0.0
-    start = time.process_time()
+            return f"singular W; set of forces of dimension {freedom}"
+        return "singular W; forces unique for the velocities"
     points = problem.points()
     try:
         reduced = ReducedProblem(points.S, points.p, points.friction)
     except ValueError as error:
-        return str(error), 0.0
+        return str(error)
     known = []
-    if solution.violation < 1e-8:
-        a = points.displacements(solution.r)
-        if problem.dim == 2:
-            known = [points.statuses(a, solution.r)]
-        else:
-            known = [np.hstack([a, solution.r])]
+    if solves:
+        a = points.displacements(r)
+        known = [points.statuses(a, r) if problem.dim == 2 else np.hstack([a, r])]
     proved = prove_solutions(reduced, known=known, proof_seconds=seconds, progress=False)
-    return str(proved).splitlines()[0], time.process_time() - start
+    return str(proved).splitlines()[0]
+
+
+def row(name: str, problem: LocalProblem, sweeps: int, seconds: float) -> str:
+    """Return the row of the table for a problem."""
+    begun = time.process_time()
+    algorithm, r, steps = solved(problem, sweeps)
+    solve_seconds = time.process_time() - begun
+    begun = time.process_time()
+    what = statement(problem, r, seconds)
+    proof_seconds = time.process_time() - begun
+    low, high = problem.friction.min(), problem.friction.max()
+    friction = f"{low:g}" if low == high else f"{low:g} to {high:g}"
+    return (
+        f"| {name} | {problem.dim}D, {problem.number} | {friction} | {problem.rank} of "
+        f"{len(problem.q)} | {algorithm}, {steps} | {solve_seconds:.2f} | "
+        f"{problem.violation(r):.0e} | {what} | {proof_seconds:.1f} |"
+    )
 
 
 def main() -> None:
@@ -69,27 +86,17 @@ def main() -> None:
     parser.add_argument("--sweeps", type=int, default=20000, help="limit of Gauss-Seidel")
     parser.add_argument("--points", type=int, default=400, help="largest number of points")
     options = parser.parse_args()
-    print(HEAD, "|---" * 10 + "|", sep="\n")
+    print(HEAD, "|---" * 9 + "|", sep="\n")
     for file in sorted(options.folder.iterdir()):
         if file.suffix not in (".dat", ".hdf5"):
             continue
         try:
-            problem = load_local(file)
-        except ValueError as error:
-            print(f"| {file.name} | not read: {str(error).rpartition(': ')[2]} |" + " |" * 8)
+            problem = read(file)
+        except (KeyError, ValueError) as error:
+            print(f"| {file.name} | not read: {error} |" + " |" * 7)
             continue
-        if problem.number > options.points:
-            continue
-        solution, seconds = solved(problem, options.sweeps)
-        what, spent = statement(problem, solution, options.proof_seconds)
-        low, high = problem.friction.min(), problem.friction.max()
-        friction = f"{low:g}" if low == high else f"{low:g} to {high:g}"
-        print(
-            f"| {file.stem} | {problem.dim}D, {problem.number} | {friction} | {problem.rank} of "
-            f"{len(problem.q)} | {solution.algorithm} | {solution.iterations} | {seconds:.2f} | "
-            f"{solution.violation:.0e} | {what} | {spent:.1f} |",
-            flush=True,
-        )
+        if problem.number <= options.points:
+            print(row(file.stem, problem, options.sweeps, options.proof_seconds), flush=True)
 
 
 if __name__ == "__main__":

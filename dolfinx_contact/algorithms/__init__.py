@@ -4,12 +4,11 @@
 `ContactProblem.solve(algorithm=...)` selects them by name.
 """
 
-from dolfinx_contact.algorithms.exchange import load_local, load_points, save_points
+from dolfinx_contact.algorithms.exchange import load_points, save_points
 from dolfinx_contact.algorithms.gauss_seidel import GaussSeidel
 from dolfinx_contact.algorithms.interior_point import InteriorPoint
 from dolfinx_contact.algorithms.iteration import Algorithm, Outcome
 from dolfinx_contact.algorithms.lemke import Lemke, RayTermination, coulomb_by_lemke, lemke
-from dolfinx_contact.algorithms.local_problem import LocalProblem, LocalSolution
 from dolfinx_contact.algorithms.penalty import Penalty
 from dolfinx_contact.algorithms.projected_cg import ProjectedGradient
 from dolfinx_contact.algorithms.semismooth import SemismoothNewton
@@ -23,8 +22,6 @@ __all__ = [
     "GaussSeidel",
     "InteriorPoint",
     "Lemke",
-    "LocalProblem",
-    "LocalSolution",
     "Outcome",
     "Penalty",
     "PointProblem",
@@ -35,7 +32,6 @@ __all__ = [
     "Uzawa",
     "coulomb_by_lemke",
     "lemke",
-    "load_local",
     "load_points",
     "save_points",
 ]

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from mpi4py import MPI
 
+import numpy as np
 import pytest
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "benchmarks"))
@@ -13,10 +14,15 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "benchmarks"))
 import elastic_solve
 import elasticity_ratio
 import kept
+import local_problem
 import motion_step
+import public_problems
 import timing
 
+from dolfinx_contact.algorithms import PointProblem, save_points
+
 COMM = MPI.COMM_WORLD
+SICONOS = Path(__file__).parents[1] / "data" / "siconos"
 
 
 @pytest.mark.long
@@ -115,3 +121,57 @@ def test_what_has_grown_over_commits_is_told(tmp_path, capsys):
         "grown: solve, ratio: 2.6, 2.05 before",
     ]
     assert len(kept.read(path)) == 10
+
+
+@pytest.mark.parametrize(
+    ("name", "begins"),
+    [
+        ("FrictionContactProblem00031", "2D, 11 | 0.9 | 22 of 22 | lemke, 13"),
+        ("FrictionContactProblem00394", "2D, 6 | 0.9 | 12 of 12 | lemke, 14"),
+        ("FC3D_Example1_SBM", "3D, 3 | 0.1 | 9 of 9 | gauss-seidel, 10"),
+        ("Rover4396", "3D, 2 | 0.7 | 6 of 6 | gauss-seidel, 10"),
+    ],
+)
+@pytest.mark.verifies(
+    "point problems in files",
+    "all solutions",
+    reference="independent code: problems of Siconos",
+    aspects=("2D", "3D", "proofs"),
+)
+def test_a_problem_of_siconos_has_one_proved_solution(name, begins):
+    problem = local_problem.read(SICONOS / f"{name}.dat")
+    line = public_problems.row(name, problem, 3000, 30.0)
+    assert line.startswith(f"| {name} | {begins} |")
+    assert "1 solution, proved" in line
+    r, _ = problem.by_sweeps(3000)
+    assert problem.violation(r) < 1e-10
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_a_problem_written_for_fclib_is_read(dim, tmp_path):
+    pytest.importorskip("h5py")
+    rng = np.random.default_rng(3)
+    B = rng.normal(size=(4 * dim, 4 * dim))
+    problem = PointProblem(B @ B.T + 10 * np.eye(len(B)), rng.normal(size=len(B)), np.full(4, 0.4))
+    save_points(tmp_path / "points.hdf5", problem)
+    points = local_problem.read(tmp_path / "points.hdf5").points()
+    np.testing.assert_allclose(points.S, problem.S, rtol=1e-12, atol=1e-12 * problem.S.max())
+    np.testing.assert_allclose(points.p, problem.p, rtol=1e-12, atol=1e-12)
+
+
+def test_a_rigid_block_on_two_points_has_a_free_self_stress_at_rest_and_none_in_sliding():
+    """Its velocities (x, y, rotation) move a point with J; the compliance J J^T has the rank 3."""
+    J = np.array([[1, 0, 0], [0, 1, -1], [1, 0, 0], [0, 1, 1]], dtype=float)
+    for friction, velocity, force, freedom in (
+        (0.5, [0.0, -1.0, 0.0], [0.0, 0.5], 1),
+        (0.3, [1.0, -1.0, 0.0], [-0.15, 0.5], 0),
+        (0.0, [0.0, -1.0, 0.0], [0.0, 0.5], 0),
+    ):
+        problem = local_problem.LocalProblem(J @ J.T, J @ velocity, np.full(2, friction))
+        assert problem.rank == 3
+        for r, _ in (problem.by_sweeps(1000), problem.by_lemke()):
+            assert problem.violation(r) < 1e-10
+            np.testing.assert_allclose(r[:, 1], force[1], atol=1e-9)
+            if freedom == 0:
+                np.testing.assert_allclose(r, [force] * 2, atol=1e-9)
+            assert problem.reaction_freedom(r) == freedom
