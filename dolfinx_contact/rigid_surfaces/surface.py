@@ -25,7 +25,7 @@ from dolfinx_contact.obstacles import Measured, Obstacle, Outline, Start
 from dolfinx_contact.rigid_surfaces.closest import ClosestFacets
 from dolfinx_contact.rigid_surfaces.distance import Distances, distances_from
 from dolfinx_contact.rigid_surfaces.files import facets_in
-from dolfinx_contact.rigid_surfaces.triangulation import mended, merged, triangulated
+from dolfinx_contact.rigid_surfaces.triangulation import merged, triangulated
 
 __all__ = ["RigidSurface"]
 
@@ -40,12 +40,13 @@ class RigidSurface(ReadOnly, Obstacle):
 
     *Orientation.* Normals point out of the obstacle, towards the body. Triangles are
     counter-clockwise as seen from the body; segments have the obstacle on their left. A closed
-    surface encloses the obstacle. Inward normals and inconsistent orientations are errors, unless
-    ``mend`` flips the facets: each connected part keeps the orientation of most of its area, and
-    closed parts get outward normals. ``mend`` also merges coincident points, removes degenerate
-    facets with two coincident corners (common in STL files) and repeated facets, and splits facets
-    at points of rims lying on their edges. With ``reverse`` the body is on the opposite side,
-    for example inside a die.
+    surface encloses the obstacle. Inward normals, inconsistent orientations, and facets that are
+    degenerate, repeated or torn apart are errors. With ``reverse`` the body is on the opposite
+    side, for example inside a die. PyVista merges coincident points, removes facets with two
+    coincident corners and orients the others::
+
+        repaired = pyvista.read(path).clean().compute_normals(auto_orient_normals=True)
+        tool = RigidSurface(repaired.points, repaired.regular_faces)
 
     *Edges.* Normals approximate the normals of a smooth surface through the points. They are
     computed at the points and interpolated on facets (`rigid_surfaces.normals`). They are not
@@ -71,12 +72,11 @@ class RigidSurface(ReadOnly, Obstacle):
         crease: largest angle in degrees between facet normals that are averaged.
         rounding: radius of rounded edges, a length.
         reverse: whether the body is on the side opposite to the facet normals.
-        mend: whether inconsistent facets are flipped, split or removed.
         name: name of the surface in messages.
 
     Attributes:
-        points: points after mending, read-only.
-        cells: facets after mending, read-only.
+        points: points of the facets, read-only.
+        cells: facets, read-only.
         closed: whether the surface has no rim.
         mark: hash of all data, used to compare ranks and in records.
         crease: crease angle in degrees.
@@ -109,7 +109,6 @@ class RigidSurface(ReadOnly, Obstacle):
         crease: float = 30.0,
         rounding: float = 0.0,
         reverse: bool = False,
-        mend: bool = False,
         name: str = "rigid surface",
     ):
         word(name, "the name of a rigid surface")
@@ -118,9 +117,6 @@ class RigidSurface(ReadOnly, Obstacle):
                 limit = f" to {most:g} degrees" if np.isfinite(most) else ""
                 raise ValueError(f"{name}: {what} must be a number from 0{limit}, got {value!r}")
         x, facets = _arrays(points, cells, name)
-        if mend:
-            x, facets = merged(x, facets)
-            facets = mended(x, facets, name)
         found = triangulated(x, facets, np.radians(crease), name)
         if reverse:
             found = triangulated(x, facets[:, ::-1], np.radians(crease), name, inward=True)

@@ -12,7 +12,6 @@ Vis. Comput. Graph. 11, 2005).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 import scipy
@@ -21,7 +20,7 @@ from dolfinx_contact._arrays import Array, Ints, Mask
 from dolfinx_contact._geometry import connected_parts, dot, listed_pairs, tangential, unit
 from dolfinx_contact.rigid_surfaces.normals import corner_normals, crossed, without_tips
 
-__all__ = ["Triangulation", "mended", "merged", "triangulated"]
+__all__ = ["Triangulation", "merged", "triangulated"]
 
 
 _SAME = 1e-7  # relative to the extent: distance of coincident points of a file (single precision)
@@ -29,6 +28,7 @@ _ON_EDGE = 1e-3  # relative to the extent: distance of a rim point on the edge o
 _SLIT = 0.01  # relative to the edges: distance of two points on rims that are meant to coincide
 _COPLANAR = 1e-4  # difference of unit normals below which facets are coplanar
 _FLAT = 1e-10  # area of a degenerate facet, relative to its longest edge squared
+_REPAIR = "pyvista.read(path).clean().compute_normals(auto_orient_normals=True)"
 
 
 @dataclass(frozen=True)
@@ -168,33 +168,6 @@ def merged(points: Array, cells: Ints) -> tuple[Array, Ints]:
     return points[first[used]], renumbered.reshape(cells.shape).astype(np.int64)
 
 
-def mended(points: Array, cells: Ints, name: str) -> Ints:
-    """Return consistently oriented facets, without degenerate and repeated ones.
-
-    Two facets with equal corners and opposite orientations are both retained, as for a plate
-    without thickness. Facets are split where a point of a rim lies on their edge. Each connected
-    part keeps the orientation of most of its area; a closed part is oriented to enclose a positive
-    volume.
-
-    Raises:
-        ValueError: if a part is not orientable.
-    """
-    cells = cells[~_collapsed(cells)]
-    dim = cells.shape[1]
-    # facets with the same corners in the same cyclic order are repeated
-    start = np.argmin(cells, axis=1)[:, None] if dim == 3 else np.zeros((len(cells), 1), int)
-    cyclic = np.take_along_axis(cells, (start + np.arange(dim)) % dim, axis=1)
-    cells = cells[np.sort(np.unique(cyclic, axis=0, return_index=True)[1])]
-    cells = _cut_at_points(points, cells, name)
-    ridges = _Ridges(cells, name)
-    turned, part = _turned(len(cells), *ridges.facets, ridges.alike, name)
-    area = np.linalg.norm(crossed(points[cells]), axis=1)
-    against = np.bincount(part, np.where(turned, area, -area)) > 0
-    inward = np.bincount(part, _volumes(points, _flipped(cells, turned))) < 0
-    has_rim = np.bincount(part, ridges.rims.any(axis=1)) > 0
-    return _flipped(cells, turned ^ np.where(has_rim, against, inward)[part])
-
-
 def triangulated(
     points: Array, cells: Ints, crease: float, name: str, *, inward: bool = False
 ) -> Triangulation:
@@ -245,18 +218,14 @@ def triangulated(
 # -- checks ----------------------------------------------------------------------------------------
 
 
-def _collapsed(cells: Ints) -> Mask:
-    ordered = np.sort(cells, axis=1)
-    return np.asarray((ordered[:, 1:] == ordered[:, :-1]).any(axis=1))
-
-
 def _check_facets(points: Array, cells: Ints, name: str) -> None:
     """Raise ``ValueError`` for facets that are degenerate or repeated."""
-    same = _collapsed(cells)
+    ordered = np.sort(cells, axis=1)
+    same = (ordered[:, 1:] == ordered[:, :-1]).any(axis=1)
     if same.any():
         raise ValueError(
             f"{name}: {same.sum()} facets have two corners in one place, the first at "
-            f"{_at(points[cells[same][0]])}: mend=True leaves them out"
+            f"{_at(points[cells[same][0]])}; remove them, for example by {_REPAIR}"
         )
     corners = points[cells]
     area = np.linalg.norm(crossed(corners), axis=1)
@@ -267,22 +236,20 @@ def _check_facets(points: Array, cells: Ints, name: str) -> None:
             f"{name}: {flat.sum()} facets have no area, the first at {_at(corners[flat][0])}; "
             "repair the surface in the program that made it"
         )
-    twice = len(cells) - len(np.unique(np.sort(cells, axis=1), axis=0))
+    twice = len(cells) - len(np.unique(ordered, axis=0))
     if twice:
-        raise ValueError(
-            f"{name}: {twice} facets are repeated; mend=True removes one of two facets of equal "
-            "orientation"
-        )
+        raise ValueError(f"{name}: {twice} facets are repeated; remove them")
 
 
 def _check_sides(points: Array, cells: Ints, ridges: _Ridges, name: str, *, inward: bool) -> None:
     """Raise ``ValueError`` for inconsistent orientations or closed parts with inward normals."""
     unlike = ridges.alike
     if unlike.any():
+        flip = f"flip facets, for example by {_REPAIR}" if ridges.dim == 3 else "flip segments"
         raise ValueError(
             f"{name}: the facets at {unlike.sum()} of {len(unlike)} "
             f"{'points' if ridges.dim == 2 else 'edges'} between two are oriented inconsistently, "
-            f"first at {_at(points[ridges.nodes[ridges.first[unlike][0]]])}; mend=True flips them"
+            f"first at {_at(points[ridges.nodes[ridges.first[unlike][0]]])}; {flip}"
         )
     part = connected_parts(len(cells), *ridges.facets)
     volume = np.bincount(part, _volumes(points, cells))
@@ -290,21 +257,19 @@ def _check_sides(points: Array, cells: Ints, ridges: _Ridges, name: str, *, inwa
     if wrong.any() and not inward:
         first = cells[part == np.flatnonzero(wrong)[0]][0]
         raise ValueError(
-            f"{name}: a closed surface has its normals inward, at {_at(points[first])}: mend=True "
-            "turns them outward; reverse=True is for a body that is inside the surface"
+            f"{name}: a closed surface has its normals inward, at {_at(points[first])}; flip all "
+            f"its facets, for example by {_REPAIR}; reverse=True is for a body inside the surface"
         )
 
 
 def _check_torn(points: Array, cells: Ints, ridges: _Ridges, rims: Mask, name: str) -> None:
     """Raise ``ValueError`` if facets do not meet: rim points on or near other rim facets."""
-    _, on = _points_on_rims(points, cells, ridges)
+    on = _points_on_rims(points, cells, ridges)
     if len(on):
-        flat = ridges.dim == 2
-        how = "join them in the program that made them" if flat else "mend=True cuts these there"
         raise ValueError(
             f"{name}: the surface is torn: {len(np.unique(on))} points of rims are on the "
-            f"{'segments' if flat else 'edges of facets'} of others, the first at "
-            f"{_at(points[on[:1]])}: {how}"
+            f"{'segments' if ridges.dim == 2 else 'edges of facets'} of others, the first at "
+            f"{_at(points[on[:1]])}; join them in the program that made the surface"
         )
     fans = ridges.fans(cells, np.ones(len(ridges.first), dtype=bool))
     several = np.flatnonzero(_fans_of_points(cells, fans) > 1)
@@ -322,21 +287,17 @@ def _check_torn(points: Array, cells: Ints, ridges: _Ridges, rims: Mask, name: s
         raise ValueError(
             f"{name}: the surface is torn: {len(near)} points of rims are in one place with "
             f"others, or within {_SLIT:g} of an edge of these, the first at "
-            f"{_at(points[near[:1]])}; mend=True joins those that are in one place; else repair it "
-            "in the program that made it"
+            f"{_at(points[near[:1]])}; join them in the program that made the surface, or those "
+            f"that are in one place by {_REPAIR}"
         )
 
 
-def _points_on_rims(points: Array, cells: Ints, ridges: _Ridges) -> tuple[Ints, Ints]:
-    """Return points of rims lying inside rim edges, or in 2D inside segments.
-
-    Returns:
-        Edges, by facet and corner (in 2D segments), and points, ordered along each edge.
-    """
+def _points_on_rims(points: Array, cells: Ints, ridges: _Ridges) -> Ints:
+    """Return points of rims lying inside rim edges, or in 2D inside segments."""
     rims = np.flatnonzero(ridges.rims.ravel())
     ends = np.unique(ridges.nodes[rims])
     if not len(ends):
-        return np.zeros(0, dtype=np.int64), ends
+        return ends
     edges = ridges.nodes[rims] if ridges.dim == 3 else cells
     way = points[edges[:, 1]] - points[edges[:, 0]]
     length = np.linalg.norm(way, axis=1)
@@ -350,25 +311,7 @@ def _points_on_rims(points: Array, cells: Ints, ridges: _Ridges) -> tuple[Ints, 
     size = np.minimum(_shortest_edges(points, cells)[point], length[edge])
     on = (apart < _ON_EDGE * size) & (np.minimum(along, length[edge] - along) > _SLIT * size)
     on &= (point[:, None] != edges[edge]).all(axis=1)
-    edge, point, along = edge[on], point[on], along[on]
-    order = np.lexsort((along, edge))
-    return (rims if ridges.dim == 3 else np.arange(len(cells)))[edge[order]], point[order]
-
-
-def _cut_at_points(points: Array, cells: Ints, name: str) -> Ints:
-    """Split triangles at rim points on their edges, one edge of a facet after the other."""
-    while cells.shape[1] == 3:
-        ridges = _Ridges(cells, name)
-        edges, on = _points_on_rims(points, cells, ridges)
-        facets, first = np.unique(edges // 3, return_index=True)
-        if not len(facets):
-            break
-        cut = []
-        for facet, edge in zip(facets, edges[first], strict=True):
-            chain = [ridges.nodes[edge, 0], *on[edges == edge], ridges.nodes[edge, 1]]
-            cut += [(cells[facet, edge % 3], a, b) for a, b in pairwise(chain)]
-        cells = np.concatenate([np.delete(cells, facets, axis=0), np.array(cut, dtype=np.int64)])
-    return cells
+    return point[on]
 
 
 def _shortest_edges(points: Array, cells: Ints) -> Array:
@@ -392,34 +335,6 @@ def _at(x: Array) -> str:
 def _fans_of_points(cells: Ints, fans: Ints) -> Ints:
     """Return the number of fans at each point, shape (m,)."""
     return np.bincount(np.unique(np.stack([cells.ravel(), fans], axis=1), axis=0)[:, 0])
-
-
-def _turned(count: int, first: Ints, second: Ints, alike: Mask, name: str) -> tuple[Mask, Ints]:
-    """Return the facets to flip to agree with the first facet of their part, and the parts.
-
-    The connected parts of the facets in both orientations are found: a part that can be oriented
-    occurs twice, first with the orientation of its first facet.
-
-    Raises:
-        ValueError: if a part is not orientable, like a Moebius strip.
-    """
-    other = np.where(alike, count, 0)
-    ends = (
-        np.concatenate([first, first + count]),
-        np.concatenate([second + other, second + count - other]),
-    )
-    sides = connected_parts(2 * count, *ends)
-    kept, flipped = sides[:count], sides[count:]
-    if (kept == flipped).any():
-        raise ValueError(f"{name}: the surface has one side alone, as a Moebius strip has")
-    part = np.unique(np.minimum(kept, flipped), return_inverse=True)[1]
-    return kept > flipped, part
-
-
-def _flipped(cells: Ints, turned: Mask) -> Ints:
-    found = cells.copy()
-    found[turned, :2] = found[turned, 1::-1]
-    return found
 
 
 # -- geometry --------------------------------------------------------------------------------------

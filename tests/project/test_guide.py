@@ -65,6 +65,7 @@ def write_tools(folder):
     if COMM.rank == 0:
         points, cells = ball(2)
         write_stl(folder / "punch.stl", 1e3 * points, cells)
+        write_stl(folder / "scan.stl", 1e3 * points, np.vstack([cells[:, ::-1], [0, 0, 1]]))
         gmsh.initialize(interruptible=False)
         gmsh.option.setNumber("General.Terminal", 0)
         gmsh.model.occ.addBox(0, 0, 0, 1, 1, 1)

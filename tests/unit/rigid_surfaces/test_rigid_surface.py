@@ -405,17 +405,31 @@ def test_rigid_surfaces_refuse_inconsistent_and_flat_facets():
         (points, cells, {"crease": -1.0}, "crease must be a number from 0 to 180 degrees"),
         (points, cells, {"rounding": np.nan}, "rounding must be a number from 0"),
         (torn, alone, {}, "the surface is torn: 60 points of rims are in one place with others"),
-        (torn + 1e-3 * np.sin(np.arange(180.0)).reshape(-1, 3), alone, {"mend": True}, "torn: 60"),
+        (torn + 1e-3 * np.sin(np.arange(180.0)).reshape(-1, 3), alone, {}, "torn: 60"),
         ([[0.0, 0], [1, 0], [0, 1]], [[0, 1], [2, 1]], {}, "at 1 of 1 points between two are"),
     ):
         with pytest.raises(ValueError, match=message):
             RigidSurface(x, facets, **given)
+
+
+def test_the_repair_named_by_errors_gives_the_distances_of_the_right_surface(folder):
+    pyvista = pytest.importorskip("pyvista")
+    points, cells = ball(1)
+    flipped = cells.copy()
+    flipped[3] = flipped[3, ::-1]
     right = RigidSurface(points, cells)
+    x = places(3, 50)
     for wrong in (flipped, cells[:, ::-1], np.vstack([cells, [0, 0, 1]])):
-        mended = RigidSurface(points, wrong, mend=True)
-        x = places(3, 50)
-        np.testing.assert_allclose(mended.distances(x).distance, right.distances(x).distance)
-    assert RigidSurface(torn, alone, mend=True).closed
+        write_stl(folder / "wrong.stl", points, wrong)
+        with pytest.raises(ValueError, match="clean") as error:
+            RigidSurface.read(folder / "wrong.stl")
+        assert "clean().compute_normals(auto_orient_normals=True)" in str(error.value)
+        repaired = pyvista.read(folder / "wrong.stl").clean()
+        repaired = repaired.compute_normals(auto_orient_normals=True)
+        tool = RigidSurface(repaired.points, repaired.regular_faces)
+        np.testing.assert_allclose(
+            tool.distances(x).distance, right.distances(x).distance, atol=1e-6
+        )
 
 
 def test_two_boxes_have_the_distances_of_their_union():
@@ -448,8 +462,8 @@ def test_a_strip_with_one_side_is_refused():
     m, over = (k + 1) % n, np.arange(n) == n - 1
     low, high = np.where(over, m + n, m), np.where(over, m, m + n)
     strip = np.concatenate([np.stack([k, low, high], 1), np.stack([k, high, k + n], 1)])
-    with pytest.raises(ValueError, match="one side alone"):
-        RigidSurface(np.concatenate([way - arm, way + arm]), strip, mend=True)
+    with pytest.raises(ValueError, match="oriented inconsistently"):
+        RigidSurface(np.concatenate([way - arm, way + arm]), strip)
 
 
 @pytest.mark.ranks(2)
@@ -529,7 +543,7 @@ def test_rigid_surfaces_read_and_write_files(folder):
         tool = RigidSurface.read(folder / name, scale=1e-3)
         assert (len(tool.points), len(tool.cells), tool.closed) == (42, 80, True)
         np.testing.assert_allclose(tool.distances(x).distance, expected, atol=accuracy)
-    box = RigidSurface.read(folder / "tool.msh", group="skin", mend=True)
+    box = RigidSurface.read(folder / "tool.msh", group="skin")
     assert box.closed
     assert np.isclose(box.distances([[0.5, 0.5, 2.0]]).distance[0], 1.0)
     line = RigidSurface.read(folder / "tool.msh", group="edge")
