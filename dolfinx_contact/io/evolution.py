@@ -34,8 +34,7 @@ class EvolutionSeries:
 
     - ``evolution_body.bp``: displacement of the bodies.
     - ``evolution_body_stress.bp``: stresses, if requested.
-    - ``evolution_contact.bp`` or ``evolution_contact_NAME.bp``: fields of a contact surface;
-      ``..._opposite.bp``: fields of the master of a pair.
+    - ``evolution_contact.bp`` or ``evolution_contact_NAME.bp``: fields of a contact surface.
     - ``steps.csv``: table of the steps, without the start. Each row is on the disk before the next
       step is computed.
 

@@ -3,16 +3,14 @@
 
 Files of the body contain the displacement, the Cauchy stress and the von Mises stress
 (3/2 dev s : dev s)^(1/2), both linear and discontinuous. Each contact surface is a mesh of its own,
-with the fields of `ContactProblem.contact_fields`. For a pair these are on the slave, and the
-fields of the master (`master`) are in another file.
+with the fields of `ContactProblem.contact_fields`; for a pair these are on the slave.
 """
 
 from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable, Mapping
-from functools import partial
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -28,11 +26,11 @@ from dolfinx_contact._compat import interpolation_points
 from dolfinx_contact._forms import compiled_expression, is_of_cells
 from dolfinx_contact._mpi import collective, everywhere, same_everywhere
 from dolfinx_contact._ufl import described, refuse_other_mesh
-from dolfinx_contact.io.master import MasterFace
 from dolfinx_contact.io.writers import Format, Writer
 
 if TYPE_CHECKING:
     from dolfinx_contact.equations.state import State
+    from dolfinx_contact.points.surface import DiscreteSurface
     from dolfinx_contact.problem import ContactProblem
 
 __all__ = [
@@ -63,7 +61,7 @@ def write_fields(
     - ``body.bp``: displacement of the bodies.
     - ``body_stress.bp``: stresses, with the displacement of the vertices.
     - ``contact.bp``, or ``contact_NAME.bp`` if a surface has another name: fields of a contact
-      surface, on the slave of a pair; ``..._opposite.bp``: fields of the master of a pair.
+      surface, on the slave of a pair.
     - ``paraview.py``: a script that shows them, ``paraview --script=FOLDER/paraview.py``.
 
     With ``format="vtk"`` the files are ``body.pvd``, ..., with a ``.vtu`` of each rank.
@@ -97,29 +95,27 @@ def write_fields(
 
 
 class StateFields:
-    """Fields of the bodies and of all faces at states of a problem. Collective.
+    """Fields of the bodies and of all contact surfaces at states of a problem. Collective.
 
     Args:
         problem: contact problem.
         stress: UFL stress, see `write_fields`.
 
     Raises:
-        ValueError: on every rank, if the stress is not valid, or two faces have the same file.
+        ValueError: on every rank, if the stress is not valid, or two surfaces have the same file.
     """
 
     def __init__(self, problem: ContactProblem, stress: Any = None):
         self._stress = stress
         self._tags = check_stress(problem, stress)
-        self._faces: dict[str, Callable[[ContactProblem], dict[str, fem.Function]]] = {}
+        self._surfaces: dict[str, DiscreteSurface] = {}
         for s in problem.surfaces:
             name = re.sub(r"[^\w.-]+", "_", s.name)
             stem = "contact" if name == "contact" else f"contact_{name}"
-            if stem in self._faces:
+            if stem in self._surfaces:
                 names = [s.name for s in problem.surfaces]
                 raise ValueError(f"the names of contact surfaces make the same file: {names}")
-            self._faces[stem] = partial(type(problem).contact_fields, surface=s)
-            if s.between_bodies:
-                self._faces[f"{stem}_opposite"] = MasterFace(problem, s).fields
+            self._surfaces[stem] = s
 
     def at(self, problem: ContactProblem) -> dict[str, list[fem.Function]]:
         """Return the Functions of all files at the state in the Functions. Collective.
@@ -137,8 +133,8 @@ class StateFields:
             f = fem.Function(fem.functionspace(domain, ("DG", 1, u.ufl_shape)), name="displacement")
             f.interpolate(u)
             found["body_stress"] = [*body_fields(u, self._stress, self._tags), f]
-        for stem, fields in self._faces.items():
-            found[stem] = list(fields(problem).values())
+        for stem, surface in self._surfaces.items():
+            found[stem] = list(problem.contact_fields(surface).values())
         return found
 
 

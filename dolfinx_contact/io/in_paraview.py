@@ -5,11 +5,9 @@
     pvbatch FOLDER/paraview.py PICTURE.png
 
 The left view shows the deformed body, coloured by the von Mises stress, or by the displacement if
-there is no stress. The right views show the contact surfaces, coloured by pressure and status. For
-a pair of bodies these are on the slave; the view below shows the pressure on the master, from the
-file ending in _opposite. If the folder contains branches as well as a state, the group written
-last is shown. Files that end in .bp require the reader ADIOS2VTXReader; ParaView's default choice
-cannot read them.
+there is no stress. The right views show the contact surfaces, coloured by pressure and status. If
+the folder contains branches as well as a state, the group written last is shown. Files that end in
+.bp require the reader ADIOS2VTXReader; ParaView's default choice cannot read them.
 """
 
 import os
@@ -135,22 +133,16 @@ def main() -> None:
     """Show the body and its contact surfaces."""
     parts = {part: deformed(path, part) for part, path in found(own_folder()).items()}
     contacts = [warp for part, warp in parts.items() if part.startswith("contact")]
-    # The master of a pair has no statuses.
-    slaves = [warp for warp in contacts if warp.PointData.GetArray("status")]
-    masters = [warp for warp in contacts if warp not in slaves]
-    beside = [("pressure", slaves), ("status", slaves)] if slaves else []
-    if masters:
-        beside.append(("pressure", masters))
+    beside = ["pressure", "status"] if contacts else []
     layout, views = views_for(len(beside))
     if "body_stress" in parts:
         show(parts["body_stress"], views[0], ["von_mises"], "von Mises stress")
     elif "body" in parts:
         body = parts["body"]
         show(body, views[0], [vector_of(body), "Magnitude"], "displacement")
-    for view, (array, warps) in zip(views[1:], beside, strict=True):
-        for warp in warps:
-            face = "(opposite face)" if warps is masters else "(contact)"
-            show(warp, view, [array], f"{array} {face}")
+    for view, array in zip(views[1:], beside, strict=True):
+        for warp in contacts:
+            show(warp, view, [array], f"{array} (contact)")
     simple.GetAnimationScene().UpdateAnimationUsingDataTimeSteps()
     simple.GetAnimationScene().GoToLast()
     for view in views:

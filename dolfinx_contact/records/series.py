@@ -31,7 +31,7 @@ def write_series(
 
     - ``branch_0000_body.bp``: displacement of the bodies.
     - ``branch_0000_contact.bp`` or ``branch_0000_contact_NAME.bp``: fields of a contact surface,
-      and gamma, which is equal at all nodes; ``..._opposite.bp``: fields of the master of a pair.
+      and gamma, which is equal at all nodes.
     - ``paraview.py``: a script that shows them, ``paraview --script=FOLDER/paraview.py``.
 
     With ``format="vtk"`` the files are ``branch_0000_body.pvd`` with a ``.vtu`` of each point,

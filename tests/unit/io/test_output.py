@@ -289,6 +289,13 @@ def two_surfaces(names=("floor", "wall"), degree=1):
 
 
 @pytest.mark.ranks(2)
+def test_surfaces_with_one_file_name_are_refused(folder):
+    with pytest.raises(ValueError, match="make the same file"):
+        write_fields(folder, two_surfaces(names=("left wall", "left_wall")))
+    assert not list(folder.iterdir())
+
+
+@pytest.mark.ranks(2)
 def test_unwritable_folder_raises_on_every_rank(folder):
     """A file where the folder should be: the same error on every rank, before anything else."""
     blocked = folder / "file"
