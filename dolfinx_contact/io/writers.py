@@ -198,7 +198,7 @@ class Writer:
     def _replace(self) -> None:
         """Replace earlier files by the new ones. On rank 0."""
         if self._first:
-            _write_script(self._part, self.folder)
+            _write_script(self._part, self.folder, {stem: self._name(stem) for stem in self._first})
         new = sorted(self._part.iterdir(), key=lambda p: (not p.is_dir(), p.name))  # folders first
         for path in new:
             _require_replaceable(path, self.folder / path.name)
@@ -232,15 +232,16 @@ def _keep_alive(writer: io.VTXWriter) -> None:
     ctypes.pythonapi.Py_IncRef(ctypes.py_object(writer._cpp_object))
 
 
-def _write_script(part: Path, folder: Path) -> None:
-    """Write ``paraview.py``, which shows the results in its folder. On rank 0.
+def _write_script(part: Path, folder: Path, files: dict[str, str]) -> None:
+    """Write ``paraview.py``, which shows files in its folder. On rank 0.
 
     Another file of that name is kept, with a warning.
 
     Args:
         part: folder in which it is written.
         folder: final folder, stored in the script because ParaView does not always pass the path of
-            a script. The folder may be moved.
+            a script.
+        files: names of the files by part.
     """
     text = Path(__file__).with_name("in_paraview.py").read_text()
     head = "".join(text.splitlines(keepends=True)[:2]).encode()
@@ -249,7 +250,8 @@ def _write_script(part: Path, folder: Path) -> None:
         message = "%s is not one of this package, and is left unchanged: no script for ParaView"
         logger.warning(message, file)
         return
-    text = text.replace('WRITTEN_TO = ""', f"WRITTEN_TO = {str(folder.resolve())!r}")
+    text = text.replace('FOLDER = ""', f"FOLDER = {str(folder.resolve())!r}")
+    text = text.replace("FILES: dict[str, str] = {}", f"FILES = {files}")
     (part / _SCRIPT).write_text(text)
 
 

@@ -130,7 +130,7 @@ def test_a_script_of_the_users_own_stays(folder, caplog, theirs):
     script = folder / "paraview.py"
     write_fields(folder, problem)
     ours = contents(folder)["paraview.py"]
-    old = ours.replace(b"WRITTEN_TO", b"OLD") if theirs is None else theirs
+    old = ours.replace(b"FOLDER", b"OLD") if theirs is None else theirs
     on_root(lambda: script.write_bytes(old))
     files = write_fields(folder, problem)
     assert files[0].exists()

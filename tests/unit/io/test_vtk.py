@@ -151,12 +151,14 @@ def test_vtk_series_has_the_gamma_of_each_point(folder):
 
 def test_the_script_needs_paraview_alone(folder):
     """It parses, imports nothing of the package, and does not import itself."""
-    write_fields(folder, block(cell="tri"))
+    files = write_fields(folder, block(cell="tri"))
     tree = ast.parse((folder / "paraview.py").read_text())
     names = {a.name for n in ast.walk(tree) if isinstance(n, ast.Import) for a in n.names}
     names |= {n.module for n in ast.walk(tree) if isinstance(n, ast.ImportFrom)}
     assert names == {"os", "sys", "typing", "paraview"}
-    assert f"WRITTEN_TO = {str(folder.resolve())!r}" in (folder / "paraview.py").read_text()
+    text = (folder / "paraview.py").read_text()
+    assert f"FOLDER = {str(folder.resolve())!r}" in text
+    assert all(f"'{file.stem}': '{file.name}'" in text for file in files)
 
 
 @pytest.mark.long
