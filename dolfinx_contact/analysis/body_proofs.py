@@ -87,7 +87,11 @@ def proved(condensed: Reduction, gamma: float, seconds: float) -> ProvedSolution
         seconds: time limit of the proof.
     """
     problem = _reduced(condensed, gamma)
-    return None if problem is None else prove_solutions(problem, proof_seconds=seconds)
+    if problem is None:
+        return None
+    found = prove_solutions(problem, proof_seconds=seconds)
+    found.certificate.force_unit = condensed.force_unit
+    return found
 
 
 def proved_rays(

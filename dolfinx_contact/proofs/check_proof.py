@@ -2247,11 +2247,14 @@ class Certificate:
         steps: steps of the proof, in the format above; by default empty.
         vectors: multipliers of the equations S a - r = p, in scaled units, (dim m,) each; by
             default empty.
+        force_unit: force of the user per unit of p, by which printed forces are multiplied; by
+            default 1. The proof does not depend on it.
     """
 
     problem: ReducedProblem
     steps: list[dict[str, Any]] = field(default_factory=list)
     vectors: list[Array] = field(default_factory=list)
+    force_unit: float = 1.0
 
     def vector(self, y: Array) -> int:
         """Store a vector of multipliers (dim m,) and return its index."""
@@ -2266,8 +2269,9 @@ class Certificate:
 
     @property
     def digest(self) -> str:
-        """SHA-256 hash of the steps and vectors, hexadecimal."""
-        return _digest({"vectors": self._table}, json.dumps(self.steps))
+        """SHA-256 hash of the steps, the vectors and a unit other than 1, hexadecimal."""
+        unit = {} if self.force_unit == 1.0 else {"force_unit": np.array(self.force_unit)}
+        return _digest({"vectors": self._table} | unit, json.dumps(self.steps))
 
     @property
     def _table(self) -> Array:
@@ -2286,6 +2290,7 @@ class Certificate:
             p_error=p.dp,
             steps=np.array(json.dumps(self.steps)),
             vectors=self._table,
+            force_unit=np.array(self.force_unit),
             format=np.array(_FORMAT),
             digests=np.array([self.problem.digest, self.digest]),
         )
@@ -2320,7 +2325,10 @@ class Certificate:
             if any(found[name].dtype != np.float64 for name in (*_DATA, "vectors")):
                 raise ValueError("a part holds no double numbers")
             problem = ReducedProblem(**{name: found[name] for name in _DATA})
-            proof = cls(problem, json.loads(str(found["steps"])), list(found["vectors"]))
+            unit = float(found.get("force_unit", 1.0))
+            if not (np.isfinite(unit) and unit > 0):
+                raise ValueError(f"its unit of forces is {unit}")
+            proof = cls(problem, json.loads(str(found["steps"])), list(found["vectors"]), unit)
             digests = [problem.digest, proof.digest]
         except Exception as error:  # a file that is not a proof may cause any error
             raise InvalidCertificate(f"{path} is not a proof: {error}") from error
@@ -2908,6 +2916,7 @@ def _sum_of(forces: Ball, unit: float) -> str:
     value = unit * float(total.value)
     shown = f"{value:.12g}"
     off = unit * float(total.radius) + abs(float(shown) - value) * (1 + _SLACK)
+    off += 3 * _U * abs(value)  # rounding of the unit and of its product with the sum
     # Rounding the error bound to three digits changes it by at most 0.5 %.
     return f"{shown} +- {1.006 * above(off):.3g}"
 
@@ -2915,7 +2924,7 @@ def _sum_of(forces: Ball, unit: float) -> str:
 def report(certificate: Certificate, proved: Proved) -> list[str]:
     """Return the proved statements and the data of the problem, as lines of text."""
     problem = certificate.problem
-    force = problem.units[1]
+    force = problem.units[1] * certificate.force_unit
     S, p = (float(np.abs(v).max()) for v in (problem.S, problem.p))
     lines = [
         f"data: {problem.points} contact points{' in 3D' if problem.dim == 3 else ''};"
@@ -2926,6 +2935,8 @@ def report(certificate: Certificate, proved: Proved) -> list[str]:
         f"proof: {len(certificate.steps)} steps, {len(certificate.vectors)} vectors; SHA-256:",
         f"  {certificate.digest}",
     ]
+    if certificate.force_unit != 1.0:
+        lines.append(f"sums of forces in the units of the input, {certificate.force_unit:.6g} p")
     number = len(proved.inside) + int(proved.at_rest)
     many = _number(number, "solution")
     lines.append(f"for all S and p within these errors there are {many} as follows, and")

@@ -31,6 +31,7 @@ from dolfinx_contact.continuation import Diagram, explore, find_solutions
 from dolfinx_contact.explorer import explorer
 from dolfinx_contact.materials import LinearElastic, NeoHookean, lame
 from dolfinx_contact.proofs import Certificate, check
+from dolfinx_contact.proofs.check_proof import main as check_file
 
 COMM = MPI.COMM_WORLD
 ORACLE = json.loads((Path(__file__).parents[2] / "data" / "blocks.json").read_text())
@@ -230,6 +231,19 @@ def explored(n, friction, unit=1.0):
     system = linear_triangle(n, friction, load=(26.0 / unit, 7.5 / unit))
     x = solved_start(system, -unit)
     return system, explore(system, [(x, -unit)], gamma_range=(-unit, unit))
+
+
+def test_checker_prints_forces_in_the_units_of_the_input(tmp_path, capsys):
+    system, diagram = explored(2, 3.0)
+    (count,) = prove_counts(system, diagram, gammas=[1.0])
+    count.certificate.save(tmp_path / "proof.npz")
+    assert check_file([str(tmp_path / "proof.npz")]) == 0
+    states = map(system.state_at, count.solutions.found)
+    tables = [system.problem.table("contact", state=state) for state in states]
+    printed = re.findall(r"sum rt = (\S+) .*sum rn = (\S+) ", capsys.readouterr().out)
+    sums = sorted((t.along(t.rt).sum(), t.rn.sum()) for t in tables)
+    np.testing.assert_allclose(sorted((float(a), float(b)) for a, b in printed), sums, atol=1e-9)
+    assert len(sums) == 3
 
 
 @pytest.mark.verifies(
