@@ -9,6 +9,7 @@ numpy, while this command imports the package and DOLFINx. After an installation
 from __future__ import annotations
 
 import argparse
+import signal
 import sys
 from collections.abc import Sequence
 from importlib.metadata import PackageNotFoundError, version
@@ -54,6 +55,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     Returns:
         Exit status of the command.
     """
+    if argv is None:
+        # a closed pipe, as of `| head`, ends the command, not the handler that PETSc has installed
+        signal.signal(signal.SIGPIPE, signal.SIG_DFL)
     words = list(sys.argv[1:] if argv is None else argv)
     if words[:1] == ["check"]:
         return check(words[1:])

@@ -2,6 +2,9 @@
 
 import argparse
 import csv
+import signal
+import subprocess
+import sys
 
 from mpi4py import MPI
 
@@ -229,3 +232,11 @@ def test_a_graded_grid_has_cells_that_grow_by_one_factor():
     assert COMM.allreduce(area) == pytest.approx(30.0)
     with pytest.raises(ValueError, match="must rise"):
         create_grid(COMM, [x, [1.0, 1.0]], mesh.CellType.quadrilateral)
+
+
+def test_a_closed_pipe_ends_the_command_quietly():
+    command = [sys.executable, "-u", "-m", "dolfinx_contact", "info"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as run:
+        run.stdout.close()
+        assert run.stderr.read() == b""
+    assert run.returncode == -signal.SIGPIPE
