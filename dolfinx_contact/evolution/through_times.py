@@ -89,9 +89,9 @@ _FEW = 16  # largest number of contact points for which rays are computed by def
 _TURNING = 4.0  # multiple of sqrt(rest) T, twice the slow phase of a reversal
 _QUIET = 10  # least number of steps at rest
 _REACHED = "the last time is reached"
-_HALVE = ". Shorter steps are tried with halve_steps=True"
+_HALVE = "; halve_steps=True tries shorter steps"
 _LONGER = (
-    ". A law depends on the length of a step: if it weakens with the speed, take longer steps, or "
+    "; a law depends on the length of a step: if it weakens with the speed, take longer steps, or "
     "NSCD with mass='lumped' (recipe on velocity weakening)"
 )
 
@@ -209,7 +209,7 @@ class ThroughTimes(Rule[HistoryTask]):
 
     def require_continuation(self, history: History) -> None:
         if self.stuck is not None and self.task.at_jump != "stop":
-            raise NoContinuation(history.reason, history) from self.stuck.__cause__
+            raise NoContinuation(history.reason, history)
 
     # -- the steps -------------------------------------------------------------------------------
 
@@ -502,9 +502,14 @@ class ThroughTimes(Rule[HistoryTask]):
             advice = _LONGER
         else:
             advice = "" if self.task.halve else _HALVE
-        return (
-            f"no solution was found beyond the time {self.state.accepted.time:.10g}, in a step of "
-            f"{length:.2g}, which was not solved: {str(error).removesuffix('.')}{advice}"
+        # the reason and the remedy before the list of attempts
+        reason, *details = str(error).splitlines()
+        return "\n".join(
+            [
+                f"no solution was found beyond the time {self.state.accepted.time:.10g}, in a step "
+                f"of {length:.2g}: {reason.rstrip('.:')}{advice}",
+                *details,
+            ]
         )
 
     def _beyond(self, goal: float) -> AcceptedState | None:

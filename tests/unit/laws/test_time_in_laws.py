@@ -241,7 +241,7 @@ def test_a_failed_step_of_velocity_weakening_asks_for_longer_steps():
     """In shorter steps, such a law is steeper."""
     dragged = Dragged(OfSpeedAtRest(), aside=0.0)
     history = QuasiStatic(dragged.problem, lambda t: dragged.put(t))
-    with pytest.raises(NoContinuation, match="weakens with the speed, take longer steps"):
+    with pytest.raises(NoContinuation, match=r"not solved; a law .* take longer steps"):
         history.run(np.linspace(0.0, 0.05, 101))
 
 
