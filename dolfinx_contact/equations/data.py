@@ -102,13 +102,17 @@ def data_in(e: Any, place: str) -> Iterator[Datum]:
 def _placed(
     place: str, functions: Sequence[Any], constants: Sequence[Any], e: Any = None
 ) -> Iterator[Datum]:
-    """Yield the data of `data_in`, from given Functions and Constants of ``e``."""
+    """Yield the data of `data_in`, from given Functions and Constants of ``e``.
+
+    UFL sorts Constants by their creation. Those of DOLFINx have no name unless the user sets one.
+    """
     for f in functions:
         if isinstance(f, Measured):  # computed at the points from data that do not change
             continue
         yield Datum(place if f is e else f"the Function {f.name!r} in {place}", f)
     for i, c in enumerate(constants, 1):
-        which = f"the Constant {i}" if len(constants) > 1 else "the Constant"
+        number = f" {i}" if len(constants) > 1 else ""
+        which = f"the Constant {c.name!r}" if hasattr(c, "name") else f"the Constant{number}"
         yield Datum(place if c is e else f"{which} in {place}", c)
 
 

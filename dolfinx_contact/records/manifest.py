@@ -203,7 +203,7 @@ def difference(recorded: Mapping[str, Any], now: Mapping[str, Any]) -> str:
         if name not in recorded or name not in now:
             return f"{name} ({'missing now' if name in recorded else 'not recorded'})"
         if not _same(recorded[name], now[name]):
-            numbered = "; Constants are numbered in the order of the form"
+            numbered = "; Constants without a name are numbered in the order of their creation"
             hint = numbered if re.match(r"the Constant \d", name) else ""
             return name + _both(recorded[name], now[name]) + hint
     return ""
