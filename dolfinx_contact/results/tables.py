@@ -65,7 +65,7 @@ class ContactTable:
             shared by two surfaces, both tables contain its full reaction.
         adhesion: part of ``force`` due to adhesion or another surface energy, shape (n, dim); None
             for other laws.
-        bond: state of the bond of each point: i (unchanged in the step), d (weakened), r
+        bond: state of the bond of each point: i (unchanged in the step), w (weakened), r
             (recovered), b (broken); None for other laws.
         internal: internal variables of the law by name, such as the intensity of adhesion
             ``beta``, shape (n,) each.
@@ -368,7 +368,7 @@ def _letters_of_bonds(
     x = s.law.weakening
     if x is not None:
         lost = x.sense * (internal[x.name] - found.data.fields[x.name])
-        letters = np.where(lost > 0, "d", np.where(lost < 0, "r", "i"))
+        letters = np.where(lost > 0, "w", np.where(lost < 0, "r", "i"))
     return np.where(found.answers.bond("broken") > 0, "b", letters)
 
 

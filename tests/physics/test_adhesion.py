@@ -75,7 +75,7 @@ def test_rccm_follows_its_closed_form_at_every_point(cell, given):
         assert step.result.kkt_violation < 1e-8 or given.get("method") == "integral"
         np.testing.assert_allclose(t.beta, weakest(t, before), rtol=1e-8)
         # What damages goes on to; what does not keeps its strength bit by bit.
-        np.testing.assert_array_equal((t.beta != before) & (t.bond != "d"), False)
+        np.testing.assert_array_equal((t.beta != before) & (t.bond != "w"), False)
         opening = np.maximum(t.un, 0.0)
         pull = (t.beta**2 * C * t.area)[:, None] * (opening[:, None] * t.n - t.ut)
         np.testing.assert_allclose(t.adhesion, pull, rtol=0, atol=1e-8 * np.abs(pull).max() + 1e-9)
@@ -90,7 +90,7 @@ def test_rccm_follows_its_closed_form_at_every_point(cell, given):
         slips = np.isin(t.letters, list("+-s"))
         np.testing.assert_allclose(friction[slips], bound[slips], rtol=0, atol=size)
         assert (np.sum(t.friction * t.increment, axis=1)[slips] <= 1e-12).all()
-    assert {"i", "d", "o"} < seen
+    assert {"i", "w", "o"} < seen
     assert seen & set("+s")
     assert before.max() < 0.5
 
