@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Types of arrays by their entries."""
+"""Types of arrays by their entries, and numbers as text."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["Array", "Codes", "Indices", "Ints", "Mask"]
+__all__ = ["Array", "Codes", "Indices", "Ints", "Mask", "as_text"]
 
 #: Real numbers.
 Array: TypeAlias = npt.NDArray[np.float64]
@@ -20,3 +20,16 @@ Ints: TypeAlias = npt.NDArray[np.int64]
 Indices: TypeAlias = npt.NDArray[np.int32]
 #: Status codes of contact points.
 Codes: TypeAlias = npt.NDArray[np.int8]
+
+_ROUND_OFF = 1e-12  # numbers relative to their scale that are printed as 0
+
+
+def as_text(value: float, scale: float, digits: int = 6) -> str:
+    """Return a number as text, with 0 for round-off.
+
+    Args:
+        value: number.
+        scale: size of the largest number of the same kind, such as those of a column.
+        digits: number of significant digits.
+    """
+    return f"{value if abs(value) > _ROUND_OFF * scale else 0:.{digits}g}"

@@ -23,6 +23,7 @@ from petsc4py import PETSc
 
 import numpy as np
 
+from dolfinx_contact._arrays import as_text
 from dolfinx_contact._files import part_of
 from dolfinx_contact._mpi import Arguments, collective
 from dolfinx_contact._validate import count, instance, listed, nonnegative, number
@@ -77,11 +78,16 @@ class ProvedCount:
         return self.solutions.complete
 
     def __str__(self) -> str:
+        return self._text(abs(self.gamma))
+
+    def _text(self, scale: float) -> str:
+        """Return gamma and the number of solutions as text, with 0 for round-off of a scale."""
         many = f"{self.number} solution{'' if self.number == 1 else 's'}"
         known = "proved" if self.proved else "others are not excluded"
         off = self.branches.count(-1)
         beside = f", {off} on no branch" if off else ""
-        return f"gamma = {self.gamma:.9g}: {many}, {known}{beside} ({self.solutions.method})"
+        gamma = as_text(self.gamma, scale, 9)
+        return f"gamma = {gamma}: {many}, {known}{beside} ({self.solutions.method})"
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,7 +120,8 @@ class BranchCounts:
 
     def __str__(self) -> str:
         """One line per count."""
-        return "\n".join(map(str, self.counts))
+        scale = max((abs(c.gamma) for c in self.counts), default=0.0)
+        return "\n".join(c._text(scale) for c in self.counts)
 
     def save(self, folder: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
         """Write numbers and proofs into a folder; from one rank.

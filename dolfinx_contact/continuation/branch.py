@@ -8,6 +8,7 @@ from typing import Any, Generic, Literal, TypeVar
 
 from petsc4py import PETSc
 
+from dolfinx_contact._arrays import as_text
 from dolfinx_contact._ending import Ending, Ends
 from dolfinx_contact.continuation.system import Piece
 
@@ -173,7 +174,8 @@ class Branch(Ends):
     start_correction: float = 0.0
 
     def __str__(self) -> str:
-        ends = [f"{p.gamma:.6g}" for p in self.points[:: max(len(self.points) - 1, 1)]]
+        scale = max((abs(p.gamma) for p in self.points), default=0.0)
+        ends = [as_text(p.gamma, scale) for p in self.points[:: max(len(self.points) - 1, 1)]]
         return (
             f"{len(self.points)} points, gamma from {' to '.join(ends)}, folds: {len(self.folds)}, "
             f"bifurcations: {len(self.bifurcations)}; {self.reason}"

@@ -9,12 +9,13 @@ solver.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
+from dolfinx_contact._arrays import as_text
 from dolfinx_contact._ending import Ending, Ends
 from dolfinx_contact.equations.state import State
 from dolfinx_contact.evolution.energy import Energies
@@ -150,13 +151,14 @@ class History(Ends):
 
     def __str__(self) -> str:
         """Return the number of steps, the times and the ending as text."""
-        return self._text("step", "time", self.start, self.time)
+        return self._text("step", "time", [self.start, self.time])
 
-    def _text(self, unit: str, coordinate: str, first: float, last: float) -> str:
-        """Return the number of steps, the range of a coordinate and the ending as text."""
+    def _text(self, unit: str, coordinate: str, values: Sequence[float]) -> str:
+        """Return the number of steps, both ends of a coordinate and the ending as text."""
         number = len(self.steps)
         many = f"{number} {unit}{'' if number == 1 else 's'}"
-        return f"{many} from {coordinate} {first:.6g} to {last:.6g}: {self.reason}"
+        first, last = (as_text(v, max(map(abs, values))) for v in (values[0], values[-1]))
+        return f"{many} from {coordinate} {first} to {last}: {self.reason}"
 
     @property
     def complete(self) -> bool:
@@ -255,8 +257,7 @@ class PathHistory(History):
 
     def __str__(self) -> str:
         """Return the number of points, the loads and the ending as text."""
-        last = self.steps[-1].gamma if self.steps else self.gamma
-        return self._text("point", "gamma", self.gamma, last)
+        return self._text("point", "gamma", [self.gamma, *(p.gamma for p in self.steps)])
 
     def begin(self, number: int, tables: Mapping[str, ContactTable]) -> None:
         super().begin(number, tables)

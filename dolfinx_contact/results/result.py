@@ -14,7 +14,7 @@ from typing import Any, NoReturn, TypeAlias, TypeVar
 
 import numpy as np
 
-from dolfinx_contact._arrays import Array
+from dolfinx_contact._arrays import Array, as_text
 from dolfinx_contact._mpi import require
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation
@@ -46,7 +46,6 @@ logger = logging.getLogger(__name__)
 #: Function of a solution that returns the equations and the evaluation for tables and indicators.
 Shown: TypeAlias = Callable[[Evaluation], tuple[ContactEquations, Evaluation]]
 
-_ROUND_OFF = 1e-12  # forces over the largest one that are printed as 0
 _LARGEST_VIOLATION = 1e-4  # largest violation without a warning, relative to the largest force
 _T = TypeVar("_T")
 
@@ -222,7 +221,7 @@ class Result:
 
 def _shown(vector: Array, largest: float) -> str:
     """Return components as text, with 0 for round-off of the largest force."""
-    return "(" + ", ".join(f"{v if abs(v) > _ROUND_OFF * largest else 0:.6g}" for v in vector) + ")"
+    return "(" + ", ".join(as_text(v, largest) for v in vector) + ")"
 
 
 def collect(

@@ -5,6 +5,7 @@ import csv
 import signal
 import subprocess
 import sys
+from dataclasses import replace
 
 from mpi4py import MPI
 
@@ -232,6 +233,11 @@ def test_a_graded_grid_has_cells_that_grow_by_one_factor():
     assert COMM.allreduce(area) == pytest.approx(30.0)
     with pytest.raises(ValueError, match="must rise"):
         create_grid(COMM, [x, [1.0, 1.0]], mesh.CellType.quadrilateral)
+
+
+def test_round_off_of_gamma_is_printed_as_0(followed):
+    points = followed[2].points
+    assert "gamma from 0 to 0, " in str(Branch([*points, replace(points[-1], gamma=1.2e-17)]))
 
 
 def test_a_closed_pipe_ends_the_command_quietly():
