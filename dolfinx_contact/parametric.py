@@ -176,8 +176,6 @@ class ParametricContact(ReadOnly, ParametricEquations):
         """
         self._put(x, gamma, piece)
         self.equations.read_data()
-        if all(not s.between_bodies and s.obstacle.flat for s in self.problem.surfaces):
-            return
         found = surface_indicators(self.equations, self.contact(x, gamma, piece))
         warnings = Indicators(found).warnings
         for name, text in warnings.items():

@@ -19,7 +19,7 @@ position, gap, normal and jump at contact points.
 | `between_points` | depth of an edge, corner, sphere or cylinder in a facet, between its contact points, over the size of the facet, or the radius if that is smaller | 0.2 |
 | `across` | fraction of the normal forces where the normals of body and obstacle are more than 66 degrees apart | 0.02 |
 | `overlap` | initial penetration of closed points into a rigid obstacle, over the smallest extent of the body; not evaluated with interference or remove_overlap, nor after the obstacle has moved | 0.05 |
-| `growth` | static law: fraction of the friction bound at closed points whose initial gap exceeds the smallest one by more than 1 % of the largest difference of a displacement component in a connected part; also with the present gaps to an obstacle that was moved; in large sliding of a pair, gaps end at the search distance | 0.05 |
+| `growth` | static law: fraction of the friction bound at closed points whose initial gap exceeds the smallest one by more than 1 % of the local compression p b/E (mean pressure p and extent b of the closed points, modulus E of the surface); also with the present gaps to an obstacle that was moved; in large sliding of a pair, gaps end at the search distance | 0.05 |
 | `negative_bound` | own laws: largest negative friction bound of closed points, as a nodal force, over the largest one | 1e-6 |
 | `penetration` | compliant laws: largest -g | 0.1 facets |
 | `min_det_F` | smallest det(I + grad u); for a linear body, only if displacements in it differ by more than its smallest extent | 0 (below) |
@@ -144,7 +144,7 @@ _FACING = 0.5  # smallest cosine between normals of faces that face each other
 _CARRYING = 1e-3  # of the largest traction, above which an open point counts as carrying
 _ACROSS = 0.4  # cosine of the normals of body and obstacle, below which a force is across
 _SAMPLES = 4  # samples of an edge of the obstacle per facet of the body
-_AT_ONCE = 0.01  # of the displacement differences: spread of initial gaps that close together
+_AT_ONCE = 0.01  # of the local compression: spread of initial gaps that close together
 _STRAIGHT = 0.9  # cosine with the normal of a facet, above which a corner lies below the facet
 _ROUND_OFF = 1e-9  # relative excess of a threshold that is not an excess
 _TINY = float(np.finfo(np.float64).tiny)
@@ -401,22 +401,42 @@ def _growth(
     """Return the fraction of the friction bound at points that closed under the load. Collective.
 
     Points whose initial gaps differ little close together: the motion before contact is the same
-    for all of them and does not count. The obstacle may have been moved since the start, as a load
-    or to another place.
+    for all of them and does not count. Their scale is the compression of the body next to them,
+    since displacements elsewhere may be large. The obstacle may have been moved since the start, as
+    a load or to another place.
     """
     if contact.kinematics.memory is not None or STICK not in s.law_at_points.codes:
         return 0.0
-    moved, _ = differences(eq.V, eq.nodes, state.u, eq.scaling.part)
+    compression = _compression(eq, s, contact)
     late = np.ones(len(contact.statuses), dtype=bool)
     for gaps in (
         np.maximum(s.start_gaps, 0.0),
         s.start_gaps if s.between_bodies else s.points.gaps,
     ):
-        late &= gaps - minimum(s.comm, gaps, np.inf) > _AT_ONCE * moved.max()
+        late &= gaps - minimum(s.comm, gaps, np.inf) > _AT_ONCE * compression
     bound = np.maximum(_touching(contact, np.nan_to_num(contact.answers.bound)), 0.0)
     bound = bound * s.points.areas
     sums = s.comm.allreduce(np.array([bound[late].sum(), bound.sum()]))
     return float(sums[0] / sums[1]) if sums[1] > 0 else 0.0
+
+
+def _compression(eq: ContactEquations, s: DiscreteSurface, contact: ContactState) -> float:
+    """Return p b/E, a length: mean pressure, extent and modulus of the closed points. Collective.
+
+    The modulus is that of the stiffest vertex of the surface. Round-off of the body size is added.
+    """
+    touching = closed(contact.statuses)
+    areas = s.points.areas[touching]
+    pressure = np.abs(dot(contact.traction, contact.data.n))[touching]
+    force, area = s.comm.allreduce(np.array([pressure @ areas, areas.sum()]))
+    if area == 0.0:
+        return 0.0
+    low, high = bounding_box(s.comm, s.positions[touching])
+    geometry = s.points.geometry
+    extent = float(np.linalg.norm(high - low)) + geometry.facet_size
+    width = (geometry.vertex_areas / geometry.circumferences) ** (1 / (s.dim - 1))
+    modulus = _most(s, eq.scaling.at_vertices[eq.surfaces.index(s)] * width)
+    return float(force / area / modulus * extent) + _ROUND_OFF * eq.body_size
 
 
 def _touching(contact: ContactState, values: Array) -> Array:

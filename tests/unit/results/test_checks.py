@@ -23,9 +23,11 @@ from dolfinx_contact import (
     Frictionless,
     HalfSpace,
     LevelSet,
+    ParametricContact,
     Sphere,
 )
 from dolfinx_contact.body.cells import smallest_jacobian
+from dolfinx_contact.continuation import follow
 from dolfinx_contact.laws import status
 from dolfinx_contact.materials import LinearElastic, StVenantKirchhoff
 
@@ -195,6 +197,38 @@ def test_points_that_close_together_do_not_count_as_growth():
     result = block(n=4, cell="quad", obstacle=floor, top=(0.05, -0.2)).solve()
     assert result.tables["contact"].bound.sum() > 0.0
     assert result.indicators.surfaces["contact"].growth == 0.0
+
+
+@pytest.mark.ranks(2)
+def test_a_soft_part_elsewhere_does_not_hide_growth():
+    """The soft upper half takes the approach, which is 160 times the largest initial gap."""
+    domain = box(COMM, 8, "quad")
+    young = fem.Function(fem.functionspace(domain, ("DG", 0)))
+    young.interpolate(lambda x: np.where(x[1] < 0.5, 1000.0, 1.0))
+    disc = Sphere((0.5, -200.0), 200.0)
+    result = block(domain=domain, young=young, obstacle=disc, top=(0.0, -0.1)).solve()
+    table = result.tables["contact"]
+    share = table.bound[np.abs(table.x[:, 0] - 0.5) > 1e-9].sum() / table.bound.sum()
+    assert result.indicators.surfaces["contact"].growth == pytest.approx(share)
+    assert share > 0.5
+
+
+def test_a_branch_over_a_plane_gives_the_warning(log):
+    """A curved face that a rising floor closes from its middle on."""
+    domain = box(COMM, 8, "quad")
+    x = domain.geometry.x
+    x[:, 1] += 0.04 * (1.0 - x[:, 1]) * (x[:, 0] - 0.5) ** 2
+    gamma = fem.Constant(domain, 0.0)
+    floor = HalfSpace(ufl.as_vector((0.0, gamma)), (0.0, 1.0))
+    problem = block(
+        domain=domain,
+        obstacle=floor,
+        top=(0.0, 0.0),
+        where=lambda domain: mesh.locate_entities_boundary(domain, 1, lambda x: x[1] < 0.02),
+    )
+    system = ParametricContact(problem, gamma)
+    follow(system, system.create_vector(), 0.0, gamma_range=(0.0, 0.02))
+    assert "use QuasiStatic" in said(log, "growth of 'contact': at gamma = ")
 
 
 # -- det F ---------------------------------------------------------------------------------------
