@@ -41,7 +41,8 @@ class EvolutionStep:
     """An accepted step.
 
     Attributes:
-        number: number of the step, from 1, over all runs of the evolution.
+        number: number of the step, from 1, over all runs of the evolution; a run with ``start=``
+            begins again at 1.
         start: time at the start of the step.
         time: time at the end of the step.
         result: tables, resultants, checks and indicators at the end.

@@ -134,6 +134,12 @@ class HistoryTask:
         object.__setattr__(self, "shortest", positive(self.shortest, "shortest"))
         if self.shortest > self.longest:
             raise ValueError(f"shortest = {self.shortest} is longer than longest = {self.longest}")
+        first, *_, last = self.times
+        if self.longest <= np.spacing(max(abs(first), abs(last))):
+            raise ValueError(
+                f"steps of at most {self.longest:g} are below the round-off of the times up to "
+                f"{last:g}: take longer steps"
+            )
         one_of(self.at_jump, "at_jump", get_args(AtJump))
         check_rays(self.rays)
         if self.at_jump == "jump" and not self.locate_jumps:

@@ -258,6 +258,14 @@ def test_settle_refuses_arguments(arguments, message):
         motion.settle(**({"max_time": 1.0} | arguments))
 
 
+def test_steps_below_the_round_off_of_the_time_are_refused():
+    problem, _ = block("tri", 2)
+    motion = NSCD(problem, 1.0, dt=1e-17)
+    for run in (lambda: motion.settle(1.0), lambda: motion.run([0.0, 1.0])):
+        with pytest.raises(ValueError, match="below the round-off of the times up to 1: take long"):
+            run()
+
+
 @pytest.mark.ranks(2)
 def test_velocity_level_refuses_laws():
     problem, _ = block("tri", 2)
