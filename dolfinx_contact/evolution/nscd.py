@@ -35,7 +35,6 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from typing import Any
 
 import ufl
@@ -313,13 +312,8 @@ class NSCD(Evolution):
             ValueError: on every rank, if arguments are not admissible; see also `run`.
         """
         time = 0.0 if start is not None or self._accepted is None else self._accepted.time
-        task = HistoryTask(
-            (time, time + max_time), self._dt, self._dt * _SHORTEST, rest=float(rest)
-        )
-        times = [time]
-        while times[-1] < time + max_time:
-            times.append(times[-1] + self._dt)
-        task = replace(task, times=tuple(times))
+        times = (time, time + max_time)
+        task = HistoryTask(times, self._dt, self._dt * _SHORTEST, rest=float(rest))
         return self._begin(task, Listeners(observer=observer, progress=progress), start)
 
     def stepper(self, progress: bool | None) -> MotionStepper:
