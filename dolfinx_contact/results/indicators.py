@@ -53,7 +53,7 @@ from dolfinx_contact.body.rigid import (
 )
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import ContactState, Evaluation
-from dolfinx_contact.equations.measures import round_off_force
+from dolfinx_contact.equations.measures import least_scales, round_off_force
 from dolfinx_contact.laws.status import OPEN, STICK, closed
 from dolfinx_contact.obstacles import Cylinder, Sphere, is_uniform
 from dolfinx_contact.points.geometry import distance_from_face, simplices_of
@@ -387,12 +387,16 @@ def _most(s: DiscreteSurface, values: Array) -> float:
 def _negative_bound(
     eq: ContactEquations, s: DiscreteSurface, state: Evaluation, contact: ContactState
 ) -> float:
-    """Return the largest negative friction bound of closed points over the largest force."""
+    """Return the largest negative friction bound of closed points over the largest force.
+
+    0 at rest, where all forces are round-off.
+    """
     areas = s.points.areas
     below = _most(s, _touching(contact, np.nan_to_num(-contact.answers.bound)) * areas)
     largest = _most(s, np.linalg.norm(contact.traction, axis=1) * areas)
-    scale = max(largest, round_off_force(eq, _most(s, np.abs(state.u))))
-    return below / scale if below > 0.0 else 0.0
+    size = _most(s, np.abs(state.u))
+    none, _ = least_scales(eq, size)
+    return below / max(largest, round_off_force(eq, size)) if below > none else 0.0
 
 
 def _growth(

@@ -6,8 +6,10 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
+from cases._triangle import linear_triangle
 from support.blocks import KINDS, block, box, facets
 from support.bodies import two_blocks
+from support.checks import solved_start
 from support.pairs import displacement, held, stacked
 
 import basix.ufl
@@ -27,7 +29,7 @@ from dolfinx_contact import (
     Sphere,
 )
 from dolfinx_contact.body.cells import smallest_jacobian
-from dolfinx_contact.continuation import follow
+from dolfinx_contact.continuation import explore, follow
 from dolfinx_contact.laws import status
 from dolfinx_contact.materials import LinearElastic, StVenantKirchhoff
 
@@ -229,6 +231,14 @@ def test_a_branch_over_a_plane_gives_the_warning(log):
     system = ParametricContact(problem, gamma)
     follow(system, system.create_vector(), 0.0, gamma_range=(0.0, 0.02))
     assert "use QuasiStatic" in said(log, "growth of 'contact': at gamma = ")
+
+
+def test_branches_through_the_state_at_rest_give_no_warning(log):
+    """At gamma = 0 all forces of the triangle are round-off."""
+    system = linear_triangle(4, 3.0)
+    start = solved_start(system, -1.0)
+    explore(system, [(start, -1.0)], gamma_range=(-1.0, 1.0), observer=lambda step: None)
+    assert not log.records
 
 
 # -- det F ---------------------------------------------------------------------------------------
