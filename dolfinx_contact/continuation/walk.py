@@ -12,6 +12,7 @@ from typing import TypeAlias
 
 from petsc4py import PETSc
 
+from dolfinx_contact._arrays import as_text
 from dolfinx_contact._ending import Ending
 from dolfinx_contact._petsc import staged
 from dolfinx_contact._progress import Progress
@@ -261,7 +262,7 @@ class Walker(ABC):
         observers.begin(task, self._stepping(first))
         step = BranchStep(branch_id, first, start)
         observers.step(step, self._stepping(first))
-        _show(line, step, 0)
+        _show(line, step, 0, b.gamma_scale)
         # accepted steps
         for index in range(first + 1, max_steps + 1):
             with self.system.undisturbed():
@@ -280,7 +281,7 @@ class Walker(ABC):
             if branch.ending is not None:
                 state = replace(state, ending=branch.ending, reason=branch.reason)
             observers.step(step, state)
-            _show(line, step, len(branch.special))
+            _show(line, step, len(branch.special), b.gamma_scale)
             if branch.ending is not None:
                 break
         else:
@@ -365,20 +366,22 @@ def _add(
     return special
 
 
-def _show(progress: Progress, step: BranchStep, number: int) -> None:
+def _show(progress: Progress, step: BranchStep, number: int, scale: float) -> None:
     """Show the progress of a branch on one line, and its folds and bifurcations on others.
 
     Args:
         progress: progress line.
         step: accepted step.
         number: number of special points so far.
+        scale: unit of gamma, whose round-off is shown as 0.
     """
     if not progress.due:
         return
     for s in step.special:
         if s.kind != "event":
             smooth = "smooth" if s.smooth else "nonsmooth"
-            progress.write(f"branch {step.branch}: {smooth} {s.kind} at gamma {s.gamma:.10g}")
+            gamma = as_text(s.gamma, scale, 10)
+            progress.write(f"branch {step.branch}: {smooth} {s.kind} at gamma {gamma}")
     progress.update(
         f"branch {step.branch}  point {step.index}  gamma {step.point.gamma:+.6f}  "
         f"step {step.point.step:.1e}  special {number}"
