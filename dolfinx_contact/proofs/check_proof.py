@@ -2936,7 +2936,8 @@ def report(certificate: Certificate, proved: Proved) -> list[str]:
         f"  {certificate.digest}",
     ]
     if certificate.force_unit != 1.0:
-        lines.append(f"sums of forces in the units of the input, {certificate.force_unit:.6g} p")
+        unit = f"{certificate.force_unit:.6g}"
+        lines.append(f"forces below are in the units of the input: those of p, times {unit}")
     number = len(proved.inside) + int(proved.at_rest)
     many = _number(number, "solution")
     lines.append(f"for all S and p within these errors there are {many} as follows, and")
