@@ -146,6 +146,8 @@ class ParametricContact(ReadOnly, ParametricEquations):
         self._obstacle_at_gamma = ""
         #: Surfaces on which a warning of sliding has been logged.
         self._warned: set[str] = set()
+        #: Piece and gamma of the last point whose indicators were evaluated.
+        self._judged: tuple[Piece | None, float] = None, 0.0
 
     @collective("set_parameter", _check_parameter)
     def set_parameter(self, gamma: float) -> None:
@@ -176,6 +178,11 @@ class ParametricContact(ReadOnly, ParametricEquations):
         """
         self._put(x, gamma, piece)
         self.equations.read_data()
+        # records and observers put the same point several times
+        before, at = self._judged
+        if piece is before and gamma == at:
+            return
+        self._judged = piece, gamma
         found = surface_indicators(self.equations, self.contact(x, gamma, piece))
         warnings = Indicators(found).warnings
         for name, text in warnings.items():
