@@ -78,10 +78,14 @@ class ProvedCount:
         return self.solutions.complete
 
     def __str__(self) -> str:
-        return self._text(abs(self.gamma))
+        return self.text(abs(self.gamma))
 
-    def _text(self, scale: float) -> str:
-        """Return gamma and the number of solutions as text, with 0 for round-off of a scale."""
+    def text(self, scale: float) -> str:
+        """Return gamma, the number of solutions and the method as text.
+
+        Args:
+            scale: size of the largest gamma, whose round-off is printed as 0.
+        """
         many = f"{self.number} solution{'' if self.number == 1 else 's'}"
         known = "proved" if self.proved else "others are not excluded"
         off = self.branches.count(-1)
@@ -121,7 +125,7 @@ class BranchCounts:
     def __str__(self) -> str:
         """One line per count."""
         scale = max((abs(c.gamma) for c in self.counts), default=0.0)
-        return "\n".join(c._text(scale) for c in self.counts)
+        return "\n".join(c.text(scale) for c in self.counts)
 
     def save(self, folder: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
         """Write numbers and proofs into a folder; from one rank.
