@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Meshes from gmsh with named groups, bodies joined in one mesh, and cracks."""
+"""Meshes with named groups, from gmsh or DOLFINx; bodies joined in one mesh, and cracks."""
 
 from typing import TYPE_CHECKING
 
@@ -14,6 +14,7 @@ from dolfinx_contact.meshing.gmsh import (
 
 if TYPE_CHECKING:
     from dolfinx_contact.meshing.cracks import crack
+    from dolfinx_contact.meshing.groups import name_groups
     from dolfinx_contact.meshing.whole import join
 
 __all__ = [
@@ -23,11 +24,14 @@ __all__ = [
     "draw_polygon",
     "join",
     "mesh_from_gmsh",
+    "name_groups",
     "read_mesh",
 ]
 
 #: Functions that make new meshes from others are loaded when they are used.
-__getattr__ = loads(__name__, {"cracks": ("crack",), "whole": ("join",)})
+__getattr__ = loads(
+    __name__, {"cracks": ("crack",), "groups": ("name_groups",), "whole": ("join",)}
+)
 
 
 def __dir__() -> list[str]:

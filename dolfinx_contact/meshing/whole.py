@@ -7,7 +7,7 @@ ranks.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -158,8 +158,8 @@ def _check(a: Arguments) -> None:
     given = a.meshes
     bodies: list[Any] = list(given) if isinstance(given, list | tuple) else []
     if bodies and all(isinstance(m, GmshMesh) for m in bodies):
-        a.cell_tags = a.cell_tags or [m.cell_tags for m in bodies]
-        a.facet_tags = a.facet_tags or [m.facet_tags for m in bodies]
+        a.cell_tags = a.cell_tags or [m._named_cells for m in bodies]
+        a.facet_tags = a.facet_tags or [m._named_facets for m in bodies]
         bodies = [m.mesh for m in bodies]
     if not bodies or not all(isinstance(m, mesh.Mesh) for m in bodies):
         raise ValueError(f"a list of meshes is needed, all of one kind, got {given!r}")
@@ -175,30 +175,40 @@ def _check(a: Arguments) -> None:
         for i, (m, t) in enumerate(zip(bodies, tags, strict=True), 1):
             check_tags(m, t, dim, f"the {what}_tags of mesh {i}")
     a.meshes = bodies
+    a.prefixes = listed(a.prefixes or [""] * len(bodies), "prefixes")
+    if len(a.prefixes) != len(bodies):
+        raise ValueError(f"{len(bodies)} meshes need as many prefixes, got {a.prefixes}")
 
 
 @collective("joining meshes", _check)
 def join(
     meshes: Sequence[mesh.Mesh] | Sequence[GmshMesh],
     *,
+    prefixes: Sequence[str] | None = None,
     cell_tags: Sequence[mesh.MeshTags] | None = None,
     facet_tags: Sequence[mesh.MeshTags] | None = None,
 ) -> GmshMesh:
     """Return one mesh of several bodies, which do not share nodes. Collective.
 
-    Args:
-        meshes: meshes of one kind of cells and one dimension, each on all ranks; of meshes with
-            physical groups the tags are kept and the names are lost.
-        cell_tags: cell tags of every mesh; default: 1 for the cells of the first body, 2 for those
-            of the second, and so on.
-        facet_tags: facet tags of every mesh; default: none.
+    Names of groups are kept. A group keeps its tag unless a group of another name has it already;
+    then it gets a new one. Groups of one name in several meshes become one group::
 
-    Returns:
-        Mesh, cell tags and facet tags, without names of groups.
+        upper = name_groups(square, {"top": top, "sole": bottom}, cells="upper")
+        lower = read_mesh(comm, "lower.msh")  # groups lower, seat and base
+        body = join([upper, lower])
+        pair = ContactPair(u, body, slave="sole", master="seat", law=Coulomb(0.4))
+
+    Args:
+        meshes: meshes of one kind of cells and one dimension, each on all ranks.
+        prefixes: beginnings of the names of the groups of every mesh, so that groups of one name
+            stay apart: ``("upper_", "lower_")``; default: none.
+        cell_tags: cell tags of every mesh; default: its groups of cells; without groups, 1 for the
+            cells of the first body, 2 for those of the second, and so on.
+        facet_tags: facet tags of every mesh; default: its groups of facets.
 
     Raises:
         ValueError: on every rank, if the meshes differ in their kind or dimension or are curved, or
-            tags are missing or belong to another mesh or to other entities.
+            tags or prefixes are missing, or tags belong to another mesh or to other entities.
     """
     bodies: Sequence[Any] = meshes
     comm = bodies[0].comm
@@ -212,20 +222,64 @@ def join(
             every = np.arange(len(part.cells))
             part = replace(part, tagged_cells=every, cell_values=values)
         parts.append(part)
-    whole = _joined([p for p in parts if p is not None]) if comm.rank == 0 else None
+    names = [
+        [
+            {prefix + name: tag for name, tag in getattr(tags, "names", {}).items()}
+            for tags, prefix in zip(given or [None] * len(bodies), prefixes or (), strict=True)
+        ]
+        for given in (cell_tags, facet_tags)
+    ]
+    whole, merged = None, None
+    if comm.rank == 0:
+        whole, merged = _joined([p for p in parts if p is not None], *names)
+    of_cells, of_facets = comm.bcast(merged)
     element = bodies[0].ufl_domain().ufl_coordinate_element()
     domain, cells, facets = distributed(comm, whole, element)
-    return GmshMesh(domain, cells, NamedTags(facets, {}), {})
+    by_name = {name: (cells.dim, tag) for name, tag in of_cells.items()}
+    by_name |= {name: (facets.dim, tag) for name, tag in of_facets.items()}
+    return GmshMesh(domain, NamedTags(cells, of_cells), NamedTags(facets, of_facets), by_name)
 
 
-def _joined(parts: Sequence[WholeMesh]) -> WholeMesh:
+def _joined(
+    parts: Sequence[WholeMesh],
+    names_of_cells: Sequence[Mapping[str, int]],
+    names_of_facets: Sequence[Mapping[str, int]],
+) -> tuple[WholeMesh, tuple[dict[str, int], dict[str, int]]]:
+    """Return the mesh of all parts, and its tags of cells and of facets by name."""
     nodes = np.cumsum([0, *(len(p.x) for p in parts)])
     cells = np.cumsum([0, *(len(p.cells) for p in parts)])
-    return WholeMesh(
+    cell_values, of_cells = _merged([p.cell_values for p in parts], names_of_cells)
+    facet_values, of_facets = _merged([p.facet_values for p in parts], names_of_facets)
+    whole = WholeMesh(
         np.concatenate([p.cells + a for p, a in zip(parts, nodes, strict=False)]),
         np.concatenate([p.x for p in parts]),
         np.concatenate([p.tagged_cells + a for p, a in zip(parts, cells, strict=False)]),
-        np.concatenate([p.cell_values for p in parts]),
+        cell_values,
         np.concatenate([p.facets + a for p, a in zip(parts, nodes, strict=False)]),
-        np.concatenate([p.facet_values for p in parts]),
+        facet_values,
     )
+    return whole, (of_cells, of_facets)
+
+
+def _merged(
+    values: Sequence[Indices], names: Sequence[Mapping[str, int]]
+) -> tuple[Indices, dict[str, int]]:
+    """Return the tags of the entities of all parts, and the tags by name.
+
+    Args:
+        values: tags of the entities of every part.
+        names: tags by name of every part.
+    """
+    unnamed = [np.setdiff1d(v, list(own.values())) for v, own in zip(values, names, strict=True)]
+    taken = set(np.concatenate(unnamed).tolist())
+    tags: dict[str, int] = {}
+    merged = []
+    for old, own in zip(values, names, strict=True):
+        new = old.copy()
+        for name, tag in own.items():
+            if name not in tags:
+                tags[name] = max(taken) + 1 if tag in taken else tag
+                taken.add(tags[name])
+            new[old == tag] = tags[name]
+        merged.append(new)
+    return np.concatenate(merged), tags
