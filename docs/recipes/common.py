@@ -95,38 +95,34 @@ def triangle(friction=1.7, n=2):
 # ## Two blocks, one on the other
 #
 # Two squares of edge 1 in one mesh, the upper one at y > 0. The lower one is held on its bottom,
-# the upper one is moved on its top. Their cells may differ in size.
+# the upper one is moved on its top. Their cells may differ in size. The faces in contact are `sole`
+# and `seat`.
 
 
 class TwoBlocks:
     def __init__(self, n_upper=4, n_lower=4, moved=(0.0, -0.01), poisson=0.0):
         upper = mesh.create_rectangle(MPI.COMM_WORLD, [[0, 0], [1, 1]], (n_upper, n_upper))
         lower = mesh.create_rectangle(MPI.COMM_WORLD, [[0, -1], [1, 0]], (n_lower, n_lower))
-        self.body = meshing.join([upper, lower])
-        domain = self.body.mesh
-        self.V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+        upper_sides = {"sole": facets_where(upper, 1, 0.0), "top": facets_where(upper, 1, 1.0)}
+        lower_sides = {"seat": facets_where(lower, 1, 0.0), "base": facets_where(lower, 1, -1.0)}
+        self.body = meshing.join(
+            [meshing.name_groups(upper, upper_sides), meshing.name_groups(lower, lower_sides)]
+        )
+        self.V = fem.functionspace(self.body.mesh, ("Lagrange", 1, (2,)))
         self.u = fem.Function(self.V, name="displacement")
-        self.moved = fem.Constant(domain, moved)
-        top = fem.locate_dofs_topological(self.V, 1, facets_where(domain, 1, 1.0))
-        base = fem.locate_dofs_topological(self.V, 1, facets_where(domain, 1, -1.0))
+        self.moved = fem.Constant(self.body.mesh, moved)
         self.bcs = [
-            fem.dirichletbc(self.moved, top, self.V),
-            fem.dirichletbc(np.zeros(2), base, self.V),
+            fem.dirichletbc(self.moved, self.body.dofs(self.V, "top"), self.V),
+            fem.dirichletbc(np.zeros(2), self.body.dofs(self.V, "base"), self.V),
         ]
         self.energy = LinearElastic.from_young(1000.0, poisson).energy(self.u) * ufl.dx
-        faces = np.sort(facets_where(domain, 1, 0.0))
-        domain.topology.create_connectivity(1, 2)
-        cells = [domain.topology.connectivity(1, 2).links(f)[0] for f in faces]
-        above = np.isin(cells, self.body.cell_tags.find(1))
-        self.sole = faces[above]  # of the upper block
-        self.base = faces[~above]  # of the lower block
 
     def problem(self, pair):
         return ContactProblem(self.energy, self.u, [pair], bcs=self.bcs)
 
     def pair(self, law=None, **options):
-        law = law or Coulomb(0.3)
-        return ContactPair(self.u, self.sole, master_facets=self.base, law=law, **options)
+        options = {"slave": "sole", "master": "seat", "law": law or Coulomb(0.3)} | options
+        return ContactPair(self.u, self.body, **options)
 
 
 # ## A wheel with a rubber tyre
