@@ -122,8 +122,7 @@ for friction in frictions:
     numbers[friction] = []
     for n in meshes:
         problem = block(n, friction)
-        unused = fem.Constant(problem.V.mesh, 0.0)  # the load does not vary
-        system = ParametricContact(problem, unused)
+        system = ParametricContact(problem)  # without a parameter
         found = find_solutions(system, [system.create_vector()], 0.0)
         numbers[friction].append(len(found.found))
         proved = "proved" if found.complete else "not proved"

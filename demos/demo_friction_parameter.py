@@ -88,8 +88,7 @@ say(f"folds at F = {', '.join(f'{fold:.10f}' for fold in folds)}")
 solutions = []
 for a, b in pairwise([low, *folds, high]):
     at_middle = body((a + b) / 2)
-    unused = fem.Constant(at_middle.V.mesh, 0.0)  # the load does not vary
-    fixed = ParametricContact(at_middle, unused)
+    fixed = ParametricContact(at_middle)  # without a parameter
     found = find_solutions(fixed, [fixed.create_vector()], 0.0)
     statuses = sorted(fixed.letters(solution.piece) for solution in found.found)
     solutions.append(statuses)

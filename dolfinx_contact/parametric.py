@@ -31,7 +31,7 @@ from dolfinx_contact.continuation import BranchPoint, Piece
 from dolfinx_contact.continuation.affine import AffineSystem
 from dolfinx_contact.continuation.solutions import Solution
 from dolfinx_contact.continuation.system import Condensed, Proof, RayProof
-from dolfinx_contact.equations.data import data_within, placed_data
+from dolfinx_contact.equations.data import Datum, data_within, placed_data
 from dolfinx_contact.equations.parametric import ParametricEquations
 from dolfinx_contact.equations.state import State
 from dolfinx_contact.laws import Coulomb, Frictionless, status
@@ -63,8 +63,16 @@ def _check_parameter(a: Arguments) -> None:
 
 def _check(a: Arguments) -> None:
     instance(a.problem, "problem", ContactProblem)
+    without = a.gamma is None
+    if without:
+        a.gamma = fem.Constant(a.problem.V.mesh, 0.0)
     a.driven = _checked(a.problem, a.gamma, a.driven)
-    _require_own(a.problem, a.gamma, a.driven)
+    data = _require_own(a.problem, a.gamma, a.driven)
+    if not without and not any(d.value is a.gamma for d in data):
+        raise ValueError(
+            "gamma does not occur in the problem or in driven: use this Constant there, or omit "
+            "gamma for a problem without a parameter"
+        )
 
 
 def _described(a: Arguments) -> dict[str, Any]:
@@ -88,7 +96,8 @@ class ParametricContact(ReadOnly, ParametricEquations):
         problem: contact problem. Its Functions contain the present point while observers are
             called, and the last point after a branch has been followed.
         gamma: parameter, a scalar Constant in the bulk, a law, an obstacle, or the load or motion
-            of a rigid body. Dirichlet data depend on it through ``driven`` only.
+            of a rigid body. Dirichlet data depend on it through ``driven`` only. Default: None, for
+            the solutions of a problem without a parameter (`find_solutions`).
         driven: pairs of a Function used in a Dirichlet condition and its value, a UFL expression of
             gamma and the position. The Function must not occur elsewhere.
 
@@ -97,10 +106,10 @@ class ParametricContact(ReadOnly, ParametricEquations):
             found, for each sense of gamma; 0 for no proof, default 10. The attribute is writable.
 
     Raises:
-        ValueError: on every rank, if ``gamma`` is not a scalar Constant of the mesh or is the value
-            of a Dirichlet condition; if a driven Function or its expression belongs to another
-            mesh, has another shape, is not in a Dirichlet condition or occurs elsewhere as well; or
-            if arguments differ between ranks.
+        ValueError: on every rank, if ``gamma`` is not a scalar Constant of the mesh, does not occur
+            in the data, or is the value of a Dirichlet condition; if a driven Function or its
+            expression belongs to another mesh, has another shape, is not in a Dirichlet condition
+            or occurs elsewhere as well; or if arguments differ between ranks.
     """
 
     _listed = (
@@ -133,10 +142,11 @@ class ParametricContact(ReadOnly, ParametricEquations):
     def __init__(
         self,
         problem: ContactProblem,
-        gamma: fem.Constant,
+        gamma: fem.Constant | None = None,
         *,
         driven: Sequence[tuple[fem.Function, Any]] = (),
     ):
+        assert gamma is not None  # `_check` replaces None
         self.problem = problem
         self.proof_seconds = _PROOF_SECONDS
         super().__init__(problem.equations, gamma, lambda: problem.linear_solver, driven=driven)
@@ -458,8 +468,8 @@ def _checked(problem: ContactProblem, gamma: Any, driven: Any) -> list[tuple[fem
     return pairs
 
 
-def _require_own(problem: ContactProblem, gamma: fem.Constant, driven: Any) -> None:
-    """Raise ``ValueError`` if gamma or a driven Function occurs where it is not differentiated.
+def _require_own(problem: ContactProblem, gamma: fem.Constant, driven: Any) -> list[Datum]:
+    """Return the data; raise ``ValueError`` if they use gamma or a driven Function wrongly.
 
     Derivatives with respect to gamma do not include Functions and Constants of Dirichlet
     conditions.
@@ -483,6 +493,7 @@ def _require_own(problem: ContactProblem, gamma: fem.Constant, driven: Any) -> N
     for d in driving:
         if any(_share(f, d.value) for f in problem.fields):
             raise ValueError(f"{d.place} is an unknown, which must not drive Dirichlet data")
+    return data
 
 
 def _share(f: fem.Function, other: Any) -> bool:

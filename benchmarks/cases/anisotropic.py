@@ -125,8 +125,7 @@ def main(argv=None):
         statuses = []
         for n in args.n:
             problem = body(n, friction, *material, comm)
-            unused = fem.Constant(problem.V.mesh, 0.0)  # the load does not vary
-            system = ParametricContact(problem, unused)
+            system = ParametricContact(problem)  # without a parameter
             start = system.create_vector()
             found = find_solutions(system, [start], 0.0)
             count = len(found.found)

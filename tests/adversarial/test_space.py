@@ -49,7 +49,7 @@ def test_a_ball_pressed_into_a_block_and_turned_is_found(law, sliding):
     ball = Sphere((0.5, 0.5, -2.0), 2.0)
     problem = body.problem(law, body.elastic(100.0, 0.3), obstacle=ball, sliding=sliding)
     body.move_top(0.01, 0.02, -0.05)
-    system = ParametricContact(problem, fem.Constant(body.domain, 0.0))
+    system = ParametricContact(problem)
     right = problem.solve().resultants["contact"]
     body.u.x.array[:] = 0.0
     _, tables = tables_found(system, 0.0)
@@ -62,7 +62,7 @@ def test_of_three_solutions_of_a_point_none_is_called_the_only_one():
     body, energy = one_point([[1.0, 0.0, -0.9], [0.0, 1.0, -1.2], [-0.9, -1.2, 4.0]], 3)
     problem = body.problem(Coulomb(1.0), energy)
     body.move_top(0.6, 0.8, 0.1)
-    system = ParametricContact(problem, fem.Constant(body.domain, 0.0))
+    system = ParametricContact(problem)
     guesses = [system.create_vector(), system.create_vector()]
     guesses[1].set(5.0)
     search, tables = tables_found(system, 0.0, guesses, (0.5, 0.1))

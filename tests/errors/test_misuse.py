@@ -34,6 +34,7 @@ from dolfinx_contact import (
     Cylinder,
     HalfSpace,
     LevelSet,
+    ParametricContact,
     RigidBody,
     Sphere,
 )
@@ -312,6 +313,20 @@ MISUSE = {
     "parameter vector": (
         lambda w: parametric(w, fem.Constant(w.domain, (0.0, 1.0))),
         "gamma must be a scalar Constant",
+    ),
+    "parameter that is not used": (
+        lambda w: parametric(w, fem.Constant(w.domain, 0.5)),
+        "gamma does not occur in the problem or in driven",
+    ),
+    "driven without the parameter": (
+        lambda w: parametric(
+            w, problem=problem(w, bcs=w.problem.bcs), driven=[(w.held, vector(1.0))]
+        ),
+        "gamma does not occur in the problem or in driven",
+    ),
+    "no parameter to follow": (
+        lambda w: followed(w, system=ParametricContact(problem(w))),
+        "gamma does not appear in H",
     ),
     "no problem": (lambda w: parametric(w, problem=w.energy), "must be a ContactProblem"),
     "driven of another mesh": (

@@ -343,7 +343,7 @@ def test_jacobian_with_rigid_motions_agrees_with_differences(dim, method, degree
         motion=dict.fromkeys(rest, 0.01),
     )
     problem = block(body, dim, 2, method=method, degree=degree)
-    system = ParametricContact(problem, fem.Constant(problem.V.mesh, 0.0))
+    system = ParametricContact(problem)
     x = system.probe(1)
     v = system.probe(2)
     x.scale(1e-2)

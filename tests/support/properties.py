@@ -13,8 +13,6 @@ import pytest
 from hypothesis import HealthCheck, given, note, settings
 from hypothesis import strategies as st
 
-from dolfinx import fem
-
 from dolfinx_contact import ParametricContact
 from dolfinx_contact.continuation import find_solutions
 from dolfinx_contact.evolution import QuasiStatic
@@ -232,7 +230,7 @@ def is_among_all(case):
     """The solution of a solve is among all solutions, and each satisfies the law."""
     model = Model(case)
     solved = model.solve()
-    system = ParametricContact(model.problem, fem.Constant(model.mesh, 0.0))
+    system = ParametricContact(model.problem)
     solutions = find_solutions(system, [system.create_vector()], 0.0)
     near = []
     for point in solutions.points(system):

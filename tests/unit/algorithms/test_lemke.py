@@ -167,7 +167,7 @@ def check_random_body(seed):
         if "into the obstacle" in str(error):  # a clamped corner that the floor is in
             return "refused"
         raise
-    system = ParametricContact(problem, fem.Constant(problem.V.mesh, 0.0))
+    system = ParametricContact(problem)
     x = system.create_vector()
     problem.write(x)
     solutions = find_solutions(system, [x], 0.0)

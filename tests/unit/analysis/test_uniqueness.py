@@ -15,7 +15,7 @@ from support.blocks import block, facets
 from support.checks import solved_start
 
 import ufl
-from dolfinx import fem, mesh
+from dolfinx import mesh
 
 from dolfinx_contact import (
     ContactProblem,
@@ -85,7 +85,7 @@ def test_uniqueness_refuses_an_unsolved_state_beside_large_reactions(unit):
 
 def all_solutions(problem):
     """Return all solutions with a proof of completeness."""
-    system = ParametricContact(problem, fem.Constant(problem.V.mesh, 0.0))
+    system = ParametricContact(problem)
     found = find_solutions(system, [system.create_vector()], 0.0)
     system.destroy()
     return found

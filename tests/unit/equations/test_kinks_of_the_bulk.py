@@ -71,7 +71,7 @@ def test_bulk_with_kinks_is_solved_and_not_followed(sense, degree, cell):
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9 if degree == 1 else 1e-5)
     assert np.abs(found).max() > 0.01
     assert p.problem.uniqueness().verdict == "not proved"
-    system = ParametricContact(p.problem, fem.Constant(p.problem.V.mesh, 0.0))
+    system = ParametricContact(p.problem)
     for use in (
         lambda: follow(system, system.create_vector(), 0.0, gamma_range=(0.0, 1.0)),
         lambda: ArcLength(system),

@@ -210,7 +210,7 @@ def test_every_call_refuses_a_moved_mesh():
     move(0.01, -0.02)
     problem.solve()
     state = problem.snapshot()
-    system = ParametricContact(problem, fem.Constant(problem.V.mesh, 0.0))
+    system = ParametricContact(problem)
     solution = problem.create_vector()
     problem.write(solution)
     x = problem.V.mesh.geometry.x

@@ -4,8 +4,6 @@ import numpy as np
 import pytest
 from support.blocks import block
 
-from dolfinx import fem
-
 from dolfinx_contact import Coulomb, Frictionless, ParametricContact, Tresca
 from dolfinx_contact.laws import coulomb
 from dolfinx_contact.laws.status import MINUS, OPEN, PLUS, STICK
@@ -16,7 +14,7 @@ LAWS = [Coulomb(0.7), Frictionless(), Tresca(2.0)]
 def reduced(law):
     """A reduction, friction, bound and augmentation of its points, in units of w."""
     problem = block(n=3, law=law)
-    system = ParametricContact(problem, fem.Constant(problem.V.mesh, 0.0))
+    system = ParametricContact(problem)
     x = system.create_vector()
     found = system.condensed(x, 0.0, conic=False)
     x.destroy()

@@ -8,8 +8,6 @@ import numpy as np
 import pytest
 from support.blocks import block
 
-from dolfinx import fem
-
 from dolfinx_contact import ParametricContact
 from dolfinx_contact.continuation import Piece
 from dolfinx_contact.laws import BilinearCohesive, Tresca, status
@@ -56,7 +54,7 @@ def test_statuses_are_spelled_by_their_letters():
 def test_pieces_are_known_by_their_letters(cell, law):
     """Resumption uses the recorded letters of a branch for any law."""
     problem = block(n=2, cell=cell, law=law)
-    system = ParametricContact(problem, fem.Constant(problem.V.mesh, 0.0))
+    system = ParametricContact(problem)
     codes = sorted(problem.surfaces[0].law_at_points.codes)
     for shift in range(len(codes)):
         mine = np.array(codes, dtype=np.int8)[(np.arange(len(system.clamped)) + shift) % len(codes)]

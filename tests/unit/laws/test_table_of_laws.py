@@ -42,7 +42,7 @@ def problem_of(law, dim=2, **options):
 
 
 def pivots(problem):
-    return can_condense(ParametricContact(problem, fem.Constant(problem.V.mesh, 0.0)))
+    return can_condense(ParametricContact(problem))
 
 
 def refused(action, *kinds):

@@ -231,7 +231,7 @@ def test_several_surfaces_have_a_proved_solution(left, right, gap):
     problem = plate(left, right, gap=gap)
     problem.solve()
     assert problem.uniqueness().verdict == "proved"
-    system = ParametricContact(problem, fem.Constant(problem.V.mesh, 0.0))
+    system = ParametricContact(problem)
     solutions = found_at(system, 0.0)
     assert solutions.complete
     (one,) = solutions.found
@@ -257,7 +257,7 @@ def test_solutions_of_trescas_law_are_proved(right):
     result = problem.solve()
     assert problem.uniqueness().verdict == "proved"
     assert "k" in result.tables["left"].status
-    system = ParametricContact(problem, fem.Constant(problem.V.mesh, 0.0))
+    system = ParametricContact(problem)
     solutions = found_at(system, 0.0)
     assert solutions.complete
     assert solutions.proof.verdict == "complete"
