@@ -28,7 +28,7 @@ from dolfinx import fem, mesh
 from dolfinx_contact import ContactPair, ContactProblem, Coulomb, io, plot
 from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.grids import create_grid
-from dolfinx_contact.meshing import join
+from dolfinx_contact.meshing import join, name_groups
 
 comm = MPI.COMM_WORLD
 size = 0.2  # of the cells, mm
@@ -37,13 +37,12 @@ friction = 0.3
 poisson = 0.32
 young = {"slab": 689.6, "die": 6896.0}
 slab_length, slab_height, edge_radius = 12.0, 4.0, 0.75
-BELOW, SLAB, DIE, ABOVE = 1, 2, 3, 4  # facet tags
 
 # ## The meshes
 #
 # Both bodies are grids of quadrilaterals. The cells of the slab grow towards its bottom. The grid
-# of the die is mapped so that its lower side becomes an arc. `join` puts both meshes into one, with
-# the cell tags 1 and 2, and keeps their facet tags.
+# of the die is mapped so that its lower side becomes an arc. `name_groups` names parts of a mesh,
+# and `join` puts both meshes into one with these names.
 
 heights = [0.0]
 step = size
@@ -57,43 +56,26 @@ slab = create_grid(comm, [along, (slab_height - depth)[::-1]], mesh.CellType.qua
 across = np.linspace(0.0, 1.0, round(1.39 / size) + 1)
 up = np.linspace(0.0, 1.0, max(round(1.05 / size), 3) + 1)
 die = create_grid(comm, [across, up], mesh.CellType.quadrilateral)
-
-
-def tagged(body, tags):
-    """Facet tags from a dictionary: tag -> condition on the coordinates."""
-    pairs = [
-        (facet, tag)
-        for tag, condition in tags.items()
-        for facet in mesh.locate_entities_boundary(body, 1, condition)
-    ]
-    facets, values = np.array(sorted(pairs), dtype=np.int32).reshape(-1, 2).T
-    return mesh.meshtags(body, 1, facets.copy(), values.copy())
-
-
-slab_tags = tagged(
-    slab,
-    {
-        BELOW: lambda x: np.isclose(x[1], 0.0),
-        SLAB: lambda x: np.isclose(x[1], slab_height),
-    },
-)
+slab_sides = {
+    "below": lambda x: np.isclose(x[1], 0.0),
+    "slab": lambda x: np.isclose(x[1], slab_height),
+}
 
 # The contact face of the die continues around its corners, otherwise the slab would lose contact
 # with the end of the face.
 
-die_tags = tagged(
-    die,
-    {
-        DIE: lambda x: np.isclose(x[1], 0.0) | np.isclose(x[0], 0.0) | np.isclose(x[0], 1.0),
-        ABOVE: lambda x: np.isclose(x[1], 1.0),
-    },
-)
+die_sides = {
+    "die": lambda x: np.isclose(x[1], 0.0) | np.isclose(x[0], 0.0) | np.isclose(x[0], 1.0),
+    "above": lambda x: np.isclose(x[1], 1.0),
+}
+slab = name_groups(slab, slab_sides, cells="slab")
+named_die = name_groups(die, die_sides, cells="die")
 x = die.geometry.x
 angle = np.arcsin(0.8) * (2 * x[:, 0] - 1)
 arc = np.array([0.8 + edge_radius * np.sin(angle), 4.2 + edge_radius * (1 - np.cos(angle))])
 flat = np.array([0.2 + 1.2 * x[:, 0], np.full(len(x), 5.4)])
 x[:, :2] = ((1 - x[:, 1]) * arc + x[:, 1] * flat).T
-bodies = join([slab, die], facet_tags=[slab_tags, die_tags])
+bodies = join([slab, named_die])
 
 # ## The problem
 #
@@ -115,13 +97,10 @@ def stored(u, modulus):
 
 V = fem.functionspace(bodies.mesh, ("Lagrange", 1, (2,)))
 u = fem.Function(V, name="displacement")
-dx = ufl.Measure("dx", bodies.mesh, subdomain_data=bodies.cell_tags)
-energy = stored(u, young["slab"]) * dx(1) + stored(u, young["die"]) * dx(2)
+energy = sum(stored(u, modulus) * bodies.dx(name) for name, modulus in young.items())
 motion = fem.Constant(bodies.mesh, np.zeros(2))
-bcs = []
-for tag, value in ((BELOW, np.zeros(2)), (ABOVE, motion)):
-    dofs = fem.locate_dofs_topological(V, 1, bodies.facet_tags.find(tag))
-    bcs.append(fem.dirichletbc(value, dofs, V))
+held = {"below": np.zeros(2), "above": motion}
+bcs = [fem.dirichletbc(value, bodies.dofs(V, name), V) for name, value in held.items()]
 
 # The soft body is the slave, whose nodes carry the contact forces. With `sliding="large"` the
 # facets opposite each other are searched in every iterate, and gap and normal are those of the
@@ -129,7 +108,7 @@ for tag, value in ((BELOW, np.zeros(2)), (ABOVE, motion)):
 # regularisation parameter is needed.
 
 law = Coulomb(friction)
-pair = ContactPair(u, bodies, slave=SLAB, master=DIE, law=law, sliding="large")
+pair = ContactPair(u, bodies, slave="slab", master="die", law=law, sliding="large")
 problem = ContactProblem(energy, u, [pair], bcs=bcs)
 
 # ## The history

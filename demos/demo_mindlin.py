@@ -30,7 +30,7 @@ from dolfinx_contact import ContactPair, ContactProblem, Coulomb, io, plot
 from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.grids import create_grid
 from dolfinx_contact.materials import LinearElastic
-from dolfinx_contact.meshing import join
+from dolfinx_contact.meshing import join, name_groups
 
 comm = MPI.COMM_WORLD
 n = 20  # cells on about half of the contact
@@ -54,25 +54,21 @@ y = np.concatenate(([0.0], growing[growing < 0.8 * size], [size]))
 half = np.append(np.arange(0.0, face_half_length, h), face_half_length + y[1:])
 x = np.append(-half[:0:-1], half)
 quadrilateral = mesh.CellType.quadrilateral
-blocks = join(
-    [create_grid(comm, (x, y), quadrilateral), create_grid(comm, (x, -y[::-1]), quadrilateral)]
+
+
+def at(height, reach=np.inf):
+    return lambda x: np.isclose(x[1], height) & (np.abs(x[0]) < reach)
+
+
+# The faces of both blocks coincide; their names, which `join` keeps, distinguish them.
+
+face = at(0.0, face_half_length)
+upper = name_groups(create_grid(comm, (x, y), quadrilateral), {"upper_face": face, "top": at(size)})
+lower = name_groups(
+    create_grid(comm, (x, -y[::-1]), quadrilateral), {"lower_face": face, "base": at(-size)}
 )
+blocks = join([upper, lower])
 domain = blocks.mesh
-
-
-def facets_at(height, reach=np.inf):
-    def on(x):
-        return np.isclose(x[1], height) & (np.abs(x[0]) < reach)
-
-    return np.sort(mesh.locate_entities_boundary(domain, 1, on))
-
-
-# The faces of both blocks coincide; the tag of the adjacent cell distinguishes them.
-
-face = facets_at(0.0, face_half_length)
-to_cells = domain.topology.connectivity(1, 2)
-cells = to_cells.array[to_cells.offsets[face]]
-upper = np.isin(cells, blocks.cell_tags.find(1))
 
 # ## The problem
 #
@@ -83,21 +79,20 @@ V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
 u = fem.Function(V)
 traction = fem.Constant(domain, 0.0)
 down = fem.Constant(domain, 0.0)
-top = facets_at(size)
-ds = ufl.ds(subdomain_data=mesh.meshtags(domain, 1, top, 1))
 material = LinearElastic.from_young(young, poisson)
-energy = material.energy(u) * ufl.dx - traction * u[0] * ds(1)
+energy = material.energy(u) * ufl.dx - traction * u[0] * blocks.ds("top")
 
 horizontal, vertical = V.sub(0), V.sub(1)
 zero = fem.Constant(domain, 0.0)
 node = mesh.locate_entities_boundary(domain, 0, lambda x: np.hypot(x[0], x[1] + size) < 1e-9)
 bcs = [
-    fem.dirichletbc(down, fem.locate_dofs_topological(vertical, 1, top), vertical),
-    fem.dirichletbc(zero, fem.locate_dofs_topological(vertical, 1, facets_at(-size)), vertical),
+    fem.dirichletbc(down, blocks.dofs(vertical, "top"), vertical),
+    fem.dirichletbc(zero, blocks.dofs(vertical, "base"), vertical),
     fem.dirichletbc(zero, fem.locate_dofs_topological(horizontal, 0, node), horizontal),
 ]
 gap = ufl.SpatialCoordinate(domain)[0] ** 2 / (2 * radius)
-contact = ContactPair(u, face[upper], master_facets=face[~upper], law=Coulomb(friction), gap=gap)
+law = Coulomb(friction)
+contact = ContactPair(u, blocks, slave="upper_face", master="lower_face", law=law, gap=gap)
 problem = ContactProblem(energy, u, [contact], bcs=bcs)
 
 # ## The history

@@ -25,14 +25,13 @@ from mpi4py import MPI
 
 import numpy as np
 
-import ufl
 from dolfinx import fem, mesh
 
 from dolfinx_contact import RCCM, ContactPair, ContactProblem, io, plot
 from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.grids import create_grid
 from dolfinx_contact.materials import Axisymmetric, LinearElastic
-from dolfinx_contact.meshing import join
+from dolfinx_contact.meshing import join, name_groups
 
 comm = MPI.COMM_WORLD
 n = 4  # cells per mm along the fibre
@@ -52,33 +51,31 @@ EA = np.pi * a**2 * young_fibre
 quadrilateral = mesh.CellType.quadrilateral
 up = np.linspace(0, length, round(length * n) + 1)
 beyond = np.linspace(0, outside, round(outside * n) + 1)
-fibre = create_grid(comm, (np.linspace(0, a, 3), np.append(up, length + beyond[1:])), quadrilateral)
+along = np.append(up, length + beyond[1:])
+fibre = create_grid(comm, (np.linspace(0, a, 3), along), quadrilateral)
 radii = a + (outer - a) * np.array([0, 0.1, 0.3, 0.6, 1])
 matrix = create_grid(comm, (radii, up), quadrilateral)
 
 
-def facets(domain, axis, place, top=np.inf):
-    found = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[axis], place))
-    return np.sort(found[mesh.compute_midpoints(domain, 1, found)[:, 1] < top])
+def interface(x):
+    return np.isclose(x[0], a) & (x[1] < length + 1e-9)
 
 
-tags = [mesh.meshtags(body, 1, facets(body, 0, a, length), tag)
-        for tag, body in enumerate((fibre, matrix), 1)]  # fmt: skip
-both = join([fibre, matrix], facet_tags=tags)
-domain = both.mesh
-V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+fibre_sides = {"sleeve": interface, "end": lambda x: np.isclose(x[1], length + outside)}
+matrix_sides = {"hole": interface, "rim": lambda x: np.isclose(x[0], outer)}
+fibre = name_groups(fibre, fibre_sides, cells="fibre")
+both = join([fibre, name_groups(matrix, matrix_sides, cells="matrix")])
+V = fem.functionspace(both.mesh, ("Lagrange", 1, (2,)))
 u = fem.Function(V, name="displacement")
-dx = ufl.Measure("dx", subdomain_data=both.cell_tags)
-energy = Axisymmetric(LinearElastic.from_young(young_fibre, 0.0)).energy(u) * dx(1)
-energy += Axisymmetric(LinearElastic.from_young(young_matrix, 0.0)).energy(u) * dx(2)
+energy = Axisymmetric(LinearElastic.from_young(young_fibre, 0.0)).energy(u) * both.dx("fibre")
+energy += Axisymmetric(LinearElastic.from_young(young_matrix, 0.0)).energy(u) * both.dx("matrix")
 
 # The end of the fibre is drawn along the axis; the rim of the matrix is held along it.
 
-drawn = fem.Constant(domain, 0.0)
+drawn = fem.Constant(both.mesh, 0.0)
 W = V.sub(1)
-fibre_end = fem.locate_dofs_topological(W, 1, facets(domain, 1, length + outside))
-rim = fem.locate_dofs_topological(W, 1, facets(domain, 0, outer))
-bcs = [fem.dirichletbc(drawn, fibre_end, W), fem.dirichletbc(0.0, rim, W)]
+held = {"end": drawn, "rim": 0.0}
+bcs = [fem.dirichletbc(value, both.dofs(W, name), W) for name, value in held.items()]
 
 # ## Bond, friction and misfit
 #
@@ -86,7 +83,14 @@ bcs = [fem.dirichletbc(drawn, fibre_end, W), fem.dirichletbc(0.0, rim, W)]
 
 law = RCCM(bond, bond, fracture_energy, friction)
 pair = ContactPair(
-    u, both, slave=1, master=2, law=law, axisymmetric=True, gap=-misfit, interference=True
+    u,
+    both,
+    slave="sleeve",
+    master="hole",
+    law=law,
+    axisymmetric=True,
+    gap=-misfit,
+    interference=True,
 )
 problem = ContactProblem(energy, u, [pair], bcs=bcs)
 clamped = problem.solve().tables["contact"]

@@ -32,7 +32,7 @@ from dolfinx_contact import (
 from dolfinx_contact.analysis import shakedown
 from dolfinx_contact.grids import create_grid
 from dolfinx_contact.materials import LinearElastic
-from dolfinx_contact.meshing import join
+from dolfinx_contact.meshing import join, name_groups
 
 comm = MPI.COMM_WORLD
 n = 6  # cells along an edge
@@ -43,30 +43,30 @@ friction, down, across = 0.3, -0.01, 0.002  # and the displacements of the top
 # The pair is sheared from both ends, so that the upper block deforms like the one on the floor.
 
 
+def at(y):
+    return lambda x: np.isclose(x[1], y)
+
+
 def block(mirrored):
     """The problem, and the displacements of the ends (Constants)."""
     quadrilateral = mesh.CellType.quadrilateral
     side, half = np.linspace(0.0, 1.0, n + 1), np.linspace(0.0, 0.5, n // 2 + 1)
-    bodies = [create_grid(comm, (side, half), quadrilateral)]
+    body = create_grid(comm, (side, half), quadrilateral)
+    body = name_groups(body, {"sole": at(0.0), "top": at(0.5)})
     if mirrored:
-        bodies.append(create_grid(comm, (side, half - 0.5), quadrilateral))
-    both = join(bodies)
-    domain = both.mesh
-    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+        image = create_grid(comm, (side, half - 0.5), quadrilateral)
+        body = join([body, name_groups(image, {"seat": at(0.0), "base": at(-0.5)})])
+    V = fem.functionspace(body.mesh, ("Lagrange", 1, (2,)))
     u = fem.Function(V, name="displacement")
     ends, bcs = [], []
-    for y in (0.5, -0.5) if mirrored else (0.5,):
-        ends.append(fem.Constant(domain, np.zeros(2)))
-        facets = mesh.locate_entities_boundary(domain, 1, lambda x, y=y: np.isclose(x[1], y))
-        bcs.append(fem.dirichletbc(ends[-1], fem.locate_dofs_topological(V, 1, facets), V))
-    face = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[1], 0.0))
+    for name in ("top", "base") if mirrored else ("top",):
+        ends.append(fem.Constant(body.mesh, np.zeros(2)))
+        bcs.append(fem.dirichletbc(ends[-1], body.dofs(V, name), V))
     law = Coulomb(friction)
     if mirrored:
-        to_cells = domain.topology.connectivity(1, 2)
-        upper = np.isin(to_cells.array[to_cells.offsets[face]], both.cell_tags.find(1))
-        contact = ContactPair(u, face[upper], master_facets=face[~upper], law=law)
+        contact = ContactPair(u, body, slave="sole", master="seat", law=law)
     else:
-        contact = ContactSurface(u, face, obstacle=HalfSpace((0, 0), (0, 1)), law=law)
+        contact = ContactSurface(u, body, tag="sole", obstacle=HalfSpace((0, 0), (0, 1)), law=law)
     energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx
     return ContactProblem(energy, u, [contact], bcs=bcs), ends
 

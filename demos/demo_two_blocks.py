@@ -3,8 +3,8 @@
 #
 # This demo illustrates how to:
 #
-# - put two bodies of different materials into one mesh (`meshing.join`) and let them touch
-#   (`ContactPair`), with matching or other nodes;
+# - name the sides of two bodies of different materials (`meshing.name_groups`), put the bodies into
+#   one mesh (`join`) and let them touch (`ContactPair`), with matching or other nodes;
 # - run a history (`QuasiStatic`) in which friction opposes the slip of each step;
 # - compare the static law with the law of the history.
 #
@@ -20,14 +20,13 @@ from mpi4py import MPI
 
 import numpy as np
 
-import ufl
 from dolfinx import fem, mesh
 
 from dolfinx_contact import ContactPair, ContactProblem, Coulomb, io, plot
 from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.grids import create_grid
 from dolfinx_contact.materials import LinearElastic
-from dolfinx_contact.meshing import join
+from dolfinx_contact.meshing import join, name_groups
 
 comm = MPI.COMM_WORLD
 n = 8  # cells along an edge of the square
@@ -38,38 +37,31 @@ lower = LinearElastic.from_young(300.0, 0.2)
 
 # ## The bodies
 #
-# The faces of both bodies coincide; the tag of the adjacent cell distinguishes them. The jump of
+# The faces of both bodies coincide; their names, which `join` keeps, distinguish them. The jump of
 # the pair is slave minus master, and the tables list forces on the slave.
 
 quadrilateral = mesh.CellType.quadrilateral
 side = np.linspace(0.0, 1.0, n + 1)
 finer = np.linspace(0.0, 1.0, ratio * n + 1)
 below = np.linspace(-0.5, 0.0, n // 2 + 1)
-bodies = [create_grid(comm, (side, side), quadrilateral)]
-bodies.append(create_grid(comm, (finer, below), quadrilateral))
-both = join(bodies)
-domain = both.mesh
-interface = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[1], 0.0))
-to_cells = domain.topology.connectivity(1, 2)
-cells = to_cells.array[to_cells.offsets[interface]]
-is_upper = np.isin(cells, both.cell_tags.find(1))
-
-V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-u = fem.Function(V, name="displacement")
-dx = ufl.Measure("dx", domain, subdomain_data=both.cell_tags)
-energy = upper.energy(u) * dx(1) + lower.energy(u) * dx(2)
-top = fem.Constant(domain, np.zeros(2))
 
 
 def line(y):
-    facets = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[1], y))
-    return fem.locate_dofs_topological(V, 1, facets)
+    return lambda x: np.isclose(x[1], y)
 
 
-bcs = [fem.dirichletbc(top, line(1.0), V), fem.dirichletbc(np.zeros(2), line(-0.5), V)]
-pair = ContactPair(
-    u, interface[is_upper], master_facets=interface[~is_upper], law=Coulomb(friction)
-)
+square = create_grid(comm, (side, side), quadrilateral)
+square = name_groups(square, {"sole": line(0.0), "top": line(1.0)}, cells="square")
+block = create_grid(comm, (finer, below), quadrilateral)
+block = name_groups(block, {"seat": line(0.0), "base": line(-0.5)}, cells="block")
+both = join([square, block])
+V = fem.functionspace(both.mesh, ("Lagrange", 1, (2,)))
+u = fem.Function(V, name="displacement")
+energy = upper.energy(u) * both.dx("square") + lower.energy(u) * both.dx("block")
+top = fem.Constant(both.mesh, np.zeros(2))
+held = {"top": top, "base": np.zeros(2)}
+bcs = [fem.dirichletbc(value, both.dofs(V, name), V) for name, value in held.items()]
+pair = ContactPair(u, both, slave="sole", master="seat", law=Coulomb(friction))
 problem = ContactProblem(energy, u, [pair], bcs=bcs)
 
 # ## The history
