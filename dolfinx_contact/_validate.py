@@ -45,7 +45,9 @@ _T = TypeVar("_T")
 
 
 def is_number(value: Any) -> TypeGuard[float]:
-    """Return True for real numbers, including NaN and infinities, but not for bool."""
+    """Return True for real numbers, including NaN, infinities and 0D arrays, but not for bool."""
+    if isinstance(value, np.ndarray) and value.ndim == 0:
+        value = value[()]
     return isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
 
 

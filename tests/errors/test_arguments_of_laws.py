@@ -22,6 +22,7 @@ from dolfinx_contact import (
     NonlocalCoulomb,
     NormalCompliance,
     Regularised,
+    Sphere,
     Tresca,
 )
 from dolfinx_contact.analysis import stability_at_rest
@@ -93,6 +94,19 @@ def test_rccm_refuses_options(arguments, message):
 def test_laws_refuse_inadmissible_numbers_at_construction(law, message):
     with pytest.raises(ValueError, match=message):
         law()
+
+
+def test_arrays_without_axes_are_numbers():
+    """As from np.load, in a law and in an obstacle."""
+    number, radius = np.array(0.3), np.array(10.0)
+    law = NormalCompliance(np.array(1e5), np.array(1.5), Coulomb(number))
+    problems = [
+        block(law=law, obstacle=Sphere((0.5, -radius), radius)),
+        block(law=NormalCompliance(1e5, 1.5, Coulomb(0.3)), obstacle=Sphere((0.5, -10.0), 10.0)),
+    ]
+    same_tables(*(problem.solve().tables["contact"] for problem in problems))
+    with pytest.raises(ValueError, match=r"friction of Coulomb must be .*, got array\(\[0.3\]\)"):
+        Coulomb(np.array([0.3]))
 
 
 @pytest.mark.ranks(2)
