@@ -27,6 +27,7 @@ import ufl
 from dolfinx import fem, mesh
 
 from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, io, plot
+from dolfinx_contact.continuation import Observers
 from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.grids import create_grid
 from dolfinx_contact.materials import LinearElastic
@@ -85,10 +86,10 @@ folder = io.output_folder(comm, "output/bar")
 with io.EvolutionSeries(folder, problem, every=steps) as series:
 
     def record(step):
-        series(step)
         curve.append((comm.allreduce(fem.assemble_scalar(end_form)), float(pull.value)))
 
-    history = QuasiStatic(problem, load).run(np.linspace(0.0, 5.0, 5 * steps + 1), observer=record)
+    both = Observers(series, record)
+    history = QuasiStatic(problem, load).run(np.linspace(0.0, 5.0, 5 * steps + 1), observer=both)
 
 # ## Comparison
 #

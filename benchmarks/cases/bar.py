@@ -15,6 +15,7 @@ import ufl
 from dolfinx import fem, mesh
 
 from dolfinx_contact import ContactProblem, ContactSurface, Coulomb, HalfSpace, io, plot
+from dolfinx_contact.continuation import Observers
 from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.grids import create_grid
 from dolfinx_contact.materials import LinearElastic
@@ -117,10 +118,9 @@ def main(argv=None):
     with io.EvolutionSeries(folder, problem, every=n) as series:
 
         def watch(step):
-            series(step)
             curve.append([end(), float(pull.value)])
 
-        history = QuasiStatic(problem, load).run(times, observer=watch)
+        history = QuasiStatic(problem, load).run(times, observer=Observers(series, watch))
 
     moved, forces = np.transpose(curve)
     closed = closed_form(forces, EA, q)

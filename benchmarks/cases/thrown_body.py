@@ -21,6 +21,7 @@ from dolfinx_contact import (
     io,
     plot,
 )
+from dolfinx_contact.continuation import Observers
 from dolfinx_contact.evolution import NSCD
 from dolfinx_contact.materials import NeoHookean, lame
 from dolfinx_contact.meshing import join
@@ -127,7 +128,6 @@ def main(argv=None):
     with io.EvolutionSeries(folder, problem, every=5) as series:
 
         def watch(step):
-            series(step)
             table = step.result.tables["contact"]
             h = step.time - step.start
             sides = (table.x + table.ut)[:, :2]
@@ -137,7 +137,7 @@ def main(argv=None):
             given[1] += h * moments.sum(0)
             rows.append(measured())
 
-        history = motion.run([0.0, args.end], observer=watch)
+        history = motion.run([0.0, args.end], observer=Observers(series, watch))
 
     found = np.array(rows)
     momenta = found[:, :, 0]

@@ -3,8 +3,8 @@
 #
 # A time-dependent load is a function of the time that sets Constants and Functions. `QuasiStatic`
 # calls it at the given times; in each step friction opposes the slip since the previous step.
-# `io.EvolutionSeries` writes the fields of the steps and the table `steps.csv` during the run. Here
-# the loading is cyclic: the block is pressed and then moved to and fro.
+# `io.EvolutionSeries` writes fields and the table `steps.csv` of the start and the steps during the
+# run. Here the loading is cyclic: the block is pressed and then moved to and fro.
 
 import numpy as np
 from common import Block

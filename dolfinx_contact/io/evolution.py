@@ -9,12 +9,15 @@ from typing import TYPE_CHECKING, Any
 
 from dolfinx_contact._mpi import Arguments, collective, on_root
 from dolfinx_contact._validate import count
+from dolfinx_contact.continuation.observer import Observer
 from dolfinx_contact.io.fields import StateFields
 from dolfinx_contact.io.table import GrowingTable
 from dolfinx_contact.io.writers import Format, Writer
 
 if TYPE_CHECKING:
+    from dolfinx_contact.equations.state import State
     from dolfinx_contact.evolution.history import EvolutionStep
+    from dolfinx_contact.evolution.run import RunState
     from dolfinx_contact.problem import ContactProblem
 
 __all__ = ["EvolutionSeries"]
@@ -26,8 +29,8 @@ def _check(a: Arguments) -> None:
     count(a.every, "every")
 
 
-class EvolutionSeries:
-    """Observer writing the accepted steps of an evolution. A collective context manager.
+class EvolutionSeries(Observer):
+    """Observer writing the start and the steps of an evolution. A collective context manager.
 
     Files over the time of the evolution, with the suffix ``.pvd`` instead of ``.bp`` for
     ``format="vtk"``; the script ``paraview.py`` in the folder shows them:
@@ -35,16 +38,19 @@ class EvolutionSeries:
     - ``evolution_body.bp``: displacement of the bodies.
     - ``evolution_body_stress.bp``: stresses, if requested.
     - ``evolution_contact.bp`` or ``evolution_contact_NAME.bp``: fields of a contact surface.
-    - ``steps.csv``: table of the steps, without the start. Each row is on the disk before the next
-      step is computed.
+    - ``steps.csv``: table of the start and of the steps, the rows of `History.rows`. Each row is on
+      the disk before the next step is computed.
 
     Fields are complete when the context ends, also after an error, up to the last accepted step;
     files of an earlier series are then removed. `EvolutionRecord` keeps the fields of a killed run.
+    With another observer pass ``continuation.Observers(series, other)``; a function calling
+    ``series(step)`` writes the steps alone, without the start.
 
     Args:
         folder: output folder, created if necessary.
         problem: contact problem of the evolution.
-        every: number of steps between two written states, from 1; the table contains all steps.
+        every: number of steps between two written states, from 1, counted from the start; the table
+            contains all steps.
         stress: 3 x 3 UFL stress, or a dictionary of stresses by cell tag, as for `write_fields`;
             default: no stresses are written.
         format: "vtx" (``.bp``) or "vtk" (``.pvd``); default: see `write_fields`.
@@ -76,7 +82,7 @@ class EvolutionSeries:
         self._every = every
         self._fields = StateFields(problem, stress)
         self._writer = Writer(problem.comm, folder, format, "evolution_")
-        self._count: int | None = None  # of steps; None outside the context
+        self._count: int | None = None  # of states; None outside the context
 
     @property
     def files(self) -> list[Path]:
@@ -89,17 +95,39 @@ class EvolutionSeries:
         self._count = 0
         return self
 
+    def begin(self, task: Any, state: RunState) -> None:
+        """Write the start of the first run. Collective."""
+        from dolfinx_contact.evolution.history import History, PathHistory
+
+        if self._count:
+            return
+        problem = self._problem
+        start = state.accepted
+        history = History(start.time, start.energies)
+        if start.state.gamma is not None:
+            history = PathHistory(start.time, start.energies, gamma=start.gamma)
+        history.begin(state.number, {s.name: problem.table(s) for s in problem.surfaces})
+        self._write(history.first, start.time, start.state)
+
+    def step(self, step: EvolutionStep, state: RunState | None = None) -> None:
+        """Write a step. Collective."""
+        self._write(step.row(), step.time, step.state)
+
     def __call__(self, step: EvolutionStep) -> None:
+        self.step(step)
+
+    def _write(self, row: dict[str, Any], time: float, state: State | None) -> None:
+        """Write a row of the table, and fields if it is their turn. Collective."""
         if self._count is None:
             raise ValueError(
                 "an EvolutionSeries writes in its context alone: with EvolutionSeries(...) as "
                 "series: evolution.run(times, observer=series)"
             )
-        self._table.add(step.row())
+        self._table.add(row)
+        if self._count % self._every == 0:
+            with self._problem.at(state) as shown:
+                self._writer.write(time, self._fields.at(shown))
         self._count += 1
-        if (self._count - 1) % self._every == 0:
-            with self._problem.at(step.state) as shown:
-                self._writer.write(step.time, self._fields.at(shown))
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: object

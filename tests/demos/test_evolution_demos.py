@@ -47,7 +47,7 @@ def test_bar_on_a_floor_agrees_to_first_order(folder):
     for a, b in zip(coarse[:2], fine[:2], strict=True):
         assert b < 0.6 * a
     assert max(coarse) < 0.05
-    assert (folder / "80" / "steps.csv").read_text().count("\n") == 11
+    assert (folder / "80" / "steps.csv").read_text().count("\n") == 12
 
 
 @pytest.mark.long
@@ -67,7 +67,7 @@ def test_the_two_blocks_demo_costs_little_friction(folder, no_pictures):
         spent.append(steps[-1]["dissipation"])
     assert spent[1] == pytest.approx(spent[0], rel=0.05)
     rows = (folder / "steps.csv").read_text().splitlines()
-    assert len(rows) == 38
+    assert len(rows) == 39
     assert rows[0].startswith("step,time,length,open,stick,slip")
     assert len(list(folder.glob("evolution_contact*"))) == 2
 
@@ -307,7 +307,7 @@ def test_steel_bond_breaks_and_leaves_friction(folder, no_pictures):
         left.append(abs(summary["residue"]) / summary["external"])
     assert left[1] < 0.6 * left[0] < 0.012
     assert (folder / "pull_out.png").exists()
-    assert (folder / "steps.csv").read_text().count("\n") == 3 * 8 + 4 * 8
+    assert (folder / "steps.csv").read_text().count("\n") == 3 * 8 + 4 * 8 + 1
 
 
 def indenter(folder, *words):

@@ -105,7 +105,7 @@ def test_thrown_body_has_the_impulse_of_its_forces(folder):
     assert abs(found["spins"][0][1]) > 0.1
     assert found["dissipated"] > 0.1
     assert found["energy_error"] < 1e-3
-    assert (folder / "steps.csv").read_text().count("\n") == 31
+    assert (folder / "steps.csv").read_text().count("\n") == 32
 
 
 @pytest.mark.long
