@@ -4,8 +4,9 @@
 # Curves, diagrams of branches and charts are drawn by matplotlib in the format of the file's name:
 # PDF or SVG, vector graphics that LaTeX includes, or PNG. Or draw the columns of a table yourself.
 # Pictures of bodies have the same formats: `stress` or `field` colours the body; in 3D `view` is
-# the direction to the eye and `clip` cuts the body open. All functions return the axes, the figure
-# or (3D) the plotter, which you can change.
+# the direction to the eye and `clip` cuts the body open, `region` enlarges a detail, and `units`
+# adds units to the labels. All functions return the axes, the figure or (3D) the plotter, which you
+# can change.
 
 from pathlib import Path
 
@@ -26,6 +27,7 @@ cube = Block(n=6, cell="hexahedron")
 problem = cube.problem()
 problem.solve()
 look = dict(view="-y", clip="-y", scale=5.0, stress=cube.steel.full_stress(cube.u))
+look |= dict(units={"length": "m", "stress": "Pa"})
 for file in ("inside.pdf", "inside.png"):
     picture_of_body(file, problem, **look)
     assert Path(file).stat().st_size > 1000

@@ -26,7 +26,7 @@ from dolfinx_contact.plot.figures import (
     save,
 )
 from dolfinx_contact.plot.in_2d import draw_2d, draw_body
-from dolfinx_contact.plot.scene import Array, Look, Scene, scene_of, words_of
+from dolfinx_contact.plot.scene import Array, Look, Scene, check_look, scene_of, words_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 __all__ = ["draw_scene", "picture_of_body", "picture_of_states"]
 
 
-@collective("a picture")
+@collective("a picture", lambda a: check_look(picture_of_body, a.look))
 def picture_of_body(
     file: File,
     problem: ContactProblem,
@@ -52,8 +52,9 @@ def picture_of_body(
 ) -> Drawing | None:
     """Draw the deformed body with its obstacles and the rims of its contact surfaces. Collective.
 
-    The rim of a slave surface is thick, that of a master thin. Plane obstacles are drawn as a
-    rectangle below the body. Obstacles between the eye and the body are transparent.
+    The rim of a slave surface is thick, that of a master thin. A plane is drawn as a rectangle
+    below the body, and the part around the body of another obstacle that is much larger. Obstacles
+    between the eye and the body are transparent.
 
     Args:
         file: ``.png``, ``.pdf`` or ``.svg`` (in 3D the latter two contain an image); None writes
@@ -66,7 +67,7 @@ def picture_of_body(
             are added to the title. The initial gap is not magnified: a warning is logged if the
             body is drawn through an obstacle.
         title: title of the picture; default: "Deformed body", with the time or load of the state.
-        **look: field, view, clip, arrows: see `Look`.
+        **look: field, view, clip, arrows, region, edges, units: see `Look`.
 
     Returns:
         On rank 0 the matplotlib ``Figure`` in 2D and the ``pyvista.Plotter`` in 3D, which can be
@@ -76,6 +77,7 @@ def picture_of_body(
         ModuleNotFoundError: on every rank, if matplotlib or PyVista is not installed.
         OSError: on every rank, if the file cannot be written; an existing file is then unchanged.
         RuntimeError: on every rank, if VTK needs a display and there is none.
+        TypeError: on every rank, if an option does not exist.
         ValueError: on every rank, if an argument is not admissible or differs between ranks.
 
     Example:
@@ -83,15 +85,17 @@ def picture_of_body(
 
             plot.picture_of_body("block.pdf", problem, stress=steel.full_stress(u), view="-y")
             plot.picture_of_body("drag.png", problem, clip="-y", arrows={"drag": (top, motion)})
+            look = dict(units={"length": "mm", "stress": "MPa"}, region=[(0, 0, 0), (1, 1, 1)])
+            plot.picture_of_body("detail.png", problem, stress=steel.full_stress(u), **look)
     """
     if title is None:
         title = ", ".join(filter(None, ["Deformed body", words_of(state)]))
     with problem.at(state) as shown:
-        scene = scene_of(shown, stress, scale, title, **look)
+        scene = scene_of(shown, stress, scale, title, look)
 
     def draw() -> Drawing:
         assert scene is not None
-        drawing = draw_scene(scene.with_planes_below(scene.x))
+        drawing = draw_scene(scene.with_obstacles_around(scene.x))
         save(drawing, file)
         return drawing
 
@@ -174,7 +178,7 @@ def picture_of_states(
     def add(shown: ContactProblem, at: str, tables: Iterable[ContactTable]) -> None:
         words = status.summary("".join(table.status for table in tables))
         captions.append(": ".join(filter(None, [at, words])))
-        scenes.append(scene_of(shown, None, scale, "", field="displacement"))
+        scenes.append(scene_of(shown, None, scale, "", Look(field="displacement")))
 
     of: Any = system
     checked: Sequence[Any] = points
@@ -210,7 +214,7 @@ def _draw_states(scenes: Sequence[Scene], titles: Sequence[str], scale: float) -
     highest = max(float(np.max(s.values)) for s in scenes if s.values is not None)
     limits = 0.0, highest or 1.0
     for axes, scene, title in zip(panels, scenes, titles, strict=False):
-        shades = draw_body(axes, scene.with_planes_below(every), np.stack([low, high]), limits)
+        shades = draw_body(axes, scene.with_obstacles_around(every), np.stack([low, high]), limits)
         look: dict[str, Any] = dict(edgecolors="0.2", linewidths=0.2, zorder=3)
         colours = [status.COLOURS[k] for k in scene.letters]
         axes.scatter(*scene.points.T, s=14 if len(colours) <= 40 else 8, c=colours, **look)

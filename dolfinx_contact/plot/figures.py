@@ -85,6 +85,7 @@ def add_status_legend(
     letters: str,
     names: dict[str, str] = status.NAMES,
     *,
+    listed: str = "",
     with_counts: bool = True,
     **place: Any,
 ) -> None:
@@ -94,6 +95,7 @@ def add_status_legend(
         figure: figure.
         letters: letters of all points.
         names: names of the letters.
+        listed: letters of the legend, default those of the points.
         with_counts: whether the numbers of points are added.
         **place: options of ``Figure.legend``.
     """
@@ -107,7 +109,7 @@ def add_status_legend(
             label=f"{names[k]} ({letters.count(k)})" if with_counts else names[k],
         )
         for k in names
-        if k in letters
+        if k in (listed or letters)
     ]
     look: dict[str, Any] = dict(loc="outside lower center", ncols=max(len(handles), 1))
     figure.legend(handles=handles, frameon=False, **look, **place)

@@ -1,15 +1,16 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Films of deformed bodies, written with imageio.
+"""Films of deformed bodies and of contact surfaces, written with imageio.
 
-Frames are drawn like `picture_of_body`. All frames have the same colours, obstacles and camera.
+Frames are drawn like `picture_of_body` and `picture_of_contact`. All frames have the same colours,
+axes and camera, and show the same part of obstacles.
 """
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Unpack
+from typing import TYPE_CHECKING, Any, Literal, TypeVar, Unpack
 
 from mpi4py import MPI
 
@@ -26,22 +27,26 @@ from dolfinx_contact._mpi import (
     require,
     same_everywhere,
 )
-from dolfinx_contact._validate import is_number
+from dolfinx_contact._validate import count, is_number
 from dolfinx_contact.equations.state import State
 from dolfinx_contact.evolution.history import EvolutionStep
 from dolfinx_contact.plot.bodies import draw_scene
 from dolfinx_contact.plot.figures import Drawing
 from dolfinx_contact.plot.in_2d import range_of
-from dolfinx_contact.plot.scene import Look, Scene, scene_of, words_of
+from dolfinx_contact.plot.scene import Look, check_look, scene_of, words_of
+from dolfinx_contact.plot.tractions import check_surface, contact_data, draw_contact
 
 if TYPE_CHECKING:
+    from dolfinx_contact.points.surface import DiscreteSurface
     from dolfinx_contact.problem import ContactProblem
 
-__all__ = ["film"]
+__all__ = ["film", "film_of_contact"]
+
+T = TypeVar("T")
 
 _SUFFIXES = (".gif", ".mp4")
-_WIDTH = 900  # of a frame in 3D, in pixels
-_FILM_DPI = 130
+_WIDTH = 900  # pixels of a frame that is drawn and then scaled
+_SMALLEST = 300  # size of a frame in pixels
 _RATES = (0.01, 1000.0)  # frames a second that GIF can store
 
 
@@ -52,12 +57,23 @@ def _check_film(a: Arguments) -> None:
     low, high = _RATES
     if not (is_number(a.rate) and low <= a.rate <= high):
         raise ValueError(f"the rate must be a number from {low} to {high} a second, got {a.rate!r}")
+    count(a.size, "the size of a film in pixels", _SMALLEST)
     optional("imageio", "pictures")
     if a.file.suffix == ".mp4":
         optional("imageio_ffmpeg", "pictures", in_debian=False)
 
 
-@collective("a film", _check_film, local=("states",))
+def _check_film_of_body(a: Arguments) -> None:
+    check_look(film, a.look)
+    _check_film(a)
+
+
+def _check_film_of_contact(a: Arguments) -> None:
+    check_surface(a)
+    _check_film(a)
+
+
+@collective("a film", _check_film_of_body, local=("states",))
 def film(
     file: str | os.PathLike[str],
     problem: ContactProblem,
@@ -67,6 +83,7 @@ def film(
     scale: float = 1.0,
     title: str = "",
     rate: float = 10.0,
+    size: int = 900,
     **look: Unpack[Look],
 ) -> Path:
     """Write a film of states of a body. Collective.
@@ -81,9 +98,10 @@ def film(
         scale: factor of the displacement, default 1; see `picture_of_body`.
         title: title, before the time or the load of a state, or its text.
         rate: frames a second, default 10.
-        **look: field, view, clip, arrows: see `Look`. Without a stress and ``field`` the
-            displacement is shown. A field is evaluated in each state if it is a UFL expression of
-            the displacement; the values of a Function stay the same.
+        size: largest width and height of a frame in pixels, default 900.
+        **look: field, view, clip, arrows, region, edges, units: see `Look`. Without a stress and
+            ``field`` the displacement is shown. A field is evaluated in each state if it is a UFL
+            expression of the displacement; the values of a Function stay the same.
 
     Returns:
         The file.
@@ -92,8 +110,9 @@ def film(
         ModuleNotFoundError: on every rank, if a package writing such a file is not installed.
         OSError: on every rank, if the file cannot be written; an existing file is then unchanged.
         RuntimeError: on every rank, if VTK needs a display in 3D and there is none.
-        ValueError: on every rank, for another suffix, a rate out of 0.01 to 1000, no states, a
-            displacement that is not finite, or arguments differing between ranks.
+        TypeError: on every rank, if an option does not exist.
+        ValueError: on every rank, for another suffix, a rate out of 0.01 to 1000, a size below 300,
+            no states, a displacement that is not finite, or arguments differing between ranks.
 
     Example:
         ::
@@ -107,26 +126,103 @@ def film(
             plot.film("output/mode.gif", problem, swinging())
             plot.film("output/history.gif", problem, history.steps)
     """
-    comm = problem.comm
     if stress is None:
         look = Look(field="displacement") | look
+    shots = _shots(problem, states, title, lambda p, words: scene_of(p, stress, scale, words, look))
+
+    def drawings() -> Iterator[Drawing]:
+        # the same obstacles, visible box and colours in all frames
+        scenes = [scene for scene in shots if scene is not None]
+        every = np.concatenate([scene.x for scene in scenes])
+        scenes = [scene.with_obstacles_around(every) for scene in scenes]
+        visible = np.concatenate([scene.visible_points() for scene in scenes])
+        fields = [scene.values for scene in scenes if scene.values is not None]
+        limits = range_of(np.concatenate(fields)) if fields else None
+        return (draw_scene(scene, visible, limits, _WIDTH) for scene in scenes)
+
+    return _written(problem.comm, file, drawings, rate, size)
+
+
+@collective("a film", _check_film_of_contact, local=("states",))
+def film_of_contact(
+    file: str | os.PathLike[str],
+    problem: ContactProblem,
+    states: Iterable[State | EvolutionStep | str],
+    *,
+    surface: DiscreteSurface | None = None,
+    over: Literal["x", "y"] | None = None,
+    title: str = "",
+    units: Mapping[str, str] | None = None,
+    rate: float = 10.0,
+    size: int = 900,
+) -> Path:
+    """Write a film of pressure, shear and status of a contact surface. Collective.
+
+    All frames have the same axes and colours, and show the part that touches in any of them.
+
+    Args:
+        file: see `film`, like the following arguments.
+        problem: see `film`.
+        states: see `film`.
+        surface: see `picture_of_contact`.
+        over: see `picture_of_contact`.
+        title: see `film`.
+        units: see `picture_of_contact`.
+        rate: see `film`.
+        size: see `film`.
+
+    Returns:
+        The file. Errors are those of `film` and `picture_of_contact`.
+
+    Example:
+        ::
+
+            units = {"length": "mm", "stress": "MPa"}
+            plot.film_of_contact("output/pressure.gif", problem, history.steps, units=units)
+    """
+    s = problem.surfaces[0] if surface is None else surface
+    same_everywhere(problem.comm, surface=s.name)
+    shots = _shots(problem, states, title, lambda p, words: (contact_data(p, s), words))
+
+    def drawings() -> Iterator[Drawing]:
+        touching = np.any([data["touching"] for data, _ in shots], axis=0)
+        frames = [data | {"touching": touching} for data, _ in shots]
+        for data, (_, words) in zip(frames, shots, strict=True):
+            yield draw_contact(data, frames, s, words, over, units or {})
+
+    return _written(problem.comm, file, drawings, rate, size)
+
+
+def _shots(
+    problem: ContactProblem,
+    states: Iterable[State | EvolutionStep | str],
+    title: str,
+    gather: Callable[[ContactProblem, str], T],
+) -> list[T]:
+    """Gather the data of all frames, and restore the displacement. Collective.
+
+    Args:
+        problem: see `film`.
+        states: see `film`.
+        title: see `film`.
+        gather: function of a problem in a state and of the title of the frame.
+    """
+    comm = problem.comm
     before = problem.u.x.array.copy()
-    scenes: list[Scene | None] = []
+    shots: list[T] = []
     try:
         for state in _in_turn(comm, states):
             finite = bool(np.isfinite(problem.u.x.array).all())
-            message = f"the displacement of state {len(scenes)} has an entry that is not finite"
+            message = f"the displacement of state {len(shots)} has an entry that is not finite"
             require(comm, finite, message)
             text = state if isinstance(state, str) else words_of(state)
             words = ", ".join(filter(None, [title, text]))
             with problem.at(state if isinstance(state, State) else None) as shown:
-                scenes.append(scene_of(shown, stress, scale, words, **look))
+                shots.append(gather(shown, words))
     finally:
         problem.u.x.array[:] = before
-    require(comm, bool(scenes), "there are no states to show")
-    path = Path(file)
-    on_root(comm, lambda: _write([scene for scene in scenes if scene is not None], path, rate))
-    return path
+    require(comm, bool(shots), "there are no states to show")
+    return shots
 
 
 def _in_turn(
@@ -147,31 +243,42 @@ def _in_turn(
         yield state
 
 
-def _write(scenes: list[Scene], file: Path, rate: float) -> None:
-    """Draw frames and write them as a film. Not collective."""
-    from imageio import v2 as imageio
-
-    # the same obstacles, visible box and colours in all frames
-    every = np.concatenate([scene.x for scene in scenes])
-    scenes = [scene.with_planes_below(every) for scene in scenes]
-    visible = np.concatenate([scene.visible_points() for scene in scenes])
-    fields = [scene.values for scene in scenes if scene.values is not None]
-    limits = range_of(np.concatenate(fields)) if fields else None
-    pixels = [_pixels(draw_scene(scene, visible, limits, _WIDTH)) for scene in scenes]
-    is_gif = file.suffix == ".gif"
+def _written(
+    comm: MPI.Comm,
+    file: str | os.PathLike[str],
+    drawings: Callable[[], Iterable[Drawing]],
+    rate: float,
+    size: int,
+) -> Path:
+    """Draw frames and write them as a film, on rank 0. Collective."""
+    path = Path(file)
+    is_gif = path.suffix == ".gif"
     timing = dict(duration=1000 / rate, loop=0) if is_gif else dict(fps=rate, macro_block_size=2)
-    with part_of(file) as part:
-        imageio.mimwrite(part, pixels, **timing)
+
+    def write() -> None:
+        from imageio import v2 as imageio
+
+        pixels = [_pixels(drawing, size) for drawing in drawings()]
+        with part_of(path) as part:
+            imageio.mimwrite(part, pixels, **timing)
+
+    on_root(comm, write)
+    return path
 
 
-def _pixels(drawing: Drawing) -> npt.NDArray[np.uint8]:
+def _pixels(drawing: Drawing, size: int) -> npt.NDArray[np.uint8]:
     """Image (height, width, 3) of even size of a figure, or of a plotter, which is closed."""
     if hasattr(drawing, "canvas"):
-        drawing.set_dpi(_FILM_DPI)
+        drawing.set_dpi(size / max(drawing.get_size_inches()))
         drawing.canvas.draw()
         image = np.asarray(drawing.canvas.buffer_rgba())
     else:
-        image = np.asarray(drawing.screenshot(None, return_img=True))
+        from PIL import Image
+
+        scale = int(np.ceil(size / _WIDTH))
+        found = Image.fromarray(drawing.screenshot(None, return_img=True, scale=scale))
+        found.thumbnail((size, size))
+        image = np.asarray(found)
         drawing.close()
     height, width = (2 * (n // 2) for n in image.shape[:2])
     return np.ascontiguousarray(image[:height, :width, :3])

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from dolfinx_contact._geometry import connected_parts
 from dolfinx_contact.plot.figures import FIELD, FLOOR, INK, LINES, NOT_FINITE, TINTS, new_figure
-from dolfinx_contact.plot.scene import Array, Cells, Scene, around
+from dolfinx_contact.plot.scene import Array, Cells, Scene, around, with_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 __all__ = ["colours_of", "draw_2d", "draw_body", "range_of", "shade"]
 
 _PIXELS = 180  # of the width of a picture in an inch of the body
+_ACROSS = 1600.0  # pixels of the longer side of a picture, about
 _MOST_TRIANGLES = 40_000  # of the mesh on which a field is drawn
 _FINEST = 3  # times that an edge of a cell is halved in it
 
@@ -35,14 +36,15 @@ def draw_2d(scene: Scene, visible: Array, limits: tuple[float, float] | None, wi
     for i, (name, (points, vectors)) in enumerate(arrows.items()):
         look: dict[str, Any] = dict(angles="xy", scale_units="xy", scale=1, width=0.006, zorder=5)
         axes.quiver(*points.T, *vectors.T, color=LINES[i % len(LINES)], label=name, **look)
-        visible = np.concatenate([visible, points, points + vectors])
+        if scene.region is None:
+            visible = np.concatenate([visible, points, points + vectors])
     shades = draw_body(axes, scene, visible, limits)
     if scene.values is not None:
         place = "bottom" if is_flat else "right"
         figure.colorbar(shades, ax=axes, location=place, aspect=30).set_label(scene.label)
     if arrows:
         axes.legend(frameon=False, loc="upper right")
-    axes.set(xlabel="x", ylabel="y")
+    axes.set(xlabel=with_unit("x", scene.unit), ylabel=with_unit("y", scene.unit))
     axes.locator_params(axis="x", nbins=3 if extent[1] > 3 * extent[0] else 8)
     axes.spines[["top", "right"]].set_visible(False)
     return figure
@@ -57,25 +59,32 @@ def draw_body(axes: Axes, scene: Scene, visible: Array, limits: tuple[float, flo
         visible: points that must be visible, shape (k, 2).
         limits: ends of the colours, default those of the scene.
     """
-    from matplotlib.collections import LineCollection, PolyCollection
+    from matplotlib.collections import LineCollection, PathCollection, PolyCollection
+    from matplotlib.path import Path
 
     x, cells = scene.x, scene.cells
+    low, high = visible.min(axis=0), visible.max(axis=0)
     values, colours, ends = colours_of(cells, len(x), scene.values, limits)
     thin = float(np.clip(20 / np.sqrt(len(cells)), 0.05, 0.3))  # coloured cells stay visible
     look: dict[str, Any] = dict(cmap=colours, vmin=ends[0], vmax=ends[1])
+    thin *= scene.shows_edges(_ACROSS / float(np.max(high - low)))
     shades = shade(axes, x, cells, values, width=thin, alpha=0.4, **look)
-    # obstacles are bands with a depth
-    low, high = visible.min(axis=0), visible.max(axis=0)
+    # obstacles are areas or bands with a depth
     depth = 0.05 * float(np.sqrt(np.prod(high - low)))
     for o in scene.obstacles:
         band = np.concatenate([o.x[o.cells], (o.x + depth * o.n)[o.cells[:, ::-1]]], axis=1)
-        axes.add_collection(PolyCollection(band, facecolors=FLOOR, edgecolors=FLOOR, zorder=0))
-    lines = [(x, face, 2.0) for face in scene.slaves]
+        fill: Any = PolyCollection(band)
+        if o.inside:
+            fill = PathCollection([Path(*path) for path in o.inside])
+        fill.set(facecolors=FLOOR, edgecolors=FLOOR, zorder=0)
+        axes.add_collection(fill)
+    lines = [(x, _boundary(cells), 0.8), *((x, face, 2.0) for face in scene.slaves)]
     lines += [(x, face, 1.2) for face in scene.masters]
     lines += [(o.x, o.cells, 1.2) for o in scene.obstacles]
     for points, face, width in lines:
         axes.add_collection(LineCollection(points[face], colors=INK, linewidths=width))
     margin = 0.03 * (high - low).max() + depth * bool(scene.obstacles)
+    margin *= scene.region is None
     low, high = low - margin, high + margin
     axes.set(aspect="equal", xlim=(low[0], high[0]), ylim=(low[1], high[1]))
     return shades
@@ -103,6 +112,14 @@ def colours_of(
         return tints, ListedColormap(TINTS), (-0.5, len(TINTS) - 0.5)
     colours = colormaps[FIELD].with_extremes(bad=NOT_FINITE)
     return values, colours, limits or range_of(values)
+
+
+def _boundary(cells: Cells) -> Cells:
+    """Return the edges of the boundary of bodies in 2D."""
+    loop = around(cells)
+    sides = np.sort(np.stack([loop, np.roll(loop, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
+    edges, count = np.unique(sides, axis=0, return_counts=True)
+    return np.asarray(edges[count == 1])
 
 
 def range_of(values: Array) -> tuple[float, float]:
@@ -134,7 +151,7 @@ def shade(
         x: positions of the vertices, shape (n, 2).
         cells: vertices of the cells.
         values: field at the vertices, shape (n,).
-        width: line width of the edges.
+        width: line width of the edges; 0 for none.
         alpha: opacity of the edges.
         **look: options of ``Axes.tripcolor``.
     """

@@ -7,7 +7,7 @@ import ctypes
 import os
 import shutil
 import subprocess
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import pyvista as pv
@@ -21,9 +21,14 @@ from dolfinx_contact.plot.scene import Array, Cells, Scene, around
 __all__ = ["draw_3d", "ensure_display"]
 
 _UP = np.eye(3)[2]
-_MANY = 20000  # number of facets from which on their edges would hide the colours
+_SHARP = 35.0  # angle between facets, in degrees, from which on their edge is sharp
 _RIM = dict(non_manifold_edges=False, manifold_edges=False)
 _HEAD, _FOOT, _SIDE = 70.0, 130.0, 30.0  # pixels for the title, axes and colour bar, and at a side
+_AHEAD = 1e-3  # distance from the edges to the facets, relative to the picture
+_TALL = 1000.0  # largest height of a body in pixels
+
+#: Normals and points.
+Planes: TypeAlias = list[tuple[Array, Array]]
 
 #: Xvfb writes the number of its display to standard output. The shell waits until its standard
 #: input is closed, which happens when this process ends in any way, and then ends Xvfb. Without
@@ -45,19 +50,22 @@ def draw_3d(
     size = float(np.linalg.norm(np.ptp(visible, axis=0)))
     eye = scene.eye if scene.eye is not None else _default_eye(scene, np.ptp(visible, axis=0))
 
-    def clipped(data: Any) -> Any:
-        if scene.clip is None:
-            return data
+    frame = _frame(eye)
+    ends = _draw_arrows(plotter, scene, visible)
+    planes: Planes = []
+    if scene.clip is not None:
         point, normal = scene.clip
-        return data.clip(
-            normal, (visible.min(axis=0) + visible.max(axis=0)) / 2 if point is None else point
-        )
-
-    _draw_body(plotter, scene, limits, clipped)
-    _draw_surfaces(plotter, scene, eye, size, clipped)
-    visible = np.concatenate([visible, _draw_arrows(plotter, scene, visible)])
+        middle = (visible.min(axis=0) + visible.max(axis=0)) / 2
+        planes.append((normal, middle if point is None else point))
+    if scene.region is None:
+        visible = np.concatenate([visible, ends])
+    else:  # nothing is drawn under the title and the colour bar
+        for axis in (*frame[:2], *-frame[:2]):
+            planes.append((axis, np.max(visible @ axis) * axis))
+    pixels = _set_camera(plotter, scene, visible, frame, width)
+    _draw_body(plotter, scene, limits, planes, pixels, _AHEAD * size * eye)
+    _draw_surfaces(plotter, scene, eye, size, planes)
     plotter.add_text(scene.title, "upper_edge", color=INK, font_size=13, name="title")
-    _set_camera(plotter, visible, eye, width)
     # translucent facets in the order of their depth, otherwise some look like wedges; other ways
     # of anti-aliasing switch this off
     plotter.renderer.enable_depth_peeling(10)
@@ -65,17 +73,35 @@ def draw_3d(
     return plotter
 
 
-def _draw_body(plotter: pv.Plotter, scene: Scene, limits: Any, clipped: Any) -> None:
-    """Draw bodies in the colours of a field or of their connected parts."""
+def _draw_body(
+    plotter: pv.Plotter, scene: Scene, limits: Any, planes: Planes, pixels: float, ahead: Array
+) -> None:
+    """Draw bodies in the colours of a field or of their connected parts, with edges.
+
+    Args:
+        plotter: plotter.
+        scene: bodies and obstacles.
+        limits: ends of the colours, default those of the scene.
+        planes: normals and points of planes, in front of which nothing is drawn; the first one is
+            the section, if there is one.
+        pixels: number of pixels per length.
+        ahead: translation of the edges to the eye, so that they are in front of the facets.
+    """
     values, colours, ends = colours_of(scene.cells, len(scene.x), scene.values, limits)
-    body = (_facets if scene.clip is None else _solid)(scene.x, scene.cells)
-    body["field"] = values
-    body = clipped(body).extract_surface()
+    whole = (_facets if scene.clip is None else _solid)(scene.x, scene.cells)
+    whole["field"] = values
+    body = _clipped(whole, planes).extract_surface()
+    # edges of all cells, or sharp ones and those of the section
+    every = scene.shows_edges(pixels)
+    edges = _clipped(_edges(whole.extract_surface(), every), planes)
+    if scene.clip is not None:
+        edges = edges.merge(_clipped(_edges(whole.slice(*planes[0]), every), planes[1:]))
+    if edges.n_points:
+        look = dict(opacity=0.3, line_width=1.0) if every else dict(opacity=1.0, line_width=1.5)
+        plotter.add_mesh(edges.translate(ahead), color=INK, lighting=False, name="edges", **look)
     # shading hardly changes the colours
-    style: dict[str, Any] = dict(smooth_shading=True, split_sharp_edges=True, feature_angle=35)
+    style: dict[str, Any] = dict(smooth_shading=True, split_sharp_edges=True, feature_angle=_SHARP)
     style |= dict(specular=0.0, ambient=0.72, diffuse=0.32)
-    if body.n_cells < _MANY:
-        style |= dict(show_edges=True, edge_color=INK, edge_opacity=0.3, line_width=1.0)
     bar = dict(title=f"{scene.label}\n", color=INK, fmt="%.3g", n_labels=5, title_font_size=22)
     bar |= dict(position_x=0.28, width=0.44, position_y=0.02, height=0.08, label_font_size=20)
     style |= dict(scalars="field", cmap=colours, clim=ends, nan_color=NOT_FINITE)
@@ -84,7 +110,7 @@ def _draw_body(plotter: pv.Plotter, scene: Scene, limits: Any, clipped: Any) -> 
 
 
 def _draw_surfaces(
-    plotter: pv.Plotter, scene: Scene, eye: Array, size: float, clipped: Any
+    plotter: pv.Plotter, scene: Scene, eye: Array, size: float, planes: Planes
 ) -> None:
     """Draw the rims of contact surfaces, and the obstacles."""
     # the rims of contact surfaces: thick for slaves, thin for masters
@@ -92,7 +118,8 @@ def _draw_surfaces(
         (cells, 0.0012) for cells in scene.masters
     ]
     for i, (cells, radius) in enumerate(rims):
-        rim = clipped(_facets(scene.x, cells).extract_feature_edges(feature_edges=False, **_RIM))
+        rim = _facets(scene.x, cells).extract_feature_edges(feature_edges=False, **_RIM)
+        rim = _clipped(rim, planes)
         if rim.n_points:
             plotter.add_mesh(rim.tube(radius=radius * size), color=INK, name=f"rim {i}")
     words = "\n\nblack: rims of the contact surfaces" if rims else ""  # below the title
@@ -100,7 +127,8 @@ def _draw_surfaces(
     # obstacles, transparent where they are between the eye and the body
     for i, o in enumerate(scene.obstacles):
         # normals of one sense, whatever the order of the vertices of the facets
-        patch = clipped(_facets(o.x, o.cells).compute_normals(consistent_normals=True))
+        patch = _facets(o.x, o.cells).compute_normals(consistent_normals=True)
+        patch = _clipped(patch, planes)
         if not patch.n_points:
             continue
         look: dict[str, Any] = dict(opacity=0.3 if np.any(o.n @ eye > 0.05) else 0.75, ambient=0.3)
@@ -121,31 +149,55 @@ def _draw_arrows(plotter: pv.Plotter, scene: Scene, visible: Array) -> Array:
         glyphs = cloud.glyph(orient="vectors", scale="vectors", geom=shape)
         name, colour = list(scene.arrows)[i], LINES[i % len(LINES)]
         plotter.add_mesh(glyphs, color=colour, ambient=0.4, name=f"arrow {name}")
-        place: dict[str, Any] = dict(position=(0.02, 0.9 - 0.05 * i), viewport=True, font_size=12)
+        place: dict[str, Any] = dict(position=(0.02, 0.94 - 0.05 * i), viewport=True, font_size=12)
         plotter.add_text(label, color=colour, name=f"label {name}", **place)
         ends += [points, points + vectors]
     return np.concatenate(ends)
 
 
-def _set_camera(plotter: pv.Plotter, points: Array, eye: Array, width: float) -> None:
+def _edges(facets: Any, every: bool) -> Any:
+    """Return the edges of facets: every one, or sharp ones and those of the boundary."""
+    return facets.extract_all_edges() if every else facets.extract_feature_edges(_SHARP, **_RIM)
+
+
+def _clipped(data: Any, planes: Planes) -> Any:
+    """Return a mesh without the parts in front of planes."""
+    for plane in planes:
+        data = data.clip(*plane)
+    return data
+
+
+def _frame(eye: Array) -> Array:
+    """Return the unit vectors to the right, upwards and to the eye, shape (3, 3)."""
+    up = _UP if abs(eye @ _UP) < 0.99 else np.eye(3)[1]  # seen from above y points upwards
+    right = unit(np.cross(up, eye))
+    return np.stack([right, np.cross(eye, right), eye])
+
+
+def _set_camera(
+    plotter: pv.Plotter, scene: Scene, points: Array, frame: Array, width: float
+) -> float:
     """Look at points so that they fill the picture, and draw axes and a scale bar.
 
     Args:
         plotter: plotter.
+        scene: bodies and obstacles.
         points: points that must be visible, shape (n, 3).
-        eye: unit vector from the body to the eye.
+        frame: see `_frame`.
         width: largest width of the picture in pixels.
+
+    Returns:
+        Number of pixels per length.
     """
-    up = _UP if abs(eye @ _UP) < 0.99 else np.eye(3)[1]  # seen from above y points upwards
-    right = unit(np.cross(up, eye))
-    frame = np.stack([right, np.cross(eye, right), eye])  # right, upwards, to the eye
+    right, _, eye = frame
     seen = points @ frame.T
     low, high = seen.min(axis=0), seen.max(axis=0)
     extent = high - low
-    pixels = min((width - 2 * _SIDE) / extent[0], 1000.0 / extent[1])
+    tall = min(width - _HEAD - _FOOT, _TALL)
+    pixels = min((width - 2 * _SIDE) / extent[0], tall / extent[1])
     window = np.maximum(pixels * extent[:2] + [2 * _SIDE, _HEAD + _FOOT], [700, 450])
     plotter.window_size = round(window[0]), round(window[1])
-    depth = float(np.linalg.norm(np.ptp(points, axis=0)))
+    depth = float(np.linalg.norm(np.ptp(np.concatenate([points, scene.x]), axis=0)))
     focus = (low + high) / 2 + [0.0, (_HEAD - _FOOT) / 2 / pixels, 0.0]
     plotter.camera_position = [focus @ frame + 3 * depth * eye, focus @ frame, frame[1]]
     plotter.enable_parallel_projection()
@@ -161,7 +213,9 @@ def _set_camera(plotter: pv.Plotter, points: Array, eye: Array, width: float) ->
     line = pv.Line(end - length * right, end)
     plotter.add_mesh(line, color=INK, line_width=5, name="scale bar")
     left = window[0] - 40 - length * pixels
-    plotter.add_text(f"{length:g}", (left, 30), font_size=10, color=INK, name="scale")
+    words = f"{length:g} {scene.unit}".strip()
+    plotter.add_text(words, (left, 30), font_size=10, color=INK, name="scale")
+    return float(pixels)
 
 
 def _default_eye(scene: Scene, extent: Array) -> Array:

@@ -4,14 +4,14 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from inspect import Parameter, signature
 from itertools import product
 from typing import TYPE_CHECKING, Any, TypeAlias, TypedDict
 
 import numpy as np
 import numpy.typing as npt
-from scipy.linalg import null_space
 
 import ufl
 
@@ -21,6 +21,7 @@ from dolfinx_contact._ufl import refuse_other_mesh
 from dolfinx_contact._validate import number, one_of, vector
 from dolfinx_contact.io.fields import check_stress, of_cells, von_mises
 from dolfinx_contact.io.outside import Outside, VertexMeans, obstacle_facets
+from dolfinx_contact.plot.drawn_obstacles import DrawnObstacle, Formula, formula_of
 from dolfinx_contact.results.outer_surface import Arrays
 
 if TYPE_CHECKING:
@@ -30,7 +31,10 @@ if TYPE_CHECKING:
     from dolfinx_contact.problem import ContactProblem
     from dolfinx_contact.results.tables import ContactTable
 
-__all__ = ["DrawnObstacle", "Look", "Scene", "around", "scene_of", "words_of"]
+__all__ = [
+    *("Look", "Scene", "are_distinct", "around", "check_look", "check_units", "scene_of"),
+    *("with_unit", "words_of"),
+]
 
 logger = logging.getLogger(__name__)
 
@@ -46,6 +50,7 @@ _AXES: dict[str, Array] = {
 }
 _PLANE = 1e-9  # difference of the normals of an obstacle up to which it is a plane
 _OVERLAP = 0.005  # visible overlap of a magnified body and an obstacle, relative to the body
+_DENSE = 20.0  # size of cells in pixels below which their edges would hide the colours
 _ARROW = 0.2  # length of the longest arrow, relative to the diagonal of the picture
 _DRAWN_THROUGH = (
     "%r is drawn through its obstacle: the displacement is magnified %g times, the initial gap is "
@@ -67,43 +72,20 @@ class Look(TypedDict, total=False):
         arrows: arrows by name, each a point and a vector, such as a load or the direction of
             drag. The longest arrow of each name has the same length in the picture, and the legend
             gives its magnitude.
+        region: opposite corners of the box that fills the picture, to enlarge a detail, shape
+            (2, dim); default: bodies and obstacles.
+        edges: whether the edges of the cells are drawn; default: if they are not too dense.
+        units: units of "length" and "stress" in the labels, such as ``{"length": "mm", "stress":
+            "MPa"}``; default: none.
     """
 
     field: Any
     view: ViewDirection | None
     clip: ViewDirection | tuple[Sequence[float], ViewDirection] | None
     arrows: Mapping[str, tuple[Any, Any]]
-
-
-@dataclass(frozen=True)
-class DrawnObstacle:
-    """A rigid obstacle, as it is drawn.
-
-    Attributes:
-        x: coordinates of its vertices, shape (m, dim).
-        cells: vertices of its facets.
-        n: normals at the vertices, into the obstacle, shape (m, dim).
-        is_plane: True if the obstacle is a plane that is still to be extended below the bodies.
-    """
-
-    x: Array
-    cells: Cells
-    n: Array
-    is_plane: bool
-
-    def extended_below(self, points: Array) -> DrawnObstacle:
-        """Return a plane as the rectangle, in 2D the segment, below points (n, dim)."""
-        if not self.is_plane:
-            return self
-        n = self.n[0]
-        axes = null_space(n[None])
-        along = points @ axes
-        low, high = along.min(axis=0), along.max(axis=0)
-        rim = 0.1 * float(np.max(high - low))
-        corners = np.array(list(product(*zip(low - rim, high + rim, strict=True))))
-        x = corners @ axes.T + (self.x[0] @ n) * n
-        normals = np.tile(n, (len(x), 1))
-        return DrawnObstacle(x, np.arange(len(x))[None], normals, is_plane=False)
+    region: Sequence[Sequence[float]] | None
+    edges: bool | None
+    units: Mapping[str, str]
 
 
 @dataclass(frozen=True)
@@ -124,6 +106,9 @@ class Scene:
         eye: unit vector from the body to the eye; None for the default.
         clip: point (None for the middle) and unit normal of a section; None without one.
         arrows: points and vectors by name, shape (2, k, dim) each.
+        region: opposite corners of the visible box, shape (2, dim); None for everything.
+        edges: whether the edges of the cells are drawn; None for the default.
+        unit: unit of lengths; "" without one.
     """
 
     x: Array
@@ -139,14 +124,23 @@ class Scene:
     eye: Array | None = None
     clip: tuple[Array | None, Array] | None = None
     arrows: dict[str, Array] = field(default_factory=dict)
+    region: Array | None = None
+    edges: bool | None = None
+    unit: str = ""
 
-    def with_planes_below(self, points: Array) -> Scene:
-        """Return the scene with plane obstacles as rectangles below points (n, dim)."""
-        return replace(self, obstacles=[o.extended_below(points) for o in self.obstacles])
+    def with_obstacles_around(self, points: Array) -> Scene:
+        """Return the scene with obstacles as they are drawn around points (n, dim)."""
+        return replace(self, obstacles=[o.around(points) for o in self.obstacles])
 
     def visible_points(self) -> Array:
         """Return the points that must be visible, shape (m, dim)."""
+        if self.region is not None:
+            return np.array(list(product(*self.region.T)))
         return np.concatenate([self.x, *(o.x for o in self.obstacles)])
+
+    def shows_edges(self, pixels: float) -> bool:
+        """Return whether the edges of the cells are drawn, with a number of pixels per length."""
+        return are_distinct(self.x, self.cells, pixels) if self.edges is None else self.edges
 
     def scaled_arrows(self, visible: Array) -> dict[str, Array]:
         """Return points and vectors of the arrows in the lengths of the picture, by legend."""
@@ -157,6 +151,18 @@ class Scene:
             scaled = np.stack([points, length / (longest or 1.0) * vectors])
             found[f"{name} ({longest:.3g})"] = scaled
         return found
+
+
+def are_distinct(x: Array, cells: Cells, pixels: float) -> bool:
+    """Return whether the edges of cells are so far apart that they do not hide the colours.
+
+    Args:
+        x: positions of the vertices.
+        cells: vertices of the cells.
+        pixels: number of pixels per length.
+    """
+    sides = x[cells[:, 0]] - x[cells[:, 1]]
+    return bool(np.linalg.norm(sides, axis=1).mean() * pixels > _DENSE)
 
 
 def around(cells: Cells) -> Cells:
@@ -171,7 +177,29 @@ def words_of(state: State | None) -> str:
     return f"time {state.time:.4g}" if state.gamma is None else f"gamma {state.gamma:.4g}"
 
 
+def with_unit(label: str, unit: str | None) -> str:
+    """Return a label with its unit, if there is one."""
+    return f"{label} [{unit}]" if unit else label
+
+
 # -- validation ----------------------------------------------------------------------------------
+
+
+def check_units(units: Mapping[str, str] | None) -> None:
+    """Raise ``ValueError`` for units of other quantities than lengths and stresses."""
+    for quantity in units or {}:
+        one_of(quantity, "the quantity of a unit", ("length", "stress"))
+
+
+def check_look(function: Callable[..., Any], look: Mapping[str, Any]) -> None:
+    """Raise ``TypeError`` if a function of pictures has no option of a name."""
+    own = signature(function).parameters.values()
+    options = [p.name for p in own if p.kind is Parameter.KEYWORD_ONLY]
+    options += Look.__annotations__
+    for name in look:
+        if name not in options:
+            known = ", ".join(options)
+            raise TypeError(f"{function.__name__} has no option {name!r}, it has {known}")
 
 
 def _direction(value: Any, name: str) -> Array:
@@ -187,6 +215,14 @@ def _plane(clip: Any) -> tuple[Array | None, Array]:
     point, normal = clip if pair else (None, clip)
     at = None if point is None else vector(point, "the point of clip", 3)
     return at, _direction(normal, "the normal of clip")
+
+
+def _box(region: Any, dim: int) -> Array:
+    """Return the lower and upper corner of a box, shape (2, dim)."""
+    corners = np.array([vector(corner, "a corner of region", dim) for corner in region])
+    if corners.shape != (2, dim) or not np.all(np.ptp(corners, axis=0) > 0):
+        raise ValueError(f"region must be two opposite corners of a box, got {region!r}")
+    return np.sort(corners, axis=0)
 
 
 def _arrows(name: str, points: Any, vectors: Any, dim: int) -> Array:
@@ -211,15 +247,7 @@ def _check_field(field: Any, domain: mesh.Mesh) -> None:
 
 
 def scene_of(
-    problem: ContactProblem,
-    stress: Any,
-    scale: float,
-    title: str,
-    *,
-    field: Any = None,
-    view: Any = None,
-    clip: Any = None,
-    arrows: Mapping[str, tuple[Any, Any]] | None = None,
+    problem: ContactProblem, stress: Any, scale: float, title: str, look: Look
 ) -> Scene | None:
     """Gather bodies and obstacles at the present Functions. Collective.
 
@@ -228,10 +256,7 @@ def scene_of(
         stress: see `picture_of_body`.
         scale: factor of the displacement and of the motion of obstacles.
         title: title of the picture, to which a factor other than 1 is added.
-        field: entry of `Look`, like the following arguments.
-        view: see `Look`.
-        clip: see `Look`.
-        arrows: see `Look`.
+        look: options with known names.
 
     Returns:
         The scene on rank 0, None on other ranks.
@@ -241,20 +266,26 @@ def scene_of(
     """
     domain = problem.V.mesh
     dim = domain.geometry.dim
+    field, view, clip = look.get("field"), look.get("view"), look.get("clip")
+    region, units = look.get("region"), look.get("units") or {}
     with everywhere(problem.comm, "the look of a picture"):
         scale = number(scale, "the scale of the displacement")
         if dim == 2 and not (view is None and clip is None):
             raise ValueError("view and clip are for bodies in 3D")
         eye = None if view is None else _direction(view, "view")
         plane = None if clip is None else _plane(clip)
-        vectors = {name: _arrows(name, *arrow, dim) for name, arrow in (arrows or {}).items()}
+        vectors = look.get("arrows") or {}
+        arrows = {name: _arrows(name, *arrow, dim) for name, arrow in vectors.items()}
+        box = None if region is None else _box(region, dim)
+        check_units(units)
         _check_field(field, domain)
     # gather bodies, contact surfaces and obstacles
     outside = Outside(problem)
-    label, local = _field_at_vertices(problem, outside, stress, field)
+    label, local = _field_at_vertices(problem, outside, stress, field, units)
     body = outside.gather(local, whole=clip is not None)
     slaves, masters = outside.faces()
-    facets = {s.name: obstacle_facets(s) for s in problem.surfaces if not s.between_bodies}
+    rigid = [s for s in problem.surfaces if not s.between_bodies]
+    facets = {s.name: (obstacle_facets(s), formula_of(domain, s, scale)) for s in rigid}
     tables = [problem.table(s) for s in problem.surfaces] if dim == 2 else []
     if not body:
         return None
@@ -271,8 +302,8 @@ def scene_of(
         for faces in (slaves, masters)
     )
     obstacles = [
-        _obstacle(name, face, x[np.unique(slaves[name])], scale, size)
-        for name, face in facets.items()
+        _obstacle(name, face, formula, x[np.unique(slaves[name])], scale, size)
+        for name, (face, formula) in facets.items()
     ]
     points, letters = _points_at_vertices(body, x, slaves, tables)
     return Scene(
@@ -288,7 +319,10 @@ def scene_of(
         letters=letters,
         eye=eye,
         clip=plane,
-        arrows=vectors,
+        arrows=arrows,
+        region=box,
+        edges=look.get("edges"),
+        unit=units.get("length", ""),
     )
 
 
@@ -314,12 +348,15 @@ def _points_at_vertices(
     return np.concatenate(points), letters
 
 
-def _obstacle(name: str, face: Arrays, opposite: Array, scale: float, size: float) -> DrawnObstacle:
+def _obstacle(
+    name: str, face: Arrays, formula: Formula | None, opposite: Array, scale: float, size: float
+) -> DrawnObstacle:
     """Return an obstacle as it is drawn; warn if a magnified body is drawn through it.
 
     Args:
         name: name of the contact surface.
         face: facets of the obstacle, see `obstacle_facets`.
+        formula: its formula, see `formula_of`.
         opposite: positions of the vertices of the contact surface, shape (k, dim).
         scale: factor of the motion.
         size: size of the body.
@@ -327,15 +364,15 @@ def _obstacle(name: str, face: Arrays, opposite: Array, scale: float, size: floa
     n = unit(face["n"])
     x = face["floor"][:, : n.shape[1]] + scale * face["moved"]
     if len(n) != len(opposite) or not len(n):  # a rigid surface with facets of its own
-        return DrawnObstacle(x, face["cells"], n, is_plane=False)
+        return DrawnObstacle(x, face["cells"], n)
     if scale != 1 and np.max(dot(opposite - x, n)) > _OVERLAP * size:
         logger.warning(_DRAWN_THROUGH, name, scale)
     is_plane = bool(np.ptp(n, axis=0).max() < _PLANE)
-    return DrawnObstacle(x, face["cells"], n, is_plane)
+    return DrawnObstacle(x, face["cells"], n, is_plane, formula)
 
 
 def _field_at_vertices(
-    problem: ContactProblem, outside: Outside, stress: Any, field: Any
+    problem: ContactProblem, outside: Outside, stress: Any, field: Any, units: Mapping[str, str]
 ) -> tuple[str, dict[str, Array]]:
     """Return the label of the field, and its values at the local vertices as "field". Collective.
 
@@ -345,13 +382,13 @@ def _field_at_vertices(
     rule: dict[str, Any] = {"quadrature_rule": "vertex"}
     scalars: dict[int | None, Any]
     if isinstance(field, str):
-        label = field
+        label = with_unit(field, units.get("length"))
         scalars = {None: ufl.sqrt(ufl.dot(problem.u, problem.u))}
     elif field is not None:
         label = getattr(field, "name", "field")
         scalars = {None: field}
     elif stress is not None:
-        label = "von Mises stress"
+        label = with_unit("von Mises stress", units.get("stress"))
         rule = {"quadrature_degree": 2}
         stresses = stress if isinstance(stress, Mapping) else {None: stress}
         scalars = {tag: von_mises(stresses[tag]) for tag in sorted(stresses)}

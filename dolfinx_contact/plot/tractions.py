@@ -7,7 +7,8 @@ it is straight or if the user names the coordinate, otherwise over its arc lengt
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Literal
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -33,7 +34,15 @@ from dolfinx_contact.plot.figures import (
     save,
 )
 from dolfinx_contact.plot.in_2d import shade
-from dolfinx_contact.plot.scene import Array, Cells, around, words_of
+from dolfinx_contact.plot.scene import (
+    Array,
+    Cells,
+    are_distinct,
+    around,
+    check_units,
+    with_unit,
+    words_of,
+)
 from dolfinx_contact.results.fields import contact_fields, vertex_state
 from dolfinx_contact.results.outer_surface import Arrays
 
@@ -45,16 +54,21 @@ if TYPE_CHECKING:
     from dolfinx_contact.points.surface import DiscreteSurface
     from dolfinx_contact.problem import ContactProblem
 
-__all__ = ["picture_of_contact"]
+__all__ = ["check_surface", "contact_data", "draw_contact", "picture_of_contact"]
+
+Mask: TypeAlias = npt.NDArray[np.bool_]
 
 _ZERO_FORCE = 1e-10  # relative to stiffness times displacement
 _LITTLE = 1e-6  # relative to the largest traction
 _TITLE_PAD = 0.12  # inches between the title and the panels
 _STRAIGHT = 1e-6  # height over length up to which a curve is drawn over its coordinate
+_PANEL = 800.0  # pixels of the longer side of a map, about
 _SEEN = 0.1  # cosine of the angle between the view and the normal of a visible facet
 
 
-def _check(a: Arguments) -> None:
+def check_surface(a: Arguments) -> None:
+    """Raise ``ValueError`` if the surface, ``over`` or units do not fit the problem."""
+    check_units(a.units)
     if a.surface is not None and not any(a.surface is s for s in a.problem.surfaces):
         name = getattr(a.surface, "name", a.surface)
         raise ValueError(f"the surface {name!r} is not one of the problem")
@@ -64,7 +78,7 @@ def _check(a: Arguments) -> None:
             raise ValueError("over is for contact surfaces in 2D")
 
 
-@collective("a picture", _check)
+@collective("a picture", check_surface)
 def picture_of_contact(
     file: File,
     problem: ContactProblem,
@@ -73,6 +87,7 @@ def picture_of_contact(
     state: State | None = None,
     over: Literal["x", "y"] | None = None,
     title: str | None = None,
+    units: Mapping[str, str] | None = None,
 ) -> Figure | None:
     """Draw pressure, shear and status of a contact surface. Collective.
 
@@ -81,7 +96,8 @@ def picture_of_contact(
     coordinate of a straight surface, and over the length along a curved one; for a law with bonds
     also the frictional part of the shear, to which the bound applies. The picture is limited to the
     part of the surface that touches or carries a traction, and its surroundings. Statuses and
-    values are those of the vertices (`ContactProblem.contact_fields`).
+    values are those of the vertices (`ContactProblem.contact_fields`); the legend counts the
+    vertices in the picture.
 
     Args:
         file: ``.png``, ``.pdf`` or ``.svg``; None writes nothing.
@@ -92,6 +108,8 @@ def picture_of_contact(
             surface, otherwise the arc length.
         title: title of the picture; default: the name of the surface, with the time or load of the
             state.
+        units: units of "length" and "stress" in the labels, such as ``{"length": "mm", "stress":
+            "MPa"}``; default: none.
 
     Returns:
         The figure on rank 0, None on other ranks.
@@ -105,23 +123,51 @@ def picture_of_contact(
     s = problem.surfaces[0] if surface is None else surface
     same_everywhere(problem.comm, surface=s.name)
     with problem.at(state) as shown:
-        data = _gathered(shown, s)
-    names = NAMES | {"d": "without contact" if s.between_bodies else "clamped"}
+        data = contact_data(shown, s)
+    if not title:
+        name = "Contact surface" if s.name == "contact" else f"Contact surface: {s.name}"
+        title = ", ".join(filter(None, [name, words_of(state)]))
 
     def draw() -> Figure:
-        figure = _draw_curve(data, s, over) if s.dim == 2 else _draw_map(data, s)
-        add_status_legend(figure, "".join(data["letters"]), names, title="status (vertices)")
-        name = "Contact surface" if s.name == "contact" else f"Contact surface: {s.name}"
-        shown_at = ", ".join(filter(None, [name, words_of(state)]))
-        figure.suptitle(title or shown_at, fontweight="bold")
-        figure.get_layout_engine().set(h_pad=_TITLE_PAD)
+        figure = draw_contact(data, [data], s, title, over, units or {})
         save(figure, file)
         return figure
 
     return drawn_on_root(s.comm, draw)
 
 
-def _gathered(problem: ContactProblem, s: DiscreteSurface) -> Arrays:
+def draw_contact(
+    data: Arrays,
+    frames: Sequence[Arrays],
+    s: DiscreteSurface,
+    title: str,
+    over: str | None,
+    units: Mapping[str, str],
+) -> Figure:
+    """Draw pressure, shear and status of a contact surface. Not collective.
+
+    Args:
+        data: state to draw, see `contact_data`.
+        frames: all states that are drawn with the same axes and colours.
+        s: contact surface.
+        title: title of the picture.
+        over: see `picture_of_contact`.
+        units: see `picture_of_contact`.
+    """
+    if s.dim == 2:
+        figure, visible = _draw_curve(data, frames, s, over, units)
+    else:
+        figure, visible = _draw_map(data, frames, s, units)
+    names = NAMES | {"d": "without contact" if s.between_bodies else "clamped"}
+    letters = ["".join(d["letters"][visible]) for d in (data, *frames)]
+    look: dict[str, Any] = dict(listed="".join(letters), title="status (vertices)")
+    add_status_legend(figure, letters[0], names, **look)
+    figure.suptitle(title, fontweight="bold")
+    figure.get_layout_engine().set(h_pad=_TITLE_PAD)
+    return figure
+
+
+def contact_data(problem: ContactProblem, s: DiscreteSurface) -> Arrays:
     """Gather facets, tractions and statuses of the vertices of a surface on rank 0. Collective.
 
     Returns:
@@ -166,15 +212,16 @@ def _gathered(problem: ContactProblem, s: DiscreteSurface) -> Arrays:
     return data
 
 
-def _limits(x: Array, touching: npt.NDArray[np.bool_], rim: float) -> tuple[float, float]:
-    """Return the limits of an axis: the touching part, or everything, and its surroundings.
+def _limits(x: Array, data: Arrays, rim: float) -> tuple[float, float]:
+    """Return the limits of an axis: facets with a touching vertex, or all, and surroundings.
 
     Args:
-        x: positions, shape (m,).
-        touching: True for touching vertices, shape (m,).
+        x: positions of the vertices, shape (m,).
+        data: see `contact_data`.
         rim: width of the rim around everything, relative to its length.
     """
-    near = x[touching] if touching.any() else x
+    cells, touching = data["cells"], data["touching"]
+    near = x[cells[touching[cells].any(axis=1)]] if touching.any() else x
     rim *= float(np.ptp(x))
     margin = max(0.25 * float(np.ptp(near)), 2 * rim)
     return max(near.min() - margin, x.min() - rim), min(near.max() + margin, x.max() + rim)
@@ -183,8 +230,18 @@ def _limits(x: Array, touching: npt.NDArray[np.bool_], rim: float) -> tuple[floa
 # -- curves in 2D --------------------------------------------------------------------------------
 
 
-def _draw_curve(data: Arrays, s: DiscreteSurface, over: str | None) -> Figure:
-    """Draw the tractions over the position along a curve, or over a coordinate."""
+def _draw_curve(
+    data: Arrays,
+    frames: Sequence[Arrays],
+    s: DiscreteSurface,
+    over: str | None,
+    units: Mapping[str, str],
+) -> tuple[Figure, Mask]:
+    """Draw the tractions over the position along a curve, or over a coordinate.
+
+    Returns:
+        The figure, and the mask of the vertices in it.
+    """
     at, facets, label, tangents = _positions(data)
     if over is not None:
         at, facets, label = data["x"][:, "xy".index(over)], data["cells"], over
@@ -207,10 +264,16 @@ def _draw_curve(data: Arrays, s: DiscreteSurface, over: str | None) -> Figure:
     for values in (data["pressure"], shear):
         axes.scatter(at, values, s=12 if len(at) > 60 else 26, c=colours, **look)
     axes.axhline(0, color=INK, lw=0.6)
-    axes.set(xlabel=label, ylabel="traction", xlim=_limits(at, data["touching"], 1.0 / len(at)))
+    begin, end = _limits(at, data, 1.0 / len(at))
+    bounds = [(d["pressure"], dot(d["shear"], tangents), d["bound"], -d["bound"]) for d in frames]
+    margin = 0.05 * float(np.ptp(bounds)) or 1.0
+    above = margin if len(frames) == 1 else 6 * margin  # place for the legend in all frames
+    axes.set(xlim=(begin, end), ylim=(np.min(bounds) - margin, np.max(bounds) + above))
+    axes.set(xlabel=with_unit(label, units.get("length")))
+    axes.set(ylabel=with_unit("traction", units.get("stress")))
     axes.spines[["top", "right"]].set_visible(False)
-    axes.legend(frameon=False)
-    return axes.figure
+    axes.legend(frameon=False, loc="best" if len(frames) == 1 else "upper right")
+    return axes.figure, (begin <= at) & (at <= end)
 
 
 def _positions(data: Arrays) -> tuple[Array, Cells, str, Array]:
@@ -251,10 +314,16 @@ def _positions(data: Arrays) -> tuple[Array, Cells, str, Array]:
 # -- maps in 3D ----------------------------------------------------------------------------------
 
 
-def _draw_map(data: Arrays, s: DiscreteSurface) -> Figure:
-    """Draw pressure, and status with the shear traction, on the projected surface."""
+def _draw_map(
+    data: Arrays, frames: Sequence[Arrays], s: DiscreteSurface, units: Mapping[str, str]
+) -> tuple[Figure, Mask]:
+    """Draw pressure, and status with the shear traction, on the projected surface.
+
+    Returns:
+        The figure, and the mask of the vertices in it.
+    """
     x, cells, across, labels = _projected(data)
-    low, high = np.transpose([_limits(x[:, k], data["touching"], 0.05) for k in range(2)])
+    low, high = np.transpose([_limits(x[:, k], data, 0.05) for k in range(2)])
     wide, tall = high - low
     is_long = bool(tall < 0.3 * wide)  # then it is stretched, in panels above each other
     height = 22 * tall / wide + 3 if is_long else 5 * tall / wide + 2.2
@@ -265,36 +334,42 @@ def _draw_map(data: Arrays, s: DiscreteSurface) -> Figure:
     shape = (2, 1) if is_long else (1, 2)
     left, right = figure.subplots(*shape, sharex=True, sharey=True)
     # pressure; without bonds negative values are discretisation errors
-    pressure = data["pressure"]
+    every = np.stack([d["pressure"] for d in frames])
     if not s.law_at_points.compiled.bonded:
-        pressure = np.maximum(pressure, 0.0)
+        every = np.maximum(every, 0.0)
     stops = [COLOURS["o"], *colormaps["magma_r"](np.linspace(0.12, 0.95, 12))]
-    norm, colours = Normalize(0.0, float(pressure.max()) or 1.0), "pressure"
+    norm, colours = Normalize(0.0, float(every.max()) or 1.0), "pressure"
     look = dict(norm=norm, cmap=LinearSegmentedColormap.from_list(colours, stops))
-    title = "Normal pressure"
-    if pressure.min() < 0:
-        look = dict(norm=CenteredNorm(), cmap="RdBu_r")
+    title, stress = "Normal pressure", units.get("stress")
+    if every.min() < 0:
+        look = dict(norm=CenteredNorm(halfrange=np.abs(every).max()), cmap="RdBu_r")
         title = "Normal pressure, negative where it pulls"
-    thin = dict(width=0.15, alpha=0.25)
-    shades = shade(left, x, cells, pressure, **thin, **look)
-    left.set_title(title, loc="left")
+    width = 0.15 * are_distinct(x, cells, _PANEL / float(max(wide, tall)))
+    pressure = np.clip(data["pressure"], every.min(), None)
+    shades = shade(left, x, cells, pressure, width=width, alpha=0.25, **look)
+    left.set_title(with_unit(title, stress), loc="left")
     figure.colorbar(shades, ax=left, location="bottom", aspect=60 if is_long else 30)
-    _draw_statuses(right, x, cells, data["letters"])
+    _draw_statuses(right, x, cells, data["letters"], width)
     body = "slave" if s.between_bodies else "body"
-    right.set_title(f"Status, and shear on the {body}", loc="left")
+    right.set_title(with_unit(f"Status, and shear on the {body}", stress), loc="left")
     spacing = np.array([wide / 28, tall / 6 if is_long else wide / 28])
-    _draw_arrows(right, x, data["shear"] @ across, spacing)
+    largest = max(float(np.linalg.norm(d["shear"] @ across, axis=1).max()) for d in frames)
+    _draw_arrows(right, x, data["shear"] @ across, spacing, largest)
     for axes in (left, right):
         axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
-        axes.set(xlabel=labels[0], ylabel=labels[1] + " (stretched)" * is_long)
+        first, second = (with_unit(label, units.get("length")) for label in labels)
+        axes.set(xlabel=first, ylabel=second + " (stretched)" * is_long)
         axes.set_aspect("auto" if is_long else "equal")
         axes.label_outer()
         axes.spines[["top", "right"]].set_visible(False)
-    return figure
+    visible = np.isin(np.arange(len(x)), cells) & np.all((low <= x) & (x <= high), axis=1)
+    return figure, visible
 
 
-def _draw_statuses(axes: Axes, x: Array, cells: Cells, letters: npt.NDArray[np.str_]) -> None:
-    """Draw statuses: each vertex colours the adjacent part of the facets."""
+def _draw_statuses(
+    axes: Axes, x: Array, cells: Cells, letters: npt.NDArray[np.str_], width: float
+) -> None:
+    """Draw statuses: each vertex colours the adjacent part of the facets, with edges of a width."""
     from matplotlib.collections import PolyCollection
 
     loop = around(cells)
@@ -304,7 +379,7 @@ def _draw_statuses(axes: Axes, x: Array, cells: Cells, letters: npt.NDArray[np.s
     quads = np.stack([corners, sides[0], centre, sides[1]], axis=2).reshape(-1, 4, 2)
     fills = [COLOURS[k] for k in letters[loop.reshape(-1)]]
     axes.add_collection(PolyCollection(quads, facecolors=fills, edgecolors=fills, lw=0.3))
-    outlines = PolyCollection(corners, facecolors="none", edgecolors=INK, lw=0.15, alpha=0.25)
+    outlines = PolyCollection(corners, facecolors="none", edgecolors=INK, lw=width, alpha=0.25)
     axes.add_collection(outlines)
 
 
@@ -329,18 +404,18 @@ def _projected(data: Arrays) -> tuple[Array, Cells, Array, list[str]]:
     return x @ axes, cells[visible] if visible.any() else cells, axes, labels
 
 
-def _draw_arrows(axes: Axes, x: Array, vectors: Array, spacing: Array) -> None:
-    """Draw arrows at the vertices, one in each square of a grid, with a reference arrow."""
+def _draw_arrows(axes: Axes, x: Array, vectors: Array, spacing: Array, largest: float) -> None:
+    """Draw arrows at the vertices, one in each square of a grid, with an arrow of the largest."""
     size = np.linalg.norm(vectors, axis=1)
-    if not size.any():
+    if not largest:
         return
     order = np.argsort(-size, kind="stable")
     squares = np.floor((x[order] - x.min(axis=0)) / spacing).astype(int)
     chosen = order[np.unique(squares, axis=0, return_index=True)[1]]
-    chosen = chosen[size[chosen] > 0.02 * size.max()]
+    chosen = chosen[size[chosen] > 0.02 * largest]
     look: dict[str, Any] = dict(angles="xy", scale_units="x", pivot="mid", width=0.0032, color=INK)
-    look |= dict(scale=size.max() / (2 * spacing[0]), clip_on=False, zorder=3)
+    look |= dict(scale=largest / (2 * spacing[0]), clip_on=False, zorder=3)
     arrows = axes.quiver(*x[chosen].T, *vectors[chosen].T, **look)
     arrows.set_in_layout(False)  # matplotlib overestimates the extent of arrows
     where: dict[str, Any] = dict(labelpos="W", coordinates="axes")
-    axes.quiverkey(arrows, 0.9, 1.02, size.max(), f"{size.max():.3g}", **where)
+    axes.quiverkey(arrows, 0.9, 1.02, largest, f"{largest:.3g}", **where)

@@ -263,6 +263,9 @@ class ScatteredEvaluator:
         areas: areas of the points, shape (n,).
         expressions: UFL scalars and vectors of coordinates, Constants and Functions, by name.
 
+    Attributes:
+        x: points, shape (n, dim). Without Functions any other points may be set.
+
     Raises:
         ValueError: on every rank, if an expression contains derivatives of Functions, geometric
             quantities other than the coordinates, or Functions known at quadrature points only.
@@ -277,10 +280,8 @@ class ScatteredEvaluator:
         expressions: Mapping[str, Any],
     ):
         self.areas = areas
+        self.x = x
         self._cells = cells
-        self._dim = x.shape[1]
-        self._x = np.zeros((len(x), 3))
-        self._x[:, : self._dim] = x
         every = {name: expand_derivatives(ufl.as_ufl(e)) for name, e in expressions.items()}
         functions: dict[Any, None] = {}
         constants: dict[Any, None] = {}
@@ -303,11 +304,12 @@ class ScatteredEvaluator:
 
     def __call__(self) -> dict[str, Array]:
         """Return an array per expression over the points of this rank. Not collective."""
-        n = len(self._cells)
+        n, dim = self.x.shape
         values: Array = np.empty((0, len(self._columns.components)))
         if n:
-            data = [self._x[:, : self._dim]]
-            data += [f.eval(self._x, self._cells).reshape(n, -1) for f in self._functions]
+            x = np.pad(self.x, ((0, 0), (0, 3 - dim)))
+            data = [self.x]
+            data += [f.eval(x, self._cells).reshape(n, -1) for f in self._functions]
             sizes = [(np.ravel(c.value), (n, np.size(c.value))) for c in self._constants]
             data += [np.broadcast_to(*size) for size in sizes]
             values = self._values(np.concatenate(data, axis=1))

@@ -146,6 +146,33 @@ def test_pictures_of_states_have_their_times_and_statuses_as_titles():
         assert body.get_suptitle() == f"Deformed body, time {steps[0].time:.4g}"
 
 
+@pytest.mark.ranks(2)
+def test_a_film_of_contact_has_axes_for_all_states(folder):
+    """It has a frame for each state; a state alone is drawn with other axes."""
+    from PIL import Image, ImageSequence
+
+    evolution = pair(COMM, n=2)
+    history = evolution.run(TIMES)
+    problem = evolution.problem
+    file = plot.film_of_contact(folder / "all.gif", problem, history.steps, size=400, title="joint")
+    one = plot.film_of_contact(folder / "one.gif", problem, history.steps[:1], size=400)
+    assert (file, one) == (folder / "all.gif", folder / "one.gif")
+    if COMM.rank == 0:
+        with Image.open(file) as animation, Image.open(one) as alone:
+            frames = [np.asarray(f.convert("RGB"), int) for f in ImageSequence.Iterator(animation)]
+            other = np.asarray(alone.convert("RGB"), int)
+        assert len(frames) == len(history.steps)
+        assert {max(f.shape) for f in frames} == {400}
+        assert (np.abs(frames[0] - frames[-1]).max(axis=2) > 30).sum() > 100
+        # the labels of the axes, at the left, differ from those of a state alone
+        changes = [np.abs(f - frames[0])[30:200, :30].max() for f in (*frames, other)]
+        assert max(changes[:-1]) < 60 < changes[-1]
+    with pytest.raises(ValueError, match="the size of a film in pixels must be"):
+        plot.film_of_contact(folder / "all.gif", problem, history.steps, size=10)
+    with pytest.raises(TypeError, match="film has no option 'stres', it has stress, scale"):
+        plot.film(folder / "all.gif", problem, history.steps, stres=None)
+
+
 def test_films_and_pictures_refuse_other_items_than_states(folder):
     problem = pair(COMM, n=2).problem
     with pytest.raises(ValueError, match="a film has states, steps or texts, got 1"):

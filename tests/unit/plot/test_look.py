@@ -6,7 +6,7 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from support.blocks import block
+from support.blocks import block, box
 from support.recorded_run import moved_block, start
 
 import ufl
@@ -19,6 +19,9 @@ from dolfinx_contact import (
     Coulomb,
     Frictionless,
     HalfSpace,
+    LevelSet,
+    RigidBody,
+    Sphere,
     plot,
 )
 from dolfinx_contact.continuation import follow
@@ -97,6 +100,146 @@ def test_floor_spans_the_body():
         (floor,) = figure.axes[0].collections[-1].get_segments()
         assert floor[:, 0].min() < 5.0 < 6.0 < floor[:, 0].max() < 6.5
         np.testing.assert_allclose(floor[:, 1], 0.0, atol=1e-12)
+
+
+def obstacle_of(figure):
+    """The points of the obstacle in a picture of a body in 2D."""
+    return np.concatenate(figure.axes[0].collections[-1].get_segments())
+
+
+BALL = RigidBody(
+    Sphere((0.5, -0.3), 0.2),
+    about=(0.5, -0.3),
+    motion={"x": 0.1, "y": 0.05},
+    held=["rz"],
+)
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize(
+    ("obstacle", "centre"),
+    [
+        (Sphere((0.5, -0.3), 0.2), (0.5, -0.3)),
+        (LevelSet(lambda x: ufl.dot(x, x) - x[0] + 0.6 * x[1] + 0.3), (0.5, -0.3)),
+        (BALL, (0.6, -0.25)),
+    ],
+)
+def test_a_whole_obstacle_is_drawn_beside_a_body_of_its_size(obstacle, centre):
+    problem = block(n=3, obstacle=obstacle, top=(0.0, 0.0), sliding="small")
+    if obstacle is BALL:
+        BALL.values[:] = 0.1, 0.05, 0.0
+    figure = plot.picture_of_body(None, problem)
+    if COMM.rank == 0:
+        x = obstacle_of(figure) - centre
+        np.testing.assert_allclose(np.linalg.norm(x, axis=1), 0.2, rtol=1e-4)
+        angles = np.sort(np.arctan2(*x.T))
+        assert np.diff(angles, append=angles[0] + 2 * np.pi).max() < 0.2
+
+
+def test_an_obstacle_moved_by_constants_is_drawn_at_its_present_place():
+    domain = box(COMM, 3, "tri")
+    centre = fem.Constant(domain, (0.5, -0.3))
+    problem = block(domain=domain, obstacle=Sphere(centre, 0.2), top=(0.0, 0.0))
+    centre.value[:] = 0.2, -0.4
+    figure = plot.picture_of_body(None, problem)
+    if COMM.rank == 0:
+        x = obstacle_of(figure)
+        np.testing.assert_allclose((x.min(axis=0) + x.max(axis=0)) / 2, (0.2, -0.4), atol=1e-3)
+
+
+@needs_display
+def test_a_part_of_a_large_obstacle_is_drawn_around_the_body():
+    """The part is the same where the body is indented."""
+    problem = block(n=3, cell="hex", obstacle=Sphere((0.5, 0.5, -8.0), 8.0), top=(0.0, 0.0, 0.0))
+    seen = []
+    for depth in (0.0, 0.02):
+        problem.u.interpolate(lambda x, depth=depth: np.stack([0 * x[0], 0 * x[0], -depth * x[2]]))
+        plotter = plot.picture_of_body(None, problem)
+        if COMM.rank == 0:
+            seen.append(plotter.actors["obstacle 0"].mapper.dataset)
+            plotter.close()
+    for part in seen:
+        np.testing.assert_allclose(np.linalg.norm(part.points - (0.5, 0.5, -8.0), axis=1), 8.0)
+        np.testing.assert_allclose(part.bounds[:4], (-0.2, 1.2, -0.2, 1.2), atol=0.01)
+
+
+@needs_display
+def test_a_section_has_the_edges_of_the_cells():
+    """The edges of cubes that are cut are straight lines along the axes."""
+    problem = block(n=3, cell="hex")
+    plotter = plot.picture_of_body(None, problem, clip=((0.0, 0.5, 0.0), "-y"), scale=0.0)
+    if COMM.rank == 0:
+        edges = plotter.actors["edges"].mapper.dataset
+        ends = edges.points[edges.lines.reshape(-1, 3)[:, 1:]]
+        across = ends[np.abs(ends[:, :, 1] - 0.5).max(axis=1) < 0.01]
+        plotter.close()
+        assert len(across) >= 24
+        along = np.sort(np.abs(np.diff(across, axis=1)[:, 0]), axis=1)
+        np.testing.assert_allclose(along[:, :2], 0.0, atol=1e-6)
+
+
+@needs_display
+def test_edges_of_small_cells_are_left_out():
+    """The outline remains; edges=True draws all of them, and a detail has those of its cells."""
+    problem = block(n=48, cell="tet")
+    corner = [(0.0, 0.0, 0.0), (0.2, 0.2, 0.2)]
+    counts = []
+    for look in ({}, {"edges": True}, {"region": corner}):
+        plotter = plot.picture_of_body(None, problem, **look)
+        if COMM.rank == 0:
+            counts.append(plotter.actors["edges"].mapper.dataset.n_cells)
+            plotter.close()
+    if COMM.rank == 0:
+        outline, every, detail = counts
+        assert outline == 12 * 48
+        assert every > 6 * 48**2
+        assert outline < detail < every / 2
+
+
+@pytest.mark.ranks(2)
+def test_a_region_fills_the_picture():
+    figure = plot.picture_of_body(None, block(n=3), region=[(0.5, 0.4), (0.1, -0.2)])
+    if COMM.rank == 0:
+        axes = figure.axes[0]
+        np.testing.assert_allclose((axes.get_xlim(), axes.get_ylim()), ((0.1, 0.5), (-0.2, 0.4)))
+
+
+@needs_display
+def test_labels_have_units():
+    units = {"length": "mm", "stress": "MPa"}
+    problem = block(n=3)
+    stress = MATERIAL.full_stress(problem.u)
+    body = plot.picture_of_body(None, problem, stress=stress, units=units)
+    contact = plot.picture_of_contact(None, problem, units=units)
+    cube = block(n=2, cell="hex")
+    surface = plot.picture_of_contact(None, cube, units=units)
+    plotter = plot.picture_of_body(None, cube, field="displacement", units=units)
+    if COMM.rank == 0:
+        assert [axes.get_ylabel() for axes in body.axes] == ["y [mm]", "von Mises stress [MPa]"]
+        assert contact.axes[0].get_xlabel() == "x [mm]"
+        assert contact.axes[0].get_ylabel() == "traction [MPa]"
+        assert surface.axes[0].get_title(loc="left") == "Normal pressure [MPa]"
+        assert plotter.actors["scale"].input.endswith(" mm")
+        assert "displacement [mm]" in str(plotter.scalar_bars)
+        plotter.close()
+
+
+@pytest.mark.parametrize("cell", ["quad", "hex"])
+def test_the_legend_has_the_statuses_in_the_picture(cell):
+    """The vertices far from a ball are left out."""
+    dim = 2 if cell == "quad" else 3
+    centre = [0.5] * (dim - 1) + [-0.3]
+    problem = block(n=12, cell=cell, obstacle=Sphere(centre, 0.3), top=[0.0] * (dim - 1) + [-0.01])
+    problem.solve()
+    figure = plot.picture_of_contact(None, problem)
+    x = problem.table("contact").x
+    if COMM.rank == 0:
+        axes = figure.axes[0]
+        ends = [axes.get_xlim(), axes.get_ylim()][: dim - 1]
+        visible = [(low <= x[:, k]) & (x[:, k] <= high) for k, (low, high) in enumerate(ends)]
+        texts = [text.get_text() for text in figure.legends[0].get_texts()]
+        counts = [int(text.rpartition("(")[2].strip(")")) for text in texts]
+        assert sum(counts) == np.all(visible, axis=0).sum() < len(x)
 
 
 @needs_display
@@ -265,7 +408,12 @@ def test_senses_of_slip_are_those_of_the_table(law, way):
         ({"field": "heat"}, "field must be 'displacement' or a UFL scalar, got 'heat'"),
         ({"field": 1.0}, "field must be 'displacement' or a UFL scalar, got 1.0"),
         ({"arrows": {"load": ((0, 0, 0), (0, 0, 1))}}, "finite points and vectors in 2D"),
-        ({"colour": "red"}, "unexpected keyword argument 'colour'"),
+        (
+            {"colour": "red"},
+            "picture_of_body has no option 'colour', it has state, .* units",
+        ),
+        ({"units": {"force": "N"}}, "the quantity of a unit must be one of length, stress"),
+        ({"region": [(0, 0), (1, 0)]}, "region must be two opposite corners of a box"),
     ],
 )
 def test_pictures_refuse_unknown_fields_and_options(look, words):
