@@ -51,7 +51,8 @@ def obstacle_to_proof(equations: ContactEquations, condensed: Reduction | None) 
 
     Args:
         equations: equations of the problem.
-        condensed: reduction of the problem to its contact points; None if there is none.
+        condensed: reduction of the problem to its contact points; None if the problem has no
+            reduction.
     """
     if not all(type(s.law) in _LAWS for s in equations.surfaces):
         return "proofs are for the laws of Coulomb and Tresca and contact without friction"
@@ -66,7 +67,7 @@ def obstacle_to_proof(equations: ContactEquations, condensed: Reduction | None) 
 
 
 def _reduced(condensed: Reduction, gamma: float) -> ReducedProblem | None:
-    """Return the reduced problem with factorisation errors; None if they are too large."""
+    """Return the reduced problem with error bounds; None if the errors are too large."""
     try:
         points = condensed.problem(gamma, unit=condensed.force_unit)
         errors = points.S_error, points.p_error
@@ -77,9 +78,9 @@ def _reduced(condensed: Reduction, gamma: float) -> ReducedProblem | None:
 
 
 def proved(condensed: Reduction, gamma: float, seconds: float) -> ProvedSolutions | None:
-    """Return all solutions with a proof, in the units of the reduced problem. On one rank.
+    """Find all solutions and prove completeness, in the units of the reduced problem. On one rank.
 
-    None if the factorisation errors are too large for a proof.
+    Returns None if the factorisation errors are too large for a proof.
 
     Args:
         condensed: exact reduction for which `obstacle_to_proof` is empty.
@@ -100,12 +101,12 @@ def proved_rays(
     known: Sequence[tuple[Codes, float]],
     seconds: float,
 ) -> ProvedRays:
-    """Return all rays of a tangent cone, with a proof. On one rank.
+    """Find all rays of a tangent cone and prove completeness. On one rank.
 
     Args:
         condensed: reduction at the state, with Coulomb friction or without friction.
         cone: tangent cone of the contact laws at the state.
-        known: statuses (m,) and dgamma (1 or -1) of known rays.
+        known: known rays: statuses of shape (m,) and the sign of dgamma, 1 or -1.
         seconds: time limit for each sign of dgamma.
     """
     try:
@@ -129,10 +130,10 @@ def uniqueness(
     seconds: float,
     state_at: Callable[[PETSc.Vec], State],
 ) -> Uniqueness:
-    """Decide whether a solution is the only one, with the present data. Collective.
+    """Decide whether a solution is unique for the present data. Collective.
 
-    The certificate of one point is tried first, then, in 3D, Renard's criterion, which uses the
-    directions of slips and shears, and finally theorems.
+    The reduced problem is tried first: certificates and, in 3D, Renard's criterion, which uses the
+    directions of slips and shears. If they do not apply, theorems decide.
 
     Args:
         equations: equations of the contact problem.
@@ -171,7 +172,7 @@ def uniqueness(
 
 
 def _is_provable_in_space(equations: ContactEquations) -> bool:
-    """Return whether to try the certificate of one point for a 3D problem. Collective."""
+    """Return whether a 3D problem is small enough for the certificate of one point. Collective."""
     laws = {type(s.law) for s in equations.surfaces}
     if Coulomb not in laws or not laws <= set(_LAWS):
         return False
@@ -187,7 +188,7 @@ def _among_points(
 ) -> Uniqueness:
     """Decide uniqueness for the reduced problem. Collective.
 
-    If another solution is found, the result contains its State.
+    If a second solution is found, the result contains its `State`.
     """
     problem = _reduced(condensed, 0.0)
     if problem is None:

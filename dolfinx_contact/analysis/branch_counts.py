@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Counts along branches: proved and known numbers of solutions at values of gamma.
+r"""Numbers of solutions at values of gamma along branches, proved where possible.
 
 A complete diagram contains every branch that is connected to its starts. Other solutions are found
-only by a search at one gamma (`find_solutions`), which may also prove completeness. This
-search is done at the ends of the range and in the middles between neighbouring special points,
-where no status is at a border, and its solutions are compared with the branches. If pieces are
-affine, a branch is straight between two of its points.
+only by a search at one gamma (`find_solutions`), which may also prove completeness. The search runs
+at the ends of the range and midway between neighbouring special points, where no status is at a
+border. Its solutions are compared with the branches, interpolated between their points.
 """
 
 from __future__ import annotations
@@ -33,7 +32,7 @@ from dolfinx_contact.proofs.check_proof import Certificate
 
 __all__ = ["BranchCounts", "ProvedCount", "prove_counts"]
 
-#: Number of a branch, its x, and the distance within which a solution is on it.
+# : Index of a branch, its interpolated state, and the distance up to which a solution matches.
 _Crossing: TypeAlias = tuple[int, PETSc.Vec, float]
 
 _SAME = 1e-6  # relative distance of a solution from the state of a branch
@@ -47,15 +46,14 @@ class ProvedCount:
     """Solutions at one gamma.
 
     Attributes:
-        gamma: parameter.
+        gamma: load parameter.
         solutions: result of `find_solutions`.
         statuses: letters of the points of each solution, in the order of their tables; empty for a
             system without statuses.
-        branches: number of the branch of each solution (the first, where several meet); -1 for a
-            solution on no branch.
-        unfound: numbers of branches passing here with a state that is none of the solutions.
-        certificate: proof of completeness; None if it is missing, or if the solutions were
-            enumerated and no proof confirms it.
+        branches: index of the branch that contains each solution, the smallest index where branches
+            meet; -1 for a solution on no branch.
+        unfound: indices of the branches whose state at gamma matches no solution.
+        certificate: proof of completeness; None without a proof.
         seconds: computing time.
     """
 
@@ -74,7 +72,7 @@ class ProvedCount:
 
     @property
     def proved(self) -> bool:
-        """Whether there are provably no others."""
+        """Whether the solutions are provably complete."""
         return self.solutions.complete
 
     def __str__(self) -> str:
@@ -96,7 +94,7 @@ class ProvedCount:
 
 @dataclass(frozen=True, eq=False)
 class BranchCounts:
-    """Counts along the branches of a diagram.
+    """Numbers of solutions along the branches of a diagram.
 
     Attributes:
         counts: counts, ordered by gamma.
@@ -114,7 +112,7 @@ class BranchCounts:
 
     @property
     def proved(self) -> bool:
-        """Whether every number is proved."""
+        """Whether all counts are proved."""
         return all(c.proved for c in self.counts)
 
     @property
@@ -123,23 +121,23 @@ class BranchCounts:
         return sum(c.branches.count(-1) for c in self.counts)
 
     def __str__(self) -> str:
-        """One line per count."""
+        """Return one line per count."""
         scale = max((abs(c.gamma) for c in self.counts), default=0.0)
         return "\n".join(c.text(scale) for c in self.counts)
 
     def save(self, folder: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
-        """Write numbers and proofs into a folder; from one rank.
+        """Write the counts and their proofs into a folder. Call it on one rank.
 
-        The files are ``counts.json`` and, for each gamma with a proof, ``proof_<number>.npz``,
-        which ``python3 -m dolfinx_contact check`` checks. ``counts.json`` names the file and the
-        digest of each proof.
+        The files are ``counts.json`` and, for each proved gamma, ``proof_<number>.npz``. Verify the
+        proofs using ``python3 -m dolfinx_contact check``. ``counts.json`` contains the file name
+        and digest of each proof.
 
         Args:
             folder: folder, created if it does not exist.
             overwrite: whether existing files are replaced.
 
         Returns:
-            Path of counts.json.
+            Path of ``counts.json``.
 
         Raises:
             FileExistsError: if counts.json exists and ``overwrite`` is False.
@@ -199,16 +197,16 @@ def prove_counts(
 ) -> BranchCounts:
     """Count the solutions along the branches of a diagram, with proofs. Collective.
 
-    The Functions of the system are left unchanged. A proof concerns one gamma; between two of them,
-    branches without connection to the diagram may begin and end.
+    The Functions of the system are left unchanged. Each proof holds at one gamma; branches that
+    are not connected to the diagram may exist between two of these values.
 
     Args:
         system: system of the branches.
         diagram: result of `explore`, complete or not.
-        gammas: values of gamma; by default the ends of the range of the branches and the middles
+        gammas: values of gamma; by default the ends of the range of the branches and the midpoints
             between neighbouring special points.
-        most: largest number of middles; those of the longest intervals are chosen.
-        proof_seconds: time of each proof.
+        most: largest number of midpoints; the longest intervals are preferred. Default 20.
+        proof_seconds: time limit of each proof in seconds. Default 60.
 
     Raises:
         ValueError: on every rank, if an argument is not valid.
@@ -227,7 +225,7 @@ def prove_counts(
 
 
 def default_gammas(branches: Iterable[Branch], most: int) -> list[float]:
-    """Return the ends of the range, and the middles of the longest intervals between events."""
+    """Return the ends of the range and the midpoints of the longest intervals between events."""
     followed = [b for b in branches if b.points]
     every = [p.gamma for b in followed for p in (b.points[0], b.points[-1])]
     every += [s.gamma for b in followed for s in b.special]
@@ -254,12 +252,12 @@ def _counted(
 
     Args:
         system: system of the branches.
-        layout: layout of its unknowns.
+        layout: layout of the unknowns of the system.
         branches: branches of the diagram.
-        gamma: parameter.
-        guess: state of a branch.
-        size: norm of the largest state on branches.
-        seconds: time of the proof.
+        gamma: load parameter.
+        guess: state on a branch, used as an initial guess.
+        size: norm of the largest state on the branches.
+        seconds: time limit of the proof in seconds.
     """
     begun = perf_counter()
     known = _crossings(system, layout, branches, gamma, size)
@@ -274,9 +272,13 @@ def _counted(
 
 
 def _placed(found: Solutions, known: list[_Crossing]) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """Return the branch of each solution, and the branches without a solution. Collective.
+    """Match branches with solutions at one gamma. Collective.
 
-    Each branch is assigned to the nearest solution.
+    Each branch is assigned to the nearest solution within its tolerance.
+
+    Returns:
+        Index of the branch of each solution, -1 without a branch; sorted indices of the branches
+        without a solution.
     """
     on = [-1] * len(found.found)
     unfound: set[int] = set()
@@ -294,7 +296,7 @@ def _placed(found: Solutions, known: list[_Crossing]) -> tuple[tuple[int, ...], 
 def _certificate(
     system: System, x: PETSc.Vec, found: Solutions, seconds: float
 ) -> Certificate | None:
-    """Return the proof of completeness; for enumerated solutions, search for it."""
+    """Return a proof of completeness, or None; enumerated solutions need a new search for it."""
     if not found.complete:
         return None
     proof = found.proof
@@ -319,7 +321,7 @@ def _distance(y: PETSc.Vec, z: PETSc.Vec) -> float:
 def _crossings(
     system: System, layout: Layout, branches: list[Branch], gamma: float, size: float
 ) -> list[_Crossing]:
-    """Return the states of the branches at a gamma, by interpolation. Collective."""
+    """Interpolate the states of the branches at a gamma. Collective."""
     straight = system.is_piecewise_affine
     found: list[_Crossing] = []
     for index, branch in enumerate(branches):
@@ -335,7 +337,7 @@ def _crossings(
             away = same + (0.0 if straight else _CHORD * float(step.norm()))
             step.destroy()
             if any(k == index and _distance(x, z) <= same for k, z, _ in found):
-                x.destroy()  # the end of one step and the start of the next
+                x.destroy()  # duplicate: the end of a step is the start of the next
             else:
                 found.append((index, x, away))
     return found

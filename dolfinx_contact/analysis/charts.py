@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Charts: numbers of solutions of a contact problem over two parameters, in cells.
+"""Charts: number of solutions of a contact problem in cells of two parameters.
 
-All solutions in the middle of each cell are searched, with a proof of completeness
+All solutions at the midpoint of each cell are searched for, with a proof of completeness
 (`proofs`). A cell is divided if a curve of folds passes through it, or if the number of solutions
-of a neighbour differs where no curve is known to pass. Proofs hold in the middles: it is not proved
-that nothing changes within a cell.
+differs from a neighbouring cell without a known curve between them. Proofs hold at the midpoints;
+changes within a cell are not excluded.
 """
 
 from __future__ import annotations
@@ -40,14 +40,14 @@ _SAME = 1e-9  # fraction of the range of mu that lies at the end of a cell
 
 @dataclass(frozen=True)
 class ChartCell:
-    """Cell of a chart, between two curves or, without curves, a rectangle.
+    """Cell of a chart: a rectangle, or the area between two curves.
 
     Attributes:
         mu: lower and upper end.
-        gamma: lower and upper end; ends of the chart for a cell between curves.
-        solutions: statuses of the solutions in the middle, letters of the points, sorted.
-        proved: whether there are provably no others; False if the slips of a solution exceed small
-            sliding (`ContactFamily.reach`).
+        gamma: lower and upper end; for a cell between curves, the ends of the chart.
+        solutions: statuses of the solutions at the midpoint, one letter per contact point, sorted.
+        proved: whether the solutions are provably complete; False if the slips of a solution exceed
+            the range of small sliding (`ContactFamily.reach`).
         below: curves that bound the cell from below, more than one if they coincide; empty if the
             cell ends at ``gamma[0]``.
         above: curves that bound it from above.
@@ -62,7 +62,7 @@ class ChartCell:
 
     @property
     def count(self) -> int:
-        """Number of solutions in the middle; a lower bound if it is not proved."""
+        """Number of solutions at the midpoint; a lower bound if it is not proved."""
         return len(self.solutions)
 
     @property
@@ -86,10 +86,10 @@ class ChartCell:
         return least, most
 
     def outline(self, number: int = 16) -> tuple[Array, Array, Array]:
-        """Return values of mu, and the least and the largest gamma there.
+        """Return values of mu with the smallest and the largest gamma at each.
 
         Args:
-            number: number of values of mu; a rectangle has two.
+            number: number of values of mu; a rectangle always has two. Default 16.
         """
         mus: Array = np.asarray(np.linspace(*self.mu, 2 if self.is_rectangle else number))
         ends: Array = np.array([self.ends(float(mu)) for mu in mus])
@@ -102,9 +102,9 @@ class Chart:
 
     Attributes:
         cells: cells filling the ranges without overlap, by mu and gamma.
-        curves: curves along which cells were divided, or between which they lie.
-        explained: whether solutions change across the curves as these require, and nowhere else;
-            None for a chart of `count_solutions`.
+        curves: curves along which cells were divided, or that bound the cells.
+        explained: whether the solutions change across each curve as its kind requires, and nowhere
+            else; None for a chart of `count_solutions`.
     """
 
     cells: tuple[ChartCell, ...]
@@ -113,14 +113,14 @@ class Chart:
 
     @property
     def proved(self) -> bool:
-        """Whether all numbers are proved."""
+        """Whether the number of solutions is proved in all cells."""
         return all(c.proved for c in self.cells)
 
     def at(self, mu: float, gamma: float) -> ChartCell:
         """Return the cell that contains (mu, gamma).
 
         Raises:
-            ValueError: outside of all cells.
+            ValueError: if the point lies outside all cells.
         """
         for c in self.cells:
             if c.mu[0] <= mu <= c.mu[1]:
@@ -137,17 +137,17 @@ def solutions_at(
     seconds: float,
     what: str,
 ) -> list[tuple[Statuses, bool]]:
-    """Find the solutions at places, with proofs. Collective; ranks share the places.
+    """Find the solutions at points (mu, gamma), with proofs. Collective; ranks share the points.
 
     Args:
         family: problem with two parameters.
-        places: (mu, gamma) of the places.
-        known: statuses of solutions to start from, for each place.
-        seconds: time limit of one proof, in seconds.
-        what: name of the task, for the progress line and errors.
+        places: points (mu, gamma).
+        known: statuses of known solutions for each point, where the search starts.
+        seconds: time limit of one proof in seconds.
+        what: name of the task, for the progress line and error messages.
 
     Returns:
-        For each place the statuses of the solutions, sorted, and whether they are provably all.
+        For each point, the sorted statuses of the solutions and whether they are provably complete.
     """
     comm = family.comm
     mine = {}
@@ -168,7 +168,7 @@ def solutions_at(
 
 
 def letters(solutions: Statuses) -> tuple[str, ...]:
-    """Return statuses as letters of the points, sorted."""
+    """Return the statuses of solutions as sorted strings, with one letter per contact point."""
     return tuple(sorted(status.word(np.frombuffer(codes, np.int8)) for codes in solutions))
 
 
@@ -195,21 +195,22 @@ def count_solutions(
     curves: EventCurves | None = None,
     proof_seconds: float = 20.0,
 ) -> Chart:
-    """Count the solutions over two parameters, in cells that are refined at borders.
+    """Count the solutions in cells of two parameters, with refinement where their number changes.
 
     Collective; ranks share the cells.
 
     Args:
         family: problem with two parameters, the same on all ranks of its communicator.
-        mu_range: least and largest mu.
-        gamma_range: least and largest gamma.
-        cells: initial numbers of cells along mu and gamma.
-        depth: how often cells are halved.
-        curves: curves; cells are also divided along folds, and the chart keeps the curves.
-        proof_seconds: time of the proof in a cell.
+        mu_range: smallest and largest mu.
+        gamma_range: smallest and largest gamma.
+        cells: initial number of cells along mu and gamma. Default (6, 6).
+        depth: largest number of subdivisions of a cell. Default 2.
+        curves: curves of folds and events, kept in the chart; cells are also divided along the
+            folds.
+        proof_seconds: time limit of the proof in each cell, in seconds. Default 20.
 
     Raises:
-        ValueError: on every rank, if an argument does not fit or differs between ranks.
+        ValueError: on every rank, if an argument is not valid or differs between ranks.
     """
     counting = _Counting(family, (mu_range, gamma_range), cells, depth, proof_seconds)
     return counting.run(curves)
@@ -217,13 +218,13 @@ def count_solutions(
 
 @dataclass(frozen=True)
 class _Leaf:
-    """Cell in units of the finest cells.
+    """Cell of the adaptive grid, in units of the finest cells.
 
     Attributes:
-        i, j: first finest cell along mu and gamma.
+        i, j: indices of the first finest cell along mu and gamma.
         size: number of finest cells along an edge.
         codes: statuses of the known solutions.
-        proved: whether these are provably all.
+        proved: whether the known solutions are provably complete.
     """
 
     i: int
@@ -233,7 +234,7 @@ class _Leaf:
     proved: bool = False
 
     def parts(self) -> list[_Leaf]:
-        """Return the four quarters, with the solutions of this cell as known ones."""
+        """Return the four quarters of this cell, which inherit its solutions as known ones."""
         half = self.size // 2
         return [
             _Leaf(i, j, half, self.codes)
@@ -242,16 +243,16 @@ class _Leaf:
         ]
 
     def place(self, more: int = 0) -> tuple[slice, slice]:
-        """Return slices of the finest cells, with ``more`` of them on every side."""
+        """Return the slices of this cell in the raster, widened by ``more`` cells on each side."""
         i, j = (slice(max(k - more, 0), k + self.size + more) for k in (self.i, self.j))
         return i, j
 
 
 class _Counting:
-    """Counting in cells that are divided at borders.
+    """Adaptive count of solutions: cells are divided where the number changes.
 
     Attributes:
-        raster: number of solutions of the cell containing each finest cell.
+        raster: number of solutions in the cell that contains each finest cell.
     """
 
     def __init__(
@@ -269,7 +270,7 @@ class _Counting:
         self.raster = np.zeros([n * self._size for n in cells], dtype=int)
 
     def run(self, curves: EventCurves | None) -> Chart:
-        """Count, and divide the cells at borders."""
+        """Count the solutions and divide cells until the largest depth is reached."""
         size = self._size
         across, along = self.raster.shape
         first = [_Leaf(i, j, size) for i in range(0, across, size) for j in range(0, along, size)]
@@ -297,7 +298,7 @@ class _Counting:
         return ChartCell(ends(leaf.i, 0), ends(leaf.j, 1))
 
     def _counted(self, leaves: Sequence[_Leaf]) -> list[_Leaf]:
-        """Count the solutions in new cells, starting from their known ones."""
+        """Count the solutions in new cells, starting from their known solutions."""
         places = [self._cell(leaf).middle for leaf in leaves]
         known = [leaf.codes for leaf in leaves]
         found = solutions_at(self._family, places, known, self._seconds, "cells")
@@ -306,7 +307,10 @@ class _Counting:
         return [replace(v, codes=c, proved=p) for v, (c, p) in zip(leaves, found, strict=True)]
 
     def _at_border(self, level: Sequence[_Leaf], passed: Mask) -> list[_Leaf]:
-        """Return cells passed by folds, and cells whose number changes without a known fold."""
+        """Return the cells to divide.
+
+        Folds cross them, or the number of solutions changes at an edge without a known fold.
+        """
         at_border = [leaf for leaf in level if passed[leaf.place()].any()]
         explained = np.zeros_like(passed)
         for leaf in at_border:
@@ -318,7 +322,7 @@ class _Counting:
         return at_border
 
     def _passed(self, curves: EventCurves | None) -> Mask:
-        """Return flags of the finest cells through which curves of folds pass."""
+        """Return a mask of the finest cells crossed by curves of folds."""
         passed = np.zeros(self.raster.shape, dtype=bool)
         if curves is None:
             return passed

@@ -1,30 +1,30 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Critical friction: coefficients with continua of slipping solutions.
 
-All contact points are closed and slip along unit tangents d; transverse slip is held. With the
+All contact points are closed and slip along unit tangents d; transverse slip is prevented. With the
 stiffness S of the contact points, a slip v d causes the shear r_t = S_tt v and the pressure
 r_n = S_nt v. If
 
     S_tt v = F S_nt v,
 
-v can be added to a solution slipping with this F, as long as v is real, pressure remains and the
-slip keeps its direction (Hassani, Hild, Ionescu and Sakki, A mixed finite element method and
-solution multiplicity for Coulomb frictional contact, Comput. Methods Appl. Mech. Engrg. 192, 2003;
-Hassani, Hild and Ionescu, Sufficient conditions of non-uniqueness for the Coulomb friction problem,
-Math. Methods Appl. Sci. 27, 2004). F > 0 belongs to slip against d (r_t = F r_n), F < 0 to slip
-along d: mirroring the body changes the sign.
+a real v can be added to a sliding solution with this F while all points remain pressed and the slip
+keeps its direction (Hassani, Hild, Ionescu and Sakki, A mixed finite element method and solution
+multiplicity for Coulomb frictional contact, Comput. Methods Appl. Mech. Engrg. 192, 2003; Hassani,
+Hild and Ionescu, Sufficient conditions of non-uniqueness for the Coulomb friction problem, Math.
+Methods Appl. Sci. 27, 2004). F > 0 belongs to slip against d (r_t = F r_n), F < 0 to slip along d:
+mirroring the body changes the sign.
 
-A slip of one sign can be added to every state at the bound of friction, also without previous slip,
-as long as pressure remains. A slip of both signs can be added if all points have slipped and are
-pressed, up to the smallest of these slips: sliding states under load then form continua too. A
+A slip v of one sign can be added to every state at the friction bound, even without previous slip,
+while all points remain pressed. A slip v of both signs can be added only if all points have
+slipped, up to the smallest of these slips; sliding states under load then also form continua. A
 complex pair gives no continuum.
 
-With the shear f = S_tt v as the unknown this is T f = f/F. T f is the pressure caused by a shear f
-at contact points that stay closed: one solve with the stiffness of the held body. The largest
-eigenvalues of T are the smallest coefficients. If only these are computed, a second search, from
-another start and outside the first subspace, shows up to which size all coefficients are known. A
-factorised body is searched by SLEPc. With multigrid, Davidson's method (`solvers.davidson`) takes
-one cycle per step, where SLEPc would take a solve of about twenty cycles.
+With the shear f = S_tt v as the unknown, the equation is T f = f/F. T f is the pressure caused by a
+shear f at contact points that stay closed: one solve with the stiffness of the held body. The
+largest eigenvalues of T are the smallest coefficients. If only these are computed, a second search,
+from another start and outside the first subspace, determines the size up to which all coefficients
+are known. SLEPc is used with a factorisation. With multigrid, Davidson's method
+(`solvers.davidson`) takes one cycle per step, whereas SLEPc would need about twenty for each solve.
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ _ROUGH = 3e-3  # relative error of the next eigenvalue
 _UNSEEN = 2e-2  # relative amount by which the next eigenvalue may be larger than its estimate
 _SMALL = 1e-3  # eigenvalues below this fraction of the largest are not searched
 _NOTHING = 1e-11  # eigenvalue that counts as zero
-_WIDEST = 16  # factor of the number of eigenvalues if none of the first has one sign
+_WIDEST = 16  # largest factor of the number of eigenvalues while no slip has one sign
 _FAR = 1e-6  # relative margin of the size up to which coefficients are known
 _DEFAULTS: dict[str, dict[str, Any]] = {
     "direct": {"eps_type": "krylovschur", "eps_tol": 1e-12, "eps_max_it": 500},
@@ -92,28 +92,28 @@ BodySolverKind = Literal["auto", "direct", "amg"]
 
 @dataclass(frozen=True)
 class CriticalFriction:
-    """Coefficients of friction F at which slips can be added to a slipping solution.
+    """Critical friction coefficients F, at which a slip can be added to a sliding solution.
 
     Attributes:
-        friction: coefficient of smallest size with a real slip of one sign; positive if points slip
-            against the directions d (r_t = F r_n), negative if they slip along them, also with
-            ``direction="solution"``; None if there is none up to `known_up_to`.
-        slips: slip v of `friction`, one value per point, nonnegative, the largest 1; empty if there
-            is none. For coefficients that are equal up to 1e-9, or up to `residual` if that is
-            larger, all combinations of their slips are examined.
-        positions: positions of the slipping points (m, dim), ordered by coordinates.
-        one_signed: coefficients with real slips of one sign, by size.
-        mixed: coefficients with real slips of both signs, by size: continua of states in which all
-            points have slipped, under load.
-        unreal: complex coefficients, by size; they give no continua.
-        known_up_to: size below which the lists are complete; infinite if all were computed. A
-            finite value is the result of a second search, which is a check and not a proof; with
-            multigrid the search is rough, and the size is reduced by two per cent.
+        friction: coefficient of smallest magnitude with a real slip of one sign; positive if points
+            slip against the directions d (r_t = F r_n), negative if they slip along d, also with
+            ``direction="solution"``; None if none exists up to `known_up_to`.
+        slips: slip v at `friction`, one nonnegative value per point, scaled to a maximum of 1;
+            empty if `friction` is None. If coefficients are equal up to 1e-9 (or up to `residual`,
+            if it is larger), all combinations of their slips are examined.
+        positions: positions of the slipping points, shape (m, dim), ordered by coordinates.
+        one_signed: coefficients with real slips of one sign, ordered by magnitude.
+        mixed: coefficients with real slips of both signs, ordered by magnitude; they give continua
+            of loaded states in which all points have slipped.
+        unreal: complex coefficients, ordered by magnitude; they give no continua.
+        known_up_to: magnitude below which the lists are complete; infinite if all coefficients were
+            computed. A finite value comes from a second search, which is a check and not a proof.
+            With multigrid the search is rough, and the value is reduced by two per cent.
         complete: whether all coefficients were computed.
-        displacement: displacement of the body with `slips`.
-        residual: largest |T f - f/F| |F_1|/|f| of the listed coefficients, with the smallest F_1:
-            the accuracy of 1/F.
-        solver: ``direct`` or ``amg``.
+        displacement: displacement of the body that corresponds to `slips`.
+        residual: accuracy of 1/F: largest |T f - f/F| |F_1|/|f| over the listed coefficients, where
+            F_1 is the smallest one.
+        solver: solver of the body, ``direct`` or ``amg``.
         solves: number of solves with the body; counted with multigrid only.
         iterations: number of multigrid cycles in the solves and in the search for eigenvalues.
     """
@@ -134,14 +134,14 @@ class CriticalFriction:
 
     @property
     def others(self) -> list[complex]:
-        """Coefficients without a slip of one sign, mixed and complex, by size."""
+        """Mixed and complex coefficients, ordered by magnitude."""
         # Of two mirrored coefficients the positive one comes first, as in the lists.
         others = [*map(complex, self.mixed), *self.unreal]
         return sorted(others, key=lambda F: (float(f"{abs(F):.9e}"), -F.real, -F.imag))
 
 
 def check_request(a: Arguments) -> None:
-    """Raise ``ValueError`` if ``count`` or ``solver`` is not valid."""
+    """Raise `ValueError` if ``count`` or ``solver`` is not valid."""
     a.count = count(a.count, "count")
     one_of(_requested(a.solver), "solver", get_args(BodySolverKind))
 
@@ -161,25 +161,26 @@ def critical_friction(
     dense: bool | None = None,
     solver: BodySolverKind = "auto",
 ) -> CriticalFriction:
-    """Critical coefficients of friction of a body in contact. Collective.
+    """Compute the critical friction coefficients of a body in contact. Collective.
 
-    The friction of the law does not matter: all slipping points have the same F. Points of
-    `Frictionless` surfaces, and slipping points with a prescribed bound (Tresca), have no friction;
-    they stay closed and move freely along the surface. A nonlinear bulk is linearised at the
-    displacement in the Functions. With more than 512 points only the coefficients of smallest size
-    are computed, complete up to `CriticalFriction.known_up_to`: increase ``count``, or compute all
-    with ``dense=True``.
+    The friction coefficient of the law does not matter: all slipping points have the same F. Points
+    of `Frictionless` surfaces, and slipping points with a prescribed bound (Tresca), count as
+    frictionless: they stay closed and move freely along the surface. A nonlinear bulk is linearised
+    at the displacement in the Functions. With more than 512 points, only the coefficients of
+    smallest magnitude are computed, and the lists are complete up to
+    `CriticalFriction.known_up_to`. Increase ``count`` for a larger range, or compute all
+    coefficients with ``dense=True``.
 
     Args:
         problem: contact problem, nodal or mixed.
-        direction: direction of slip d. With a vector (its tangential part), all contact points are
-            in contact and slip; the default is t = (-n_y, n_x) in 2D. With ``"solution"``, points
-            slip, stick or are open as in the solution in the Functions.
-        count: number of eigenvalues if there are too many points for all; up to 16 times as many if
-            none of them is real with one sign. Eigenvalues beyond the first often lie close
-            together and take long. Multigrid does not search coefficients above a thousand times
-            the first.
-        dense: whether all are computed; by default with up to 512 points, 64 with multigrid.
+        direction: slip direction d. With a vector, all contact points are closed and slip along its
+            tangential part; the default is t = (-n_y, n_x) in 2D. With ``"solution"``, points slip,
+            stick or are open as in the solution in the Functions.
+        count: number of eigenvalues if not all are computed; default 1. If none of them has a real
+            slip of one sign, up to 16 times as many are computed. Further eigenvalues are often
+            close together and slow to compute. Multigrid does not search for coefficients above a
+            thousand times the first.
+        dense: whether all eigenvalues are computed; by default up to 512 points, 64 with multigrid.
         solver: solver of the body: ``direct``, or ``amg`` (multigrid) for contact at nodes. The
             default is multigrid above 4 10^5 unknowns in 2D and 6 10^4 in 3D.
             ``-analysis_linear_solver`` takes precedence.
@@ -208,9 +209,9 @@ def critical_friction(
 
 
 def solver_of_body(eq: ContactEquations, rows: list[PETSc.Mat], solver: str) -> str:
-    """Return ``direct`` or ``amg``, as requested, otherwise by size. Collective.
+    """Return ``direct`` or ``amg``, as requested or chosen by size. Collective.
 
-    The automatic choice is multigrid for large bodies if each row has a node of its own.
+    Multigrid is chosen for large bodies if each row has a node of its own.
     """
     kind = _requested(solver)
     if kind != "auto":
@@ -232,12 +233,12 @@ def held_body(
 
 
 def takes_all(dense: bool | None, number: int, kind: str) -> bool:
-    """Return whether all coefficients of this number of points are computed."""
+    """Return whether all coefficients are computed for this number of points."""
     return number <= _DENSE[kind] if dense is None else bool(dense)
 
 
 class _PressureByShear:
-    """Operator T, which maps shears at the slipping points to the pressures there. Collective."""
+    """Operator T from shears to pressures at the slipping points. Collective."""
 
     def __init__(self, eq: ContactEquations, slip: Slip, u: Array, solver: str):
         self.comm = eq.comm
@@ -250,7 +251,7 @@ class _PressureByShear:
         self._cycles = 0
 
     def solve(self, shear: Array, *start: Array) -> tuple[Array, Array]:
-        """Return displacement and pressures, owned, for the shears of this rank.
+        """Return the owned displacement and the pressures caused by the shears of this rank.
 
         Args:
             shear: shears f.
@@ -263,14 +264,14 @@ class _PressureByShear:
 
     @property
     def work(self) -> tuple[int, int]:
-        """Solves by multigrid, and cycles in these and in the search for eigenvalues."""
+        """Number of multigrid solves, and number of all multigrid cycles."""
         body = self._body
         if isinstance(body, HeldMultigrid):
             return body.solves, body.iterations + self._cycles
         return 0, 0
 
     def _respond(self, shear: Array, *start: Array) -> Array:
-        """Return shears, slips and pressures of this rank (3, m); arguments as in `solve`."""
+        """Return shears, slips and pressures of this rank, shape (3, m)."""
         shear = shear.copy()
         u, pressure = self.solve(shear, *start)
         self._u.array[:] = u
@@ -280,7 +281,7 @@ class _PressureByShear:
     def _gathered(
         self, seen: Sequence[npt.NDArray[Any]], modes: Callable[..., SlipModes]
     ) -> SlipModes:
-        """Apply ``modes`` to shears, slips, pressures (m, k) and softness of all points."""
+        """Apply ``modes`` to shears, slips, pressures and softness, gathered from all ranks."""
         columns = np.reshape(seen, (len(seen), 3, len(self._softness)))
         return on_gathered(self.comm, modes, *np.moveaxis(columns, 0, 2), self._softness)
 
@@ -291,7 +292,7 @@ class _PressureByShear:
         return on_gathered(self.comm, SlipModes.of_matrix, slips, pressures, self._softness)
 
     def smallest(self, count: int) -> SlipModes:
-        """Return the smallest coefficients, and more of them if none has one sign."""
+        """Return at least ``count`` coefficients; more if none has a slip of one sign."""
         body = self._body
         if isinstance(body, HeldMultigrid) and body.symmetric and body.leaves_alone(self._slip.D):
             return self._by_davidson(body, count)
@@ -304,11 +305,12 @@ class _PressureByShear:
     # -- Davidson's method ------------------------------------------------------------------------
 
     def _by_davidson(self, body: HeldMultigrid, count: int) -> SlipModes:
-        """Return the eigenvalues of T of largest size, one after the other.
+        """Compute the eigenvalues of T of largest magnitude, one after the other.
 
-        The search for the next eigenvalue shows roughly how far they are known: among close
-        eigenvalues it may find one that is not the largest. T on the kept shears f gives their
-        eigenvalues: with the slips E f and the pressures T f, those of (f^T E f)^-1 f^T E T f.
+        An unfinished search for the next eigenvalue estimates the magnitude up to which the
+        eigenvalues are known. Among close eigenvalues it may find one that is not the largest. With
+        the slips E f and the pressures T f of the kept shears f, the eigenvalues of T on their span
+        are the eigenvalues of (f^T E f)^-1 f^T E T f.
         """
         search = body.eigenvalues(self._slip.D, 1.0 / np.sqrt(self._softness))
         seen: list[Array] = []
@@ -331,7 +333,7 @@ class _PressureByShear:
             search.destroy()
 
     def _known_beyond(self, search: Davidson) -> float:
-        """Return the size of the smallest F that the next search may find."""
+        """Return the magnitude of the smallest F that the next search may find."""
         if search.number >= self._slip.number:
             return np.inf
         search.begin()
@@ -351,11 +353,11 @@ class _PressureByShear:
     # -- SLEPc ------------------------------------------------------------------------------------
 
     def _by_slepc(self, count: int) -> SlipModes:
-        """Return the eigenvalues of T of largest size, using products with T."""
+        """Compute the eigenvalues of T of largest magnitude, using products with T."""
         T = matrix_of_product(self.comm, len(self._slip.places), self._mult)
         solver = self._largest(T, min(count, self._slip.number), [])
         number = solver.getConverged()
-        # SLEPc gives its subspace away before it computes eigenvectors.
+        # Ask for the subspace first: SLEPc frees it when it computes eigenvectors.
         subspace = solver.getInvariantSubspace() if number else []
         real, imaginary = T.createVecs()
         values: list[complex] = []
@@ -382,10 +384,10 @@ class _PressureByShear:
         y.array[:] = self.solve(x.array_r)[1]
 
     def _known_up_to(self, T: PETSc.Mat, subspace: list[PETSc.Vec]) -> float:
-        """Return the size of the smallest F outside an invariant subspace; 0 if none is found.
+        """Return the magnitude of the smallest F outside an invariant subspace; 0 if none is found.
 
-        Outside the subspace T has its remaining eigenvalues. The search starts with another random
-        vector, so that it finds eigenvalues missed by the first.
+        Outside the subspace T has its remaining eigenvalues. This search starts from another random
+        vector, so that it finds eigenvalues missed by the first search.
         """
         if len(subspace) >= self._slip.number:
             return np.inf
@@ -396,13 +398,13 @@ class _PressureByShear:
         return (1.0 - _FAR) / largest if largest > 0 else np.inf
 
     def _largest(self, T: PETSc.Mat, count: int, without: list[PETSc.Vec]) -> Any:
-        """Return a solver after its search for the largest eigenvalues outside a subspace."""
+        """Search for the largest eigenvalues outside a subspace; return the EPS object."""
         SLEPc = optional("slepc4py.SLEPc", "solver")
         solver = SLEPc.EPS().create(self.comm)
         solver.setOperators(T)
         solver.setProblemType(SLEPc.EPS.ProblemType.NHEP)
         solver.setWhichEigenpairs(SLEPc.EPS.Which.LARGEST_MAGNITUDE)
-        # Products by multigrid are expensive, vectors at the contact points are not.
+        # Products by multigrid are expensive; vectors at the contact points are cheap.
         room = 2 * count + 30 if self.solver == "amg" else PETSc.DEFAULT
         solver.setDimensions(count, min(room, self._slip.number))
         if without:
@@ -417,7 +419,10 @@ class _PressureByShear:
 
 
 def softness_of(D: PETSc.Mat, K: PETSc.Mat) -> Array:
-    """Return the slip of each point by a unit force with all else held (m,). Collective."""
+    """Return the slip of each point under a unit force, shape (m,). Collective.
+
+    All other points are held.
+    """
     first, columns, values = D.getValuesCSR()
     squared = PETSc.Mat().createAIJ(D.getSizes(), csr=(first, columns, values**2), comm=D.comm)
     diagonal, slips = squared.createVecs()

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Search for curves of folds and events in two parameters, through their meeting points.
 
-On a border (`family`) gamma is a function of mu on some intervals. An interval ends where
-another point comes to a border of its own, or the same one to its apex: there other borders meet
-at the same state. Within an interval a piece next to the border may be singular at some mu: there
-the piece holds a segment of solutions with one gamma, whose other end lies on another border, and
-on both borders folds become events or events folds. All these are found as roots of rational
-functions, and the curves are followed from one to the next.
+On a border (`family`) gamma is a function of mu on some intervals. An interval ends where a second
+point reaches a border, or where the first point reaches the apex of its cone; other borders contain
+the same state. Within an interval, a piece next to the border may be singular at some mu. This
+piece then contains a line of solutions with one gamma, whose other end lies on another border; on
+both borders folds turn into events or vice versa. All these meetings are roots of rational
+functions. The curves are followed from one meeting to the next.
 """
 
 from __future__ import annotations
@@ -39,17 +39,17 @@ def follow_events(
     *,
     folds_only: bool = True,
 ) -> EventCurves:
-    """Follow curves through given borders, and all curves that they meet.
+    """Follow the curves of given borders, and all curves that they meet.
 
     Args:
         family: problem with two parameters.
-        starts: statuses of borders (`Frame`) and the mu at which they are known.
-        mu_range: least and largest mu.
-        gamma_range: least and largest gamma.
-        folds_only: whether only curves of folds are followed from starts and meetings.
+        starts: statuses of borders (`Frame`), each with a mu at which the border has a state.
+        mu_range: smallest and largest mu.
+        gamma_range: smallest and largest gamma.
+        folds_only: whether only curves of folds are followed, and no events. Default True.
 
     Raises:
-        ValueError: if a border has no state at the mu of its start.
+        ValueError: if a border has no state at its given mu.
     """
     search = _Search(family, mu_range, gamma_range, folds_only)
     for codes, mu in starts:
@@ -59,7 +59,7 @@ def follow_events(
 
 
 class _Search:
-    """Search from segment to segment through their meetings.
+    """Search that proceeds from segment to segment through their meetings.
 
     Attributes:
         meetings: meetings found so far.
@@ -118,7 +118,7 @@ class _Search:
         return found
 
     def begin(self, codes: Codes, mu: float) -> None:
-        """Begin with the segments of a border at one mu."""
+        """Add the segments of a border at one mu to the queue."""
         segments = [s for s in self.of(codes) if s.low - self.near <= mu <= s.high + self.near]
         if not segments:
             raise ValueError(f"there is no state at {mu:g} on the border that is to be followed")
@@ -131,7 +131,7 @@ class _Search:
                 self._waiting.append(s)
 
     def run(self) -> None:
-        """Follow all waiting segments and the segments that they meet."""
+        """Follow all queued segments and the segments that they meet."""
         while self._waiting:
             s = self._waiting.pop()
             for side, mu in ((-1, s.low), (1, s.high)):
@@ -144,7 +144,7 @@ class _Search:
     # -- meetings --------------------------------------------------------------------------------
 
     def _meeting(self, s: Segment, mu: float) -> Meeting | None:
-        """Return the meeting at the end of a segment; None at the ends of the ranges."""
+        """Return the meeting at an end of a segment; None at the ends of the ranges."""
         if mu in self.mus:
             return None
         w = s.frame.state(mu)
@@ -168,7 +168,7 @@ class _Search:
         return Meeting(mu, gamma, left, right, bool(singular), choices is not None)
 
     def _ends_at(self, codes: Codes, mu: float, w: Array) -> Iterator[tuple[Segment, int]]:
-        """Yield segments of a border that end at a state, and their sides; -1: lower end."""
+        """Yield the segments of a border that end at a state, with the end: -1 lower, 1 upper."""
         for s in self.of(codes):
             for side, end in ((-1, s.low), (1, s.high)):
                 if abs(end - mu) <= self.near and self._is_at(s.frame, end, w):
@@ -211,7 +211,7 @@ class _Search:
     def _far_end(
         self, frame: Frame, which: int, mu: float, w: Array
     ) -> Iterator[tuple[Codes, Array]]:
-        """Return the border at the other end of the states in a singular piece."""
+        """Yield the border at the other end of the line of states in a singular piece."""
         f = self.family
         codes = frame.piece(which)
         A, E = f.columns(codes)
@@ -228,7 +228,7 @@ class _Search:
             for k, (i, beyond, _) in enumerate(rows)
             if i == frame.point and (beyond == frame.pair[1 - which] or codes[i] == OPEN)
         )
-        # Away from the own border, until the first other slack vanishes.
+        # Move away from this border until the first other slack vanishes.
         sense = np.sign(rate[own])
         falling = np.flatnonzero((sense * rate < 0) & (np.arange(len(rows)) != own))
         if not len(falling):
@@ -245,7 +245,7 @@ class _Search:
     # -- curves ----------------------------------------------------------------------------------
 
     def result(self) -> EventCurves:
-        """Join segments that continue one another to curves."""
+        """Join consecutive segments to curves."""
         after = dict(pair for meeting in self.meetings for pair in self._pairs(meeting))
         curves = []
         for first in [s for s in self._done if s not in after.values()]:
@@ -258,7 +258,7 @@ class _Search:
         return EventCurves(tuple(curves), tuple(meetings))
 
     def _pairs(self, meeting: Meeting) -> Iterator[tuple[Segment, Segment]]:
-        """Yield pairs of segments, left and right, that continue one another in a meeting."""
+        """Yield pairs of a left and a right segment that continue each other through a meeting."""
         left, right = (
             [s for s in part if s in self._done] for part in (meeting.left, meeting.right)
         )

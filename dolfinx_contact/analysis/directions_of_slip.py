@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Critical friction in space over the direction of sliding.
+r"""Critical friction in 3D as a function of the sliding direction.
 
 For each direction d in the plane of contact, all points slip along d, and the critical coefficients
-are the eigenvalues of S_dd v = F S_nd v (`critical_friction`). F > 0 belongs to slip against d and
-F < 0 to slip along d, so that half a circle of directions is sufficient. Friction is isotropic and
-acts against the slip; slip across d is held.
+are the eigenvalues F of S_dd v = F S_nd v (`critical_friction`). F > 0 belongs to slip against d
+and F < 0 to slip along d, so that half a circle of directions is sufficient. Friction is isotropic
+and acts against the slip; transverse slip is prevented.
 """
 
 from __future__ import annotations
@@ -48,16 +48,17 @@ _TILTED = 1e-3  # smallest length of the mean normal
 
 @dataclass(frozen=True, eq=False)
 class FrictionByDirection:
-    """Critical friction of a sliding body over the direction of slip.
+    """Critical friction of a sliding body as a function of the slip direction.
 
     Attributes:
-        angles: angles of the directions, from the first vector of `basis` to the second (k,).
-        directions: unit vectors along which the body slips (k, 3).
-        friction: smallest coefficient with a real slip of one sign, per direction (k,); infinite if
-            none was found, which means nothing beyond `known_up_to`.
-        known_up_to: coefficient below which none is missing, per direction (k,); infinite if all
-            were computed.
-        basis: two directions that span the plane of contact (2, 3).
+        angles: angles of the directions, measured from the first vector of `basis` towards the
+            second, shape (k,).
+        directions: unit vectors along which the body slips, shape (k, 3).
+        friction: smallest coefficient with a real slip of one sign for each direction, shape (k,);
+            infinite if none was found up to `known_up_to`.
+        known_up_to: coefficient below which the search is complete for each direction, shape (k,);
+            infinite if all coefficients were computed.
+        basis: two unit vectors that span the plane of contact, shape (2, 3).
     """
 
     angles: Array
@@ -73,7 +74,7 @@ class FrictionByDirection:
 
     @property
     def direction(self) -> Array:
-        """Direction with the smallest coefficient (3,)."""
+        """Direction with the smallest coefficient, shape (3,)."""
         return np.asarray(self.directions[int(self.friction.argmin())])
 
     def __str__(self) -> str:
@@ -104,7 +105,7 @@ def critical_friction_by_direction(
     dense: bool | None = None,
     solver: BodySolverKind = "auto",
 ) -> FrictionByDirection:
-    """Compute the critical friction over the direction of sliding in 3D. Collective.
+    """Compute the critical friction in 3D for all sliding directions. Collective.
 
     The plane of contact is perpendicular to the mean normal. If all coefficients are computed, one
     factorisation of the body (or one multigrid hierarchy) serves all directions; otherwise each
@@ -112,14 +113,14 @@ def critical_friction_by_direction(
 
     Args:
         problem: contact problem, as for `critical_friction`.
-        number: number of equally spaced directions, even.
+        number: number of equally spaced directions, an even number. Default 36.
         count: number of eigenvalues, see `critical_friction`.
         dense: whether all eigenvalues are computed, see `critical_friction`.
         solver: solver of the body, see `critical_friction`.
 
     Raises:
-        ValueError: on every rank, for a 2D body, normals that cancel, an odd number of directions,
-            and as `critical_friction`.
+        ValueError: on every rank, for a 2D body, for normals whose mean vanishes, for an odd number
+            of directions, and for the reasons listed in `critical_friction`.
         RuntimeError: if SLEPc does not converge.
     """
     eq = static_equations(problem)
@@ -157,9 +158,8 @@ def critical_friction_by_direction(
 class _AllTangents:
     """Response of the contact points to forces along all tangents. Collective.
 
-    With all normals held, unit forces along the tangents cause the slips C and the pressures P. If
-    slip along d is free and all other slip is held, the stiffness is S_dd = d^T C^-1 d, and the
-    pressure is S_nd = P C^-1 d.
+    With all normal displacements held, unit forces along the tangents cause the slips C and the
+    pressures P. If slip is free along d and held otherwise, S_dd = d^T C^-1 d and S_nd = P C^-1 d.
 
     Args:
         problem: contact problem.
@@ -187,7 +187,7 @@ class _AllTangents:
         self.solver = solver_of_body(eq, [self._N], solver)
 
     def coefficients(self, direction: Array) -> Array:
-        """Return all F with a real slip of one sign along a direction. `held` must be True."""
+        """Return all F with a real slip of one sign along a direction; requires `held`."""
         eq = self._eq
         pattern = SlipPattern.of(eq, direction, None, by_law=True)
         slip = Slip(eq, pattern, hold_across=True)
@@ -224,7 +224,7 @@ class _AllTangents:
 
 
 def plane_across(normal: Array) -> Array:
-    """Return unit vectors (2, 3) perpendicular to a unit normal, the first near x (or y)."""
+    """Return two orthonormal tangents of shape (2, 3); the first is near the x axis (or y axis)."""
     axis = np.eye(3)[0] if abs(normal[0]) < 0.9 else np.eye(3)[1]
     first = axis - (axis @ normal) * normal
     first /= np.linalg.norm(first)

@@ -28,11 +28,11 @@ _SAME = 1e-9  # fraction of the range of mu below which two values are equal
 
 @dataclass(frozen=True, eq=False)
 class Segment:
-    """Part of a curve with the same statuses.
+    """Part of a curve with constant statuses.
 
     Attributes:
-        frame: border with its functions of mu.
-        low: least mu.
+        frame: border on which the segment lies.
+        low: smallest mu.
         high: largest mu.
         kind: ``"fold"`` where gamma turns back, ``"event"`` where it continues.
     """
@@ -44,7 +44,7 @@ class Segment:
 
     @property
     def statuses(self) -> tuple[str, str]:
-        """Letters of the points on either side."""
+        """Statuses on the two sides, as letters of the points."""
         return status.word(self.frame.piece(0)), status.word(self.frame.piece(1))
 
 
@@ -53,13 +53,13 @@ class Meeting:
     """State at which several segments end.
 
     Attributes:
-        mu: parameter.
-        gamma: parameter.
-        left: segments of smaller mu.
-        right: segments of larger mu.
-        singular: True for a line of states in a singular piece, on whose ends the segments lie;
-            False for a single state, at which two points, or one in two ways, are at a border.
-        complete: False if too many points are at a border to follow all their segments.
+        mu: second parameter.
+        gamma: load parameter.
+        left: segments that end here and lie at smaller mu.
+        right: segments that end here and lie at larger mu.
+        singular: True if the segments end at the two ends of a line of states in a singular piece;
+            False for a single state with two active borders.
+        complete: False if too many points are at a border to follow all segments.
     """
 
     mu: float
@@ -71,7 +71,7 @@ class Meeting:
 
     @property
     def is_cusp(self) -> bool:
-        """Whether two curves of folds end here, on the same side."""
+        """Whether two curves of folds end here and lie on the same side."""
         counts = sorted(sum(s.kind == "fold" for s in side) for side in (self.left, self.right))
         return counts == [0, 2]
 
@@ -82,7 +82,7 @@ class EventCurve:
 
     Attributes:
         kind: kind of all segments, "fold" or "event".
-        segments: segments, each beginning where the preceding one ends.
+        segments: consecutive segments; each begins at the end of the preceding one.
     """
 
     kind: str
@@ -99,10 +99,10 @@ class EventCurve:
         return float("nan") if segment is None else segment.frame.gamma(mu)
 
     def statuses_at(self, mu: float) -> tuple[str, str]:
-        """Letters of the points on either side at mu.
+        """Return the statuses on the two sides at mu, as letters of the points.
 
         Raises:
-            ValueError: outside of the span.
+            ValueError: if mu is outside the span.
         """
         segment = self._segment_at(mu)
         if segment is None:
@@ -110,7 +110,7 @@ class EventCurve:
         return segment.statuses
 
     def _segment_at(self, mu: float) -> Segment | None:
-        """Return the segment whose span contains mu; None outside of the span of the curve."""
+        """Return the segment whose span contains mu; None outside the span of the curve."""
         return next((s for s in self.segments if s.low <= mu <= s.high), None)
 
     @property
@@ -119,7 +119,7 @@ class EventCurve:
         return np.asarray(self.points(16)[:, 0])
 
     def points(self, number: int = 8) -> Array:
-        """Return points (mu, gamma) of shape (n, 2), ``number`` steps per segment."""
+        """Return points (mu, gamma), shape (n, 2), with ``number`` steps per segment."""
         first, _ = self.span
         mus = [np.linspace(s.low, s.high, number + 1)[1:] for s in self.segments]
         return np.array([(mu, self.at(mu)) for mu in (first, *np.concatenate(mus))])
@@ -159,25 +159,25 @@ class EventCurves:
 
     @property
     def cusps(self) -> tuple[tuple[float, float], ...]:
-        """(mu, gamma) at which two curves of folds end."""
+        """Points (mu, gamma) at which two curves of folds end."""
         return tuple((m.mu, m.gamma) for m in self.meetings if m.is_cusp)
 
     @property
     def crossings(self) -> tuple[tuple[float, float], ...]:
-        """(mu, gamma) at which two curves of folds cross, by mu; see `EventCurve.crossings`."""
+        """Points (mu, gamma) at which two curves of folds cross, ordered by mu."""
         found = []
         for a, b in combinations(self.folds, 2):
             found += [(mu, a.at(mu)) for mu in a.crossings(b)]
         return tuple(sorted(found))
 
     def folds_at(self, mu: float) -> list[float]:
-        """Return gamma of all folds at mu, falling."""
+        """Return gamma of all folds at mu, in decreasing order."""
         there = (c.at(mu) for c in self.folds)
         return sorted((g for g in there if np.isfinite(g)), reverse=True)
 
 
 def strips(curves: Sequence[EventCurve], mus: tuple[float, float]) -> list[tuple[float, float]]:
-    """Return intervals of mu in which the same curves lie in the same order."""
+    """Return the intervals of mu in which the set and the order of the curves are constant."""
     cuts = {mu for curve in curves for mu in curve.span}
     cuts |= {mu for a, b in combinations(curves, 2) for mu in a.crossings(b)}
     near = _SAME * (mus[1] - mus[0])
@@ -191,7 +191,7 @@ def strips(curves: Sequence[EventCurve], mus: tuple[float, float]) -> list[tuple
 def layers(
     curves: Sequence[EventCurve], strip: tuple[float, float], near: float
 ) -> list[tuple[EventCurve, ...]]:
-    """Return the curves in a strip from below, with coinciding curves in one group.
+    """Return the curves in a strip from bottom to top, with coinciding curves grouped.
 
     Args:
         curves: curves in any order.
@@ -207,7 +207,7 @@ def layers(
 
 
 def _crossing(a: EventCurve, b: EventCurve, low: float, high: float) -> float:
-    """Return the mu between two others at which curves cross, to round-off, by bisection."""
+    """Return the mu between ``low`` and ``high`` at which two curves cross, by bisection."""
     above = a.at(low) > b.at(low)
     while low < (middle := (low + high) / 2) < high:
         low, high = (middle, high) if (a.at(middle) > b.at(middle)) == above else (low, middle)

@@ -1,24 +1,24 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Contact problems in the plane with two parameters, and states with one point at a border.
+r"""Two-parameter contact problems in the plane, and states with one point at a border.
 
 The unknowns at m contact points are w = (ut, un, rt, rn), with
 
     S a - r = p + gamma q + mu v,        F = F_0 + mu F_1 >= 0
 
 and Coulomb's law at every point. mu is the friction coefficient, or a second load. In a piece every
-point has a status; on a *border* one point is between two of them (`laws.coulomb`). For every mu,
+point has a status; on a *border* one point is between two statuses (`laws.coulomb`). For every mu,
 the unknowns z of the points and gamma solve
 
     [M B(mu), -q] (z, gamma) = p + mu v,
 
-a system of 2 m equations whose matrix is affine in mu: gamma is a rational function of mu, and so
-is every slack of an inequality. With G(mu) = G + t E at mu = c + t a function s(mu) (z, gamma) - b
-vanishes where
+a system of 2 m equations whose matrix is affine in mu. Hence gamma and the slacks of all
+inequalities are rational functions of mu. With G(mu) = G + t E at mu = c + t, a function s(mu) (z,
+gamma) - b vanishes where
 
     det (P_0 + t P_1) = det [[G + t E, h + t h'], [s + t s', b]] = 0,
 
-where 1/t is an eigenvalue of - P_0^{-1} P_1, if the function does not vanish at c. Thus all ends of
-a border are found without stepping along it.
+that is, where 1/t is an eigenvalue of - P_0^{-1} P_1, if the function does not vanish at c. Thus
+all ends of a border are found without stepping along it.
 """
 
 from __future__ import annotations
@@ -50,21 +50,21 @@ _POLISH = 6  # steps of Newton's method
 
 @dataclass(frozen=True, eq=False)
 class ContactFamily:
-    """Contact problem at m points with two parameters; see the module.
+    """Contact problem at m points with two parameters, in the notation of the module.
 
     Attributes:
         S: stiffness (2 m, 2 m), ordered ut, un point by point.
-        p: load (2 m,).
-        q: its derivative by gamma (2 m,).
-        v: its derivative by mu (2 m,).
-        friction: coefficients at mu = 0 (m,).
-        friction_rate: their derivatives by mu (m,).
-        S_error: error bounds of S (2 m, 2 m); None for no error.
-        p_error: error bounds of the load (2 m,).
-        q_error: increase of these bounds with |gamma| (2 m,).
-        reach: slips up to which sliding is small (m,), infinite on flat obstacles
-            (`reduced.gathered.GatheredPoints`); None: everywhere infinite.
-        comm: ranks that hold the same family and share the work.
+        p: load at gamma = mu = 0, shape (2 m,).
+        q: derivative of the load with respect to gamma, shape (2 m,).
+        v: derivative of the load with respect to mu, shape (2 m,).
+        friction: friction coefficients at mu = 0, shape (m,).
+        friction_rate: derivatives of the friction coefficients with respect to mu, shape (m,).
+        S_error: error bounds of S, shape (2 m, 2 m); None for an exact S.
+        p_error: error bounds of the load, shape (2 m,).
+        q_error: increase of the error bounds with |gamma|, shape (2 m,).
+        reach: slips up to which sliding is small, shape (m,); infinite on flat obstacles
+            (`reduced.gathered.GatheredPoints`). None means infinite at all points.
+        comm: communicator of the ranks that hold the same family and share the work.
     """
 
     S: Array
@@ -80,14 +80,14 @@ class ContactFamily:
     comm: MPI.Comm = field(default_factory=lambda: MPI.COMM_SELF)
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return the state without the communicator; a copy on another rank is local."""
+        """Return the state for pickling without the communicator, so that a copy is local."""
         return {name: value for name, value in vars(self).items() if name != "comm"}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         vars(self).update(state, comm=MPI.COMM_SELF)
 
     def are_small(self, slips: Iterable[Array]) -> bool:
-        """Return whether the slips (m,) of solutions are within `reach`."""
+        """Return whether the slips of solutions, shape (m,) each, are within `reach`."""
         reach = self.reach
         return reach is None or all(bool(np.all(np.abs(slip) <= reach)) for slip in slips)
 
@@ -98,12 +98,12 @@ class ContactFamily:
 
     @cached_property
     def frictionless(self) -> Mask:
-        """Points that have no friction at any mu: closed, they have the code of a slip, `PLUS`."""
+        """Points without friction at any mu; if closed, they have the code `PLUS` of a slip."""
         return np.asarray((self.friction == 0) & (self.friction_rate == 0))
 
     @cached_property
     def size(self) -> float:
-        """A typical stiffness, by which displacements are compared with forces."""
+        """Typical stiffness that converts displacements to forces in comparisons."""
         return float(np.abs(np.diag(self.S)).mean())
 
     def problem(self, mu: float, gamma: float) -> ReducedProblem:
@@ -121,18 +121,21 @@ class ContactFamily:
         return ReducedProblem(self.S, p, friction, None, self.S_error, np.asarray(p_error))
 
     def basis(self, i: int, code: int, mu: float) -> Array:
-        """Return B of a status or border at a point (4, unknowns)."""
+        """Return the matrix B of a status or border at point i, shape (4, unknowns)."""
         F = self.friction[i] + mu * self.friction_rate[i]
         constant, slope = BASES[code]
         return np.array(constant).T + F * np.array(slope).T
 
     def bases(self, codes: Codes, mu: float) -> Array:
-        """Return the matrix from the unknowns of a piece or border to w (m, 4, unknowns)."""
+        """Return the matrix that maps unknowns of a piece or border to w (m, 4, unknowns)."""
         parts = [self.basis(i, int(code), mu) for i, code in enumerate(codes)]
         return np.asarray(block_diag(*parts).reshape(self.points, 4, -1))
 
     def inequalities(self, i: int, code: int) -> list[tuple[Array, Array, int]]:
-        """Return C_0, C_1 of each inequality C_0 + mu C_1 at a point, and the status beyond."""
+        """Return the inequalities (C_0 + mu C_1) w >= 0 of a status at point i.
+
+        Each one is a tuple of C_0, C_1 and the status that follows its violation.
+        """
         if self.frictionless[i]:
             return WITHOUT_FRICTION[code]
         F = self.friction[i]
@@ -140,7 +143,7 @@ class ContactFamily:
         return [(c + F * slope, rate * slope, target) for c, slope, target in INSIDE[code]]
 
     def columns(self, codes: Codes) -> tuple[Array, Array]:
-        """Return M B_0 and M B_1 of M (B_0 + mu B_1), (2 m, unknowns) each."""
+        """Return M B_0 and M B_1 of the matrix M (B_0 + mu B_1), shape (2 m, unknowns) each."""
         at_0, at_1 = (
             self.S @ B[:, :2].reshape(len(self.S), -1) - B[:, 2:].reshape(len(self.S), -1)
             for B in (self.bases(codes, 0.0), self.bases(codes, 1.0))
@@ -152,7 +155,7 @@ class ContactFamily:
         return np.asarray(self.bases(codes, mu) @ z)
 
     def held(self, i: int, w: Array, mu: float, tolerance: float) -> list[int]:
-        """Return the statuses and borders whose cones contain w (4,) of a point."""
+        """Return the statuses and borders whose cones contain the state w (4,) of point i."""
         units = np.array([self.size, self.size, 1.0, 1.0])
         found = []
         for code in range(FIRST_BORDER + len(BORDERS)):
@@ -170,11 +173,11 @@ class ContactFamily:
 
 
 class Frame:
-    """Border of a family, with its functions of mu.
+    """Border of a family, on which the state and gamma are functions of mu.
 
     Args:
         family: problem with two parameters.
-        codes: statuses of the points, of one of them a border (m,).
+        codes: statuses of the points, with a border at exactly one of them, shape (m,).
     """
 
     def __init__(self, family: ContactFamily, codes: Codes):
@@ -188,7 +191,7 @@ class Frame:
         self._slacks = self._functions()
 
     def _functions(self) -> tuple[Array, Array]:
-        """Return rows s_0, s_1 of the slacks (s_0 + mu s_1) (z, gamma) (slacks, 2 m)."""
+        """Return s_0 and s_1 of the slacks (s_0 + mu s_1) (z, gamma), shape (slacks, 2 m) each."""
         f = self.family
         B_0 = f.bases(self.codes, 0.0)
         B_1 = f.bases(self.codes, 1.0) - B_0
@@ -203,7 +206,7 @@ class Frame:
         return both[:, 0], both[:, 1]
 
     def solve(self, mu: float) -> Array | None:
-        """Return (z, gamma) at mu (2 m,); None if the matrix is singular."""
+        """Return (z, gamma) at mu, shape (2 m,); None if the matrix is singular."""
         f = self.family
         try:
             y = np.asarray(np.linalg.solve(self._G + mu * self._E, f.p + mu * f.v), dtype=float)
@@ -217,7 +220,7 @@ class Frame:
         return float("nan") if y is None else float(y[-1])
 
     def state(self, mu: float) -> Array | None:
-        """Return w at mu (m, 4); None if the matrix is singular."""
+        """Return w at mu, shape (m, 4); None if the matrix is singular."""
         y = self.solve(mu)
         return None if y is None else self.family.state(self.codes, y[:-1], mu)
 
@@ -235,9 +238,9 @@ class Frame:
     # -- ends ------------------------------------------------------------------------------------
 
     def ends(self, span: tuple[float, float], gammas: tuple[float, float]) -> Array:
-        """Return all mu in an interval at which the border may end, rising.
+        """Return all mu in an interval at which the border may end, in increasing order.
 
-        There a slack vanishes, gamma is at an end of its range, or the matrix is singular.
+        At these mu a slack vanishes, gamma reaches an end of its range, or the matrix is singular.
 
         Args:
             span: interval of mu.
@@ -261,7 +264,7 @@ class Frame:
         return np.array(sorted(inside), dtype=float)
 
     def _polished(self, mu: float, s_0: Array, s_1: Array, target: float) -> float:
-        """Return a root improved by Newton's method, or unchanged if that fails."""
+        """Improve a root by Newton's method; return it unchanged if Newton's method fails."""
         f = self.family
         best = mu
         least = np.inf
@@ -284,25 +287,25 @@ class Frame:
     # -- the pieces on either side ---------------------------------------------------------------
 
     def piece(self, which: int) -> Codes:
-        """Return the statuses of the piece on one side, 0 or 1 (m,)."""
+        """Return the statuses of the piece on side ``which`` (0 or 1), shape (m,)."""
         codes = self.codes.copy()
         codes[self.point] = self.pair[which]
         return codes
 
     def turns(self, which: int, span: tuple[float, float]) -> Array:
-        """Return all mu in an interval at which the piece on one side is singular, rising."""
+        """Return the increasing values of mu in an interval at which one piece is singular."""
         A, E = self.family.columns(self.piece(which))
         pencil = _Pencil.within(A, E, span)
         return np.array(sorted(pencil.singular(span)) if pencil is not None else [], dtype=float)
 
     def sense(self, which: int, mu: float) -> float:
-        """Return 1 if gamma grows into the piece on one side, -1 if it falls, otherwise 0."""
+        """Return the sign of the change of gamma into one piece; 0 if the piece is singular."""
         f = self.family
         codes = self.piece(which)
         A, E = f.columns(codes)
         mine = int(codes[self.point])
         other = self.pair[1 - which]
-        # A closing point slips in the sense of its ut.
+        # The slip of a closing point has the sign of its ut.
         C_0, C_1 = next(
             (constant, slope)
             for constant, slope, beyond in f.inequalities(self.point, mine)
@@ -321,7 +324,7 @@ class Frame:
 
 
 class _Pencil:
-    """Pencil G + mu E about a centre where it is regular; E has few nonzero columns."""
+    """Matrix pencil G + mu E with its inverse at a regular centre; E has few nonzero columns."""
 
     def __init__(self, E: Array, inverse: Array, center: float):
         self.E = E
@@ -332,7 +335,7 @@ class _Pencil:
 
     @classmethod
     def within(cls, G: Array, E: Array, span: tuple[float, float]) -> _Pencil | None:
-        """Return the pencil about some mu in an interval; None if it is singular there."""
+        """Return the pencil with a regular centre in an interval; None if no centre is found."""
         for part in _PARTS:
             center = span[0] + part * (span[1] - span[0])
             A = G + center * E
@@ -348,7 +351,7 @@ class _Pencil:
         return None
 
     def _shifts(self, X: Array, span: tuple[float, float]) -> list[float]:
-        """Return mu in the interval for eigenvalues 1 / (mu - center) of a matrix."""
+        """Return all mu in the interval for which 1 / (mu - center) is an eigenvalue of X."""
         values = np.linalg.eigvals(X)
         near = np.abs(values) * (span[1] - span[0]) >= 1
         real = values[near & (np.abs(values.imag) <= _REAL * np.abs(values))].real

@@ -1,17 +1,16 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Load cycles on contact points, step by step, until the points come to rest or repeat.
+r"""Time stepping of load cycles on contact points until the response comes to rest or repeats.
 
-Implicit steps: with the slips w at the start of a step, the displacements a and forces r at its end
-solve S a = r + p, un >= 0 against rn >= 0, and the friction law with the slip ut - w of the step (a
-shifted `PointProblem`). A step begins with the statuses of the previous one; if they lead to no
-solution, Lemke's method finds one in the plane, and Gauss-Seidel in space.
+Each step is implicit. With the slips w at the start of a step, the displacements a and forces r at
+its end solve S a = r + p, the unilateral conditions, and the friction law with the slip increment
+ut - w (a shifted `PointProblem`). Newton's method starts from the previous step. If it fails,
+Lemke's method is used in the plane and Gauss-Seidel in space.
 
-After a cycle in which no closed point has slipped, opened or closed, the points remain at rest: the
-same state holds at its corners in the next cycle, and by convexity between them. (Points may also
-open and close without slip, which counts as rest at the steps; points without friction slide
-freely, which does not count as slip.) If displacements repeat with slip, friction dissipates the
-same work in every cycle (alternating slip). If they grow by the same amount in each cycle, it is
-ratcheting.
+After a cycle in which no point with friction has slipped, and no point has opened or closed, the
+points remain at rest: the same states satisfy the equations in the next cycle, by convexity also
+between the corners. Sliding of frictionless points does not count as slip. If displacements repeat
+with slip, friction dissipates the same work in every cycle (alternating slip). If they grow by the
+same amount in each cycle, the response is ratcheting.
 """
 
 from __future__ import annotations
@@ -42,19 +41,19 @@ _REPEATS = 1e-8  # relative difference of repeating cycles
 
 @dataclass(frozen=True, eq=False)
 class LoadCycles:
-    """Load cycles from one start.
+    """Result of load cycles from one initial state.
 
     Attributes:
-        start: name of the start.
+        start: name of the initial state.
         factor: factor of the loads.
         ending: "rest", "alternating slip", "ratcheting", or "not decided" after the last cycle.
         dissipation: frictional dissipation of every cycle.
-        slid: largest slip of a step in the last cycle, at points with friction.
+        slid: largest slip increment of a step in the last cycle, at points with friction.
         lifts: whether a point opened or closed in the last cycle.
         loads: loads of the steps of a cycle (n, dim m).
         before: displacements at the beginning of the last cycle (m, dim).
-        displacements: displacements at the ends of its steps (n, m, dim).
-        forces: forces at the ends of its steps (n, m, dim).
+        displacements: displacements after each step of the last cycle, shape (n, m, dim).
+        forces: forces after each step of the last cycle, shape (n, m, dim).
     """
 
     start: str
@@ -74,7 +73,7 @@ class LoadCycles:
         return len(self.dissipation)
 
     def __str__(self) -> str:
-        """Start, ending, and frictional dissipation of the last cycle."""
+        """Return the start, the ending, and the frictional dissipation of the last cycle."""
         work = f"{self.dissipation[-1]:.4g} dissipated in the last"
         lifts = ", points open and close" if self.lifts else ""
         ends = f"{self.ending} in cycle {self.number}"
@@ -87,11 +86,12 @@ def step_cycles(
     """Step through load cycles.
 
     Args:
-        points: stiffness and laws.
-        loads: loads of the steps of a cycle (n, dim m); the last is the load at its start.
-        first: displacements and forces at the start, (m, dim) each.
-        start: name of the start.
-        factor: factor of the loads, for the record.
+        points: contact points with their stiffness and laws.
+        loads: loads of the steps of a cycle, shape (n, dim m); the last one is also the load at
+            the start of the cycle.
+        first: displacements and forces at the start, shape (m, dim) each.
+        start: name of the initial state, stored in the result.
+        factor: factor of the loads, stored in the result.
         cycles: largest number of cycles.
 
     Raises:
@@ -131,7 +131,7 @@ def step_cycles(
 
 
 class _Stepper:
-    """Steps of load cycles, with the scales of force and length."""
+    """Time stepper for load cycles, with scales of force and length."""
 
     def __init__(self, points: PointProblem, loads: Array):
         self.points = points
@@ -140,7 +140,12 @@ class _Stepper:
         self.force = float(np.abs(loads).max())
 
     def cycle(self, state: State) -> tuple[list[State], float, float, bool]:
-        """Return the states of a cycle, dissipation, largest slip, and changes of contact."""
+        """Step through one cycle.
+
+        Returns:
+            States after each step, frictional dissipation, largest slip increment, and whether a
+            point opened or closed.
+        """
         points = self.points
         states = []
         dissipated = slid = 0.0
@@ -162,12 +167,12 @@ class _Stepper:
         return states, dissipated, slid, lifts
 
     def _step(self, p: Array, state: State, last: Array) -> tuple[State, Array]:
-        """Return the state under a load, and its slips and gaps (m, dim).
+        """Return the state at the end of a step, and its slip increments and gaps (m, dim).
 
         Args:
             p: load (dim m,).
             state: state at the start of the step.
-            last: slips and gaps of the previous step (m, dim).
+            last: slip increments and gaps of the previous step, shape (m, dim).
         """
         slips = state[0].copy()
         slips[:, -1] = 0.0
@@ -196,7 +201,7 @@ class _Stepper:
 
 
 def one_solution(problem: PointProblem, message: str, start: Array | None = None) -> State:
-    """Return a solution by Lemke's method in the plane, by Gauss-Seidel in space.
+    """Return a solution by Lemke's method in the plane or by Gauss-Seidel in space.
 
     Args:
         problem: reduced problem.

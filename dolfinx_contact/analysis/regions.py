@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Regions of two parameters with the same number and statuses of solutions.
+"""Cells of the parameter plane in which the number and statuses of solutions are constant.
 
 Curves of folds and of events (`event_curves`, with ``folds_only=False``) divide the plane of two
-parameters into cells. Between the values of the second parameter at which curves end, meet or
-cross, the curves lie one above the other, and a cell lies between two of them. If no curve is
-missing, the number of solutions and their statuses are constant in a cell. They are determined in
-its middle, with a proof of completeness (`solutions`).
+parameters into cells. The values of the second parameter at which curves end, meet or cross define
+strips. Within a strip the curves lie one above the other, and a cell lies between two of them. If
+no curve is missing, the number and statuses of the solutions are constant in a cell. They are
+determined at its midpoint, with a proof of completeness (`proofs`).
 
-Completeness of the curves is not proved. A missing curve shows as a change of the solutions between
-neighbouring cells without a curve between them (`Chart.explained`), unless it lies inside a single
-cell.
+Completeness of the curves is not proved. A missing curve is detected as a change of the solutions
+between neighbouring cells without a curve between them (`Chart.explained`), unless the curve lies
+inside a single cell.
 """
 
 from __future__ import annotations
@@ -50,10 +50,10 @@ def solution_regions(
 
     Args:
         family: problem with two parameters, the same on all ranks of its communicator.
-        curves: all its curves of folds and events in the ranges, found with the same ranges.
-        mu_range: least and largest mu.
-        gamma_range: least and largest gamma.
-        proof_seconds: time of the proof in a cell.
+        curves: all curves of folds and events, found with the same ranges.
+        mu_range: smallest and largest mu.
+        gamma_range: smallest and largest gamma.
+        proof_seconds: time limit of the proof in each cell, in seconds. Default 20.
 
     Raises:
         ValueError: on every rank, if an argument is not valid.
@@ -81,7 +81,7 @@ def solution_regions(
 
 
 def _are_explained(cells: Sequence[ChartCell]) -> bool:
-    """Return whether solutions change across each curve as required, and only there."""
+    """Return whether the solutions change exactly where curves require a change."""
     stacked = [(a, b) for a, b in pairwise(cells) if a.mu == b.mu]
     neighbours = [(a, b) for a, b in combinations(cells, 2) if a.mu[1] == b.mu[0] and _touch(a, b)]
     return all(_differ_as_required(a, b) for a, b in stacked) and all(
@@ -90,16 +90,16 @@ def _are_explained(cells: Sequence[ChartCell]) -> bool:
 
 
 def _touch(left: ChartCell, right: ChartCell) -> bool:
-    """Return whether two cells in neighbouring strips share a part of their sides."""
+    """Return whether two cells in neighbouring strips share a part of an edge."""
     low, high = left.ends(left.mu[1])
     least, most = right.ends(right.mu[0])
     return min(high, most) - max(low, least) > _SIDE * (left.gamma[1] - left.gamma[0])
 
 
 def _differ_as_required(below: ChartCell, above: ChartCell) -> bool:
-    """Return whether two cells differ as the curves between them require.
+    """Return whether the solutions of two cells differ as the curves between them require.
 
-    Across a fold, two solutions appear or vanish; across an event, one solution is replaced.
+    Two solutions appear or vanish across a fold; one solution changes its statuses across an event.
     """
     mu = below.middle[0]
     lower = set(below.solutions)
@@ -108,7 +108,7 @@ def _differ_as_required(below: ChartCell, above: ChartCell) -> bool:
         (curve,) = below.above
         statuses = set(curve.statuses_at(mu))
         sides = (statuses <= lower, statuses <= upper)
-        # both solutions of a fold are on one side, those of an event on different sides
+        # a fold has both solutions on one side, an event has one on each side
         fits = any(sides) if curve.kind == "fold" else not any(sides)
         return lower ^ upper == statuses and fits
     return lower ^ upper <= set().union(*(curve.statuses_at(mu) for curve in below.above))

@@ -1,32 +1,34 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Renard's criterion: friction below which a solution is certainly the only one.
+r"""Renard's criterion: friction below which a solution is unique.
 
 At every contact point of a solution, let xi be the direction of the slip (xi = u_t/|u_t| where u_t
-does not vanish) or of the shear (r_t = -F r_n xi, |xi| <= 1). For any other solution the
-differences a of jumps and r = S a of forces have a_n r_n <= 0 and a_t.(r_t + F r_n xi) <= 0 at
-every point, by the monotony of u_t -> u_t/|u_t|. So the solution is the only one if
+does not vanish) or of the shear (r_t = -F r_n xi, |xi| <= 1). Let a be the difference between the
+jumps of another solution and of this one, and r = S a the difference of the forces. Then a_n r_n <=
+0 and a_t.(r_t + F r_n xi) <= 0 at every point, since u_t -> u_t/|u_t| is monotone. Hence the
+solution is unique if
 
     a.S a + F sum_i (a_t.xi)_i (S a)_n,i > 0    for all a other than 0,
 
 the discrete form of Y. Renard, A uniqueness criterion for the Signorini problem with Coulomb
-friction, SIAM J. Math. Anal. 38 (2006) 452-467. It holds up to a coefficient F_R, which is an
-eigenvalue: with one point and the stiffness [[k_t, k], [k, k_n]] it is
-2 sqrt(k_t k_n - k^2)/k_n (|xi| = 1).
+friction, SIAM J. Math. Anal. 38 (2006) 452-467. The criterion holds up to a coefficient F_R, which
+follows from an eigenproblem. For one point with the stiffness [[k_t, k], [k, k_n]] and |xi| = 1,
+F_R = 2 sqrt(k_t k_n - k^2)/k_n.
 
-In forces r the form is r.A r + F (A r).X r with the flexibility A = B K^{-1} B^T and X = xi in
-the entries (tangent, normal) of every point; 1/F_R is the largest eigenvalue of
--sym(A X) r = mu A r.
+In terms of the forces r, the form is r.A r + F (A r).X r with the flexibility A = B K^{-1} B^T and
+X = xi in the entries (tangent, normal) of every point; 1/F_R is the largest eigenvalue of -sym(A X)
+r = mu A r.
 
-**Weights.** The solution is the only one if *some* sum of the inequalities with positive weights,
+**Weights.** The solution is also unique if *some* sum of the inequalities with positive weights is
+positive,
 
     sum_i [ beta_i a_n r_n + alpha_i a_t.(r_t + F r_n xi) ]_i  >  0    for all a other than 0.
 
-Renard's criterion has unit weights. For the point above with k > 0, optimal weights give F < k_t/k
-if xi = -1, beyond which some loads have several solutions, and every F if xi = 1. One set of
-weights is valid on an interval of F; the range of F is covered by overlapping intervals. The least
-eigenvalue of the sum, scaled to a unit diagonal, is maximised over the logarithms of the weights,
-with a soft minimum of several small eigenvalues as in `proofs.weights`. This takes many
-eigenproblems of dense matrices.
+Renard's criterion has unit weights. For the point above with k > 0, optimal weights prove
+uniqueness for F < k_t/k if xi = -1 (beyond, some loads have several solutions) and for every F if
+xi = 1. One set of weights is valid on an interval of F; the range of F is covered by overlapping
+intervals. The least eigenvalue of the sum, scaled to a unit diagonal, is maximised over the
+logarithms of the weights, using a soft minimum of several small eigenvalues as in `proofs.weights`.
+The search solves many dense eigenproblems.
 """
 
 from __future__ import annotations
@@ -85,17 +87,17 @@ _MOST = 1e3  # largest friction factor
 
 @dataclass(frozen=True)
 class Renard:
-    """Result of the criterion for a solution.
+    """Result of Renard's criterion for a solution.
 
     Attributes:
-        factor: factor by which the friction may grow while a solution with these directions of slip
-            and shear is unique; infinite without friction, or if no point slips or presses.
-        friction: corresponding coefficient F_R; None if friction varies.
+        factor: factor of the friction coefficients below which a solution with these directions of
+            slip and shear is unique; infinite without friction, or if no point slips or is pressed.
+        friction: corresponding coefficient F_R; None if the coefficient varies between points.
         definite: whether the stiffness is symmetric and positive definite, a condition of the
             criterion.
-        doubt: place and amount of sliding that is not small, for which the criterion does not hold;
-            otherwise "".
-        unique: whether the solution is unique at its own friction.
+        doubt: description of sliding that is not small, for which the criterion does not hold;
+            empty if sliding is small.
+        unique: whether the solution is proved unique at its present friction.
     """
 
     factor: float
@@ -105,7 +107,7 @@ class Renard:
 
     @property
     def unique(self) -> bool:
-        """Whether the solution is unique; False leaves it open."""
+        """Whether the solution is proved unique; False decides nothing."""
         return self.definite and self.factor > 1.0 + 1e-9 and not self.doubt
 
 
@@ -130,10 +132,11 @@ def renard_criterion(
     Args:
         problem: solved contact problem, nodal or mixed, with a linear bulk and Coulomb's law, or a
             law whose solution is always unique (Tresca, no friction).
-        directions: function of positions (n, dim) that returns xi (n, dim), tangents of length up
-            to 1, for a solution that is not known.
-        dense: whether the eigenproblem is dense; by default depending on its size.
-        weights: whether weights that increase the factor are searched for; requires ``dense``.
+        directions: function that maps positions of shape (n, dim) to tangential vectors xi of shape
+            (n, dim) with lengths up to 1; for solutions that are not known. Default: the directions
+            of the solution in the Functions.
+        dense: whether dense matrices are used; by default for small eigenproblems.
+        weights: whether to search for weights that increase the factor; uses dense matrices.
 
     Raises:
         ValueError: on every rank, for another law or bulk, invalid directions, or weights without
@@ -173,11 +176,12 @@ def criterion_at(
     Args:
         eq: contact problem.
         state: state of the problem.
-        directions: function for xi; by default the directions of the state.
-        dense: whether the eigenproblem is dense; by default depending on its size.
-        effort: effort of the search for weights (`WeightedForm.largest`) if it is dense.
-        enough: factor beyond which no weights are searched for.
-        seconds: time limit of this search.
+        directions: function that returns xi; by default the directions of the state are used.
+        dense: whether dense matrices are used; by default for small eigenproblems.
+        effort: number of iterations of the search for weights (`WeightedForm.largest`), which
+            requires dense matrices; 0 for no search.
+        enough: factor at which the search for weights ends.
+        seconds: time limit of the search for weights in seconds.
     """
     slope = _slopes(eq, state)
     xi = _of_solution(eq, state, slope) if directions is None else _given(eq, directions)
@@ -229,7 +233,7 @@ def _of_solution(eq: ContactEquations, state: Evaluation, slope: Array) -> Array
 
 
 def _given(eq: ContactEquations, directions: Field) -> Array:
-    """Return the tangential part of a field of directions (n, dim). Collective."""
+    """Return the tangential parts of the directions given by the user (n, dim). Collective."""
     x = np.concatenate([s.positions for s in eq.surfaces])
     n = point_normals(eq)
     with everywhere(eq.comm, "directions"):
@@ -241,7 +245,7 @@ def _given(eq: ContactEquations, directions: Field) -> Array:
 
 
 class _Form:
-    """Matrices A (flexibility) and X of the module, for free components of jumps.
+    """Matrices A (flexibility) and X of the module, for the free components of the jumps.
 
     Args:
         eq: contact problem.
@@ -263,7 +267,7 @@ class _Form:
         self._R = stacked([N, T])
         N.destroy(), T.destroy()
         self.number = self._R.getSize()[0]
-        # Weights go with normals, and with all tangents of a point.
+        # One weight for the normal of each point, and one for all its tangents.
         offset = 2 * (self.comm.exscan(len(n)) or 0)
         self._groups = np.concatenate([offset + 2 * pressed, offset + 2 * point + 1])
         column = np.full(len(n), -1, dtype=np.int64)
@@ -273,7 +277,7 @@ class _Form:
         entries = Entries(rows, column[point])
         size = self._R.getLocalSize()[0]
         self._X = matrix_of(self.comm, (size, size), entries)
-        # Rows are along n, against which pressures are counted.
+        # Rows are along n; a pressure acts on the body along -n.
         entries.add(-np.sum(friction[point] * tangents, axis=1), self._X)
         u = eq.bulk.displacement.x.array.copy()
         self._K = with_dirichlet_rows(eq.bulk.stiffness(u), eq, eq.scaling.stiffness)
@@ -281,7 +285,7 @@ class _Form:
         self.definite = self._free.definite
 
     def by_factorisation(self, effort: int, enough: float, seconds: float) -> float:
-        """Return the factor from dense matrices, increased by weights."""
+        """Compute the factor using dense matrices; weights may increase it."""
         A, _ = self._free.respond(columns_of(self._R), self._R)
         X = self._X.convert("dense", PETSc.Mat())
         mine = X.getDenseArray(readonly=True).copy()
@@ -303,13 +307,13 @@ class _Form:
         return on_gathered(self.comm, solved, A, mine, self._groups)
 
     def by_slepc(self) -> float:
-        """Return the factor, using products with A and its inverse, the stiffness of the points."""
+        """Compute the factor using products with A and with its inverse, the stiffness."""
         SLEPc = optional("slepc4py.SLEPc", "solver")
         R, X = self._R, self._X
         held = HeldBody(self.comm, [HeldField(self._K, [R])], self._eq.scaling.stiffness)
 
         def product(x: PETSc.Vec, y: PETSc.Vec) -> None:
-            """Multiply by -(X + S X^T A)/2, whose eigenvalues are those of the form over A."""
+            """Multiply by -(X + S X^T A)/2, which has the eigenvalues 1/F_R."""
             u, a = R.createVecs()
             R.multTranspose(x, u)
             u.array[:] = self._free.solve(u.array_r)[0]
@@ -317,7 +321,7 @@ class _Form:
             turned = a.duplicate()
             X.multTranspose(a, turned)
             X.mult(x, y)
-            # The forces that hold these jumps are minus the multipliers.
+            # The forces that cause the jumps are the negative multipliers.
             y.array[:] -= held.solve(np.zeros(0), turned.array_r)[1]
             y.scale(-0.5)
             for thing in (u, a, turned):
@@ -344,19 +348,20 @@ class _Form:
 
 
 def _over(largest: float) -> float:
-    """Return the factor; infinite if nothing moves or presses, so that the form vanishes."""
+    """Return the factor 1/largest; infinite if the form vanishes."""
     return 1.0 / largest if largest > 0 else np.inf
 
 
 @dataclass(frozen=True, eq=False)
 class WeightedForm:
-    """Weighted sum of the inequalities of a solution.
+    """Weighted sum of the inequalities at a solution.
 
     Attributes:
-        S: stiffness of the components of jumps, symmetric and positive definite (n, n).
-        G: derivative of the sum by the friction factor: at tangential components the rows F xi S_n
-            of the normal forces, otherwise 0 (n, n).
-        groups: numbers of the weights of the components, equal for the tangents of a point (n,).
+        S: stiffness of the components of the jumps, symmetric positive definite, shape (n, n).
+        G: derivative of the sum with respect to the friction factor, shape (n, n): rows F xi S_n at
+            tangential components, where S_n are the rows of the normal forces; otherwise 0.
+        groups: index of the weight of each component, shape (n,); all tangents of a point share
+            one.
     """
 
     S: Array
@@ -382,7 +387,7 @@ class WeightedForm:
         return factor - down, factor + up
 
     def largest(self, *, enough: float = _MOST, effort: int = 60, seconds: float = np.inf) -> float:
-        """Return a friction factor up to which some weights prove uniqueness.
+        """Return a friction factor up to which weights prove uniqueness.
 
         Args:
             enough: factor at which the search ends; default: 1000.
@@ -406,7 +411,7 @@ class WeightedForm:
         return min(best, _MOST)
 
     def _search(self, logs: Array, factor: float, effort: int, end: float) -> Array | None:
-        """Return logarithms of weights that make the sum positive definite at a factor, or None."""
+        """Return logarithms of weights with a positive definite sum at ``factor``, or None."""
         R = self.S + factor * self.G
         diagonal = np.diag(R)
         if (diagonal <= 0).any():

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Components of the jumps at contact points, as rows at the displacement.
+"""Components of the jumps at contact points, as rows of matrices that act on the displacement.
 
-Components of jumps and columns of displacements that are fixed by Dirichlet data are left out. The
-points of a rank are those of all surfaces, one surface after the other.
+Components and columns fixed by Dirichlet data are omitted. The contact points of a rank are
+concatenated over all surfaces.
 """
 
 from __future__ import annotations
@@ -44,22 +44,22 @@ R = TypeVar("R")
 
 
 class Problem(Protocol):
-    """Contact problem with equations and an evaluation."""
+    """Protocol of contact problems that an analysis accepts."""
 
     @property
     def equations(self) -> ContactEquations:
-        """H."""
+        """Equations of the problem."""
 
     def evaluate(self) -> Evaluation:
         """Evaluate H at the state in the Functions. Collective."""
 
 
 def static_equations(problem: Any) -> ContactEquations:
-    """Return the equations of a contact problem whose laws do not depend on time. Collective.
+    """Return the equations of a contact problem after validating its data. Collective.
 
     Raises:
-        ValueError: on every rank, for another object, for a law depending on time, or if the
-            present data of laws and material are not admissible (`equations.validation`).
+        ValueError: on every rank, if ``problem`` is not a contact problem, if a law depends on the
+            duration of a step, or if the present data are not admissible (`equations.validation`).
     """
     eq = getattr(problem, "equations", None)
     if not isinstance(eq, ContactEquations):
@@ -74,48 +74,53 @@ def point_normals(eq: ContactEquations) -> Array:
 
 
 def free_components(eq: ContactEquations) -> Mask:
-    """Return flags of the components of jumps without Dirichlet data, on this rank (n, dim)."""
+    """Return a mask of the jump components without Dirichlet data on this rank (n, dim)."""
     parts = zip(eq.constraints.removed, eq.surfaces, strict=True)
     return np.concatenate([~removed[: s.points.number] for removed, s in parts])
 
 
 def is_free(eq: ContactEquations, axes: Array, least: float = 0.5) -> Mask:
-    """Return whether Dirichlet data leave motion along unit axes (n, dim) free (n,).
+    """Return a mask of the unit axes along which Dirichlet data leave motion free, shape (n,).
 
     Args:
         eq: contact problem.
-        axes: axes at the points of this rank.
-        least: smallest length of the free part of an axis.
+        axes: unit axes at the points of this rank, shape (n, dim).
+        least: smallest length of the free part of an axis. Default 0.5.
     """
     return np.asarray(np.linalg.norm(axes * free_components(eq), axis=1) > least)
 
 
 def split(n: Array, vectors: Array) -> tuple[Array, Array]:
-    """Return components along unit normals (k,) and tangential parts (k, dim) of vectors."""
+    """Return the normal components (k,) and the tangential parts (k, dim) of vectors."""
     normal = np.sum(vectors * n, axis=1)
     return normal, vectors - normal[:, None] * n
 
 
 def unit(vectors: Array, least: float = 0.0) -> Array:
-    """Return vectors (k, dim) divided by their lengths; 0 for lengths up to ``least``."""
+    """Normalise vectors of shape (k, dim); vectors with lengths up to ``least`` become 0."""
     size = np.linalg.norm(vectors, axis=1, keepdims=True)
     return np.where(size > least, vectors / np.where(size > least, size, 1.0), 0.0)
 
 
 def on_gathered(comm: MPI.Comm, compute: Callable[..., R], *parts: npt.NDArray[Any]) -> R:
-    """Return ``compute`` of the arrays of all ranks, concatenated on rank 0. Collective."""
+    """Call ``compute`` on rank 0 with the arrays of all ranks concatenated. Collective."""
     gathered = comm.gather(parts)
     return on_root(comm, lambda: compute(*map(np.concatenate, zip(*gathered, strict=True))))
 
 
 def free_tangents(eq: ContactEquations) -> tuple[npt.NDArray[np.intp], Array]:
-    """Return all free unit tangents (k, dim) and the indices of their points (k,)."""
+    """Return the point indices (k,) and directions (k, dim) of all free unit tangents."""
     n = point_normals(eq)
     return free_axes(eq, np.eye(eq.dim) - np.einsum("ni,nj->nij", n, n))
 
 
 def free_axes(eq: ContactEquations, projectors: Array) -> tuple[npt.NDArray[np.intp], Array]:
-    """Return the free unit axes (k, dim) of projectors (n, dim, dim), after their points (k,)."""
+    """Return the point indices (k,) and axes (k, dim) of the free ranges of projectors.
+
+    Args:
+        eq: contact problem.
+        projectors: orthogonal projectors at the points of this rank, shape (n, dim, dim).
+    """
     free = free_components(eq)
     sizes, axes = np.linalg.eigh(projectors * free[:, :, None] * free[:, None, :])
     point, which = np.nonzero(sizes > 0.5)
@@ -123,12 +128,14 @@ def free_axes(eq: ContactEquations, projectors: Array) -> tuple[npt.NDArray[np.i
 
 
 def component_rows(eq: ContactEquations, places: npt.NDArray[np.intp], along: Array) -> PETSc.Mat:
-    """Return rows of jumps along unit vectors, without columns of Dirichlet data. Collective.
+    """Return the matrix of jump components along unit vectors. Collective.
+
+    Columns with Dirichlet data are zero.
 
     Args:
         eq: contact problem.
         places: indices of points of this rank (k,).
-        along: vectors at these points (k, dim).
+        along: unit vectors at these points (k, dim).
     """
     B = stacked([s.constant_operator("an analysis of jumps by rows").B for s in eq.surfaces])
     comm = eq.comm
@@ -161,12 +168,12 @@ class _Product:
 def matrix_of_product(
     comm: MPI.Comm, size: int, product: Callable[[PETSc.Vec, PETSc.Vec], None]
 ) -> PETSc.Mat:
-    """Return a square matrix defined by its product. Collective.
+    """Return a matrix-free square matrix. Collective.
 
     Args:
         comm: communicator.
-        size: number of rows of this rank.
-        product: function of x and y writing A x to y.
+        size: number of local rows.
+        product: function of x and y that writes A x to y.
     """
     A = PETSc.Mat().createPython(((size, None), (size, None)), _Product(product), comm=comm)
     A.setUp()
@@ -174,10 +181,10 @@ def matrix_of_product(
 
 
 def solve_eigenproblem(solver: Any, defaults: dict[str, Any]) -> None:
-    """Solve an eigenproblem of SLEPc with the options of prefix ``analysis_``. Collective.
+    """Solve an eigenproblem by SLEPc, using options with the prefix ``analysis_``. Collective.
 
     Args:
-        solver: EPS or PEP with its operators.
+        solver: EPS or PEP object with its operators.
         defaults: values of options that the user has not set.
     """
     solver.setOptionsPrefix("analysis_")
@@ -187,7 +194,7 @@ def solve_eigenproblem(solver: Any, defaults: dict[str, Any]) -> None:
 
 
 def require_nodes(eq: ContactEquations) -> None:
-    """Raise ``ValueError`` unless contact is at nodes, with small sliding and a local law."""
+    """Raise `ValueError` unless contact is at nodes, with small sliding and a local law."""
     for s in eq.surfaces:
         for fits, need in (
             (s.rigid_body is None, "not with rigid bodies that have unknowns of their own"),

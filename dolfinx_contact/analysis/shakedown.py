@@ -1,34 +1,36 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Shakedown: does friction come to rest under cyclic loads? A static bound, and stepped cycles.
 
-The loads cycle through p_k(f) = p_s + f (p_k - p_s), with the factor f. Melan's statement for
-friction: if some constant slips w keep the forces of all points within the friction bound at all
-corners of the cycle, the body comes to rest. The largest such factor is the *static bound*
-(`static_bound`).
+The loads cycle through p_k(f) = p_s + f (p_k - p_s), with the load factor f. Melan's statement for
+friction: if constant slips w exist that keep the forces of all points within the friction bound at
+all corners of the cycle, the body comes to rest. The largest load factor with such slips is the
+*static bound* (`static_bound`).
 
 At rest no point slips, opens or closes; points without friction slide freely, without dissipation.
-Beyond the bound there is no rest of this kind, though points may open and close without slip. The
-range of factors need not begin at f = 0: points that p_s opens may stay closed at large factors,
-and open and close at small ones. `Shakedown.ranges` has all factors. Within these ranges:
+No such state exists beyond the bound, though points may open and close without slip. The range of
+factors need not begin at f = 0: points opened by p_s may stay closed at large factors, but open and
+close at small factors. `Shakedown.ranges` contains all factors with a state at rest. Within these
+ranges:
 
 - **Without coupling** of slips and normal forces (S_tn = 0 at points with friction) the statement
   is a theorem (Klarbring, Ciavarella and Barber, Shakedown in elastic contact problems with Coulomb
-  friction, Int. J. Solids Struct. 44, 2007). Normal forces do not depend on the slips. With the
-  slips w~ of a state at rest, strictly inside the discs, (rt - rt~).dut <= 0 in every slip dut, and
-  the energy of the difference, (u - u~).S (u - u~) / 2, decreases by at least a share of |dut|: the
-  sum of all slips is finite.
+  friction, Int. J. Solids Struct. 44, 2007). Normal forces do not depend on the slips. Let a state
+  at rest have the slips w~ and shears rt~ strictly inside the discs. Then (rt - rt~).dut <= 0 for
+  every slip increment dut, and the energy (u - u~).S (u - u~) / 2 of the difference decreases by at
+  least a fixed multiple of |dut|. Hence the sum of all slips is finite.
 - **One point in the plane** with F |k| < k_t, S = [k_t, k; k, k_n]: a slip against rt = F rn > 0,
   to the left, requires (k_t - F k) (ut - w~) >= 0, and a slip to the right (k_t + F k) (ut - w~)
   <= 0: every slip is towards w~.
-- **Parts** that are joined by no entry of S come to rest independently: points without coupling,
-  and single points in the plane below their critical friction.
-- **Otherwise** the bound is necessary, and whether it is sufficient depends on the start: the paper
-  has counterexamples. Friction below the critical one is not enough: two points in the plane of
-  which only the shears are joined slip for ever from some starts, with F |k| / k_t = 0.12 and 0.15
-  (`tests/unit/analysis/test_shakedown.py`). Cycles are therefore stepped through (`load_cycles`).
+- **Uncoupled parts**, not connected by entries of S, come to rest independently. The theorem then
+  covers parts without coupling, and single points in the plane below their critical friction.
+- **Otherwise** the bound is necessary, but whether it is sufficient depends on the initial state;
+  the paper contains counterexamples. Subcritical friction is not enough: two points in the plane
+  that are coupled only through their shears, with F |k| / k_t = 0.12 and 0.15, slip forever from
+  some initial states (`tests/unit/analysis/test_shakedown.py`). Cycles are therefore stepped
+  through (`load_cycles`).
 
-With a wedged state whose forces are inside their cones (`wedging_friction`) every load can be borne
-if the body is wedged enough: the bound is infinite.
+If a wedged state with forces inside their cones exists (`wedging_friction`), the bound is infinite:
+every load can be borne if the body is wedged firmly enough.
 """
 
 from __future__ import annotations
@@ -60,26 +62,27 @@ _SAME = 1e-9  # relative difference of equal stiffnesses
 
 @dataclass(frozen=True, eq=False)
 class Shakedown:
-    """The static bound of a load cycle, and cycles from several starts.
+    """Static bound of a load cycle, and stepped cycles from several initial states.
 
     Attributes:
-        factor: largest factor of the loads found with a state at rest, in which no point slips,
-            opens or closes; infinite if all factors from some value have one, -inf if none has. All
-            smaller factors have a state at rest if `ranges` is one range from 0.
-        ranges: factors with a state at rest, from and to, by size, of all sets of open points that
-            were tried. Between two ranges, and from 0 to the first, points open and close in every
-            cycle.
-        upper: upper bound of the factor with the open points `opened`; in the plane equal to
-            `factor`, in space `factor` comes from polygons and `upper` from tangents.
+        factor: largest load factor found with a state at rest, in which no point slips, opens or
+            closes; infinite if all sufficiently large factors have a state at rest, -inf if no
+            factor has. All smaller factors have a state at rest if `ranges` is one range from 0.
+        ranges: intervals of load factors with a state at rest, in increasing order, for all sets of
+            open points that were tried. At other factors below `factor`, points open and close in
+            every cycle.
+        upper: upper bound of the factor for the set `opened` of open points. It equals `factor` in
+            the plane; in space, `factor` results from polygons inside the friction discs and
+            `upper` from tangents.
         complete: whether all sets of open points were tried; otherwise a larger factor may exist.
-        theorem_holds: whether the body comes to rest from every start within `ranges`.
-        why: the reason, in words.
+        theorem_holds: whether a theorem guarantees rest from every initial state within `ranges`.
+        why: reason for `theorem_holds`.
         slip: slips of the points at rest (m, dim - 1), ordered by coordinates; 0 at open points and
             at points without friction.
         forces: forces at the corners at rest (K, m, dim), tangential and normal, at `factor`.
         opened: open points at rest (m,).
-        limits: conditions that a larger factor would violate, in words.
-        cycles: cycles from several starts.
+        limits: descriptions of the conditions that a larger factor would violate.
+        cycles: stepped cycles from several initial states.
         seconds: computing time.
     """
 
@@ -98,7 +101,7 @@ class Shakedown:
 
     @property
     def broken(self) -> tuple[LoadCycles, ...]:
-        """Cycles whose slip does not end although a state at rest exists."""
+        """Cycles with persistent slip although a state at rest exists."""
         slips = ("alternating slip", "ratcheting")
         ranges = [(a, b) for a, b in self.ranges if a < b]
         within = [c for c in self.cycles if any(a <= c.factor < b for a, b in ranges)]
@@ -158,31 +161,32 @@ def shakedown(
     starts: int = 4,
     seconds: float = 60.0,
 ) -> Shakedown:
-    """Determine whether friction comes to rest under cyclic loads. Collective.
+    """Determine whether frictional slip ceases under cyclic loads (shakedown). Collective.
 
-    At rest no point slips, opens or closes. After a `QuasiStatic` run all slips are counted from
-    the remembered ones, and the first cycles begin with them; the memory is left unchanged, and the
-    bound does not depend on it.
+    At rest no point slips, opens or closes. After a `QuasiStatic` run, slips are measured from the
+    remembered slips, from which the first cycles also start. The bound does not depend on the
+    memory, which is left unchanged.
 
     Args:
         problem: contact problem of a linear body held by Dirichlet data, with contact at its nodes.
-        loads: corners of the cycle in order. Each is a function without arguments that puts a load
-            (or displacements of Dirichlet data) into the Constants and Functions of the problem;
-            between corners the load is linear, and from the last it returns to the first. The first
-            load is in place afterwards, also after an error.
-        steady: the same for the steady load, from which the factor multiplies departures; by
-            default the first corner.
-        factor: factor of the cycles that are stepped through; by default 0.95 of the bound if that
-            is in the last of `Shakedown.ranges`, or 1 if the bound is infinite or there is none.
-        cycles: largest number of cycles.
-        steps: number of steps from corner to corner.
-        starts: number of starts in addition to the start without slip: states at rest under the
-            first load with large slips in random directions (the same in every call).
-        seconds: time of the search over sets of open points.
+        loads: corners of the cycle in order. Each is a function without arguments that writes a
+            load (or displacements of Dirichlet data) to the Constants and Functions of the problem.
+            Between corners, and from the last to the first, the load varies linearly. The first
+            load is set afterwards, also after an error.
+        steady: function that sets the steady load p_s; the factor multiplies the differences from
+            it. Default: the first corner.
+        factor: load factor of the stepped cycles; by default 0.95 of the bound, within the last of
+            `Shakedown.ranges`, or 1 if the bound is infinite or no state at rest exists.
+        cycles: largest number of cycles from each initial state. Default 50.
+        steps: number of steps between two corners. Default 4.
+        starts: number of initial states in addition to the state without slip. They are states at
+            rest under the first load with large slips in random directions, reproducible between
+            calls. Default 4.
+        seconds: time limit of the search over sets of open points, in seconds. Default 60.
 
     Raises:
         ValueError: on every rank, if the problem cannot be reduced to its contact points
-            (`ContactProblem.reduced`), if the loads do not differ or change the stiffness or the
+            (`ContactProblem.reduced`), if the loads are equal or change the stiffness or the
             friction, or if a number is not valid.
         RuntimeError: if no solution of a step is found (in space).
     """
@@ -213,7 +217,7 @@ def shakedown(
 
 
 def _same(reduced: list[PointProblem]) -> PointProblem:
-    """Return the points under the first load; all must have the same stiffness and friction."""
+    """Return the points under the first load; require equal stiffness and friction for all."""
     first = reduced[0]
     size = float(np.abs(first.S).max())
     for points in reduced[1:]:
@@ -235,7 +239,10 @@ def shakedown_of(
     starts: int = 4,
     seconds: float = 60.0,
 ) -> Shakedown:
-    """Return the result for contact points and loads of the corners (K, dim m). Not collective."""
+    """Return the result of `shakedown` for contact points. Not collective.
+
+    ``loads`` are the loads of the corners, shape (K, dim m), ``steady`` the steady load.
+    """
     begun = time.monotonic()
     steady = loads[0] if steady is None else steady
     opened = _statically(points, steady)[1][:, -1] <= 0
@@ -272,7 +279,7 @@ def shakedown_of(
 
 
 def _factor_of(ranges: Ranges) -> float:
-    """Return the default factor of the cycles, which lies in the last range, below its end."""
+    """Return the default factor of the cycles: in the last range, just below its end."""
     a, b = ranges[-1] if ranges else (0.0, 0.0)
     if b == np.inf:
         return max(1.0, 2.0 * a)
@@ -280,7 +287,7 @@ def _factor_of(ranges: Ranges) -> float:
 
 
 def _theorem(points: PointProblem) -> tuple[bool, str]:
-    """Return whether the existence of a state at rest is sufficient for rest, and the reason."""
+    """Return whether a theorem guarantees rest if a state at rest exists, and the reason."""
     m, d = points.number, points.dim
     rubs = (points.friction > 0) | (points.bound > 0)
     tangents = np.zeros((m, d), dtype=bool)
@@ -308,7 +315,7 @@ def _theorem(points: PointProblem) -> tuple[bool, str]:
 
 
 def _eliminated(S: Array, free: Mask) -> Array:
-    """Return the stiffness of the other components if the free ones bear no force."""
+    """Return the stiffness after elimination of the force-free components (Schur complement)."""
     if not free.any():
         return S
     inner = np.linalg.solve(S[np.ix_(free, free)], S[np.ix_(free, ~free)])
@@ -322,7 +329,7 @@ def _statically(points: PointProblem, p: Array) -> tuple[Array, Array]:
 
 
 def _limits(points: PointProblem, forces: Array, a: Array, opened: Mask) -> tuple[str, ...]:
-    """Name the points at their bounds, with the corners."""
+    """Describe the points that are at a bound, with the corners of the cycle."""
     size = _LIMIT * float(np.abs(forces).max(initial=0.0))
     length = _LIMIT * float(np.abs(a).max(initial=0.0))
     rubs = (points.friction > 0) | (points.bound > 0)

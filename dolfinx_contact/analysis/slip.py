@@ -1,16 +1,15 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Pattern of slip: slipping points with their directions, and the corresponding rows of B.
+r"""Slip pattern: slipping points with their directions, and the corresponding rows of B.
 
-With unit normals n from the body into the obstacle, unit slip directions d and the forces
-r = -r_n n + r_t on the body, linear analyses of sliding contact split the jumps j = B u into three
-parts,
+Let n be unit normals from the body into the obstacle, d unit slip directions, and r = -r_n n + r_t
+the forces on the body. Linear analyses of sliding contact split the jumps j = B u into three parts,
 
-    N u = n.j,    D u = d.j    at the points that slip,    H u = 0    at those that are held:
+    N u = n.j,    D u = d.j    at slipping points,    H u = 0    for held components.
 
-where H contains n and all tangents of sticking points, the direction across d in 3D if this slip is
-held, and only n if a change of pressure does not affect the shear. Components with Dirichlet data
-are excluded: a point with prescribed slip is held, and a point with prescribed normal motion is not
-in contact.
+H contains n and all tangents at sticking points, the tangent across d in 3D if transverse slip is
+held, and only n at points whose shear does not depend on the pressure. Components with Dirichlet
+data are excluded: a point with prescribed slip is held, and a point with prescribed normal motion
+is not in contact.
 """
 
 from __future__ import annotations
@@ -45,8 +44,8 @@ from dolfinx_contact.laws.status import MINUS, PLUS, closed, senses
 
 __all__ = ["TOLERANCE", "Direction", "Slip", "SlipPattern", "free_motions"]
 
-#: Of the slip: a vector, whose tangential part counts; the points and directions of the solution in
-#: the Functions; or None, in 2D along t = (-n_y, n_x).
+#: Slip direction: a vector, of which the tangential part is used; ``"solution"`` for the slipping
+#: points and directions of the solution in the Functions; or None for t = (-n_y, n_x) in 2D.
 Direction = npt.ArrayLike | Literal["solution"] | None
 
 TOLERANCE = 1e-6  # of a direction cosine
@@ -54,12 +53,13 @@ TOLERANCE = 1e-6  # of a direction cosine
 
 @dataclass(frozen=True)
 class SlipPattern:
-    """Contact points of this rank, all surfaces one after the other.
+    """Contact points of this rank, concatenated over all surfaces.
 
     Attributes:
         closed: points in contact (n,).
         directions: unit slip directions, 0 at sticking points (n, dim).
-        loose: points without friction, or with slip under a prescribed bound (n,).
+        loose: closed points whose shear does not depend on the pressure (n,): without friction, or
+            slipping under a prescribed bound.
     """
 
     closed: Mask
@@ -75,17 +75,17 @@ class SlipPattern:
         *,
         by_law: bool = False,
     ) -> SlipPattern:
-        """Return the pattern of slip along one direction, or of a state. Collective.
+        """Return the slip pattern along one direction or of a state. Collective.
 
         Args:
             eq: contact problem.
-            direction: direction of the slip.
-            state: solution for ``direction="solution"``.
-            by_law: whether the laws decide which points are loose; by default none is.
+            direction: slip direction.
+            state: solution, used if ``direction`` is "solution".
+            by_law: whether the laws determine the loose points; by default no point is loose.
 
         Raises:
-            ValueError: on every rank, if the direction is not valid, or normal to a surface at a
-                point with friction.
+            ValueError: on every rank, if the direction is not valid, or is normal to the surface at
+                a point with friction.
         """
         n = point_normals(eq)
         smooth, given = _laws(eq) if by_law else np.zeros((2, len(n)), dtype=bool)
@@ -100,7 +100,7 @@ class SlipPattern:
 
     @staticmethod
     def _along(eq: ContactEquations, direction: Direction, smooth: Mask) -> Array:
-        """Return unit tangents along a direction; 0 at points without one and without friction."""
+        """Return unit tangents along a direction; 0 at frictionless points normal to it."""
         n = point_normals(eq)
         if direction is None:
             require(eq.comm, eq.dim == 2, "in 3D a direction of slip must be given")
@@ -131,7 +131,7 @@ class SlipPattern:
 
 
 def _laws(eq: ContactEquations) -> tuple[Mask, Mask]:
-    """Return flags of points without friction, and of those with a prescribed bound (n,)."""
+    """Return masks of points without friction and of points with a prescribed bound (n,)."""
     flags = [(isinstance(s.law, Frictionless), s.law.bound_kind == "given") for s in eq.surfaces]
     numbers = [s.points.number for s in eq.surfaces]
     smooth, given = np.repeat(np.array(flags, dtype=bool), numbers, axis=0).T
@@ -143,21 +143,21 @@ def _unknown(direction: Any) -> str:
 
 
 class Slip:
-    """Matrices N, D and H of a pattern. Collective.
+    """Matrices N, D and H of a slip pattern. Collective.
 
     Args:
         eq: contact problem with contact at nodes.
         pattern: slipping points and their directions.
-        hold_across: whether slip across the directions is held, in 3D.
+        hold_across: whether transverse slip is held in 3D.
 
     Attributes:
         number: number of slipping points on all ranks.
         places: indices of the slipping points of this rank among its contact points.
-        N, D, H: rows at the displacement, without columns of Dirichlet data.
+        N, D, H: matrices of the module, without columns of Dirichlet data.
 
     Raises:
-        ValueError: on every rank, if a surface is integral, surfaces hold a node more than once, or
-            no point can slip.
+        ValueError: on every rank, for integral contact, if several surfaces hold the same node, or
+            if no point can slip.
     """
 
     def __init__(self, eq: ContactEquations, pattern: SlipPattern, *, hold_across: bool):
@@ -186,7 +186,7 @@ class Slip:
         self.H = component_rows(eq, np.concatenate([pressed, point]), held)
 
     def require_held(self) -> None:
-        """Raise ``ValueError`` if only friction holds a rigid motion. Collective."""
+        """Raise `ValueError` if only friction holds a rigid motion. Collective."""
         eq = self._eq
         loose = free_motions(eq, [self.N, self.H])
         if len(loose):
@@ -194,7 +194,7 @@ class Slip:
             raise ValueError(f"the body slides without resistance ({words}): nothing is critical")
 
     def in_order(self, values: Array) -> tuple[Array, Array]:
-        """Return positions and values of all slipping points, in one order. Collective.
+        """Return positions and values at all slipping points, ordered by coordinates. Collective.
 
         Args:
             values: values at the slipping points of this rank (n, ...).
@@ -213,15 +213,15 @@ class Slip:
 
 
 def _require_nodes_of_one(eq: ContactEquations, touching: Mask, loose: Mask) -> None:
-    """Raise ``ValueError`` if rigid obstacles hold a motion of a node twice. Collective.
+    """Raise `ValueError` if rigid obstacles hold a motion of a node twice. Collective.
 
-    If a node belongs to several obstacles, all its points must be loose, with independent normals:
-    a point that is not loose determines the motion of its node in all directions.
+    If a node touches several obstacles, all its contact points must be loose and have independent
+    normals. A point that is not loose determines the motion of its node in all directions.
 
     Args:
         eq: contact problem.
-        touching: points of this rank in contact (n,).
-        loose: points in contact without friction (n,).
+        touching: mask of the closed points of this rank, shape (n,).
+        loose: mask of the loose points (`SlipPattern`), shape (n,).
     """
     on_obstacle = [i for i, s in enumerate(eq.surfaces) if not s.between_bodies]
     if len(on_obstacle) < 2:
@@ -241,7 +241,7 @@ def _require_nodes_of_one(eq: ContactEquations, touching: Mask, loose: Mask) -> 
 
 
 def free_motions(eq: ContactEquations, blocks: Sequence[PETSc.Mat]) -> Array:
-    """Return the rigid motions that neither Dirichlet data nor constraint rows hold. Collective.
+    """Return the rigid motions not held by Dirichlet data or constraint rows. Collective.
 
     Args:
         eq: contact problem.

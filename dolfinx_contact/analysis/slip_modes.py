@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Coefficients of critical friction and their slips, from eigenvalues of T f = f/F.
+"""Critical friction coefficients and their slips, from the eigenvalues of T f = f/F.
 
-The module finds slips of one sign, also for multiple eigenvalues, and removes components of slips
-below the accuracy of their eigenvectors.
+Slips of one sign are found also for multiple eigenvalues. Components of slips below the accuracy of
+their eigenvectors are set to zero.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ _NOTHING = 1e-11  # eigenvalue of T that counts as zero, relative to the largest
 
 @dataclass(frozen=True)
 class SlipModes:
-    """Coefficients F sorted by size (k,), slips and shears of all points, rank by rank (m, k).
+    """Coefficients F (k,), sorted by magnitude, with slips and shears of all points (m, k).
 
-    No F below the size `known_up_to` is missing. Residuals (k,) are relative. Slips are compared
-    relative to the softness of their points, since the round-off of soft bodies would otherwise
-    hide the slips of stiff ones. Slips below the accuracy of their eigenvector are set to 0.
+    No F with a magnitude below `known_up_to` is missing. Residuals (k,) are relative. Slips are
+    compared relative to the softness of their points; otherwise the round-off of soft bodies would
+    hide the slips of stiff bodies. Slips below the accuracy of their eigenvector are set to 0.
     """
 
     friction: Complex
@@ -52,15 +52,15 @@ class SlipModes:
         softness: Array,
         known_up_to: float = np.inf,
     ) -> SlipModes:
-        """Sort the eigenvalues of T, and find slips of one sign.
+        """Sort the eigenvalues of T and find slips of one sign.
 
         Args:
             values: eigenvalues 1/F (k,).
             shears: eigenvectors f in columns (m, k).
             slips: slips caused by these shears (m, k).
             pressures: products T f (m, k).
-            softness: slip of each point by a unit force with all else held (m,).
-            known_up_to: size below which no F is missing.
+            softness: slip of each point under a unit force while all other points are held (m,).
+            known_up_to: magnitude below which no F is missing; infinite by default.
         """
         off = np.linalg.norm(pressures - values * shears, axis=0)
         there = np.abs(values) > _NOTHING * max(np.abs(values).max(initial=0.0), _NOTHING)
@@ -87,13 +87,13 @@ class SlipModes:
 
     @classmethod
     def of_matrix(cls, flexibility: Array, T: Array, softness: Array) -> SlipModes:
-        """Compute all coefficients from slips and pressures caused by unit shears (m, m)."""
+        """Compute all coefficients from the slips and pressures (m, m) caused by unit shears."""
         values, shears = np.linalg.eig(T)
         return cls.of(values, shears, flexibility @ shears, T @ shears, softness)
 
     @property
     def smallest(self) -> float:
-        """Size of the smallest F with a slip of one sign; infinite if there is none."""
+        """Magnitude of the smallest F with a slip of one sign; infinite if none exists."""
         return float(np.abs(self.friction[self.one_signed]).min(initial=np.inf))
 
     @property
@@ -103,10 +103,10 @@ class SlipModes:
 
 
 def _blur(F: Complex, residuals: Array, same: float, known_up_to: float) -> Array:
-    """Relative error bounds of the eigenvectors (k,).
+    """Return relative error bounds of the eigenvectors, shape (k,).
 
-    The bound is the residual divided by the distance to the next eigenvalue of T, listed or not
-    (G. W. Stewart and J. Sun, Matrix Perturbation Theory, 1990, ch. V).
+    The bound is the residual divided by the distance to the nearest other eigenvalue of T, listed
+    or not (G. W. Stewart and J. Sun, Matrix Perturbation Theory, 1990, ch. V).
     """
     values = 1.0 / F
     apart = np.abs(values[:, None] - values)
@@ -118,17 +118,17 @@ def _blur(F: Complex, residuals: Array, same: float, known_up_to: float) -> Arra
 
 
 def _with_one_sign(F: Complex, slips: Complex, shears: Complex, same: float, none: Array) -> None:
-    """Replace eigenvectors of each real coefficient by a slip of one sign, if there is one.
+    """Replace an eigenvector of each real coefficient by a slip of one sign, if one exists.
 
-    For a multiple eigenvalue, all combinations of its vectors are slips, and the vectors from an
-    eigensolver need not have one sign. The first of them is replaced.
+    For a multiple eigenvalue, all linear combinations of its vectors are slips, and the vectors
+    from the eigensolver need not have one sign. The first vector is replaced.
 
     Args:
         F: coefficients (k,).
-        slips: slips relative to the softness of points, in columns (m, k); changed.
-        shears: shears in columns (m, k); changed.
-        same: relative difference of coefficients that count as equal.
-        none: slip, relative to the largest one, that counts as zero (k,).
+        slips: slips relative to the softness of the points, as columns (m, k); changed in place.
+        shears: shears as columns (m, k); changed in place.
+        same: relative difference below which coefficients count as equal.
+        none: slip that counts as zero, relative to the largest slip of the column (k,).
     """
     real = np.flatnonzero(F.imag == 0)
     real = real[np.argsort(F.real[real], kind="stable")]
@@ -149,11 +149,11 @@ def _with_one_sign(F: Complex, slips: Complex, shears: Complex, same: float, non
 
 
 def _nonnegative(vectors: Array, none: float) -> Array:
-    """Return weights (k,) of the largest nonnegative combination of vectors; 0 if there is none.
+    """Return the weights (k,) of the largest nonnegative combination of vectors, or 0.
 
     Args:
-        vectors: orthonormal vectors in columns (m, k).
-        none: value that counts as zero, relative to the largest one.
+        vectors: orthonormal vectors as columns (m, k).
+        none: component that counts as zero, relative to the largest component.
     """
     m, k = vectors.shape
     found = linprog(

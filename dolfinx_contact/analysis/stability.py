@@ -1,28 +1,29 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Directional stability of equilibria at rest.
+r"""Directional stability of static equilibria.
 
-At rest, a point whose status is at a border may change it: a point whose shear is at the bound may
-stick or slip against its shear, and a point that just touches may do anything. An equilibrium is
-directionally unstable if there are lambda > 0 and v with
+At a static equilibrium, contact points at a border between statuses may change their status: a
+point with its shear at the bound may stick or slip against its shear, and a grazing point (closed
+without force) may take any status. An equilibrium is directionally unstable if there are lambda > 0
+and v with
 
     (K + lambda C + lambda^2 M) v = B^T r
 
-with v and r in the cones of these points. Then v e^{lambda t} is a motion leaving from
-arbitrarily near the equilibrium (A. P. da Costa, J. A. C. Martins, I. N. Figueiredo and
-J. J. Judice, The directional instability problem in systems with frictional contacts, Comput.
-Methods Appl. Mech. Engrg. 193, 2004).
+with v and r in the cones of these points. Then the motion v e^{lambda t} starts arbitrarily close
+to the equilibrium and grows (A. P. da Costa, J. A. C. Martins, I. N. Figueiredo and J. J. Judice,
+The directional instability problem in systems with frictional contacts, Comput. Methods Appl. Mech.
+Engrg. 193, 2004).
 
-If no point is at a border, the motions form a linear space: sticking points are held, others slide
-without friction or are open. For a symmetric stiffness and a dissipative damping, a factorisation
-counts the negative eigenvalues of K on this space, and K + lambda C + lambda^2 M has one negative
-eigenvalue for each motion growing faster than lambda. Follower loads (pressure on a part of the
-surface) make K nonsymmetric. Then all eigenvalues are needed, real or complex (flutter); they
-depend on mass and damping, and even small damping may destabilise.
+If no point is at a border, the motions form a linear space: sticking points are held, and the
+remaining points are open or slide without friction. For a symmetric stiffness and dissipative
+damping, a factorisation counts the negative eigenvalues of K on this space; K + lambda C + lambda^2
+M has one negative eigenvalue for each motion that grows faster than lambda. Follower loads
+(pressure on a part of the surface) make K nonsymmetric. Then all eigenvalues are computed, real or
+complex (flutter); they depend on mass and damping, and even small damping may destabilise.
 
-Otherwise, every choice of statuses of the points at a border (a piece) is an eigenproblem, whose
-real vectors must lie in the cones. The pieces are enumerated if they are few. The answer is "not
-decided" if pieces were left out, a motion meets no resistance, or an oscillation grows in a piece
-and K or C supplies energy.
+If points are at a border, each choice of their statuses (a piece) defines an eigenproblem, whose
+real eigenvectors must lie in the cones. The pieces are enumerated up to a limit. The result is "not
+decided" if pieces were omitted, if a motion meets no resistance, or if an oscillation grows in a
+piece and K or C supplies energy.
 """
 
 from __future__ import annotations
@@ -91,12 +92,15 @@ class Stability:
     """Stability of an equilibrium in the linearised motion.
 
     Attributes:
-        label: "unstable" if a motion grows with the given mass and damping.
-        growth: real part of lambda of the fastest growing motion; 0 if none was found.
+        label: "stable", "unstable" (a motion grows with the given mass and damping) or "not
+            decided".
+        growth: growth rate, the real part of lambda, of the fastest growing motion; 0 if no growing
+            motion was found.
         border: number of points at a border.
         pieces: number of eigenproblems that were solved for the points at a border.
         reason: explanation of the label.
-        frequency: imaginary part of this lambda; 0 for growth without oscillation.
+        frequency: angular frequency, the imaginary part of the same lambda; 0 for growth without
+            oscillation.
     """
 
     label: Label
@@ -119,21 +123,21 @@ def stability_at_rest(
     """Determine the stability of the equilibrium in the Functions. Collective.
 
     The stiffness of the body is included: a column beyond its buckling load is unstable even if all
-    its contact points stick. For the label "not decided", the reason names the limit: a motion
-    without resistance, the number of points at a border, the number of unknowns with follower
-    loads, or sliding that is not small (`Result.warnings`).
+    its contact points stick. `Stability.reason` explains the label "not decided": a motion without
+    resistance, too many points at a border, too many unknowns with follower loads, or sliding that
+    is not small (`Result.warnings`).
 
     Args:
         problem: solved contact problem, nodal or mixed, with Coulomb friction or without friction;
             slipping points are at the friction bound.
-        density: positive mass density, a number, Constant, Function or UFL expression. It affects
+        density: positive mass density: a number, Constant, Function or UFL expression. It affects
             the label only if K is not symmetric (follower loads).
-        damping: time eta of the damping C = eta K, or a UFL form C(trial, test).
+        damping: damping time eta of C = eta K, or a UFL form C(trial, test). Default 0.
         max_count: largest number of eigenproblems; if more are needed, the label is "unstable" or
-            "not decided".
+            "not decided". Default 1024.
 
     Raises:
-        ValueError: on every rank, for invalid arguments and for other laws.
+        ValueError: on every rank, for invalid arguments and for other contact laws.
     """
     eq = static_equations(problem)
     require_nodes(eq)
@@ -166,14 +170,14 @@ def stability_at_rest(
 
 
 class _Points:
-    """Possible behaviour and slip directions of the contact points of this rank. Collective.
+    """Admissible statuses and slip directions of the contact points of this rank. Collective.
 
     Attributes:
-        choices: possible behaviours of each point (n, 4), filled with -1.
-        directions: slip directions d, against the shear at its bound (n, dim).
+        choices: admissible statuses of each point (n, 4), padded with -1.
+        directions: slip directions d, opposite to a shear at the bound; 0 at other points (n, dim).
         friction: friction coefficients (n,).
         border: number of points at a border on all ranks.
-        rounds: whether points with friction just touch in 3D.
+        rounds: whether the problem is 3D and a point with friction grazes.
     """
 
     def __init__(self, eq: ContactEquations, state: Evaluation):
@@ -208,17 +212,17 @@ class _Points:
 
 
 class _Gathered(DenseBody):
-    """Dense matrices and contact points on rank 0. Collective.
+    """Dense matrices and contact points, gathered on rank 0. Collective.
 
     Attributes:
-        C: damping.
-        N: rows of normal jumps of all points, 0 if Dirichlet data hold them (m, unknowns).
-        T: rows of free tangents (k, unknowns).
-        owner: points of these tangents (k,).
-        along: components d.t of the slip directions along these tangents (k,).
-        D: rows of slips along the directions, as far as tangents are free (m, unknowns).
+        C: damping matrix.
+        N: rows of the normal jumps of all points (m, unknowns); 0 if held by Dirichlet data.
+        T: rows of the free tangents (k, unknowns).
+        owner: index of the point of each free tangent (k,).
+        along: components d.t of the slip directions along the free tangents t (k,).
+        D: rows of the slips along d, restricted to free tangents (m, unknowns).
         choices, friction: values of `_Points` for all points.
-        held: points whose normal motion is held by Dirichlet data (m,).
+        held: mask of the points whose normal motion is held by Dirichlet data (m,).
     """
 
     def __init__(self, body: Body, points: _Points):
@@ -249,7 +253,7 @@ class _Gathered(DenseBody):
 
 
 def _is_symmetric(eq: ContactEquations, A: PETSc.Mat) -> bool:
-    """Return whether a matrix is symmetric for free displacements. Collective."""
+    """Return whether a matrix is symmetric on the free displacements. Collective."""
     free = with_dirichlet_rows(A, eq, 0.0)
     symmetric = is_symmetric(free)
     free.destroy()
@@ -265,7 +269,7 @@ def _is_dissipative(body: Body) -> bool:
 
 
 def _signs(body: Body, rows: list[PETSc.Mat], parts: tuple[float, float, float]) -> tuple[int, int]:
-    """Count negative and zero eigenvalues of k K + c C + m M with rows held. Collective.
+    """Count the negative and zero eigenvalues of k K + c C + m M with rows held. Collective.
 
     Args:
         body: stiffness, mass and damping.
@@ -288,7 +292,7 @@ def _signs(body: Body, rows: list[PETSc.Mat], parts: tuple[float, float, float])
 
 
 def _by_inertia(body: Body, points: _Points) -> Stability:
-    """Decide without points at a border, for symmetric matrices. Collective."""
+    """Decide by counts of negative eigenvalues; no point is at a border. Collective."""
     eq = body.eq
     doing = points.choices[:, 0]
     n = point_normals(eq)
@@ -334,7 +338,7 @@ def _many(number: int) -> str:
 
 
 def _by_eigenvalues(body: Body, points: _Points) -> Stability:
-    """Decide by all eigenvalues, without points at a border. Collective."""
+    """Decide by computing all eigenvalues; no point is at a border. Collective."""
     # With C = eta K, the eigenproblem is half as large.
     if body.unknowns > _LARGEST * (2 if body.C is None else 1):
         which = "stiffness" if body.C is None else "stiffness or the damping"
@@ -383,7 +387,7 @@ def _of_spectrum(g: _Gathered, proportional: bool, eta: float) -> Stability:
 
 
 def _decided(g: _Gathered, max_count: int, *, quiet: bool) -> Stability:
-    """Examine the pieces, beginning with slip at all points at a border.
+    """Examine the pieces, starting with slip at all points at a border.
 
     Args:
         g: body and points.
@@ -432,10 +436,10 @@ def _piece(g: _Gathered, doing: Ints) -> tuple[Array, Array, Array, Array]:
 
 
 def _look(g: _Gathered, doing: Ints, *, quiet: bool) -> tuple[float, str]:
-    """Search for lambda > 0 of a piece with vectors in its cones.
+    """Search a piece for lambda > 0 with eigenvectors in its cones.
 
     Returns:
-        Largest lambda, or 0, and the reason why another motion may grow, or "".
+        Largest lambda, 0 if none was found; and the reason why other motions may grow, or "".
     """
     K, M, C, Z = _piece(g, doing)
     n = len(K)

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Static bound of shakedown: the largest load cycle that a residual slip can bear at rest.
+r"""Static bound of shakedown: the largest load cycle with a state at rest.
 
-The loads are p_k(f) = p_s + f (p_k - p_s) at the corners k of a cycle, with the factor f. In a
-state at rest some points are closed (un = 0) with constant slips w, and the others are open (no
-force). All displacements and forces are then affine in x = (w, f), and
+The loads are p_k(f) = p_s + f (p_k - p_s) at the corners k of a cycle, with the load factor f. In a
+state at rest some points are closed (un = 0) with constant slips w, and the remaining points are
+open (no force). All displacements and forces are affine in x = (w, f), and
 
     |rt| <= F rn + g,  rn >= 0  at closed points,    un >= 0  at open ones,    at every corner k
 
@@ -11,12 +11,11 @@ is a linear program in the plane, for each set of open points. By convexity the 
 hold between corners. The factors of one set form an interval, which need not begin at 0: points
 opened by the steady load may be closed at large factors.
 
-In space the discs are second-order cones. Tangents of the discs bound f from outside; a tangent is
-added where a force has left its disc. Polygons inside the discs, with corners at the forces of the
-extreme states, bound f from inside. Points without friction slide freely; their motion is elastic.
-
-The programs of different sets of open points have different matrices, so that a warm start would
-gain nothing; HiGHS solves each from scratch.
+In space the friction discs are second-order cones. Tangents of the discs bound f from above; a
+tangent is added where a force lies outside its disc. Polygons inside the discs, with corners at the
+forces of the extreme states, bound f from below. Points without friction slide freely; their motion
+is elastic. The programs of different sets of open points have different matrices, so that warm
+starts would not help; HiGHS solves each program from scratch.
 """
 
 from __future__ import annotations
@@ -59,16 +58,14 @@ _EXACT = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1
 
 @dataclass(frozen=True, eq=False)
 class StaticState:
-    """State at rest, with given open points, at the largest factor of the load cycle.
-
-    Corners are the extreme loads of the cycle.
+    """State at rest for one set of open points at the largest load factor.
 
     Attributes:
-        least: smallest factor with such a state; infinite if there is none.
-        lower: largest factor found; infinite if all factors from `least` have a state, -inf if none
-            has.
+        least: smallest factor with such a state; infinite if none exists.
+        lower: largest factor found; infinite if all factors from `least` have a state at rest, -inf
+            if no factor has.
         upper: upper bound of the factors; equals `lower` up to round-off in the plane.
-        slip: slips w of all points (m, dim - 1); 0 at points without friction or contact.
+        slip: slips w of all points (m, dim - 1); 0 at open points and at points without friction.
         displacements: displacements at the corners (K, m, dim), at `lower`.
         forces: forces at the corners (K, m, dim), at `lower`.
         opened: open points (m,).
@@ -87,16 +84,16 @@ class _Program:
     """Linear programs of one set of open points, in units of length and force.
 
     Args:
-        points: stiffness and laws.
+        points: contact points with their stiffness and laws.
         steady: steady load (dim m,).
         departures: departures p_k - p_s of the corners (K, dim m).
         opened: open points (m,).
 
     Attributes:
-        a, r: derivatives of displacements and forces by x (K, m, dim, n + 1).
+        a, r: derivatives of displacements and forces with respect to x (K, m, dim, n + 1).
         a0, r0: displacements and forces at x = 0 (m, dim).
         n: number of slips; x[n] is the factor.
-        around: directions e of the first inequalities e.rt <= F rn + g, which are exact in the
+        around: directions e of the initial inequalities e.rt <= F rn + g, which are exact in the
             plane and tangents of the discs in space.
     """
 
@@ -132,7 +129,7 @@ class _Program:
         self.a0, self.r0 = (v[:, -1].reshape(m, dim) for v in (a, r))
 
     def solve(self) -> StaticState:
-        """Return the smallest and the largest factor, the latter from both sides."""
+        """Compute the smallest factor, and lower and upper bounds of the largest factor."""
         if self.points.dim == 2 or not self.grips.any():
             rows = self._first_rows()
             x, lower = _optimum(rows, self.n)
@@ -161,14 +158,14 @@ class _Program:
         return StaticState(least, lower, upper, slip[:, :-1], displacements, forces, self.opened)
 
     def _forces(self, x: Array, *, ray: bool = False) -> Array:
-        """Return forces at the corners (K, m, dim); for a ray, their rates along it."""
+        """Return the forces at the corners (K, m, dim); for a ray, their rates along the ray."""
         return np.asarray(self.r @ x + (0.0 if ray else self.r0))
 
     def extreme(self, toward: Array, farthest: float) -> tuple[Array, Array] | None:
-        """Return the state at the first corner whose slips are far in a direction.
+        """Return the state at the first corner with the largest slips in a direction.
 
         Args:
-            toward: direction (dim m,).
+            toward: direction of the slips (dim m,).
             farthest: bound of the slips.
 
         Returns:
@@ -195,14 +192,17 @@ class _Program:
         return -normal.reshape(-1, self.n + 1), np.tile(least, K)
 
     def _tangents(self, k: npt.NDArray[np.intp], i: npt.NDArray[np.intp], e: Array) -> Rows:
-        """Return e.rt <= F rn + g at corners k and points i, directions e (number, dim - 1)."""
+        """Return the inequalities e.rt <= F rn + g at corners k and points i.
+
+        ``e`` contains one direction per inequality, shape (number, dim - 1).
+        """
         F, g = self.points.friction[i], self.points.bound[i]
         r, r0 = self.r[k, i], self.r0[i]
         rows = np.einsum("jc,jcn->jn", e, r[:, :-1]) - F[:, None] * r[:, -1]
         return rows, F * r0[:, -1] + g - np.sum(e * r0[:, :-1], axis=1)
 
     def _cells(self) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
-        """Return all pairs of a corner and a point held by friction."""
+        """Return all pairs of a corner and a point with friction, as two index arrays."""
         k, i = np.nonzero(np.broadcast_to(self.grips, self.a.shape[:2]))
         return k, i
 
@@ -212,9 +212,9 @@ class _Program:
         return _joined(self._signs(), self._tangents(k, i, e))
 
     def _by_tangents(self, sense: int) -> tuple[Array | None, float]:
-        """Bound the factor from outside by tangents of the discs.
+        """Bound the factor using tangents of the friction discs, added iteratively.
 
-        If nothing bounds the factor, the forces are the rates along the ray, with discs F rn.
+        If the factor is unbounded, the rates of the forces along the ray are used with discs F rn.
         """
         rows = self._first_rows()
         for _ in range(_ROUNDS):
@@ -234,13 +234,13 @@ class _Program:
         return x, value
 
     def _inside(self, extreme: list[Array]) -> tuple[Rows, Rows]:
-        """Return inequalities and equations that hold the forces in polygons inside the discs.
+        """Return inequalities and equations for forces in polygons inside the friction discs.
 
-        A shear is a combination of the corners of its polygon, whose weights add up to at most
-        F rn + g. The weights follow x among the unknowns.
+        A shear is a combination of the corners of its polygon with weights that sum to at most
+        F rn + g. The weights are additional unknowns after x.
 
         Args:
-            extreme: forces (K, m, dim) in whose directions the polygons have corners.
+            extreme: forces (K, m, dim) whose directions become additional corners of the polygons.
         """
         k, i = self._cells()
         number, sides = len(k), _SIDES + len(extreme)
@@ -278,12 +278,12 @@ def _optimum(
 ) -> tuple[Array | None, float]:
     """Maximise (sense 1) or minimise (-1) the unknown with the index ``factor``.
 
-    Unknowns before it are free; it and the following ones are nonnegative. The factor is bounded by
-    1e6, because HiGHS may report an unbounded program as infeasible.
+    The unknowns before ``factor`` are free; this and all following unknowns are nonnegative. The
+    factor is bounded by 1e6, because HiGHS may report an unbounded program as infeasible.
 
     Returns:
-        Optimum and its value; a ray and inf if nothing bounds the factor; None and -inf or inf if
-        the inequalities have no solution.
+        Optimum and its value; a ray and inf if the factor is unbounded; None and -inf (maximum) or
+        inf (minimum) if the inequalities have no solution.
     """
     n = rows[0].shape[1]
     size = np.maximum(np.abs(rows[0]).max(axis=1, initial=0.0), 1e-300)
@@ -317,24 +317,24 @@ def _optimum(
 def largest_factor(
     points: PointProblem, steady: Array, corners: Array, begin: Mask, end: float
 ) -> tuple[StaticState, Ranges, bool]:
-    """Return the static bound over sets of open points.
+    """Return the static bound over all sets of open points.
 
-    With up to 8 points all sets are tried. Otherwise the search starts from no open point and from
-    ``begin``, and changes one point at a time while that raises the factor.
+    With up to 8 points all sets are tried. Otherwise the search starts from the empty set and from
+    ``begin``, and changes one point at a time as long as the factor increases.
 
     Args:
-        points: stiffness and laws; its load does not matter.
+        points: contact points with their stiffness and laws; the load is not used.
         steady: steady load (dim m,).
         corners: loads of the corners (K, dim m).
-        begin: open points of a state (m,).
-        end: `time.monotonic` at the end of the search.
+        begin: open points of an initial state (m,).
+        end: value of `time.monotonic` at which the search ends.
 
     Returns:
-        Best state, ranges of factors with a state at rest by size, and whether all sets of open
-        points were tried.
+        Best state, ranges of factors with a state at rest in increasing order, and whether all
+        sets of open points were tried.
 
     Raises:
-        ValueError: if the loads do not differ.
+        ValueError: if all loads are equal to the steady load.
     """
     apart = corners - steady
     size = float(np.abs(apart).max())
@@ -363,16 +363,16 @@ def largest_factor(
 def states_at_rest(
     points: PointProblem, load: Array, opened: Mask, number: int
 ) -> list[tuple[Array, Array]]:
-    """Return states at rest under a load that are extreme in random directions of slip.
+    """Return states at rest under a load, with the largest slips in random directions.
 
     Args:
-        points: stiffness and laws.
+        points: contact points with their stiffness and laws.
         load: load p (dim m,).
         opened: open points (m,).
         number: number of directions.
 
     Returns:
-        Displacements and forces, (m, dim) each; fewer if there are none in some directions.
+        Displacements and forces, (m, dim) each; directions without a state are skipped.
     """
     rng = np.random.default_rng(0)
     force = float(np.abs(load).max()) or 1.0
@@ -384,7 +384,7 @@ def states_at_rest(
 
 
 def _scaled(points: PointProblem, load: Array, force: float) -> tuple[PointProblem, float]:
-    """Return points and load in units of force and mean stiffness, and the unit of length."""
+    """Scale points and load to units of force and mean stiffness; return the unit of length too."""
     unit = float(np.diag(points.S).mean())
     S, p, bound = (
         np.asarray(v, np.float64) for v in (points.S / unit, load / force, points.bound / force)
@@ -393,7 +393,7 @@ def _scaled(points: PointProblem, load: Array, force: float) -> tuple[PointProbl
 
 
 class _Search:
-    """Search over sets of open points."""
+    """Search for the set of open points with the largest factor."""
 
     def __init__(self, points: PointProblem, apart: Array, end: float):
         self._points = points
@@ -411,7 +411,7 @@ class _Search:
         return self._known[key]
 
     def _try(self, opened: Mask) -> bool:
-        """Return whether a set is better; it is then the best."""
+        """Examine a set of open points; return whether it becomes the best."""
         state = self._of(opened)
         least = self.best.lower
         if not state.lower > least + _BETTER * abs(least if np.isfinite(least) else 0.0):
@@ -420,7 +420,7 @@ class _Search:
         return True
 
     def run(self, begin: Mask) -> None:
-        """Search until nothing is better, all sets are tried, or time is over."""
+        """Search until no set is better, all sets are tried, or the time is over."""
         self._try(begin)
         m = len(begin)
         if m <= _ALL_SETS:
@@ -439,7 +439,7 @@ class _Search:
                 improved |= self._try(self.best.opened ^ (np.arange(m) == i))
 
     def ranges(self) -> list[tuple[float, float]]:
-        """Return factors of all sets that were tried, joined where they meet."""
+        """Return the intervals of factors of all sets that were tried, merged where they meet."""
         joined: list[tuple[float, float]] = []
         for a, b in sorted((s.least, s.lower) for s in self._known.values() if s.least <= s.lower):
             if joined and a <= joined[-1][1] * (1 + _MEET) + _MEET:

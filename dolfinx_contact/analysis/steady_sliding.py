@@ -2,23 +2,22 @@
 r"""Stability of steady sliding: growing vibrations (squeal).
 
 A body slides steadily over a moving obstacle. Under perturbations u e^{lambda t}, closed points
-remain closed and the shear remains F times the pressure against the slip; it does not depend on the
-velocity. The rows N of normal displacements and D of slips along d belong to slipping points, with
-the normal forces r_n. The rows H belong to held motions (`slip`), with the forces q:
+remain closed, and the shear remains F times the pressure, opposite to the slip and independent of
+the velocity. N and D are the rows of normal displacements and of slips along d at slipping points,
+r_n their normal forces. H are the rows of held motions (`slip`), with the forces q:
 
     (K + lambda C + lambda^2 M) u + (N + F D)^T r_n + H^T q = 0,    N u = 0,    H u = 0.
 
 The forces of slipping points do not act along the constraints N u = 0, so that the problem is not
 symmetric. A vibration grows if the pressure changes in phase with the slip, usually where two
 frequencies meet (mode coupling: A. Akay, Acoustics of friction, J. Acoust. Soc. Am. 111, 2002). In
-3D, a point moves across the slip without resistance, provided that the sliding is fast compared
-with the vibration.
+3D, a point moves across the slip without resistance, provided that sliding is fast compared with
+the vibration.
 
-Small problems are projected onto two null spaces, of N and H and of N + F D and H, and all
-eigenvalues are computed. In large problems SLEPc finds the eigenvalues nearest to zero.
-
-Without damping, the highest frequencies of the mesh meet first, and the onset decreases under
-refinement. Only a damped body has an onset that does not depend on the mesh.
+Small problems are projected onto two null spaces, of (N, H) and of (N + F D, H), and all
+eigenvalues are computed. For large problems SLEPc computes the eigenvalues nearest to zero. Without
+damping, the highest frequencies of the mesh merge first, and the onset decreases under refinement.
+Only a damped body has an onset independent of the mesh.
 """
 
 from __future__ import annotations
@@ -73,8 +72,8 @@ class SlidingModes:
 
     Attributes:
         eigenvalues: lambda with Im >= 0, sorted by decreasing real part (growth) (k,).
-        known_up_to: size |lambda| (of the undamped body) up to which no eigenvalue is missing;
-            infinite if all were computed.
+        known_up_to: magnitude |lambda| (for the undamped body) up to which no eigenvalue is
+            missing; infinite if all were computed.
         real, imaginary: displacements of the first vibration, a quarter of a period apart.
     """
 
@@ -128,14 +127,15 @@ class SteadySliding(ReadOnly):
     Args:
         problem: contact problem, nodal or mixed. A nonlinear bulk is linearised at the displacement
             in the Functions.
-        direction: vector of the slip of the body relative to the obstacle; all contact points are
-            closed and slip along its tangential part. By default t = (-n_y, n_x) in 2D. With
-            ``"solution"``, points slip, stick or are open as in the solution in the Functions.
-        density: mass density, a number, Constant, Function or UFL expression.
-        damping: time eta of the damping C = eta K, or a UFL form C(trial, test).
-        hold_across: whether slip across the direction is held in 3D.
-        dense: whether all eigenvalues are computed; by default with up to 700 unknowns.
-        count: number of eigenvalues nearest to zero that SLEPc computes otherwise.
+        direction: slip direction of the body relative to the obstacle. With a vector, all contact
+            points are closed and slip along its tangential part; the default is t = (-n_y, n_x) in
+            2D. With ``"solution"``, points slip, stick or are open as in the solution in the
+            Functions.
+        density: mass density: a number, Constant, Function or UFL expression.
+        damping: damping time eta of C = eta K, or a UFL form C(trial, test).
+        hold_across: whether transverse slip is held in 3D.
+        dense: whether all eigenvalues are computed; by default up to 700 unknowns.
+        count: number of eigenvalues nearest to zero that SLEPc computes if not all are computed.
 
     Raises:
         ValueError: on every rank, for invalid arguments.
@@ -199,12 +199,12 @@ class SteadySliding(ReadOnly):
         """Find the smallest friction at which a vibration grows. Collective.
 
         Args:
-            max_friction: largest friction of the search.
-            step: step of friction. Between two steps, a maximum of the growth is searched for;
-                growth on a smaller interval may be missed.
+            max_friction: largest friction coefficient of the search. Default 5.
+            step: increment of the friction coefficient, default 0.05. Maxima of the growth are also
+                searched for between two increments; narrower intervals of growth may be missed.
 
         Returns:
-            The onset, or None if nothing grows up to ``max_friction``.
+            The onset; None if no vibration grows up to ``max_friction``.
 
         Raises:
             ValueError: on every rank, for arguments that are not positive.
@@ -225,7 +225,7 @@ class SteadySliding(ReadOnly):
         return None
 
     def _look_between(self, frictions: list[float], growths: list[float]) -> None:
-        """Replace the last entries by a positive maximum of the growth among the last three."""
+        """Replace the last entries by a positive maximum of the growth near the last three."""
         if len(growths) < 3 or not growths[-3] < growths[-2] > growths[-1]:
             return
         best = minimize_scalar(
@@ -236,13 +236,13 @@ class SteadySliding(ReadOnly):
             growths[-2:] = [-float(best.fun)]
 
     def _growth(self, friction: float) -> float:
-        """Return the largest growth relative to |lambda|, minus the round-off."""
+        """Return the largest growth rate relative to |lambda|, minus the round-off level."""
         values, _, _ = self._spectrum(friction)
         ratio = values.real / np.maximum(np.abs(values), np.abs(values).max() * 1e-15)
         return float(ratio.max()) - _STEADY[self._damped]
 
     def _at(self, friction: float) -> Onset:
-        """Return the onset at a friction, with the frequency of growth just beyond it."""
+        """Return the onset at a friction, with the frequency of the growth just beyond it."""
         values, _, _ = self._spectrum(friction * (1.0 + 1e-11))
         size = np.maximum(np.abs(values), np.abs(values).max() * 1e-15)
         return Onset(friction, float(values[np.argmax(values.real / size)].imag))
@@ -252,15 +252,16 @@ class SteadySliding(ReadOnly):
     def _spectrum(
         self, friction: float | None, *, vectors: bool = False
     ) -> tuple[Complex, Complex, float]:
-        """Return the eigenvalues with Im >= 0 by falling growth, and their displacements.
+        """Return the eigenvalues with Im >= 0 by decreasing growth, and their displacements.
 
         Args:
             friction: coefficient F at all slipping points; None for the coefficient of the law.
             vectors: whether displacements are needed.
 
         Returns:
-            Eigenvalues lambda (k,), owned displacements (n, k), or (n, 0) if they are not needed
-            and all eigenvalues are computed, and the size up to which no eigenvalue is missing.
+            Eigenvalues lambda (k,); owned displacements (n, k), or (n, 0) if they are not needed
+            and all eigenvalues are computed; and the magnitude up to which no eigenvalue is
+            missing.
         """
         slopes = self._slope
         if friction is None:
@@ -284,7 +285,7 @@ class SteadySliding(ReadOnly):
     def _by_matrices(
         self, body: DenseBody, friction: Array, *, vectors: bool
     ) -> tuple[Complex, Complex]:
-        """Return all lambda, and displacements (n, k) of this rank."""
+        """Compute all lambda using dense matrices, with the displacements (n, k) of this rank."""
         eta = self._body.eta
 
         def solved(friction: Array) -> tuple[Complex, Complex]:
@@ -312,7 +313,7 @@ class SteadySliding(ReadOnly):
         return values, motions[first : first + n]
 
     def _by_slepc(self, friction: Array) -> tuple[Complex, Complex, float]:
-        """Return the lambda nearest to zero, displacements (n, k), and the largest |lambda|."""
+        """Compute the lambda nearest to zero, displacements (n, k), and the largest |lambda|."""
         SLEPc = optional("slepc4py.SLEPc", "solver")
         slip = self._slip
         body = self._body

@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Theorems that apply to a contact problem, if their hypotheses can be computed.
+"""Existence and uniqueness theorems whose hypotheses can be verified numerically.
 
-With a stiffness K that is symmetric and positive definite where Dirichlet data do not hold the
-body, gaps that are linear in the displacement (small sliding), and the law node by node:
+The theorems assume a stiffness K that is symmetric and positive definite on the free displacements,
+gaps that are linear in the displacement (small sliding), and a contact law that holds node by node:
 
 - Without friction, and for a prescribed friction bound (Tresca), there is exactly one solution, the
   minimiser of a strictly convex energy (Lions and Stampacchia, Comm. Pure Appl. Math. 20, 1967;
   Duvaut and Lions, Les inequations en mecanique et en physique, 1972, chapter 3).
 - With Coulomb friction, there is at least one solution for any coefficient: the pressure of
   Tresca's solution depends continuously on its friction bound, which yields a fixed point by
-  Brouwer's theorem (Haslinger, Math. Methods Appl. Sci. 5, 1983). The solution is unique
-  below a coefficient depending on the mesh and is not computable; uniqueness therefore needs a
+  Brouwer's theorem (Haslinger, Math. Methods Appl. Sci. 5, 1983). The solution is unique below a
+  coefficient that depends on the mesh and is not computable; uniqueness therefore requires a
   certificate.
 
 Definiteness is decided by the signs of the pivots of K, up to round-off.
@@ -28,7 +28,7 @@ _NONE = "no computable theorem applies: "
 
 
 def theory_of(eq: ContactEquations) -> Theory:
-    """Return the theorems that apply to a problem with its present data. Collective."""
+    """Return the theorems that apply to a problem with its current data. Collective."""
     rubs = _coefficients(eq)
     for applies, what in (
         (eq.bulk.linear, "the body is not linear"),
@@ -50,7 +50,7 @@ def theory_of(eq: ContactEquations) -> Theory:
 
 
 def _coefficients(eq: ContactEquations) -> bool | None:
-    """Return whether a coefficient of friction is positive; None for other laws. Collective."""
+    """Return whether a friction coefficient is positive; None for laws not covered. Collective."""
     if not all(s.law.bound_kind in ("proportional", "given") for s in eq.surfaces):
         return None
     x = eq.unknowns.create_vector()

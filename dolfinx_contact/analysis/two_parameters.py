@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Curves of folds and events of a contact problem with two parameters.
 
-The first parameter is that of the branches. The second is a Constant: the friction coefficient or
-another load. The expressions of the data must be affine in it. The problem is condensed onto its
-contact points at two values of the second parameter.
+The first parameter is gamma, the parameter of the branches. The second parameter is a Constant: the
+friction coefficient or another load. The data must be affine in it. The problem is condensed onto
+its contact points at two values of the second parameter.
 """
 
 from __future__ import annotations
@@ -59,11 +59,11 @@ def contact_family(
     Args:
         system: problem with gamma.
         other: second parameter mu, a scalar Constant.
-        mu_range: two values of mu, at which the friction must not be negative.
+        mu_range: smallest and largest mu, at which the friction coefficients must not be negative.
 
     Raises:
-        ValueError: on every rank, unless the body is linear, in 2D, with Coulomb friction and
-            contact at nodes, and the data contain mu and are affine in it.
+        ValueError: on every rank, unless the problem is 2D with a linear body, Coulomb friction and
+            nodal contact, and its data contain mu and are affine in it.
     """
     low, high = mu_range
     system.equations.require_same_mesh()
@@ -86,7 +86,7 @@ def contact_family(
 
 
 def _errors(problem: PointProblem) -> tuple[Array, Array, Array]:
-    """Return the errors of S, p and its rate."""
+    """Return the error bounds of S, of p and of the derivative of p."""
     assert problem.S_error is not None
     assert problem.p_error is not None
     assert problem.rate_error is not None
@@ -96,7 +96,7 @@ def _errors(problem: PointProblem) -> tuple[Array, Array, Array]:
 def _condensed(
     system: ParametricContact, other: fem.Constant, mu: float
 ) -> tuple[PointProblem, Array]:
-    """Return the contact points at one mu and gamma = 0, and the reach. Collective."""
+    """Condense the problem at one mu and gamma = 0; return points and reach. Collective."""
     eq = system.equations
     with _put(other, mu), system.restored(always=True):
         system.set_parameter(0.0)
@@ -119,7 +119,7 @@ def _condensed(
 
 @contextmanager
 def _put(other: fem.Constant, mu: float) -> Iterator[None]:
-    """Context in which the second parameter has a value."""
+    """Set the second parameter within a context; restore its value afterwards."""
     before = other.value.copy()
     other.value = mu
     try:
@@ -146,23 +146,24 @@ def event_curves(
     gamma_range: tuple[float, float],
     folds_only: bool = True,
 ) -> EventCurves:
-    """Follow the folds and events of branches in a second parameter, exactly. Collective.
+    """Compute the curves of folds and events of branches in a second parameter. Collective.
 
     Args:
         system: problem with gamma.
         other: second parameter mu, a scalar Constant.
-        branches: values of mu, and branches that were followed there.
-        mu_range: least and largest mu.
-        gamma_range: least and largest gamma.
-        folds_only: whether only curves of folds are followed.
+        branches: pairs of a value of mu and a branch that was followed with this mu.
+        mu_range: smallest and largest mu.
+        gamma_range: smallest and largest gamma.
+        folds_only: whether only curves of folds are followed, and no events. Default True.
 
     Returns:
-        Curves through events of the branches, and the curves that they meet.
+        Curves through the events of the branches, and all curves that they meet, exact up to
+        round-off.
 
     Raises:
-        ValueError: on every rank, as `contact_family`; if ``branches`` contains another object than
-            a branch or a mu outside the range; or if a point of a branch is not a solution of the
-            present problem under this mu.
+        ValueError: on every rank, for the reasons listed in `contact_family`; if ``branches`` is
+            not a sequence of such pairs or contains a mu outside ``mu_range``; or if a point of a
+            branch does not solve the present problem at its mu.
     """
     system.equations.require_same_mesh()
     for mu, branch in branches:
@@ -182,7 +183,7 @@ def event_curves(
 
 
 def _borders(points: GatheredPoints, branch: Branch, *, folds_only: bool) -> list[Codes]:
-    """Return the statuses at borders that a branch crosses at a single point. Collective."""
+    """Return the statuses at borders that a branch crosses at one contact point. Collective."""
     found = []
     for special in branch.folds if folds_only else branch.special:
         before, after = (

@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Stiffness, mass and damping of a body for small motions u e^{lambda t}, and dense matrices.
+r"""Stiffness, mass and damping of a body for small motions u e^{lambda t}.
 
-Without contact, the motions satisfy the quadratic eigenproblem
+Without contact, small motions satisfy the quadratic eigenproblem
 
     (K + lambda C + lambda^2 M) u = 0.
 
-`steady_sliding` and `stability` add constraints, rows of jumps at the contact points. Small
-problems are projected onto the null spaces of these rows. If C = eta K, the eigenproblem is linear:
-the eigenvalues mu of K u = mu M u, those of the undamped body, give lambda by lambda^2 + eta mu
+`steady_sliding` and `stability` add constraints: rows of jumps at the contact points. Small
+problems are projected onto the null spaces of these rows using dense matrices. If C = eta K, the
+eigenvalues mu of the undamped body, K u = mu M u, give lambda as the roots of lambda^2 + eta mu
 lambda + mu = 0.
 """
 
@@ -49,14 +49,14 @@ Complex = npt.NDArray[np.complex128]
 
 @dataclass(frozen=True)
 class Body:
-    """Stiffness, mass and damping of a body, without rows of Dirichlet data.
+    """Matrices of a body, without rows of Dirichlet data.
 
     Attributes:
         eq: contact problem.
         K: stiffness.
         M: mass.
-        eta: damping over the stiffness, a time.
-        C: damping of another kind, or None.
+        eta: damping time of the damping eta K.
+        C: damping matrix of another kind; None for damping eta K.
     """
 
     eq: ContactEquations
@@ -90,13 +90,14 @@ class Body:
 def body_of(eq: ContactEquations, u: Array, density: Any, damping: float | ufl.Form) -> Body:
     """Assemble stiffness, mass and damping at a displacement. Collective.
 
-    In a body of revolution, density and damping are per volume or area, without the weight 2 pi r.
+    For an axisymmetric body, density and damping are given per volume or area, without the weight 2
+    pi r.
 
     Args:
         eq: contact problem.
-        u: displacement, all local values.
-        density: mass density, a number, Constant, Function or UFL expression.
-        damping: eta of C = eta K, or a UFL form C(trial, test).
+        u: displacement, values of all local and ghost degrees of freedom.
+        density: mass density: a number, Constant, Function or UFL expression.
+        damping: damping time eta of C = eta K, or a UFL form C(trial, test).
 
     Raises:
         ValueError: on every rank, if density or damping is not valid.
@@ -134,13 +135,13 @@ class DenseBody:
 
     Args:
         body: stiffness, mass and damping.
-        rows: rows at the displacement.
+        rows: matrices with rows of jumps or constraints.
 
     Attributes:
-        free: mask of the free displacements, on rank 0 as the following attributes.
-        K, M: stiffness and mass of free displacements.
-        C: damping of another kind than eta K, or None.
-        rows: rows at free displacements.
+        free: mask of the free displacements; on rank 0, like all attributes.
+        K, M: stiffness and mass of the free displacements.
+        C: damping of the free displacements; None for damping eta K.
+        rows: matrices ``rows`` with the columns of the free displacements.
     """
 
     def __init__(self, body: Body, rows: Sequence[PETSc.Mat]):
@@ -158,11 +159,11 @@ class DenseBody:
     def projected(
         self, held: Array, forces: Array | None = None
     ) -> tuple[Array, Array, Array | None, Array]:
-        """Return K, M and C projected onto the motions that rows allow, and these motions.
+        """Project K, M and C onto the motions Z with held Z = 0; return Z as well.
 
         Args:
-            held: rows of the motions that are held (k, n).
-            forces: rows along which forces act (k, n); by default the held ones.
+            held: rows of the held motions (k, n).
+            forces: rows along which the constraint forces act (k, n); by default ``held``.
         """
         Z = _null_space(held)
         Y = Z if forces is None else _null_space(forces)
@@ -172,7 +173,7 @@ class DenseBody:
 
 
 def damped(mu: Complex, eta: float) -> Complex:
-    """Return the roots of lambda^2 + eta mu lambda + mu = 0: one per mu, then the others."""
+    """Return both roots of lambda^2 + eta mu lambda + mu = 0 for each mu, shape (2 k,)."""
     mu = np.asarray(mu, dtype=complex)
     b = eta * mu
     root = np.sqrt(b * b - 4 * mu)
@@ -182,7 +183,7 @@ def damped(mu: Complex, eta: float) -> Complex:
 
 
 def first_order(K: Array, C: Array) -> Array:
-    """Return the matrix (2 n, 2 n) whose eigenvalues are those of K + lambda C + lambda^2."""
+    """Linearise the eigenproblem (K + lambda C + lambda^2) x = 0; return the (2 n, 2 n) matrix."""
     return np.block([[np.zeros_like(K), np.eye(len(K))], [-K, -C]])
 
 

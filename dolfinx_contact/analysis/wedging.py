@@ -1,37 +1,37 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Smallest friction with which a body stays wedged without any load.
 
-A body that was loaded and unloaded may keep contact forces. With the stiffness S of the contact
-points it is *wedged* in a state (u, r) other than 0 with
+A body may keep contact forces after loading and unloading. With the stiffness S of the contact
+points, the body is *wedged* in a nonzero state (u, r) if
 
     S u = r,    un >= 0, rn >= 0, un rn = 0,    |rt| <= F rn,
 
 for any direction of rt, which depends on the history (Kim, Jang and Barber, 2019). The infimum of F
-over such states depends on the body and its contact surface only. The problem is homogeneous, so
-that sum rn = 1. With the flexibility G = S^-1 and the extreme forces of the cones (2D: (F, 1) and
-(-F, 1)) as rays, a state is given by weights alpha >= 0 of sum 1 with un = G_n r >= 0, and at every
-point either alpha = 0 (open) or un = 0 (closed).
+over these states depends only on the body and its contact surface. The problem is homogeneous and
+is scaled to sum rn = 1. With the flexibility G = S^-1 and the extreme forces of the friction cones
+as rays ((F, 1) and (-F, 1) in 2D), a state is given by weights alpha >= 0 with sum 1 for which un =
+G_n r >= 0, and either alpha = 0 (open) or un = 0 (closed) at every point.
 
-For one F this is a search in pairs of statuses. A region of them is empty if
+For one F, branch and bound searches over the statuses. A region of statuses is empty if
 
     un_i / U_i + sum of alpha_i <= 1        (U_i: the largest un)
 
-has no solution. This is a linear program, which differs from region to region in bounds only, so
-that the dual simplex method continues from the last tableau (`tableau`). HiGHS without warm starts
-needed 1.7 times the time for 9 nodes (71 regions, here 73), and left a program of 17 nodes without
-an answer.
+has no solution. This is a linear program. Only its bounds differ between regions, so that the dual
+simplex method continues from the last tableau (`tableau`). HiGHS without warm starts took 1.7 times
+as long for 9 nodes (71 regions instead of 73), and failed on a program of 17 nodes.
 
 By duality, for any y and lambda,
 
     sum_i y_i un_i + sum_ik (lambda - (M^T y)_ik) alpha_ik = lambda,    un = M alpha.
 
-If the least left side over the statuses exceeds lambda by more than all round-off, there is no
-state with this F, and so with any smaller one. A state that is found lowers F to the least F of its
-statuses, at which the largest |rt| - F rn cannot be less than 0, and the search continues just
-below it.
+If the smallest left-hand side over the statuses exceeds lambda by more than all round-off errors,
+no state exists for this F or any smaller F. If a state is found, F is reduced to the smallest F for
+the statuses of this state, at which the minimum over states of max(|rt| - F rn) vanishes. The
+search continues just below this F.
 
-In 3D the disc lies between polygons of K sides. With circumscribed ones the F found is a lower
-bound, and |rt| / rn of the state an upper bound, larger by a factor of at most 1 / cos(pi / K).
+In 3D the friction disc lies between polygons with K sides. With circumscribed polygons the computed
+F is a lower bound. The largest |rt| / rn of the state is an upper bound, larger by a factor of at
+most 1 / cos(pi / K).
 """
 
 from __future__ import annotations
@@ -72,12 +72,12 @@ class Wedging:
 
     Attributes:
         friction: friction of `state`; infinite if no state was found up to 1000.
-        lower: friction below which no such state exists, proved if `complete`; 0 otherwise. In 2D
-            it equals ``friction`` up to 1e-7.
-        complete: whether the search came to its end.
+        lower: friction below which provably no wedged state exists; 0 if the search is incomplete.
+            In 2D it equals `friction` up to 1e-7.
+        complete: whether the search was completed.
         statuses: letters `o` (open) and `c` (closed) of the points, ordered by coordinates.
-        state: (ut, un, rt, rn) of the points with sum rn = 1 (m, 2 dim), in the frames of
-            `ContactProblem.reduced`.
+        state: wedged state (ut, un, rt, rn) of the points, scaled to sum rn = 1, shape (m, 2 dim),
+            in the frames of `ContactProblem.reduced`.
         regions: number of examined sets of statuses.
         seconds: computing time.
     """
@@ -112,12 +112,12 @@ def _check(a: Arguments) -> None:
 def wedging_friction(problem: ContactProblem, *, seconds: float = 60.0, sides: int = 16) -> Wedging:
     """Find the smallest friction with which a body stays wedged after unloading. Collective.
 
-    Loads, gaps and the coefficient of the law do not matter.
+    The result does not depend on loads, gaps or the friction coefficient of the law.
 
     Args:
         problem: contact problem of a linear body held by Dirichlet data, with contact at its nodes.
-        seconds: time of the search.
-        sides: number of sides of the polygons about the friction disc in 3D.
+        seconds: time limit of the search in seconds. Default 60.
+        sides: number of sides of the polygons around the friction disc in 3D. Default 16.
 
     Raises:
         ValueError: on every rank, if the problem cannot be reduced to its contact points
@@ -128,7 +128,10 @@ def wedging_friction(problem: ContactProblem, *, seconds: float = 60.0, sides: i
 
 
 def wedging_of(points: PointProblem, *, seconds: float = 60.0, sides: int = 16) -> Wedging:
-    """Return the result for contact points, using only their stiffness. Not collective."""
+    """Return the result of `wedging_friction` for contact points. Not collective.
+
+    Only their stiffness is used.
+    """
     begun = time.monotonic()
     search = _Search(points, begun + seconds, sides)
     search.run()
@@ -150,22 +153,22 @@ def wedging_of(points: PointProblem, *, seconds: float = 60.0, sides: int = 16) 
 
 
 def _scales(S: Array, dim: int) -> Array:
-    """Return powers of two, one per point, that give all points a similar stiffness (dim m,).
+    """Return scaling factors, powers of two, that equalise the stiffness of the points (dim m,).
 
-    With the diagonal matrix D of them, D S D has the same states up to D: cones and gaps of a point
-    have no unit.
+    Let D be their diagonal matrix, with one factor per point. D S D has the same wedged states up
+    to the scaling by D, because cones and gaps of a point have no unit.
     """
     own = np.sqrt(np.diag(S).reshape(-1, dim).max(axis=1))
     return np.repeat(2.0 ** np.round(-np.log2(own)), dim)
 
 
 class _Rays(NamedTuple):
-    """Flexibility for the extreme forces of the friction cones.
+    """Normal displacements caused by the extreme forces of the friction cones.
 
     Attributes:
-        M: un over its largest values by weights of the rays (m, m K).
+        M: un for unit weights of the rays, scaled to a maximum of 1 per row (m, m K).
         off: error bounds of the rows for any weights (m,).
-        opens: points that can be open (m,).
+        opens: mask of the points that can be open (m,).
     """
 
     M: Array
@@ -174,13 +177,13 @@ class _Rays(NamedTuple):
 
     @classmethod
     def of(cls, G: Array, off: Array, corners: Array, friction: float) -> _Rays:
-        """Return the columns of the flexibility.
+        """Compute the normal displacements for all rays.
 
         Args:
-            G: flexibility over its unit (dim m, dim m).
-            off: error bounds of its entries (dim m, dim m).
-            corners: corners of the polygon about the unit disc (K, dim - 1).
-            friction: coefficient F.
+            G: flexibility divided by its unit (dim m, dim m).
+            off: error bounds of the entries of ``G`` (dim m, dim m).
+            corners: corners of the polygon around the unit disc (K, dim - 1).
+            friction: friction coefficient F.
         """
         dim = corners.shape[1] + 1
         m = len(G) // dim
@@ -200,7 +203,11 @@ class _Rays(NamedTuple):
 
 
 class _Program(Tableau):
-    """Linear program of a region; variables: alpha, un, the slacks of the hull, of the sum."""
+    """Linear program of a region of statuses.
+
+    The variables are alpha, un, the slacks of the inequalities in the module, and the slack of the
+    sum of alpha.
+    """
 
     def __init__(self, rays: _Rays):
         m, n = rays.M.shape
@@ -220,7 +227,7 @@ class _Program(Tableau):
         self._set(every, np.where(self._costs < 0, self._up[self._nonbasic], 0.0))
 
     def empty(self) -> tuple[Array, float] | None:
-        """Return multipliers y (m,) and lambda of an infeasible program, else None."""
+        """Return multipliers y (m,) and lambda of an infeasible program, otherwise None."""
         v = self._repair()
         if v is None:
             return None
@@ -229,22 +236,22 @@ class _Program(Tableau):
 
     @property
     def point(self) -> tuple[Array, Array]:
-        """Sums of the weights (m,), and un (m,), at the vertex."""
+        """Sums of alpha (m,) and un (m,) of the points at the current vertex."""
         x = self._all_values
         return x[: self.n].reshape(self.m, -1).sum(axis=1), x[self.n : self.n + self.m]
 
 
 class _Search:
-    """Branch and bound on open and closed points, at a decreasing F.
+    """Branch and bound over open and closed points, with decreasing F.
 
     Attributes:
-        scales: factors of the displacements of the points; forces are divided by them (dim m,).
+        scales: factors that multiply displacements and divide forces of the points (dim m,).
         G: flexibility of the scaled points (dim m, dim m).
         friction: smallest friction found.
-        tried: friction at which regions are proved empty.
+        tried: friction for which regions are proved empty.
         best: forces of the best state (dim m,), or None.
         closed: closed points of this state (m,).
-        complete: whether the search came to its end.
+        complete: whether the search was completed.
         regions: number of examined regions.
     """
 
@@ -274,7 +281,7 @@ class _Search:
         self._doubtful: list[Ints] = []
 
     def run(self) -> None:
-        """Search until nothing is left, or time is over."""
+        """Search until no region is left or the time is over."""
         self._descend()
         self._begin()
         waiting: list[Ints] = [np.zeros(self.m, dtype=np.int64)]
@@ -296,13 +303,13 @@ class _Search:
                     improved = True
 
     def _begin(self) -> None:
-        """Create the program just below the known F."""
+        """Create the linear program for a friction just below the smallest known F."""
         self.tried = self._reached * (1 - _BELOW)
         self._rays = _Rays.of(self._G, self._off, self._corners, self.tried)
         self._program = _Program(self._rays)
 
     def _treat(self, statuses: Ints) -> list[Ints]:
-        """Close a region, or return its parts; the last is treated first."""
+        """Examine a region; return its parts if it is not closed, the preferred part last."""
         self._program.hold(statuses)
         y = self._program.empty()
         undecided = np.flatnonzero(statuses == _UNDECIDED)
@@ -333,7 +340,7 @@ class _Search:
         return parts
 
     def _is_empty(self, statuses: Ints, y: Array, lam: float) -> bool:
-        """Return whether multipliers prove that a region has no state, round-off included."""
+        """Return whether multipliers prove that a region has no state, despite round-off."""
         M, off, opens = self._rays
         for z, k in ((y, lam), (-y, -lam)):
             of_open = np.minimum(z, 0.0) * opens
@@ -348,7 +355,7 @@ class _Search:
         return False
 
     def _lower(self, closed: Mask) -> bool:
-        """Compute the least F for some closed points; return whether it is the smallest so far."""
+        """Compute the smallest F for a set of closed points; return whether F is a new minimum."""
         least = self._least_of(closed)
         if least is None or not least[0] < self._reached:
             return False
@@ -367,7 +374,10 @@ class _Search:
         return True
 
     def _least_of(self, closed: Mask) -> tuple[float, Array] | None:
-        """Return the least F of a state with some closed points, and its forces (dim m,)."""
+        """Return the smallest F of a state with these closed points, and its forces (dim m,).
+
+        None if this F is not smaller than the best F so far.
+        """
         places = np.flatnonzero(closed)
         d, k, sides = self.dim, len(places), len(self._facets)
         columns = (d * places[:, None] + np.arange(d)).reshape(-1)
@@ -380,7 +390,7 @@ class _Search:
         forces: dict[float, Array] = {}
 
         def excess(F: float) -> float:
-            """Return the least, over the states, of the largest |rt| - F rn."""
+            """Minimise the largest |rt| - F rn over the states."""
             A = upper.copy()
             A[: len(facets)] -= F * press
             found = linprog(
@@ -406,7 +416,7 @@ class _Search:
         return F, whole
 
     def _root(self, excess: Callable[[float], float]) -> float:
-        """Return the zero of a decreasing function between 0 and the known F, from above."""
+        """Return the root of a decreasing function between 0 and the best F."""
         top = self._reached
         if excess(top) >= 0:
             return top
