@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""All solutions of a reduced contact problem with a proof of completeness.
+"""All solutions of a reduced contact problem, with a proof of completeness.
 
-The checker (`check_proof.py`) is the only part that must be trusted; it needs only numpy. The other
-modules search for proofs, `plane.py` in 2D and `space.py` in 3D.
+Only the checker (`check_proof.py`) has to be trusted; it needs only numpy. The other modules search
+for proofs: `plane.py` in 2D and `space.py` in 3D.
 """
 
 from dolfinx_contact.proofs.check_proof import (

@@ -1,14 +1,13 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Candidates for solutions in a region of the plane search.
 
-At points whose status is decided in the region, candidates need not satisfy the inequalities of the
-law. The method is a semismooth Newton method on statuses: solve a piece, then assign to every point
-the allowed status required by its displacements and forces. If statuses repeat, only one point is
-changed per iteration. Nothing is proved here.
+The method is a semismooth Newton method on statuses: solve a piece (`check_proof`), then assign to
+every point the allowed status required by its displacements and forces. If statuses repeat, only
+one point is changed per iteration. Nothing is proved here.
 
-The pieces and their free components are those of the checker (`check_proof`). The law differs from
-`laws.coulomb`: if the contact of a point is decided, its normal force may have any sign, and if its
-friction is decided, some statuses are excluded.
+At points whose status is decided in the region, candidates need not satisfy the inequalities of the
+law. In contrast to `laws.coulomb`, the normal force of a point with decided contact may have any
+sign, and the statuses of a point with decided friction are restricted.
 """
 
 from __future__ import annotations
@@ -44,7 +43,7 @@ def candidates(
     random: np.random.Generator,
     tries: int,
 ) -> Iterator[Codes]:
-    """Yield statuses of solutions, possibly repeatedly.
+    """Yield the statuses of approximate solutions, possibly with repetitions.
 
     Args:
         problem: scaled problem.
@@ -67,7 +66,7 @@ def candidates(
 
 
 def within(regions: Sequence[Masks], number: int, random: np.random.Generator) -> Iterator[Codes]:
-    """Yield random statuses (m,) that the regions allow, cycling through the regions.
+    """Yield random statuses (m,) allowed by the regions, cycling through the regions.
 
     Args:
         regions: allowed statuses of at least one region, as bit masks (m,).
@@ -82,7 +81,7 @@ def within(regions: Sequence[Masks], number: int, random: np.random.Generator) -
 
 
 def _starts(m: int, tries: int, random: np.random.Generator) -> Iterator[Codes]:
-    """Yield uniform statuses, then random blocks of uniform statuses and random statuses."""
+    """Yield initial statuses: equal for all points, then random in blocks or point by point."""
     for k in range(tries):
         if k <= MINUS:
             yield np.full(m, k, dtype=np.int8)
@@ -95,7 +94,7 @@ def _starts(m: int, tries: int, random: np.random.Generator) -> Iterator[Codes]:
 
 
 def _newton(problem: ReducedProblem, allowed: Masks, codes: Codes, rho: float) -> Codes | None:
-    """Return a fixed point of the iteration on statuses; None if none is found."""
+    """Return a fixed point of the Newton iteration on statuses; None if it does not converge."""
     seen: set[bytes] = set()
     single = 0
     for _ in range(_ROUNDS + 3 * problem.points):
@@ -118,7 +117,7 @@ def _newton(problem: ReducedProblem, allowed: Masks, codes: Codes, rho: float) -
 
 
 def _state(problem: ReducedProblem, codes: Codes) -> tuple[Array, Array, Array, Array] | None:
-    """Return ut, un, rt, rn (m,) of a piece without error bounds; None if it is singular."""
+    """Solve a piece for ut, un, rt, rn (m,) without error bounds; None if it is singular."""
     load = problem.p.copy()
     load[0::2] -= np.where(IS_FREE[codes], SENSE[codes] * problem.g, 0.0)
     try:
@@ -143,7 +142,7 @@ def _required(
     state: tuple[Array, Array, Array, Array],
     rho: float,
 ) -> Codes:
-    """Return the allowed statuses (m,) that displacements and forces require."""
+    """Return the allowed statuses (m,) required by displacements and forces."""
     new = codes.copy()
     F = problem.friction
     g = problem.g

@@ -131,13 +131,12 @@ def below(bound: float) -> float:
 
 
 def positive_definite(Q: Array, error: Array) -> bool:
-    """Return whether all symmetric matrices entrywise within ``error`` of ``Q`` are definite.
+    """Return whether all symmetric matrices within ``error`` of ``Q`` are positive definite.
 
-    "Definite" means positive definite. The matrix is scaled by powers of two, without rounding, to
-    a diagonal between 1/2 and 2. A symmetric perturbation changes eigenvalues by at most the
-    largest absolute row sum of its entries. If the Cholesky factorisation of A - c I completes with
-    c >= gamma_{n+1} / (1 - gamma_{n+1}) tr A, then A is positive definite (Rump, BIT 46, 2006,
-    theorem 2.3).
+    The matrix is scaled by powers of two, without rounding, to a diagonal between 1/2 and 2. A
+    symmetric perturbation changes eigenvalues by at most the largest absolute row sum of its
+    entries. Rump's theorem is used: if c >= gamma_{n+1} / (1 - gamma_{n+1}) tr A and the Cholesky
+    factorisation of A - c I succeeds, then A is positive definite (BIT 46, 2006, theorem 2.3).
 
     Args:
         Q: matrix (n, n), exactly symmetric.
@@ -291,7 +290,7 @@ class Ball:
 
 
 def where(condition: Any, a: Ball | npt.ArrayLike, b: Ball | npt.ArrayLike) -> Ball:
-    """Return the entries of ``a`` where the condition holds and those of ``b`` elsewhere."""
+    """Select the entries of ``a`` where the condition holds and of ``b`` elsewhere."""
     x, y = Ball.of(a), Ball.of(b)
     return Ball(*(np.where(condition, v, w) for v, w in zip(_parts(x), _parts(y), strict=True)))
 
@@ -366,7 +365,7 @@ CLOSED = 0b1110
 
 
 def has_status(allowed: Masks) -> npt.NDArray[np.bool_]:
-    """Return which statuses the bit masks (m,) contain, by point and status (m, 7)."""
+    """Return a mask (m, 7) of the statuses contained in the bit masks (m,) of the points."""
     return np.asarray((allowed[:, None] >> np.arange(7)) & 1 > 0)
 
 
@@ -499,7 +498,7 @@ class ReducedProblem:
 
     @cached_property
     def scaled(self) -> ReducedProblem:
-        """The same problem in its `units`.
+        """Problem in its `units`.
 
         Scaling by powers of two is exact except for underflow. Underflow errors of S and p are
         included in their error bounds.
@@ -631,7 +630,7 @@ def bounded(problem: ReducedProblem) -> Array:
 
 
 def used(problem: ReducedProblem) -> npt.NDArray[np.bool_]:
-    """Return which slots may be positive, by point, status and slot (m, 7, 6)."""
+    """Return a mask (m, 7, 6) of the slots that may be positive in each status of a point."""
     free = (problem.friction == 0) & (problem.g == 0)
     return np.where(free[:, None, None], _USED_FREE, _USED)
 
@@ -694,7 +693,7 @@ class Dual:
 
     @property
     def _counted(self) -> npt.NDArray[np.bool_]:
-        """Slots that appear in L, by point (m, 6).
+        """Mask of the slots that appear in L at each point (m, 6).
 
         Where F > 0, rn is expressed by (s+ + s-) / 2 F. Where F = 0, the shear is bounded by g
         directly, without s+ and s-.
@@ -744,7 +743,7 @@ class Dual:
         return float(up(data + gamma(8 * n) * sums))
 
     def impossible(self, allowed: Masks, ub: Array, margin: float) -> npt.NDArray[np.bool_]:
-        """Return which allowed statuses y excludes, by point and status (m, 7).
+        """Return a mask (m, 7) of the allowed statuses that y excludes.
 
         Args:
             allowed: allowed statuses as bit masks (m,).
@@ -758,7 +757,7 @@ class Dual:
         return np.asarray(has & (rest[:, None] + h > margin * self.round_off(ub)))
 
     def most(self, allowed: Masks, ub: Array, slot: int, point: int) -> float:
-        """Return an upper bound of a slot x = x - y.(S a - r - p); inf if L does not contain it."""
+        """Return an upper bound of the slot x = x - y.(S a - r - p); inf if x is not part of L."""
         if not self._counted[point, slot]:
             return np.inf
         has = has_status(allowed)
@@ -1464,7 +1463,7 @@ class SpaceDual:
         return float(up(data + gamma(n + 64) * sums))
 
     def impossible(self, cells: Cells, most: Array, margin: float) -> npt.NDArray[np.bool_]:
-        """Return which cells y excludes (k,); if the region is empty, all cells of a point."""
+        """Return a mask (k,) of the cells that y excludes; all cells of a point if none is left."""
         h = self.least(cells, most)
         lowest = np.minimum.reduceat(h, cells.first)
         rest = lowest.sum() - lowest - self._load
@@ -1472,7 +1471,7 @@ class SpaceDual:
         return np.asarray(np.repeat(rest, count) + h > margin * self.round_off(most))
 
     def most(self, cells: Cells, most: Array, quantity: int, point: int) -> float:
-        """Return an upper bound of a quantity x = x - y.(S a - r - p); -inf if no cell has it."""
+        """Return an upper bound of the quantity x = x - y.(S a - r - p); -inf if no cell has x."""
         h = self.least(cells, most, (quantity, point))
         bound = -np.minimum.reduceat(h, cells.first).sum() + self._load
         size = float(np.abs(most[:, point]).max())
@@ -1569,7 +1568,7 @@ class SpacePiece(_Piece):
 
     @cached_property
     def _alone(self) -> Array:
-        """Radii of the largest ball tried that provably contains no other solution (m, 3)."""
+        """Radii (m, 3) of the largest tested ball that provably contains no other solution."""
         for factor in _WIDER:
             wide = factor * self.radius.reshape(-1)
             if (_growth(self, wide.reshape(-1, 3)) < wide).all():
@@ -1709,7 +1708,7 @@ def solve_in_space(problem: ReducedProblem, codes: Codes, z: Array) -> SpacePiec
 
 
 def only_one(piece: SpacePiece, cells: Cells, most: Array) -> bool:
-    """Return whether the cells are proved to contain no solution other than that of a piece.
+    """Return whether the cells provably contain no solution except the solution of a piece.
 
     Args:
         piece: solution b of a piece.

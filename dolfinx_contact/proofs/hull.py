@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Convex hull of a region of cells as a linear program.
+r"""Linear program over the convex hull of a region of cells.
 
 Every cell is contained in a polytope of states (a, r): a box for open points; a cone over an
-octagon around the disc for stick; and for slip, the corners of (s, rn) in the directions of both
-ends of the arc and of the intersection of their tangents. At a solution, the state of every point
-is a convex combination of corners, and S a - r = p. A shear with a prescribed bound has its own
-octagon. Multipliers of an infeasible program are candidates for `check_proof.SpaceDual`, which
-uses the curved sets instead.
+octagon around the friction disc for stick; and for slip, the corners of (s, rn) in the directions
+of both ends of the arc and of the intersection of their tangents. A shear with a prescribed bound
+has an octagon of its own. At a solution, the state of every point is a convex combination of the
+corners, and S a - r = p. Multipliers of an infeasible program are candidates for
+`check_proof.SpaceDual`, which uses the curved sets instead of the polytopes.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ _OCTAGON = _CORNERS * (2 / (_CORNERS**2).sum(axis=1))[:, None]
 
 
 class Hull:
-    """Linear program of a region; successive programs start from the last basis.
+    """Linear program of a region, with warm starts from the last basis.
 
     Args:
         problem: scaled problem.
@@ -48,8 +48,8 @@ class Hull:
 
     Attributes:
         corners: states (a, r) of the columns (k, 6).
-        cell: numbers of the cells of the columns (k,); -1 of shears given in advance.
-        node: points of the columns (k,).
+        cell: index of the cell of each column (k,); -1 for shears with a prescribed bound.
+        node: index of the contact point of each column (k,).
     """
 
     def __init__(self, problem: ReducedProblem, cells: Cells, most: Array):
@@ -80,14 +80,14 @@ class Hull:
 
     @property
     def count(self) -> int:
-        """Number of programs that were solved."""
+        """Number of solved programs."""
         return self._simplex.count
 
     def empty(self, cell: int | None = None) -> Array | None:
-        """Return multipliers y (3 m,) that exclude a solution; None if one is possible.
+        """Return multipliers y (3 m,) that exclude all solutions; None if the program is feasible.
 
         Args:
-            cell: only cell allowed at its point.
+            cell: index of the only cell allowed at its point; by default all cells are allowed.
         """
         allowed = self.alive.copy()
         if cell is not None:
@@ -101,8 +101,8 @@ class Hull:
 
         Args:
             quantity: index of the quantity (`check_proof.MOST`).
-            point: point of the quantity.
-            kinds: kinds of cells for which it is bounded.
+            point: index of the contact point.
+            kinds: kinds of cells in which the quantity is bounded.
         """
         here = self.cells.node == point
         allowed = self.alive & (~here | np.isin(self.cells.kind, kinds))
@@ -123,7 +123,7 @@ class Hull:
 
     @property
     def point(self) -> tuple[Array, Array]:
-        """Displacements and forces of the last program (m, 3)."""
+        """Displacements and forces at the solution of the last program, (m, 3) each."""
         x = self._simplex.point[:, None] * self.corners
         found = np.zeros((self.problem.points, 6))
         np.add.at(found, self.node, x)
@@ -131,7 +131,7 @@ class Hull:
 
 
 def _value(corners: Array, quantity: int) -> Array:
-    """A quantity at corners; of s the length of ut."""
+    """Return a quantity at the corners; s is the length of ut."""
     if quantity == OF_UN:
         return corners[:, 2]
     if quantity < OF_UN:
@@ -142,7 +142,7 @@ def _value(corners: Array, quantity: int) -> Array:
 
 
 def _corners(problem: ReducedProblem, cells: Cells, most: Array) -> tuple[Array, Ints]:
-    """Corners of all cells (k, 6), and numbers of these (k,), in increasing order."""
+    """Return the corners (k, 6) of all cells and the indices of their cells (k,), sorted."""
     parts = []
     numbers = []
     made = (_of_open, _of_stick, _of_slip, _of_closed)
@@ -166,7 +166,7 @@ def _of_closed(problem: ReducedProblem, cells: Cells, most: Array, here: Ints) -
 
 
 def _boxes(nodes: Ints, most: Array, column: int, low: Array, high: Array) -> Array:
-    """Corners of boxes of ut and a normal part (k, 8, 6)."""
+    """Return the corners (k, 8, 6) of boxes in ut and one normal component (un or rn)."""
     found = np.zeros((len(nodes), 8, 6))
     corner = np.arange(8)
     for c in (0, 1):

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Decision whether a solution of a reduced problem is the only one.
+"""Decision whether a solution of a reduced problem is unique.
 
 The *certificate of one point* is the uniqueness proof by quadratic inequalities (differences,
 `check_proof.py`), applied to the whole problem. It is tried first; in 2D it needs a few eigenvalue
-problems of the size of the reduced problem. If it fails, Newton's method searches for another
+problems of the size of the reduced problem. If it fails, Newton's method searches for a second
 solution from several starts. Then, in 2D, the certificate is tried with more iterations for its
-weights. With a positive time limit, both searches get more effort, and branch and bound follows.
+weights. With a positive time limit, both searches use more effort, and branch and bound follows.
 """
 
 from __future__ import annotations
@@ -42,13 +42,13 @@ _SAME = 1e-6  # relative distance below which two states count as the same
 
 @dataclass(frozen=True, eq=False)
 class OnlySolution:
-    """Answer to the question whether a solution is the only one.
+    """Result of the decision whether a solution is unique.
 
     Attributes:
         verdict: verdict as in `results.uniqueness.Uniqueness`.
         reason: reason of the verdict, human-readable.
-        other: statuses (m,) and state (m, 2 dim) of another solution; None if none is known.
-        certificate: proof of uniqueness; None if there is none.
+        other: statuses (m,) and state (m, 2 dim) of a second solution; None if no other is known.
+        certificate: proof of uniqueness; None without a proof.
     """
 
     verdict: Literal["proved", "not proved", "others exist"]
@@ -60,7 +60,7 @@ class OnlySolution:
 def is_only(
     problem: ReducedProblem, solution: Codes | Array, *, proof_seconds: float = 0.0
 ) -> OnlySolution:
-    """Decide whether a solution is the only one.
+    """Decide whether a solution is unique.
 
     Args:
         problem: reduced problem.

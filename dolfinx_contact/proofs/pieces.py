@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Approximate solutions of pieces in 3D, and statuses of the points of a region.
 
-The unknowns of a status are those of `check_proof`, which proves what is found here.
+The unknowns of a piece are defined in `check_proof`, which proves the solutions found here.
 """
 
 from __future__ import annotations
@@ -40,13 +40,13 @@ def _slips(problem: ReducedProblem, codes: Codes) -> Mask:
 
 
 def _directions(slips: Mask, z: Array) -> Array:
-    """Return unit directions of slip of unknowns, shape (m, 2); 0 at points that do not slip."""
+    """Return the slip directions of the unknowns z, shape (m, 2); 0 at points that do not slip."""
     e = np.stack([np.cos(z[:, 1]), np.sin(z[:, 1])], axis=1)
     return np.where(slips[:, None], e, 0.0)
 
 
 def unknowns(problem: ReducedProblem, codes: Codes, a: Array, r: Array) -> Array:
-    """The unknowns of a piece at a state (m, 3); see `check_proof`."""
+    """Return the unknowns (m, 3) of a piece (`check_proof`) at displacements and forces."""
     opened = IS_OPEN[codes]
     stuck = (codes == 1) | (codes == 4)
     slips = _slips(problem, codes)
@@ -59,7 +59,7 @@ def unknowns(problem: ReducedProblem, codes: Codes, a: Array, r: Array) -> Array
 
 
 def solved_piece(problem: ReducedProblem, codes: Codes, z: Array) -> Array | None:
-    """Return the solution of a piece computed by Newton's method; None if it does not converge.
+    """Solve a piece by Newton's method; return None if it does not converge.
 
     Args:
         problem: scaled problem.
@@ -90,14 +90,14 @@ def solved_piece(problem: ReducedProblem, codes: Codes, z: Array) -> Array | Non
 
 
 def state_of(problem: ReducedProblem, codes: Codes, z: Array) -> tuple[Array, Array]:
-    """Displacements and forces of unknowns (m, 3)."""
+    """Return displacements and forces, (m, 3) each, for the unknowns of a piece."""
     e = _directions(_slips(problem, codes), z)
     state = space_state(problem, codes, z, e).value
     return state[:, :3], state[:, 3:]
 
 
 def codes_of(problem: ReducedProblem, a: Array, r: Array, small: float = 1e-9) -> Codes:
-    """Statuses of a solution (m,)."""
+    """Return the statuses (m,) of a solution."""
     closed = r[:, 2] >= small
     still = np.hypot(a[:, 0], a[:, 1]) < small
     codes = np.where(closed, np.where(still, 1, 2), 0)
@@ -107,7 +107,7 @@ def codes_of(problem: ReducedProblem, a: Array, r: Array, small: float = 1e-9) -
 
 
 def piece_at(problem: ReducedProblem, a: Array, r: Array) -> SpacePiece | None:
-    """The piece of a solution, with bounds of its errors; None if that cannot be proved.
+    """Return the piece of an approximate solution with error bounds; None without a proof.
 
     Args:
         problem: scaled problem.
@@ -120,7 +120,7 @@ def piece_at(problem: ReducedProblem, a: Array, r: Array) -> SpacePiece | None:
 
 
 def rounded(problem: ReducedProblem, kinds: Kinds, a: Array, r: Array) -> Codes:
-    """Statuses among those allowed that are nearest to any numbers (m,)."""
+    """Return the allowed statuses (m,) that are nearest to displacements and forces."""
     codes = np.zeros(problem.points, dtype=np.int8)
     for i, allowed in enumerate(kinds):
         ut, rt = float(np.hypot(*a[i, :2])), float(np.hypot(*r[i, :2]))
@@ -139,7 +139,7 @@ def rounded(problem: ReducedProblem, kinds: Kinds, a: Array, r: Array) -> Codes:
 def _given_code(
     problem: ReducedProblem, i: int, allowed: frozenset[int], push: float, sticks: bool
 ) -> int:
-    """Status of a point without a coefficient of friction."""
+    """Return the status of a point without Coulomb friction."""
     closed = IN_CLOSED in allowed and (IN_OPEN not in allowed or push > 0)
     if problem.g[i] == 0:
         return 2 if closed else 0
@@ -149,15 +149,19 @@ def _given_code(
 def relaxed(
     problem: ReducedProblem, kinds: Kinds, codes: Codes, z: Array | None
 ) -> tuple[Codes, Array | None]:
-    """Return a solution in a region without the inequalities of decided points.
+    """Search a region for a piece whose undecided points satisfy the law.
 
-    Undecided points get the statuses that their numbers require, until these stay.
+    The statuses of undecided points are updated as required by their displacements and forces until
+    they do not change. Decided points may violate the inequalities of the law.
 
     Args:
         problem: scaled problem.
-        kinds: kinds of the cells of the points.
-        codes: statuses to begin with (m,).
-        z: unknowns of their piece (m, 3).
+        kinds: kinds of the cells of each point.
+        codes: initial statuses (m,).
+        z: unknowns of the initial piece (m, 3); None if it has no solution.
+
+    Returns:
+        Statuses (m,) and unknowns (m, 3); None instead of the unknowns if a piece was not solved.
     """
     seen: set[bytes] = set()
     for _ in range(_ROUNDS):
@@ -180,7 +184,7 @@ def relaxed(
 def _required(
     problem: ReducedProblem, i: int, kinds: frozenset[int], a: Array, r: Array, code: int
 ) -> int:
-    """The status that displacements and forces require of a point."""
+    """Return the status of a point required by its displacements and forces."""
     push = float(r[2] - a[2])
     pull = float(np.hypot(*(r[:2] - a[:2])))
     F = float(problem.friction[i])

@@ -216,9 +216,9 @@ class PlaneSearch(Search[StatusRegion]):
 def _parts(mask: int, which: int) -> list[int]:
     """Divide the remaining statuses of a point for branching.
 
-    If open and closed statuses remain, and more than two, they are separated. Of the remaining
-    cases, three statuses are divided into stick with one slip and the other slip, and two statuses
-    into single ones.
+    If more than two statuses remain, both open and closed, the open ones are separated from the
+    closed ones. Otherwise three statuses are divided into stick with one slip and the other slip,
+    and two statuses into single statuses.
 
     Args:
         mask: remaining statuses as a bit mask.
@@ -239,7 +239,7 @@ def _parts(mask: int, which: int) -> list[int]:
 
 
 def _order(region: StatusRegion) -> Ints:
-    """Return the undecided points in bisection order: the middle one, then those of the halves."""
+    """Return the undecided points in bisection order: the middle point, then both halves."""
     left = [i for i, c in enumerate(region.choices) if len(c) > 1]
     order: list[int] = []
     spans = [(0, len(left))]
@@ -253,9 +253,9 @@ def _order(region: StatusRegion) -> Ints:
 
 
 def _see(relaxation: Relaxation, possible: Mask) -> None:
-    """Mark the statuses that the feasible point of a relaxation attains.
+    """Mark the statuses attained by the feasible point of a relaxation.
 
-    These statuses cannot be excluded by the relaxation.
+    The relaxation cannot exclude these statuses.
 
     Args:
         relaxation: feasible linear program.

@@ -1,16 +1,17 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Proof that all rays leaving a state with contact points at their apex are known.
+r"""Proof that all rays leaving a state with contact points at the apex are known.
 
-At the apex, ut, un and the forces vanish, and the tangent cone of a point is the law itself. If all
-other points are strictly open (dr = 0), stuck (da = 0) or pressed without friction (drt = dun = 0),
-they satisfy dr.da = 0 and can be eliminated from S da - dr = dgamma q:
+A *ray* is an outgoing direction (da, dr, dgamma). At the apex of its cone, a point has ut = un = 0
+and no force, and its tangent cone is the contact law itself. If all other points are strictly open
+(dr = 0), stuck (da = 0) or pressed without friction (drt = dun = 0), they satisfy dr.da = 0 and can
+be eliminated from S da - dr = dgamma q:
 
     S' = S_kk - S_ke S_ee^{-1} S_ek,    q' = q_k - S_ke S_ee^{-1} q_e
 
-for the components k of points at the apex and the free components e. S' is positive definite like
-S. The rays, normalised by dgamma = 1 or -1, are the solutions of the reduced problems with the
-loads q' and -q', and `solutions.py` proves completeness. Rays with dgamma = 0 do not exist, since
-da.S' da = da.dr <= 0 at the apex.
+for the components k of points at the apex and the free components e. S' is positive definite
+because S is. The rays, normalised to dgamma = 1 or -1, are the solutions of the reduced problems
+with the loads q' and -q', and `solutions.py` proves completeness. Rays with dgamma = 0 do not
+exist, since da.S' da = da.dr <= 0 at the apex.
 
 For slipping points and points at a border between two statuses, dr.da may have either sign, and
 nothing is proved.
@@ -46,7 +47,7 @@ class ProvedRays:
 
     Attributes:
         verdict: ``"complete"``, ``"degenerate"`` or ``"open"``, as in `ProvedSolutions`.
-        rays: statuses (m,) and dgamma (1 or -1) of the proved rays.
+        rays: proved rays: statuses (m,) and dgamma, 1 or -1, of each.
         method: description of the proof, human-readable.
     """
 
@@ -61,8 +62,8 @@ class Apex:
 
     Attributes:
         problem: reduced problem with the load q'.
-        points: indices of its points among all points (k,).
-        codes: statuses of all points (m,); only those of the eliminated points are used.
+        points: indices of the points at the apex among all points (k,).
+        codes: statuses of all points (m,); only the statuses of eliminated points are used.
     """
 
     problem: ReducedProblem
@@ -71,7 +72,7 @@ class Apex:
 
 
 def apex_problem(whole: ReducedProblem, system: AffineSystem, cone: AffineSystem) -> Apex | str:
-    """Return the reduced problem of the rays, or the reason why there is none.
+    """Return the reduced problem of the rays, or the reason why it does not exist.
 
     Args:
         whole: reduced problem of all points, with q as the load.
@@ -136,7 +137,7 @@ def prove_rays(
 
     Args:
         apex: reduced problem of the points at their apex.
-        known: statuses (m,) and dgamma of known rays; they shorten the search.
+        known: known rays, each with statuses (m,) and dgamma; they shorten the search.
         proof_seconds: time limit for each sign of dgamma.
     """
     given = apex.problem

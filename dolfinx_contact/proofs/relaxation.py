@@ -2,9 +2,9 @@
 r"""Linear programs that exclude statuses in the plane search.
 
 The programs contain S a = r + p with the slots (`check_proof.py`) between 0 and their bounds X. Two
-slots that are never nonzero in the same allowed status satisfy x / X + y / Y <= 1. The five slots
-of a point with Coulomb friction exclude each other in a cycle and satisfy sum x / X <= 2. These
-inequalities describe the convex hull of the statuses and are added when they are violated.
+slots x and y that are never both nonzero in an allowed status satisfy x / X + y / Y <= 1. The five
+slots of a point with Coulomb friction exclude each other in a cycle and satisfy sum x / X <= 2.
+These inequalities describe the convex hull of the statuses and are added when they are violated.
 
 Slots of forces are affine functions of the slots of displacements, so that the first tableau is
 known without solving equations. The dual simplex method (`tableau`) proceeds from one program to
@@ -135,7 +135,7 @@ class Relaxation(Tableau):
         return self._all_values[: 6 * self.m].reshape(6, self.m)
 
     def _separate(self) -> bool:
-        """Add violated inequalities of the hull; return whether there were any."""
+        """Add violated inequalities of the convex hull; return whether any were added."""
         part = self.point / np.where(self._ub > 0, self._ub, np.inf)
         terms: list[tuple[Ints, float]] = []
         for a, b, points in self._pairs:

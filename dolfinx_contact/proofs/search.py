@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Branch and bound for a proof: traversal of the search tree, in 2D and 3D.
+"""Branch and bound for proofs: traversal of the search tree in 2D and 3D.
 
 The search proposes steps, which the checker (`check_proof.follow`) accepts or rejects. `plane.py`
 and `space.py` implement closing and branching of regions. In regions left open, Newton's method
@@ -47,7 +47,7 @@ class SearchNode(Generic[R]):
     """Node of the search tree.
 
     Attributes:
-        region: statuses or cells, and bounds.
+        region: remaining statuses or cells, with bounds of the solutions.
         depth: number of branchings above the node; by default 0.
         hint: statuses (m,) at which Newton's method starts, taken from the parent node, in 2D; by
             default None.
@@ -127,7 +127,7 @@ class Search(Generic[R]):
     def only(
         self, region: R, piece: PieceSolution | SpacePiece, effort: int
     ) -> tuple[bool, Weights | None]:
-        """Try to prove that a region contains no solution other than that of a piece.
+        """Try to prove that a region contains no solution except the solution of a piece.
 
         Args:
             region: region.
@@ -135,7 +135,7 @@ class Search(Generic[R]):
             effort: iterations of each search for weights.
 
         Returns:
-            Whether the region is closed, and the weights; these are None if the hypotheses of the
+            Whether the region is closed; and the weights, None if the hypotheses of the
             inequalities do not hold.
         """
         items: dict[str, Any] = {"do": "only", "codes": piece.codes.tolist()}

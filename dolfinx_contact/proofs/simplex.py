@@ -3,15 +3,15 @@ r"""Primal simplex method for linear programs with columns in groups.
 
     minimise c.x    with    A x = b,  x >= 0,
 
-where the variables of every group add up to 1. Excluded columns have a unit cost instead of the
+where the variables of every group add up to 1. Excluded columns get a unit cost instead of an upper
 bound 0. Each program therefore starts from a feasible point, and an infeasible program ends with a
-positive cost and with multipliers y that prove infeasibility. With v = y.A,
+positive cost and multipliers y that prove infeasibility. With v = y.A,
 
     y.b - sum over groups of max v  >  0,
 
-with the maxima over the usable columns, is sufficient and usually holds long before the optimum is
-reached (`Simplex.solve`). The inverse of the basis is stored, and b is slightly perturbed to avoid
-degenerate steps. Nothing is proved here.
+with the maxima over the usable columns, is a sufficient condition, which usually holds long before
+the optimum is reached (`Simplex.solve`). The inverse of the basis is stored, and b is slightly
+perturbed to avoid degenerate steps. Nothing is proved here.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _STALLED = 40  # pivots without improvement after which a bound is accepted
 
 
 class Simplex:
-    """Linear program; successive calls start from the last basis.
+    """Linear program with warm starts from the last basis.
 
     Args:
         A: matrix (n, k) of the constraints.
@@ -76,7 +76,7 @@ class Simplex:
         return None
 
     def least(self, cost: Array, usable: Mask) -> Array | None:
-        """Return multipliers (n,) of a nearly optimal lower bound; None if it is infeasible.
+        """Return multipliers (n,) of a nearly optimal lower bound; None if infeasible.
 
         Args:
             cost: cost of the columns (k,).

@@ -53,10 +53,10 @@ class ProvedSolutions:
     """Solutions of a reduced problem, and the result of the proof of completeness.
 
     Attributes:
-        verdict: ``"complete"``: ``solutions`` are all solutions. ``"degenerate"``:
-            other solutions are possible only at the states ``border`` (within their error bounds)
-            and in the pieces ``singular``, which may contain continua. ``"open"``: further
-            solutions, in 3D also continua, may exist with the statuses ``open_regions``.
+        verdict: ``"complete"``: ``solutions`` are all solutions. ``"degenerate"``: other solutions
+            are possible only at the states ``border`` (within their error bounds) and in the pieces
+            ``singular``, which may contain continua. ``"open"``: further solutions, in 3D also
+            continua, may exist in ``open_regions``.
         solutions: proved solutions. Solutions that Newton's method finds in open regions after the
             time limit are included, but are not part of the certificate.
         border: states at borders of pieces, which may or may not be solutions.
@@ -103,7 +103,7 @@ def prove_solutions(
     """Find all solutions of a reduced problem and prove completeness.
 
     Args:
-        reduced: S, p and friction with their errors.
+        reduced: reduced problem with error bounds.
         known: known solutions, as statuses (m,) in 2D or states (m, 6) in 3D, which shorten the
             search; by default none.
         proof_seconds: time limit in seconds, by default 60. Remaining regions are left open and

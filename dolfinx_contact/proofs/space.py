@@ -1,11 +1,15 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The search for a proof in 3D, on cells of contact points.
+"""Search for a proof in 3D by branch and bound on cells of the contact points.
 
-A region is closed, in this order, by the proof that it holds at most one solution, from quadratic
-inequalities (`weights.py`) or, if all points have cells of one kind, from an interval matrix; or by
-linear programs (`hull.py`), which also bound the quantities of the points. Arcs are halved where
-few are left. Otherwise the region is branched at the point where the linear program violates the
-law most. Regions that are left open have a reason.
+A region is closed by the first of the following methods that succeeds:
+
+1. quadratic inequalities (`weights.py`) prove that it contains at most one solution;
+2. linear programs (`hull.py`) prove that it is empty; they also bound the quantities of the points;
+3. an interval matrix proves that it contains at most one solution, if the cells of every point have
+   a single kind.
+
+Arcs are halved at points with few remaining arcs. Otherwise the region is branched at the point
+where the solution of the linear program violates the law most. Regions left open have a reason.
 """
 
 from __future__ import annotations
@@ -69,7 +73,7 @@ _NARROW_WORDS = "arcs are too narrow: a continuum or a border may be there"
 
 
 class SpaceSearch(Search[SpaceRegion]):
-    """See the module."""
+    """Search for a proof in 3D, as described in the module."""
 
     def _begin(self, known: Iterable[Array]) -> None:
         length, force = self.certificate.problem.units
@@ -138,7 +142,7 @@ class SpaceSearch(Search[SpaceRegion]):
     # -- leaves -----------------------------------------------------------------------------------
 
     def _any_only(self, region: SpaceRegion, point: State | None, effort: int) -> bool:
-        """Try to prove that a region holds at most one solution, by quadratic inequalities."""
+        """Try to close a region by quadratic inequalities, for up to two pieces."""
         for number, piece in enumerate(self._candidates(region, point)):
             if number == 2 or self.late():
                 break
@@ -147,7 +151,7 @@ class SpaceSearch(Search[SpaceRegion]):
         return False
 
     def _candidates(self, region: SpaceRegion, point: State | None) -> Iterator[SpacePiece | None]:
-        """Pieces to try: of known solutions, then of Newton's method from a point."""
+        """Yield pieces of known solutions, then a piece found by Newton's method at ``point``."""
         kinds = region.kinds
         seen = set()
         for a, r in self._known:
@@ -168,7 +172,7 @@ class SpaceSearch(Search[SpaceRegion]):
             yield None if z is None else solve_in_space(self.problem, codes, z)
 
     def _leaf(self, region: SpaceRegion, point: State) -> bool:
-        """Try to close a region of decided kinds by the interval matrix."""
+        """Try to close a region by an interval matrix if every point has cells of one kind."""
         kinds = region.kinds
         if any(len(allowed) > 1 for allowed in kinds) or (self.problem.g > 0).any():
             return False
@@ -200,7 +204,7 @@ class SpaceSearch(Search[SpaceRegion]):
                 return None
 
     def _exclude_cells(self, region: SpaceRegion, hull: Hull) -> bool:
-        """Try every cell of undecided points; return whether the region is proved empty."""
+        """Try to exclude each cell of undecided points; return whether the region is empty."""
         cells, alive = hull.cells, hull.alive
         for k in np.argsort(-cells.kind, kind="stable"):
             if not alive[k] or (alive & (cells.node == cells.node[k])).sum() == 1:
@@ -220,7 +224,7 @@ class SpaceSearch(Search[SpaceRegion]):
         return False
 
     def _lower_bounds(self, region: SpaceRegion, hull: Hull, *, all_points: bool) -> float:
-        """Bound the quantities of decided points; return the gain, a sum of logarithms."""
+        """Lower the bounds of quantities; return the gain, a sum of logarithms of ratios."""
         gained = 0.0
         for i, kinds in enumerate(region.kinds):
             if len(kinds) > 1 and not all_points:
@@ -257,7 +261,7 @@ class SpaceSearch(Search[SpaceRegion]):
     # -- arcs and branches ------------------------------------------------------------------------
 
     def _halve(self, region: SpaceRegion) -> bool:
-        """Halve arcs of points with few arcs; return whether there are any."""
+        """Halve the arcs of points with few arcs; return whether any were halved."""
         done = False
         for i in range(self.problem.points):
             cells = region.cells
@@ -292,7 +296,7 @@ class SpaceSearch(Search[SpaceRegion]):
 def _quantities(
     region: SpaceRegion, i: int, kinds: frozenset[int]
 ) -> list[tuple[int, tuple[int, ...]]]:
-    """Return the quantities of a point that are bounded, and the kinds of cells they belong to."""
+    """Return the quantities of a point to bound, each with the corresponding kinds of cells."""
     wanted: list[tuple[int, tuple[int, ...]]] = []
     coulomb = region.problem.friction[i] > 0
     if IN_OPEN in kinds or not coulomb:
@@ -311,21 +315,21 @@ def _quantities(
 
 
 def _kind(code: int, friction: float) -> int:
-    """Return the kind of cell of a status."""
+    """Return the kind of the cell that contains a status."""
     if friction == 0:
         return IN_OPEN if IS_OPEN[code] else IN_CLOSED
     return {0: IN_OPEN, 1: IN_STICK, 2: IN_SLIP}[code]
 
 
 def _measure(region: SpaceRegion) -> float:
-    """Return the logarithm of the size of a region, cell by cell."""
+    """Return the logarithm of the size of a region: the product of cell sizes over points."""
     cells = region.cells
     sizes = np.where(cells.kind == IN_SLIP, 0.3 + cells.ends[:, 1] - cells.ends[:, 0], 1.0)
     return float(np.log(np.bincount(cells.node, sizes)).sum())
 
 
 def _within(region: SpaceRegion, i: int, angle: float, a: Array, r: Array) -> float:
-    """Return the angle, or the angle of the middle of the arcs if it is outside."""
+    """Return the slip angle at a state, or the middle of the arcs if it lies outside."""
     hull = region.cells.hull(i)
     assert hull is not None
     x, y = rays(np.array([hull[0], hull[0] + hull[1]])).T
@@ -339,7 +343,7 @@ def _within(region: SpaceRegion, i: int, angle: float, a: Array, r: Array) -> fl
 
 
 def _violations(problem: ReducedProblem, region: SpaceRegion, a: Array, r: Array) -> Array:
-    """Return the violation of the law by a state; -1 at points that cannot be branched (m,)."""
+    """Return the violation of the law at each point (m,); -1 where branching is impossible."""
     cells = region.cells
     F = problem.friction
     slid = np.hypot(a[:, 0], a[:, 1])
@@ -355,7 +359,7 @@ def _violations(problem: ReducedProblem, region: SpaceRegion, a: Array, r: Array
 
 
 def _parts(region: SpaceRegion, i: int) -> list[list[int]] | None:
-    """Return the cells of the parts of a point; None if its arc must be halved first."""
+    """Divide the cells of a point for branching; None if its single arc must be halved first."""
     cells = region.cells
     here = np.flatnonzero(cells.node == i)
     parts = [[int(k)] for k in here if cells.kind[k] != IN_SLIP]

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Solutions of a reduced problem in 3D by Newton's method from many starts at once.
+r"""Solutions of a reduced problem in 3D by Newton's method from many starts simultaneously.
 
-A damped semismooth Newton method solves r = P(r - rho a) with a = S^-1 (r + p) and the projection P
-of the laws (`laws.coulomb`; Alart and Curnier, CMAME 92, 1991). Nothing is proved here.
+A damped semismooth Newton method solves r = P(r - rho a) with a = S^-1 (r + p), where P is the
+projection onto the admissible forces (`laws.coulomb`; Alart and Curnier, CMAME 92, 1991). Nothing
+is proved here.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ _SAME = 1e-6
 
 
 class _Batch:
-    """The equations for many forces at once."""
+    """Equations of Newton's method for a batch of k forces."""
 
     def __init__(self, problem: ReducedProblem, rho: Array):
         self.problem = problem
@@ -50,12 +51,12 @@ class _Batch:
         return z.reshape(-1, 3), np.tile(self.friction, k), np.tile(self.bound, k)
 
     def residual(self, r: Array, rho: Array) -> Array:
-        """Return the residual of the equations (k, 3 m)."""
+        """Return the residual r - P(r - rho a) of each start, shape (k, 3 m)."""
         z = self.pulled(r, rho)
         return r - coulomb.allowed(*self._flat(z)).reshape(r.shape)
 
     def steps(self, r: Array, rho: Array, left: Array) -> Array:
-        """Return Newton steps (k, 3 m)."""
+        """Return the Newton step of each start for the residuals ``left``, shape (k, 3 m)."""
         k, n = r.shape
         D = coulomb.derivative(*self._flat(self.pulled(r, rho))).reshape(k, n // 3, 3, 3)
         T = np.eye(n) - rho[:, None, None] * self.inverse
@@ -68,7 +69,7 @@ class _Batch:
 
 
 def _newton(batch: _Batch, r: Array) -> tuple[Array, Mask]:
-    """Return forces after the iterations, and a mask of the solutions."""
+    """Iterate from forces r; return the final forces and a mask of the converged starts."""
     r = r.copy()
     small = _RESIDUAL * (1 + float(np.abs(batch.problem.p).max()))
     live = np.arange(len(r))
@@ -97,7 +98,10 @@ def _newton(batch: _Batch, r: Array) -> tuple[Array, Mask]:
 
 
 def _random_forces(problem: ReducedProblem, number: int, random: np.random.Generator) -> Array:
-    """Forces of points that stick, slip in any directions, or in one (number, 3 m)."""
+    """Return random initial forces, shape (number, 3 m).
+
+    Points are open, stick or slip. The shears of a start have random directions, or a common one.
+    """
     m = problem.points
     scale = max(1.0, float(np.abs(problem.p).max())) * 10 ** random.uniform(-1, 1, (number, 1))
     closed = random.random((number, m)) < random.random((number, 1))
@@ -116,7 +120,7 @@ def _random_forces(problem: ReducedProblem, number: int, random: np.random.Gener
 def forces_within(
     problem: ReducedProblem, regions: Sequence[Cells], number: int, random: np.random.Generator
 ) -> Array:
-    """Return random forces within the cells of each region in turn, shape (number, 3 m)."""
+    """Return random forces within cells, cycling through the regions, shape (number, 3 m)."""
     m = problem.points
     scale = max(1.0, float(np.abs(problem.p).max())) * 10 ** random.uniform(-1, 1, (number, 1))
     order = random.permutation(len(regions))
@@ -139,9 +143,9 @@ def forces_within(
 
 
 def _drawn(cells: Cells, random: np.random.Generator) -> Ints:
-    """Number of one cell of every point, of all kinds with the same chance (m,)."""
+    """Draw one cell index for every point (m,); all kinds of cells are equally likely."""
     kinds = 4 * cells.node + cells.kind
-    # The largest of u^(1/w) is drawn with a chance in proportion to w.
+    # For uniform u, the largest u^(1/w) selects an item with probability proportional to w.
     key = random.random(len(cells)) ** np.bincount(kinds)[kinds]
     order = np.lexsort((key, cells.node))
     return np.asarray(order[np.append(cells.first[1:], len(cells)) - 1])
@@ -153,13 +157,13 @@ def many_solutions(
     random: np.random.Generator,
     regions: Sequence[Cells] = (),
 ) -> list[tuple[Array, Array]]:
-    """Return distinct solutions, as displacements and forces (m, 3).
+    """Return distinct solutions: displacements and forces, (m, 3) each.
 
     Args:
         problem: scaled problem.
         number: number of starts.
         random: generator of the starts.
-        regions: regions in which to start, in turn; by default everywhere.
+        regions: regions in which the starts are drawn, cyclically; by default everywhere.
     """
     batch = _Batch(problem, 10 ** random.uniform(-1, 1, number))
     if regions:

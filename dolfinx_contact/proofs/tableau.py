@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Dual simplex method for bounded variables with a persistent tableau.
 
-Basic variables are affine functions of the nonbasic ones, x_B = T x_N + start, and 0 <= x <= up.
-Successive programs differ in a few bounds. The objective is random, which prevents cycling. If a
-program is infeasible, a row of the tableau proves it.
+All variables satisfy 0 <= x <= up. Basic variables are affine functions of the nonbasic variables,
+x_B = T x_N + start. Successive programs differ in a few bounds. The objective is random, which
+prevents cycling. If a program is infeasible, a row of the tableau proves it.
 """
 
 from __future__ import annotations

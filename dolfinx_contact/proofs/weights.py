@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Weights of quadratic inequalities that make their weighted sum positive definite.
+r"""Weights for which a weighted sum of quadratic inequalities is positive definite.
 
-With the vanishing rows eliminated and the form scaled to a unit diagonal, the least eigenvalue of
-the weighted sum is maximised over the logarithms of the weights, in 2D also over theta. Several
-small eigenvalues are replaced by the soft minimum -tau log sum exp(-lambda / tau), with the
-derivatives of the eigenvalues. Nothing is proved here: `check_proof.Differences` and
-`check_proof.SpaceDifferences` decide.
+After elimination of the vanishing rows and scaling to a unit diagonal, the smallest eigenvalue of
+the weighted sum is maximised over the logarithms of the weights, in 2D also over theta. The
+objective is the soft minimum -tau log sum exp(-lambda / tau) of the eigenvalues, which is
+differentiable. Nothing is proved here; `check_proof.Differences` and `check_proof.SpaceDifferences`
+verify the weights.
 """
 
 from __future__ import annotations
@@ -31,13 +31,13 @@ Eigenvalues = Callable[[Array], tuple[Array, Array, Callable[[Array], Array]]]
 _IN_PLANE = ((0.05, -0.06), (0.01, -0.02), (0.003, 0.0))
 _IN_SPACE = ((0.1, -np.inf), (0.02, -np.inf), (0.005, -np.inf))
 _MUS = 10.0 ** np.array([1, 2, 3, 4, 5, 6, 0])
-#: Initial logarithms in 3D, and whether they are those of forms scaled to 1.
+#: Initial logarithms of the weights in 3D, and whether they refer to forms scaled to norm 1.
 _FIRST = {"T": (0, False), "N": (0, False), "H": (-6, False), "P": (-1, False)}
 _FIRST |= {"A": (-4, True), "Q": (-4, True)}
 
 
 class _Stop(Exception):
-    """The search has succeeded, or time is over."""
+    """Signal that the search has succeeded or the time is over."""
 
 
 def maximise(
@@ -50,19 +50,19 @@ def maximise(
     enough: float,
     until: float = np.inf,
 ) -> tuple[float, Array, Array]:
-    """Maximise the least eigenvalue by L-BFGS-B on its soft minimum.
+    """Maximise the smallest eigenvalue by L-BFGS-B on the soft minimum.
 
     Args:
-        eigenvalues: function of the variables.
+        eigenvalues: function of the variables (`Eigenvalues`).
         x: initial variables (k,).
         limits: lower and upper bounds of the variables.
-        stages: tau of each search, and the least eigenvalue below which no search follows.
-        effort: iterations of each search.
-        enough: least eigenvalue at which the search ends.
-        until: monotonic time at which the search ends.
+        stages: tau of each stage, and the smallest eigenvalue below which later stages are skipped.
+        effort: largest number of iterations of each stage.
+        enough: smallest eigenvalue at which the search ends.
+        until: value of `time.monotonic` at which the search ends.
 
     Returns:
-        Largest least eigenvalue, its variables (k,) and its eigenvector (n,).
+        Best value of the smallest eigenvalue, with its variables (k,) and eigenvector (n,).
     """
     best: tuple[float, Array, Array] = (-np.inf, x, np.zeros(0))
 
@@ -98,8 +98,8 @@ class Weights:
 
     Attributes:
         proof: weights, theta (in 2D) and mu of a step ``only`` of a proof; None if none was found.
-        least: least eigenvalue, scaled.
-        bad: weights of the points in its eigenvector (m,); only in 2D.
+        least: smallest eigenvalue of the scaled sum.
+        bad: share of each point in the eigenvector of `least` (m,); only in 2D.
     """
 
     proof: dict[str, Any] | None
@@ -110,12 +110,12 @@ class Weights:
 def find_weights(
     d: Differences | SpaceDifferences, *, effort: int, until: float = np.inf
 ) -> Weights:
-    """Search for weights that prove that the inequalities have only one solution.
+    """Search for weights that prove uniqueness.
 
     Args:
-        d: inequalities.
-        effort: iterations of each of three searches.
-        until: monotonic time at which the search in 3D ends.
+        d: quadratic inequalities for the difference of two solutions.
+        effort: largest number of iterations of each of three stages.
+        until: value of `time.monotonic` at which the search in 3D ends.
     """
     return _in_plane(d, effort) if isinstance(d, Differences) else _in_space(d, effort, until)
 
@@ -165,13 +165,13 @@ def _in_plane(d: Differences, effort: int) -> Weights:
 
 
 class _PlaneForm:
-    """The scaled form in 2D as a function of log weights and F theta.
+    """Scaled quadratic form in 2D as a function of the logarithms of the weights and F theta.
 
     Args:
-        A, B: rows and tilts of the free components (n, n).
-        k1, k2: coefficients of the squares (n,).
-        tilted: rows with a theta (n,).
-        friction: coefficients of the points of the rows (n,).
+        A, B: rows and tilts of the free components (n, n), see `Differences`.
+        k1, k2: coefficients of the squares (n,), see `Differences`.
+        tilted: mask of the rows with a theta (n,).
+        friction: friction coefficient at the point of each row (n,).
     """
 
     def __init__(
@@ -190,14 +190,14 @@ class _PlaneForm:
         self.c1 = k1 * s * s
         self.c2 = k2 / (s * s)
         B = s[:, None] * B * s
-        # A theta without effect is not a variable.
+        # A theta that has no effect is not a variable.
         self.tilted = np.flatnonzero(tilted & np.any(B != 0, axis=1))
         self.B = B[self.tilted]
         self.F = friction[self.tilted]
         self.n = len(A)
 
     def eigenvalues(self, x: Array) -> tuple[Array, Array, Callable[[Array], Array]]:
-        """See `Eigenvalues`."""
+        """Return the eigenvalues of the form at the variables x (`Eigenvalues`)."""
         n, tilted = self.n, self.tilted
         alpha, omega = np.exp(x[:n]), x[n:]
         keeps = np.ones(n)
@@ -262,7 +262,10 @@ def _in_space(d: SpaceDifferences, effort: int, until: float) -> Weights:
 
 
 def _free_rows(d: SpaceDifferences) -> Array | None:
-    """D and e of the points by the free components of d (m, 6, n); None if S is singular there."""
+    """Return the map from free components of d to (d, e) of the points (m, 6, n).
+
+    None if the block of S for the vanishing components is singular.
+    """
     gone = d.vanishing[d.unknown]
     rows = d.rows
     if not gone.any():
@@ -277,13 +280,13 @@ def _free_rows(d: SpaceDifferences) -> Array | None:
 
 
 def _space_form(rows: Array, forms: Array, norms: Array, point: Ints) -> Eigenvalues:
-    """Return the scaled form in 3D as a function of the logarithms of the weights.
+    """Return the scaled quadratic form in 3D as a function of the logarithms of the weights.
 
     Args:
-        rows: d and e of the points by the free components (m, 6, n).
-        forms: forms of (d, e) at a point (k, 6, 6).
-        norms: units of their weights (k,).
-        point: points of the forms (k,).
+        rows: map from the free components of d to (d, e) of the points (m, 6, n).
+        forms: quadratic forms of (d, e) at single points (k, 6, 6).
+        norms: norms by which the weights of the forms are divided (k,).
+        point: index of the point of each form (k,).
     """
     n = rows.shape[2]
     flat = rows.reshape(-1, n)
