@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Algorithms for the reduced problem at the contact points, in NumPy arrays.
+"""Classical contact algorithms for the reduced problem at the contact points, using NumPy.
 
 `ContactProblem.solve(algorithm=...)` selects them by name.
 """

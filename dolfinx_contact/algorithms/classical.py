@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Solve contact problems by the classical algorithms, with the measures of Newton's method.
+"""Solution of contact problems by the classical algorithms.
 
-The body is condensed onto its contact points once (`reduced.Reduction`), and rank 0 runs the
-algorithm, which begins with the tractions of the caller's Functions. Its solution is not corrected
-by Newton's method.
+The body is condensed onto its contact points once (`reduced.Reduction`). Rank 0 runs the algorithm,
+starting from the tractions in the caller's Functions. The solution is accepted by the convergence
+measures of Newton's method, but is not corrected by Newton steps.
 """
 
 from __future__ import annotations
@@ -49,10 +49,10 @@ _GATHERED = 10.0  # accepted measure of the body after a reduced solve, relative
 
 
 def algorithm_named(wanted: object) -> Algorithm:
-    """Return the algorithm with this name; return an `Algorithm` unchanged.
+    """Return the algorithm with a given name; return an `Algorithm` unchanged.
 
     Raises:
-        ValueError: for an unknown name or another type.
+        ValueError: if ``wanted`` is neither a known name nor an `Algorithm`.
     """
     if isinstance(wanted, Algorithm):
         return wanted
@@ -121,7 +121,7 @@ def solve_by(
 
 
 def _require_scope(eq: ContactEquations) -> None:
-    """Raise ``ValueError`` on every rank if algorithms do not support the problem."""
+    """Raise `ValueError` on every rank unless classical algorithms support the problem."""
     for s in eq.surfaces:
         if s.slides:
             raise ValueError(
@@ -140,7 +140,7 @@ def _on_points(
     x: PETSc.Vec,
     attempt: Attempt,
 ) -> None:
-    """Solve on the contact points, on rank 0, and write the solution into ``x``. Collective."""
+    """Solve the reduced problem on rank 0 and write the solution into ``x``. Collective."""
     tolerance = float(equations.options.value("snes_rtol") or _TOLERANCE)
     scales = scales_at(equations, x)
     contact = scaled(reduction.problem(), scales)

@@ -104,7 +104,7 @@ def fclib_local(problem: PointProblem) -> Arrays:
         ValueError: if the problem has prescribed friction bounds, which FCLib does not support.
     """
     if problem.bound.any():
-        raise ValueError("FCLib knows Coulomb's friction alone, not bounds given in advance")
+        raise ValueError("FCLib supports Coulomb friction only, without prescribed friction bounds")
     d = problem.dim
     size = len(problem.p)
     order = np.roll(np.arange(size).reshape(-1, d), 1, axis=1).reshape(-1)

@@ -28,7 +28,7 @@ __all__ = ["GaussSeidel"]
 
 @dataclass(frozen=True)
 class GaussSeidel(Algorithm):
-    """Nonsmooth Gauss-Seidel; an iteration is a sweep.
+    """Nonsmooth Gauss-Seidel method; one iteration is one sweep over all points.
 
     Attributes:
         relaxation: relaxation factor omega, between 0 and 2.

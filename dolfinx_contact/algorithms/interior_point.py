@@ -10,10 +10,10 @@ with the forces r as unknowns and a = A r + c. On the central path, the compleme
 equal mu instead of 0. Newton's method follows this path while mu decreases, with Mehrotra's
 predictor and corrector (SIAM J. Optim. 2, 1992) and steps that end before the boundary.
 
-For F = 0 (Tresca's problem) this is the convex primal-dual method with its convergence theory. No
-theory is available for Coulomb's law: for large F the path may turn back, and the method then fails
-with this reason. It stops when the measure of Coulomb's law is below the tolerance. Only the normal
-forces of an initial guess are used, increased if they are small.
+For F = 0 (Tresca's problem) the method is the convex primal-dual method with its convergence
+theory. No theory is available for Coulomb's law: for large F the path may turn back, and the method
+fails. It stops when the measure of Coulomb's law is below the tolerance. Only the normal forces of
+an initial guess are used, increased if they are small.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ _SHORTEST = 1e-10  # step length at which the method fails
 
 @dataclass(frozen=True)
 class InteriorPoint(Algorithm):
-    """Interior-point method; an iteration is a Newton step."""
+    """Interior-point method; one iteration is one Newton step."""
 
     name: ClassVar[str] = "interior-point"
     max_iterations: int = 200
@@ -63,7 +63,7 @@ class InteriorPoint(Algorithm):
 
 
 class _Interior:
-    """Current interior point of the scaled problem, with the Newton steps from it."""
+    """Current interior point of the scaled problem, with methods for Newton steps."""
 
     def __init__(self, contact: PointProblem, r: Array):
         problem, stiffness, self._length = contact.scaled()
@@ -113,7 +113,7 @@ class _Interior:
         return np.asarray((self._A @ self._r.reshape(-1)).reshape(self._r.shape) + self._c)
 
     def _slacks(self) -> tuple[Array, Array, Array]:
-        """Return slacks s (m, k), -ds/drt (m, k, d - 1) and ds/drn (m, k) of friction."""
+        """Return the friction slacks s (m, k), and -ds/drt (m, k, d - 1) and ds/drn (m, k)."""
         rt = self._r[:, :-1]
         radius = self._radius[:, None]
         if rt.shape[1] == 1:
@@ -130,7 +130,7 @@ class _Interior:
         return self._r, self._y, self._l, self._s
 
     def step(self) -> bool:
-        """Take a step of predictor and corrector; return False if it has no length."""
+        """Take a predictor-corrector step; return False if its length vanishes."""
         self._linearise()
         forecast = self._direction(0.0)
         part = self._longest(forecast, 1.0)
@@ -180,9 +180,10 @@ class _Interior:
         """Return a Newton step that reduces the products and the infeasibility.
 
         Args:
-            centring: target of the products, relative to mu; infeasibilities are reduced by
-                ``1 - centring``.
-            forecast: predictor step whose second-order terms are subtracted.
+            centring: target value of the products, relative to mu; infeasibilities are reduced by
+                the factor ``1 - centring``.
+            forecast: predictor step, whose second-order terms are subtracted; None for the
+                predictor.
             ahead: step length of the predictor.
         """
         a = self._displacement()
@@ -224,7 +225,7 @@ class _Interior:
         return dr, da[:, -1] + gap, np.where(grips, dl, 0.0), np.where(grips, ds, 0.0)
 
     def _longest(self, direction: _Direction, boundary: float) -> float:
-        """Return the step length to a fraction of the distance to the boundary, at most 1.
+        """Return a step length, at most 1, as a fraction of the distance to the boundary.
 
         Args:
             direction: changes of r, y, l and s.

@@ -41,7 +41,7 @@ class Outcome:
         converged: whether the measure fell below the tolerance.
         reason: reason for stopping; empty while the algorithm runs.
         measures: convergence measures of all iterates, beginning with the initial guess.
-        series: further quantities of the algorithm by name, by default one value per iterate.
+        series: additional quantities of the algorithm by name, usually one value per iterate.
     """
 
     a: Array
@@ -58,12 +58,12 @@ class Outcome:
 
     @property
     def residuals(self) -> list[float]:
-        """Largest measure of every iterate."""
+        """Largest measure of each iterate."""
         return [m.worst for m in self.measures]
 
 
 class Iteration:
-    """Measures and records the iterates of an algorithm, and decides when it stops.
+    """Monitor of an algorithm: measures and records its iterates and decides when it stops.
 
     Args:
         contact: reduced problem.
@@ -126,7 +126,7 @@ class Iteration:
             a: displacements, shape (m, dim).
             r: contact forces, shape (m, dim).
             given: friction bounds of the iterate, shape (m,), if the next iterate depends on them.
-            series: further quantities to record by name.
+            series: additional quantities to record, by name.
         """
         measures = self.measure(a, r)
         outcome = self.outcome
@@ -146,7 +146,7 @@ class Iteration:
         return bool(outcome.reason)
 
     def _failure(self, worst: float) -> str:
-        """Return the reason why no further iterate is computed; "" if there is none."""
+        """Return the reason for stopping without convergence; "" to continue."""
         if not np.isfinite(worst):
             return "the iterates are not finite"
         self._least = min(self._least, worst)
@@ -157,7 +157,7 @@ class Iteration:
         return ""
 
     def _repetition(self, x: Array, worst: float) -> str:
-        """Return how iterates stagnate, or repeat for a whole period; "" if they do not."""
+        """Describe stagnation, or repetition over a whole period; "" if neither occurs."""
         away = [float(np.linalg.norm(x - y)) for y, _ in self._before]
         if away and away[-1] <= _STILL * float(np.linalg.norm(x)):
             return f"stands still at a residual of {worst:.1e}"
@@ -176,7 +176,7 @@ class Iteration:
         return ""
 
     def fails(self, reason: str) -> None:
-        """End an algorithm that cannot continue, with its reason."""
+        """Record the reason why an algorithm cannot continue."""
         self.outcome.converged = False
         self.outcome.reason = reason
 

@@ -1,32 +1,32 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Lemke's method for Coulomb friction as a linear complementarity problem.
 
-The reduced problem has S a = r + p with the positive definite stiffness S of the contact points,
-a = (ut, un) and the forces r = (rt, rn) on the body. With A = S^{-1} and c = A p, friction acts in
-directions d_1..d_k of the tangent plane: +-t in 2D, where they are exact, and k of equal angles in
-3D, where the friction disc is replaced by an inscribed regular polygon with k corners. The polygon
+The reduced problem has S a = r + p with the positive definite stiffness S of the contact points, a
+= (ut, un) and the forces r = (rt, rn) on the body. With A = S^{-1} and c = A p, friction acts in
+directions d_1..d_k of the tangent plane: exactly +-t in 2D, and k equally spaced directions in 3D,
+where the friction disc is replaced by an inscribed regular polygon with k corners. The polygon
 reduces the friction bound by up to O(1/k^2); slip directions have an error of up to pi/k, and so do
-the forces. With rt = sum_j b_j d_j and z = (rn, b_1..b_k, l), l the magnitude of a slip, the
-conditions of Signorini and Coulomb are 0 <= w = q + M z against z >= 0,
+the forces. With rt = sum_j b_j d_j and z = (rn, b_1..b_k, l), where l is the magnitude of the slip,
+the conditions of Signorini and Coulomb are 0 <= w = q + M z against z >= 0,
 
     un = A_nn rn + A_nt sum_j b_j d_j + c_n    against rn,
     l + d_j.ut                                 against b_j,
     F rn + g - sum_j b_j                       against l.
 
 **Lemke's method ends in a solution for every F >= 0.** z^T M z = r^T A r + F l.rn, since the terms
-with b times l cancel, so M is copositive. Let z >= 0 with M z >= 0 and z^T M z = 0; then r = 0
-because A is positive definite, so rn = 0, and the last rows of M z >= 0 leave sum_j b_j <= F rn,
-which is 0; what remains is z = (0, 0, l), and q^T z = g.l >= 0. For a copositive M with q^T z >= 0
-on that cone the method does not end in a ray (Cottle, Pang and Stone, The Linear Complementarity
-Problem, theorem 4.4.13), and with the lexicographic rule it does not cycle (section 4.9 there). So
-a solution exists, and failing to find it is a fault of the program or of round-off, which occurs
-for condition numbers of S from about 1e8.
+with b times l cancel, so M is copositive. Let z >= 0 with M z >= 0 and z^T M z = 0. Then r = 0
+because A is positive definite, so rn = 0, and the last rows of M z >= 0 give sum_j b_j <= F rn = 0.
+Hence z = (0, 0, l), and q^T z = g.l >= 0. For a copositive M with q^T z >= 0 on that cone the
+method does not end in a ray (Cottle, Pang and Stone, The Linear Complementarity Problem, theorem
+4.4.13), and with the lexicographic rule it does not cycle (section 4.9 there). So a solution
+exists; a failure indicates a programming error or round-off, which occurs for condition numbers of
+S above about 1e8.
 
 The method (Lemke, Management Science 11, 1965; for contact Klarbring, CMAME 58, 1986) stops when
-its artificial variable z_0 leaves the basis. In 2D, Newton steps with the statuses found remove the
-round-off of the pivots, and the result counts as converged if the measure of the law is below the
-tolerance. In 3D the same measure is evaluated with the disc. Only solutions whose forces are at
-corners of the polygon then count as converged; for others, the reason gives their measure.
+its artificial variable z_0 leaves the basis. In 2D, Newton steps with the resulting statuses remove
+the round-off of the pivots, and the result counts as converged if the measure of the law is below
+the tolerance. In 3D the same measure is evaluated with the disc. Hence only solutions with forces
+at corners of the polygon count as converged; otherwise, the reason contains the measure.
 """
 
 from __future__ import annotations
@@ -67,12 +67,12 @@ _LARGEST_VIOLATION = 1e-7  # relative violation above which an answer is rejecte
 
 
 class RayTermination(ArithmeticError):
-    """Lemke's method ended in a ray, exceeded the pivots, or failed because of round-off."""
+    """Error: Lemke's method ended in a ray, exceeded its pivots, or failed due to round-off."""
 
 
 @dataclass(frozen=True)
 class Lemke(Algorithm):
-    """Lemke's method. It counts as one iteration; the number of pivots is reported.
+    """Lemke's method; it counts as one iteration, and the number of pivots is reported.
 
     Attributes:
         max_iterations: largest number of pivots per unknown of the complementarity problem.
@@ -115,7 +115,7 @@ def coulomb_by_lemke(
 ) -> tuple[Array, int]:
     """Return a solution of S a = r + p with Coulomb friction in 2D.
 
-    A solution exists for every friction coefficient; see the module.
+    A solution exists for every friction coefficient; the module contains a proof.
 
     Args:
         S: reduced stiffness, shape (2 m, 2 m), ordered (ut, un) point by point, positive definite.
@@ -127,8 +127,9 @@ def coulomb_by_lemke(
         State (ut, un, rt, rn) of every point, shape (m, 4), and the number of pivots.
 
     Raises:
-        ValueError: as for `PointProblem`, and for a problem in 3D.
-        RayTermination: if round-off spoils the result, which occurs for badly conditioned S (1e8).
+        ValueError: for invalid arguments of `PointProblem`, and for a problem in 3D.
+        RayTermination: if round-off spoils the result, which occurs for condition numbers of S
+            above about 1e8.
     """
     given = PointProblem(S, p, friction, bound)  # type: ignore[arg-type]
     if given.dim != 2:
@@ -184,7 +185,9 @@ def _polished(
 
 
 def _by_lemke(contact: PointProblem, facets: int, most: int | None = None) -> tuple[Array, int]:
-    """Return contact forces (m, dim), in 3D of the polygon, and the number of pivots.
+    """Solve by Lemke's method, in 3D with a friction polygon.
+
+    Returns the contact forces (m, dim) and the number of pivots.
 
     Args:
         contact: reduced problem.
@@ -200,7 +203,9 @@ def _by_lemke(contact: PointProblem, facets: int, most: int | None = None) -> tu
 def forces_by_lemke(
     A: Array, free: Array, friction: Array, bound: Array, directions: Array, most: int | None = None
 ) -> tuple[Array, int]:
-    """Return contact forces (m, dim) of the copositive form, and the number of pivots.
+    """Solve the copositive form by Lemke's method.
+
+    Returns the contact forces (m, dim) and the number of pivots.
 
     Args:
         A: compliance, shape (dim m, dim m).
@@ -309,14 +314,14 @@ class _Tableau:
         return int(tied[0])
 
     def _inverse(self, rows: Ints, w: int) -> Array:
-        """Return entries of the inverse basis in the column of the variable ``w``."""
+        """Return entries of the inverse basis matrix in the column of the variable ``w``."""
         places = np.flatnonzero(self.nonbasic == w)
         if len(places):
             return np.asarray(self.table[rows, places[0]])
         return (self.basic[rows] == w).astype(float)
 
     def _pivot(self, row: int, column: int) -> int:
-        """Exchange a basic and a nonbasic variable; return the one that leaves the basis."""
+        """Exchange a basic and a nonbasic variable; return the variable leaving the basis."""
         T = self.table
         element = float(self.table[row, column])
         across = T[row] / element
@@ -354,7 +359,7 @@ class _Tableau:
 
 
 def tangents(dim: int, facets: int, turn: float = 0.0) -> Array:
-    """Return unit directions of friction: both in 2D, ``facets`` of equal angles in 3D.
+    """Return unit directions of friction: +-1 in 2D, ``facets`` equally spaced ones in 3D.
 
     Args:
         dim: 2 or 3.
@@ -373,7 +378,7 @@ def tangents(dim: int, facets: int, turn: float = 0.0) -> Array:
 def copositive_form(
     A: Array, free: Array, friction: Array, bound: Array, directions: Array
 ) -> tuple[Array, Array]:
-    """Return M and q of the complementarity problem, z = (rn, b of point 1, b of point 2, ..., l).
+    """Return M and q of the complementarity problem for z = (rn, b of point 1, ..., l).
 
     Args:
         A: compliance, shape (dim m, dim m).

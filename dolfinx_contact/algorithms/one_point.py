@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Contact problem of a single point, the local problem of nonsmooth Gauss-Seidel.
 
-S a = r + b with the stiffness S (dim, dim) of the point and a load b containing the coupling to
-the other, fixed points. The statuses are tried in the order open, stick, slip. Slip means
-rt = -mu at with mu >= 0: a slipping point in contact satisfies (St + mu) at = bt and
-mu |at| = F rn + g. In 2D each sense of slip has an explicit solution. In 3D, mu is the root of a
-scalar equation in the eigenvectors of St; Newton's method, safeguarded by bisection, finds it up to
-round-off.
+The problem is S a = r + b with the stiffness S (dim, dim) of the point and a load b that contains
+the coupling to the other, fixed points. The statuses are tried in the order open, stick, slip. Slip
+means rt = -mu at with mu >= 0: a slipping point in contact satisfies (St + mu) at = bt and mu |at|
+= F rn + g. In 2D each sense of slip has an explicit solution. In 3D, mu is the root of a scalar
+equation in the eigenvectors of St, computed up to round-off by Newton's method safeguarded by
+bisection.
 
-A solution exists for every F (`lemke`). If there are several, the first one is returned. In 3D with
-positive g and large F, the slip found may violate the law; Gauss-Seidel then does not converge.
+A solution exists for every F (`lemke`). The first of several solutions is returned. In 3D with
+positive g and large F, the computed slip may violate the law; Gauss-Seidel then does not converge.
 """
 
 from __future__ import annotations
@@ -77,14 +77,14 @@ class OnePoint:
 
 
 class _SlipInPlane:
-    """(S + mu) a = b with mu |a| = F (c a - n) + g, for scalars S and c."""
+    """Slip in 2D: (S + mu) a = b with mu |a| = F (c a - n) + g, for scalars S and c."""
 
     def __init__(self, S: Array, coupling: Array):
         self._stiffness = float(S[0, 0])
         self._coupling = float(coupling[0])
 
     def solve(self, b: Sequence[float], n: float, F: float, g: float) -> tuple[float, ...]:
-        """Return the slip under the load b, of the sense that violates the law least."""
+        """Return the slip under the load b, with the sense that violates the law least."""
         best = 0.0
         least = inf
         for sign in (1.0, -1.0):
@@ -100,7 +100,7 @@ class _SlipInPlane:
 
 
 class _SlipInSpace:
-    """(S + mu) a = b with mu |a| = F (c.a - n) + g, in the eigenvectors of S (2, 2)."""
+    """Slip in 3D: (S + mu) a = b with mu |a| = F (c.a - n) + g, in the eigenvectors of S."""
 
     def __init__(self, S: Array, coupling: Array):
         values, vectors = np.linalg.eigh(S)

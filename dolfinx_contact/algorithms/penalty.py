@@ -33,13 +33,13 @@ _MOST = 4  # largest number of solutions in an extrapolation
 
 @dataclass(frozen=True)
 class Penalty(Algorithm):
-    """Penalty method; an iteration is one extrapolation from at least three solutions.
+    """Penalty method; one iteration is one extrapolation from at least three solutions.
 
     Attributes:
         max_iterations: maximum number of extrapolations.
         stiffness: first stiffness k_0, relative to the augmentation of Newton's method.
-        accuracy: measure of the extrapolated solution at which the method stops. A smaller
-            tolerance has no effect, since extrapolation does not reach it.
+        accuracy: measure of the extrapolated solution at which the method stops. Smaller values of
+            the argument ``tolerance`` have no effect, since extrapolation does not reach them.
     """
 
     name: ClassVar[str] = "penalty"

@@ -35,7 +35,7 @@ _ON = 1e-12  # distance to the friction circle, relative to its radius, that cou
 
 @dataclass(frozen=True)
 class ProjectedGradient(Algorithm):
-    """Projected conjugate gradients; an iteration is a step on the forces."""
+    """Projected conjugate gradients; one iteration is one step on the forces."""
 
     name: ClassVar[str] = "projected-gradient"
     max_iterations: int = 20000
@@ -91,7 +91,7 @@ class _GivenBound:
         self._direction = self._free.copy()
 
     def _split(self) -> None:
-        """Split the projected gradient into its free and its chopped part."""
+        """Split the projected gradient into its free and its chopped parts."""
         r = self.r
         g = self.a
         size = np.linalg.norm(r[:, :-1], axis=1)
@@ -119,7 +119,7 @@ class _GivenBound:
         return float(0.5 * np.sum((self.a + self._contact.free) * self.r))
 
     def step(self) -> None:
-        """Perform one step of the method; see the module."""
+        """Perform one of the three steps described in the module."""
         free = self._free
         chopped = self._chopped
         if np.sum(chopped**2) > _BALANCE * np.sum(free**2):

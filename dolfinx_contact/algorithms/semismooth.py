@@ -7,9 +7,8 @@ and an estimate l of the contact force gives the augmented Lagrangian method (`u
 nonmonotone line search shortens steps whose residual norm exceeds the largest of the last five
 (Grippo, Lampariello and Lucidi, SIAM J. Numer. Anal. 23, 1986).
 
-The full steps of `SemismoothNewton` are those of Alart and Curnier (CMAME 92, 1991). They stop when
-the measure of the laws is below the tolerance; statuses may repeat in a cycle, or may not determine
-a state.
+`SemismoothNewton` takes the full steps of Alart and Curnier (CMAME 92, 1991) until the measure of
+the laws is below the tolerance. It fails if statuses repeat in a cycle or do not determine a state.
 """
 
 from __future__ import annotations
@@ -33,7 +32,7 @@ _STAGES = 12  # largest number of stiffnesses in a continuation
 
 @dataclass(frozen=True)
 class SemismoothNewton(Algorithm):
-    """Semismooth Newton method with full steps; an iteration is a Newton step."""
+    """Semismooth Newton method with full steps; one iteration is one Newton step."""
 
     name: ClassVar[str] = "semismooth-newton"
     max_iterations: int = 40
@@ -47,11 +46,10 @@ class SemismoothNewton(Algorithm):
 def newton_step(contact: PointProblem, a: Array, r: Array) -> tuple[Array, Array]:
     """Return displacements and forces (m, dim) after a full Newton step.
 
-    In 2D the result is the equilibrium state for the statuses of (a, r), and a and r satisfy
-    equilibrium up to round-off.
+    In 2D the result is the equilibrium state for the statuses of (a, r).
 
     Raises:
-        numpy.linalg.LinAlgError: if these statuses do not determine a unique state.
+        numpy.linalg.LinAlgError: if the statuses do not determine a unique state.
     """
     # Linearise with displacements and forces as independent unknowns, then eliminate the forces.
     k = contact.augmentation
@@ -113,11 +111,11 @@ def solve_semismooth(
 def solve_yielding(
     contact: PointProblem, a: Array, held: Array, stiffness: Array, *, cold: bool
 ) -> tuple[Array, int, bool]:
-    """Solve the compliant contact laws, from a cold start with increasing stiffness.
+    """Solve the compliant contact laws; from a cold start, increase the stiffness gradually.
 
-    If the initial state penetrates the obstacle deeply, a stiff contact makes slips oscillate. If
-    Newton's method fails for a stiffness, a value between it and the last successful one is tried
-    first.
+    If the initial state penetrates the obstacle deeply, stiff contact makes slips oscillate. If
+    Newton's method fails for a stiffness, a value between this one and the last successful one is
+    tried first.
 
     Args:
         contact: reduced problem.

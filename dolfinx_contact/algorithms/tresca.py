@@ -7,9 +7,9 @@ Tresca's problem. Coulomb friction is a fixed point of S (Haslinger, Math. Metho
 solution. The bounds are relaxed, g <- g + omega (S(g) - g), with a fixed omega or with Aitken's,
 computed from the last two differences (Irons and Tuck, Int. J. Numer. Methods Eng. 1, 1969). The
 convex problems are solved by the semismooth Newton method. The iteration stops when the measure of
-Coulomb's law is below the tolerance. It contracts for small friction only; for larger friction it
-converges slowly, the bounds repeat in a cycle, or a convex problem is not solved, which is reported
-as the reason.
+Coulomb's law is below the tolerance. The iteration contracts for small friction only. For larger
+friction it converges slowly, or it fails because the bounds repeat in a cycle or a convex problem
+is not solved.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _SHARE = 0.01  # tolerance of the convex problems, relative to the tolerance
 
 @dataclass(frozen=True)
 class TrescaFixedPoint(Algorithm):
-    """Fixed-point iteration of Tresca's problems; an iteration solves one such problem.
+    """Fixed-point iteration of Tresca's problems; one iteration solves one Tresca problem.
 
     Attributes:
         relaxation: relaxation factor omega, between 0 and 2; the first factor if ``aitken``.

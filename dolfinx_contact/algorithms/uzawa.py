@@ -35,7 +35,7 @@ _STIFF = 100.0
 
 @dataclass(frozen=True)
 class Uzawa(Algorithm):
-    """Uzawa's method; an iteration solves one equilibrium of the body.
+    """Uzawa's method; one iteration solves equilibrium once.
 
     Attributes:
         step: step length relative to the automatic one, which is 0.8 * 2/|A|, or 100 times the

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The contact problem reduced to its contact points."""
+"""Reduction of the contact problem to its contact points."""
 
 from dolfinx_contact.reduced.point_problem import PointProblem
 from dolfinx_contact.reduced.reduction import Reduction

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Contact points of all ranks: their data and laws on every rank."""
+"""Contact points of all ranks, with their data and laws on every rank."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ T = TypeVar("T", bound=np.generic)
 
 
 class GatheredPoints:
-    """All points that are not clamped, in the order of coordinates, equal on every rank.
+    """All contact points that are not clamped, sorted by coordinates; equal on every rank.
 
     Args:
         system: contact problem.
 
     Attributes:
         number: number m of points.
-        local: numbers of the points of this rank among all its contact points.
-        mine: places of the points of this rank among all points.
+        local: local numbers of the points of this rank, among all its contact points.
+        mine: global indices of the points of this rank, among the points of all ranks.
         positions: positions, shape (m, dim).
         normals: normals, shape (m, dim).
         frames: frames T with j = T (ut, un) and forces T (rt, rn) on the body, shape (m, dim, dim).
@@ -38,10 +38,11 @@ class GatheredPoints:
         friction: radii of the friction discs at unit pressure, shape (m,); 0 without friction.
         bound: friction bounds of Tresca's law, forces, shape (m,); 0 for other laws.
         augmentation: augmentation of Newton's method, force per length, shape (m,).
-        gap: initial distances to the obstacle, the initial un, shape (m,).
-        reach: slips up to which sliding is small, shape (m,): half the mean facet size (in 3D the
-            root of the area) next to another body or a curved obstacle; infinite on flat obstacles.
-        guided: whether Dirichlet data prescribe tangential displacements of some points.
+        gap: initial gaps, shape (m,).
+        reach: slips up to which sliding is small, shape (m,). For contact with another body or a
+            curved obstacle, half the mean facet size (in 3D the square root of the area);
+            infinite on flat obstacles.
+        guided: whether Dirichlet data prescribe the tangential displacement of a point.
     """
 
     def __init__(self, system: ParametricEquations):
@@ -85,7 +86,7 @@ class GatheredPoints:
         self.guided = bool(self._held.any())
 
     def gathered(self, values: npt.NDArray[T]) -> npt.NDArray[T]:
-        """Return values at all points in order from values of this rank. Collective."""
+        """Gather the values of all ranks, in the order of the points. Collective."""
         return self._gathered(values[self.local])
 
     def owner(self, i: int) -> tuple[int, int]:
@@ -124,7 +125,7 @@ class GatheredPoints:
 
 
 def _tangents(normals: Array) -> list[Array]:
-    """Return unit tangents (m, dim): (-n_y, n_x) in 2D, two orthogonal ones in 3D."""
+    """Return arrays of unit tangents (m, dim): (-n_y, n_x) in 2D, two orthogonal ones in 3D."""
     if normals.shape[1] == 2:
         return [plane_tangents(normals)]
     away = np.eye(3)[np.abs(normals).argmin(axis=1)]
@@ -135,13 +136,13 @@ def _tangents(normals: Array) -> list[Array]:
 
 @dataclass(frozen=True)
 class PointLaws:
-    """Laws of points in terms of w = (ut, un, rt, rn).
+    """Contact laws of the points in terms of w = (ut, un, rt, rn).
 
     Attributes:
         number: number m of points.
         frames: frames T, shape (m, 2, 2).
-        scale: traction per length in w, shape (m,).
-        groups: places of the points with one law, the law, and its data there.
+        scale: ratio of tractions to the forces in w, which are lengths, shape (m,).
+        groups: indices of the points with a common law, the law, and its data at these points.
     """
 
     number: int
@@ -150,7 +151,7 @@ class PointLaws:
     groups: list[tuple[Ints, LawAtPoints, PointData]]
 
     def classify(self, w: Array) -> Codes:
-        """Return the statuses determined by a state, shape (m, 4)."""
+        """Return the statuses (m,) determined by a state w of shape (m, 4)."""
         codes: Codes = np.full(self.number, OPEN, dtype=np.int8)
         for places, law, data in self.groups:
             T = self.frames[places]
@@ -161,7 +162,7 @@ class PointLaws:
         return codes
 
     def cones(self) -> tuple[Array, Array, Mask]:
-        """Return bases (m, 4, 4, 2), inequalities (m, 4, 3, 4) and statuses; see `cones`."""
+        """Return bases (m, 4, 4, 2), inequalities (m, 4, 3, 4) and statuses of `laws.cones`."""
         B = np.zeros((self.number, 4, 4, 2))
         C = np.zeros((self.number, 4, 3, 4))
         exists = np.zeros((self.number, 4), dtype=bool)

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""The body with some motions of its contact points held, factorised once.
+r"""Factorised body with some motions of its contact points held.
 
     [ K   C^T ] [ u ]   [ b ]
     [ A    0  ] [ p ] = [ c ]
 
-with rows A that define the held motions, and holding forces C^T p (C = A for a support; friction
-adds other forces). Rows of Dirichlet data are inserted. The condensed problem (`reduction`) and
-analyses of the body in contact eliminate the body with it.
+The rows A define the held motions, and C^T p are the holding forces (C = A for a support; with
+friction C differs from A). Rows of Dirichlet data are inserted. The condensed problem (`reduction`)
+and analyses of the body in contact use this factorisation to eliminate the body.
 """
 
 from __future__ import annotations
@@ -59,9 +59,9 @@ class HeldField:
 
     Attributes:
         stiffness: stiffness K with Dirichlet rows.
-        rows: blocks of A, equally many for all fields.
+        rows: blocks of A; every field has the same number of blocks.
         forces: blocks of C; default: A.
-        without_forces: numbers of the rows in which C^T p is set to 0; default: none.
+        without_forces: indices of the rows in which C^T p is set to 0; default: none.
     """
 
     stiffness: PETSc.Mat
@@ -82,7 +82,7 @@ class HeldField:
 
 
 def saddle(fields: Sequence[HeldField], unit: float) -> PETSc.Mat:
-    """Return [K, u C^T; u A, 0] with the unit u of multipliers, an AIJ matrix. Collective."""
+    """Return the AIJ matrix [K, u C^T; u A, 0] with the unit u of multipliers. Collective."""
     scaled = [[A * unit for A in field.rows] for field in fields]
     transposed = [field.transposed(unit) for field in fields]
     rows: list[list[PETSc.Mat | None]] = []
@@ -115,7 +115,7 @@ def is_positive_definite(eq: ContactEquations, A: PETSc.Mat) -> bool:
 
 
 def columns_of(rows: PETSc.Mat) -> Columns:
-    """Return the transpose of rows as loads, owned entries (n, k). Collective."""
+    """Return the transpose of a matrix as columns of loads, owned entries (n, k). Collective."""
     transposed = rows.transpose(PETSc.Mat())
     indptr, columns, values = transposed.getValuesCSR()
     shape = (len(indptr) - 1, rows.getSize()[0])
@@ -124,18 +124,18 @@ def columns_of(rows: PETSc.Mat) -> Columns:
 
 
 class HeldBody:
-    """Factorised body with held motions; see the module. All methods are collective.
+    """Factorised body with held motions, as described in the module. All methods are collective.
 
     Args:
         comm: communicator.
         fields: fields of unknowns; their rows are in the order of the multipliers p.
         unit: unit of the multipliers, of the size of the stiffness.
         prefix: prefix of PETSc options.
-        counted: whether the matrix may be indefinite or singular, and its inertia is required;
-            default: if the matrix has no rows.
+        counted: whether the inertia is required, for matrices that may be indefinite or singular;
+            by default only if no motions are held.
 
     Attributes:
-        sizes: numbers of unknowns of this rank: all fields together, then the blocks of p.
+        sizes: local numbers of unknowns: all fields together, then each block of p.
         matrix: whole matrix; multipliers are forces divided by `unit`.
 
     Raises:
@@ -168,10 +168,10 @@ class HeldBody:
         self._b, self._x = self.matrix.createVecs()
 
     def solve(self, *loads: Array) -> list[Array]:
-        """Return displacement and multipliers (forces) for the owned parts of b and c.
+        """Solve for one right-hand side; return the owned displacement and multipliers (forces).
 
         Args:
-            loads: b, then the parts of c; omitted parts are 0.
+            loads: owned parts of b and of the blocks of c; omitted blocks are 0.
         """
         self._b.set(0.0)
         for i, (load, place) in enumerate(zip(loads, self._starts, strict=False)):
@@ -204,12 +204,12 @@ class HeldBody:
 
     @property
     def signs(self) -> tuple[int, int]:
-        """Numbers of negative and zero eigenvalues on the remaining motions. Collective.
+        """Numbers of negative and zero eigenvalues on the motions that are not held. Collective.
 
-        With m independent rows the whole matrix has m more negative ones (N. I. M. Gould, On
+        With m independent rows the whole matrix has m more negative eigenvalues (N. I. M. Gould, On
         practical conditions for the existence and uniqueness of solutions to the general equality
-        quadratic programming problem, Math. Programming 32, 1985). The body must be symmetric, and
-        `counted`.
+        quadratic programming problem, Math. Programming 32, 1985). The stiffness must be symmetric,
+        and ``counted`` True.
         """
         rows = int(self.comm.allreduce(sum(self.sizes[1:])))
         negative, zero, _ = self._factor.inertia

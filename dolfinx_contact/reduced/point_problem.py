@@ -1,19 +1,17 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""The reduced problem: a body condensed onto its contact points, with the contact laws.
+r"""Reduced problem: a body condensed onto its contact points, with the contact laws.
 
-The unknowns at each of the m contact points are the displacement a = (ut, un) (one or two
-tangential components, then the gap) and the force r = (rt, rn) on the body. With the stiffness S
+Each of the m contact points has the unknown displacement a = (ut, un), with one or two tangential
+components and the gap, and the unknown force r = (rt, rn) on the body. With the stiffness S
 condensed onto these points,
 
     S a = r + p,    0 <= un  against  rn >= 0,    |rt| <= F rn + g,    rt = -(F rn + g) ut/|ut|.
 
 F is Coulomb's coefficient and g a prescribed friction bound (Tresca). un = 0 means that the point
 is in contact; the initial gap is contained in p. With the augmentation k (stiffness of a point) the
-laws are the equations of `laws.coulomb`. Their residual is measured in the same way as in Newton's
-method (`equations.measures`).
-
-`reduced.Reduction` condenses a body to a `PointProblem`. Algorithms solve it, and certificates
-refer to it.
+laws are equations (`laws.coulomb`), whose residual is measured as in Newton's method
+(`equations.measures`). `reduced.Reduction` condenses a body to a `PointProblem`; algorithms solve
+it, and certificates refer to it.
 """
 
 from __future__ import annotations
@@ -54,7 +52,7 @@ class PointProblem:
             largest entry of p.
         length: scale of lengths in the measures if no displacement is larger; by default the
             largest displacement without contact.
-        positions: coordinates of the points, shape (m, any).
+        positions: coordinates of the points, shape (m, any); optional.
         gap: initial gap, which is contained in p, lengths, shape (m,); None if the problem was not
             condensed from a body.
         frames: orthogonal matrices T, shape (m, dim, dim), whose columns are the tangents and minus
@@ -178,7 +176,7 @@ class PointProblem:
         return np.asarray((self.A @ r.reshape(-1)).reshape(r.shape) + self.free)
 
     def given(self, bound: Array) -> PointProblem:
-        """Return Tresca's problem with prescribed friction bounds (m,) instead of F rn + g."""
+        """Return the Tresca problem with the friction bounds ``bound`` (m,) instead of F rn + g."""
         found = object.__new__(PointProblem)
         found.__dict__.update(self.__dict__)
         found.__dict__.update(friction=np.zeros(self.number), bound=bound)
@@ -195,7 +193,7 @@ class PointProblem:
         return coulomb.allowed(r, self.friction, self.bound)
 
     def derivative(self, s: Array) -> Array:
-        """Return a generalised derivative of `allowed` at forces s, shape (m, dim, dim)."""
+        """Return generalised derivatives of `allowed` at forces s, shape (m, dim, dim)."""
         return coulomb.derivative(s, self.friction, self.bound)
 
     def augmented(self, a: Array, r: Array) -> Array:
@@ -216,11 +214,11 @@ class PointProblem:
         return coulomb.stuck(self.augmented(a, r), self.friction, self.bound)
 
     def statuses(self, a: Array, r: Array) -> Codes:
-        """Return the status codes (`laws.status`) of the points at a state (m,)."""
+        """Return the status codes (m,) of the points at a state (`laws.status`)."""
         return coulomb.statuses(self.augmented(a, r), self.friction, self.bound)
 
     def measure(self, a: Array, r: Array, force: float, length: float) -> Measures:
-        """Return the residual measures of a state, relative to a force and a length."""
+        """Return the residual measures of a state, relative to scales of force and length."""
         # In soft directions, forces are small differences of large products.
         force = max(force, _ROUND_OFF * float(self.S.diagonal().mean()) * length)
         off = r - self.answer(a, r)

@@ -7,24 +7,24 @@ For jumps j at the contact points and the forces r = W t on the body there, equi
     [ B    0  ] [ dr ] = [        dj         ]
 
 with the residual b_u and the rate c_u of the rows of the body. (With rigid bodies, u contains their
-unknowns, without stiffness, and B is [B, -Phi].) Unit jumps give dr = S dj + ... with a small dense
-matrix S, equal on every rank. In the frames of the points, with a = (ut, un) and the forces
-r = (rt, rn) on the body at every point,
+unknowns, without stiffness, and B is [B, -Phi].) Responses to unit jumps give the small dense
+stiffness S, equal on every rank. In the local frames of the points, with a = (ut, un) and the
+forces r = (rt, rn) on the body,
 
     S a - r = p + gamma q.
 
 This is the `PointProblem` of algorithms and certificates and, with the statuses of the points as
 cones of w = (a, r), the `AffineSystem` of pivoting. If the body is linear and gamma enters the data
-linearly, it is the whole problem; otherwise it is the linearisation, which decides how branches
+linearly, the reduction is exact. Otherwise it is the linearisation, which determines how branches
 leave a point.
 
-The residuals of the factorisation bound the errors of S, p and q. The transpose of the matrix is
-D A D with the signs D of displacements and forces, so its solution for a unit force equals, up to
-signs, that for a unit jump: dS_ij = X_i.R_j for solutions X and residuals R, and
+The residuals of the factorisation bound the errors of S, p and q. The transpose of the matrix A is
+D A D with the signs D of displacements and forces, so that the transposed solution for a unit force
+equals the solution X for a unit jump up to signs. Hence dS_ij = X_i.R_j with the residuals R, and
 |dS_ij| <= |X_i| |R_j|, up to products of two residuals; |R| includes the round-off of R. Assembled
-matrices are taken as exact.
+matrices are treated as exact.
 
-Every multiplier node must be a contact point. The cones belong to laws in 2D with polyhedral
+Every multiplier node must be a contact point. Cones are available for laws in 2D with polyhedral
 statuses (`laws.cones`).
 """
 
@@ -70,8 +70,8 @@ class Reduction:
         x: state at which H is linearised.
         gamma: parameter at the state.
         exact: whether the pieces are affine, so that the linearisation is exact.
-        conic: whether the pieces are cones (`can_condense`); otherwise `system` contains its matrix
-            and loads only.
+        conic: whether the pieces are cones (`can_condense`); otherwise `system` contains only its
+            matrix and loads.
 
     Attributes:
         points: the m contact points in the order of their coordinates.
@@ -81,8 +81,8 @@ class Reduction:
         load: p divided by ``force_unit``, shape (dim m,).
         rate: q divided by ``force_unit``, shape (dim m,).
         exact: whether the pieces are affine.
-        force_unit: unit of forces in w, `S` and loads, by which the mean diagonal entry of S is 1
-            and all entries of w are lengths.
+        force_unit: unit of forces in w, `S` and loads, chosen such that the mean diagonal entry of
+            `S` is 1; all entries of w are lengths.
     """
 
     system: AffineSystem
@@ -145,10 +145,10 @@ class Reduction:
 
     @classmethod
     def of(cls, equations: ContactEquations) -> Self:
-        """Return the reduction of a linear body with its present data. Collective.
+        """Reduce a linear body with its present data. Collective.
 
         Args:
-            equations: equations of the problem (`ContactProblem.equations`), not changed.
+            equations: equations of the problem (`ContactProblem.equations`); left unchanged.
 
         Raises:
             ValueError: on every rank, if the problem cannot be reduced (`scope.check_reducible`) or
@@ -187,7 +187,7 @@ class Reduction:
 
         Args:
             gamma: parameter.
-            unit: unit of forces; default: that of the input.
+            unit: unit of forces; by default the unit of the user.
 
         Raises:
             ValueError: if S is not positive definite, or a number is not finite.
@@ -212,11 +212,11 @@ class Reduction:
 
     @property
     def guided(self) -> bool:
-        """Whether tangential displacements of points, without friction, are prescribed."""
+        """Whether Dirichlet data prescribe tangential displacements of frictionless points."""
         return self.points.guided
 
     def require_finite(self) -> None:
-        """Raise ``ValueError`` if a number is not finite."""
+        """Raise `ValueError` if the stiffness or a load is not finite."""
         if not all(np.isfinite(a).all() for a in (self.S, self.load, self.rate)):
             raise ValueError(
                 "the stiffness or the loads of the condensed problem are not finite: look for NaN "
@@ -234,12 +234,12 @@ class Reduction:
         return self.exact and bool(np.linalg.eigvalsh(self.S + self.S.T)[0] > _DEFINITE)
 
     def _displacements(self, x: PETSc.Vec) -> Array:
-        """Return the entries of the body and of rigid bodies on this rank."""
+        """Return the displacements of the body and of rigid bodies on this rank."""
         rigid = x.getLocalSize() - self._equations.rigid.owned
         return np.concatenate([x.array_r[: self._nodal], x.array_r[rigid:]])
 
     def _errors_at(self, gamma: float) -> tuple[Array, Array]:
-        """Return error bounds of S (dim m, dim m) and p + gamma q (dim m,); see the module."""
+        """Return error bounds of S (dim m, dim m) and of p + gamma q (dim m,)."""
         S = np.abs(self.S)
         of_S, rest, rate = self._errors
         w = np.abs(self._w[:, : self._dim]).reshape(-1)
@@ -277,7 +277,7 @@ class Reduction:
         return self.points.gathered(piece.codes)
 
     def piece(self, codes: Codes) -> Piece:
-        """Return the piece in which the points have these statuses."""
+        """Return the piece in which the points have the given statuses."""
         new = np.zeros(len(self._parametric.clamped), dtype=np.int8)
         new[self.points.local] = codes[self.points.mine]
         return Piece(new)
@@ -285,7 +285,7 @@ class Reduction:
     # -- the body --------------------------------------------------------------------------------
 
     def _held_at_points(self, u: Array) -> HeldBody:
-        """Return the body with [K, -B^T; -B, 0] and the Dirichlet rows of H, usually symmetric."""
+        """Factorise [K, -B^T; -B, 0] with the Dirichlet rows of H."""
         eq = self._equations
         first = 0
         K = with_dirichlet_rows(eq.bulk.stiffness(u), eq, self._scale)
@@ -324,7 +324,7 @@ class Reduction:
         return body
 
     def _jumps_by_motions(self, term: SurfaceTerm) -> PETSc.Mat:
-        """Return -Phi, from motions of rigid bodies to jumps at points of a surface."""
+        """Return -Phi, the map from motions of rigid bodies to jumps at points of a surface."""
         s = term.surface
         n = s.points.number * s.dim
         if not isinstance(term, RigidTerm):
@@ -436,8 +436,9 @@ class Reduction:
     def relax(self, x: PETSc.Vec) -> None:
         """Bring a linear body into equilibrium with the contact forces in ``x``. Collective.
 
-        `expand` places the points exactly, and the round-off of S a - p remains as forces on them,
-        which are large at stiff points; here it becomes displacements.
+        `expand` sets the displacements of the points exactly, so that the round-off of S a - p
+        remains as unbalanced forces, which are large at stiff points. This method converts it to
+        displacements.
         """
         b = x.duplicate()
         self._equations.residual(x, b)
@@ -463,7 +464,7 @@ def _no_solver() -> Any:
 
 
 def reduced_contact(equations: ContactEquations, x: PETSc.Vec) -> PointProblem:
-    """Return the reduced problem, equal on every rank, with the scales of a state. Collective.
+    """Return the reduced problem with the scales of a state, equal on every rank. Collective.
 
     Raises:
         ValueError: on every rank, if the problem cannot be reduced.
@@ -481,6 +482,6 @@ def scales_at(equations: ContactEquations, x: PETSc.Vec) -> Scales:
 
 def scaled(contact: PointProblem, scales: Scales) -> PointProblem:
     """Return the reduced problem with the scales of a state of the body."""
-    # A body that sticks everywhere does not move; the free displacement then sets the scale.
+    # If all points stick, displacements vanish; the displacement without contact sets the scale.
     length = max(scales.length, float(np.abs(contact.free).max()))
     return replace(contact, force=scales.force, length=length)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Scope of the reduction of problems to their contact points."""
+"""Conditions under which a problem can be reduced to its contact points."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _MOST_POINTS = 1024
 
 
 def check_reducible(eq: ContactEquations) -> None:
-    """Raise ``ValueError`` unless a problem can be reduced to a `PointProblem`. Collective."""
+    """Raise `ValueError` unless a problem can be reduced to a `PointProblem`. Collective."""
     laws = [s.law for s in eq.surfaces]
     known = all(law.bound_kind in ("proportional", "given") for law in laws)
     alone = all(s.points.E is None for s in eq.surfaces)
@@ -49,8 +49,8 @@ def can_condense(
 
     Args:
         system: contact problem with a parameter.
-        partly: whether tangential displacements of contact points may be prescribed; such points
-            have other statuses than in the problem.
+        partly: whether tangential displacements of contact points may be prescribed; the statuses
+            of these points differ from the problem.
         bounded: whether Tresca's law, whose pieces are not cones, is admissible.
     """
     eq = system.equations
@@ -66,7 +66,7 @@ def can_condense(
 
 
 def obstacle_to_points(system: ParametricEquations) -> str:
-    """Return the reason why a problem cannot be reduced to its points; "" if it can. Collective.
+    """Return the reason why a problem cannot be reduced; "" if it can. Collective.
 
     Args:
         system: contact problem with a parameter; in 3D its laws are not considered.
@@ -89,7 +89,7 @@ def obstacle_to_points(system: ParametricEquations) -> str:
 
 
 def _obstacle_at_points(system: ParametricEquations) -> str:
-    """Return the reason why the contact points do not determine the problem; "" if they do.
+    """Return the reason why contact points do not determine the problem; "" if they do.
 
     Collective.
     """
@@ -115,11 +115,11 @@ def _share_nodes(eq: ContactEquations) -> bool:
 
 
 class _PartlyHeld(NamedTuple):
-    """Properties of the contact nodes that Dirichlet data hold in part.
+    """Properties of contact nodes with Dirichlet data in some directions only.
 
     Attributes:
-        some: whether there are such nodes.
-        oblique: whether a displacement with a normal component is held.
+        some: whether such nodes exist.
+        oblique: whether a held direction has a normal component.
         rubbed: whether friction acts along a free tangent.
     """
 
@@ -129,7 +129,7 @@ class _PartlyHeld(NamedTuple):
 
 
 def _partly_held(system: ParametricEquations) -> _PartlyHeld:
-    """Return properties of the contact nodes that Dirichlet data hold in part. Collective."""
+    """Examine the contact nodes with Dirichlet data in some directions only. Collective."""
     eq = system.equations
     some = oblique = rubbed = False
     constraints = eq.constraints.clamped, eq.constraints.fixed_jumps

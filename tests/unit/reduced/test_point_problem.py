@@ -252,7 +252,7 @@ def test_save_points_refuses_names_and_laws(tmp_path):
         save_points(tmp_path / "points.csv", points)
     with pytest.raises(FileNotFoundError):
         save_points(tmp_path / "nowhere" / "points.npz", points)
-    with pytest.raises(ValueError, match="FCLib knows Coulomb's friction alone"):
+    with pytest.raises(ValueError, match="FCLib supports Coulomb friction only"):
         save_points(tmp_path / "points.h5", block(n=2, law=Tresca(1.0)).reduced())
     assert not list(tmp_path.iterdir())
 
