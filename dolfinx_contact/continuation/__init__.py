@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Following solution branches of piecewise smooth systems in PETSc."""
+"""Numerical continuation: solution branches of piecewise smooth systems in PETSc."""
 
 from dolfinx_contact._ending import Ending, Ends
 from dolfinx_contact.continuation.branch import (

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Small dense systems with affine pieces, identical on every rank.
 
-A point i has k numbers w_i (such as the displacement and reaction of a contact point) with
+Each point i has k variables w_i (such as displacement and force of a contact point) with
 
     sum_i M_i w_i = p + gamma q,        w_i in one of a few polyhedral cones.
 
@@ -41,7 +41,7 @@ def largest(values: Array) -> float:
 
 @dataclass(frozen=True, eq=False)
 class AffineSystem:
-    """M w = p + gamma q with the numbers w of every point in one of its cones.
+    """System M w = p + gamma q in which the variables of every point lie in one of its cones.
 
     Attributes:
         matrix: M, shape (N, m, k) for m points, N = m d.
@@ -50,9 +50,9 @@ class AffineSystem:
         bases: B, shape (m, statuses, k, d), oriented so that the determinant of each piece has the
             same sign as the corresponding determinant of the piecewise smooth system.
         inequalities: C, shape (m, statuses, e, k), padded with zero rows.
-        classify: function from a state (m, k) outside the cones to the statuses (m,) of the next
-            iteration of Newton's method.
-        allowed: flags of the statuses that a point may take, shape (m, statuses).
+        classify: function that maps a state (m, k) outside the cones to the statuses (m,) of the
+            next iteration of Newton's method.
+        allowed: mask of the statuses that a point may take, shape (m, statuses).
     """
 
     matrix: Array
@@ -69,7 +69,7 @@ class AffineSystem:
         return int(self.bases.shape[0])
 
     def require_finite(self) -> None:
-        """Raise ``ValueError`` if a number is not finite."""
+        """Raise `ValueError` if the matrix or a load is not finite."""
         if not all(np.isfinite(a).all() for a in (self.matrix, self.load, self.rate)):
             raise ValueError(
                 "the stiffness or the loads of the condensed problem are not finite: look for NaN "
@@ -77,11 +77,11 @@ class AffineSystem:
             )
 
     def of_codes(self, values: Array, codes: Codes) -> Array:
-        """Return the rows of the points with these statuses from an array (m, statuses, ...)."""
+        """Select from an array (m, statuses, ...) the entry of each point for its status."""
         return np.asarray(values[np.arange(self.points), codes])
 
     def pieced(self, codes: Codes) -> Array:
-        """Return A = M B of a piece, shape (N, N)."""
+        """Return the matrix A = M B of a piece, shape (N, N)."""
         B = self.of_codes(self.bases, codes)
         return np.einsum("nmk,mkd->nmd", self.matrix, B).reshape(len(self.load), -1)
 
@@ -98,20 +98,20 @@ class AffineSystem:
         return AffinePiece(self, codes, inverse, float(np.linalg.slogdet(A)[0]))
 
     def slacks(self, codes: Codes, w: Array) -> Array:
-        """Return C w for the statuses ``codes``, shape (m, e); inf for rows without inequality."""
+        """Return C w for the statuses ``codes``, shape (m, e); inf for padded rows."""
         C = self.of_codes(self.inequalities, codes)
         values = np.einsum("mek,mk->me", C, w)
         return np.where(np.any(C != 0, axis=2), values, np.inf)
 
     def step(self, codes: Codes, w: Array, direction: Array) -> float:
-        """Return the distance along a direction to the first border of a piece; inf without one."""
+        """Return the distance along a direction to the first border of a piece, or inf."""
         slack = self.slacks(codes, w)
         rate = self.slacks(codes, direction)
         falling = np.isfinite(slack) & (rate < -TOLERANCE * largest(direction))
         return float(np.min(np.maximum(slack[falling], 0.0) / -rate[falling], initial=np.inf))
 
     def statuses_at(self, w: Array, tolerance: float) -> npt.NDArray[np.bool_]:
-        """Return flags of the statuses whose closed cones contain ``w``, shape (m, statuses)."""
+        """Return a mask (m, statuses) of the statuses whose closed cones contain ``w``."""
         z = np.einsum("msdk,mk->msd", self._left_inverses, w)
         away = np.einsum("mskd,msd->msk", self.bases, z) - w[:, None]
         least = np.einsum("msek,mk->mse", self.inequalities, w).min(axis=2, initial=0.0)
@@ -131,8 +131,8 @@ class AffineSystem:
     def tangent_cone(self, w: Array, tolerance: float) -> AffineSystem:
         """Return the system M dw = dgamma q of the directions leading out of the state ``w``.
 
-        The allowed statuses of a point are those whose cones contain its numbers in ``w``. Only the
-        inequalities that are active at ``w`` remain.
+        A point may take all statuses whose cones contain its variables. Only the inequalities that
+        are active at ``w`` remain.
         """
         slack = np.einsum("msek,mk->mse", self.inequalities, w)
         at_border = np.abs(slack) <= tolerance
@@ -144,13 +144,13 @@ class AffineSystem:
         )
 
     def solve(self, gamma: float, codes: Codes, *, max_iterations: int = 50) -> Codes | None:
-        """Return the statuses of a solution by Newton's method; None if it cycles or fails.
+        """Compute the statuses of a solution by Newton's method; None if it cycles or fails.
 
         If the solution lies on borders of its cones, any of the adjacent statuses may result.
 
         Args:
             gamma: parameter.
-            codes: statuses with which the iteration starts, shape (m,).
+            codes: initial statuses, shape (m,).
             max_iterations: largest number of iterations.
         """
         seen: set[bytes] = set()
@@ -172,7 +172,7 @@ class AffineSystem:
 
 @dataclass(frozen=True, eq=False)
 class AffinePiece:
-    """One piece: w = w_0 + gamma w_1.
+    """Piece of an affine system, on which w = w_0 + gamma w_1.
 
     Attributes:
         system: system of the piece.
@@ -188,7 +188,7 @@ class AffinePiece:
 
     @cached_property
     def coefficients(self) -> tuple[Array, Array]:
-        """w_0 and w_1, shape (m, k) each."""
+        """Coefficients w_0 and w_1, shape (m, k) each."""
         s = self.system
         z = self.inverse @ np.stack([s.load, s.rate], axis=1)
         B = s.of_codes(s.bases, self.codes)
@@ -197,7 +197,10 @@ class AffinePiece:
 
     @cached_property
     def slack_coefficients(self) -> tuple[Array, Array]:
-        """C w = s_0 + gamma s_1, shape (m, e) each; s_0 is infinite without an inequality."""
+        """Coefficients s_0 and s_1 of the slacks C w = s_0 + gamma s_1, shape (m, e) each.
+
+        s_0 is infinite in padded rows.
+        """
         w_0, w_1 = self.coefficients
         C = self.system.of_codes(self.system.inequalities, self.codes)
         s_0, s_1 = (np.matmul(C, w[:, :, None])[:, :, 0] for w in (w_0, w_1))
@@ -209,7 +212,7 @@ class AffinePiece:
         return w_0 + gamma * w_1
 
     def neighbour(self, point: int, code: int) -> AffinePiece | None:
-        """Return the piece in which one point has the status ``code``; None if it is singular.
+        """Return the piece after one point takes the status ``code``; None if it is singular.
 
         The inverse changes by a matrix of rank d (Woodbury), which costs N^2 d operations. If the
         result is not accurate, the matrix is inverted.

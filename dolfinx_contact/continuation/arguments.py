@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Validation of arguments of the continuation. The functions are not collective."""
+"""Validation of the arguments of continuation functions."""
 
 from __future__ import annotations
 
@@ -39,12 +39,12 @@ _ROUND_OFF = 1e-12  # relative length below which a range of gamma is a point
 
 
 def samples_of(low: float, high: float) -> list[float]:
-    """Return the values of a range at which data are validated, including both ends."""
+    """Return sample values of a range for the validation of data, including both ends."""
     return [float(gamma) for gamma in np.linspace(low, high, _SAMPLES)]
 
 
 def check_system(system: Any) -> None:
-    """Raise ``ValueError`` unless the argument is a system."""
+    """Raise `ValueError` unless the argument is a `System`."""
     hint = "such as a ParametricContact of a contact problem and its parameter"
     instance(system, "what is followed", System, hint)
 
@@ -64,7 +64,7 @@ def require_smooth(system: System) -> None:
 def checked_range(
     ends: Any, starts: Sequence[float], parameter: str = "gamma"
 ) -> tuple[float, float]:
-    """Return a range of a parameter that contains ``starts``, or raise ``ValueError``."""
+    """Return the range of a parameter; raise `ValueError` unless it contains ``starts``."""
     name = f"{parameter}_range"
     low, high = (float(end) for end in vector(ends, name, 2))
     if not low < high:
@@ -78,18 +78,18 @@ def checked_range(
 
 
 def leads_out(gamma: float, rate: float, gamma_range: tuple[float, float]) -> bool:
-    """Return True if gamma is, up to round-off, at the end of its range in its direction."""
+    """Return True if gamma is at the end of its range, up to round-off, and leaves the range."""
     low, high = gamma_range
     near = max(_ROUND_OFF * (high - low), 4 * float(np.spacing(max(-low, high))))
     return high - gamma <= near if rate > 0 else rate < 0 and gamma - low <= near
 
 
 def check_states(system: System, states: Sequence[Any], what: str) -> None:
-    """Raise ``ValueError`` on every rank if a state does not fit the system. Collective.
+    """Raise `ValueError` on every rank if a state does not fit the system. Collective.
 
     Args:
-        system: system that the states belong to.
-        states: vectors.
+        system: system of equations.
+        states: vectors of unknowns.
         what: description of a state, for the message.
     """
     same_everywhere(system.comm, number_of_states=len(states))
@@ -115,7 +115,7 @@ def check_listeners(
     stop: Any = None,
     of: str = "a records.BranchRecord",
 ) -> None:
-    """Raise ``ValueError`` for an unsuitable observer, record, progress or stop.
+    """Raise `ValueError` if ``observer``, ``record``, ``progress`` or ``stop`` is not valid.
 
     Args:
         observer: observer or function of a step.
@@ -133,11 +133,11 @@ def check_listeners(
 
 
 def check_functions(of: str, **functions: Any) -> None:
-    """Raise ``ValueError`` unless arguments are functions or None.
+    """Raise `ValueError` unless all arguments are functions or None.
 
     Args:
-        of: description of the argument of the functions, for the message.
-        functions: values by the names of the arguments.
+        of: description of the parameter of the functions, for the message.
+        functions: arguments by name.
     """
     for name, function in functions.items():
         if function is not None and not callable(function):
@@ -147,25 +147,25 @@ def check_functions(of: str, **functions: Any) -> None:
 def check_rays(rays: Any) -> None:
     """Raise ``ValueError`` unless ``rays`` is True, False or None.
 
-    True: compute all rays wherever statuses meet; False: only as many as needed to continue; None:
-    the default of the caller.
+    True computes all rays wherever statuses meet, False only as many rays as needed to continue.
+    None is the default of the caller.
     """
     one_of(rays, "rays", (True, False, None))
 
 
 def check_steps(control: Any, max_steps: Any) -> None:
-    """Raise ``ValueError`` for an unsuitable ``control`` or ``max_steps`` of `follow`."""
+    """Raise `ValueError` if ``control`` or ``max_steps`` is not valid."""
     if control is not None:
         instance(control, "control", StepControl)
     count(max_steps, "max_steps")
 
 
 def reason_to_stop(comm: MPI.Comm, what: str, stop: Stop[Any], step: Any) -> str:
-    """Call the user's ``stop``, and return its reason to end; "" to continue. Collective.
+    """Call the user's ``stop``; return its reason to end, or "" to continue. Collective.
 
     Args:
         comm: communicator.
-        what: name of the process that may end, for the message.
+        what: name of the process, such as "branch", for the message.
         stop: function of the user.
         step: accepted step, whose state is in the problem.
 

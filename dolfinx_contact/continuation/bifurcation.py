@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Smooth bifurcations: the bordered test function tau, and the direction in which to branch off.
+r"""Test function of smooth bifurcations, and the tangent of the bifurcating branch.
 
 With J = [grad H; t^T] and constant borders B and C, tau in
 
@@ -7,16 +7,15 @@ With J = [grad H; t^T] and constant borders B and C, tau in
     [ C^T 0 ] [ tau ] = [ 1 ]
 
 has the sign of det J divided by the determinant of the whole matrix, which is regular at a simple
-bifurcation. Hence tau vanishes there, and V tends to the kernel of J, the direction of the other
-branch that is orthogonal to t. With the factorisation of J from the computation of the tangent,
-tau = -1/(C^T J^{-1} B) costs one solve.
+bifurcation. Hence tau vanishes there, and V tends to the kernel of J, the tangent of the other
+branch orthogonal to t. Using the factorisation of J for the tangent, tau = -1/(C^T J^{-1} B) costs
+one solve.
 
-Where the whole matrix is singular, tau changes its sign through infinity; together with a
-bifurcation in the same step, the two changes of sign would cancel. Hence there are three pairs of
-borders, and the median of their values is used: at a bifurcation all three vanish; where the matrix
-of one pair is singular, the other two decide.
-
-With a Krylov method, where every right-hand side costs a solve, there is one pair, and
+Where the whole matrix is singular, tau changes its sign through infinity, which could cancel the
+change of sign at a bifurcation in the same step. Therefore the median over three pairs of borders
+is
+used: all three values vanish at a bifurcation; where the matrix of one pair is singular, the other
+two pairs decide. With a Krylov method, where every right-hand side costs a solve, one pair is used:
 tau = sign(det J) / |C^T J^{-1} B| with the sign of det J from the solve.
 """
 
@@ -34,13 +33,13 @@ _PAIRS = 3
 
 
 class BifurcationTest:
-    """The test function tau on a bordered system. All methods are collective.
+    """Test function tau of a bordered system. All methods are collective.
 
     Args:
         bordered: bordered system, whose matrix is J at the point of the last tangent.
 
     Attributes:
-        signs: factors 1 or -1 of the pairs with which their values have agreed in sign on the
+        signs: factor 1 or -1 of each pair of borders that makes all values agree in sign on the
             branch so far, shape (pairs,).
     """
 
@@ -63,8 +62,8 @@ class BifurcationTest:
         """Return tau at the point of the last tangent; 0 if J is singular there.
 
         Args:
-            accepted: True if the point belongs to the branch; a pair that is outvoted there changes
-                its sign.
+            accepted: whether the point belongs to the branch; pairs with a sign different from the
+                median then change their factor in `signs`.
         """
         solver = self._bordered.solver
         products = np.empty(len(self._V))

@@ -4,8 +4,8 @@ r"""The bordered system: H(x, gamma) = 0 with an additional row, regular at fold
     J = [ H_x  H_gamma ]
         [ w^T  w_gamma ]
 
-J is factorised (`factorised`), or, if the system has a preconditioner of H_x, used in a Krylov
-method (`krylov`). Lengths are defined by the inner product
+J is factorised (`factorised`). If the system has a preconditioner of H_x, a Krylov method is used
+instead (`krylov`). Lengths are defined by the inner product
 
     <y, z> = x_y . M x_z / (2 x_scale) + gamma_y gamma_z / (2 gamma_scale^2),
 
@@ -43,10 +43,10 @@ class Bordered(Layout):
             ``is_direct`` indicates whether every further right-hand side is cheap; otherwise solves
             are iterative, and their cost grows with the accuracy.
         x_scale: square of the unit length of x; 0 until a tangent moves x.
-        x_scale_is_new: set together with `x_scale`; the reader resets it.
-        sense: sign of det J with the last tangent as last row, divided by the sign of det J with
-            the actual last row. Exchanging the rows multiplies the determinant by their inner
-            product.
+        x_scale_is_new: flag set together with `x_scale`; the reader of the flag resets it.
+        sense: ratio 1 or -1 of the signs of det J with the last tangent as last row and with the
+            actual last row. Replacing the row by the tangent multiplies the determinant by the
+            inner product of the two.
     """
 
     solver: Factorised | Krylov
@@ -86,9 +86,9 @@ class Bordered(Layout):
         return self.solver.determinant_sign()
 
     def set_scale(self, t: PETSc.Vec, y: PETSc.Vec) -> None:
-        """Set `x_scale` by the first tangent ``t`` at ``y`` that moves x.
+        """Set `x_scale` from the first tangent ``t`` at ``y`` that moves x.
 
-        x and gamma then contribute equally to the length of ``t``. A motion that is round-off of x
+        x and gamma then contribute equally to the length of ``t``. A motion of x below round-off
         over the whole scale of gamma does not count.
         """
         if self.x_scale > 0.0:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Results of the continuation: points, special points, branches, and diagrams of branches."""
+"""Results of continuation: points, special points, branches and diagrams."""
 
 from __future__ import annotations
 
@@ -35,12 +35,12 @@ class BranchPoint:
 
     Attributes:
         y: vector (x, gamma).
-        tangent: unit tangent in the sense in which the branch is traced.
+        tangent: unit tangent in the direction of tracing.
         piece: piece of H on which the branch continues.
         gamma: parameter.
         step: length of the step to this point.
         corrections: Newton iterations of the corrector.
-        tau: test function of smooth bifurcations, which changes its sign there.
+        tau: value of the test function of smooth bifurcations, which changes its sign there.
     """
 
     y: PETSc.Vec = field(repr=False)
@@ -94,13 +94,13 @@ def kind_of_kink(meets: bool, turned: bool) -> Kind:
 
 @dataclass(frozen=True)
 class FoundRays(Generic[R]):
-    """Rays leading out of a point, as found by a search.
+    """Outgoing rays of a point, as found by a search.
 
     Attributes:
-        rays: rays in any order: `Ray`, `AffineRay`, or `BranchPoint`, the point with the tangent of
-            the ray. A point passed by one smooth branch has two, one for each sense.
-        complete: True if there are provably no others.
-        method: description of the search; "" where one smooth branch passes.
+        rays: rays in any order: `Ray`, `AffineRay`, or `BranchPoint` (the point with the tangent of
+            the ray). A point passed by one smooth branch has two rays, one for each direction.
+        complete: True if the rays are provably complete.
+        method: description of the search; "" if one smooth branch passes the point.
     """
 
     rays: tuple[R, ...]
@@ -114,20 +114,20 @@ class SpecialPoint:
 
     Attributes:
         kind: ``"event"`` if a status changes and gamma continues, ``"fold"`` if gamma turns back,
-            ``"bifurcation"`` if there are other outgoing rays, ``"end"`` if no ray was found.
-        smooth: False at a change of status.
+            ``"bifurcation"`` if other outgoing rays exist, ``"end"`` if no ray was found.
+        smooth: False if a status changes at the point.
         gamma: parameter; at an event that is not located, an estimate.
         y: vector (x, gamma); at an event that is not located, the following point of the branch.
-        index: number of the following point of the branch.
+        index: index of the following point of the branch.
         changes: changes of status along the branch.
         parity: sign of the ratio of the determinants of the bordered systems after and before, -1
             at a simple bifurcation; 0 if it was not evaluated.
-        others: outgoing rays that the branch does not take.
+        others: outgoing rays not taken by the branch.
         complete: True if `others` is provably complete.
         incoming: incoming ray at a bifurcation; its tangent points to the bifurcation.
         onwards: outgoing ray of the branch at a bifurcation.
         method: description of the search for rays.
-        bracket: values of gamma between which an event lies that is not located; None if it is.
+        bracket: values of gamma that enclose an event that is not located; None if located.
     """
 
     kind: Kind
@@ -152,7 +152,7 @@ class SpecialPoint:
 
 @dataclass
 class Branch(Ends):
-    """A branch.
+    """Solution branch, or a part of it.
 
     Attributes:
         points: points in order, the start first.
@@ -215,13 +215,14 @@ class Branch(Ends):
 
 @dataclass(eq=False)
 class Node:
-    """A bifurcation.
+    """Node of a bifurcation diagram: a bifurcation.
 
     Attributes:
         point: special point, as computed on the first branch that reached it. At a start of the
-            exploration its `incoming` and `onwards` are None, and all rays are in its `others`.
-        rays: all outgoing rays, the reverse of the incoming one included.
-        edges: for each ray, number of the branch leaving or arriving along it; None without one.
+            exploration its `incoming` and `onwards` are None, and `others` contains all rays.
+        rays: all outgoing rays, including the reverse of the incoming ray.
+        edges: for each ray, index of the branch leaving or arriving along it; None without a
+            branch.
     """
 
     point: SpecialPoint
@@ -231,12 +232,12 @@ class Node:
 
 @dataclass(frozen=True)
 class Edge:
-    """A branch between two nodes.
+    """Edge of a bifurcation diagram: a branch between two nodes.
 
     Attributes:
         branch: branch from ``start`` to ``end``.
-        start: number of a node; None at a start of the exploration.
-        end: number of a node; None if the branch ends elsewhere, see `Branch.reason`.
+        start: index of a node; None at a start of the exploration.
+        end: index of a node; None if the branch ends elsewhere, see `Branch.reason`.
     """
 
     branch: Branch
@@ -253,8 +254,8 @@ class Diagram(Ends):
         nodes: bifurcations.
         complete: True if all rays of all nodes are known and have been traced to the ends of their
             branches.
-        ending: kind of the end of the exploration; if a branch was cut off, the kind of the end of
-            the first such branch.
+        ending: kind of the end of the exploration; if branches were cut off, the ending of the
+            first of them.
         reason: description of the end.
         start_correction: largest correction of a start, see `Branch.start_correction`.
     """
@@ -273,11 +274,11 @@ class Diagram(Ends):
 
     @property
     def branches(self) -> list[Branch]:
-        """The branches of all edges."""
+        """Branches of all edges."""
         return [edge.branch for edge in self.edges]
 
     def open_rays(self) -> list[tuple[int, int]]:
-        """Numbers of node and ray of the rays without a branch."""
+        """Indices (node, ray) of the rays without a branch."""
         return [
             (i, j)
             for i, node in enumerate(self.nodes)

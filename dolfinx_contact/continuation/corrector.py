@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Correctors and tangents.
+r"""Correctors and tangents of branches.
 
-A corrector computes a point of the branch from a predicted point. All correctors are a SNES for
+A corrector computes a point of the branch from a predicted point. All correctors use a SNES for
 H = 0 and one additional row:
 
 - *Moore-Penrose* (Ligursky and Renard, Comput. Mech. 56, 2015, after Dhooge, Govaerts and
@@ -62,7 +62,7 @@ _TO_STEP_ALONG = 1e-4
 
 @dataclass
 class _Matrices:
-    """Matrices and chord steps of one run.
+    """Bookkeeping of the matrices and chord steps of one run.
 
     Attributes:
         from_before: whether the run still uses the matrix of the previous run.
@@ -108,7 +108,7 @@ class Corrector:
 
     Args:
         bordered: vectors and linear algebra.
-        control: tolerance and number of corrections.
+        control: tolerance and largest number of corrections.
         chords: whether corrections may use chord steps. A path with memory needs pure Newton steps,
             because round-off decides the order of its events.
 
@@ -204,9 +204,9 @@ class Corrector:
         factorise: bool = False,
         precise: bool = True,
     ) -> PETSc.Vec | None:
-        """Return the unit tangent of ``piece`` at ``y``; None if it is not unique.
+        """Compute the unit tangent of ``piece`` at ``y``; None if it is not unique.
 
-        The solver keeps the matrix at ``y`` for further right-hand sides.
+        The solver keeps the matrix at ``y`` for additional right-hand sides.
 
         Args:
             y: point of the branch.
@@ -249,7 +249,7 @@ class Corrector:
     ) -> PETSc.Vec:
         """Return the tangent at ``y`` of the parabola from ``start`` along ``t``.
 
-        It is scaled so that its product with the last row is 1. Without a start it is ``t``.
+        The tangent is scaled to a product of 1 with the last row. Without a start, ``t`` is used.
         """
         if start is None or self.bordered.solver.is_direct:
             return t
@@ -262,9 +262,9 @@ class Corrector:
         return away
 
     def orientation(self) -> float:
-        """Return the sign of det [grad H; t^T] for the last computed `tangent` t.
+        """Return the sign of det [grad H; t^T] for the last tangent t computed by `tangent`.
 
-        Along a branch the sign changes at bifurcations only.
+        Along a branch this sign changes only at bifurcations.
         """
         return self.bordered.solver.determinant_sign() * self.bordered.sense
 
@@ -419,7 +419,7 @@ class _Run:
     # -- parts of a step -------------------------------------------------------------------------
 
     def _size(self, x: PETSc.Vec, gamma: float, hx: PETSc.Vec) -> float:
-        """Write H into ``hx``, and return its size relative to the predicted state."""
+        """Write H into ``hx``; return its size in the scales of the predicted state."""
         # in the scales of a diverging iterate every other state would look like a solution
         scales = self.scales if self._predicted is None else self._predicted
         size, self.scales = self._b.system.measure(x, gamma, hx, self._piece, scales)
@@ -428,7 +428,7 @@ class _Run:
         return size
 
     def _is_round_off(self, y: PETSc.Vec) -> bool:
-        """Return True if the residual of the last row is round-off."""
+        """Return True if the residual of the last row is within round-off."""
         scale = 1.0 if self._to is None else max(abs(self._to[1]), 1e-6)
         if abs(self._last) <= 1e-10 * scale:
             return True
@@ -453,7 +453,7 @@ class _Run:
     def _share_of_changes(self, codes: Codes | None) -> float:
         """Return the fraction of all points whose status differs from that of the matrix.
 
-        It is 1 before the first matrix.
+        Before the first matrix the fraction is 1.
         """
         before = self._matrices.codes
         if codes is None:
@@ -478,14 +478,14 @@ class _Run:
         return {"rtol": rtol, "model": ModelTest(self._rule, partial(self._remainder, y))}
 
     def _remainder(self, y: PETSc.Vec, step: PETSc.Vec) -> float:
-        """Return the norm of H at ``y - step``, in its cheap nonlinear rows."""
+        """Return the norm of the cheap nonlinear rows of H at ``y - step``."""
         b = self._b
         self._work.away.waxpy(-1.0, step, y)
         rows = b.system.contact_rows(*b.split(self._work.away), self._piece)
         return 0.0 if rows is None else float(np.sqrt(b.comm.allreduce(float(rows @ rows))))
 
     def _settled(self, y: PETSc.Vec) -> float | None:
-        """Correct a few cheap rows of ``y`` in place, see `settle`.
+        """Correct a few cheap rows in place (`settle`).
 
         Returns:
             Relative size of H at ``y`` if H has been evaluated there; otherwise None.

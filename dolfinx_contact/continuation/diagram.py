@@ -4,9 +4,9 @@
 1. From every start, branches are traced in both senses of gamma. Where pieces meet at the start,
    every outgoing ray is taken; if there are more than two, the start is a node.
 2. A branch ends at its first bifurcation, which becomes a node with all of its rays. A branch that
-   arrives at an existing node takes the ray by which it arrives, so that none is traced twice.
+   arrives at an existing node occupies the ray of its arrival, so that no branch is traced twice.
 3. Where the range of gamma ends at a kink, rays leading back into the range are traced as well.
-4. From every ray without a branch a new branch starts, until none is left.
+4. A new branch starts along every ray without a branch, until no such ray is left.
 """
 
 from __future__ import annotations
@@ -90,7 +90,7 @@ def explore(
     record: Observer | None = None,
     progress: bool | None = None,
 ) -> Diagram:
-    """Find all branches that are connected with the starts. Collective.
+    """Compute all branches that are connected with the starts. Collective.
 
     The data of the system (Functions, statuses and gamma of a contact problem) are restored.
 
@@ -255,7 +255,7 @@ class _Explorer:
     def _arrive(self, special: SpecialPoint, number: int) -> int | None:
         """Return the node at which branch ``number`` ends; None if its rays are unknown.
 
-        The rays are unknown at a kink that a step has passed without locating it.
+        The rays of a kink are unknown if a step has passed the kink without locating it.
         """
         if special.incoming is None or special.onwards is None:
             self._all_rays_known = False
@@ -268,7 +268,7 @@ class _Explorer:
         return existing
 
     def _at_the_end(self, point: BranchPoint, start: int | None, number: int) -> int | None:
-        """Return the node at which branch ``number`` reached the end of the range; None without.
+        """Return the node at which branch ``number`` left the range of gamma; None without a node.
 
         If pieces meet there, further rays may lead back into the range.
         """
@@ -296,7 +296,7 @@ class _Explorer:
     # -- nodes -----------------------------------------------------------------------------------
 
     def _node_of(self, found: FoundRays[BranchPoint], inside: Sequence[BranchPoint]) -> int:
-        """Return the node at a point with more than two rays; add it if it does not exist.
+        """Return the node at a point with more than two rays; create it if it does not exist.
 
         Args:
             found: all rays of the point.
@@ -319,28 +319,28 @@ class _Explorer:
         return self._new_node(special, rays)
 
     def _new_node(self, special: SpecialPoint, rays: list[Ray], incoming: int | None = None) -> int:
-        """Add a node, whose first ray is taken by the incoming branch if there is one."""
+        """Add a node; an incoming branch, if given, occupies its first ray."""
         edges: list[int | None] = [incoming, *[None] * (len(rays) - 1)]
         self.diagram.nodes.append(Node(special, rays, edges))
         return len(self.diagram.nodes) - 1
 
     def _node_at(self, y: PETSc.Vec) -> int | None:
-        """Return the number of the node at a point; None if there is none."""
+        """Return the index of the node at a point; None without a node."""
         for i, node in enumerate(self.diagram.nodes):
             if self._is_at(node.point.y, y):
                 return i
         return None
 
     def _take_ray(self, number: int, ray: Ray, edge: int) -> None:
-        """Assign the ray along which a branch arrived at a node to the branch.
+        """Mark the ray along which a branch arrived at a node as occupied by the branch.
 
         At a smooth bifurcation, rays are only as accurate as the kernel; therefore the closest free
-        ray is assigned.
+        ray is chosen.
 
         Args:
-            number: number of the node.
+            number: index of the node.
             ray: reverse of the ray by which the branch arrived.
-            edge: number of the branch.
+            edge: index of the branch.
         """
         node = self.diagram.nodes[number]
         close = [
@@ -361,7 +361,7 @@ class _Explorer:
     # -- comparisons -----------------------------------------------------------------------------
 
     def _is_traced(self, point: BranchPoint) -> bool:
-        """Return True if a branch passes the point, or leaves it by the same ray."""
+        """Return True if a branch passes the point or leaves it along the same ray."""
         for branch in self.diagram.branches:
             if not branch.points:
                 continue
@@ -392,7 +392,7 @@ class _Explorer:
         return self.bordered.length(y - other) <= _SAME
 
     def _is_ray(self, t: PETSc.Vec, other: PETSc.Vec) -> bool:
-        """Return True if two tangents have one direction in the present metric."""
+        """Return True if two tangents have the same direction in the current metric."""
         length = self.bordered.length
         away = t / length(t) - other / length(other)
         return length(away) <= _SAME_RAY

@@ -2,8 +2,8 @@
 r"""Direct solver for the bordered matrix, by default MUMPS.
 
 A factorisation of A_0 is reused for later matrices A_1. If points change their status, or the
-border row changes, A_1 differs by D in a few rows E; if the state changes, the column of gamma
-differs by c outside of these rows, too. With U = (E, c), V^T = (D, e^T), the unit vector e of
+border row changes, A_1 differs from A_0 by D in a few rows E. If the state changes, the column of
+gamma also differs by c outside these rows. With U = (E, c), V^T = (D, e^T), the unit vector e of
 gamma, and W = A_0^{-1} U,
 
     A_1^{-1} = A_0^{-1} - W S^{-1} V^T A_0^{-1},    det A_1 = det A_0 det S,    S = I + V^T W
@@ -44,13 +44,13 @@ _WORN = 20  # number of GMRES iterations above which the next matrix is factoris
 
 
 class BorderedMatrix:
-    """The assembled matrix [A c; w^T s]. Methods are collective.
+    """Assembled matrix [A c; w^T s]. Methods are collective.
 
     Args:
         layout: layout of vectors (x, gamma).
 
     Attributes:
-        matrix: the bordered matrix in AIJ format; it has no entries before the first assembly.
+        matrix: bordered matrix in AIJ format, without entries before the first assembly.
     """
 
     def __init__(self, layout: Layout):
@@ -104,13 +104,16 @@ class _RowUpdate:
         self.solves = self.changed = 0
 
     def begin(self, matrix: PETSc.Mat) -> None:
-        """Use ``matrix``, which has just been factorised, as A_0."""
+        """Store ``matrix``, which has just been factorised, as A_0."""
         self._base = matrix.getValuesCSR()[2]
         self._columns = {}
         self._forget()
 
     def take(self, matrix: PETSc.Mat, most: int) -> bool:
-        """Use ``matrix`` as A_1; False if more than ``most`` rows differ or it is near singular."""
+        """Prepare solves with ``matrix`` as A_1.
+
+        Returns False if more than ``most`` rows differ from A_0 or S is nearly singular.
+        """
         self._forget()
         # rows that differ outside of the column of gamma
         ends, columns, values = matrix.getValuesCSR()
@@ -130,7 +133,7 @@ class _RowUpdate:
         if len(self._columns) > _MOST_COLUMNS:
             self._columns = {r: self._columns[r] for r in rows}
         others = at_border & ~np.isin(row_of, changed)
-        # The column of gamma has another unit than the rest of a row: it is compared on its own.
+        # The column of gamma has its own unit and is therefore compared separately.
         in_column = self._changed_rows(row_of, change, others, len(ends) - 1)
         has_column = bool(comm.allreduce(len(in_column)))
         if has_column:
@@ -157,7 +160,7 @@ class _RowUpdate:
         return regular
 
     def _changed_rows(self, row_of: Indices, change: Array, chosen: Mask, number: int) -> Indices:
-        """Return the local rows whose chosen entries change beyond round-off, or are NaN."""
+        """Return the local rows whose chosen entries have changed beyond round-off, or are NaN."""
         sizes, changes = (
             np.bincount(row_of[chosen], weights=np.abs(v[chosen]), minlength=number)
             for v in (self._base, change)
@@ -209,7 +212,7 @@ class _RowUpdate:
         return self._factor.determinant_sign * float(np.sign(np.linalg.det(self._S)))
 
     def _forget(self) -> None:
-        """Use A_0 alone."""
+        """Discard the update and use A_0 alone."""
         self._V = None
         self._W = []
         self._S = np.eye(0)
@@ -254,7 +257,7 @@ class Factorised:
 
     @property
     def matrix(self) -> PETSc.Mat:
-        """J; it has no entries before the first assembly."""
+        """Matrix J, without entries before the first assembly."""
         return self._bordered.matrix
 
     @property
@@ -265,7 +268,7 @@ class Factorised:
     def assemble(
         self, y: PETSc.Vec, row: PETSc.Vec, piece: Piece | None, *, along: PETSc.Vec | None = None
     ) -> None:
-        """Use J at ``y`` from now on."""
+        """Assemble J at ``y`` for the following solves."""
         system = self._layout.system
         x, gamma = self._layout.split(y)
         system.jacobian(x, gamma, piece)
@@ -302,7 +305,7 @@ class Factorised:
         return self._is_updated
 
     def solve(self, rhs: PETSc.Vec, out: PETSc.Vec, **_: Any) -> bool:
-        """Solve with J; False if that fails. Keywords concern iterative solvers."""
+        """Solve with J; return False on failure. Keywords for iterative solvers are ignored."""
         if not self._is_current:
             reused = self._serves and (self._has_few_changes() or self._is_large)
             if reused and self._solve_by_gmres(rhs, out):

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Branches of H(x, gamma) = 0 through kinks and folds.
 
-Affine pieces are traversed from vertex to vertex (`pivoting.py`), all others by predictor and
+Affine pieces are traversed from vertex to vertex (`pivoting.py`), other pieces by predictor and
 corrector (`steps.py`).
 """
 
@@ -115,10 +115,10 @@ def follow(
         max_steps: largest number of steps, after which the incomplete branch is returned.
         route: ``"pivoting"`` from vertex to vertex of affine pieces; ``"steps"`` by predictor and
             corrector; ``"auto"`` by pivoting where possible.
-        stop: function of every accepted step returning the reason to end the branch there, or ""
-            to continue. During the call the problem is in the state of the point: Functions,
-            statuses, gamma and data driven by gamma (`System.put`). It is not called for the last
-            point of a branch ending by itself.
+        stop: function of every accepted step returning the reason to end the branch there, or "" to
+            continue. During the call the problem is in the state of the point: Functions, statuses,
+            gamma and data driven by gamma (`System.put`). It is not called for the last point of a
+            branch that ends for another reason.
         observer: function of every step, start and end included, or an `Observer`.
         record: observer storing every point before ``observer`` is called, such as a
             `records.BranchRecord`.
@@ -164,7 +164,7 @@ def follower_for(
     gamma_scale: float,
     route: Route = "auto",
 ) -> Follower | Pivoting:
-    """Return the tracer of the branches of a system. Collective.
+    """Return the object that traces branches of a system. Collective.
 
     Args:
         system: H with its pieces.
@@ -192,14 +192,14 @@ def follower_for(
 
 
 class Follower(Walker):
-    """Traces branches of one system by predictor and corrector. All methods are collective.
+    """Predictor-corrector tracing of the branches of one system. All methods are collective.
 
     Args:
         system: system H.
         control: step lengths, and the policy for kinks.
         gamma_scale: size of gamma that counts as 1.
-        locate: selection of the changes that batched steps locate, in addition to folds and changes
-            of parity; default: none.
+        locate: function that selects changes of status to be located by batched steps, in addition
+            to folds and changes of parity; default: none.
     """
 
     def __init__(
@@ -247,7 +247,7 @@ class Follower(Walker):
     def _piece_from(self, y: PETSc.Vec, sign: float) -> Piece:
         """Return the piece on which a branch leaves ``y``.
 
-        If borders begin to exist exactly at this gamma, as with friction growing from zero,
+        If borders begin to exist exactly at this gamma, as with friction that grows from zero,
         several pieces meet without an event. Then the piece just beyond this gamma is used.
         """
         x, gamma = self.bordered.split(y)
@@ -298,8 +298,9 @@ class Follower(Walker):
     def branch_off(self, special: SpecialPoint, ray: Ray) -> BranchPoint:
         """Return a point from which to trace one of the other rays of a special point.
 
-        The point lies at a small distance along the ray. If the piece of the ray ends before, it is
-        the nonsmooth point itself, at which the tangent of the ray is exact.
+        The point lies at a small distance along the ray. If the piece of the ray ends closer than
+        this distance, the nonsmooth point itself is returned, at which the tangent of the ray is
+        exact.
 
         Raises:
             ValueError: if no solution is found there.
@@ -381,7 +382,7 @@ class Follower(Walker):
     def _beyond_kink(
         self, point: BranchPoint, gamma_range: tuple[float, float]
     ) -> BranchPoint | None:
-        """Return the point just beyond a kink of the data in gamma; None without continuation.
+        """Return the point just beyond a kink of the data in gamma; None if the branch ends there.
 
         The branch continues if the statuses are the same and the distance is not larger than
         expected from the tangents on both sides.
@@ -479,7 +480,7 @@ def points_at(
     """Return the points of a branch at which its parameter is ``gamma``, in order. Collective.
 
     The data of the system are restored. Points in the small gap between a bifurcation and the first
-    point of a branch that was traced out of it by steps are missed.
+    point of a branch leaving it are missed if the branch was traced by predictor-corrector steps.
 
     Args:
         system: system of the branch.
@@ -515,8 +516,8 @@ def points_at(
 def require_solutions(system: System, branch: Branch) -> None:
     """Raise ``ValueError`` if a branch does not solve the present system. Collective.
 
-    The residual of H itself is used, because a recorded piece satisfies its own rows even if the
-    friction coefficient has changed since.
+    The residual of H itself is evaluated. The residual of the recorded piece may vanish even if the
+    friction coefficient has changed.
     """
     layout = Layout(system)
     b = system.create_vector()

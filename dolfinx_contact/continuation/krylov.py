@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""A Krylov method for the bordered matrix, for systems that are too large to factorise.
+r"""Krylov method for the bordered matrix, for systems that are too large to factorise.
 
 Let P^-1 be an approximate inverse of A = H_x, c = H_gamma, v an approximation of A^-1 c, and
 s = w_gamma - w^T v. For a right-hand side (f, g) the block elimination
@@ -7,7 +7,7 @@ s = w_gamma - w^T v. For a right-hand side (f, g) the block elimination
     x_0 = P^-1 f,   gamma = (g - w^T x_0) / s,   x = x_0 - gamma v
 
 is the exact inverse of [P P v; w^T w_gamma] and preconditions J. Each application costs one P^-1.
-The first one satisfies the last row exactly; the iterations leave that row out.
+The first one satisfies the last row exactly; the iterations omit the last row.
 
 If (t_x, t_gamma) approximates the tangent of the branch, v = -t_x / t_gamma is used if A v - c is
 small, corrected in the rows in which P is exact. Otherwise, as near folds, v = P^-1 c costs one
@@ -18,8 +18,8 @@ With the number n of negative real Ritz values of the preconditioned matrix
 
     sign det J = sign det P  sign s  (-1)^n.
 
-An eigenvalue that a converged solve has missed is close to the others; a missed one near zero would
-prevent convergence. A singular J is noticed if the right-hand side is outside its range.
+A converged solve can only miss an eigenvalue close to other eigenvalues; an eigenvalue near zero
+would prevent convergence. A singular J is detected if the right-hand side is outside its range.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ _NEAR = 0.5  # largest |A v - c| / |c| of a v from a tangent; measured for v = P
 
 
 class ModelTest:
-    """Criterion to end a linear solve whose residual is below the remainder of the linear model.
+    """Criterion to end a linear solve once its residual is below the error of linearisation.
 
     Args:
         forcing: rule for the relative tolerance of linear solves.
@@ -65,7 +65,7 @@ class ModelTest:
         self._remainder = remainder
 
     def __call__(self, norm: float, size: float, solution: Callable[[], PETSc.Vec]) -> bool:
-        """Return True if a solution suffices. Collective.
+        """Return True if an iterate is accurate enough. Collective.
 
         Args:
             norm: norm of the residual.
@@ -125,7 +125,7 @@ class Krylov:
     def assemble(
         self, y: PETSc.Vec, row: PETSc.Vec, piece: Piece | None, *, along: PETSc.Vec | None = None
     ) -> None:
-        """Use J at ``y`` from now on; ``along`` is an approximate direction of the branch."""
+        """Set J at ``y`` for the following solves; ``along`` is an approximate tangent."""
         layout = self._layout
         x, gamma = layout.split(y)
         self._sign = None
@@ -145,7 +145,7 @@ class Krylov:
         self._regular = bool(np.isfinite(self._s) and self._s != 0)
 
     def _takes_from(self, tangent: PETSc.Vec) -> bool:
-        """Compute v from an approximate tangent; False if v is not accurate. Collective."""
+        """Compute v from an approximate tangent; return False if v is inaccurate. Collective."""
         x, gamma = self._layout.split(tangent)
         if gamma == 0:
             return False
@@ -166,7 +166,7 @@ class Krylov:
         self.solves += 1
 
     def apply(self, _pc: PETSc.PC | None, b: PETSc.Vec, y: PETSc.Vec) -> None:
-        """Apply the block elimination to b = (f, g); called by PETSc, too."""
+        """Apply the block elimination to b = (f, g); also called by PETSc."""
         f, g = self._layout.split(b)
         self._apply(f, self._x)
         gamma = (g - float(self._w.dot(self._x))) / self._s
@@ -174,7 +174,7 @@ class Krylov:
         self._layout.join(self._x, gamma, y)
 
     def mult(self, _mat: PETSc.Mat | None, y: PETSc.Vec, b: PETSc.Vec) -> None:
-        """Multiply by J with its last row set to 0; called by PETSc, too."""
+        """Multiply by J with its last row set to 0; also called by PETSc."""
         x, gamma = self._layout.split(y)
         self._layout.system.matrix.mult(x, self._f)
         self._f.axpy(gamma, self._c)
@@ -248,7 +248,7 @@ class Krylov:
         return bool(np.isfinite(out.norm()))
 
     def _test(self, ksp: PETSc.KSP, _iteration: int, norm: float) -> int:
-        """End a solve whose solution suffices, called by PETSc. Collective."""
+        """Convergence test called by PETSc. Collective."""
         if self._asked is None:
             return 0
         model, size, start = self._asked

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Vectors y = (x, gamma): x is distributed as in the system, gamma is the last entry.
+"""Vectors y = (x, gamma): x distributed as in the system, gamma as the last entry.
 
 Temporary vectors are freed by reference counting. On several ranks PETSc delays this until
 `PETSc.garbage_cleanup`, which `Corrector` calls.
@@ -20,15 +20,15 @@ __all__ = ["Layout"]
 
 
 class Layout:
-    """Creates vectors y and splits them. Methods are collective.
+    """Parallel layout of vectors y = (x, gamma). Methods are collective.
 
     Args:
-        system: system that x belongs to.
+        system: system with the unknowns x.
 
     Attributes:
         local: number of entries of x on this rank.
         size: number of entries of x on all ranks.
-        last: whether gamma is stored on this rank, which is the last one.
+        last: whether this rank is the last one, which stores gamma.
     """
 
     def __init__(self, system: System):
@@ -75,7 +75,7 @@ class Layout:
         return self.system.events(*self.split(y), piece)
 
     def piece_at(self, y: PETSc.Vec) -> Piece:
-        """Return the piece that ``y`` determines."""
+        """Return the piece determined by ``y``."""
         return self.system.piece_at(*self.split(y))
 
     def last_unit(self, gamma: float = 1.0) -> PETSc.Vec:

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Location of events, folds and bifurcations between two points of a branch.
 
-A scalar changing sign between the two points is located along the branch to round-off by secant
-steps with the Illinois rule: the value at an end that stays twice in a row counts half, so that the
-bracket shrinks from both sides. Each trial point is corrected from the chord of the bracket, whose
-distance from the branch decreases with the square of the bracket; so the corrector does not end on
-another branch that crosses nearby.
+A change of sign of a scalar function is located along the branch to round-off by secant steps with
+the Illinois rule: the value at an end that stays twice in a row counts half, so that the bracket
+shrinks from both sides. Each trial point is corrected from a point on the chord of the bracket. Its
+distance from the branch decreases with the square of the length of the bracket, so that the
+corrector does not converge to another branch that crosses nearby.
 """
 
 from __future__ import annotations
@@ -34,14 +34,14 @@ AT_BORDER = 1e-9  # distance of a located event, relative to the largest distanc
 
 @dataclass
 class _End(Generic[V]):
-    """An end of a bracket.
+    """End of a bracket.
 
     Attributes:
         s: distance from the start of the step along its tangent.
         y: state.
         value: function or events there.
         weight: factor of the value in the next secant step.
-        stayed: True if it stayed in the last step.
+        stayed: True if this end did not move in the last step.
     """
 
     s: float
@@ -52,7 +52,7 @@ class _End(Generic[V]):
 
 
 def _shrunk(low: _End[V], high: _End[V], new: _End[V], *, beyond: bool) -> tuple[_End[V], _End[V]]:
-    """Return the bracket after a trial lying before or ``beyond`` the zero."""
+    """Return the bracket after a trial point ``new`` before or ``beyond`` the zero."""
     staying = low if beyond else high
     staying.weight /= 2 if staying.stayed else 1
     staying.stayed = True
@@ -79,13 +79,16 @@ class Locator:
 
     @property
     def system(self) -> System:
-        """The system H."""
+        """System H."""
         return self.bordered.system
 
     # -- events ----------------------------------------------------------------------------------
 
     def unit(self, y: PETSc.Vec, piece: Piece) -> float:
-        """Return the largest distance so far, since all distances vanish at a degenerate point."""
+        """Return the largest event distance so far, the unit of distances.
+
+        The distances at the present point are not sufficient: all of them may vanish.
+        """
         return self._unit(self.bordered.events(y, piece))
 
     def _unit(self, events: Events) -> float:
@@ -99,10 +102,10 @@ class Locator:
         return self.bordered.least(events.distance) < -AT_BORDER * self._unit(events)
 
     def first_event(self, point: BranchPoint, y_high: PETSc.Vec) -> Place | None:
-        """Return the place of the first event between two points of a piece.
+        """Locate the first event between two points of a piece.
 
-        The next trial is the first zero if all distances were linear in the bracket. An event that
-        exists at the far end only is searched by bisection.
+        The next trial point is the first zero of the linear interpolation of all distances. An
+        event that exists only at the far end is located by bisection.
         """
         b = self.bordered
         piece = point.piece
@@ -145,7 +148,7 @@ class Locator:
         *,
         piece: Piece | None,
     ) -> Place | None:
-        """Return the place of a zero of a function between two points.
+        """Locate a zero of a function between two points.
 
         Args:
             point: point where the bracket begins.
@@ -201,7 +204,7 @@ class Locator:
             piece: piece of the branch; None for H itself.
             reach: largest distance of the result from the tangent.
             polish: whether to add a correction after the tolerance has been reached.
-            keep: whether to begin with the matrix of the previous correction, which must have had
+            keep: whether to start with the matrix of the previous correction, which must have used
                 the same tangent and piece.
         """
         t = point.tangent
@@ -214,7 +217,7 @@ class Locator:
     # -- folds and smooth bifurcations -------------------------------------------------------------
 
     def turned(self, t: PETSc.Vec, new: PETSc.Vec) -> bool:
-        """Return True if gamma turns back between two tangents."""
+        """Return True if gamma changes in opposite directions along two tangents."""
         rates = self.bordered.gamma(t), self.bordered.gamma(new)
         least = 1e-9 * self.bordered.gamma_scale
         return rates[0] * rates[1] < 0 and min(map(abs, rates)) > least
@@ -261,7 +264,7 @@ class Locator:
         return turned and not any(s.kind == "fold" for s in special)
 
     def _secant(self, start: PETSc.Vec, end: PETSc.Vec, t: PETSc.Vec) -> PETSc.Vec:
-        """Return the unit vector from one state to another; ``t`` where they coincide."""
+        """Return the unit vector from one state to another; ``t`` if they coincide."""
         secant = end - start
         size = self.bordered.length(secant)
         if size < self.control.minimum:
@@ -270,9 +273,9 @@ class Locator:
         return secant
 
     def rescaled(self, point: BranchPoint) -> BranchPoint:
-        """Return the point with a unit tangent, after setting the scale of x if it is not set.
+        """Return the point with a unit tangent, after setting the scale of x if necessary.
 
-        The first tangent moving x sets the scale.
+        The scale of x is set from the first tangent that moves x.
         """
         b = self.bordered
         b.set_scale(point.tangent, point.y)

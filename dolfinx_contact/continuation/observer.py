@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Observers of branches, histories, motions and paths, and conditions to stop."""
+"""Observers of branches, histories, motions and paths, and stopping conditions."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ __all__ = [
 
 @dataclass(frozen=True)
 class Task:
-    """Task of following a branch.
+    """Task of tracing one branch.
 
     Attributes:
         gamma_range: range of gamma; the branch ends where gamma reaches one of its ends.
@@ -52,13 +52,13 @@ class Task:
 
 @dataclass(frozen=True)
 class BranchStep:
-    """A step to an accepted point of a branch, or its start.
+    """Accepted step of a branch, or its start.
 
     Attributes:
         branch: number of the branch.
         index: number of the point on the branch, from 0.
-        point: point of the branch; its start and its end have steps, too.
-        special: special points between the last point and this one.
+        point: point of the branch; the start and the end are also passed as steps.
+        special: special points between the previous point and this one.
     """
 
     branch: int
@@ -69,7 +69,7 @@ class BranchStep:
 
 @dataclass(frozen=True)
 class Stepping:
-    """State of a follower at a point. A branch that is resumed with it continues unchanged.
+    """State of the tracing at a point, from which a branch can be resumed without changes.
 
     Attributes:
         index: number of the point on its branch.
@@ -77,8 +77,8 @@ class Stepping:
         x_scale: square of the unit length of x; 0 if no tangent has moved x yet.
         largest_distance: largest distance of all events so far.
         scales: scales of residuals on the branch so far; () for pivoting.
-        ending: ending of the branch at the point; None if it continues, or ends without another
-            point.
+        ending: ending of the branch at this point; None if the branch continues, or ends after it
+            without another point.
         reason: description of the ending.
     """
 
@@ -92,7 +92,7 @@ class Stepping:
 
 
 class Observer:
-    """Base class of observers. Every call is collective; by default nothing happens.
+    """Base class of observers. Calls are collective; the default methods do nothing.
 
     Types of the arguments of the methods:
 
@@ -104,14 +104,14 @@ class Observer:
     ArcLength          PathTask     PathStep          RunState
     ================== ============ ================= ===============
 
-    During a call the problem is in the state of the point or step (at the beginning of a branch or
-    run its start, at the end its last state): displacement, multipliers, statuses, the load
-    parameter and driven data, or the data of the time. So ``problem.table``,
-    ``problem.support_forces`` and assembled forms refer to that state. This costs no assembly.
+    During a call the problem is in the state of the point or step (in ``begin`` the start, in
+    ``end`` the last state): displacement, multipliers, statuses, load parameter and driven data, or
+    the data at this time. ``problem.table``, ``problem.support_forces`` and assembled forms refer
+    to this state.
 
-    Observers must be read-only. The accepted state is put into the problem again before the record
-    is written and before the next step, so that values written to the Functions are lost. Changed
-    data, such as a friction coefficient, are not monitored: they enter all later steps.
+    Observers must be read-only. The accepted state is restored before the record is written and
+    before the next step, so that values written to the Functions are lost. Changes of data, such as
+    a friction coefficient, are not detected: they affect all later steps.
 
     An exception of an observer on any rank ends the run on every rank.
     """
@@ -129,11 +129,11 @@ class Observer:
 
         Args:
             step: accepted step.
-            state: state of the process, with which it can be resumed.
+            state: state of the process, from which it can be resumed.
         """
 
     def end(self, ended: Ends) -> None:
-        """Called when the process has ended; ``ended`` has the ending and the reason."""
+        """Called when the process has ended; ``ended`` contains the ending and the reason."""
 
     def explored(self, diagram: Diagram) -> None:
         """Called after each branch of `explore`, and at its end, with the results so far."""
@@ -155,10 +155,10 @@ def is_observer(given: Any) -> bool:
 
 
 def as_observer(given: Any) -> Observer:
-    """Return an observer unchanged, and wrap a function of a step.
+    """Return an observer unchanged; wrap a function of a step in an observer.
 
     Raises:
-        ValueError: if the argument is neither.
+        ValueError: if the argument is neither an observer nor a function.
     """
     if is_observer(given):
         observer: Observer = given
@@ -174,7 +174,7 @@ def as_observer(given: Any) -> Observer:
 
 
 class _FunctionObserver(Observer):
-    """Calls a function with every step."""
+    """Observer that calls a function with every step."""
 
     def __init__(self, function: Callable[[Any], object]):
         self._function = function
@@ -184,7 +184,7 @@ class _FunctionObserver(Observer):
 
 
 class _Forwarding(Observer):
-    """Base class of observers passing every call on."""
+    """Base class of observers that forward every call."""
 
     def _forward(self, method: str, *what: Any) -> None:
         raise NotImplementedError
@@ -203,7 +203,7 @@ class _Forwarding(Observer):
 
 
 class Observers(_Forwarding):
-    """Several observers, called in this order."""
+    """Several observers, called in the given order."""
 
     def __init__(self, *observers: ObserverLike[Any]):
         self._observers = [as_observer(o) for o in observers]
@@ -214,10 +214,10 @@ class Observers(_Forwarding):
 
 
 class CollectiveObserver(_Forwarding):
-    """Call an observer with the accepted state in the problem, and raise its errors on all ranks.
+    """Wrapper of an observer that raises its errors on all ranks.
 
-    The state is put into the problem before every call, so that an observer writing to the
-    Functions cannot disturb another one.
+    The accepted state is put into the problem before every call, so that an observer that writes to
+    the Functions cannot disturb other observers.
 
     Args:
         comm: communicator.

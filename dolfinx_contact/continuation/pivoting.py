@@ -3,7 +3,7 @@
 
 On a piece the state is affine in gamma. The smallest ratio determines the first point that changes
 its status. A change of status costs the inverse of a dense matrix of the size of the condensed
-problem. Pivoting needs neither a predictor nor Newton's method nor a step length. If several points
+problem. Pivoting requires no predictor, no Newton iteration and no step length. If several points
 change simultaneously, the branch continues along a ray of the tangent cone (`rays.py`).
 """
 
@@ -51,7 +51,7 @@ _CONSTANT = 1e-9  # rate of gamma along a unit tangent, relative to its scale, t
 
 
 class Pivoting(Walker):
-    """Traces branches of a system with affine pieces; the counterpart of `Follower`.
+    """Tracing of the branches of a system with affine pieces; the counterpart of `Follower`.
 
     Args:
         system: system H.
@@ -112,7 +112,7 @@ class Pivoting(Walker):
     def _cone_at(self, w: Array, ray: AffineRay) -> AffineSystem | None:
         """Return the tangent cone at a state; None unless pieces meet there.
 
-        In a state without load all numbers vanish; then the change along the ray is their scale.
+        In a state without load all variables vanish; then their change along the ray is the scale.
         """
         change = self.bordered.gamma_scale * largest(ray.direction)
         tolerance = TOLERANCE * max(self.largest_distance, change)
@@ -198,8 +198,8 @@ class Pivoting(Walker):
     ) -> tuple[BranchPoint, SpecialPoint, AffineRay | None]:
         """Cross the vertex (w, gamma); return its point, its special point, and the next ray.
 
-        The branch continues along the straightest of the rays along which gamma keeps its sense,
-        or, if there are none, along the straightest ray.
+        The branch continues along the straightest ray that keeps the direction of gamma; if none
+        exists, along the straightest ray.
         """
         before = self._piece(ray.codes) if ray.rate != 0 else None
         search = self._rays_onwards(w, gamma, ray, before)
@@ -232,10 +232,11 @@ class Pivoting(Walker):
     def _rays_onwards(
         self, w: Array, gamma: float, ray: AffineRay, before: AffinePiece | None
     ) -> Rays:
-        """Return the rays leading out of a vertex, without the one that leads back.
+        """Return the outgoing rays of a vertex, without the reverse of the incoming ray.
 
-        If one point changes its status and the parity is positive, no other branch meets there, and
-        the only ray is on the piece beyond. Otherwise the rays of the tangent cone are computed.
+        If a single point changes its status and the parity is positive, no other branch meets
+        there, and the only ray lies on the piece beyond. Otherwise the rays of the tangent cone are
+        computed.
         """
         affine = self.condensed.system
         tolerance = TOLERANCE * self.largest_distance
@@ -269,7 +270,7 @@ class Pivoting(Walker):
         return int(before.sign * ray.rate * after.sign * rate)
 
     def _piece(self, codes: Codes) -> AffinePiece | None:
-        """Return the piece with these statuses; None if it is singular.
+        """Return the piece with the given statuses; None if it is singular.
 
         The last two pieces are cached with their inverses.
         """
@@ -289,7 +290,7 @@ class Pivoting(Walker):
     # -- numbers and points ----------------------------------------------------------------------
 
     def _point(self, w: Array, gamma: float, ray: AffineRay, length: float) -> BranchPoint:
-        """Return the point of a branch with the numbers ``w``, left along a ray."""
+        """Return the branch point with the state ``w`` from which a ray starts."""
         b = self.bordered
         self.largest_distance = max(self.largest_distance, largest(w))
         y = self._joined(w, gamma)
@@ -307,13 +308,13 @@ class Pivoting(Walker):
         return Ray(point.piece, point.tangent)
 
     def _joined(self, w: Array, gamma: float) -> PETSc.Vec:
-        """Return the vector y with the numbers ``w``."""
+        """Return the vector y for the state ``w`` of the points."""
         x = self.system.create_vector()
         self.condensed.expand(w, gamma, x)
         return self.bordered.joined(x, gamma)
 
     def state(self, point: BranchPoint) -> tuple[Array, AffineRay]:
-        """Return the numbers of a point of a branch, and the ray along which it continues."""
+        """Return the state w at a branch point, and the ray along which the branch continues."""
         b = self.bordered
         codes: Codes = self.condensed.codes(point.piece)
         w = self.condensed.contract(b.split(point.y)[0])

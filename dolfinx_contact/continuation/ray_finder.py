@@ -5,14 +5,16 @@ A piece has an outgoing ray if its tangent, in one of its two senses, stays insi
 methods find rays:
 
 - *by the tangent cone*, where the system can be condensed onto few points (`rays.py`): all rays;
-- *by enumeration*: each kinked point, a point at a border, takes each of its statuses. All rays if
-  H has a derivative on every piece, but the number of pieces must be small;
+- *by enumeration*: every combination of statuses of the kinked points (points at a border) is
+  tried. All rays are found if H has a derivative on every piece; the number of pieces must be
+  small;
 - *led by H*: H = 0 is solved near the point at a slightly larger or smaller gamma, with recomputed
-  statuses. One ray, for any number of pieces.
+  statuses. One ray is found, for any number of pieces.
 
-The caller of `RayFinder` defines when a ray stays inside its piece. Along a branch the distances to
-the borders must grow (`KinkRays`, which combines the methods for the start of a branch and for a
-kink). In the rate problem of an evolution they must not decrease (`evolution.rate_problem`).
+The caller of `RayFinder` defines the criterion for a ray to stay inside its piece. Along a branch
+the distances to the borders must grow (`KinkRays`, which combines the methods for the start of a
+branch and for a kink). In the rate problem of an evolution the distances must not decrease
+(`evolution.rate_problem`).
 """
 
 from __future__ import annotations
@@ -58,7 +60,7 @@ _ALONG = 0.9  # smallest cosine between a ray and the chord to the solution of H
 
 @dataclass(frozen=True)
 class Kink:
-    """A kinked point, which is at a border of its piece.
+    """Kinked point: a contact point at a border of its piece.
 
     Attributes:
         rank: rank owning the point.
@@ -77,7 +79,7 @@ class Kink:
 
 @dataclass(frozen=True)
 class Crossing(FoundRays[Ray]):
-    """The rays by which a branch can leave a kink; it continues along the first.
+    """Rays by which a branch can leave a kink; it continues along the first ray.
 
     Attributes:
         kinks: number of kinked points.
@@ -97,7 +99,7 @@ class RayFinder:
     Args:
         corrector: corrector on the bordered system.
         y: point (x, gamma).
-        inside: criterion for a ray that stays inside its piece.
+        inside: function that returns whether a ray stays inside its piece.
     """
 
     def __init__(
@@ -149,12 +151,12 @@ class RayFinder:
         most: int = _MOST_PIECES,
         tried: tuple[int, ...] | None = None,
     ) -> FoundRays[Ray]:
-        """Return the rays of all pieces that meet; none if there are too many pieces.
+        """Return the rays of all pieces that meet at the point; none if they are too many.
 
         Args:
             piece: piece that defines the statuses of all other points.
             kinks: kinked points.
-            towards: sense in which a tangent is tried first.
+            towards: direction in which tangents are tried first.
             most: largest number of pieces.
             tried: statuses of the kinked points to skip; default: none.
         """
@@ -172,7 +174,7 @@ class RayFinder:
     def of_statuses(
         self, piece: Piece, kinks: Sequence[Kink], codes: Sequence[int], towards: PETSc.Vec
     ) -> list[Ray]:
-        """Return the rays, at most two, of the piece in which the kinks have these statuses."""
+        """Return the rays, at most two, of the piece with statuses ``codes`` at the kinks."""
         rank = self._bordered.comm.rank
         own = [c for k, c in zip(kinks, codes, strict=True) if k.rank == rank]
         new = piece.with_codes(self._own_points(kinks), own)
@@ -218,10 +220,9 @@ class RayFinder:
     def rough_statuses(self, piece: Piece, kinks: Sequence[Kink]) -> set[int]:
         """Return the statuses for which H has no derivative at the point.
 
-        Enumeration may miss rays with such statuses.
-
-        In 3D the slip direction of a point without slip and shear is undefined. There the change
-        of H by the sum of two small changes of x differs from the sum of the two changes of H.
+        Enumeration may miss rays with these statuses. In 3D, for example, the slip direction of a
+        point without slip and shear is undefined. The test compares the change of H due to the sum
+        of two small changes of x with the sum of the two changes of H.
         """
         b = self._bordered
         points = self._own_points(kinks)
@@ -249,19 +250,19 @@ class RayFinder:
         return b.length(a.tangent - other.tangent) <= _SAME * b.length(a.tangent)
 
     def distinct(self, rays: Sequence[Ray]) -> list[Ray]:
-        """Return the rays without repetitions."""
+        """Return the rays without duplicates."""
         return distinct(rays, self.same)
 
 
 class KinkRays(RayFinder):
-    """Search for the rays of a branch at a kink, along which distances to the borders grow.
+    """Search for outgoing rays of a kink, along which the distances to borders grow.
 
     Args:
         corrector: corrector on the bordered system.
         y: point (x, gamma).
         piece: piece of the branch there.
         tolerance: distance that counts as zero.
-        idle: True to accept rays along which all kinked points stay at their borders.
+        idle: whether to accept rays along which all kinked points stay at their borders.
 
     Attributes:
         kinks: kinked points of all ranks.
@@ -326,11 +327,11 @@ class KinkRays(RayFinder):
         return replace(found, rays=tuple(self.distinct(found.rays)))
 
     def cross(self, t: PETSc.Vec) -> Crossing:
-        """Find the rays by which a branch leaves a kink, without the one that leads back.
+        """Find the outgoing rays of a kink, without the reverse of the incoming ray.
 
-        For one kinked point the status beyond the border is tried first; the others follow if that
-        fails, or if the parity shows that other branches meet. For several points the rays of the
-        tangent cone are computed, or all statuses are tried.
+        For one kinked point the status beyond the border is tried first. Other statuses are tried
+        if this fails, or if the parity shows that other branches meet there. For several points the
+        rays of the tangent cone are computed, or all statuses are tried.
 
         Args:
             t: unit tangent of the incoming branch.
@@ -385,7 +386,7 @@ class KinkRays(RayFinder):
         return bool(b.inner(ray.tangent, away) > _ALONG * b.length(away))
 
     def _stays_inside(self, ray: Ray) -> bool:
-        """Return True if the vanishing events of the kinked points grow along a ray."""
+        """Return True if the distances of the kinked points grow along a ray."""
         b = self._bordered
         events, slope = _slopes(b, self._y, ray.piece, ray.tangent)
         chosen = np.isin(events.point, self._own_points(self.kinks))
@@ -401,9 +402,9 @@ class KinkRays(RayFinder):
 
 
 def reach_of_events(b: Bordered, y: PETSc.Vec, piece: Piece, t: PETSc.Vec) -> float:
-    """Return the larger of the largest distance and its largest rate along ``t``. Collective.
+    """Return the unit of event distances: the largest distance or rate along ``t``. Collective.
 
-    It is the unit of distances. At a start without load all distances vanish, but not the rates.
+    At a start without load all distances vanish, but the rates do not.
     """
     events, slope = _slopes(b, y, piece, t)
     return max(b.largest(events.distance), b.largest(slope))
@@ -422,7 +423,7 @@ def parity(corrector: Corrector, y: PETSc.Vec, piece: Piece, t: PETSc.Vec, ray: 
 def _slopes(
     b: Bordered, y: PETSc.Vec, piece: Piece, t: PETSc.Vec
 ) -> tuple[Events, npt.NDArray[np.float64]]:
-    """Return the events of a piece at ``y``, and the rates of the distances along ``t``."""
+    """Return the events of a piece at ``y``, and the rates of their distances along ``t``."""
     events = b.events(y, piece)
     beyond = matched_distances(events, b.events(b.moved(y, _PROBE, t), piece))
     return events, np.asarray((beyond - events.distance) / _PROBE, dtype=np.float64)

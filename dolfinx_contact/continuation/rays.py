@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Rays of the tangent cone at a point where pieces of an affine system meet.
 
-The directions (dw, dgamma) that lead out of the point solve M dw = dgamma q with dw in cones. The
-solutions are rays. Two methods find them:
+The outgoing directions (dw, dgamma), called rays, solve M dw = dgamma q with dw in the cones. Two
+methods compute them:
 
 - *Enumeration* of the pieces, up to `MOST_PIECES`. The set is complete and includes rays with
   dgamma = 0, along which gamma is constant.
-- *Unfolding* otherwise. With a load e added, M w = gamma q + e, the point splits into branches
-  without degenerate points; each comes in along one ray and goes out along another. They are
-  traced by pivoting from the rays found so far and from a random state, which defines e. Another
-  random load connects the rays in other pairs. Unfolding proves nothing about completeness; the
-  system may have a proof of its own (`System.prove_rays`).
+- *Unfolding* otherwise. An additional load e, M w = gamma q + e, splits the point into branches
+  without degenerate points; each branch arrives along one ray and leaves along another. The
+  branches are traced by pivoting, from the known rays and from a random state, which defines e.
+  Other random loads connect the rays in different pairs. Unfolding does not prove completeness; the
+  system may provide a proof (`System.prove_rays`).
 """
 
 from __future__ import annotations
@@ -58,12 +58,12 @@ _SINGULAR = 1e-14  # singular values that are round-off, relative to the largest
 
 @dataclass(frozen=True, eq=False)
 class AffineRay:
-    """An outgoing ray.
+    """Outgoing ray of an affine system.
 
     Attributes:
         codes: statuses of the points, shape (m,).
-        direction: dw, shape (m, k).
-        rate: dgamma: 1, -1 or 0.
+        direction: direction dw, shape (m, k).
+        rate: rate dgamma: 1, -1 or 0.
     """
 
     codes: Codes
@@ -73,11 +73,11 @@ class AffineRay:
 
 @dataclass(frozen=True)
 class Rays(FoundRays[AffineRay]):
-    """The outgoing rays of a tangent cone.
+    """Outgoing rays of a tangent cone.
 
     Attributes:
-        continua: pieces containing more than single rays, each with the elements of `rays` that
-            lie in it or on its border.
+        continua: pieces that contain continua of rays, each with the elements of `rays` that lie in
+            the piece or on its border.
     """
 
     continua: tuple[tuple[Codes, tuple[AffineRay, ...]], ...] = ()
@@ -96,7 +96,7 @@ def neighbours(
         tolerance: distance that counts as zero.
 
     Returns:
-        Pieces with the sense of gamma in which each leads out of the vertex.
+        Pieces, each with the direction of gamma, 1 or -1, in which it leads out of the vertex.
     """
     pieces = []
     for code in np.flatnonzero(possible):
@@ -121,10 +121,10 @@ def outgoing(
     Args:
         cone: system without load.
         known: rays that are already known; default: none.
-        prove: search for a proof that unfolding has found all rays.
+        prove: function that searches for a proof that unfolding has found all rays.
 
     Raises:
-        ValueError: if a number of the system is not finite.
+        ValueError: if the system contains a number that is not finite.
     """
     cone.require_finite()
     choices = [np.flatnonzero(a) for a in cone.allowed]
@@ -147,7 +147,7 @@ def outgoing(
 
 
 def _with_proof(cone: AffineSystem, unfolded: Rays, proof: RayProof) -> Rays:
-    """Add the rays of a proof; the set is complete if the proof is and all its rays exist."""
+    """Add the rays of a proof; the result is complete if the proof is and all its rays exist."""
     pieces = [(cone.piece(codes), rate) for codes, rate in proof.rays]
     certain = [AffineRay(p.codes, p.at(rate), rate) for p, rate in pieces if p is not None]
     complete = proof.verdict == "complete" and len(certain) == len(pieces)
@@ -172,8 +172,8 @@ def _enumerate(cone: AffineSystem, choices: Choices) -> tuple[list[AffineRay], l
     """Solve all pieces after eliminating the points that keep their status.
 
     Returns:
-        Rays; pieces whose solutions are more than a single ray (their edges are rays of other
-        pieces); and the reason why rays may be missing, "" if none can be.
+        Rays; pieces that contain continua of rays (whose edges are rays of other pieces); and the
+        reason why rays may be missing, "" if the rays are complete.
     """
     m, d, N = cone.points, cone.bases.shape[3], len(cone.rate)
     kinked = np.array([i for i, c in enumerate(choices) if len(c) > 1], dtype=int)
@@ -222,7 +222,7 @@ def _enumerate(cone: AffineSystem, choices: Choices) -> tuple[list[AffineRay], l
 
 
 def _solve_all(A: Array, q: Array) -> tuple[npt.NDArray[np.bool_], Array]:
-    """Return flags of the regular matrices A_i, and A_i^{-1} q, zero for singular matrices."""
+    """Return a mask of the regular matrices A_i, and A_i^{-1} q, zero for singular matrices."""
     sizes = np.abs(A).max(axis=(1, 2), initial=0.0) * A.shape[1]
     inverse = _inverses(A)
     regular = np.abs(inverse).max(axis=(1, 2), initial=0.0) * sizes < 1e10
@@ -241,9 +241,9 @@ def _inverses(A: Array) -> Array:
 
 
 def _kernel(A: Array, q: Array) -> tuple[int, tuple[Array, float] | None]:
-    """Return the dimension of the kernel of [A, -q], and its vector (z, dgamma) if that is 1.
+    """Return the dimension of the kernel of [A, -q], and its vector (z, dgamma) if it is 1.
 
-    The dimension is -1 if round-off makes it impossible to decide whether A is regular.
+    The dimension is -1 if round-off prevents the decision whether A is regular.
     """
     values = np.linalg.svd(A, compute_uv=False)
     if _SINGULAR * values[0] < values[-1] <= TOLERANCE * values[0]:
@@ -268,9 +268,9 @@ def _senses(
     Args:
         cone: tangent cone.
         codes: statuses of the points.
-        kinked: points with several statuses.
-        smooth: eliminated points with one status.
-        fixed: columns of the eliminated points.
+        kinked: indices of the points with several statuses.
+        smooth: indices of the eliminated points, which have one status.
+        fixed: matrix columns of the eliminated points.
         z: coordinates of the kinked points in the bases of their cones.
         rate: dgamma of the kernel vector.
     """
@@ -345,7 +345,7 @@ def _random_state(
 
 
 def _by_newton(cone: AffineSystem, choices: Choices) -> Iterator[AffineRay]:
-    """Yield the rays at dgamma = 1 and -1 computed by Newton's method from uniform statuses."""
+    """Yield rays with dgamma = 1 and -1, computed by Newton's method from uniform statuses."""
     for gamma, code in itertools.product((1.0, -1.0), range(cone.bases.shape[1])):
         start = np.array([code if code in c else c[0] for c in choices], dtype=np.int8)
         codes = cone.solve(gamma, start)
@@ -355,7 +355,7 @@ def _by_newton(cone: AffineSystem, choices: Choices) -> Iterator[AffineRay]:
 
 
 def _other_end(unfolded: AffineSystem, ray: AffineRay) -> AffineRay | None:
-    """Return the outgoing ray of the branch that comes in along ``ray``; None if not found."""
+    """Return the outgoing ray of the unfolded branch that arrives along ``ray``, or None."""
     if ray.rate == 0:
         return None
     codes = unfolded.solve(1e6 * ray.rate, ray.codes)  # moves points of the ray off borders
@@ -364,12 +364,12 @@ def _other_end(unfolded: AffineSystem, ray: AffineRay) -> AffineRay | None:
 
 
 def _far_end(piece: AffinePiece, gamma: float, sense: float) -> AffineRay | None:
-    """Return the ray at the far end of a branch starting on a piece; None if not found.
+    """Trace a branch that starts on a piece; return the ray at its far end, or None.
 
     Args:
         piece: piece of the start.
         gamma: parameter at the start.
-        sense: sense in which gamma changes at the start, 1 or -1.
+        sense: direction of gamma at the start, 1 or -1.
     """
     unfolded = piece.system
     for _ in range(50 * unfolded.points):
@@ -402,7 +402,7 @@ def same_direction(a: AffineRay, b: AffineRay) -> bool:
 
 
 def distinct(items: Iterable[Item], same: Callable[[Item, Item], bool]) -> list[Item]:
-    """Return the items without repetitions; the first of equal items is kept."""
+    """Return the items without duplicates; the first of equal items is kept."""
     kept: list[Item] = []
     for item in items:
         if not any(same(item, other) for other in kept):

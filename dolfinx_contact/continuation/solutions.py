@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Search for several solutions at one gamma, on one branch or on several.
+r"""Search for several solutions at one gamma, on the same or on different branches.
 
 1. If the pieces are affine cones, a solution at gamma is a ray of the cones under the total load.
    `rays.py` computes the rays by enumeration, which proves completeness, or by
@@ -11,11 +11,11 @@ r"""Search for several solutions at one gamma, on one branch or on several.
 
        m(x) = prod_k (1 / |x - x_k|^2 + 1),
 
-   which does not vanish at the x_k. The Newton step of m H is the step of H times
-   1 / (1 - grad log m . dx): only its length and sense change. The result depends on the distance
-   at which a solution repels the iteration and on the first step. Therefore several distances are
-   tried, and first steps on pieces on which all points have the same status. The statuses in H are
-   recomputed from x in each iteration; this semismooth method may miss solutions.
+   which does not vanish at the x_k. The Newton step of m H is the Newton step dx of H times 1 / (1
+   - grad log m . dx): only its length and sign change. The result depends on the distance at which
+   a solution repels the iteration and on the first step. Therefore several distances are tried, and
+   first steps on pieces on which all points have the same status. The statuses in H are recomputed
+   from x in each iteration; this semismooth method may miss solutions.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ _ROUND_OFF = 1e-14  # distance of equal solutions, relative to the largest guess
 
 @dataclass(frozen=True)
 class Solution:
-    """One solution.
+    """Solution at one gamma.
 
     Attributes:
         x: unknowns.
@@ -76,12 +76,12 @@ class Solution:
 
 @dataclass(frozen=True)
 class Continuum:
-    """Infinitely many solutions with the same statuses.
+    """Continuum of solutions with the same statuses.
 
     Attributes:
         piece: statuses.
-        ends: solutions that span the others, two for a segment; for an unbounded set the existing
-            ends only.
+        ends: solutions that span the continuum, two for a segment; for an unbounded set only the
+            existing ends.
     """
 
     piece: Piece
@@ -95,11 +95,11 @@ class Solutions:
     Attributes:
         gamma: parameter.
         found: solutions; solutions passed as known come first.
-        complete: True if there are provably no other solutions.
+        complete: True if the solutions are provably complete.
         method: description of the search.
         continua: continua found by enumeration; their ends are in `found` as well.
-        proof: proof provided by the system; None without one. In 3D the forces of its states are
-            scaled; the tables of the solutions contain the unscaled forces.
+        proof: proof provided by the system; None without a proof. In 3D its states contain scaled
+            forces; the tables of the solutions contain the unscaled forces.
     """
 
     gamma: float
@@ -119,10 +119,10 @@ class Solutions:
         return f"{many}{more}; {known}: {self.method}"
 
     def points(self, system: System, found: Sequence[Solution] | None = None) -> list[BranchPoint]:
-        """Return the solutions as points without a tangent, for pictures and tables. Collective.
+        """Return the solutions as branch points without tangents, for plots and tables. Collective.
 
         Args:
-            system: system that the solutions belong to.
+            system: system of the solutions.
             found: selected solutions; default: all.
         """
         layout = Layout(system)
@@ -161,7 +161,7 @@ def find_solutions(
     deflation: bool = False,
     proof_seconds: float = 60.0,
 ) -> Solutions:
-    """Compute several solutions at ``gamma``, all of them where possible. Collective.
+    """Compute several solutions at ``gamma``, and all solutions where possible. Collective.
 
     The data of the system (Functions, statuses and gamma of a contact problem) are restored. If the
     pieces are not affine, the first solution is computed from a guess by the solver of the system
@@ -174,7 +174,7 @@ def find_solutions(
         guesses: initial states, at least one. Newton's method starts from them and from states next
             to the solutions, until a round of starts yields no new solution.
         gamma: parameter.
-        known: solutions computed before, from which the deflated search is repelled; default: none.
+        known: known solutions, which repel the deflated search; default: none.
         lengths: distances at which a solution repels the iteration, relative to its distance from
             the guess.
         max_iterations: largest number of iterations of a run of Newton's method.
@@ -215,7 +215,7 @@ def find_solutions(
 
 
 def _validated(system: System, solutions: Solutions) -> Solutions:
-    """Return the solutions, without their proof if the model is not valid for one. Collective."""
+    """Remove the proof from solutions if the model is not valid for one of them. Collective."""
     if not solutions.complete and solutions.proof is None:
         return solutions
     with system.restored(always=True):
@@ -228,7 +228,7 @@ def _validated(system: System, solutions: Solutions) -> Solutions:
 
 
 def _of_proof(system: System, x: PETSc.Vec, gamma: float, seconds: float) -> Solutions | None:
-    """Return the solutions of a proof of the system; None without a proof. Collective."""
+    """Return solutions with a proof provided by the system; None without a proof. Collective."""
     condensed = system.condensed(x, gamma, conic=False) if seconds > 0 else None
     if condensed is None:
         return None
@@ -327,7 +327,7 @@ class _Deflated:
         proved: Solutions | None,
         lengths: Sequence[float],
     ) -> tuple[list[PETSc.Vec], str]:
-        """Return all solutions, known ones first, and a description of the search."""
+        """Return all solutions, starting with the known ones, and a description of the search."""
         self._size = max(guess.norm() for guess in guesses)
         solutions = [x.copy() for x in known]
         for s in () if proved is None else proved.found:
@@ -352,7 +352,7 @@ class _Deflated:
     def _first(
         self, guesses: Sequence[PETSc.Vec], known: Sequence[PETSc.Vec]
     ) -> tuple[PETSc.Vec | None, str]:
-        """Return a new solution by the solver of the system, and the start of the description."""
+        """Return a new solution by the solver of the system, and its description."""
         tried = ""
         for guess in guesses:
             x, how = self.system.solution_from(guess, self.gamma)
@@ -386,7 +386,7 @@ class _Deflated:
     def _solve(
         self, guess: PETSc.Vec, piece: Piece | None, known: Sequence[PETSc.Vec], length: float
     ) -> PETSc.Vec | None:
-        """Return a solution that is not among ``known``; None if the iteration fails.
+        """Run Newton's method; return a solution that is not among ``known``, or None.
 
         Args:
             guess: initial state.

@@ -6,8 +6,8 @@ the equation of the corrector and in the treatment of kinks:
 
 - *Exact* (`ExactSteps`): a step is corrected on one piece. If an event has become negative, the
   first event is located to round-off, and the branch continues on the piece beyond
-  (`KinkRays.cross`). An event that is zero at the start, grows along the tangent and is negative at
-  the end must vanish a second time in between, for example if a point sticks for a moment; then the
+  (`KinkRays.cross`). If the distance of an event is zero at the start, grows along the tangent and
+  is negative at the end, it must vanish in between, for example if a point sticks briefly; then the
   step is shortened.
 - *Batched* (`BatchedSteps`): a step is corrected on H itself and may pass any number of kinks. In
   3D hundreds of points change their status one by one, so locating each is too expensive. The step
@@ -17,8 +17,8 @@ the equation of the corrector and in the treatment of kinks:
   within a step, or two folds, are not detected.
 - *Stepping* (`SteppingSteps`; T. Ligursky and Y. Renard, Comput. Mech. 56, 2015): as batched, but
   if no step of at least h_min succeeds, the tangent of the piece at y + h_1 t is tried in both
-  senses, with h_1 slightly larger than h_min. Kinks are located up to h_min; other rays are not
-  searched.
+  senses, with h_1 slightly larger than h_min. Kinks are located up to h_min; no other rays are
+  searched for.
 
 The corrector may converge to another part of the solution set. Therefore a point is rejected if its
 advance along the tangent differs too much from the step length, if the angle between the chord and
@@ -77,12 +77,12 @@ _LONGER = (2.0, 8.0, 32.0)  # steps along the tangent beyond a kink, relative to
 
 @dataclass(frozen=True)
 class _Trial:
-    """A corrected step.
+    """Trial step after correction.
 
     Attributes:
-        new: its end; None if it failed.
-        changes: changes of status, with the fraction of the step at which each occurs if its event
-            is linear; in order.
+        new: end of the step; None if the step failed.
+        changes: changes of status in order, each with the fraction of the step at which it occurs
+            if the distance is linear.
         monotone: True if gamma does not turn back over the changes and the parity is positive.
         parity: product of the parities of the changes; 0 if unknown.
     """
@@ -134,7 +134,7 @@ class ExactSteps(Locator):
         return self._to_the_border(point, h, new.y) or shorter
 
     def _over_kink(self, point: BranchPoint) -> Advance | None:
-        """Continue beyond a kink if no step succeeds; None if that is impossible."""
+        """Continue beyond a kink if no step succeeds; None if this is impossible."""
         return None
 
     def piece_between(self, a: BranchPoint, c: BranchPoint) -> Piece | None:
@@ -167,7 +167,7 @@ class ExactSteps(Locator):
             corrected: corrected state.
             piece: piece of the corrected state.
             factorise: whether to factorise the matrix of the tangent in any case.
-            precise: False if the tangent only serves as the direction of the next step.
+            precise: False if the tangent is used only as the direction of the next step.
         """
         y, scales = corrected
         corrections = self.corrector.iterations
@@ -183,7 +183,7 @@ class ExactSteps(Locator):
         return BranchPoint(y, tangent, piece, self.bordered.gamma(y), h, corrections, tau)
 
     def point_at(self, point: BranchPoint, s: float, y: PETSc.Vec) -> BranchPoint | None:
-        """Return the located point y at the distance s from a point; None without a tangent."""
+        """Return the branch point at the located state y; None without a tangent."""
         tangent = self.corrector.tangent(y, point.tangent, point.piece)
         if tangent is None:
             return None
@@ -223,14 +223,14 @@ class ExactSteps(Locator):
         return self.rescaled(new), special, self._next_length(h, new)
 
     def _next_length(self, h: float, new: BranchPoint) -> float:
-        """Return the length of the step after an accepted one."""
+        """Return the length of the next step after an accepted step."""
         control = self.control
         return min(h * control.increase if new.corrections <= control.easy else h, control.maximum)
 
     # -- kinks -----------------------------------------------------------------------------------
 
     def _there_and_back(self, point: BranchPoint, y_high: PETSc.Vec) -> bool:
-        """Return True if an event is zero at ``point``, grows, and is negative at ``y_high``."""
+        """Return True if a distance is zero at ``point``, grows, and is negative at ``y_high``."""
         b = self.bordered
         border = AT_BORDER * self.unit(point.y, point.piece)
         probe = b.moved(point.y, _PROBE, point.tangent)
@@ -258,8 +258,8 @@ class ExactSteps(Locator):
         tolerance = AT_BORDER * self.unit(y, point.piece)
         crossing = KinkRays(self.corrector, y, point.piece, tolerance).cross(tangent)
         onwards, *others = crossing.rays or (None,)
-        # A ray on the old piece directly after the start leads nowhere: on a singular piece the
-        # computed direction is not necessarily a tangent.
+        # Reject a ray on the old piece directly after the start: on a singular piece the computed
+        # direction is not necessarily a tangent.
         stays = onwards is not None and b.is_same_piece(onwards.piece, point.piece)
         if onwards is None or (stays and s < self.control.minimum):
             tried = "all pieces were tried" if crossing.complete else "too many pieces to try"
@@ -289,7 +289,7 @@ class ExactSteps(Locator):
         return self.rescaled(new), [*special, vertex], h
 
     def _goes_back(self, ray: Ray, point: BranchPoint) -> bool:
-        """Return True if a ray is the reverse of the one by which the branch came to ``point``."""
+        """Return True if a ray leads back along the incoming branch of ``point``."""
         if self._incoming is None or self._incoming[0] is not point.y:
             return False
         incoming = self._incoming[1]
@@ -305,7 +305,7 @@ class ExactSteps(Locator):
         special: Sequence[SpecialPoint],
         gamma_range: tuple[float, float],
     ) -> tuple[BranchPoint, list[SpecialPoint]]:
-        """Return the point at which gamma leaves its range, and the special points before it.
+        """Compute the point at which gamma leaves its range, and the special points before it.
 
         Args:
             point: last point inside the range.
@@ -351,7 +351,7 @@ class ExactSteps(Locator):
     def _unlocated(
         self, point: BranchPoint, new: BranchPoint, changes: Changes, parity: int = 0
     ) -> list[SpecialPoint]:
-        """Return the events for the changes of a step that are not located."""
+        """Return the events of the changes within a step without locating them."""
         bracket = min(point.gamma, new.gamma), max(point.gamma, new.gamma)
         parity = parity if len(changes) == 1 else 0
         events = []
@@ -365,7 +365,7 @@ class ExactSteps(Locator):
 
 
 class _StepsOnH(ExactSteps):
-    """Steps on H itself, with the statuses that the state determines."""
+    """Steps on H itself, with the statuses determined by the state."""
 
     def __init__(self, corrector: Corrector):
         super().__init__(corrector)
@@ -428,7 +428,7 @@ class _StepsOnH(ExactSteps):
         return self._oriented[1]
 
     def _keep_orientation(self, point: BranchPoint, new: BranchPoint) -> None:
-        """Transfer the orientation to a point beyond which no bifurcation lies."""
+        """Reuse the orientation for the next point, as no bifurcation lies in between."""
         if self._oriented is not None and self._oriented[0] is point.y:
             self._oriented = (new.y, self._oriented[1])
 
@@ -438,8 +438,8 @@ class BatchedSteps(_StepsOnH):
 
     Args:
         corrector: corrector on the bordered system.
-        locate: selection of the changes to locate, in addition to folds and changes of parity;
-            None for no others.
+        locate: function that selects changes of status to be located, in addition to folds and
+            changes of parity; None for no additional ones.
     """
 
     def __init__(self, corrector: Corrector, locate: Locate | None):
@@ -463,7 +463,7 @@ class BatchedSteps(_StepsOnH):
         return crossed
 
     def _shortened(self, point: BranchPoint, trial: _Trial, h: float) -> Advance | float:
-        """End before the first change to be located, or cross few changes exactly."""
+        """End the step before the first change to be located, or cross a few changes exactly."""
         self._refused = max(self._refused, h)
         first = self._first_located(trial) if trial.monotone else 1.0
         before = sum(fraction <= first for fraction, _ in trial.changes)
@@ -480,7 +480,7 @@ class BatchedSteps(_StepsOnH):
 
 
 class SteppingSteps(_StepsOnH):
-    """Steps that shrink before a kink that turns the branch, and cross it by trial.
+    """Steps that shrink before a kink and cross it by trial tangents.
 
     Args:
         corrector: corrector on the bordered system.
@@ -507,7 +507,7 @@ class SteppingSteps(_StepsOnH):
         return None
 
     def _along(self, point: BranchPoint, t: PETSc.Vec, h: float) -> BranchPoint | None:
-        """Return the point at the distance ``h`` along ``t``; None on failure or if behind."""
+        """Return the point at the distance ``h`` along ``t``; None if there is no point ahead."""
         b = self.bordered
         start = replace(point, tangent=t)
         corrected = self.corrected_step(start, h, None)

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Interface of the systems whose branches are traced: H(x, gamma) = 0 with H piecewise smooth.
+"""Interface of piecewise smooth systems H(x, gamma) = 0 for continuation.
 
-A piece is H with fixed statuses of all points; it is smooth beyond its borders, too. Statuses are
+A piece is H with fixed statuses of all points; it is also smooth beyond its borders. Statuses are
 small integers, one for each point of this rank. The events of a piece are the distances to its
-borders: positive inside, zero where a point is about to change its status.
+borders, positive inside, zero where a point is about to change its status.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ ResidualScales: TypeAlias = tuple[float, ...]
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """One smooth piece of H.
+    """Smooth piece of H.
 
     Attributes:
         codes: statuses of the points of this rank, shape (n,).
@@ -121,12 +121,12 @@ def fractions_to_borders(
 
 
 class System:
-    """H(x, gamma) = 0 in PETSc: the base class of systems. Every method is collective.
+    """Base class of systems H(x, gamma) = 0 in PETSc. Every method is collective.
 
-    ``piece=None`` means H itself, with the statuses that (x, gamma) determines. A system has no
-    state between two calls, except for `matrix`, which `jacobian` assembles.
-    A smooth system defines `comm`, `matrix`, `create_vector`, `residual`, `jacobian`,
-    `parameter_derivative`, `metric` and `probe`.
+    ``piece=None`` means H itself, with the statuses determined by (x, gamma). A system keeps no
+    state between two calls, except `matrix`, which `jacobian` assembles. A smooth system defines
+    `comm`, `matrix`, `create_vector`, `residual`, `jacobian`, `parameter_derivative`, `metric` and
+    `probe`.
     """
 
     comm: MPI.Comm
@@ -155,7 +155,7 @@ class System:
     def measure(
         self, x: PETSc.Vec, gamma: float, b: PETSc.Vec, piece: Piece | None, scales: ResidualScales
     ) -> tuple[float, ResidualScales]:
-        """Write H(x, gamma) into ``b``, and measure it in scales that grow along a branch.
+        """Write H(x, gamma) into ``b``, and measure it relative to scales that grow along a branch.
 
         Args:
             x: state.
@@ -189,13 +189,13 @@ class System:
         raise NotImplementedError
 
     def probe(self, seed: int) -> PETSc.Vec:
-        """Create a vector of pseudo-random entries that do not depend on the number of ranks."""
+        """Create a vector of pseudo-random entries, independent of the number of ranks."""
         raise NotImplementedError
 
     # -- pieces ----------------------------------------------------------------------------------
 
     def piece_at(self, x: PETSc.Vec, gamma: float) -> Piece:
-        """Return the piece that (x, gamma) determines; default: the only one."""
+        """Return the piece determined by (x, gamma); default: the only piece."""
         return Piece(np.zeros(0, dtype=np.int8))
 
     def events(self, x: PETSc.Vec, gamma: float, piece: Piece) -> Events:
@@ -209,8 +209,8 @@ class System:
     def order(self) -> npt.NDArray[np.intp]:
         """Return the position of each local point in a global order, shape (n,).
 
-        The order must not depend on numberings or ranks. A path with memory uses it to choose one
-        of several points.
+        The order must not depend on numberings or ranks. A path with memory uses it to choose
+        between several points.
         """
         raise NotImplementedError
 
@@ -224,10 +224,11 @@ class System:
         correction: PETSc.Vec,
         piece: Piece | None,
     ) -> bool:
-        """Solve a small subset of the rows of H for as many unknowns, with the others fixed.
+        """Solve a few rows of H for as many unknowns while all other unknowns are fixed.
 
-        The corrector calls it between its steps if linear solves are iterative. A contact problem
-        solves the equations of its contact surfaces, with the displacement of the body fixed.
+        The corrector calls this method between its steps if linear solves are iterative. A contact
+        problem solves the equations of its contact surfaces, with the displacement of the body
+        fixed.
 
         Args:
             x: state.
@@ -245,7 +246,7 @@ class System:
         return False
 
     def contact_rows(self, x: PETSc.Vec, gamma: float, piece: Piece | None) -> Array | None:
-        """Return the local rows of H in which its linear model is inexact, if they are cheap.
+        """Return the local values of the nonlinear rows of H, if they are cheap to evaluate.
 
         Default: None on every rank, for no such rows.
         """
@@ -268,7 +269,7 @@ class System:
         return None
 
     def prove(self, condensed: Condensed, gamma: float, seconds: float) -> Proof | None:
-        """Compute all solutions at gamma, with a proof; default: None, no proof is available.
+        """Compute all solutions at gamma with a proof; default: None, no proof is available.
 
         Args:
             condensed: exact condensation onto the points, at any state.
@@ -278,13 +279,13 @@ class System:
         return None
 
     def obstacle_to_proof(self) -> str:
-        """Return the reason why `prove` is not available; default: "", unknown."""
+        """Return the reason why `prove` is not available; default: "" for an unknown reason."""
         return ""
 
     def prove_rays(
         self, condensed: Condensed, cone: AffineSystem, known: Sequence[tuple[Codes, float]]
     ) -> RayProof | None:
-        """Compute all rays of a tangent cone, with a proof; default: None, no proof is available.
+        """Compute all rays of a tangent cone with a proof; default: None, no proof is available.
 
         Args:
             condensed: condensation onto the points at the apex of the cone.
@@ -294,9 +295,9 @@ class System:
         return None
 
     def validity_warning(self, x: PETSc.Vec, gamma: float, piece: Piece) -> str:
-        """Return the reason why H does not describe a solution; default: "", it does.
+        """Return the reason why the model is not valid for a solution; default: "", it is valid.
 
-        Nothing is proved about invalid solutions.
+        No proofs are given for invalid solutions.
 
         Args:
             x: solution.
@@ -328,16 +329,19 @@ class System:
     def undisturbed(self) -> AbstractContextManager[None]:
         """Return a context in which the data do not change, so that values may be cached.
 
-        Every step of a branch runs in it. It raises ``ValueError`` if the mesh has moved.
+        Every step of a branch runs in this context. It raises `ValueError` if the mesh has moved.
         """
         return nullcontext()
 
     def set_parameter(self, gamma: float) -> None:
-        """Set the parameter in H, for evaluations of a system with the same H; default: error."""
+        """Set the parameter in H, for evaluations of another system with the same H.
+
+        The default raises an error.
+        """
         raise NotImplementedError
 
     def check_parameter(self, gammas: Sequence[float]) -> None:
-        """Raise ``ValueError`` if the data are not valid at one of these increasing values."""
+        """Raise `ValueError` if the data are not valid at one of the values ``gammas``."""
 
     def restored(self, *, always: bool = False) -> AbstractContextManager[None]:
         """Return a context restoring the user's data after an error; default: do nothing.
@@ -357,7 +361,8 @@ class Preconditioner(Protocol):
     def apply_exact(self, r: PETSc.Vec, z: PETSc.Vec) -> None:
         """Write the unknowns that P^-1 determines exactly into ``z``, and 0 elsewhere. Collective.
 
-        If r vanishes in the corresponding rows, P^-1 needs no solve for them before its cycle.
+        If r vanishes in the corresponding rows, P^-1 needs no solve for them before its multigrid
+        cycle.
         """
 
     def determinant_sign(self) -> float:
@@ -368,7 +373,7 @@ class Preconditioner(Protocol):
 
 
 class Condensed(Protocol):
-    """The points of a system with all other unknowns eliminated: the same on every rank.
+    """System condensed onto its points by elimination of all other unknowns, equal on every rank.
 
     Every method except `piece` is collective.
     """
@@ -380,7 +385,7 @@ class Condensed(Protocol):
 
     @property
     def guided(self) -> bool:
-        """Whether points have other statuses in H, because their motion is partly prescribed."""
+        """Whether points with partly prescribed motion have different statuses in H."""
 
     def require_finite(self) -> None:
         """Raise ``ValueError`` if a number is not finite."""
@@ -389,7 +394,7 @@ class Condensed(Protocol):
         """Return the statuses of all points, shape (m,)."""
 
     def piece(self, codes: Codes) -> Piece:
-        """Return the piece with these statuses."""
+        """Return the piece with the given statuses."""
 
     def point(self, i: int) -> tuple[int, int]:
         """Return the rank owning point ``i``, and its local number there."""
@@ -399,17 +404,17 @@ class Condensed(Protocol):
         """Whether a theorem guarantees a solution at every gamma. Not collective."""
 
     def contract(self, x: PETSc.Vec) -> Array:
-        """Return the numbers w of all points, shape (m, k)."""
+        """Return the variables w of all points, shape (m, k)."""
 
     def expand(self, w: Array, gamma: float, x: PETSc.Vec) -> None:
-        """Write the state in which the points have the numbers ``w`` into ``x``."""
+        """Write the state in which the points have the variables ``w`` into ``x``."""
 
     def destroy(self) -> None:
         """Free the PETSc objects."""
 
 
 class FoundState(Protocol):
-    """A solution at the points of a `Condensed` system."""
+    """Solution at the points of a `Condensed` system."""
 
     @property
     def codes(self) -> Codes:
@@ -417,7 +422,7 @@ class FoundState(Protocol):
 
     @property
     def state(self) -> Array:
-        """Numbers w of the points, shape (m, k)."""
+        """Variables w of the points, shape (m, k)."""
 
 
 class Proof(Protocol):

@@ -61,7 +61,7 @@ def require_way(bordered: Bordered, start: BranchPoint, gamma_range: tuple[float
 
 
 class Walker(ABC):
-    """Traces branches of one system. All methods are collective.
+    """Base class for tracing branches of one system. All methods are collective.
 
     Attributes:
         system: system H.
@@ -82,9 +82,9 @@ class Walker(ABC):
     ) -> BranchPoint:
         """Return the point of the branch near (x, gamma), with its tangent.
 
-        Where pieces meet, the tangent is the first that exists of
+        Where pieces meet, the tangent is the first existing one of
 
-        1. the tangent t of the piece determined by the state, if it is an outgoing ray;
+        1. the tangent t of the piece determined by the state, if t is an outgoing ray;
         2. the ray closest to t along which gamma changes in the requested direction;
         3. the ray closest to t along which gamma is constant;
         4. t, if rays may be missing. The first step then searches for the continuation.
@@ -116,7 +116,7 @@ class Walker(ABC):
         )
 
     def departures(self, x: PETSc.Vec, gamma: float) -> FoundRays[BranchPoint]:
-        """Return the rays out of the solution near (x, gamma), in both senses of gamma.
+        """Return the outgoing rays of the solution near (x, gamma), in both directions of gamma.
 
         Args:
             x: approximate solution.
@@ -138,9 +138,9 @@ class Walker(ABC):
         return FoundRays(tuple(passing), complete=smooth)
 
     def rays_with_gamma(self, outgoing: FoundRays[BranchPoint], sign: float) -> list[BranchPoint]:
-        """Return the rays along which gamma changes in the sense ``sign``.
+        """Return the rays along which gamma changes with the given sign.
 
-        If there are none, return the rays along which gamma is constant.
+        If no such ray exists, return the rays along which gamma is constant.
         """
         least = _CONSTANT * self.bordered.gamma_scale
         rates = [(p, sign * self.bordered.gamma(p.tangent)) for p in outgoing.rays]
@@ -153,7 +153,7 @@ class Walker(ABC):
 
     @abstractmethod
     def _point_at(self, x: PETSc.Vec, gamma: float, sign: float) -> BranchPoint:
-        """Return the solution near (x, gamma), with its tangent in the sense ``sign`` of gamma."""
+        """Return the solution near (x, gamma), with a tangent whose gamma has the given sign."""
 
     @abstractmethod
     def _leads_out(self, point: BranchPoint) -> bool:
@@ -187,10 +187,10 @@ class Walker(ABC):
 
     @abstractmethod
     def _stepping(self, index: int) -> Stepping:
-        """Return the data with which a branch can be resumed at point number ``index``."""
+        """Return the data from which a branch can be resumed at the point ``index``."""
 
     def _resume(self, stepping: Stepping) -> None:
-        """Restore the data with which a branch is resumed."""
+        """Restore the data from which a branch is resumed."""
         self.next_step = stepping.next_step
         self.bordered.x_scale = stepping.x_scale
 
@@ -226,7 +226,7 @@ class Walker(ABC):
             progress: True to show the progress on the standard error stream of rank 0, None to show
                 it after some seconds; default: False.
             branch_id: number of the branch, for the observer.
-            stepping: data with which a branch is resumed at ``start``; default: a new branch.
+            stepping: data from which a branch is resumed at ``start``; default: a new branch.
             origin: first point of a resumed branch, at which a closed branch ends; default:
                 ``start``.
 
@@ -245,7 +245,7 @@ class Walker(ABC):
         if stepping is not None:
             first = stepping.index
             self._resume(stepping)
-        # before the start is recorded, whose next step depends on the way through kinks
+        # before the start is recorded: its next step depends on the treatment of kinks
         steps = self._walk(branch, origin or start, gamma_range)
 
         def put() -> None:
@@ -276,7 +276,7 @@ class Walker(ABC):
                 reason = reason_to_stop(b.comm, "branch", stop, step)
                 if reason:
                     branch.end(Ending.STOPPED, reason)
-            # the ending is passed with its point, so that no record lacks it
+            # pass the ending together with its point, so that every record contains it
             state = self._stepping(index)
             if branch.ending is not None:
                 state = replace(state, ending=branch.ending, reason=branch.reason)
@@ -345,7 +345,7 @@ def _with_folds(branch: Branch) -> list[BranchPoint]:
 def _add(
     branch: Branch, point: BranchPoint, special: Sequence[SpecialPoint], *, to_node: bool
 ) -> list[SpecialPoint]:
-    """Add a point to a branch, and return the special points before it with their index.
+    """Add a point to a branch; return the special points before it with their index.
 
     Args:
         branch: branch up to the previous point.
