@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Evolutions: contact problems with a memory, step by step in time or by arc length."""
+"""Evolution of contact problems with memory, step by step in time or by arc length."""
 
 from dolfinx_contact.evolution.arc_length import ArcLength
 from dolfinx_contact.evolution.history import (

@@ -1,27 +1,26 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Paths by arc length: a quasi-static evolution under a load that is unknown beforehand.
 
-A state x_n under the load gamma_n leaves the memory m_n (slip, intensity of bonds). The next point
+A state x_n under the load gamma_n has the memory m_n (slip, intensity of bonds). The next point
 lies on the curve
 
     H(x, gamma; m_n) = 0,        <(x - x_n, gamma - gamma_n), t_n> = h,
 
-at arc length h, where t_n is a solution of the rate problem at x_n (`rate_problem`). Once accepted,
-it leaves the memory m_n+1. This is a quasi-static evolution whose load, or imposed displacement,
-rises and falls such that the state changes slowly, for example where a structure snaps back:
-friction opposes the slip as it happens, and damage is irreversible. The constraint was
+at arc length h, where t_n is a solution of the rate problem at x_n (`rate_problem`). After
+acceptance the memory is m_n+1. The path is a quasi-static evolution in which the load, or imposed
+displacement, rises and falls such that the state changes slowly, for example where a structure
+snaps back. Friction opposes the slip increments, and damage is irreversible. The constraint was
 introduced by Riks (Int. J. Solids Struct. 15, 1979); here it is used on the pieces of H.
 
-A step of the path has the parts of every step (`step`),
+A step of the path has three parts (as in `step`):
 
 1. solve H(x_n+1, gamma_n+1; m_n) = 0 at arc length h or at an event before it (`arc_steps`),
 2. account for the energies,
 3. advance the memory, m_n+1 = A(x_n+1; m_n).
 
 Then the rule `ByArcLength` solves the rate problem at x_n+1 with m_n+1 for the piece and the
-tangent t_n+1 of the next step.
-
-The time of a point is the arc length from the start of the path. Laws must not depend on it.
+tangent t_n+1 of the next step. The arc length from the start of the path is stored as time; laws
+must not depend on it.
 """
 
 from __future__ import annotations
@@ -66,7 +65,7 @@ from dolfinx_contact.results.tables import violation
 __all__ = ["ArcLength", "PathDirection", "PathStepper", "PathTask"]
 
 #: Direction in which a run leaves its start: increasing or decreasing load in a first run; onwards
-#: or back in a later one.
+#: or back in a later run.
 PathDirection: TypeAlias = Literal["increasing", "decreasing", "onwards", "back"]
 
 _LONGEST = 0.005  # default step length, relative to the range of gamma and the first tangent
@@ -77,7 +76,7 @@ _PATIENCE = 10  # number of such steps, in addition to two for each contact poin
 
 @dataclass(frozen=True)
 class PathTask:
-    """Task of a run by arc length; see `ArcLength.run` for the attributes."""
+    """Task of a run by arc length, with the arguments of `ArcLength.run` as attributes."""
 
     gamma_range: tuple[float, float]
     direction: PathDirection
@@ -112,8 +111,8 @@ class ArcLength(Runnable[PathTask, PathHistory]):
 
     The first run starts from the state in the Functions of the problem, which must be a solution
     under the present value of the parameter, or from ``start=``. A later run starts where the
-    previous one ended. Another evolution of the same problem needs ``start=``. Functions and
-    parameter follow the accepted points. The state of each point is stored, as
+    previous one ended. Another evolution of the same problem requires ``start=``. The Functions and
+    the parameter follow the accepted points. The state of each point is stored, for example in
     ``history.steps[-1].state``.
 
     Args:
@@ -124,8 +123,8 @@ class ArcLength(Runnable[PathTask, PathHistory]):
         problem: contact problem.
 
     Raises:
-        ValueError: on every rank, if a law depends on the time, on the length of a step or on the
-            distance slipped, or the bulk form has kinks in u.
+        ValueError: on every rank, if a law depends on time, on the length of a step or on the
+            distance slipped, or if the bulk form has kinks in u.
 
     Example:
         ::
@@ -183,8 +182,8 @@ class ArcLength(Runnable[PathTask, PathHistory]):
             gamma_range: range of the load, (lowest, highest).
             start: state at which the path starts, such as ``history.steps[-1].state`` or
                 ``problem.snapshot()``, under its ``gamma`` or the present value of the parameter;
-                default: end of the previous run, in a first run the Functions as they are with
-                virgin memory. Required in the first run if the problem has had another evolution.
+                default: end of the previous run; in a first run the present Functions with virgin
+                    memory. Required in the first run if the problem has had another evolution.
             direction: direction in which the path leaves its start: in the first run
                 ``"increasing"`` (default) or ``"decreasing"`` load; in a later run ``"onwards"``
                 (default) or ``"back"``, in which the state unloads without recovery.
@@ -192,9 +191,9 @@ class ArcLength(Runnable[PathTask, PathHistory]):
                 size 1; default: up to 0.005. Longer steps may miss a fold of many bonds.
             max_steps: largest number of points.
             rays: whether all solutions of the rate problem are computed and counted in
-                `PathStep.directions`: True: at every kink and nonsmooth fold, by all statuses that
-                meet there, up to 256 pieces; False or None (default): only if no direction is found
-                otherwise.
+                `PathStep.directions`. True: at every kink and nonsmooth fold, from all statuses
+                that meet there, up to 256 pieces. False or None (default): only if no direction is
+                found otherwise.
             stop: condition that ends the run, see `QuasiStatic.run`.
             observer: observer of the accepted points, see `QuasiStatic.run`.
             record: record of the accepted points, such as `records.PathRecord`.
@@ -259,13 +258,13 @@ class ArcLength(Runnable[PathTask, PathHistory]):
 
 
 class PathStepper(Stepper):
-    """Takes steps of a path.
+    """Stepper of a path.
 
     Args:
         given: contact problem with its load parameter.
 
     Attributes:
-        system: the same problem with the memory of the last accepted state.
+        system: problem with the memory of the last accepted state.
     """
 
     def __init__(self, given: ParametricContact):
@@ -282,7 +281,7 @@ class PathStepper(Stepper):
         return replace(accepted, statuses=given.statuses)
 
     def use_memory(self, steps: ArcSteps, memory: Sequence[Memory | None]) -> None:
-        """Continue with the memory of an accepted state. Collective."""
+        """Replace the memory by the memory of an accepted state. Collective."""
         self.system = self.system.with_memory(memory)
         steps.bordered.system = self.system
 
@@ -294,7 +293,7 @@ class PathStepper(Stepper):
         h: float,
         gamma_range: tuple[float, float],
     ) -> tuple[AcceptedState, Arrival]:
-        """Step along a path from an accepted state; the Functions receive the end. Collective.
+        """Step along a path and write the end of the step into the Functions. Collective.
 
         Args:
             steps: steps of given arc length, which continue with the memory of the end.
@@ -304,7 +303,7 @@ class PathStepper(Stepper):
             gamma_range: range of gamma.
 
         Raises:
-            Ended: if no step succeeds, or a law gives a number that is not finite.
+            Ended: if no step succeeds, or a law returns a number that is not finite.
         """
         assert isinstance(before.forces, Forces)
         # 1. solve on the piece
@@ -316,7 +315,7 @@ class PathStepper(Stepper):
         if not np.isfinite(energies.residue):
             raise Ended(
                 Ending.NOT_SOLVED,
-                f"beyond gamma = {before.gamma:.10g} a law gives a number that is not finite",
+                f"beyond gamma = {before.gamma:.10g} a law returns a number that is not finite",
             )
         # 3. advance the memory
         memory = equations.memory_after(evaluation)
@@ -335,10 +334,10 @@ class PathStepper(Stepper):
     def _solved(
         self, steps: ArcSteps, leaves: BranchPoint, h: float, gamma_range: tuple[float, float]
     ) -> tuple[Arrival, Result, Evaluation]:
-        """Solve the next point on the piece of a direction; see `take_along`. Collective.
+        """Solve for the next point on the piece of a direction; see `take_along`. Collective.
 
-        If the assumption which bonds break turns out wrong, the contact law is violated, and a
-        shorter step is tried.
+        If the assumption on which bonds break is wrong, the contact law is violated, and a shorter
+        step is tried.
         """
         while True:
             arrival = steps.arrive(leaves, h, gamma_range)
@@ -369,7 +368,7 @@ class PathStepper(Stepper):
 
 
 class ByArcLength(Rule[PathTask]):
-    """Rule of a path: the next point is at a given arc length; its load is unknown beforehand.
+    """Rule of a path: the next point lies at a given arc length; its load is unknown beforehand.
 
     Args:
         stepper: stepper of the path.
@@ -406,7 +405,7 @@ class ByArcLength(Rule[PathTask]):
     # -- the start -------------------------------------------------------------------------------
 
     def begin(self) -> None:
-        """Find the direction in which the path leaves the state in the problem. Collective.
+        """Find the direction in which the path leaves its start. Collective.
 
         Raises:
             ValueError: on every rank, if the start of a path is not a solution, or the load leaves
@@ -437,7 +436,7 @@ class ByArcLength(Rule[PathTask]):
             require_way(steps.bordered, self._leaves, task.gamma_range)
 
     def _start_point(self, sense: float) -> BranchPoint:
-        """Return the point of the start, whose tangent is the rate of the load.
+        """Return the start as a branch point, with the rate of the load as its tangent.
 
         Args:
             sense: 1 for an increasing load, -1 for a decreasing one.
@@ -466,7 +465,7 @@ class ByArcLength(Rule[PathTask]):
         self.end(Ending.BUDGET, f"the budget of {self.task.max_steps} steps is exhausted")
 
     def _step(self) -> PathStep:
-        """Take and accept a step; the Functions receive the point. Collective."""
+        """Take and accept a step, and write the point into the Functions. Collective."""
         assert self._leaves is not None
         before = self.state.accepted
         after, (point, special, next_h, at_end) = self._stepper.take_along(
@@ -507,8 +506,8 @@ class ByArcLength(Rule[PathTask]):
             at_end: whether the end of the range is reached.
 
         Returns:
-            The event at the point; the number of directions out of it, None if it is unknown; and
-            the method by which they were found.
+            Event at the point; number of outgoing directions, None if unknown; and method by which
+            they were found.
         """
         self._leaves = None
         event: PathEvent = ""
@@ -530,7 +529,7 @@ class ByArcLength(Rule[PathTask]):
         return event, number, method
 
     def _leave(self, point: BranchPoint, directions: FoundRays[Ray]) -> None:
-        """Leave a point in the first direction; end the path if there is none. Collective."""
+        """Leave a point in the first direction; end the path without a direction. Collective."""
         self._leaves = None
         if directions.rays:
             self._leaves = self._steps.leave(point, directions.rays[0])
@@ -542,7 +541,7 @@ class ByArcLength(Rule[PathTask]):
         )
 
     def _event(self, point: BranchPoint) -> PathEvent:
-        """Return the event at an accepted point on a border, "" inside its piece. Collective."""
+        """Return the event at an accepted point; "" inside a piece. Collective."""
         leaves = self._leaves
         if leaves is None:
             return "kink"
@@ -565,9 +564,9 @@ class ByArcLength(Rule[PathTask]):
 
 
 def _dependence(s: DiscreteSurface) -> str:
-    """Return the reason why a law has no path by arc length; "" if it has one.
+    """Return the reason why a law does not admit paths by arc length; "" if it does.
 
-    The reason is a predicate, to which the name of the law is the subject.
+    The reason is a predicate that follows the name of the law in a message.
     """
     rates = [name for name in s.law.needs_time if np.any(s.points.data.fields[name] != 0)]
     if rates:

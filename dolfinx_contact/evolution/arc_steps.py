@@ -6,18 +6,18 @@ along the tangent t_n that solve its rate problem (`rate_problem`). It solves
 
     H(x, gamma; m_n) = 0  on the piece,        <y - y_n, t_n> = h,
 
-and ends at the first of: arc length h, border of the piece, turning point of gamma, end of the
-range of gamma; all are located to round-off. The memory m_n of the start is used, so that a bond
-that breaks continues to break and a point that slips continues to slip.
+and ends at the first of the following: arc length h, border of the piece, turning point of gamma,
+end of the range of gamma. All are located to round-off. The memory m_n of the start is used, so
+that a breaking bond continues to break and a slipping point continues to slip.
 
-A step is too long, and shortened, if
+A step is too long and is shortened if
 
-1. the corrector fails or ends elsewhere than the step leads (`ExactSteps.lands`),
+1. the corrector fails or converges to another part of the solution set (`ExactSteps.lands`),
 2. gamma turns twice within the step, or a border is reached and left again,
-3. a point that began at a border has crossed it: a bond would heal, or slip would be reversed.
+3. a point that started at a border has crossed it: a bond would heal, or slip would be reversed.
 
-A bond that stops breaking, or a point that stops slipping, within a step shows up in the rate
-problem at its end; the resulting error is of second order in the step.
+If a bond stops breaking or a point stops slipping within a step, the rate problem at its end
+detects the change; the resulting error is of second order in the step length.
 """
 
 from __future__ import annotations
@@ -38,8 +38,8 @@ from dolfinx_contact.evolution.rate_problem import RateProblem
 __all__ = ["ArcSteps", "Arrival"]
 
 Array = npt.NDArray[np.float64]
-#: End of a step with its piece and tangent, folds and bifurcations within the step, length of the
-#: next step, and whether the end of the range of gamma is reached.
+#: End of a step with its piece and tangent; folds and bifurcations within the step; length of the
+#: next step; whether the end of the range of gamma is reached.
 Arrival: TypeAlias = tuple[BranchPoint, list[SpecialPoint], float, bool]
 
 # Distances to borders, relative to the largest distance of the run:
@@ -54,11 +54,11 @@ _SAMPLES = 17  # points at which the cubic of a step is sampled
 
 
 class ArcSteps(ExactSteps):
-    """Steps with the memory of their start; the caller accepts the memory at their ends."""
+    """Steps with the memory of their start; the caller advances the memory at their end."""
 
     @property
     def known(self) -> dict[str, Any]:
-        """Scales and signs that the steps of the run have determined, by name.
+        """Scales and signs determined by the steps of the run, by name.
 
         ================  =========================================================================
         x_scale           square of the length of x that counts as much as one unit of gamma; 0
@@ -176,8 +176,8 @@ class ArcSteps(ExactSteps):
     def _turns_twice(self, point: BranchPoint, new: BranchPoint) -> bool:
         """Return whether gamma turns twice, or a border is reached and left again. Collective.
 
-        Both are judged by the cubics through values and rates at the two ends of the step. A wrong
-        answer costs a shorter step.
+        Both decisions use the cubics through values and rates at the two ends of the step. A false
+        alarm costs a shorter step.
         """
         b = self.bordered
         ends = (point, new)
@@ -203,7 +203,7 @@ class ArcSteps(ExactSteps):
         return b.anywhere(dips)
 
     def _at_end(self, point: BranchPoint, new: BranchPoint, gamma: float) -> BranchPoint:
-        """Return the point between two points at which gamma is the end of its range."""
+        """Return the point between two points at which gamma reaches the end of its range."""
         end, _ = self.end_at(point, new, (), (gamma, gamma))
         if end is not new:
             x, _ = self.bordered.split(end.y)
@@ -211,7 +211,7 @@ class ArcSteps(ExactSteps):
         return self.point_at(point, self._distance(point, end.y), end.y) or end
 
     def _distance(self, point: BranchPoint, y: PETSc.Vec) -> float:
-        """Distance from a point to y, in the measure of arc length."""
+        """Return the distance from a point to y, in the metric of the arc length."""
         return self.bordered.length(y - point.y)
 
 
@@ -220,7 +220,7 @@ def _cubic(values: npt.ArrayLike, rates: npt.ArrayLike, length: float) -> tuple[
 
     Args:
         values: values at both ends of the step, shape (2,) or (2, n).
-        rates: derivatives by arc length at both ends, of the same shape.
+        rates: derivatives with respect to arc length at both ends, of the same shape.
         length: length of the step.
 
     Returns:
@@ -237,8 +237,9 @@ def _cubic(values: npt.ArrayLike, rates: npt.ArrayLike, length: float) -> tuple[
 def _reached_end(before: float, gamma: float, gamma_range: tuple[float, float]) -> float | None:
     """Return the end of the range of gamma that a step reaches; None if it reaches none.
 
-    A kink at an end, for example where all bonds close without load, may be located on either side
-    of it. Hence an end counts as reached within round-off, unless the step began there.
+    A kink at an end of the range, for example where all bonds close without load, may be located on
+    either side of this end. Hence an end counts as reached within round-off, unless the step
+    started there.
 
     Args:
         before: gamma at the start of the step.

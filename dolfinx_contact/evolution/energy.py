@@ -11,24 +11,24 @@ rigid bodies, contact pressures p and shear tractions t over areas W, gap u_N, j
     stored      energy of the body without the potential of its loads, energy of bonds, and of
                 compliant surfaces sum W (p_n + p_n+1)/2 . (increment of the penetration)
 
-The sum in the external work is that of moving obstacles: the change of the gap at points that
-stay. Obstacles of facets have none, because at a rim the gap of a leaving point decreases by less
-than the point moves.
+The sum in the external work is the work of moving obstacles: the change of the gap at fixed points.
+It is omitted for obstacles of facets, because at a rim the gap of a leaving point decreases by less
+than the displacement of the point.
 
 The residue is external - stored - dissipated - damage, all since the start. In a step it is of
-second order: friction is taken at the end of the step, and contact may open or close within.
-Therefore the residue of a run falls with the first power of its step length where friction changes
-smoothly. A residue that does not fall is a jump of the state, whose energy goes into motion.
+second order, because friction is evaluated at the end of the step, and contact may open or close
+within it. Therefore the residue of a run decreases linearly with the step length if friction
+changes smoothly. A residue that does not decrease indicates a jump of the state, whose energy goes
+into motion.
 
 Loads are defined by the rows of the undeformed body, R(0) = -f. In a body with initial stress, or
-with loads following the body, the remainder counts as stored. If a problem is given by a
+with follower loads, the remainder counts as stored energy. If a problem is given by a
 residual, the stored energy is integrated from the forces by the trapezoidal rule, which is exact
 for a linear body.
 
-**In motion.** Over a step of length h from state 0 to state 1, with the mean velocity
-v = (v_0 + v_1)/2, loads f, mean forces S of supports, mean contact tractions t over areas W,
-tractions t' = t without adhesion, and velocity v_o of the obstacle, stored energy and damage are as
-above, and
+**In motion.** Consider a step of length h from state 0 to state 1, with the mean velocity v = (v_0
++ v_1)/2, loads f, mean forces S of supports, mean contact tractions t over areas W, tractions t' =
+t without adhesion, and velocity v_o of the obstacle. Stored energy and damage are as above, and
 
     kinetic     v_1^T M v_1 / 2 - v_0^T M v_0 / 2
     external    ((f_0 + f_1)/2 + S) . (u_1 - u_0) + h sum W t . v_o
@@ -69,9 +69,9 @@ class Energies:
 
     Attributes:
         external: work of loads, supports, rigid bodies and obstacles.
-        stored: growth of the energy of the body, of bonds and of compliant surfaces.
+        stored: increase of the energy of the body, of bonds and of compliant surfaces.
         dissipated: frictional dissipation.
-        damage: dissipation by breaking bonds.
+        damage: energy dissipated by breaking bonds.
     """
 
     external: float = 0.0
@@ -85,7 +85,7 @@ class Energies:
         return self.external - self.stored - self.dissipated - self.damage
 
     def residue_since(self, before: Energies) -> float:
-        """Return the residue of a step relative to the energies of the step.
+        """Return the residue of the last step relative to the energies of the step.
 
         The scale is the sum of the magnitudes of external work, stored energy, dissipation and
         damage in the step.
@@ -135,7 +135,7 @@ class Energies:
 
 @dataclass(frozen=True)
 class MotionEnergies(Energies):
-    """Energies of a body in motion; all but the kinetic energy are summed since the start.
+    """Energies of a body in motion, accumulated since the start except the kinetic energy.
 
     Attributes:
         kinetic: kinetic energy.
@@ -160,7 +160,7 @@ class MotionEnergies(Energies):
 class SurfaceForces:
     """Values at the contact points of a surface at a state.
 
-    Normals and jumps are in the frame of a rigid body that turns.
+    On a rotating rigid body, normals and jumps refer to its frame.
 
     Attributes:
         force: normal forces, positive in compression, shape (n,).
@@ -169,8 +169,8 @@ class SurfaceForces:
         jump: total jumps, lengths, shape (n, dim).
         springs: normal forces of a compliant surface without adhesion, otherwise 0, shape (n,).
         bonds: energies stored in bonds, shape (n,).
-        spent: energies spent by bonds in the step, shape (n,).
-        at_rest: whether the obstacle has no work of its own: another face, or facets.
+        spent: energies dissipated by bonds in the step, shape (n,).
+        at_rest: whether the obstacle does no work: it is another face, or consists of facets.
         obstacle: gaps between the undeformed body and the obstacle, lengths, shape (n,).
     """
 
@@ -185,14 +185,14 @@ class SurfaceForces:
     obstacle: Array
 
     def stored_since(self, before: SurfaceForces) -> float:
-        """Return the growth of the energy of bonds and of the compliance on this rank."""
+        """Return the increase of the energy of bonds and compliant surfaces on this rank."""
         bonds = float(np.sum(self.bonds - before.bonds))
         return bonds - float(np.dot((before.springs + self.springs) / 2, self.un - before.un))
 
 
 @dataclass(frozen=True, eq=False)
 class Forces:
-    """All forces at a state and the displacements on which they work.
+    """All forces at a state and the displacements along which they do work.
 
     Attributes:
         equations: equations of the contact problem.
@@ -203,8 +203,8 @@ class Forces:
         pushes: contact forces on the rigid bodies, conjugate to q.
         energy: energy of the body without the potential of its loads; None if it is unknown.
         surfaces: values at the contact points, by surface.
-        covered: fraction of the area of a point with an opposing point, by unknown (owned); 1 for
-            other unknowns. None without sliding surfaces.
+        covered: for each owned unknown, the fraction of the area of its point that faces an
+            opposing point; 1 for other unknowns. None without sliding surfaces.
     """
 
     equations: ContactEquations
@@ -220,14 +220,14 @@ class Forces:
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """State of motion with the forces and energies that a step needs.
+    """State of motion, with the forces and energies required by a step.
 
     Attributes:
-        u: displacement, all local values.
-        v: velocity, all local values.
+        u: displacement, owned and ghost values.
+        v: velocity, owned and ghost values.
         rows: internal forces and loads R(u) + C v (owned).
         load: loads -R(0) (owned).
-        inner: energy of the body without the load potential; None for a body given by a residual.
+        inner: energy of the body without the load potential; None if the bulk is a residual form.
         kinetic: kinetic energy.
         surfaces: values at the contact points of each surface.
     """
@@ -245,7 +245,7 @@ class Motion:
 
 
 def forces_at(eq: ContactEquations, state: Evaluation) -> Forces:
-    """Return the forces at a state whose reactions are known. Collective."""
+    """Return the forces at a state with known reactions. Collective."""
     assert state.reactions is not None
     assert state.pushes is not None
     n = eq.owned_sizes[0]
@@ -305,12 +305,12 @@ def _at_surface(s: DiscreteSurface, contact: ContactState) -> SurfaceForces:
 
 
 def _covered(s: DiscreteSurface, contact: ContactState) -> Array:
-    """Return the fraction of the area of each point with an opposing point, shape (n,)."""
+    """Return the fraction of the area of each point that faces an opposing point, shape (n,)."""
     return np.minimum(contact.kinematics.operator.areas / s.points.areas, 1.0)
 
 
 def _rows(eq: ContactEquations, u: Array) -> Array:
-    """Return the owned rows of the body alone. Collective."""
+    """Return the owned rows of the residual of the body without contact. Collective."""
     rows = eq.bulk.affine_residual(u)
     return np.array(eq.bulk.residual_at(u) if rows is None else rows)
 
@@ -322,10 +322,10 @@ def motion_at(eq: ContactEquations, state: Evaluation, u: Array, v: Array) -> Mo
     """Return the state of motion at the start or the end of a step. Collective.
 
     Args:
-        eq: equations with the data of that time.
-        state: evaluation of the contact at that time.
-        u: displacement, all local values.
-        v: velocity, all local values.
+        eq: equations with the data at this time.
+        state: evaluation of the contact at this time.
+        u: displacement, owned and ghost values.
+        v: velocity, owned and ghost values.
     """
     body = eq.bulk
     assert isinstance(body, MovingBody)
@@ -387,7 +387,7 @@ def account(
 def _of_surface(
     eq: ContactEquations, i: int, end: Evaluation, a: Motion, b: Motion, moved: Array, dq: Array
 ) -> MotionEnergies:
-    """Increments of the energies at a surface on this rank.
+    """Return the increments of the energies at a surface on this rank.
 
     Args:
         eq: equations of the step.
@@ -395,7 +395,7 @@ def _of_surface(
         end: solution of the step.
         a: motion before the step.
         b: motion after the step.
-        moved: length of the step times the mean velocity, all local values.
+        moved: length of the step times the mean velocity, owned and ghost values.
         dq: increment of the unknowns of the rigid bodies.
     """
     s = eq.surfaces[i]

@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Histories: accepted steps, their table, and the ending.
+"""Histories: accepted steps, the table of steps, and the ending of a run.
 
-A step leads from the state at its ``start`` to ``state`` at its ``time``. The first row of the
-table is the start of the run, and each step has another row. All rows have the same keys: number
-and times, counts of statuses, contact forces, energies, variables of the laws, and the work of the
-solver.
+A step leads from the state at its ``start`` to ``state`` at its ``time``. The table has a row for
+the start of the run and one for each step. All rows have the same keys: number and times, counts of
+statuses, contact forces, energies, variables of the laws, and the work of the solver.
 """
 
 from __future__ import annotations
@@ -38,7 +37,7 @@ PathEvent: TypeAlias = Literal["", "kink", "smooth fold", "nonsmooth fold"]
 
 @dataclass(frozen=True)
 class EvolutionStep:
-    """An accepted step.
+    """Accepted step of an evolution.
 
     Attributes:
         number: number of the step, from 1, over all runs of the evolution; a run with ``start=``
@@ -49,14 +48,14 @@ class EvolutionStep:
         energies: energies since the start of the evolution.
         rejected: number of steps that were tried from the same state and not accepted.
         jump: whether the state jumps in the step: its end is a solution under the load at ``time``
-            to which no continuous evolution leads.
+            that no continuous evolution reaches.
         directions: number of known solutions of the rate problem at the start; more than one if
-            other evolutions continue from there. None if they were not computed.
-        inserted: whether the run inserted the end of the step between the requested times, because
-            a step was halved or a jump was located.
-        state: state at the end, with time, energies and, in dynamics, velocity. Evaluators accept
-            it, as ``problem.table(surface, state=step.state)``, and another evolution starts from
-            it.
+            several evolutions continue from there. None if they were not computed.
+        inserted: whether ``time`` is not one of the requested times, because a step was halved or a
+            jump was located.
+        state: state at the end, with time, energies and, in dynamics, velocity. It may be passed to
+            evaluators, as in ``problem.table(surface, state=step.state)``, and as the start of
+            another evolution.
     """
 
     number: int
@@ -72,11 +71,11 @@ class EvolutionStep:
 
     @property
     def status(self) -> str:
-        """Letters of all contact points, surface by surface, in the order of their tables."""
+        """Status letters of all contact points, surface by surface, in the order of the tables."""
         return "".join(t.status for t in self.result.tables.values())
 
     def row(self) -> dict[str, Any]:
-        """Return the scalars of the step for a table of steps."""
+        """Return the scalars of the step as a row of the table of steps."""
         return {
             **_at_state(self.number, self.start, self.time, self.result.tables, self.energies),
             "newton_iterations": self.result.iterations,
@@ -132,14 +131,14 @@ _NO_STEP = {
 
 @dataclass
 class History(Ends):
-    """An evolution up to its last accepted state.
+    """History of a run up to its last accepted state.
 
     Attributes:
-        start: time at which it began.
-        before: energies until then.
+        start: time at which the run started.
+        before: energies at the start of the run.
         steps: accepted steps.
-        ending: kind of its ending; None before.
-        reason: reason of the ending, as a sentence.
+        ending: kind of ending; None while the run continues.
+        reason: reason for the ending, as a sentence.
         first: row of the start in the table of steps.
     """
 
@@ -163,7 +162,7 @@ class History(Ends):
 
     @property
     def complete(self) -> bool:
-        """Whether the history reached the last of the times, or the end of the range."""
+        """Whether the run reached the last of its times, or the end of its range."""
         return self.ending is Ending.REACHED
 
     @property
@@ -197,21 +196,22 @@ class History(Ends):
         self.first = _at_state(number, self.start, self.start, tables, self.before) | _NO_STEP
 
     def rows(self) -> list[dict[str, Any]]:
-        """Return a table for `io.write_rows`: a row for the start, and one for each step."""
+        """Return the table of steps for `io.write_rows`: one row for the start and one per step."""
         return [self.first, *(step.row() for step in self.steps)]
 
 
 @dataclass(frozen=True)
 class PathStep(EvolutionStep):
-    """An accepted point of a path; `start` and `time` are arc lengths from the start of the path.
+    """Accepted point of a path; `start` and `time` are arc lengths from the start of the path.
 
-    If `method` says that all statuses meeting at the point were tried, `directions` is the number
-    of solutions of the rate problem, without the one that leads back. If a smooth bifurcation lies
-    on the step, `directions` counts the path and both senses of the other branch.
+    If `method` states that all statuses that meet at the point were tried, `directions` is the
+    number of solutions of the rate problem, without the direction that leads back. If a smooth
+    bifurcation lies on the step, `directions` counts the path and both directions of the other
+    branch.
 
     Attributes:
         gamma: load parameter.
-        event: ``"smooth fold"`` if the load turns back while all statuses stay, ``"nonsmooth
+        event: ``"smooth fold"`` if the load turns back without changes of status, ``"nonsmooth
             fold"`` if it turns back because statuses change, ``"kink"`` if statuses change and the
             load continues; otherwise "".
         before: letters of the statuses on the step to the point, as in `status`, bonds included.
@@ -233,7 +233,7 @@ class PathStep(EvolutionStep):
         return self.event.endswith("fold")
 
     def row(self) -> dict[str, Any]:
-        """Return the scalars of a table of points."""
+        """Return the scalars of the point as a row of the table of points."""
         return {
             **super().row(),
             "newton_iterations": self.corrections,
@@ -246,7 +246,7 @@ class PathStep(EvolutionStep):
 
 @dataclass
 class PathHistory(History):
-    """The accepted points of a run by arc length and its ending; times are arc lengths.
+    """Accepted points and ending of a run by arc length; times are arc lengths.
 
     Attributes:
         gamma: load parameter at the start.
@@ -276,13 +276,13 @@ class PathHistory(History):
 
 
 class NoContinuation(RuntimeError):
-    """An evolution does not continue; the problem is at the last accepted state.
+    """Error: an evolution does not continue; the problem is in the last accepted state.
 
-    The message names the case: provably no solution continues it; no continuation was found; or
-    steps were not solved, and why.
+    The message states the cause: provably no continuation exists, no continuation was found, or
+    steps were not solved.
 
     Attributes:
-        history: the evolution up to there.
+        history: history up to the last accepted state.
     """
 
     def __init__(self, message: str, history: History):

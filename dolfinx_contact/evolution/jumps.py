@@ -4,24 +4,22 @@ r"""Changes of the state in a step, and jumps under a load that continues smooth
 The change from a state a to a state b consists of
 
     moved      largest displacement of a node, a length
-    unknowns   |x_b - x_a|, x all unknowns as lengths
+    unknowns   |x_b - x_a| with all unknowns x as lengths
     means      mean change |j_b - j_a| of the jump at the points of each surface, a length
-    bonds      mean change of the variable by which the bonds of each surface weaken.
-
-If points move one after the other, the changes of the means in successive steps add up.
+    bonds      mean change of the softening variable of the bonds of each surface.
 
 Where a branch of the rate problem folds or ends (Klarbring, Ing.-Arch. 60, 1990: one node, friction
-beyond a bound), the solver finds a solution to which no path of solutions leads. Such a jump
-differs from a large change in one step: halving the step does not reduce it. Changes with the load,
-and faster changes after kinks, shrink with the step. `find_jump` searches a step by halves.
+beyond a bound), the solver finds a solution to which no path of solutions leads. Halving the step
+does not reduce such a jump, whereas changes with the load, and faster changes after kinks, shrink
+with the step. `find_jump` bisects a step to find a jump.
 
-A change that does not shrink is not a proof, because the solver may have passed over a solution.
-Therefore the branch of solutions H(x, gamma; m_n) = 0 beginning at the start of the step
-(gamma = 0, `rate_problem`) is finally followed from kink to kink. If it leads to gamma = 1, a
-solution continues the evolution. If gamma turns back at a smooth fold, or at a kink all of whose
-pieces were tried, on this branch and on all that leave it towards larger gamma, no solution
-continues the evolution. Otherwise nothing is proved, and the reason is given. A step that was not
-solved is not a proof either: shorter steps are tried from the same state.
+A change that does not shrink does not prove a jump, because the solver may have missed a solution.
+Therefore the branch of solutions H(x, gamma; m_n) = 0 from the start of the step (gamma = 0,
+`rate_problem`) is finally followed from kink to kink. If it reaches gamma = 1, a solution continues
+the evolution. If gamma turns back at a smooth fold, or at a kink of which all pieces were tried, on
+this branch and on all branches that leave it towards larger gamma, no solution continues the
+evolution. Otherwise nothing is proved, and the reason is reported. A step that was not solved is no
+proof either; shorter steps are tried from the same state.
 """
 
 from __future__ import annotations
@@ -78,15 +76,15 @@ MOVED, UNKNOWNS = 0, 1
 
 @dataclass(frozen=True)
 class StateChanges:
-    """Changes from one state to another, see the top of the module.
+    """Changes from one state to another, as defined in the module.
 
     Attributes:
         parts: largest change of the displacement and norm of the change of all unknowns (`MOVED`,
             `UNKNOWNS`); between states of equilibrium also the mean changes of the jump and of the
             bonds of the n surfaces; shape (2 + 2 n,).
         largest: largest change of the jump at a point of each surface, a length, shape (n,).
-        broken: largest weakening of a bond of each surface, relative to the strength that the
-            strongest bond had left; 0 where that is unknown, shape (n,).
+        broken: largest weakening of a bond of each surface, relative to the remaining strength of
+            the strongest bond; 0 if that is unknown, shape (n,).
     """
 
     parts: Array
@@ -95,7 +93,7 @@ class StateChanges:
 
     @property
     def unknowns(self) -> float:
-        """Change of all unknowns, a length."""
+        """Norm of the change of all unknowns, a length."""
         return float(self.parts[UNKNOWNS])
 
     def rates(self, duration: float) -> Array:
@@ -126,11 +124,11 @@ def changes(comm: MPI.Comm, a: AcceptedState, b: AcceptedState) -> StateChanges:
 
 
 def _at_points(a: AcceptedState, b: AcceptedState, k: int) -> tuple[Array, Array, Array]:
-    """Return the changes at the points of a surface that are not clamped, on this rank.
+    """Return the changes at the free points of a surface on this rank.
 
     Returns:
-        Change of the jump, a length; change of the variable by which bonds weaken; and the distance
-        of this variable to its end at the first state, which is the strength left.
+        Change of the jump, a length; change of the softening variable of bonds; and remaining
+        strength at the first state, the distance of this variable to its final value.
     """
     assert isinstance(a.forces, Forces)
     assert isinstance(b.forces, Forces)
@@ -153,7 +151,7 @@ def _at_points(a: AcceptedState, b: AcceptedState, k: int) -> tuple[Array, Array
 
 
 def where_it_changes(stepper: Stepper, before: AcceptedState, after: AcceptedState) -> str:
-    """Name the places whose status differs between two states. Collective."""
+    """Describe the places at which the status differs between two states. Collective."""
     words: list[str] = []
     states = zip(before.state.statuses, after.state.statuses, strict=True)
     for s, (old, new) in zip(stepper.problem.surfaces, states, strict=True):
@@ -177,15 +175,15 @@ def where_it_changes(stepper: Stepper, before: AcceptedState, after: AcceptedSta
 
 @dataclass(frozen=True)
 class Found:
-    """Result of the search of a step.
+    """Result of the search for a jump in a step.
 
     Attributes:
         steps: ends of the steps that continue the evolution from the start of the step.
-        far: end of a step from the last of `steps` in which the state jumps, so that its end does
-            not approach its start as the step shrinks; None if the evolution continues.
+        far: state beyond the jump: end of a step from the last of `steps` whose change does not
+            shrink with the step; None if the evolution continues.
         proved: whether it is proved that no path of solutions leads to `far`.
-        failure: error of shorter steps from there; None if they were solved.
-        why: facts about the solutions beyond the last of `steps`, for the message.
+        failure: error of shorter steps after the last of `steps`; None if they were solved.
+        why: description of the solutions beyond the last of `steps`, for the message.
     """
 
     steps: Sequence[AcceptedState]
@@ -198,28 +196,28 @@ class Found:
 def find_jump(
     stepper: Stepper, before: AcceptedState, after: AcceptedState, slow: Array, least: float
 ) -> Found | None:
-    """Search a step in which the state changes suddenly for a jump. Collective.
+    """Search for a jump in a step in which the state changes suddenly. Collective.
 
-    Halves are examined in turn, the earlier one first. A part does not contain a jump if the state
-    changes in it slowly, by a small share of the change in the step, along a straight line, or
-    evenly: by the same amount in each of its halves, and in the quarters if these are long enough.
-    If a part of the shortest length remains, the branch of solutions decides.
+    Halves are examined recursively, the earlier half first. A part contains no jump if the state
+    changes slowly in it, by a small fraction of the change in the step, along a straight line, or
+    evenly (equally in both halves, and in the quarters if they are long enough). If a part of the
+    shortest length remains, the branch of solutions decides.
 
     Args:
-        stepper: stepper of the problem; the Functions are left in any state.
+        stepper: stepper of the problem; the state of the Functions is undefined afterwards.
         before: state at the start of the step.
         after: state at its end.
         slow: rates of the parts of `StateChanges` up to which the state does not jump.
         least: shortest length of a step.
 
     Returns:
-        None if the change of state is spread over the step.
+        Steps and jump; None if the change of state is spread over the step.
     """
     return _Search(stepper, before, after, slow, least).look([before], after)
 
 
 class _Search:
-    """Search of a step; the arguments are those of `find_jump`."""
+    """Recursive search of a step, with the arguments of `find_jump`."""
 
     def __init__(
         self,
@@ -289,7 +287,7 @@ class _Search:
     def _unsolved(
         self, path: Sequence[AcceptedState], end: AcceptedState, failure: ConvergenceError
     ) -> Found | None:
-        """Return the result of a part one of whose halves was not solved. Collective."""
+        """Return the result for a part in which one half was not solved. Collective."""
         if self._leads_to_end(path[-1], end):
             return None
         return Found(path[1:], end, failure=failure)
@@ -321,7 +319,7 @@ class _Search:
         return branch.unknowns is not None and self._is_at(branch.unknowns, start, end)
 
     def _is_at(self, unknowns: Array, start: AcceptedState, end: AcceptedState) -> bool:
-        """Return whether a branch with given last unknowns leads to the end of a step."""
+        """Return whether the unknowns at the end of a branch agree with the end of a step."""
         off = unknowns - end.unknowns
         way = end.unknowns - start.unknowns
         squares = self._comm.allreduce(np.array([np.dot(off, off), np.dot(way, way)]))
@@ -342,7 +340,7 @@ class _Search:
         return self._stepper.keeps(self._data, start.time, end.time)
 
     def _first(self, before: AcceptedState, time: float) -> AcceptedState | ConvergenceError:
-        """Take the longest step towards a time that is solved; return the error if none is."""
+        """Take the longest solvable step towards a time; return the last error if none succeeds."""
         likely = before.statuses, self._end.statuses
         while True:
             try:
@@ -357,8 +355,8 @@ class _Search:
     def _decide(self, path: Sequence[AcceptedState], end: AcceptedState) -> Found | None:
         """Decide a step of the shortest length by the branch of solutions from its start.
 
-        If the branch leads to the end of the step, the state does not jump. If it leads elsewhere,
-        it is followed, up to the end of the searched step if possible.
+        If the branch leads to the end of the step, the state does not jump. If it leads to another
+        state, it is followed further, up to the end of the searched step if possible.
         """
         start = path[-1]
         size = self._change(start, end)
@@ -387,13 +385,13 @@ class _Search:
 
 @dataclass(frozen=True)
 class StepBranch:
-    """Result of following a branch within a step.
+    """Branch of solutions within a step.
 
     Attributes:
-        unknowns: owned unknowns at the load of the end of the step, as in `AcceptedState`; None if
-            the branch does not lead there.
-        statuses: statuses there, on this rank.
-        ends: whether it is proved that no branch leads there.
+        unknowns: owned unknowns at the final load, as in `AcceptedState`; None if the branch does
+            not reach this load.
+        statuses: statuses at the final load on this rank.
+        ends: whether it is proved that no branch reaches the final load.
         why: reason for the end of the branch.
     """
 
@@ -404,7 +402,7 @@ class StepBranch:
 
 
 def branch_of_step(stepper: Stepper, accepted: AcceptedState, time: float) -> StepBranch:
-    """Follow the solutions of a step from its start to its end. Collective.
+    """Follow the branch of solutions of a step from its start to its end. Collective.
 
     Args:
         stepper: stepper of the problem.
@@ -459,11 +457,11 @@ def _followed(follower: Follower, system: Loaded, x: PETSc.Vec) -> StepBranch:
 def _with_growing_load(
     follower: Follower, x: PETSc.Vec, departures: FoundRays[BranchPoint]
 ) -> list[BranchPoint]:
-    """Return the rays out of the start to follow, the straightest last. Collective.
+    """Return the rays to follow out of the start, the straightest last. Collective.
 
-    These are the rays along which gamma grows, or, if there are none, the rays along which gamma is
-    constant. If there are none either and rays may be missing, the result is the start itself, and
-    its first step searches for a direction.
+    The result contains the rays with growing gamma; if none exist, the rays with constant gamma. If
+    neither exist and rays may be missing, the result is the start itself, whose first step searches
+    for a direction.
     """
     chosen = follower.rays_with_gamma(departures, 1.0)
     if len(chosen) == 1 or (not chosen and departures.complete):
@@ -474,14 +472,14 @@ def _with_growing_load(
 
 
 def _turned(step: BranchStep) -> str:
-    """Return a reason to end a branch at a fold or bifurcation; "" elsewhere."""
+    """Return the reason to end a branch at a fold or bifurcation; "" at other points."""
     return "the load turns back" if any(s.kind in _TURNS for s in step.special) else ""
 
 
 def _rays_at_turn(follower: Follower, turn: SpecialPoint) -> FoundRays[Ray]:
-    """Return the rays with growing gamma out of a fold or a bifurcation. Collective.
+    """Return the outgoing rays with growing gamma of a fold or bifurcation. Collective.
 
-    The method of the result states why the load turns back, or why this is unknown.
+    `FoundRays.method` of the result states why the load turns back, or why this is unknown.
     """
     if turn.kind == "fold" and turn.smooth:
         return FoundRays((), True, "the load turns back while all statuses stay")

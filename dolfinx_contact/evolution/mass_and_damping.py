@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Mass and damping matrices of a body in motion, assembled when a run starts.
+r"""Mass and damping matrices of a body in motion.
 
     M = mass matrix of the density                    consistent, lumped or redistributed
     C = d(damping form)/d(velocity)                   for a damping form affine in the velocity
     C = a M_consistent + b K(0)                       for Rayleigh damping with the factors (a, b)
 
-The part of a damping form at zero velocity, such as wind in c (v - w), is added to the loads.
+The matrices are assembled when a run starts. The value of a damping form at zero velocity, such as
+the wind w in c (v - w), is added to the loads.
 """
 
 from __future__ import annotations
@@ -42,11 +43,11 @@ _WRONG_INERTIA = 0.01  # relative error of a rigid acceleration that is reported
 
 
 class Matrices:
-    """Mass and damping matrices of a body and the data that they depend on.
+    """Mass and damping matrices of a body, and their data.
 
     Args:
         problem: contact problem of the body without inertia.
-        velocity: Function of the velocity in a damping form.
+        velocity: Function of the velocity, used in a damping form.
         density: mass per volume.
         mass: kind of the mass matrix.
         damping: damping form, pair of Rayleigh factors, or None.
@@ -91,18 +92,18 @@ class Matrices:
         self._assembled = Constancy(problem.comm, self._fixed)
 
     def body(self, step: TimeStep) -> MovingBody:
-        """Return the body with mass and damping, for time steps. Collective."""
+        """Create the body with mass and damping for time steps. Collective."""
         body = self._bulk if self._wind is None else self._bulk.loaded(self._wind)
         return MovingBody(body, *self._assemble(), step)
 
     def update(self, body: MovingBody) -> None:
-        """Assemble the matrices of a body again if their data have changed. Collective."""
+        """Reassemble the matrices of a body if their data have changed. Collective."""
         if self._assembled.changed():
             body.take_matrices(*self._assemble())
             self._assembled = Constancy(self._problem.comm, self._fixed)
 
     def require_constant(self, time: float) -> None:
-        """Raise ``ValueError`` if the load of a time has changed the data. Collective."""
+        """Raise `ValueError` if the load at a time has changed the data. Collective."""
         changed = self._assembled.changed()
         if changed:
             raise ValueError(
@@ -111,7 +112,7 @@ class Matrices:
             )
 
     def _assemble(self) -> tuple[PETSc.Mat, PETSc.Mat | None]:
-        """Mass and damping matrices. Collective."""
+        """Assemble the mass and damping matrices. Collective."""
         problem = self._problem
         for datum in self.data:
             if isinstance(datum.value, fem.Function):
@@ -135,12 +136,12 @@ class Matrices:
         return M, C
 
     def _consistent(self) -> PETSc.Mat:
-        """Consistent mass matrix. Collective."""
+        """Assemble the consistent mass matrix. Collective."""
         no_dofs = np.zeros(self._problem.equations.owned_sizes[0], dtype=bool)
         return mass_matrix(self._problem.V, self._density, "consistent", no_dofs)
 
     def _data_of_stiffness(self) -> list[Datum]:
-        """Data of the stiffness matrix in Rayleigh damping."""
+        """Return the data of the stiffness matrix in Rayleigh damping."""
         stiff = self._bulk.stiffness_data
         return [
             Datum(f"{d.place}, whose stiffness is in the damping,", d.value)
@@ -150,7 +151,7 @@ class Matrices:
 
 
 def _touching_dofs(eq: ContactEquations) -> npt.NDArray[np.bool_]:
-    """Mask of the owned dofs of nodes that may touch something, of both bodies. Collective."""
+    """Return a mask of the owned dofs of nodes that may come into contact. Collective."""
     n = eq.owned_sizes[0]
     touching = np.zeros(n // eq.dim, dtype=bool)
     for s in eq.surfaces:
@@ -172,7 +173,7 @@ def _touching_dofs(eq: ContactEquations) -> npt.NDArray[np.bool_]:
 
 
 def _warn_of_inertia(problem: ContactProblem, M: PETSc.Mat, consistent: PETSc.Mat) -> None:
-    """Log a warning if redistributed mass has the wrong centre or moments. Collective.
+    """Log a warning if redistributed mass has a wrong centre or wrong moments. Collective.
 
     Args:
         problem: contact problem of the body.
@@ -195,7 +196,7 @@ def _warn_of_inertia(problem: ContactProblem, M: PETSc.Mat, consistent: PETSc.Ma
 def _affine_parts(
     form: ufl.Form, u: fem.Function, velocity: fem.Function
 ) -> tuple[ufl.Form, ufl.Form | None]:
-    """Split a damping form into its derivative and its value at zero velocity, None if that is 0.
+    """Split a damping form into its derivative and its value at zero velocity.
 
     Raises:
         ValueError: if the form is not affine in the velocity.
@@ -229,7 +230,7 @@ def _affine_parts(
 
 
 def _data(density: Any, damping: Any, velocity: fem.Function) -> list[Datum]:
-    """Functions and Constants in density and damping."""
+    """Return the Functions and Constants in density and damping."""
     found = list(data_in(ufl.as_ufl(density), "the density"))
     if isinstance(damping, ufl.Form):
         found += data_in(damping, "the damping")
@@ -237,10 +238,10 @@ def _data(density: Any, damping: Any, velocity: fem.Function) -> list[Datum]:
 
 
 def _factors(damping: Any) -> tuple[float, float]:
-    """Rayleigh factors (a, b).
+    """Return the Rayleigh factors (a, b).
 
     Raises:
-        ValueError: if they are not two numbers, or negative.
+        ValueError: unless they are two nonnegative numbers.
     """
     pair = isinstance(damping, tuple | list) and len(damping) == 2
     if not (pair and all(is_number(v) and math.isfinite(v) and v >= 0 for v in damping)):

@@ -7,8 +7,8 @@ displacement w at which the contact laws are evaluated (schemes in `body.moving`
     w = w_0 + a h v_1,        u_1 = w_0 + s (w - w_0),        w_0 known,
     M (v_1 - v_0)/h + theta (R(u_1) + C v_1) + (1 - theta) (R(u_0) + C v_0) = contact forces.
 
-Its laws are (Moreau 1988; Jean, CMAME 177, 1999), with the gap un, un' its rate, B the operator of
-relative motions, v_o the velocity of the obstacle and e the coefficient of restitution:
+With the gap un and its rate un', the operator B of relative motions, the velocity v_o of the
+obstacle and the coefficient of restitution e, its laws are (Moreau 1988; Jean, CMAME 177, 1999)
 
     Signorini, position level    0 <= un(w)          perpendicular to  rn >= 0
     Signorini, velocity level    0 <= un'_1 + e un'_0 perpendicular to  rn >= 0   if the forecast
@@ -16,17 +16,17 @@ relative motions, v_o the velocity of the obstacle and e the coefficient of rest
     Coulomb                      friction opposes  a h (B v_1 - v_o)
     Coulomb, nodes without mass  friction opposes  (B (u_1 - u_0) - h v_o)/s
 
-The velocity of a node without mass may alternate about the velocity of the body, and friction with
-it; therefore friction acts on its displacement. A step has the same three parts as at rest
+The velocity of a node without mass may oscillate about the velocity of the body; therefore friction
+of such a node opposes its displacement increment. A step has the three parts of a step at rest
 (`step`): solve, advance the memory, account for the energies (`energy`).
 
 Dirichlet data prescribe the displacement u_1 at the end of a step. With theta = 1/2 the velocity of
-a held node follows from it as
+a held node is
 
     v_1 = 2 (u_1 - u_0)/h - v_0,
 
-so that a velocity v_0 different from the velocity of the data oscillates in all later steps
-(`HeldNodes`).
+so that an initial velocity v_0 that differs from the velocity of the data oscillates in all later
+steps (`HeldNodes`).
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ _REVERSALS = 3  # number of successive reversals after which an oscillation is r
 
 @dataclass(frozen=True)
 class Method:
-    """Method of the time steps of a body in motion; see `NSCD`.
+    """Parameters of the time integration, as in `NSCD`.
 
     Attributes:
         scheme: scheme of the equation of motion.
@@ -120,23 +120,23 @@ class Method:
 
     @property
     def massless(self) -> bool:
-        """Whether nodes that may touch something have no mass."""
+        """Whether nodes that may come into contact have no mass."""
         return self.mass == "redistributed"
 
     @property
     def alternates(self) -> bool:
-        """Whether contact forces alternate about their mean from step to step."""
+        """Whether contact forces oscillate about their mean from step to step."""
         trapezoidal = self.scheme == "theta" and self.theta == 0.5
         return trapezoidal and self.level == "position" and not self.massless
 
     @property
     def penetrates(self) -> bool:
-        """Whether points may come to rest inside the obstacle, by up to the path of a step."""
+        """Whether points may come to rest inside the obstacle, by up to their path in one step."""
         return self.level == "velocity" or self.scheme == "modified-theta"
 
 
 class MotionStepper(Stepper):
-    """Takes steps of a body in motion.
+    """Stepper of a body in motion.
 
     Args:
         problem: contact problem of a time step, with a `MovingBody`.
@@ -185,7 +185,7 @@ class MotionStepper(Stepper):
         at_end: Evaluation | None = None
 
         def end_of_step(solution: Evaluation) -> tuple[ContactEquations, Evaluation]:
-            """Contact at u_1 and v_1, which are put into the Functions, for tables and checks."""
+            """Put u_1 and v_1 into the Functions and evaluate contact there."""
             nonlocal at_end
             u = step.displacement(solution.u, body.origin)
             problem.u.x.array[:] = u
@@ -230,10 +230,10 @@ class MotionStepper(Stepper):
         return step
 
     def _free_flight(self, a: Motion, step: TimeStep) -> Array:
-        """Displacement w without contact forces, which gives good first statuses. Collective.
+        """Return the displacement w without contact forces, an initial guess. Collective.
 
-        Nodes without mass have arbitrary velocities, which may invert cells. In this case w is the
-        displacement of a body at rest.
+        Nodes without mass have arbitrary velocities, which may invert cells. In this case the
+        displacement of a body at rest is returned.
         """
         origin = self._body.origin
         flight = origin + step.gain * step.length * a.v
@@ -243,7 +243,7 @@ class MotionStepper(Stepper):
         return step.seen(a.u, origin)
 
     def _memory_of_laws(self, accepted: AcceptedState, step: TimeStep, dq: Array) -> list[Memory]:
-        """Return the memory with which the laws of a step are evaluated at w. Collective.
+        """Return the memory for the evaluation of the contact laws at w. Collective.
 
         Args:
             accepted: state at the start of the step.
@@ -292,14 +292,15 @@ class MotionStepper(Stepper):
         step: TimeStep,
         dq: Array,
     ) -> Array:
-        """Return the gap such that the gap at w has the sign of un'_1 + e un'_0.
+        """Return initial gaps for which the gap at w has the sign of un'_1 + e un'_0.
 
-        The gap is large if the forecast is open, so that the contact force vanishes.
+        If the forecast is open, the gap is large, so that the contact force vanishes.
 
         Args:
             eq: equations of the step.
             term: term of the surface.
-            at: kinematics at the reference of friction; the law adds - n . (jump at w - this jump).
+            at: kinematics at the reference configuration of friction; the law adds - n . (jump at w
+                - jump there).
             a: motion at the start of the step.
             step: time step.
             dq: increment of the unknowns of the rigid bodies.
@@ -335,7 +336,7 @@ class MotionStepper(Stepper):
         self._held.require_displacement()
 
     def _require_no_penetration(self, motion: Motion) -> None:
-        """Raise ``ValueError`` if a point is inside an obstacle at the start. Collective."""
+        """Raise `ValueError` if a point is inside an obstacle at the start. Collective."""
         eq = self.problem.equations
         for s, at in zip(eq.surfaces, motion.surfaces, strict=True):
             if s.law.compliant:
@@ -399,7 +400,7 @@ def _evaluation_at(eq: ContactEquations, solution: Evaluation, u: Array) -> Eval
     Args:
         eq: equations with the memory of the start of the step.
         solution: solution w of the step.
-        u: displacement u_1 at its end, all local values.
+        u: displacement u_1 at its end, owned and ghost values.
     """
     surfaces = [
         replace(contact, kinematics=term.kinematics(u, solution.q))
@@ -449,7 +450,7 @@ class HeldNodes:
         must contain the start of the first step, and the data the values at its end.
 
         Args:
-            v: initial velocity, all local values.
+            v: initial velocity, owned and ghost values.
         """
         u, data = self._displacement_and_data()
         fixed = self._held & (np.abs(data - u) <= self._zero)
@@ -466,8 +467,8 @@ class HeldNodes:
     def watch(self, a: Motion, b: Motion, step: TimeStep) -> None:
         """Log a warning on rank 0 if velocities of held nodes oscillate. Collective.
 
-        They oscillate if their deviation from the mean velocity in the step changes its sign, but
-        not its size, in three successive steps.
+        A velocity oscillates if its deviation from the mean velocity in the step changes its sign,
+        but not its size, in three successive steps.
 
         Args:
             a: motion at the start of the step.
@@ -510,7 +511,7 @@ class HeldNodes:
     ) -> str:
         """Describe the largest deviation of values from data; "" if it is small. Collective.
 
-        Of equal deviations, the first in the order of coordinates is described.
+        The first of equal deviations in the order of coordinates is described.
 
         Args:
             values: owned values.

@@ -10,12 +10,12 @@ with Signorini's and Coulomb's laws at every contact point. Steps are implicit; 
 defined in `body.moving`, the laws in `motion`, the energies in `energy`. Each step is a
 static contact problem (`ContactProblem.step_from`).
 
-Choice of the method. The momentum of a node with mass that hits an obstacle returns as an
-oscillation of the contact force. The default has no mass at the nodes that may touch something,
-theta = 1/2, and the gap in Signorini's law: the energy of a linear body is conserved, and the
-contact force follows the elastic waves. With mass at these nodes, theta = 1/2 makes the force
-alternate from step to step; larger theta and theta-Euler dissipate energy. At the velocity level
-every node needs mass.
+Choice of the method. The impact of a node with mass on an obstacle causes oscillations of the
+contact force. Therefore the default is redistributed mass, without mass at the nodes that may come
+into contact, theta = 1/2, and Signorini's law for the gap: the energy of a linear body is
+conserved, and the contact force follows the elastic waves. With mass at these nodes, theta = 1/2
+makes the force alternate from step to step; larger theta and theta-Euler dissipate energy. At the
+velocity level every node must have mass.
 
 Choice of the step. The schemes are implicit, so that no step is unstable for a linear body; the
 step h follows from the motion to be resolved. With the scheme "theta", a vibration v' = -w^2 u,
@@ -94,7 +94,7 @@ def _check(a: Arguments) -> None:
 
 
 def _compared(a: Arguments) -> dict[str, Any]:
-    """Values of the arguments of a motion that must be equal on all ranks."""
+    """Return the arguments of a motion that must be equal on all ranks."""
     V = a.problem.V
     return {
         "theta": float(a.theta),
@@ -114,7 +114,7 @@ def _check_run(a: Arguments) -> None:
 
 
 def _check_settle(a: Arguments) -> None:
-    """Check the arguments of a run to rest."""
+    """Check the arguments of `NSCD.settle`."""
     a.max_time = positive(a.max_time, "max_time", "a positive time")
     if not (is_number(a.rest) and 0 < a.rest < 1):
         raise ValueError(f"rest must be between 0 and 1, got {a.rest!r}")
@@ -126,23 +126,22 @@ class NSCD(Evolution):
 
     The first run starts from the displacement in the Functions of the problem and from `velocity`,
     or from ``start=``. A later run starts where the previous one ended. Another evolution of the
-    same problem needs ``start=``. Functions, `velocity` and data follow the accepted steps. The
+    same problem requires ``start=``. Functions, `velocity` and data follow the accepted steps. The
     multipliers are means over the step: impulses divided by areas and the length of the step.
 
     Dirichlet data prescribe the displacement at the ends of the steps. At the start, displacement
-    and velocity must agree with the data. A start with another displacement, or with a velocity
-    where the data are constant, is an error. If the data have another velocity, or a kink in time,
-    and theta is 1/2, the velocity of the held nodes oscillates from step to step; a warning is
-    logged.
+    and velocity must agree with the data: a different displacement, or a velocity where the data
+    are constant, is an error. If theta is 1/2 and the data have another velocity or a kink in time,
+    the velocity of the held nodes oscillates from step to step, and a warning is logged.
 
     Args:
         problem: contact problem with loads and Dirichlet data, without inertia.
         density: mass per volume (in 2D per area, for unit thickness): a number, Constant, Function
             or UFL expression of the coordinates. It must not change during a run; mass and damping
             are assembled when a run starts.
-        dt: length of a step, a time: at most 1/20 of the shortest period of interest, which is then
-            0.8 % too long, and the time d/c of a wave across a cell of size d if contact forces
-            follow waves, c^2 = (lambda + 2 mu)/rho (see the module).
+        dt: largest length of a step, a time: at most 1/20 of the shortest period of interest, so
+            that this period is at most 0.8 % too long; and at most the time d/c of a wave across a
+            cell of size d if contact forces follow waves, c^2 = (lambda + 2 mu)/rho.
         load: function of the time, called on every rank before each step, that sets Constants and
             Functions of the data to their values at that time; default: data are constant. It must
             not depend on earlier calls.
@@ -151,28 +150,28 @@ class NSCD(Evolution):
         scheme: time integration, ``"theta"``, ``"theta-euler"`` or ``"modified-theta"`` (see
             `body.moving`).
         theta: weight of the end of a step, 1/2 to 1.
-        level: ``"position"``, Signorini's law for the gap, or ``"velocity"``, Moreau's law of
-            impact for velocities, with which points may come to rest inside the obstacle, by up to
-            the path of a step (see `motion`).
-        mass: kind of the mass matrix, ``"consistent"``, ``"lumped"``, or ``"redistributed"``, which
-            has no mass at the nodes that may touch something (see `body.inertia`). Redistribution
-            conserves the mass and moves its centre by a fraction of a cell, so that a floating body
-            rotates slightly under a uniform force; above one percent a warning is logged. The
-            velocity of a node without mass has no meaning of its own: to compute momentum, use
-            contact impulses or another mass.
+        level: ``"position"`` for Signorini's law in terms of the gap, or ``"velocity"`` for
+            Moreau's impact law in terms of velocities, with which points may come to rest inside
+            the obstacle, by up to their path in one step (see `motion`).
+        mass: kind of the mass matrix, ``"consistent"``, ``"lumped"`` or ``"redistributed"``,
+            without mass at the nodes that may come into contact (see `body.inertia`).
+            Redistribution conserves the mass, but moves its centre by a fraction of a cell, so that
+            a floating body rotates slightly under a uniform force; a warning is logged for errors
+            above one per cent. The velocity of a node without mass has no physical meaning: to
+            compute momentum, use contact impulses or another kind of mass.
         damping: forces affine in the velocity: a UFL form in ``velocity`` and a test function, a
-            UFL form in a trial and a test function, or a pair (a, b) of numbers for
-            Rayleigh damping a M + b K, a an inverse time, b a time, with K of the undeformed
-            body and M consistent. The part of a form at zero velocity, such as wind in c (v - w),
-            is a load. Forms that contain the displacement or have kinks in the velocity (dry
-            friction) are an error. The coefficients, and for b > 0 the stiffness, must not change
-            during a run. In a body of revolution, integrands are per volume or area, as in the
-            bulk form. Default: none.
+            UFL form in a trial and a test function, or a pair (a, b) of numbers for Rayleigh
+            damping a M + b K, a an inverse time, b a time, with K of the undeformed body and M
+            consistent. The value of a form at zero velocity, such as the wind w in c (v - w), is a
+            load. Forms that contain the displacement or have kinks in the velocity (dry friction)
+            are an error. The coefficients, and for b > 0 the stiffness, must not change during a
+            run. For an axisymmetric body, integrands are given per volume or area, as in the bulk
+            form. Default: no damping.
         restitution: coefficient of restitution at the velocity level, 0 (default) to 1.
 
     Attributes:
         velocity: Function of the velocity.
-        problem: contact problem of a time step, with the Functions and surfaces of the given one.
+        problem: contact problem of a time step, with the Functions and surfaces of ``problem``.
 
     Raises:
         ValueError: on every rank, if arguments are not admissible or cannot be combined.
@@ -251,16 +250,16 @@ class NSCD(Evolution):
         """Run through times. Collective.
 
         Args:
-            times: increasing times; the first is the start, every other one the end of a step.
-                Between two times there are equal steps of at most dt.
+            times: increasing times: the start, then times at which steps end. Intervals are divided
+                into equal steps of at most dt.
             start: state at the first time, such as ``history.steps[-1].state`` or
                 ``problem.snapshot()``; default: end of the previous run, in a first run the
                 Functions as they are with virgin memory. Required in the first run if the problem
                 has had another evolution.
-            locate: time resolution of first contacts: a step in which a point closes is tried again
-                with half the length, unless that is shorter; default: not located. A step that is
-                not solved is tried again with a quarter of its length, down to ``locate``, or to
-                dt/1024 by default; the first such step gives a warning.
+            locate: time resolution of first contacts: a step in which a point closes is repeated
+                with half the length, down to ``locate``; by default contacts are not located. A
+                step that is not solved is repeated with a quarter of its length, down to ``locate``
+                or by default dt/1024; the first such step logs a warning.
             stop: condition that ends the run, see `QuasiStatic.run`.
             observer: observer of the accepted steps, see `QuasiStatic.run`.
             record: record of the accepted steps, see `QuasiStatic.run`.
@@ -297,15 +296,15 @@ class NSCD(Evolution):
         Args:
             max_time: upper bound of the duration, a time.
             start: state at the start, as in `run`; its time counts as 0.
-            rest: fraction of the largest kinetic energy so far. The body is at rest after the
+            rest: fraction of the largest kinetic energy so far. The body counts as at rest if the
                 kinetic energy has been below this fraction for ten steps and for 4 sqrt(rest) of
-                the time since the start. A body that reverses its velocity, for example at the top
-                of a throw, is below it for a shorter time.
+                the time since the start. At a reversal of the velocity, for example at the top of a
+                throw, this lasts for a shorter time. Default 1e-6.
             observer: see `run`.
             progress: see `run`.
 
         Returns:
-            History with the accepted steps; not ``complete`` if the body is not at rest.
+            History with the accepted steps; ``complete`` is False if the body is not at rest.
 
         Raises:
             NoContinuation: see `run`.
@@ -329,5 +328,5 @@ class NSCD(Evolution):
 
 
 def _described(damping: Any, V: fem.FunctionSpace) -> str:
-    """Describe damping, for records and for the comparison of ranks."""
+    """Describe damping, for records and for the comparison between ranks."""
     return described(damping, V.mesh) if isinstance(damping, ufl.Form) else repr(damping)

@@ -1,14 +1,15 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Quasi-static evolution with friction: equilibrium at every time, friction against slip rates.
+r"""Quasi-static evolution: equilibrium at every time, friction opposing the slip rates.
 
 The state x_n+1 at t_n+1 solves the contact problem in which friction opposes the slip since t_n
 (`step`),
 
     H(x_n+1; m_n, t_n+1 - t_n) = 0,        m_n the memory of x_n.
 
-At the start of a step every slipping point is at the border of stick. Therefore a solve begins with
-the statuses of the previous step. If this fails, the strategies of the static problem are tried
-(`solvers.strategies`); the last of them follow the load from t_n to t_n+1 with the memory m_n.
+    At the start of a step every slipping point is at the border of stick. Therefore a solve starts
+    with the statuses of the previous step. If this fails, the strategies of the static problem are
+    tried (`solvers.strategies`); the last of these strategies follow the load from t_n to t_n+1
+    with the memory m_n.
 
 In rate-independent friction, time only orders the loads. Regularised friction depends on the
 velocity, the slip divided by t_n+1 - t_n.
@@ -45,7 +46,7 @@ _HALVINGS = 20  # halvings from the whole time to the default shortest step
 
 
 class Evolution(Runnable[HistoryTask, History]):
-    """A contact problem in time, the base of quasi-static histories and motions.
+    """Contact problem in time: base class of quasi-static histories and motions.
 
     Args:
         problem: contact problem.
@@ -53,9 +54,9 @@ class Evolution(Runnable[HistoryTask, History]):
             Functions of the data to their values at that time.
 
     Attributes:
-        problem: contact problem as given.
-        load: load as given; it may be replaced between two runs.
-        kept: Functions of a state in addition to those of the problem, by name.
+        problem: contact problem.
+        load: function of the time; it may be replaced between two runs.
+        kept: additional Functions stored in a state, by name.
 
     Raises:
         ValueError: on every rank, if an argument is not admissible.
@@ -124,22 +125,22 @@ class QuasiStatic(Evolution):
     """Quasi-static evolution of a contact problem under a time-dependent load.
 
     The first run starts from the state in the Functions, which should be a solution under the load
-    at the first time, or from ``start=``. A later run starts at the end of the last one. Another
+    at the first time, or from ``start=``. A later run starts where the previous one ended. Another
     evolution of the same problem requires ``start=``.
 
     Each step is the problem ``problem.step_from(state)``; ``history.steps[k].state`` is the state
     at its end. Functions and data of the problem follow the accepted steps; ``problem.solve()``
     still uses the static law. If an obstacle is moved through its Constants, its tangential
-    velocity does not enter the friction law; another body or a `RigidBody` drags the surfaces that
-    touch it.
+    velocity does not enter the friction law; a moving second body or `RigidBody` drags the surfaces
+    in contact with it.
 
     Args:
         problem: contact problem with the static law.
         load: function of the time, called on every rank before each step, that sets Constants and
             Functions of the data to their values at that time. It may be called several times for
-            the same time and must not depend on earlier calls. After a run the data are those of
-            the last accepted time. A load that changes nothing during a run gives a warning, unless
-            a law depends on time or the start is not a solution.
+            the same time and must not depend on earlier calls. After a run the data have their
+            values at the last accepted time. A load that changes no data during a run causes a
+            warning, unless a law depends on time or the start is not a solution.
 
     Raises:
         ValueError: on every rank, if arguments are not valid.
@@ -179,17 +180,17 @@ class QuasiStatic(Evolution):
     ) -> History:
         """Step through the given times. Collective.
 
-        A history takes exactly the given times. Each step has indicators of a jump of the state
-        within it (``result.indicators.step``) with one warning. ``longest`` divides long intervals
-        into equal steps. ``halve_steps`` and ``locate_jumps`` insert steps, which are marked
-        (`EvolutionStep.inserted`). Shorter steps change the results of laws depending on
-        time.
+        By default the steps end exactly at the given times. ``longest`` divides long intervals into
+        equal steps. ``halve_steps`` and ``locate_jumps`` insert steps, which are marked
+        (`EvolutionStep.inserted`). Shorter steps change the results of laws that depend on time.
+        Indicators of a jump within a step are stored in ``result.indicators.step``, with one
+        warning.
 
         In a jump the state changes suddenly although the load changes little. If a run cannot
-        continue, ``history.reason`` or the error states whether this is proved: along every
-        solution leading out of the state, the load would have to decrease. The proof applies to
-        a step of the shortest length. A step that was not solved proves nothing. Discontinuous
-        data are not a jump.
+        continue, ``history.reason`` or the error states whether this is proved: the load would have
+        to decrease along every solution leading out of the state. The proof applies to a step of
+        the shortest length. A step that was not solved proves nothing. Discontinuities of the data
+        do not count as jumps.
 
         Args:
             times: increasing times: the time of the start, then the ends of the steps.
@@ -198,34 +199,36 @@ class QuasiStatic(Evolution):
                 Functions with virgin memory (slip is counted from there, bonds are intact).
                 Required in the first run if the problem has had another evolution.
             longest: upper bound of the length of a step. Default: the given times.
-            shortest: lower bound of the length of a halved step. Default: the whole time halved
-                twenty times.
-            halve_steps: whether a step that was not solved is tried again with half or a quarter of
-                its length, down to ``shortest``. Not for a law that weakens with the speed, which
-                becomes steeper in shorter steps. Default: with ``shortest`` or ``locate_jumps``.
-            locate_jumps: whether steps in which the state changes suddenly are searched for a jump,
-                which takes additional solves. A jump is located to ``shortest``. If there is none,
-                the additional steps are kept only if they lead to another solution. Jumps are
-                missed if they are a tenth or less of the change in the step. A step is searched if
-                the state changes more than twice as fast as in the previous step. Rates are those
-                of all unknowns and of the points of each surface (mean and maximum), if these
-                exceed half the rate of the body. The first step and steps in which a bond loses
-                more than a quarter of the largest strength are always searched, unless they begin
-                in a state that is not a solution. Not for a law that weakens with the speed, which
-                has several solutions in short steps. Default: False.
-            at_jump: action if no solution continues the evolution: ``"raise"`` (default)
-                `NoContinuation`; ``"stop"``: end the run before the jump; ``"jump"``, with
-                ``locate_jumps``: continue from the solution beyond the jump, or from one found at a
-                slightly later time, marked by `EvolutionStep.jump`. Without such a solution
-                ``"jump"`` raises.
+            shortest: lower bound of the length of a halved step. Default: the whole time divided by
+                2^20.
+            halve_steps: whether a step that was not solved is repeated with half or a quarter of
+                its length, down to ``shortest``. Do not use it for velocity-weakening laws, which
+                become steeper in shorter steps. Default: True if ``shortest`` or ``locate_jumps``
+                is given.
+            locate_jumps: whether steps with sudden changes of the state are searched for a jump,
+                using additional solves. A jump is located to ``shortest``. Without a jump, the
+                additional steps are kept only if they lead to another solution. Jumps of less than
+                a tenth of the change in the step are missed. A step is searched if the state
+                changes more than twice as fast as in the previous step. The rates of all unknowns
+                are compared, and of the points of each surface (mean and maximum) if they exceed
+                half the rate of the body. The first step and steps in which a bond loses more than
+                a quarter of the largest strength are always searched, unless they start in a state
+                that is not a solution. Do not use it for velocity-weakening laws, which have
+                several solutions in short steps. Default: False.
+            at_jump: action if no solution continues the evolution. ``"raise"`` (default) raises
+                `NoContinuation`. ``"stop"`` ends the run before the jump. ``"jump"``, with
+                ``locate_jumps``, continues from the solution beyond the jump, or from a solution at
+                a slightly later time, marked by `EvolutionStep.jump`; it raises `NoContinuation` if
+                no such solution is found.
             rays: whether all solutions of the rate problem are computed and counted in
-                `EvolutionStep.directions`: True: at the start of every step, in 2D with nodal
-                contact; False: never. None (default): with ``locate_jumps``, up to sixteen points,
-                where the statuses of the previous step do not hold; otherwise never.
-            extrapolate: whether the solver starts at the extrapolation of the previous step, and at
-                the previous state if that fails; only for bodies sliding over each other. This
-                saves iterations in steps up to about one facet. A resumed run extrapolates from its
-                second step. Default: False.
+                `EvolutionStep.directions`. True: at the start of every step, in 2D with nodal
+                contact. False: never. None (default): only with ``locate_jumps``, for up to sixteen
+                points, in steps in which statuses change.
+            extrapolate: whether the solver starts from the extrapolation of the previous step, and
+                from the previous state if that fails; only for bodies sliding over each other.
+                Extrapolation saves iterations in steps up to about one facet. A resumed run
+                extrapolates from its second step.
+                Default: False.
             stop: function called with every accepted step on every rank, while its end is in the
                 problem; it returns the reason to end the run there, or "" to continue. A later run
                 continues from there.

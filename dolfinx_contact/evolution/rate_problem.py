@@ -2,9 +2,9 @@
 r"""The rate problem: directions in which an evolution can continue from an accepted state.
 
 **On a path** (`RateProblem`). At a state y = (x, gamma) whose memory has just been accepted, every
-slipping point is at the border of stick, and every breaking bond at the border of an intact one.
-With the memory frozen, H has one linearisation J for each piece, that is for each choice of
-statuses of the points at a border. A direction t solves the rate problem if, for one of these
+slipping point is at the border of stick, and every breaking bond is at the border of the intact
+status. With the memory frozen, H has one linearisation J for each piece, that is, for each choice
+of statuses of the points at a border. A direction t solves the rate problem if, for one of these
 pieces,
 
     J t = 0,        d' (t) >= 0 for all distances d(y) = 0 to borders of the piece.
@@ -13,15 +13,15 @@ Solutions are searched in this order:
 
 1. The statuses and the tangent of the last step.
 2. Newton's method for the rate problem: points whose distance decreases take the status beyond the
-   border, all at once, or the steepest one at a time if that cycles. The direction is oriented such
-   that det [J; t^T] keeps its sign, as it does along a path unless another path crosses. This
-   distinguishes snap-back from unloading.
-3. All pieces meeting at the state, if there are at most 256. The result is complete: there may be
-   several directions, or none.
-4. H itself, with recomputed statuses, next to the state.
+   border, all simultaneously, or, if this cycles, only the point with the steepest decrease. The
+   direction is oriented such that det [J; t^T] keeps its sign, which it does along a path unless
+   another path crosses. This distinguishes snap-back from unloading.
+3. All pieces that meet at the state, if they are at most 256. The result is complete and may
+   contain several directions or none.
+4. H itself, with recomputed statuses, close to the state.
 
-One solution leads back: it unloads, without slip or damage. It continues the reverse of the
-incoming direction and is not counted.
+One solution leads back: it unloads, without slip or damage. It reverses the incoming direction and
+is not counted.
 
 **In time** (`rays_of_step`). The data of a step change from its start (gamma = 0) to its end
 (gamma = 1) along a straight line, with the memory m_n of the start:
@@ -30,8 +30,8 @@ incoming direction and is not counted.
 
 The rate problem at gamma = 0 is a problem of polyhedral cones (`continuation.rays`). Several rays
 with growing gamma may exist: with large friction a point can stick or slip under the same rate of
-the load (Klarbring, Ing.-Arch. 60, 1990). If all pieces were tried and none exists, the state
-jumps (`jumps`).
+the load (Klarbring, Ing.-Arch. 60, 1990). If all pieces were tried and no such ray exists, the
+state jumps (`jumps`).
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ _SOME = "some of the statuses that meet"
 
 @dataclass(frozen=True)
 class _Falling:
-    """Borders that a direction crosses, the steepest last; one entry per border on this rank.
+    """Borders crossed by a direction, the steepest last; one entry per border on this rank.
 
     Attributes:
         points: local numbers of the points.
@@ -88,13 +88,13 @@ class _Falling:
 
 
 class RateProblem:
-    """Directions out of a state y = (x, gamma), with the memory of the system. Collective.
+    """Outgoing directions of a state y = (x, gamma), with the memory of the system. Collective.
 
     Args:
         corrector: corrector of the bordered system.
         y: state.
-        at_border: distance up to which a point is at a border.
-        beyond: negative distance from which a point is beyond a border.
+        at_border: distance below which a point is at a border.
+        beyond: negative distance below which a point is beyond a border.
     """
 
     def __init__(self, corrector: Corrector, y: PETSc.Vec, at_border: float, beyond: float):
@@ -111,12 +111,13 @@ class RateProblem:
 
         Args:
             piece: piece of the last step.
-            t: its direction at the state.
+            t: direction of the last step at the state.
             every: whether all pieces that meet at the state are tried if the statuses of the last
-                step fail, also if Newton's method finds a direction.
+                step fail, even if Newton's method finds a direction.
 
         Returns:
-            Directions without the one that leads back; the path continues along the first.
+            Outgoing directions, without the direction that leads back; the path continues along the
+            first.
         """
         incoming = Ray(piece, t)
         if self._leads_out(incoming):
@@ -133,17 +134,17 @@ class RateProblem:
         return FoundRays(tuple(rays), enumerated.complete, method)
 
     def back(self, piece: Piece, t: PETSc.Vec) -> FoundRays[Ray]:
-        """Return the direction that unloads, for a path that arrived on a piece along ``t``."""
+        """Return the unloading direction of a path that arrived on a piece along ``t``."""
         reverse = t.copy()
         reverse.scale(-1.0)
         return FoundRays(self._by_newton(piece, reverse), False, _NEWTON)
 
     def from_start(self, piece: Piece, towards: PETSc.Vec) -> FoundRays[Ray]:
-        """Return a direction out of a start.
+        """Return an outgoing direction of a start.
 
         Args:
-            piece: piece with which the search begins.
-            towards: vector to which the direction is not opposed.
+            piece: initial piece of the search.
+            towards: vector with which the direction encloses at most 90 degrees.
         """
         newton = self._by_newton(piece, towards, oriented=False)
         return FoundRays(newton or self._next_to_state(towards), False, _NEWTON)
@@ -155,7 +156,7 @@ class RateProblem:
         return not self._any(self._falling(ray).points)
 
     def _falling(self, ray: Ray) -> _Falling:
-        """Return the borders that a direction crosses."""
+        """Return the borders crossed by a direction."""
         present = self._events(ray, 0.0)
         slopes = _slopes(present, self._events(ray, _PROBE), self._events(ray, -_PROBE))
         largest = self._bordered.largest(slopes)
@@ -175,8 +176,8 @@ class RateProblem:
 
         Args:
             piece: first piece.
-            t: direction in the first piece; without orientation, a vector that the result must not
-                oppose.
+            t: direction in the first piece; without orientation, a vector with which the result
+                encloses at most 90 degrees.
             oriented: whether det [J; t^T] keeps its sign.
         """
         for one_by_one in (False, True):
@@ -212,7 +213,7 @@ class RateProblem:
         return None
 
     def _steepest(self, falling: _Falling) -> _Falling:
-        """Return the steepest border over all ranks; among equal ones the first in order."""
+        """Return the steepest border over all ranks; the first of equally steep ones."""
         rates = falling.rates
         steepest = self._comm.allreduce(float(np.max(rates, initial=-np.inf)), op=max)
         order = self._bordered.system.order()[falling.points]
@@ -244,7 +245,7 @@ class RateProblem:
         return self._finder.enumerated(piece, kinks, t, most=_MOST_PIECES)
 
     def _next_to_state(self, t: PETSc.Vec) -> tuple[Ray, ...]:
-        """Return the direction towards a solution of H next to the state, if there is one."""
+        """Return the direction towards a solution of H close to the state, if one is found."""
         sense = 1.0 if self._bordered.gamma(t) >= 0 else -1.0
         led = self._finder.led_by_H(
             (sense,), lambda ray, _away: self._leads_out(ray), tangent_at_point=True
@@ -252,26 +253,26 @@ class RateProblem:
         return () if led is None else (led,)
 
     def _without_back(self, rays: Sequence[Ray], incoming: Ray) -> list[Ray]:
-        """Return distinct directions without the one that leads back."""
+        """Return distinct directions, without the direction that leads back."""
         back = self.back(incoming.piece, incoming.tangent).rays
         onwards = [r for r in rays if not any(self._finder.same(r, b) for b in back)]
         return self._finder.distinct(onwards)
 
     def _any(self, points: npt.NDArray[np.int32]) -> bool:
-        """Return whether there is a point on any rank."""
+        """Return whether any rank has a point."""
         return bool(self._comm.allreduce(len(points)))
 
 
 def _slopes(present: Events, ahead: Events, behind: Events) -> npt.NDArray[np.float64]:
-    """Derivatives of the distances to borders along a direction, by central differences.
+    """Return derivatives of the distances to borders along a direction, by central differences.
 
-    A border that exists on one side only, such as the border of an intact bond, has the one-sided
-    derivative; on neither side, 0.
+    A border that exists on one side only, such as the border of an intact bond, gets the one-sided
+    derivative; a border that exists on neither side gets 0.
 
     Args:
         present: events at the state.
         ahead: events at the distance `_PROBE` along the direction.
-        behind: events at that distance against it.
+        behind: events at the same distance in the opposite direction.
     """
     missing = np.full_like(present.distance, np.nan)
     after, before = (matched_distances(present, events, missing) for events in (ahead, behind))
@@ -289,7 +290,7 @@ def rays_of_step(problem: ContactProblem) -> FoundRays[Statuses] | None:
 
     Args:
         problem: problem of the step (`ContactProblem.step_from`), with the start of the step in its
-            Functions and the data of its end.
+            Functions and the data of the end of the step.
 
     Returns:
         Statuses of the rays with growing load, surface by surface on this rank. None if the pieces

@@ -1,21 +1,20 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Runs of histories, motions and paths: the loop over their accepted steps.
 
-A run goes from an accepted state to the next one, x_0 -> x_1 -> x_2 ... A `Rule` chooses the steps
-(through given times, to rest, or by arc length) and a `step.Stepper` takes them. `Run.go` is the
-only place that handles accepted steps, in this order:
+A run proceeds from one accepted state to the next, x_0 -> x_1 -> x_2 ... A `Rule` chooses the steps
+(through given times, to rest, or by arc length) and a `step.Stepper` takes them. `Run.go` handles
+each accepted step in this order:
 
     step = next(rule.steps())            the rule takes a step and accepts it
     stop(step)                           the user may end the run
     record.step, observer.step           the step is recorded first
     warnings, progress
 
-The accepted state is put into the problem before each call of the user, so that values written to
-the Functions reach neither the other listeners nor the next step. After an error the problem is at
-the last accepted state.
-
-`Runnable` is the base of the classes that users hold. A run starts from a given `State`, from the
-end of the last run, or, in the first run, from the Functions with virgin memory.
+The accepted state is put into the problem before each user function is called, so that values
+written to the Functions affect neither other listeners nor the next step. After an error the
+problem is in the last accepted state. `Runnable` is the base of the user-facing classes. A run
+starts from a given `State`, from the end of the last run, or, in the first run, from the Functions
+with virgin memory.
 """
 
 from __future__ import annotations
@@ -58,22 +57,22 @@ H = TypeVar("H", bound=History)
 
 @dataclass(frozen=True, eq=False)
 class RunState:
-    """State of a run between two steps: everything that the next step depends on.
+    """State of a run between two steps, complete for the next step.
 
     Attributes:
         accepted: last accepted state.
         length: length of the next step, or an upper bound of it.
         number: number of the last step, over all runs; 0 before the first.
-        settled: whether the run can be resumed from the state; False between the steps of a search
-            for a jump, which belong together.
+        settled: whether the run can be resumed from the state; False between the steps of one
+            search for a jump.
         ending: ending of the run at the state; None if it continues.
-        reason: reason of the ending, as a sentence.
-        rate: rates of the state in the last step through times (`jumps.StateChanges`); None before
-            the first step and by arc length.
+        reason: reason for the ending, as a sentence.
+        rate: rates of change in the last step of a history or motion (`jumps.StateChanges`); None
+            before the first step and on paths.
         arrived: point of the accepted state on a path, with piece and tangent of the step that
             ended there; None at the start.
         known: scales and signs determined by the steps of a path (`ArcSteps.known`).
-        passed: arc lengths of the start of the run on a path and of its accepted points.
+        passed: arc lengths of the start of the run and of its accepted points on a path.
     """
 
     accepted: AcceptedState
@@ -89,7 +88,7 @@ class RunState:
 
 
 class Ended(Exception):
-    """The end of a run that no step continues; its text is the reason.
+    """Exception that ends a run which no step continues; its text is the reason.
 
     Attributes:
         ending: kind of the ending.
@@ -101,15 +100,15 @@ class Ended(Exception):
 
 
 class Rule(ABC, Generic[T]):
-    """Rule by which a run finds its next step.
+    """Rule that chooses the next step of a run.
 
     Args:
         task: task of the run.
-        state: state of the run where it starts or continues.
+        state: state of the run at its start or at the point of resumption.
 
     Attributes:
-        task: task as given.
-        start: state of the run as given.
+        task: task of the run.
+        start: initial state of the run.
         state: state of the run after the last step.
         stuck: reason why no step continues the run; None otherwise.
     """
@@ -125,22 +124,22 @@ class Rule(ABC, Generic[T]):
         self.stuck: Ended | None = None
 
     def end(self, ending: Ending, reason: str = "") -> None:
-        """End the run at its present state; the default reason is the sentence of the kind."""
+        """End the run in its present state; the default reason is the sentence of the ending."""
         self.state = replace(self.state, ending=ending, reason=reason or ending.value)
 
     def begin(self) -> None:
         """Check the start, which is in the problem, before it is recorded. Collective.
 
         Raises:
-            ValueError: on every rank, if no run can begin there.
+            ValueError: on every rank, if a run cannot start from this state.
         """
 
     @abstractmethod
     def steps(self) -> Iterator[EvolutionStep]:
         """Yield the accepted steps until the run ends. Collective.
 
-        After each of them `state` is the state at its end, with an ending if the run ends there.
-        The Functions are left in any state.
+        After each step, `state` is the state at its end, with an ending if the run ends there. The
+        state of the Functions is undefined.
 
         Raises:
             Ended: on every rank, if no step continues the run.
@@ -148,21 +147,21 @@ class Rule(ABC, Generic[T]):
 
     @abstractmethod
     def where(self, step: EvolutionStep) -> str:
-        """Return the position of the run after a step, for the line of progress."""
+        """Return the position of the run after a step, for the progress line."""
 
     def part(self, step: EvolutionStep) -> float | None:
-        """Return the completed part of the run after a step, up to 1; None if it is unknown."""
+        """Return the completed fraction of the run after a step; None if it is unknown."""
 
     def close(self) -> None:
         """Free matrices and solvers of the rule. Collective."""
 
     def require_continuation(self, history: History) -> None:
-        """Raise `NoContinuation` if the run must not end as it has. Not collective."""
+        """Raise `NoContinuation` if the ending of the run is an error. Not collective."""
 
 
 @dataclass(frozen=True)
 class Listeners:
-    """Functions and observers that users pass to a run; see `QuasiStatic.run`.
+    """Functions and observers passed to a run by the user; see `QuasiStatic.run`.
 
     Attributes:
         stop: function of an accepted step returning the reason to end the run there, or "".
@@ -182,7 +181,7 @@ class Listeners:
         return cls(a.stop, a.observer, a.record, a.progress)
 
     def check(self, record: str) -> None:
-        """Raise ``ValueError`` if one of them has a wrong type. Not collective.
+        """Raise `ValueError` if a listener has a wrong type. Not collective.
 
         Args:
             record: name of the class of the records, for the message.
@@ -195,12 +194,12 @@ class Run(Generic[T, H]):
 
     Args:
         stepper: stepper that puts states into the problem.
-        rule: rule that finds the steps.
-        listeners: listeners of the user, checked.
+        rule: rule that chooses the steps.
+        listeners: validated listeners of the user.
         history: history to which steps and the ending are added.
 
     Attributes:
-        state: state of the run after the last accepted step; None before it has begun.
+        state: state of the run after the last accepted step; None before the start.
     """
 
     def __init__(self, stepper: Stepper, rule: Rule[T], listeners: Listeners, history: H):
@@ -215,7 +214,7 @@ class Run(Generic[T, H]):
         self._progress = Progress(comm, listeners.progress)
 
     def go(self) -> H:
-        """Continue to the end. Collective; the problem is left at the last accepted state.
+        """Run to the end. Collective; the problem is left in the last accepted state.
 
         Raises:
             ValueError: on every rank, if the run cannot begin. Errors of listeners are raised on
@@ -283,7 +282,7 @@ class Run(Generic[T, H]):
         self._show(step)
 
     def _show(self, step: EvolutionStep) -> None:
-        """Show position of the run, statuses, elapsed and remaining wall time."""
+        """Show the position of the run, statuses, elapsed and remaining wall time."""
         if not self._progress.due:
             return
         rule = self._rule
@@ -299,15 +298,15 @@ class Run(Generic[T, H]):
 
 
 class Runnable(ReadOnly, Generic[T, H]):
-    """An evolution of a contact problem; each run starts where the last one has ended.
+    """Base class of evolutions; each run starts where the previous one ended.
 
     Attributes:
         problem: contact problem, whose Functions follow the accepted steps.
         account: class of the energies.
-        method: parameters of the method in words, for the manifest of a record.
-        data: Functions and Constants in addition to those of the problem, such as a density.
-        forms: forms in addition to those of the problem, such as damping.
-        driven: expressions by which a load drives Dirichlet data.
+        method: description of the parameters of the method, for the manifest of a record.
+        data: additional Functions and Constants, such as a density.
+        forms: additional forms, such as damping.
+        driven: expressions that define Dirichlet data driven by a load.
     """
 
     account: type[Energies] = Energies
@@ -324,15 +323,15 @@ class Runnable(ReadOnly, Generic[T, H]):
     # -- parts that differ between histories, motions and paths ----------------------------------
 
     def stepper(self, progress: bool | None) -> Stepper:
-        """Return a stepper of the problem; ``progress`` is that of its solves."""
+        """Create a stepper of the problem; ``progress`` is passed to its solves."""
         raise NotImplementedError
 
     def history(self, run_state: RunState) -> H:
-        """Return an empty history starting from a state of a run."""
+        """Create an empty history that starts from a state of a run."""
         raise NotImplementedError
 
     def begun(self, task: T, run_state: RunState) -> RunState:
-        """Return the state of a new run starting where another one has ended."""
+        """Return the initial state of a new run that starts where the previous one ended."""
         raise NotImplementedError
 
     def _rule(self, stepper: Stepper, task: T, run_state: RunState) -> Rule[T]:
@@ -364,7 +363,7 @@ class Runnable(ReadOnly, Generic[T, H]):
         local=("task", "run_state", "listeners"),
     )
     def go_on(self, task: T, run_state: RunState, listeners: Listeners) -> H:
-        """Continue an interrupted run, as a record does. Collective.
+        """Continue an interrupted run, for example from a record. Collective.
 
         Args:
             task: task of the run.
@@ -372,7 +371,7 @@ class Runnable(ReadOnly, Generic[T, H]):
             listeners: listeners of the remaining steps.
 
         Returns:
-            History of the remaining steps. Errors are those of a run.
+            History of the remaining steps.
         """
         self._has_begun()
         return self._run(task, run_state, listeners)
@@ -388,12 +387,13 @@ class Runnable(ReadOnly, Generic[T, H]):
 
         Args:
             task: task of the run.
-            listeners: listeners of the run; like the task they are checked.
+            listeners: listeners of the run, validated like the task.
             start: state at the start, if given.
 
         Raises:
-            ValueError: on every rank, if a first run must name its start and does not. Bonds would
-                heal silently if an evolution began with virgin memory where another has ended.
+            ValueError: on every rank, if a first run requires ``start`` and has none. If an
+                evolution began with virgin memory where another one has ended, bonds would heal
+                silently.
         """
         before = self._run_state if start is None else None
         require(
@@ -415,7 +415,7 @@ class Runnable(ReadOnly, Generic[T, H]):
         return self._run(task, self.begun(task, run_state), listeners)
 
     def _has_begun(self) -> None:
-        """Record in the problem that it has an evolution. Not collective."""
+        """Record in the problem that an evolution has begun. Not collective."""
         self.problem.evolved.append(type(self).__name__)
 
     def _run(self, task: T, run_state: RunState, listeners: Listeners) -> H:

@@ -1,20 +1,20 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""One step of an evolution, from an accepted state to the next.
 
-A state x_n at the time t_n has the memory m_n: the jumps of the contact points, and the internal
-variables of their laws (`points.memory`). A step to t_n+1 = t_n + h sets the load of t_n+1, and
+A state x_n at the time t_n has the memory m_n: the jumps of the contact points and the internal
+variables of their laws (`points.memory`). A step to t_n+1 = t_n + h sets the load at t_n+1, and
 
-    1. solves        H(x_n+1; m_n, h) = 0            static, friction opposes the increment of the
-                                                     slip since x_n (`ContactProblem.step_from`),
+    1. solves        H(x_n+1; m_n, h) = 0            static, friction opposes the slip increment
+                                                     since x_n (`ContactProblem.step_from`),
     2. advances      m_n+1 = A(x_n+1; m_n, h)        the memory (`ContactEquations.memory_after`),
     3. accounts for  E_n+1 = E_n + work and dissipation between x_n and x_n+1 (`energy`).
 
 `Stepper.take` does this at rest. Motions (`motion`) and paths (`arc_length`) override its parts.
-All steppers have the same protocol:
+All steppers have the same methods:
 
-    take      the step to a time, or raise       start      the state at the start of a run
-    put       a state into the problem           continued  the end of a run, for the next run
-    accept    the state in the Functions         recalled   an earlier state, from a record
+    take      take the step to a time, or raise       start      state at the start of a run
+    put       put a state into the problem            continued  end of a run, start of the next
+    accept    accept the state in the Functions       recalled   earlier state, from a record
 
 A step reads only the accepted state and the load, and writes only the Functions, which the next
 step overwrites. Hence a rejected step has no side effects.
@@ -54,18 +54,18 @@ _SOLVED = 1e-6  # largest relative residual of a start that counts as a solution
 
 @dataclass(frozen=True, eq=False)
 class AcceptedState:
-    """The end of a step, or a start, with everything that the next step needs.
+    """End of a step, or a start, complete for the next step.
 
     Attributes:
-        state: the state; the next step starts from its memory.
+        state: state; the next step starts from its memory.
         unknowns: owned unknowns as lengths, shape (n,).
         energies: energies since the start of the evolution.
         statuses: statuses with which the next step is tried first; None at a start.
-        solved: whether the state is a solution under its load; a start need not be one.
+        solved: whether the state is a solution under its load; a start need not be a solution.
         forces: forces at the state, for the energies of the next step; in dynamics the motion.
         result: tables, resultants and checks of the step that ended there; None at a start.
-        directions: number of known solutions of the rate problem at the beginning of that step;
-            None if they were not computed.
+        directions: number of known solutions of the rate problem at the start of that step; None if
+            they were not computed.
     """
 
     state: State
@@ -96,15 +96,15 @@ class AcceptedState:
 
 
 class Stepper:
-    """Takes steps of a quasi-static evolution.
+    """Stepper of a quasi-static evolution.
 
     Args:
-        problem: contact problem, whose Functions follow the states that are taken or put.
+        problem: contact problem; its Functions contain the last state.
         load: function of the time that sets Constants and Functions of the data.
         progress: progress of the solves, as in `ContactProblem.solve`.
 
     Attributes:
-        problem: contact problem as given, with the static law.
+        problem: contact problem with the static law.
     """
 
     def __init__(
@@ -127,15 +127,15 @@ class Stepper:
         guess: AcceptedState | None = None,
         trial: Trial | None = None,
     ) -> AcceptedState:
-        """Step from an accepted state to a time; the Functions receive the end. Collective.
+        """Step from an accepted state to a time; write the end into the Functions. Collective.
 
         Args:
             accepted: state at the start of the step.
             time: time at its end.
-            likely: guesses of the statuses at the end, the likeliest first; default: those of the
-                start.
-            guess: state from which the solver starts; default: start of the step.
-            trial: strategies of the solver; default: all. Motions choose their own.
+            likely: guesses of the statuses at the end, the likeliest first; default: statuses of
+                the start.
+            guess: initial guess of the solver; default: start of the step.
+            trial: strategies of the solver; default: all. Motions ignore it and choose their own.
 
         Raises:
             ConvergenceError: if no strategy solves the step. After any error the start of the step
@@ -182,7 +182,7 @@ class Stepper:
         return self.problem.step_from(accepted.state, step=time - accepted.time)
 
     def put(self, accepted: AcceptedState) -> None:
-        """Put a state into the Functions, and the load of its time into the data. Collective."""
+        """Put a state into the Functions, and the load at its time into the data. Collective."""
         self._restore(accepted)
         if self._time != accepted.time:
             self._set(accepted.time)
@@ -193,7 +193,7 @@ class Stepper:
         self._show_more(accepted.state)
 
     def keeps(self, data: Sequence[Datum], start: float, end: float) -> bool:
-        """Return whether data have the same values under the loads of two times. Collective.
+        """Return whether data have equal values under the loads at two times. Collective.
 
         Args:
             data: data of the problem.
@@ -207,7 +207,7 @@ class Stepper:
         return not anywhere(self.problem.comm, not same)[0]
 
     def _set(self, time: float) -> None:
-        """Set the load of a time. Collective."""
+        """Set the load at a time. Collective."""
         self._time = None
         with everywhere(self.problem.comm, f"the load at the time {time:g}"):
             self._load(time)
@@ -216,9 +216,10 @@ class Stepper:
     # -- the start of a run ----------------------------------------------------------------------
 
     def require_repeatable(self, time: float, later: float) -> bool:
-        """Refuse a load depending on earlier calls; the load of a time is set. Collective.
+        """Raise an error if the load depends on earlier calls. Collective.
 
-        Shorter steps call the load with times in any order.
+        Shortened steps call the load with times in any order. The load at ``time`` is set on
+        return.
 
         Args:
             time: time at the start of a run.
@@ -250,11 +251,11 @@ class Stepper:
         return varies
 
     def warn_of_constant_load(self, accepted: AcceptedState, times: Sequence[float]) -> None:
-        """Log a warning if every step of a run would repeat its start. Collective.
+        """Log a warning if the load is constant during a run. Collective.
 
         Args:
-            accepted: state at the start of the run; its load is set.
-            times: times of the run; the first and the last have the same load.
+            accepted: state at the start of the run, whose load is set.
+            times: times of the run; the loads at the first and the last are equal.
         """
         varies = not accepted.solved or isinstance(accepted.forces, Motion)
         laws = [s.law_at_points.compiled for s in self.problem.surfaces]
@@ -277,7 +278,7 @@ class Stepper:
             )
 
     def start(self, time: float, given: State | None = None) -> AcceptedState:
-        """Return the start of an evolution; the load of its time has been set. Collective.
+        """Return the start of an evolution; the load at its time must be set. Collective.
 
         Args:
             time: time of the start.
@@ -323,13 +324,13 @@ class Stepper:
     def recalled(
         self, time: float, memory: Sequence[Memory], energies: Energies, *, first: bool
     ) -> AcceptedState:
-        """Return the state in the Functions as an accepted state of a given time. Collective.
+        """Return the state in the Functions as an accepted state at a given time. Collective.
 
         Args:
             time: time of the state.
             memory: memory from which the next step starts, one per surface.
             energies: energies since the start.
-            first: whether it is the start, whose statuses are unknown.
+            first: whether the state is a start, whose statuses are unknown.
         """
         self._set(time)
         law = self.problem.with_memory(memory)
@@ -346,8 +347,8 @@ class Stepper:
     ) -> float:
         """Return the relative residual of a start. Collective.
 
-        A start is a solution under the law by which it was found, or under the law of a step
-        without increment: in equilibrium, with friction within its bound.
+        A start counts as a solution if it satisfies the law by which it was found, or the law of a
+        step without increment (equilibrium with friction within its bound).
 
         Args:
             law: problem with the law by which the state was found.
@@ -382,11 +383,11 @@ class Stepper:
         return Energies(), forces_at(law.equations, evaluation)
 
     def _more(self) -> dict[str, Any]:
-        """Return further items of the state in the Functions. Not collective."""
+        """Return additional items of the state, such as a velocity. Not collective."""
         return {}
 
     def _show_more(self, state: State) -> None:
-        """Put the items of `_more` into the Functions. Collective."""
+        """Put the additional items of `_more` into the Functions. Collective."""
 
     # -- accepted states -------------------------------------------------------------------------
 
@@ -412,8 +413,8 @@ class Stepper:
             time: time of the state.
             energies: energies since the start.
             forces: forces at the state.
-            known: whether the next step is tried with its statuses first.
-            solved: whether it is a solution under its load.
+            known: whether the next step starts with these statuses.
+            solved: whether the state is a solution under its load.
             result: result of the step; None at a start.
         """
         problem = self.problem
@@ -441,8 +442,8 @@ class Stepper:
 def _residual(eq: ContactEquations, evaluation: Evaluation) -> float:
     """Return the relative residual of a state; 0 if it carries only round-off. Collective.
 
-    A state without displacements and forces has no scale of its own. In this case forces count as
-    zero if they move a node by less than 1e-12 of the body size.
+    A state without displacements and forces defines no scale. Then forces count as zero if they
+    move a node by less than 1e-12 of the body size.
     """
     scales = Scales(eq, settled=True)
     worst = scales.measure(evaluation).worst

@@ -1,33 +1,34 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Rules of histories and motions: steps through given times, or to rest.
+r"""Rules of histories and motions: steps through given times, or until rest.
 
 Between two given times t_k and t_k+1 the rule takes n equal steps,
 
     n = ceil((t_k+1 - t_k)/L),          L = ``longest``, by default n = 1,
 
-and hits the given times exactly. Further steps are inserted only on request:
+and hits the given times exactly. Additional steps are inserted only on request:
 
-    halving     a step of length h that is not solved is tried again with h/4 from the same state,
-                down to the shortest length; the length doubles after every accepted step. Bodies
-                that slide over each other are tried with h/2 first: Newton's method solves a step
-                of about one facet of the master in a few iterations, and where it fails, shorter
-                steps cost less than the further `strategies`.
-    jumps       a step is searched for a jump (`jumps`) if its rates exceed twice those of the step
-                before: rates of `StateChanges.parts`, and of the largest change at a point
-                of each surface. Points beginning to slip may move with half the rate of the body.
-    locate      a step in which a point closes is tried again with h/2.
+    halving     a step of length h that is not solved is repeated with h/4 from the same state, down
+                to the shortest length; the length doubles after every accepted step. For bodies
+                sliding over each other h/2 is tried first: Newton's method solves a step of about
+                one facet of the master in a few iterations, and if it fails, shorter steps cost
+                less than the remaining `strategies`.
+    jumps       a step is searched for a jump (`jumps`) if its rates exceed twice the rates of the
+                previous step: rates of `StateChanges.parts`, and of the largest change at a point
+                of each surface. Points that begin to slip may move with half the rate of the body.
+    locate      a step in which a point closes is repeated with h/2.
 
-A motion is at rest, which ends a run by the rule `ToRest`, once its kinetic energy E has satisfied
-E <= rest max E at the ends of ten successive steps and for a time of 4 sqrt(rest) T, where T is the
-time since the start. A body that reverses its velocity v after a time T, for example at the top of
-a throw, has v = v_max t/T around that instant, and satisfies the inequality for 2 sqrt(rest) T.
+The rule `ToRest` ends a motion once its kinetic energy E has satisfied E <= rest max E at the ends
+of ten successive steps and for a time of 4 sqrt(rest) T, where T is the time since the start. A
+body that reverses its velocity v after a time T, for example at the top of a throw, has v = v_max
+t/T around that instant and satisfies the inequality only for 2 sqrt(rest) T.
 
 At the start of a step every slipping point is at the border of stick, and the rate problem may have
-several solutions (`rate_problem`). On request they are counted, and their statuses are tried if a
-step is not solved.
+several solutions (`rate_problem`). On request these solutions are counted, and their statuses are
+tried if a step is not solved.
 
-In a long step of sliding bodies Newton's method may find a folded state that does not continue the
-evolution: the smallest det F falls below half of its value, or of 1. Such a step is not accepted.
+In a long step of sliding bodies Newton's method may converge to a folded state that does not
+continue the evolution: the smallest det F falls below half of its previous value (at most 1). Such
+a step is not accepted.
 """
 
 from __future__ import annotations
@@ -98,7 +99,7 @@ _LONGER = (
 
 @dataclass(frozen=True)
 class HistoryTask:
-    """Task of a run; see `QuasiStatic.run`, and `NSCD.run` for ``locate``.
+    """Task of a run, with arguments of `QuasiStatic.run` and `NSCD.run` as attributes.
 
     Attributes:
         times: time of the start, then the times that are hit exactly.
@@ -106,13 +107,14 @@ class HistoryTask:
         shortest: lower bound of the length of a halved step.
         at_jump: action if no solution continues the evolution.
         locate: whether the closing of points is located to ``shortest``.
-        rest: fraction of the largest kinetic energy below which a motion is at rest, which ends the
-            run (see `NSCD.settle`); 0: the last time ends it.
-        locate_jumps: whether sudden steps are searched for jumps.
+        rest: fraction of the largest kinetic energy below which a motion is at rest and the run
+            ends (see `NSCD.settle`); 0: the run ends at the last time.
+        locate_jumps: whether steps with sudden changes are searched for jumps.
         halve: whether steps that are not solved are halved.
         rays: whether all solutions of the rate problem are computed; None: only for up to sixteen
-            points, at steps changing the statuses.
-        extrapolate: whether the solver starts from the extrapolated last step if bodies slide.
+            points, in steps in which statuses change.
+        extrapolate: whether the solver starts from the extrapolation of the last step if bodies
+            slide.
 
     Raises:
         ValueError: if an argument is not admissible.
@@ -146,7 +148,7 @@ class HistoryTask:
             raise ValueError("at_jump='jump' needs locate_jumps=True")
 
     def requested(self, time: float) -> float:
-        """Return the length of the requested equal steps around a time; 0 beyond the times."""
+        """Return the length of the requested equal steps at a time; 0 beyond the times."""
         k = bisect.bisect_left(self.times, time)
         if not 0 < k < len(self.times):
             return 0.0
@@ -158,7 +160,7 @@ def checked_times(times: Sequence[float], accepted: AcceptedState | None) -> tup
 
     Args:
         times: times of a run, at least two.
-        accepted: state at the first time; None: any time.
+        accepted: state at the first time; None if the first time is arbitrary.
     """
     values = np.array(listed(times, "times"), dtype=np.float64).reshape(-1)
     if len(values) < 2 or not np.isfinite(values).all() or not (np.diff(values) > 0).all():
@@ -263,7 +265,7 @@ class ThroughTimes(Rule[HistoryTask]):
             yield self._accept(after)
 
     def _report_halving(self, length: float) -> None:
-        """Log one warning per run that steps are halved, unless that was requested."""
+        """Log one warning per run that steps are shortened, unless this was requested."""
         if self._reports_halving and self._comm.rank == 0:
             logger.warning(
                 "step %d of the %s, from the time %.10g and of length %.3g, was not solved: it is "
@@ -277,14 +279,14 @@ class ThroughTimes(Rule[HistoryTask]):
         self._reports_halving = False
 
     def _retry(self, length: float) -> None:
-        """Continue with a shorter step from the same state."""
+        """Repeat the step from the same state with a shorter length."""
         self.state = replace(self.state, length=length)
         self._rejected += 1
 
     def _accept(
         self, after: AcceptedState, *, jump: bool = False, settled: bool = True
     ) -> EvolutionStep:
-        """Make the end of a step the accepted state; return the step for users. Collective."""
+        """Accept the end of a step; return the step for the history. Collective."""
         before = self.state.accepted
         change = changes(self._comm, before, after)
         step = self._step(after, change, jump)
@@ -301,12 +303,12 @@ class ThroughTimes(Rule[HistoryTask]):
         return step
 
     def _end_if_reached(self) -> None:
-        """End the run if the accepted state is its end."""
+        """End the run if the accepted state is at its last time."""
         if self.state.accepted.time >= self.task.times[-1]:
             self.end(Ending.REACHED, _REACHED)
 
     def _step(self, after: AcceptedState, change: StateChanges, jump: bool) -> EvolutionStep:
-        """Return the step from the accepted state to another one, for users."""
+        """Return the step from the accepted state to another state, for the history."""
         start = self.state.accepted.time
         end = after.time
         shorter = end - start < (1 - _ROUND_OFF) * self.task.requested(end)
@@ -345,7 +347,7 @@ class ThroughTimes(Rule[HistoryTask]):
     # -- one step --------------------------------------------------------------------------------
 
     def _trial(self, goal: float, end: float) -> Trial:
-        """Return the strategies for a step to a goal on the way to a given time."""
+        """Return the solver strategies for a step to ``goal`` on the way to the time ``end``."""
         if not self._slides:
             return Trial()
         task = self.task
@@ -364,7 +366,7 @@ class ThroughTimes(Rule[HistoryTask]):
         """Step from the accepted state to a time. Collective.
 
         Raises:
-            ConvergenceError: if nothing solves the step, or its end is folded.
+            ConvergenceError: if no strategy solves the step, or its end is folded.
         """
         start = self.state.accepted
         after: AcceptedState | None = None
@@ -398,7 +400,7 @@ class ThroughTimes(Rule[HistoryTask]):
         return None if found is None else found.rays
 
     def _same(self, a: Statuses | None, b: Statuses | None) -> bool:
-        """Return whether two statuses are equal on all ranks, or unknown. Collective."""
+        """Return whether two sets of statuses are equal on all ranks, or unknown. Collective."""
         if a is None or b is None:
             return True
         return not anywhere(self._comm, any(d.any() for d in differs(a, b)))[0]
@@ -434,7 +436,7 @@ class ThroughTimes(Rule[HistoryTask]):
     # -- jumps -----------------------------------------------------------------------------------
 
     def _search(self, after: AcceptedState) -> Found | None:
-        """Search a sudden step for a jump; None if it has none. Collective."""
+        """Search a step with sudden changes for a jump; None without a jump. Collective."""
         before = self.state.accepted
         if not self.task.locate_jumps or not before.solved:
             return None
@@ -444,7 +446,9 @@ class ThroughTimes(Rule[HistoryTask]):
         return find_jump(self._stepper, before, after, slow, self.task.shortest)
 
     def _slow_rates(self, after: AcceptedState) -> Array | None:
-        """Return rates of the parts without a jump; None if a step is not sudden. Collective.
+        """Return the rates of `StateChanges.parts` that count as slow. Collective.
+
+        None if the state does not change suddenly in the step.
 
         Args:
             after: end of the step from the accepted state.
@@ -474,7 +478,7 @@ class ThroughTimes(Rule[HistoryTask]):
         return np.asarray(parts)
 
     def _end_before(self, found: Found, far: AcceptedState) -> Ended:
-        """Return the end of a run before a step whose end is far."""
+        """Return the exception that ends a run before a jump."""
         a = self.state.accepted.time
         b = far.time
         places = where_it_changes(self._stepper, self.state.accepted, far)
@@ -500,7 +504,7 @@ class ThroughTimes(Rule[HistoryTask]):
         )
 
     def _not_solved(self, length: float, error: ConvergenceError) -> str:
-        """Return the reason of a run ending because a step was not solved."""
+        """Return the reason for the end of a run at a step that was not solved."""
         surfaces = self._stepper.problem.surfaces
         # A law of the speed becomes steeper in shorter steps; fields named in needs_time do not.
         rates = (s for s in surfaces if not s.law.needs_time)
@@ -519,10 +523,10 @@ class ThroughTimes(Rule[HistoryTask]):
         )
 
     def _beyond(self, goal: float) -> AcceptedState | None:
-        """Step to a time for which no solution was found, if the run may jump. Collective.
+        """Jump to a time for which no solution was found, if the run may jump. Collective.
 
-        Solutions at later times are searched, at growing distances. The solver then starts from the
-        later solution, or from solutions in between. The result is None if this fails, too.
+        Solutions at later times are searched for, at growing distances. The solver then starts from
+        the later solution, or from solutions in between. The result is None if this also fails.
         """
         if self.task.at_jump != "jump":
             return None
@@ -552,7 +556,7 @@ class ThroughTimes(Rule[HistoryTask]):
 
 
 class ToRest(ThroughTimes):
-    """Rule of a motion ending when the body is at rest, or at the last time."""
+    """Rule of a motion that ends when the body is at rest, or at the last time."""
 
     def __init__(self, stepper: Stepper, task: HistoryTask, state: RunState):
         super().__init__(stepper, task, state)
@@ -579,6 +583,6 @@ class ToRest(ThroughTimes):
 
 
 def _aim(start: float, end: float, length: float) -> float:
-    """Return the end of the first of equal steps to a time, none longer than a length."""
+    """Return the end of the first of equal steps to ``end``, each at most ``length`` long."""
     steps = math.ceil((end - start) / length * (1 - 1e-12))
     return end if steps <= 1 else start + (end - start) / steps
