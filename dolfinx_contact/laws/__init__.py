@@ -2,7 +2,7 @@
 r"""Contact laws: relations at one contact point, written once in UFL.
 
 All laws work in 2D and 3D, against obstacles and between bodies, with every discretisation, with
-direct solvers and multigrid, and along branches; some work with more:
+direct solvers and multigrid, and along branches. Some laws support more:
 
 | law                           | needs                     | pivoting | proofs | points |
 |-------------------------------|---------------------------|----------|--------|--------|
@@ -18,17 +18,17 @@ direct solvers and multigrid, and along branches; some work with more:
 | `MaxwellLayer(k, eta, K)`     | k, eta > 0, K >= 0        | no       | no     | no     |
 
 - *pivoting*: a linear body with nodal or mixed contact is condensed onto its contact points, and
-  branches are followed from vertex to vertex. A compliant surface needs frictionless contact or
-  Coulomb's law inside.
-- *proofs*: of uniqueness, and of completeness of a set of solutions (`analysis`); for the same
+  branches are followed from vertex to vertex. The inner law of a compliant surface must be
+  frictionless or Coulomb's law.
+- *proofs*: proofs of uniqueness and of completeness of a set of solutions (`proofs`), for the same
   bodies.
-- *points*: `ContactProblem.reduced` and the classical algorithms that work on it.
+- *points*: `ContactProblem.reduced` and the classical algorithms.
 
-A parameter that the table does not call a number may be a Constant, a Function or a UFL expression
-of these. It may also be the parameter of a branch, which is then followed in steps. A user-defined
-law has pivoting in 2D if its answers are linear and all its borders meet at zero. A user-defined
-bond, with or without memory, is an `Interface`: an energy and a potential of dissipation. In
-histories `Regularised` needs a ``speed``, and `NormalCompliance` supports no tangential springs.
+Parameters not called numbers in the table may be Constants, Functions or UFL expressions of these.
+They may also be the parameter of a branch, which is then followed in steps. A user-defined law
+supports pivoting in 2D if its answers are linear and all its borders meet at zero. A user-defined
+bond, with or without memory, is an `Interface`: an energy and a dissipation potential. In histories
+`Regularised` requires a ``speed``, and `NormalCompliance` supports no tangential springs.
 """
 
 from typing import TYPE_CHECKING

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Adhesion with damage, friction and unilateral contact: the RCCM law.
 
-Raous, Cangemi and Cocou (CMAME 177, 1999, section 3): a bond of intensity beta, 1 if intact and 0
-if broken, resists the opening [u_n] >= 0 and the tangential jump [u_t], both total, by springs;
-friction increases where bonds break:
+Raous, Cangemi and Cocou (CMAME 177, 1999, section 3): the springs of a bond with the intensity beta
+(1 if intact, 0 if broken) resist the total opening [u_n] >= 0 and the total tangential jump [u_t].
+Friction increases as bonds break:
 
     t_adh = -beta^2 (-C_N [u_n] n + C_T [u_t]),       |t_t - t_adh,t| <= mu (1 - beta) p,
     b beta' = -(w - (C_N [u_n]^2 + C_T |[u_t]|^2) beta)^-,
@@ -13,20 +13,20 @@ heal. Time integration has first or second order (`damage`); for b = 0 it is exa
 jumps grow. The status records whether a bond is being damaged (`status.DAMAGING`).
 
 *Recoverable* bonds grow at closed points: b beta' = w - E beta with E = C_N [u_n]^2 + C_T |[u_t]|^2
-and 0 <= beta <= 1. Growth is restricted to points that were closed at the start of the step;
-otherwise a step would have a jump where a point closes. A broken bond uses the current jump as its
-tangential reference until it grows again, so it heals as a new bond.
+and 0 <= beta <= 1. Growth is restricted to points that were closed at the start of the step,
+because beta would otherwise jump when a point closes within a step. The tangential reference of a
+broken bond is the current jump until it grows again, so that it heals as a new bond.
 
 *Compliant surface* (`contact`): p is the pressure of `NormalCompliance`. The springs act on [u_n]
 of either sign, as in the energy of the model, so they also resist penetration. The friction bound
 is mu (1 - beta) times the contact pressure.
 
-The law is not implemented as an `Interface`. The first-order law on a rigid surface could be: a
-class of 18 lines gives equal statuses, tractions and Newton counts
-(`tests/physics/test_interfaces.py`), but an evaluation takes 2.7 times as long (20,000 points in
-3D). Second order, recovery and the pressure of a compliant surface cannot be expressed by an energy
-and a dissipation of one step. The closed formula is also smooth beyond the borders of its statuses,
-as required by solves with fixed statuses; equations solved point by point would end there.
+The law is not implemented as an `Interface`. For the first-order law on a rigid surface, a class of
+18 lines gives equal statuses, tractions and Newton counts (`tests/physics/test_interfaces.py`), but
+evaluation takes 2.7 times as long (20,000 points in 3D). Second order, recovery and the pressure of
+a compliant surface cannot be expressed by an energy and a dissipation of one step. The closed
+formula is also smooth beyond the borders of its statuses, as required by solves with fixed
+statuses, whereas equations solved point by point have no solution there.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ class RCCM(Law):
     """Adhesion, friction and unilateral contact (Raous, Cangemi and Cocou).
 
     Every field is a number, a Constant, a Function or a UFL expression. A static problem ignores
-    the viscosity; ``beta`` is then the intensity before the load is applied.
+    the viscosity, and ``beta`` is the intensity before the load is applied.
 
     Attributes:
         normal: stiffness C_N >= 0 of the springs against opening, traction per length.
@@ -76,11 +76,11 @@ class RCCM(Law):
         work: work of decohesion w > 0, energy per area.
         friction: friction coefficient mu >= 0 of a broken bond; an intact bond has no friction.
         viscosity: viscosity b >= 0 of damage, energy per area times time.
-        beta: intensity at the start, from 0 to 1.
+        beta: initial intensity, from 0 to 1.
         broken: intensity below which a bond counts as broken.
-        order: order of the time steps, 1 or 2.
+        order: order of the time integration, 1 or 2.
         recovers: whether bonds grow at closed points.
-        contact: compliance of the surface, a frictionless `NormalCompliance`; default: None,
+        contact: compliance of the surface, a frictionless `NormalCompliance`; default: None for
             Signorini's conditions.
 
     Raises:
@@ -222,9 +222,9 @@ class RCCM(Law):
         return dict(sorted(found.items()))
 
     def _contact(self, a: ContactPoint, beta: Any) -> Mapping[int, StatusPiece]:
-        """Return contact and friction, which act on the shear not carried by the bond.
+        """Return the pieces of contact and friction for the shear not carried by the bond.
 
-        The stretching of the springs by the increment acts like additional augmentation, and is
+        The stretching of the springs by the increment acts like additional augmentation and is
         omitted.
         """
         along = _along(a.before - self._origin(a), a.n)
@@ -238,7 +238,7 @@ class RCCM(Law):
         return Coulomb(self.friction * (1.0 - beta))
 
     def _held(self, code: int, distance: Any, cap: Any) -> list[Border]:
-        """Return the borders at which a change ends; without friction every point may slip."""
+        """Return the borders that end a change of the bond; frictionless points may always slip."""
         if code in (OPEN, PLUS):
             return [Border(distance, code)]
         grips = ufl.And(ufl.gt(self.friction, 0.0), ufl.lt(cap, 1.0))
@@ -252,14 +252,14 @@ class RCCM(Law):
         return beta**2 * (self.normal * opening * n - self.tangential * moved)
 
     def _soft(self, a: ContactPoint, beta: Any, opening: Any) -> ContactPoint:
-        """Return the contact point with the pressure of the compliant surface, without springs."""
+        """Return the contact point with the pressure of the compliant surface, without bonds."""
         if self.contact is None:
             return a
         pull = beta**2 * self.normal * opening
         return self.contact.with_pressure(replace(a, traction=a.traction - pull * a.n))
 
     def _step(self, a: ContactPoint) -> DamageStep:
-        """Return the time step of the intensity, from the data in memory."""
+        """Return the time step of the intensity, using the data in memory."""
         before = {name: a.kept[f".{name}"] for name in _STEP} if self.order == 2 else None
         grows = None
         if self.recovers:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Evaluation of a law at contact points: tractions and borders of every status."""
+"""Evaluation of a law at contact points: tractions and borders for every status."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _ABSENT = -np.finfo(np.float64).max  # distance for a status that does not exist
 
 
 class Columns(Protocol):
-    """Columns in the values of a compiled law; see `compiled.CompiledLaw`."""
+    """Indices of the columns in the values of a compiled law (`compiled.CompiledLaw`)."""
 
     dim: int
     codes: tuple[int, ...]
@@ -40,10 +40,10 @@ class PointData:
         gap: initial gaps, shape (n,).
         r: augmentation parameters, shape (n,).
         fields: values of the fields of the law by name, shape (n,) each.
-        turn: derivatives of the normals with respect to the displacement of the points, shape (n,
-            dim, dim); None if the normals are fixed.
+        turn: derivatives of the normals with respect to the displacement of the points, shape
+            (n, dim, dim); None if the normals are fixed.
         moved: derivatives of the jump with respect to the displacement, shape (n, dim, dim), if
-            normals turn; None if the jump is the displacement itself.
+            normals turn; None if the jump equals the displacement.
     """
 
     n: Array
@@ -69,7 +69,7 @@ class Borders:
 
 
 class Spreading(Protocol):
-    """Averaging of a quantity over the neighbouring points, for a nonlocal law.
+    """Averaging operator N over neighbouring points, for a nonlocal law (protocol).
 
     Attributes:
         by_jump, by_traction: derivatives of the averaged quantity with respect to jump and
@@ -80,7 +80,7 @@ class Spreading(Protocol):
     by_traction: Array
 
     def __call__(self, values: Array) -> Array:
-        """Return N times values (n,) at the points of this rank. Collective."""
+        """Return N v for the values v (n,) at the points of this rank. Collective."""
 
 
 class Answers:
@@ -90,9 +90,9 @@ class Answers:
         law: compiled law.
         values: values of its compiled expressions.
         spreading: averaging of a nonlocal law; default: None (local law).
-        turning: function of the statuses returning the derivatives of the traction with respect
-            to the displacement, shape (n, dim, dim), including the changes of jumps and normals;
-            default: None (fixed normals).
+        turning: function that maps statuses to the derivatives of the traction with respect to the
+            displacement, shape (n, dim, dim), including changes of jumps and normals; default: None
+            (fixed normals).
 
     Attributes:
         spreading: averaging; None for a local law.
@@ -116,7 +116,7 @@ class Answers:
 
     @cached_property
     def required(self) -> Codes:
-        """Statuses determined by jumps and tractions, shape (n,)."""
+        """Statuses required by jumps and tractions, shape (n,)."""
         return self._nearest[0]
 
     @property
@@ -140,7 +140,7 @@ class Answers:
         return np.array(self._law.codes, dtype=np.int8)[first], worst
 
     def _borders(self, code: int) -> tuple[Array, npt.NDArray[np.bool_], list[int]]:
-        """Return border distances of a status, mask of its existence, and target statuses."""
+        """Return border distances of a status, a mask of its existence, and target statuses."""
         law = self._law
         row = law.rows[code]
         columns = law.borders[row]
@@ -180,7 +180,7 @@ class Answers:
         return can & (np.min(self.borders(codes).distance, axis=1, initial=np.inf) >= 0)
 
     def every_distance(self, code: int) -> Array:
-        """Return distances to all borders of a status (n, borders), ignoring their conditions."""
+        """Return distances to all borders of a status, ignoring their conditions (n, borders)."""
         return self._values[:, [c for c, _, _ in self._law.borders[self._law.rows[code]]]]
 
     def exists(self) -> npt.NDArray[np.bool_]:
@@ -211,12 +211,12 @@ class Answers:
 
     @property
     def pressure(self) -> tuple[Array, Array, Array]:
-        """Pressure of a nonlocal law (n,), and its derivatives by jump and traction (n, dim)."""
+        """Pressure of a nonlocal law (n,), with derivatives by jump and traction (n, dim)."""
         q, by_jump, by_traction = (self._values[:, k] for k in self._law.places["pressure"])
         return q[:, 0], by_jump, by_traction
 
     def bond(self, name: str) -> Array:
-        """Return a part of `law.Bond`: "traction" (n, dim), "stored" (n,), "after.NAME" (n,)."""
+        """Return a part of the bond: "traction" (n, dim), "stored" (n,), "after.NAME" (n,)."""
         found = np.asarray(self._values[:, self._law.places[f"bond.{name}"][0]])
         return found if name == "traction" else found[:, 0]
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Interfaces defined by energy and dissipation (`interface`): bilinear cohesion, Maxwell layer."""
+"""Predefined interfaces (`interface`): bilinear cohesive bond and Maxwell layer."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class BilinearCohesive(Interface):
     Attributes:
         strength: largest traction, > 0.
         elastic: jump a > 0 at the largest traction, a length.
-        softening: further increase b > 0 of the jump until the bond breaks, a length.
+        softening: increase b > 0 of the jump from the largest traction to failure, a length.
         friction: friction coefficient mu >= 0 of the broken bond.
         damage: initial damage D, from 0 to 1.
     """
@@ -79,7 +79,7 @@ class BilinearCohesive(Interface):
 class MaxwellLayer(Interface):
     r"""Thin viscoelastic layer: spring and dashpot in series, in parallel with another spring.
 
-    With the viscous part y of the jump [u], a vector,
+    With the viscous part y of the jump [u], both vectors,
 
         Psi = k |[u] - y|^2/2 + c |[u]|^2/2,    Phi = b |y'|^2/2 + mu p |[u_t]'|,
 
@@ -91,7 +91,8 @@ class MaxwellLayer(Interface):
         stiffness: stiffness k > 0 of the spring in series with the dashpot, traction per length.
         viscosity: viscosity b > 0 of the dashpot, traction times time per length; ignored in static
             problems.
-        lasting: stiffness c >= 0 of the parallel spring, traction per length.
+        lasting: stiffness c >= 0 of the parallel spring, which remains after relaxation, traction
+            per length.
         friction: friction coefficient mu >= 0.
     """
 

@@ -90,7 +90,7 @@ class _Written:
 
 @contextmanager
 def _ufl_alone(law: Law) -> Iterator[None]:
-    """Context manager that explains errors of numpy, math and Python about UFL in a law."""
+    """Explain errors that occur if a law applies numpy, math or Python functions to UFL."""
     try:
         yield
     except (TypeError, ValueError) as error:
@@ -104,7 +104,7 @@ def _ufl_alone(law: Law) -> Iterator[None]:
 
 
 def _refuse_other_data(law: Law, scalars: list[Any], w: Any) -> None:
-    """Raise ``ValueError`` if a law uses Constants or Functions that are not fields of the law.
+    """Raise `ValueError` if a law uses Constants or Functions that are not its fields.
 
     Args:
         law: law, for the message.
@@ -125,7 +125,7 @@ class CompiledLaw:
     """Compiled law, shared by all laws of the same kind.
 
     Args:
-        law: law of this kind, whose fields are replaced by symbols.
+        law: law of this kind; its fields are replaced by symbols.
         dim: dimension, 2 or 3.
         comm: communicator of the ranks compiling together.
 
@@ -222,11 +222,10 @@ class CompiledLaw:
 
     @cached_property
     def is_piecewise_linear(self) -> bool:
-        """Whether answers and borders are affine in jump, traction and gap for each status.
+        """Whether answers and borders of each status are affine in jump, traction and gap.
 
-        The decision is made symbolically in UFL, since values or derivatives at sample states would
-        not prove it. The existence conditions of statuses must not depend on these quantities
-        either.
+        The decision is symbolic, because values or derivatives at sample states would not prove it.
+        The existence conditions of statuses must not depend on these quantities.
         """
         if self._roots is not None:
             return False
@@ -257,7 +256,7 @@ class CompiledLaw:
 
     @cached_property
     def sensitivities(self) -> tuple[PointValues, list[list[int]], list[list[list[int]]]]:
-        """Derivatives of the answers by normal and fields, compiled on first use."""
+        """Derivatives of the answers with respect to normal and fields, compiled on first use."""
         flat = ScalarList()
         by_normal = [flat.add(ufl.diff(p.answer, self._n)) for p in self._pieces.values()]
         by_field = [
@@ -267,7 +266,7 @@ class CompiledLaw:
 
     @cached_property
     def pressure_sensitivities(self) -> PointValues:
-        """Derivatives of the averaged pressure by normal and law fields, compiled on first use."""
+        """Derivatives of the averaged pressure by normal and fields, compiled on first use."""
         flat = ScalarList()
         for by in (self._n, *self._fields[:-1]):
             flat.add(ufl.diff(self._pressure, by))
@@ -304,7 +303,7 @@ class LawAtPoints:
         comm: communicator of the ranks compiling together.
 
     Attributes:
-        codes: status codes; where several statuses are admissible, the first one is used.
+        codes: status codes; if several statuses are admissible, the first one is used.
     """
 
     def __init__(self, law: Law, dim: int, number: int, comm: MPI.Comm):
@@ -317,7 +316,7 @@ class LawAtPoints:
     def __call__(
         self, jump: Array, traction: Array, data: PointData, codes: Codes | None = None
     ) -> Answers:
-        """Evaluate the law at jumps and tractions (n, dim); ``codes`` are statuses held fixed."""
+        """Evaluate the law at jumps and tractions (n, dim); ``codes`` fixes the statuses."""
         turn = data.turn
         moved = data.moved
         values = self.compiled.values
@@ -360,7 +359,7 @@ class LawAtPoints:
         codes: Codes,
         moved: Array | None = None,
     ) -> Array:
-        """Return the rate of the answer (n, dim) at fixed tractions, from the rates of the data.
+        """Return the rate of the answer (n, dim) at fixed tractions, for given rates of the data.
 
         Args:
             jump: jumps, shape (n, dim).
@@ -389,7 +388,7 @@ class LawAtPoints:
         normal: Array,
         moved: Array,
     ) -> tuple[Array, dict[str, Array]]:
-        """Return derivatives of the answers with respect to k parameters, and to each field.
+        """Return the derivatives of the answers with respect to k parameters and each field.
 
         Args:
             jump: jumps, shape (n, dim).
@@ -400,7 +399,8 @@ class LawAtPoints:
             moved: derivatives of the jumps with respect to the parameters, shape (n, dim, k).
 
         Returns:
-            Derivatives by the parameters, shape (n, dim, k), and by each field, shape (n, dim).
+            Derivatives with respect to the parameters, shape (n, dim, k), and to each field, by
+            name, shape (n, dim).
         """
         compiled, by_normal, by_field = self.compiled.sensitivities
         values = self._evaluate(compiled, jump, traction, data)
@@ -418,7 +418,7 @@ class LawAtPoints:
 
 
 def _columns(flat: ScalarList, piece: StatusPiece) -> list[tuple[int, int | None, int]]:
-    """Return the columns of distance and condition, and the target, of each border of a status."""
+    """Return the columns of distance and condition and the target of each border of a status."""
     found = []
     for border in piece.borders:
         where = None if border.where is None else flat.add(_number(border.where))[0]

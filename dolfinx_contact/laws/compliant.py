@@ -7,16 +7,17 @@ r"""Laws that wrap a friction law: compliant surfaces, and regularised friction.
   u_t/|u_t|, with the radius b of the friction disc. The traction is then a function of the
   displacement. In a history friction opposes the slip velocity: in a step dt with the increment
   du_t, u_t is replaced by du_t/dt, and eps is a velocity (implicit Euler). Under a shear below the
-  bound, q = |t_t|/b < 1, a point creeps with the velocity eps phi^-1(q), where Coulomb's law
-  sticks.
+  bound, q = |t_t|/b < 1, a point creeps with the velocity eps phi^-1(q), whereas it sticks under
+  Coulomb's law.
 
-Both laws deviate from Signorini's and Coulomb's conditions; they serve for comparisons.
+  Both laws deviate from Signorini's and Coulomb's conditions and are meant for comparisons.
 
 For m = 1 the pressure is expressed by the augmented traction q = p + r u_n as p = C/(C + r) q_+.
 This is equivalent to p = C (u_n)_+ with the same statuses, and for increasing C Newton's method
 becomes that of Signorini's conditions. Other pressures and shears are functions of the displacement
 only. If the regularisation width is far below the displacements, Newton's method fails from a zero
-start. Then decrease the width step by step, or trace it as a parameter (`ParametricContact`).
+initial guess. Then decrease the width step by step, or trace it as a parameter
+(`ParametricContact`).
 """
 
 from __future__ import annotations
@@ -51,7 +52,7 @@ _SERIES = 1e-6  # (slip/eps)^2 below which a series replaces a quotient
 
 
 class _AroundFriction(FrictionLaw):
-    """Law that wraps another one, `friction`, and includes its fields."""
+    """Law that wraps another law, `friction`, and includes its fields."""
 
     friction: FrictionLaw
     bound_kind = None
@@ -134,18 +135,18 @@ class _AroundFriction(FrictionLaw):
 class NormalCompliance(_AroundFriction):
     """Compliant surface with the pressure p = C (u_n)_+^m, optionally with friction.
 
-    Closed points penetrate, so ``un`` is negative there. The indicator ``penetration`` of the
-    surface (`Result.indicators`) is the largest depth; a warning is issued above a tenth of a
-    facet.
+    Closed points penetrate, so that ``un`` is negative. The indicator ``penetration`` of the
+    surface (`Result.indicators`) is the largest depth; a warning is logged above a tenth of the
+    facet size.
 
     Attributes:
-        stiffness: C > 0, in units of traction per length to the power m; a number, a Constant, a
-            Function or a UFL expression.
-        exponent: m >= 1, a number.
-        friction: friction law at this pressure; default: frictionless.
+        stiffness: coefficient C > 0, in units of traction per length to the power m; a number, a
+            Constant, a Function or a UFL expression.
+        exponent: exponent m >= 1, a number.
+        friction: friction law evaluated at this pressure; default: frictionless.
         tangential: tangential stiffness C_t of the surface, traction per length. The shear is -C_t
-            u_t until the point slips (for m = 1, penalised Coulomb friction). None: the point
-            sticks.
+            u_t until the point slips (for m = 1, penalised Coulomb friction). None (default): the
+            point sticks until it slips.
 
     Raises:
         ValueError: if the exponent is below 1, or if ``friction`` is not a friction law.
@@ -204,16 +205,16 @@ class Regularised(_AroundFriction):
 
     The scaled slip is x = |u_t|/eps in a static problem and |du_t|/(eps dt) in a history. A point
     with x < 1 counts as stuck although it creeps. A static problem requires ``width``, a history
-    ``speed``, and a history beginning with a static solve both.
+    requires ``speed``, and a history that begins with a static solve requires both.
 
     Attributes:
         friction: friction law to regularise, with the radius b of its friction disc.
-        width: eps > 0 of the static law, a length; a number, a Constant, a Function or a UFL
+        width: length eps > 0 of the static law; a number, a Constant, a Function or a UFL
             expression.
-        shape: function phi: ``"tanh"``, tanh(x); ``"sqrt"``, x/sqrt(1 + x^2), the derivative of
-            sqrt(|u_t|^2 + eps^2); ``"polynomial"``, (3 x - x^3)/2 up to x = 1, then 1;
-            ``"linear"``, x up to 1, then 1.
-        speed: eps > 0 of a history, a velocity; same types as ``width``.
+        shape: name of the function phi: ``"tanh"``, tanh(x); ``"sqrt"``, x/sqrt(1 + x^2), the
+            derivative of sqrt(|u_t|^2 + eps^2); ``"polynomial"``, (3 x - x^3)/2 up to x = 1, then
+            1; ``"linear"``, x up to 1, then 1.
+        speed: velocity eps > 0 of a history; same types as ``width``.
 
     Raises:
         ValueError: for an unknown shape, if neither ``width`` nor ``speed`` is given, or if

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""The statuses of contact points in 2D as polyhedral cones of w = (ut, un, rt, rn).
+r"""Statuses of contact points in 2D as polyhedral cones of w = (ut, un, rt, rn).
 
-Tangential displacement, gap, and the nodal forces on the body (in units of a stiffness times a
-length, so that all four are lengths). Where the answers of a law are linear in jump and traction,
-a status is the set of w on a plane, t = D_j j + D_t t, inside its borders: {B z : C B z >= 0}.
+The variables w of a point are tangential displacement, gap, and nodal forces on the body, divided
+by a stiffness so that all four are lengths. If the answers of a law are linear in jump and
+traction, a status is the set of all w on a plane, t = D_j j + D_t t, inside its borders: {B z : C B
+z >= 0}.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ _STATUSES = 4
 
 
 def is_polyhedral(law: LawAtPoints, data: PointData) -> bool:
-    """Whether answers and borders are linear in jump, gap and traction at the points here."""
+    """Return whether answers and borders are linear at the points of this rank."""
     local = law.law.averaging is None
     if not local or max(law.codes) >= _STATUSES or not law.compiled.is_piecewise_linear:
         return False
@@ -45,19 +46,19 @@ def is_polyhedral(law: LawAtPoints, data: PointData) -> bool:
 def cones(
     law: LawAtPoints, data: PointData, frames: Array, scale: Array
 ) -> tuple[Array, Array, npt.NDArray[np.bool_]]:
-    """Cones {B z : C B z >= 0} of the statuses of n points.
+    """Return the cones {B z : C B z >= 0} of the statuses of n points.
 
     Args:
         law: polyhedral law at the points.
         data: data of the points without gaps, which are in w.
         frames: matrices T (n, 2, 2) with j = T (ut, un) and t = T (rt, rn) scale.
-        scale: traction per length in w (n,).
+        scale: factors from forces in w, which are lengths, to tractions, shape (n,).
 
     Returns:
         Bases B (n, 4, 4, 2), inequalities C (n, 4, 3, 4) padded by zero rows, and existing statuses
-        (n, 4). Bases are oriented as the rows of the law: for all statuses the sign of det (M B)
-        is, up to a common sign, that of the determinant of the equations M w = p with the rows t -
-        tau(j, t) = 0.
+        (n, 4). Bases are oriented consistently with the rows of the law: for all statuses, det (M
+        B) has, up to a common sign, the sign of the determinant of the equations M w = p together
+        with t - tau(j, t) = 0.
     """
     n = law.number
     B = np.zeros((n, _STATUSES, 4, 2))
@@ -128,7 +129,7 @@ def _bounds(slopes: Array, free: list[int], there: npt.NDArray[np.bool_]) -> Arr
 
 
 def _needed(rows: Array) -> Array:
-    """Return the inequalities ``rows`` z >= 0 that no two others imply."""
+    """Return the inequalities ``rows`` z >= 0 not implied by two others."""
     kept = list(range(len(rows)))
     for i in range(len(rows)):
         others = [k for k in kept if k != i]

@@ -13,8 +13,8 @@ in UFL, for any coefficient and status by status. The checker of proofs (`proofs
 self-contained and repeats them.
 
 In 2D with g = 0 the statuses are cones of w = (ut, un, rt, rn), affine in F: w = (B_0 + F B_1) z
-with (C_0 + F C_1) w >= 0. On a *border* between two statuses there is one unknown less: between
-open and slip only ut is nonzero; between stick and slip rt is determined by rn.
+with (C_0 + F C_1) w >= 0. A *border* between two statuses has one unknown less: between open and
+slip only ut is nonzero; between stick and slip rt is determined by rn.
 """
 
 from __future__ import annotations
@@ -50,13 +50,13 @@ def radius(rn: Array, friction: Array, bound: Array) -> Array:
 
 
 def project(s: Array, radius: Array) -> Array:
-    """Return the projections of vectors (m, d) onto discs (in 1D: intervals) of radii (m,)."""
+    """Project vectors (m, d) onto discs (intervals if d = 1) of the given radii (m,)."""
     size = np.linalg.norm(s, axis=1)
     return np.asarray(s * np.minimum(1.0, radius / np.maximum(size, _TINY))[:, None])
 
 
 def allowed(r: Array, friction: Array, bound: Array) -> Array:
-    """Return forces (m, dim) projected onto rn >= 0 and then onto the friction disc."""
+    """Project forces (m, dim) onto rn >= 0 and then onto the friction disc."""
     rn = np.maximum(r[:, -1], 0.0)
     return np.column_stack([project(r[:, :-1], radius(rn, friction, bound)), rn])
 

@@ -16,9 +16,9 @@ beta reaches c.
   L-stable, so its order does not depend on b. x is limited to 2, because the formula is unstable
   for longer steps; the order is then lower.
 
-The cap is beta_n, or 1 if the bond may recover. The two-step formula can let a bond weaken further
-after the load has stopped, by the excess over w/E_n; this is prevented by c = max(s, min(beta_n,
-w/E_n)).
+The cap is beta_n, or 1 if the bond may recover. With the two-step formula a bond could weaken
+further after the load has stopped, by the excess over w/E_n; c = max(s, min(beta_n, w/E_n))
+prevents this.
 """
 
 from __future__ import annotations
@@ -102,7 +102,7 @@ class DamageStep:
 
 
 def least_energy(energy: Any, work: Any) -> Any:
-    """Return the spring energy E, limited from below to avoid division by zero without damage."""
+    """Return the spring energy E, bounded from below to avoid division by zero."""
     return ufl.conditional(ufl.gt(energy, _LEAST * work), energy, _LEAST * work)
 
 

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Unilateral contact with friction, defined by the friction bound at a given contact pressure.
+r"""Unilateral contact with friction, defined by a friction bound.
 
-A friction law is defined by the radius b of its friction disc (in 2D, interval). For the augmented
-pressure p and shear s the traction is -max(p, 0) n plus the projection of s onto the disc of radius
-b, written status by status.
+A friction law is defined by the radius b of its friction disc (interval in 2D) as a function of the
+contact pressure. For the augmented pressure p and shear s the traction is -max(p, 0) n plus the
+projection of s onto the disc of radius b, written status by status.
 """
 
 from __future__ import annotations
@@ -54,14 +54,14 @@ class FrictionLaw(Law):
     def grips(self, a: ContactPoint) -> Any | None:
         """Return the UFL condition under which friction acts; default: None (always).
 
-        The condition depends on fields of the law only, for example on a positive coefficient.
+        The condition depends only on fields of the law, such as a positive friction coefficient.
         """
         return None
 
     def holds(self, a: ContactPoint) -> Any | None:
         """Return the UFL condition under which a point can stick; default: `grips`.
 
-        The condition may depend on the averaged pressure: where it vanishes, no point sticks.
+        The condition may depend on the averaged pressure: no point sticks where it vanishes.
         """
         return self.grips(a)
 
@@ -109,10 +109,10 @@ class FrictionLaw(Law):
 
 
 class _Slip:
-    """Slip by a distance that is nonnegative up to round-off.
+    """Slip with a slip distance that is nonnegative up to round-off.
 
-    Stick and slip then share one border for every jump and traction, and friction always opposes
-    the slip. The radius is smooth slightly below zero slip, where slip begins.
+    Thus stick and slip have one common border for every jump and traction, and friction always
+    opposes the slip. The radius is extended smoothly to slightly negative slip distances.
     """
 
     def __init__(self, a: ContactPoint, radius: Radius, slid: Any):
@@ -199,7 +199,7 @@ class Tresca(FrictionLaw):
     """Tresca friction: prescribed friction bound ``|lambda_t| <= g`` on the whole surface.
 
     As in the mathematical literature, friction also acts on open parts of the surface. To avoid
-    this, multiply the bound by a field vanishing there.
+    friction there, multiply the bound by a field that vanishes there.
 
     Attributes:
         threshold: friction bound g >= 0, a traction; same types as `Coulomb.friction`.

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Interfaces defined by two functions: a surface energy and a potential of dissipation.
+r"""Interfaces defined by a surface energy and a dissipation potential.
 
 The framework is that of generalised standard materials (Halphen and Nguyen, J. Mec. 14, 1975),
 extended to interfaces by Del Piero and Raous (Eur. J. Mech. A/Solids 29, 2010). The state consists
 of the jump, split into opening [u_n] >= 0 and tangential jump [u_t], and of internal variables a.
-The surface energy is Psi([u_n], [u_t], a). The potential of dissipation Phi(|[u_t]'|, a'; state,
-chi) is convex in the rates, with the minimum 0 at zero rates. The laws of state and evolution are
+The surface energy is Psi([u_n], [u_t], a). The dissipation potential Phi(|[u_t]'|, a'; state, chi)
+is convex in the rates, with the minimum 0 at zero rates. The laws of state and evolution are
 
     R_n = dPsi/d[u_n] - p,   0 <= p, [u_n] >= 0, p [u_n] = 0,       R_t = dPsi/d[u_t] + R_t^ir,
     R_t^ir in dPhi/d[u_t]',        -dPsi/da in dPhi/da',
@@ -19,9 +19,9 @@ A time step uses the implicit Euler method,
     dPsi/da(a) + dPhi/da'((a - a_n)/dt) = 0,
 
 which is solved point by point (`roots`). A monotone variable remains constant while its driving
-force is below the threshold dPhi/da'(0); otherwise it changes, until it reaches its end. These
-cases are part of the status (`status.DAMAGING`, `status.BROKEN`). In a static problem all rates are
-zero, and only the rate-independent part of the dissipation remains.
+force is below the threshold dPhi/da'(0); otherwise it changes until it reaches its final value.
+These cases are part of the status (`status.DAMAGING`, `status.BROKEN`). In a static problem all
+rates are zero, and only the rate-independent part of the dissipation remains.
 """
 
 from __future__ import annotations
@@ -48,23 +48,23 @@ __all__ = ["Interface", "InterfaceState", "Rates"]
 
 
 class Interface(Law):
-    """Contact law defined by an energy and a potential of dissipation (abstract).
+    """Contact law defined by an energy and a dissipation potential (abstract).
 
-    A subclass is a frozen dataclass whose fields are the parameters; see `Law`. Fields listed in
-    `internal` have their initial values at the start, and later the values at the last accepted
-    state. With ``needs_pressure = False`` friction also acts at open points. If the dissipation is
-    not 1-homogeneous in the rates, results depend on time. Then ``needs_time`` must list the
-    fields, such as viscosities, that vanish in the rate-independent case. In a static problem all
-    rates are zero: friction is evaluated at zero speed, without viscous resistance.
+    A subclass is a frozen dataclass with the parameters as fields (`Law`). Fields listed in
+    `internal` contain initial values at the start and the values at the last accepted state later.
+    With ``needs_pressure = False`` friction also acts at open points. If the dissipation is not
+    1-homogeneous in the rates, results depend on time, and ``needs_time`` must list the fields,
+    such as viscosities, that vanish in the rate-independent case. In a static problem all rates are
+    zero: friction is evaluated at zero speed, without viscous resistance.
 
     Example:
-        A bond whose strength falls with the opening, linearly, and which does not heal::
+        A bond with linear softening in the opening, without healing::
 
             @dataclass(frozen=True)
             class Cohesive(Interface):
                 stiffness: Scalar
-                elastic: Scalar  # opening where it begins to weaken, and
-                last: Scalar  # where it is broken
+                elastic: Scalar  # opening at the onset of softening
+                            last: Scalar  # opening at failure
                 damage: Scalar = 0.0
                 internal = (Internal("damage", "grows", end=1.0),)
 
@@ -95,7 +95,7 @@ class Interface(Law):
         return None
 
     def broken(self, state: InterfaceState) -> Any:
-        """Return the UFL condition for a broken interface; default: the variable is at its end."""
+        """Return the UFL condition for a broken interface; default: final value reached."""
         x = self.weakening
         if x is None or x.end is None:
             return None
@@ -172,7 +172,7 @@ class Interface(Law):
         return [OPEN, DAMAGING] if x.end is None else [OPEN, DAMAGING, BROKEN]
 
     def _check_time(self, a: ContactPoint) -> None:
-        """Raise ``ValueError`` if the speed matters although all fields in ``needs_time`` are 0."""
+        """Raise `ValueError` if the speed matters although all fields in ``needs_time`` are 0."""
         still = self.having(dict.fromkeys(self.needs_time, ufl.as_ufl(0.0)))
         if still._side(a, False, self._families[-1], level=0).knows_speed:
             raise ValueError(
@@ -183,7 +183,7 @@ class Interface(Law):
     # -- at a point ------------------------------------------------------------------------------
 
     def _side(self, a: ContactPoint, is_open: bool, family: int, level: int = 1) -> InterfacePoint:
-        """Return the interface at an open or closed point, with the variable of a status family."""
+        """Return the interface at an open or closed point, for a family of statuses."""
         start = self._starts(a)
         unknown = []
         values = dict[str, Any]()
@@ -241,7 +241,7 @@ class Interface(Law):
 
     @property
     def _can_change(self) -> Any:
-        """UFL condition that the monotone variable is not at its end; None without an end."""
+        """UFL condition that the monotone variable is not at its final value; None without one."""
         x = self.weakening
         if x is None or x.end is None:
             return None
@@ -256,7 +256,7 @@ class Interface(Law):
     def _outgoing(
         self, sides: Mapping[int, InterfacePoint], family: int, code: int
     ) -> list[Border]:
-        """Return the borders to other families."""
+        """Return the borders to other families of statuses."""
         x = self.weakening
         found = list[Border]()
         if x is None:
@@ -299,9 +299,9 @@ def _both(one: Any, other: Any) -> Any:
 def _borders(
     side: InterfacePoint, distance: Any, code: int, family: int, where: Any
 ) -> Iterator[Border]:
-    """Yield borders to the status of equal contact and friction in the family of a side.
+    """Yield the borders to the status with the same contact and friction in another family.
 
-    Where friction is zero, the target status is slip.
+    If friction is zero, the target status is slip.
     """
     grips = None if code in (OPEN, PLUS, PLUS + WHERE_OPEN) else side.grips
     yield Border(distance, code + family, _both(where, grips))

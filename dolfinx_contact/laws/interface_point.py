@@ -104,8 +104,8 @@ class InterfacePoint:
         start: values of the variables at the last accepted state.
         unknown: names of the variables to be solved for.
         is_open: whether the point is open; None if not yet determined.
-        level: number that distinguishes the differentiation variables of nested points, one more
-            than that of the points in ``values``.
+        level: index that distinguishes the differentiation variables of nested points, larger by
+            one than the level of the points in ``values``.
     """
 
     def __init__(
@@ -196,9 +196,9 @@ class InterfacePoint:
     def _potential(
         self, pressure: Any, speed: Any, share: float = 1.0
     ) -> tuple[Any, dict[str, Any]]:
-        """Return Phi and its rates as variables of differentiation; "" is the key of the speed.
+        """Return Phi and its rates as variables of differentiation, by name; "" for the speed.
 
-        The variables are evaluated after the fraction ``share`` of the step.
+        The internal variables are evaluated after the fraction ``share`` of the step.
         """
         reaction = pressure if isinstance(self._pull, Zero) else _positive(pressure - self._pull)
         reaction = ufl.as_ufl(0.0) if isinstance(ufl.as_ufl(pressure), Zero) else reaction
@@ -230,8 +230,8 @@ class InterfacePoint:
     def spent(self) -> Any:
         """Energy per area dissipated by the variables in the step.
 
-        It is the integral of dPhi/da'(a) . da between the two values, computed by the Gauss rule
-        unless the law defines `cost`.
+        The integral of dPhi/da'(a) . da between the two values is computed by the Gauss rule unless
+        the law defines `cost`.
         """
         known = self._law.cost(replace(self.state, internal=self.start), self.state)
         if known is not None:
@@ -265,7 +265,7 @@ class InterfacePoint:
         return _slope(self.energy, self.values[name]) + self.resisted(name)
 
     def determines(self, name: str) -> bool:
-        """Return whether `driven` depends on an unknown variable, so it can be solved for it."""
+        """Return whether `driven` determines a variable: it depends on this or other unknowns."""
         force = self.driven(name)
         return not all(isinstance(_slope(force, self.values[x.name]), Zero) for x in self.unknown)
 
@@ -293,8 +293,8 @@ class InterfacePoint:
     def soft(self) -> ContactPoint:
         """Contact point for contact and friction, without the traction of the energy.
 
-        Springs count as additional augmentation. Pressure and shear therefore decrease when the
-        body moves away, for any spring stiffness.
+        Springs count as additional augmentation, so that pressure and shear decrease when the body
+        moves away, for any spring stiffness.
         """
         a = self._a
         pull = self._pull
@@ -314,7 +314,7 @@ class InterfacePoint:
 
     @property
     def contact(self) -> Mapping[int, StatusPiece]:
-        """Pieces of contact and friction without the energy."""
+        """Pieces of contact and friction, without the traction of the energy."""
         return self._friction.pieces(self.soft)
 
     @property
@@ -328,7 +328,7 @@ class _Friction(FrictionLaw):
     """Friction derived from a potential.
 
     Attributes:
-        resistance: function from pressure and speed to the radius of the friction disc.
+        resistance: function of pressure and speed that returns the radius of the friction disc.
         speed: slip speed.
         pace: ratio of slip speed to slip distance.
         viscous: whether the radius depends on the slip speed.
@@ -367,7 +367,7 @@ class _Friction(FrictionLaw):
 
 
 class _Signed(MultiFunction):  # type: ignore[misc]
-    """Replace absolute values of expressions of known sign, which are not differentiable at 0."""
+    """Replace absolute values, not differentiable at 0, of expressions with known sign."""
 
     def __init__(self, signs: Mapping[Any, int]):
         super().__init__()

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Contact laws: UFL expressions of jump and traction at one point, for each status.
 
-A law maps the jump j and the traction t at a point (and local fields of the law) to the required
-traction tau; a state satisfies the law if t = tau(j, t). Statuses, derivatives, events, measures of
-violation, rates with respect to a parameter, and the cones of a polyhedral law are derived from the
-same expressions (`compiled`).
+A law maps the jump j and the traction t at a point (and fields of the law) to the required traction
+tau; a state satisfies the law if t = tau(j, t). Statuses, derivatives, events, measures of
+violation, rates with respect to a parameter, and cones of polyhedral laws are derived from the same
+expressions (`compiled`).
 
 With n the unit normal from the body into the obstacle, the initial gap g and the augmentation
 parameter r,
@@ -80,7 +80,7 @@ class Kernel(NamedTuple):
 
 @dataclass(frozen=True)
 class ContactPoint:
-    """UFL quantities at a contact point, from which laws are composed.
+    """UFL quantities at a contact point, for the definition of laws.
 
     Attributes:
         jump: displacement of the body minus that of the obstacle, a vector.
@@ -89,20 +89,20 @@ class ContactPoint:
         gap: initial gap.
         r: augmentation parameter, a stiffness per area.
         dim: dimension, 2 or 3.
-        slid: accumulated slip distance in a history. During slip it is measured in the slip
+        slid: accumulated slip distance in a history. In a slip step it is measured along the slip
             direction, so that it is smooth at the onset of slip.
         pressure: pressure of a compliant surface; None for unilateral contact.
         shear: shear of a compliant surface before slip, a vector; None for a surface that is rigid
             until it slips.
-        touches: distance to the border of open points, a traction; None if it equals p.
+        touches: distance to the border between open and closed, a traction; None if it equals p.
         around: averaged pressure of the neighbouring points (`Law.averaging`); None for a local
             law.
-        before: jump at the last accepted state of an evolution, a vector; ``jump`` contains only
-            its normal part. Zero under the static law.
-        step: time since the last accepted state; negative under the static law. A law using it
+        before: jump at the last accepted state of an evolution, a vector, of which ``jump``
+            contains only the normal part. Zero under the static law.
+        step: time since the last accepted state; negative under the static law. A law that uses it
             must define the static case by a comparison with 0, for example for the speed:
             ``ufl.conditional(ufl.gt(a.step, 0.0), (a.slid - a.slid_before) / a.step, 0.0)``.
-            Otherwise it can only be used in a history.
+            Otherwise the law can only be used in histories.
         slid_before: ``slid`` at the last accepted state; 0 under the static law, where ``slid`` is
             the total slip.
         kept: internal variables at the last accepted state that are not fields of the law, by name
@@ -134,12 +134,12 @@ class ContactPoint:
 
     @property
     def t(self) -> Any:
-        """Unit tangent (-n_y, n_x), 2D only."""
+        """Unit tangent (-n_y, n_x), in 2D only."""
         return ufl.as_vector([-self.n[1], self.n[0]])
 
     @property
     def u_n(self) -> Any:
-        """Penetration, i.e. the negative gap."""
+        """Penetration, the negative gap."""
         return ufl.dot(self.jump, self.n) - self.gap
 
     @property
@@ -156,7 +156,7 @@ class ContactPoint:
 
     @property
     def touch(self) -> Any:
-        """Distance to the border of open points, a traction; positive in contact."""
+        """Distance to the border between open and closed, a traction; positive in contact."""
         return self.p if self.touches is None else self.touches
 
     @property
@@ -174,7 +174,8 @@ class Internal:
     Attributes:
         name: name of the variable; a scalar has the name of the field containing its initial
             value.
-        change: ``"any"``; ``"falls"`` or ``"grows"`` for the single scalar that weakens a bond.
+        change: admissible change: ``"any"``; ``"falls"`` or ``"grows"`` for the single scalar that
+            weakens a bond.
         end: final value of a monotone variable; None without a limit.
         vector: whether the variable is a vector with the components of the jump, initially 0.
         hidden: whether the variable is omitted from tables; it is then initially 0.
@@ -240,8 +241,8 @@ class Equations(NamedTuple):
     Attributes:
         residual: UFL residuals in terms of `ContactPoint.solved`, one for each unknown.
         start: UFL initial values of the unknowns.
-        sense: 1 if the first unknown only grows from its initial value, -1 if it only falls, else
-            0.
+        sense: 1 if the first unknown only grows from its initial value, -1 if it only falls,
+            otherwise 0.
         end: UFL limit of the first unknown; None without a limit.
     """
 
@@ -285,12 +286,12 @@ class Law:
 
     Fields are numbers, Constants, Functions or UFL expressions on the mesh of the body; their
     values may change between solves (``surface.law.friction.value = 0.2``). In `pieces` they are
-    symbols for the values at a point. Laws of one class are compiled once, so nothing except the
-    fields may vary between points or between solves. Pressure and shear of a point are *augmented*.
-    At states satisfying the law, the required traction does not depend on r.
+    symbols for the values at a point. Laws of one class are compiled once, so that only fields may
+    vary between points or between solves. Pressure and shear of a point are *augmented* by r; at
+    states that satisfy the law, the required traction must not depend on r.
 
     Raises:
-        ValueError: if a field is not a scalar, or is a number without its sign in `signs`.
+        ValueError: if a field is not a scalar, or is a number that violates `signs`.
     """
 
     #: Whether open points are traction-free.
@@ -313,7 +314,7 @@ class Law:
         self._check_fields()
 
     def _check_fields(self) -> None:
-        """Raise ``ValueError`` for fields that are not scalars, or not of the required sign."""
+        """Raise `ValueError` unless all fields are scalars of the required signs."""
         hiding = sorted(set(self.given) & set(dir(Law)))
         if hiding:
             kind = type(self).__name__  # the field ``name`` of a law may shadow the property
@@ -348,7 +349,7 @@ class Law:
 
     @property
     def averaging(self) -> Kernel | None:
-        """Kernel for averaging the pressures of closed points; None for a local law."""
+        """Return the kernel that averages the pressures of closed points; None for a local law."""
         return None
 
     @property
@@ -358,7 +359,7 @@ class Law:
 
     @property
     def kind(self) -> Hashable | None:
-        """Cache key, equal for laws differing only in the fields in `given`; None: no sharing."""
+        """Return the cache key, equal for laws that differ only in `given`; None: no sharing."""
         cls: Any = type(self)
         return cls if "__dataclass_fields__" in vars(cls) else None
 
@@ -367,7 +368,7 @@ class Law:
         return {}
 
     def equations(self, a: ContactPoint) -> Mapping[Hashable, Equations]:
-        """Return the nonlinear equations whose solutions are in ``a.solved``, by any keys."""
+        """Return nonlinear equations, by any keys; their solutions are in ``a.solved``."""
         return {}
 
     def memory(self, dim: int) -> list[str]:
@@ -376,7 +377,7 @@ class Law:
         return [name for x in ordered for name in x.components(dim)]
 
     def variables(self, dim: int) -> Mapping[str, str]:
-        """Return a dictionary from the names of variables in tables to their names in memory."""
+        """Return a dictionary that maps names of variables in tables to their names in memory."""
         return {
             name.removeprefix("."): name
             for x in self.internal
@@ -391,7 +392,7 @@ class Law:
 
     @property
     def weakens(self) -> bool:
-        """Whether bonds only weaken, and the law has no other memory."""
+        """Whether bonds only weaken and the law has no other memory."""
         return self.weakening is not None and all(x.is_field for x in self.internal)
 
     @property
@@ -402,7 +403,7 @@ class Law:
         return {f.name: getattr(self, f.name) for f in fields(self)}
 
     def having(self, symbols: Mapping[str, Any]) -> Self:
-        """Return a copy of this law with other values of its fields."""
+        """Return a copy of this law with other field values."""
         return replace(self, **symbols) if symbols else self  # type: ignore[type-var]
 
     def bind(self, domain: mesh.Mesh) -> Self:
@@ -448,7 +449,7 @@ def checked_pieces(pieces: Any, dim: int) -> dict[int, StatusPiece]:
 
 
 def _check_scalar(value: Scalar, what: str, sign: Sign) -> None:
-    """Raise ``ValueError`` if a field is not a scalar, or is a number without the given sign."""
+    """Raise `ValueError` if a field is not a scalar, or is a number with the wrong sign."""
     if is_number(value):
         if not (np.isfinite(value) and bool(obeys(sign, value, 0.0))):
             kind = {"any": "finite", "fraction": "between 0 and 1"}.get(sign, f"finite and {sign}")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Newton's method for the equations of a law, at all contact points at once."""
+"""Newton's method for the equations of a law, at all contact points simultaneously."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class Roots:
         self._each = [_Root(e, solved[name], w, comm) for name, e in equations.items()]
 
     def __call__(self, columns: Array) -> Array:
-        """Return ``columns`` (n, k) with the columns of the solutions appended. Not collective."""
+        """Append the columns of the solutions to ``columns`` (n, k). Not collective."""
         full = np.zeros((len(columns), self._width))
         full[:, : columns.shape[1]] = columns
         for root in self._each:
@@ -62,8 +62,8 @@ class Roots:
 class _Root:
     """Solver for F(z) = 0 at each point; the first unknown may be monotone.
 
-    If a monotone unknown would leave the interval between its start and end, it is set to the bound
-    and the remaining unknowns are solved for.
+    If a monotone unknown would leave the interval between its start and end, it is set to the
+    bound, and the remaining unknowns are computed.
     """
 
     def __init__(self, equations: Equations, solved: Solved, w: fem.Function, comm: MPI.Comm):
@@ -184,10 +184,11 @@ class _Root:
         held: bool = False,
         end: Array | None = None,
     ) -> Array:
-        """Damped Newton method with steps reduced until the next correction is smaller; else NaN.
+        """Solve by a damped Newton method; NaN if it fails.
 
-        The monotonicity test is the natural one of Deuflhard (Newton Methods for Nonlinear
-        Problems, 2004, section 3.3), which is independent of units.
+        Steps are reduced until the next correction is smaller, the natural monotonicity test of
+        Deuflhard (Newton Methods for Nonlinear Problems, 2004, section 3.3), which does not depend
+        on units.
         """
         z = z.copy()
         n = self._n

@@ -7,10 +7,10 @@ omega of radius rho (Duvaut, C. R. Acad. Sci. Paris A 290, 1980; Oden and Pires,
 
     |t_t|(x) <= F (N p)(x),   (N p)(x) = int omega(|x - y|/rho) p(y) dy / int omega(|x - y|/rho) dy,
 
-A constant pressure is therefore preserved, also near the ends of the surface. In the mathematical
-literature, the convolution is divided by the integral of omega over the whole plane (in 2D line)
-and loses pressure near the ends. As in the literature, friction also acts on open points: it can
-hold an open point next to a closed one.
+so that a constant pressure is preserved, also near the ends of the surface. In the mathematical
+literature, the convolution is divided by the integral of omega over the whole plane (line in 2D)
+and decreases near the ends. As in the literature, friction also acts on open points: it can hold
+an open point next to a closed point.
 """
 
 from __future__ import annotations

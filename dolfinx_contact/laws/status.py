@@ -1,12 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Statuses of a contact point: table of their codes, letters, names and colours.
+"""Statuses of contact points: codes, letters, names and colours.
 
 A status has three parts. The point is open or closed. Friction sticks, slips or is absent. The bond
 is unchanged, being damaged, or broken. A prescribed friction bound (Tresca) also acts on open
-points, whose status codes are those of closed points plus `WHERE_OPEN`. Result tables count these
-points as open.
-
-The colours are those of Okabe and Ito, which most colour-blind readers can distinguish.
+points; `WHERE_OPEN` is added to their status codes. Result tables count these points as open. The
+colours of Okabe and Ito are used, which most colour-blind readers can distinguish.
 """
 
 from __future__ import annotations
@@ -88,7 +86,7 @@ _CLAMPED = "d"  # point with Dirichlet conditions
 
 
 class _Row(NamedTuple):
-    """Status with its code, letter, name and colour, and the kind under which tables count it."""
+    """Status with its code, letter, name, colour, and the kind counted in tables."""
 
     number: int
     letter: str
@@ -133,7 +131,7 @@ def letters(dim: int) -> npt.NDArray[np.str_]:
 
 
 def word(codes: npt.ArrayLike, dim: int = 2) -> str:
-    """Return a string with one letter for each status code (m,)."""
+    """Return a string with the letters of status codes (m,)."""
     return "".join(letters(dim)[np.asarray(codes, dtype=np.int64)])
 
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """UFL symbols for the data of a contact point, used to compile laws.
 
-`known_step` simplifies laws that depend on time: it evaluates conditions on the duration of a step.
+For laws that depend on time, `known_step` evaluates conditions on the duration of a step.
 """
 
 from __future__ import annotations
@@ -74,8 +74,8 @@ def from_memory(dim: int, kept: Iterable[str] = ()) -> list[str]:
 def variable(e: Any, number: int) -> Any:
     """Return ``e`` as a UFL variable for differentiation.
 
-    The label of the variable is fixed. Labels counted by UFL would enter the signature of an
-    expression, which would then be recompiled in every program.
+    The label of the variable is fixed, because labels counted by UFL would enter the signature of
+    the expression, so that every program would recompile it.
     """
     return ufl.classes.Variable(e, ufl.classes.Label(_FIRST_LABEL + number))
 
@@ -89,7 +89,7 @@ class Symbols:
         kept: names of additional data in memory.
         unknowns: number of unknowns of each system of equations (`Law.unknowns`).
         memory: names of the data in memory that are used (`from_memory`).
-        local: whether the law depends on its own point only; if False, the last field is `AROUND`.
+        local: whether the law is local; if False, the last field is `AROUND`.
 
     Attributes:
         names: names of all fields, in the order of their columns.
@@ -162,9 +162,9 @@ class Symbols:
     def exact(self, equations: Mapping[Hashable, Equations]) -> dict[Hashable, tuple[Any, ...]]:
         """Return the solutions of equations, differentiable with respect to all data.
 
-        This is one Newton step with a constant inverse Jacobian G. At the root F = 0 the expression
-        x - G F(x, j) equals x, and its derivative with respect to j is -G dF/dj, as in the implicit
-        function theorem.
+        The result is one Newton step with a constant inverse Jacobian G. At the root F = 0 the
+        expression x - G F(x, j) equals x, and its derivative with respect to j is -G dF/dj, as in
+        the implicit function theorem.
         """
         found = {}
         for name, of in self.solved.items():
@@ -176,7 +176,7 @@ class Symbols:
         return found
 
     def used(self, expressions: Iterable[Any]) -> list[str]:
-        """Return the names of data in memory that occur in expressions; vectors completely."""
+        """Return the names of data in memory used in expressions; vectors with all components."""
         nodes = set(unique_pre_traversal(ufl.as_vector(list(expressions))))
         found = {name for name, symbol in self._known.items() if symbol in nodes}
         jump = before(self._dim)
@@ -192,12 +192,12 @@ _COMPARED: dict[type, Callable[[float, float], bool]] = {
 
 
 def known_step(e: Any, symbol: Variable, step: float) -> Any:
-    """Return a UFL expression with all comparisons of the time step and numbers evaluated.
+    """Evaluate all comparisons of the time step with numbers in a UFL expression.
 
     Args:
         e: scalar UFL expression.
         symbol: symbol for the time step.
-        step: 0, or a number that represents all steps of its sign.
+        step: 0, or a number that represents all steps of the same sign.
     """
     return map_expr_dag(_Decided(symbol, step), expand_derivatives(e))
 
