@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Built-in meshes of rectangles and boxes whose cells differ in size."""
+"""Meshes of rectangles and boxes with graded cell sizes."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ __all__ = ["create_grid", "graded"]
 def graded(length: float, size: float, fine: int, coarse: int) -> Array:
     """Return the coordinates of a graded grid from 0 to ``length``.
 
-    The grid begins with equal fine cells. The sizes of the following coarse cells form a geometric
-    sequence starting from the fine size.
+    The grid starts with equal fine cells. The sizes of the following coarse cells form a geometric
+    sequence that starts from the fine size.
 
     Args:
         length: length of the grid.
@@ -35,7 +35,8 @@ def graded(length: float, size: float, fine: int, coarse: int) -> Array:
         Increasing coordinates, shape (fine + coarse + 1,).
 
     Raises:
-        ValueError: if the fine cells fill the length, or no coarse cells remain.
+        ValueError: if ``size`` is not positive, if the fine cells fill the length, or if ``coarse``
+            is 0.
     """
     if not (size > 0 and fine >= 0 and coarse >= 1 and fine * size < length < np.inf):
         raise ValueError(f"{fine} cells of size {size} and {coarse} more do not fill {length}")

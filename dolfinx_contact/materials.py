@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Bulk materials in UFL: stored energy density and Cauchy stress.
 
-Every class takes numbers, Constants, Functions or UFL expressions; numbers become Constants when a
-form is made, so that another value needs no new compilation. The bulk of a contact problem may
-also be any other UFL energy or residual.
+Material parameters are numbers, Constants, Functions or UFL expressions; numbers become Constants
+in a form, so that other values need no new compilation. The bulk of a contact problem may also be
+any other UFL energy or residual.
 
 UFL overestimates the quadrature degree of hyperelastic energies on quadrilaterals and hexahedra (17
-for a neo-Hookean hexahedron: 3 ms per cell, where degree 4 takes 0.1 ms). Set a sufficient degree:
-``material.energy(u) * ufl.dx(metadata={"quadrature_degree": 4})``.
+for a neo-Hookean hexahedron: 3 ms per cell, compared with 0.1 ms for degree 4). Set a sufficient
+degree: ``material.energy(u) * ufl.dx(metadata={"quadrature_degree": 4})``.
 
-A user-defined energy does not need a class. Write it as a function of a 3 x 3 deformation gradient;
-in 2D (plane strain) F has the component 1 across the plane, and the stress across it follows::
+A user-defined energy does not need a class. Write it as a function of the 3 x 3 deformation
+gradient; in 2D (plane strain) F_33 = 1, and the out-of-plane stress follows::
 
     def W(F):  # stored energy per reference volume
         J = ufl.det(F)
@@ -22,21 +22,21 @@ in 2D (plane strain) F has the component 1 across the plane, and the stress acro
     problem = ContactProblem(W(F) * ufl.dx, u, surfaces, bcs=bcs)
     stress = ufl.diff(W(F), F) * F.T / ufl.det(F)  # Cauchy, 3 x 3: for `io.write_fields`
 
-For a body of revolution half of a section is meshed, r = x >= 0 and z = y. Its energy is the energy
-of `Axisymmetric`. Energies are per volume and loads per area, as in a plane body: the contact
+For an axisymmetric body, half of a cross-section is meshed, r = x >= 0 and z = y, and
+`Axisymmetric` defines the energy. Energies are given per volume and loads per area: the contact
 problem multiplies every integral by 2 pi r::
 
     steel = Axisymmetric(LinearElastic.from_young(210e3, 0.3))
     bulk = steel.energy(u) * ufl.dx - pull * u[1] * ds
 
-Bilinear quadrilaterals and trilinear hexahedra lock if a body is nearly incompressible. The energy
-of a mean dilatation avoids this and depends on u only. Linear triangles and tetrahedra lock as
-well; use u of degree 2 there::
+Bilinear quadrilaterals and trilinear hexahedra lock if a body is nearly incompressible. The mean
+dilatation energy avoids locking and depends on u only. Linear triangles and tetrahedra also lock;
+use u of degree 2 on these cells::
 
     rubber = LinearElastic.from_young(1.0, 0.499)
     bulk = rubber.mean_dilatation_energy(u, ufl.dx)
 
-A body of several materials has one integral and one stress for each cell tag::
+A body with several materials has one integral and one stress for each cell tag::
 
     dx = ufl.Measure("dx", domain, subdomain_data=cell_tags)
     bulk = steel.energy(u) * dx(1) + rubber.energy(u) * dx(2)
@@ -81,19 +81,19 @@ _materials: dict[int, tuple[weakref.ref[Any], Material]] = {}
 
 
 def lame(young: Any, poisson: Any) -> tuple[Any, Any]:
-    """Return Lame coefficients (lambda, mu) for Young's modulus and Poisson's ratio.
+    """Return the Lame coefficients (lambda, mu) for Young's modulus and Poisson's ratio.
 
-    They hold in 3D and plane strain. For Constants, Functions and other UFL scalars they are UFL,
-    and follow later values.
+    The coefficients are valid in 3D and plane strain. For Constants, Functions and other UFL
+    scalars they are UFL expressions, so that later values take effect.
 
     Args:
         young: Young's modulus, a stress.
         poisson: Poisson's ratio.
 
     Raises:
-        ValueError: if one is neither a number nor a UFL scalar, ``young`` is not positive, or
-            ``poisson`` not in (-1, 1/2). Constants, and UFL of Constants only, are checked with
-            their present values; data that vary in space are not checked.
+        ValueError: if an argument is neither a number nor a UFL scalar, ``young`` is not positive,
+            or ``poisson`` is not in (-1, 1/2). UFL expressions of Constants are checked with their
+            present values; data that vary in space are not checked.
     """
     _check("Young's modulus must be positive", lambda E: E > 0, young)
     _check("Poisson's ratio must lie in (-1, 1/2)", lambda nu: -1 < nu < 0.5, poisson)
@@ -102,10 +102,10 @@ def lame(young: Any, poisson: Any) -> tuple[Any, Any]:
 
 
 def materials_in(form: ufl.Form) -> list[Material]:
-    """Return materials of this module whose energy or stress occurs in a form.
+    """Return the materials of this module whose energy or stress occurs in a form.
 
-    The parts of a material are not listed. Expressions that UFL has reconstructed, for example by
-    ``ufl.replace``, are not recognised.
+    Inner materials, such as `Axisymmetric.material`, are not listed. Expressions reconstructed by
+    UFL, for example by ``ufl.replace``, are not recognised.
     """
     found: dict[int, Material] = {}
     left = [integral.integrand() for integral in form.integrals()]
@@ -132,7 +132,7 @@ def _is_scalar(value: Any) -> bool:
 def present_value(scalar: Any) -> float | None:
     """Return the present value of a number or UFL of Constants; None for any other UFL.
 
-    The value is NaN if it is not a real number, such as the root of -1 or 1/0.
+    The value is NaN if it is not a real number, such as the square root of -1 or 1/0.
     """
     if is_number(scalar):
         return float(scalar)
@@ -151,11 +151,11 @@ def present_value(scalar: Any) -> float | None:
 
 
 def _check(rule: str, holds: Callable[..., bool], *values: Any) -> None:
-    """Raise ``ValueError`` if values are not scalars, or their present values violate a rule.
+    """Raise `ValueError` if values are not scalars, or their present values violate a rule.
 
     Args:
-        rule: the rule in words.
-        holds: the rule, called with the values if all of them are known.
+        rule: description of the rule.
+        holds: function of the values that evaluates the rule, called if all values are known.
         values: numbers or UFL scalars.
     """
     if any(isinstance(v, complex) for v in values):
@@ -168,14 +168,14 @@ def _check(rule: str, holds: Callable[..., bool], *values: Any) -> None:
 
 
 def _kind_of(u: Any) -> str:
-    """Return the name of the kind of an argument as users know it."""
+    """Describe the kind of an argument for error messages."""
     if isinstance(u, ufl.Argument):
         return "a TestFunction" if u.number() == 0 else "a TrialFunction"
     return type(u).__name__
 
 
 def _require_displacement(u: Any) -> None:
-    """Raise ``ValueError`` if ``u`` is not a vector Function."""
+    """Raise `ValueError` if ``u`` is not a vector Function."""
     if not isinstance(u, fem.Function):
         raise ValueError(
             "a material needs the displacement, a fem.Function, also for a linear body, since "
@@ -186,14 +186,14 @@ def _require_displacement(u: Any) -> None:
 
 
 def _constants(u: fem.Function, *values: Any) -> list[Any]:
-    """Return values with numbers as Constants of the mesh of ``u``."""
+    """Replace numbers by Constants of the mesh of ``u``."""
     _require_displacement(u)
     domain = u.function_space.mesh
     return [fem.Constant(domain, float(v)) if is_number(v) else v for v in values]
 
 
 def _gradient(u: fem.Function) -> Any:
-    """Deformation gradient, dim x dim."""
+    """Return the deformation gradient, dim x dim."""
     _require_displacement(u)
     return ufl.Identity(len(u)) + ufl.grad(u)
 
@@ -204,28 +204,28 @@ def _in_space(A: Any, across: Any) -> Any:
 
 
 class Material:
-    """A bulk material; ``u`` is always the displacement, a vector Function (length).
+    """Bulk material; the argument ``u`` is always the displacement, a vector Function (length).
 
-    Its data are read-only. Moduli that change must be Constants: every solve uses their present
-    values.
+    The parameters are read-only. Moduli that change must be Constants; every solve uses their
+    present values.
     """
 
     _of_revolution: ClassVar[bool] = False
 
     def energy(self, u: fem.Function) -> Any:
-        """Stored energy per reference volume (per area in 2D), in units of stress."""
+        """Return the stored energy per reference volume (per area in 2D), in units of stress."""
         raise NotImplementedError
 
     def mean_dilatation_energy(self, u: fem.Function, dx: ufl.Measure = ufl.dx) -> ufl.Form:
         """Return the integrated energy for nearly incompressible quadrilaterals or hexahedra.
 
-        The part growing with lambda depends on the change of volume of the whole cell, which is
-        exact for distorted cells too; the other part is integrated by ``dx``. This is B-bar
-        (Nagtegaal, Parks and Rice, Comput. Methods Appl. Mech. Engrg. 4, 1974, 153-177; Hughes,
-        Int. J. Numer. Methods Engrg. 15, 1980, 1413-1418), in large strain with the ratio of the
-        volumes of the cell (Simo, Taylor and Pister, Comput. Methods Appl. Mech. Engrg. 51, 1985,
-        177-208). In the first part, moduli are evaluated at the centre of the cell. The stress is
-        `mean_dilatation_stress`.
+        The part that grows with lambda depends on the change of volume of the whole cell, which is
+        exact also for distorted cells; the other part is integrated by ``dx``. This is the B-bar
+        method (Nagtegaal, Parks and Rice, Comput. Methods Appl. Mech. Engrg. 4, 1974, 153-177;
+        Hughes, Int. J. Numer. Methods Engrg. 15, 1980, 1413-1418), and for large strains with the
+        ratio of the cell volumes (Simo, Taylor and Pister, Comput. Methods Appl. Mech. Engrg. 51,
+        1985, 177-208). In the first part, moduli are evaluated at the centre of the cell.
+        `mean_dilatation_stress` returns the stress.
 
         Args:
             u: displacement (length), of degree 1.
@@ -233,9 +233,9 @@ class Material:
 
         Raises:
             ValueError: if the cells are simplices (use u of degree 2 there), if edges are curved,
-                if u is not Lagrange of degree 1, if ``dx`` is not a measure of cells, or if the
-                energy growing with lambda does not depend on the change of volume only (plane
-                stress, which does not lock, `StVenantKirchhoff`, and user-defined materials).
+                if u is not Lagrange of degree 1, if ``dx`` is not a cell measure, or if the energy
+                that grows with lambda does not depend on the change of volume only (plane stress,
+                which does not lock, `StVenantKirchhoff`, and user-defined materials).
         """
         _require_measure(dx)
         cell = self._cell_volumes(u)
@@ -246,13 +246,13 @@ class Material:
     def mean_dilatation_stress(self, u: fem.Function) -> Any:
         """Return the Cauchy stress, 3 x 3, of `mean_dilatation_energy`.
 
-        It is valid at the centre of each cell, where files, pictures and films evaluate it. An
-        integral over it therefore needs the one-point rule,
-        ``dx(metadata={"quadrature_degree": 1})``. (`full_stress` has the pointwise pressure, which
-        oscillates without bound as lambda grows.)
+        The stress is valid at the centre of each cell, where files, pictures and films evaluate it.
+        Integrals of the stress therefore require the one-point rule,
+        ``dx(metadata={"quadrature_degree": 1})``. `full_stress` contains the pointwise pressure,
+        which oscillates without bound as lambda grows.
 
         Raises:
-            ValueError: as `mean_dilatation_energy`.
+            ValueError: for the reasons listed in `mean_dilatation_energy`.
         """
         cell = self._cell_volumes(u)
         return self._own(self._mean_stress(u, self._gradient_in_space(u), cell))
@@ -274,23 +274,23 @@ class Material:
         return shape + pressure * ufl.Identity(3)
 
     def _gradient_in_space(self, u: fem.Function) -> Any:
-        """The displacement gradient, 3 x 3."""
+        """Return the displacement gradient, 3 x 3."""
         return ufl.grad(u) if len(u) == 3 else _in_space(ufl.grad(u), 0)
 
     def _pushed_forward(self, P: Any, H: Any) -> Any:
-        """Cauchy stress of the derivative of an energy by the displacement gradient."""
+        """Return the Cauchy stress from the derivative P of an energy with respect to H."""
         F = ufl.Identity(3) + H
         return P * F.T / ufl.det(F)
 
     def stress(self, u: fem.Function) -> Any:
-        """Cauchy stress, dim x dim."""
+        """Return the Cauchy stress, dim x dim."""
         return self._cauchy(u, _gradient(u))
 
     def check_moduli(self) -> None:
-        """Raise ``ValueError`` for moduli of no stable material. Not collective.
+        """Raise `ValueError` if the moduli do not belong to a stable material. Not collective.
 
-        Numbers, Constants and UFL of Constants only are checked with their present values: at
-        construction, and at the start of every solve with an energy or stress of the material.
+        Numbers, Constants and UFL expressions of Constants are checked with their present values at
+        construction and at the start of every solve with the material.
         """
         lmbda, mu = getattr(self, "lmbda", 0.0), getattr(self, "mu", 1.0)
         rule = (
@@ -303,13 +303,12 @@ class Material:
         self.check_moduli()
 
     def full_stress(self, u: fem.Function) -> Any:
-        """Return the Cauchy stress, 3 x 3 in 2D too (with the out-of-plane stress), for invariants.
+        """Return the 3 x 3 Cauchy stress, in 2D with the out-of-plane stress, for invariants.
 
-        The expression holds for this material only: for several materials `output` takes one
-        expression per cell tag, ``stress={1: steel.full_stress(u), 2: wood.full_stress(u)}``. For a
-        body with `mean_dilatation_energy`, only its shear is meaningful, not its pressure.
-
-        The module docstring shows the same for a user-defined energy.
+        The expression is valid for this material only: for several materials pass one expression
+        per cell tag, ``stress={1: steel.full_stress(u), 2: wood.full_stress(u)}``. For a body with
+        `mean_dilatation_energy`, only the deviatoric part is meaningful, not the pressure. The
+        module docstring shows the stress of a user-defined energy.
         """
         _require_displacement(u)
         return self.stress(u) if len(u) == 3 else self._cauchy(u, _in_space(_gradient(u), 1.0))
@@ -320,7 +319,7 @@ class Material:
         return self._own(P * F.T / ufl.det(F))
 
     def _own(self, expression: Any) -> Any:
-        """Register and return an energy or stress, by which a problem finds the material."""
+        """Register an energy or stress, so that a problem can find the material, and return it."""
         key = id(expression)
         _materials[key] = weakref.ref(expression, lambda _: _materials.pop(key, None)), self
         return expression
@@ -329,22 +328,22 @@ class Material:
         raise NotImplementedError
 
     def _shape_energy(self, u: fem.Function, H: Any) -> Any:
-        """Return the part of the stored energy that stays bounded for growing lambda."""
+        """Return the part of the stored energy that remains bounded as lambda grows."""
         raise NotImplementedError
 
     def _volume_energy(self, u: fem.Function, dilatation: Any, ratio: Any) -> Any:
-        """Return the part of the stored energy growing with lambda."""
+        """Return the part of the stored energy that grows with lambda."""
         raise ValueError(
             f"the part of the energy of a {type(self).__name__} that belongs to the change of "
             "volume is unknown: take LinearElastic, NeoHookean or CiarletGeymonat"
         )
 
     def _energy_of(self, u: fem.Function, H: Any) -> Any:
-        """Stored energy of a 3 x 3 displacement gradient."""
+        """Return the stored energy for the 3 x 3 displacement gradient H."""
         return self._own(self._stored(u, ufl.Identity(3) + H))
 
     def _stress_of(self, u: fem.Function, H: Any) -> Any:
-        """Cauchy stress, 3 x 3, of a displacement gradient."""
+        """Return the 3 x 3 Cauchy stress for the displacement gradient H."""
         return self._cauchy(u, ufl.Identity(3) + H)
 
 
@@ -369,11 +368,11 @@ class LinearElastic(Material):
         Args:
             young: Young's modulus, a stress: a number, a Constant, whose value may change between
                 two solves, a Function, or another UFL scalar.
-            poisson: Poisson's ratio in (-1, 1/2); the same kinds.
+            poisson: Poisson's ratio in (-1, 1/2), of the same types.
             plane_stress: in 2D, plane stress instead of plane strain.
 
         Raises:
-            ValueError: as `lame`.
+            ValueError: for the reasons listed in `lame`.
 
         Example:
             ::
@@ -424,7 +423,7 @@ class LinearElastic(Material):
 
 
 class Elastic(Material):
-    """Hyperelasticity: the energy is a function of F = I + grad u; in 2D, plane strain."""
+    """Hyperelastic material with an energy W(F), F = I + grad u; plane strain in 2D."""
 
     def energy(self, u: fem.Function) -> Any:
         return self._own(self._stored(u, _gradient(u)))
@@ -432,7 +431,10 @@ class Elastic(Material):
 
 @dataclass(frozen=True)
 class StVenantKirchhoff(Elastic):
-    """W = lambda/2 (tr E)^2 + mu E:E with the Green-Lagrange strain E."""
+    """St. Venant-Kirchhoff material.
+
+    The energy is W = lambda/2 (tr E)^2 + mu E:E with the Green-Lagrange strain E.
+    """
 
     lmbda: Any
     mu: Any
@@ -444,7 +446,7 @@ class StVenantKirchhoff(Elastic):
 
 
 class Separable(Elastic):
-    """An energy that is the sum of an energy of the shape and one of the volume ratio det F."""
+    """Hyperelastic material whose energy is a shape energy plus a function of det F."""
 
     def _stored(self, u: fem.Function, F: Any) -> Any:
         return self._shape(u, F) + self._volume(u, ufl.det(F))
@@ -456,17 +458,20 @@ class Separable(Elastic):
         return self._volume(u, ratio)
 
     def _shape(self, u: fem.Function, F: Any) -> Any:
-        """Energy that stays bounded with lambda."""
+        """Return the part of the energy that remains bounded as lambda grows."""
         raise NotImplementedError
 
     def _volume(self, u: fem.Function, J: Any) -> Any:
-        """Energy growing with lambda."""
+        """Return the part of the energy that grows with lambda."""
         raise NotImplementedError
 
 
 @dataclass(frozen=True)
 class NeoHookean(Separable):
-    """W = mu/2 (|F|^2 - 3 - 2 ln J) + lambda/2 (ln J)^2, in plane strain with F_33 = 1."""
+    """Compressible neo-Hookean material.
+
+    The energy is W = mu/2 (|F|^2 - 3 - 2 ln J) + lambda/2 (ln J)^2, in plane strain with F_33 = 1.
+    """
 
     lmbda: Any
     mu: Any
@@ -482,10 +487,10 @@ class NeoHookean(Separable):
 
 @dataclass(frozen=True)
 class CiarletGeymonat(Separable):
-    """Ciarlet and Geymonat's law (Ciarlet, Mathematical Elasticity I, 1988, section 4.10).
+    """Ciarlet-Geymonat material (Ciarlet, Mathematical Elasticity I, 1988, section 4.10).
 
-    W = a tr C + b ((tr C)^2 - |C|^2)/2 + c det C - d/2 ln det C, with C_33 = 1 in plane strain,
-    b = mu/2 - a, c = lambda/4 - mu/2 + a, d = lambda/2 + mu; shifted so that W(I) = 0.
+    The energy is W = a tr C + b ((tr C)^2 - |C|^2)/2 + c det C - d/2 ln det C with b = mu/2 - a,
+    c = lambda/4 - mu/2 + a, d = lambda/2 + mu, shifted so that W(I) = 0; C_33 = 1 in plane strain.
 
     Attributes:
         lmbda, mu: Lame coefficients at small strain.
@@ -517,17 +522,17 @@ class CiarletGeymonat(Separable):
 
 @dataclass(frozen=True)
 class Axisymmetric(Material):
-    """A material of a body of revolution; the mesh is half of a section, with r = x, z = y.
+    """Material of an axisymmetric body; the mesh is half of a cross-section, r = x, z = y.
 
-    The displacement is (u_r, u_z), and the circumferential stretch is 1 + u_r / r; tensors have the
-    components r, z and circumferential. Energies are per volume: the contact problem multiplies all
-    integrals by 2 pi r.
+    The displacement is (u_r, u_z), and the circumferential stretch is 1 + u_r / r; the components
+    of tensors are r, z and circumferential. Energies are given per volume: the contact problem
+    multiplies all integrals by 2 pi r.
 
     Attributes:
-        material: the material in 3D.
+        material: material in 3D.
 
     Raises:
-        ValueError: if it is not a Material, is axisymmetric, or is in plane stress.
+        ValueError: if ``material`` is not a `Material`, is axisymmetric, or is in plane stress.
     """
 
     material: Material
@@ -572,7 +577,7 @@ class Axisymmetric(Material):
 
 
 def _require_measure(dx: Any) -> None:
-    """Raise ``ValueError`` if ``dx`` is not a measure of cells."""
+    """Raise `ValueError` if ``dx`` is not a cell measure."""
     if not isinstance(dx, ufl.Measure) or dx.integral_type() != "cell":
         raise ValueError(
             f"the measure must be one of cells, as ufl.dx or dx(1), got {dx}; of several tags take "
@@ -581,7 +586,7 @@ def _require_measure(dx: Any) -> None:
 
 
 def _require_bilinear(u: Any) -> None:
-    """Raise ``ValueError`` unless ``u`` has degree 1 on straight quadrilaterals or hexahedra."""
+    """Raise `ValueError` unless ``u`` has degree 1 on straight quadrilaterals or hexahedra."""
     _require_displacement(u)
     domain = u.function_space.mesh
     element = u.function_space.ufl_element()
@@ -602,7 +607,7 @@ _ON_AXIS = 1e-8  # distance from the axis, in cell sizes, below which u_r / r is
 
 
 def _require_section(u: Any) -> None:
-    """Raise ``ValueError`` if ``u`` is not the displacement of a section."""
+    """Raise `ValueError` if ``u`` is not the 2D displacement of a cross-section."""
     _require_displacement(u)
     if len(u) != 2:
         raise ValueError("the section of a body of revolution is a 2D mesh")

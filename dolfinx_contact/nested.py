@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Nested iteration: the solution on a coarse mesh is the initial guess on a finer mesh.
 
-Displacement and multipliers are interpolated; they determine the statuses. The regions of contact
-and slip are thus computed on the coarse mesh, where Newton steps are cheap.
+Displacement and multipliers are interpolated and determine the statuses. The regions of contact and
+slip are thus computed on the coarse mesh, where Newton steps are cheap.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def solve_nested(
         Results of all problems, from coarse to fine.
 
     Raises:
-        ValueError: if an item is not a contact problem; see also `prolong` and
+        ValueError: if an item is not a contact problem, and for the reasons listed in `prolong` and
             `ContactProblem.solve`.
     """
     if not isinstance(problems, list | tuple):
@@ -59,15 +59,15 @@ def solve_nested(
 
 
 def prolong(coarse: ContactProblem, fine: ContactProblem, *, padding: float = 1e-2) -> None:
-    """Interpolate displacement and multipliers of ``coarse`` to the Functions of ``fine``.
+    """Interpolate displacement and multipliers to the Functions of a finer problem. Collective.
 
     In a linear body, the displacement is interpolated only in the cells at the contact surfaces,
-    where it determines the statuses. Elsewhere, interpolation would not save iterations, because
-    the residual of the interpolant is large. Collective.
+    where it determines the statuses. In other cells interpolation would not save iterations,
+    because the residual of the interpolant is large.
 
     Args:
         coarse: solved problem.
-        fine: same problem on another mesh.
+        fine: the same problem on another mesh.
         padding: largest distance of a node of the fine mesh from the coarse mesh, relative to the
             size of the body; default: 0.01.
 
@@ -127,7 +127,7 @@ class _Interpolation:
         self._data = fem.create_interpolation_data(target, source, cells, padding)
 
     def __call__(self, f: fem.Function) -> fem.Function:
-        """Return ``f`` interpolated to the target, zero outside the selected cells. Collective."""
+        """Interpolate ``f`` to the target, zero outside the selected cells. Collective."""
         g = fem.Function(self.target)
         g.interpolate_nonmatching(f, self._cells, self._data)
         g.x.scatter_forward()
@@ -142,7 +142,7 @@ def _all_cells(problem: ContactProblem) -> Indices:
 def _contact_cells(problem: ContactProblem) -> Indices:
     """Return the local cells with a node on a contact surface.
 
-    Every owned contact node belongs to such a cell.
+    Every owned contact node belongs to one of these cells.
     """
     V = problem.V
     marks = fem.Function(fem.functionspace(V.mesh, ("Lagrange", 1)))

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Rigid foundations: regions that the body must not enter.
+"""Rigid obstacles: regions that the body must not enter.
 
 At a point x an obstacle defines, in UFL, the gap (the signed distance, positive outside) and the
 unit normal n from the body into the obstacle. With their values at a contact point in the reference
 configuration, the current gap of a point displaced by u is ``gap - u.n``: exact for a flat obstacle
-and any displacement, and correct to first order in u for a curved one (small sliding). In large
-sliding both are evaluated at the displaced point (`points.displaced`).
+and any displacement, and correct to first order in u for a curved obstacle (small sliding). In
+large sliding, gap and normal are evaluated at the displaced point (`points.displaced`).
 """
 
 from __future__ import annotations
@@ -43,13 +43,13 @@ __all__ = [
 
 
 def has_ufl(value: Any) -> bool:
-    """Return whether a tuple, list or array has components in UFL."""
+    """Return whether a tuple, list or array contains UFL expressions."""
     listed = isinstance(value, tuple | list) or (isinstance(value, np.ndarray) and value.ndim == 1)
     return listed and any(isinstance(v, ufl.core.expr.Expr) and v.ufl_shape == () for v in value)
 
 
 def is_uniform(value: Any) -> bool:
-    """Return whether numbers, Constants or UFL have the same value at every point."""
+    """Return whether a number, Constant or UFL expression has the same value at every point."""
     if not isinstance(value, ufl.core.expr.Expr):
         return not has_ufl(value) or all(map(is_uniform, value))
     varies = ufl.classes.GeometricQuantity | ufl.classes.Coefficient
@@ -57,10 +57,10 @@ def is_uniform(value: Any) -> bool:
 
 
 def _require_uniform(value: Any, what: str) -> None:
-    """Raise ``ValueError`` if data of a surface vary over the body.
+    """Raise `ValueError` if the data of an obstacle vary over the body.
 
-    A Function has the value of a point of the body, wherever that point is, and no slope. The
-    normal would not be the normal of the intended surface.
+    A Function is attached to the points of the body and has no gradient in the position, so that
+    the normal would not be the normal of the intended surface.
     """
     if not is_uniform(value):
         raise ValueError(
@@ -70,7 +70,7 @@ def _require_uniform(value: Any, what: str) -> None:
 
 
 def _components(value: Any, what: str, *, zero: bool = True) -> Any:
-    """Return a vector of 2 or 3 components, in UFL or as an array of numbers."""
+    """Return a vector of 2 or 3 components, as a UFL expression or an array of numbers."""
     if has_ufl(value):
         # Constants are kept: float() would fix their present value.
         parts = [v if isinstance(v, ufl.core.expr.Expr) else number(v, what) for v in value]
@@ -104,7 +104,7 @@ def _direction(domain: mesh.Mesh, value: Any, what: str) -> Any:
 
 
 def _check_radius(radius: Any) -> None:
-    """Raise ``ValueError`` if a radius is neither a positive number nor a UFL scalar."""
+    """Raise `ValueError` if a radius is neither a positive number nor a UFL scalar."""
     if not isinstance(radius, ufl.core.expr.Expr):
         positive(radius, "the radius", "positive")
     elif radius.ufl_shape != ():
@@ -112,7 +112,13 @@ def _check_radius(radius: Any) -> None:
 
 
 def _distance(domain: mesh.Mesh, across: Any, radius: Any) -> tuple[Any, Any]:
-    """Return gap and normal of a surface at a radius, from the vector leading to the point."""
+    """Return gap and normal of a circle or sphere at a point.
+
+    Args:
+        domain: mesh of the body.
+        across: vector from the centre or axis to the point.
+        radius: radius.
+    """
     if not isinstance(radius, ufl.core.expr.Expr):
         radius = fem.Constant(domain, float(radius))
     refuse_other_mesh(radius, domain, "the radius")
@@ -122,11 +128,11 @@ def _distance(domain: mesh.Mesh, across: Any, radius: Any) -> tuple[Any, Any]:
 
 
 class Outline(NamedTuple):
-    """A surface of facets.
+    """Surface of facets that bounds an obstacle.
 
     Attributes:
-        points: points of the facets, shape (m, dim).
-        cells: point numbers of the facets, shape (k, dim).
+        points: coordinates of the points, shape (m, dim).
+        cells: indices of the points of each facet, shape (k, dim).
         normals: normals at the points, into the obstacle, shape (m, dim).
     """
 
@@ -136,13 +142,13 @@ class Outline(NamedTuple):
 
 
 class Start(NamedTuple):
-    """Initial position of a face on an obstacle ending at a rim.
+    """Initial position of a face on an obstacle that ends at a rim.
 
     Attributes:
-        gap: gaps; points past the rim leave gradually, shape (n,).
-        height: for points below the rim and past it, height over the continued surface; otherwise
-            the gap, shape (n,).
-        normal: normals of the continued surface, into the obstacle, shape (n, dim).
+        gap: gaps, which open gradually past the rim, shape (n,).
+        height: heights over the extended surface for points past the rim and below it; gaps for
+            other points, shape (n,).
+        normal: normals of the extended surface, into the obstacle, shape (n, dim).
         held: mask of the points that have not left the obstacle, shape (n,).
     """
 
@@ -153,13 +159,12 @@ class Start(NamedTuple):
 
 
 class Obstacle:
-    """A rigid foundation.
+    """Rigid obstacle (base class).
 
-    The data are read when a problem is made. Data that are to change between two solves must be
-    Constants; numbers and arrays are copied.
-
-    An obstacle of your own defines `at`. If it defines `on` alone, it is known in the reference
-    configuration only, and sliding has to be small.
+    The data are read when a problem is created. Data that change between two solves must be
+    Constants; numbers and arrays are copied. A user-defined obstacle defines `at`. An obstacle that
+    defines only `on` is known in the reference configuration only, which restricts it to small
+    sliding.
     """
 
     #: Motion opposite to the nodes (`points.opposite.Opposite`); None for rigid obstacles.
@@ -169,28 +174,28 @@ class Obstacle:
 
     @property
     def outline(self) -> Outline | None:
-        """Facets of the surface; None if it is given by a formula."""
+        """Facets of the surface; None if the surface is given by a formula."""
         return None
 
     @property
     def flat(self) -> bool:
-        """Whether the normal is the same everywhere, so that no displacement is too large."""
+        """Whether the normal is constant, so that small sliding is exact for any displacement."""
         return False
 
     def ended(self, face: Callable[[], tuple[Any, Any]]) -> Obstacle:
         """Return this obstacle with a gap that opens gradually beyond its rim.
 
-        A face sliding past the rim of an open surface loses contact over one facet. Obstacles
+        A face that slides past the rim of an open surface loses contact over one facet. Obstacles
         without a rim return themselves.
 
         Args:
-            face: function returning UFL expressions of the facet sizes of the sliding face and
+            face: function that returns UFL expressions of the facet sizes of the sliding face and
                 of the overlap removed at the start.
         """
         return self
 
     def starts(self, x: Array, widths: Array) -> Start:
-        """Return the initial position of a face on an obstacle that ends; see `ended`.
+        """Return the initial position of a face on an obstacle with a rim; see `ended`.
 
         Args:
             x: points of the face, shape (n, dim).
@@ -199,7 +204,7 @@ class Obstacle:
         raise NotImplementedError
 
     def at(self, domain: mesh.Mesh, x: Any) -> tuple[Any, Any]:
-        """Return UFL gap and unit normal (from the body into the obstacle) at a UFL point.
+        """Return gap and unit normal (from the body into the obstacle) at a UFL point.
 
         Args:
             domain: mesh of the body.
@@ -211,20 +216,19 @@ class Obstacle:
         raise NotImplementedError
 
     def on(self, domain: mesh.Mesh) -> tuple[Any, Any]:
-        """Return UFL gap and unit normal in the reference configuration; see `at`."""
+        """Return gap and unit normal in the reference configuration; see `at`."""
         return self.at(domain, ufl.SpatialCoordinate(domain))
 
 
 def known_displaced(obstacle: Obstacle) -> bool:
-    """Return whether gap and normal are known at any point."""
+    """Return whether an obstacle defines gap and normal at any point."""
     return type(obstacle).at is not Obstacle.at
 
 
 class Measured(ufl.Coefficient):  # type: ignore[misc]
     """Numerically computed gap and normal at a UFL point, as UFL functions of the point.
 
-    An evaluator (`points.evaluation`) measures them at the contact points. With the value x_0 of
-    the point there,
+    An evaluator (`points.evaluation`) measures them at the position x_0 of each contact point, and
 
         gap = g + dg.(x - x_0),    normal = n + dn (x - x_0),
 
@@ -235,7 +239,7 @@ class Measured(ufl.Coefficient):  # type: ignore[misc]
         x: UFL vector, the point.
         measure: function of points (n, dim) that returns g (n,), dg (n, dim), n (n, dim) and
             dn (n, dim, dim).
-        more: UFL scalars, whose values (n,) are further arguments of ``measure``.
+        more: UFL scalars whose values (n,) are additional arguments of ``measure``.
 
     Attributes:
         at: UFL vector of the point and ``more``.
@@ -271,7 +275,10 @@ class Measured(ufl.Coefficient):  # type: ignore[misc]
         self.normal = normal + ufl.dot(turn, x - there)
 
     def values(self, taken: Array) -> Array:
-        """Return the components for values of `at`, shape (n, components). Not collective."""
+        """Return the components (n, components) of gap and normal. Not collective.
+
+        ``taken`` are the values of `at` at n points.
+        """
         if self._last is None or not np.array_equal(self._last[0], taken):
             x, more = np.split(taken, [self._dim], axis=1)
             parts = [x, *self._measure(x, *more.T)]
@@ -282,16 +289,16 @@ class Measured(ufl.Coefficient):  # type: ignore[misc]
 
 @dataclass(frozen=True)
 class HalfSpace(Obstacle):
-    """The half-space behind a plane (in 2D, a line) of any orientation.
+    """Half-space behind a plane (a line in 2D) of any orientation.
 
     Both attributes may depend on the position or on Functions. Each point of the body then has its
     own plane with the given normal, which is not the normal of the envelope of these planes.
 
     Attributes:
-        point: point of the plane; numbers, of which a copy is kept, or a vector Constant, whose
-            value may be changed later.
-        normal: normal of the plane, out of the obstacle towards the body; of any length, given like
-            `point`.
+        point: point of the plane; numbers, which are copied, or a vector Constant, whose value may
+            be changed later.
+        normal: normal of the plane, out of the obstacle towards the body, of any length; same types
+            as `point`.
 
     Raises:
         ValueError: if a vector does not have 2 or 3 finite components, or the normal is zero.
@@ -316,13 +323,13 @@ class HalfSpace(Obstacle):
 
 @dataclass(frozen=True)
 class Sphere(Obstacle):
-    """A rigid ball; in 2D a rigid disc.
+    """Rigid ball; a rigid disc in 2D.
 
-    Contact is enforced at contact points. A ball smaller than a facet passes between them, which
-    gives a warning: refine the face there.
+    Contact is enforced at contact points. A ball smaller than a facet can pass between contact
+    points, which causes a warning: refine the face there.
 
     Attributes:
-        centre: centre; numbers, of which a copy is kept, or a Constant.
+        centre: centre; numbers, which are copied, or a Constant.
         radius: radius, a positive number or a Constant.
 
     Raises:
@@ -345,11 +352,11 @@ class Sphere(Obstacle):
 
 @dataclass(frozen=True)
 class Cylinder(Obstacle):
-    """A rigid circular cylinder of infinite length, in 3D.
+    """Rigid circular cylinder of infinite length, in 3D.
 
     Attributes:
-        point: point of the axis, 3 numbers, of which a copy is kept, or a Constant.
-        axis: direction of the axis, of any length, given like `point`.
+        point: point of the axis; 3 numbers, which are copied, or a Constant.
+        axis: direction of the axis, of any length; same types as `point`.
         radius: radius, a positive number or a Constant.
 
     Raises:
@@ -378,15 +385,13 @@ class Cylinder(Obstacle):
 
 @dataclass(frozen=True)
 class LevelSet(Obstacle):
-    """Any obstacle given by a UFL function of position, negative inside and positive outside.
+    """Obstacle given by a UFL function of position, negative inside and positive outside.
 
-    The gap is phi/|grad phi|, the distance to first order; it is exact where phi is a signed
-    distance.
+    The gap is phi/|grad phi|, the distance to first order; it is exact if phi is a signed distance.
 
     Attributes:
-        phi: function that takes the UFL position vector and returns a UFL scalar. Numbers in it
-            keep the values that they have when a problem is made; data that are to change must be
-            Constants.
+        phi: function that maps the UFL position vector to a UFL scalar. Numbers in the function are
+            fixed when a problem is created; data that change must be Constants.
 
     Raises:
         ValueError: if ``phi`` is not callable.

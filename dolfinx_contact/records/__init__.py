@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Records of branches, histories and paths: journals and checkpoints, for resumption.
 
-`BranchRecord`, `EvolutionRecord` and `PathRecord` write records and resume killed runs;
-`read_journal` reads them in any script, and `journal_of` makes a journal without the disk.
+`BranchRecord`, `EvolutionRecord` and `PathRecord` write records and resume interrupted runs.
+`read_journal` reads a journal in any script, and `journal_of` creates a journal in memory.
 """
 
 from typing import TYPE_CHECKING

@@ -2,9 +2,8 @@
 """Array files of a record: one NumPy ``npz`` file for every point with arrays.
 
 A file is written under a hidden name and renamed after it has been flushed to disk. The journal
-stores a fingerprint of every file, a checksum of the names, sizes and CRCs of its arrays. A
-replaced file is therefore detected without reading its arrays; a damaged array is detected on
-reading.
+stores the fingerprint of every file, a checksum of the names, sizes and CRCs of its arrays. Thus a
+replaced file is detected without reading its arrays, and a damaged array when it is read.
 """
 
 from __future__ import annotations
@@ -27,14 +26,14 @@ _DAMAGE = (zipfile.BadZipFile, zlib.error, EOFError, ValueError, RuntimeError, O
 
 
 class DamagedFile(ValueError):
-    """A file of a record is missing, damaged, or not the file that was written."""
+    """Error: a file of a record is missing, damaged or replaced."""
 
 
 def save(file: Path, arrays: Arrays) -> str:
-    """Write a file, and return its fingerprint. On one rank.
+    """Write arrays to a file and return its fingerprint. On one rank.
 
     Raises:
-        OSError: with the path, if the file cannot be written; an existing file is unchanged.
+        OSError: with the path, if the file cannot be written; an existing file is left unchanged.
     """
     with part_of(file) as part:
         np.savez(part, **arrays)  # type: ignore[arg-type]

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Record of a continuation, from which an interrupted run can be resumed.
+"""Record of branches, from which an interrupted continuation can be resumed.
 
-The journal has gamma, functionals, statuses, step data and special points of every accepted point.
-Checkpoints with unknowns and tangent of some points are enough, because a branch that continues
-from one passes through the same points.
+The journal contains gamma, functionals, statuses, step data and special points of every accepted
+point. Checkpoints with unknowns and tangent are written at some points only, because a branch
+resumed from a checkpoint passes through the same points.
 """
 
 from __future__ import annotations
@@ -50,18 +50,18 @@ class BranchRecord(Record[Journal]):
     An open record holds a file lock, so that no other process can write to it. If ``mpirun`` is
     killed and some of its ranks survive, they keep the lock until they are terminated.
 
-    A record is resumed with the same problem only. It stores a manifest: the mesh, the forms and
-    their domains of integration, Dirichlet conditions and the expressions that drive them, surfaces
-    and laws, the values of all Constants and Functions, the memory of a step, and the forms of
-    the functionals. On resumption the manifest is compared once, and the error names the first
-    item that differs.
+    A record can only be resumed with the same problem. It stores a manifest: the mesh, the forms
+    and their domains of integration, Dirichlet conditions and the expressions that drive them,
+    surfaces and laws, the values of all Constants and Functions, the memory of a step, and the
+    forms of the functionals. The manifest is compared once on resumption; an error names the first
+    difference.
 
     Args:
         folder: folder of the record, created if necessary.
         system: contact problem with a parameter whose branches are followed.
-        functionals: scalar UFL forms in the problem's Functions, or functions of the problem that
-            return a real number, by name; functions are called on every rank. A record is resumed
-            with the same functionals; only the names of functions are compared.
+        functionals: functionals by name: scalar UFL forms in the problem's Functions, or functions
+            of the problem that return a real number and are called on every rank. A record must be
+            resumed with the same functionals; functions are compared by name only.
         every: number of points between two checkpoints; default: 10. Checkpoints are also written
             at special points and at both ends.
         surface_displacement: whether the displacement of the outer surface is recorded at every
@@ -75,21 +75,20 @@ class BranchRecord(Record[Journal]):
 
     Raises:
         OSError: on every rank, if the folder cannot be written to, another run records there, or
-            the existence of a record contradicts ``resume``. Later, from the continuation, if a
-            point cannot be written: the record then ends with the previous point, and can be
-            resumed.
-        ValueError: on every rank, if the journal is damaged or of another problem, or
-            arguments differ between ranks. Nothing has been written then.
+            the existence of a record contradicts ``resume``. Later, during the continuation, if a
+            point cannot be written: the record then ends with the previous point and can be
+            resumed. ValueError: on every rank, if the journal is damaged or belongs to another
+            problem, or if arguments differ between ranks. Nothing is written in this case.
 
     Example:
-        Follow a branch with a record, and read it::
+        Follow a branch with a record, and read the record::
 
             push = {"push": ufl.dot(traction, u) * ds}
             with BranchRecord("output/branch", system, push) as record:
                 branch = follow(system, x, 0.0, gamma_range=(0.0, 1.0), record=record)
-            table = read_journal("output/branch").to_pandas()  # pandas, a row a point
+            table = read_journal("output/branch").to_pandas()  # one row per point
 
-        If the run is killed, a script that has made the same system continues::
+        If the run is interrupted, a script with the same system continues it::
 
             with BranchRecord("output/branch", system, push, resume=True) as record:
                 branch = record.go_on()
@@ -149,13 +148,13 @@ class BranchRecord(Record[Journal]):
     # -- Observer --------------------------------------------------------------------------------
 
     def begin(self, task: Task, state: Stepping) -> None:
-        """Record the beginning of a branch, or compare its task with the recorded one."""
+        """Record the beginning of a branch, or compare its task with the recorded task."""
         self._branch = task.branch
         self._last = None
         self._begin(vars(task), free=("max_steps", "to_node"))
 
     def step(self, step: BranchStep, state: Stepping) -> None:
-        """Record a point, unless it was recorded before the run was killed."""
+        """Record a point, unless it was recorded before an interruption."""
         point = step.point
         number = len(self.journal.branches[self._branch].points)
         self._last = point, step.index
@@ -216,7 +215,7 @@ class BranchRecord(Record[Journal]):
     # -- continuing --------------------------------------------------------------------------------
 
     def last_state(self, branch: int = 0) -> tuple[BranchPoint, Stepping] | None:
-        """Return the last point of a branch with a checkpoint, or None. Collective.
+        """Return the last point of a branch that has a checkpoint, or None. Collective.
 
         A damaged checkpoint is skipped, with a warning in the log.
 
@@ -257,16 +256,16 @@ class BranchRecord(Record[Journal]):
     ) -> Branch:
         """Continue a branch with its recorded task. Collective.
 
-        A branch that has ended is not continued, unless it ended because of the maximum number of
-        steps and ``max_steps`` is larger.
+        A branch that has ended is not continued, unless it ended at the maximum number of steps and
+        ``max_steps`` is larger.
 
         Args:
             branch: number of the branch.
             max_steps: new maximum number of steps, counted from the start of the branch; default:
-                recorded number.
-            stop: stop condition; must be the stop condition with which the branch began, if any.
+                the recorded number.
+            stop: stop condition of the original run, if any.
             observer: function called with every point after the last checkpoint, after the point
-                is recorded.
+                has been recorded.
             progress: whether rank 0 shows the progress, see `follow`.
 
         Returns:
@@ -320,10 +319,10 @@ class BranchRecord(Record[Journal]):
 
 
 def _size(node: Mapping[str, Any]) -> int:
-    """Number of rays of a node and of the branches along them, which grows."""
+    """Return the number of rays of a node plus the number of branches along them."""
     return len(node["rays"]) + sum(edge is not None for edge in node["edges"])
 
 
 def _name(branch: int, index: int) -> str:
-    """Name of the checkpoint of a point, and of the file with its outer surface."""
+    """Return the name of the files of a point."""
     return f"branch_{branch:04d}_point_{index:06d}"

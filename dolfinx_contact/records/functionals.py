@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Functionals of records and journals of branches: UFL forms, and functions of the problem.
+"""Functionals of branches for records and journals: UFL forms and functions of the problem.
 
-The functions `leftmost`, `rightmost` and `total` evaluate contact points; `ut` and `rt` are
-components along the tangent in 2D and norms in 3D.
+The functionals `leftmost`, `rightmost` and `total` are evaluated at contact points; `ut` and `rt`
+are tangential components in 2D and norms in 3D.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ _COLUMNS = ("branch", "index", "gamma", "step", "corrections", "tau", "norm", "s
 
 
 def leftmost(quantity: Quantity, surface: str | None = None) -> OfProblem:
-    """Return a functional: value of a quantity at the first contact point of a surface.
+    """Create a functional: value of a quantity at the first contact point of a surface.
 
     Contact points are sorted by coordinates, as in `ContactTable`.
 
@@ -67,14 +67,15 @@ def leftmost(quantity: Quantity, surface: str | None = None) -> OfProblem:
 
 
 def rightmost(quantity: Quantity, surface: str | None = None) -> OfProblem:
-    """Return a functional: value of a quantity at the last contact point; see `leftmost`."""
+    """Create a functional: value of a quantity at the last contact point; see `leftmost`."""
     return _of_table(quantity, surface, lambda values, _: float(values[-1]))
 
 
 def total(quantity: Literal["rn", "rt"], surface: str | None = None) -> OfProblem:
-    """Return a functional: sum of a quantity over contact points, without support reactions.
+    """Create a functional: sum of a force over contact points, without support reactions.
 
-    In 3D, the sum of ``rt`` is the norm of the resultant. For arguments and errors see `leftmost`.
+    In 3D, the sum of ``rt`` is the norm of the resultant. Arguments and errors are as in
+    `leftmost`.
     """
     if quantity not in ("rn", "rt"):
         raise ValueError(f"forces are summed, 'rn' or 'rt', got {quantity!r}")
@@ -87,7 +88,7 @@ def total(quantity: Literal["rn", "rt"], surface: str | None = None) -> OfProble
 
 
 def _of_table(quantity: str, surface: str | None, value: Callable[[Any, Any], float]) -> OfProblem:
-    """Return a function of a problem: ``value`` of a column of a table, and of the table."""
+    """Create a functional that applies ``value`` to a column of a contact table and the table."""
     if quantity not in ("un", "ut", "rn", "rt"):
         raise ValueError(f"the quantity must be un, ut, rn or rt, got {quantity!r}")
 
@@ -109,11 +110,12 @@ def _of_table(quantity: str, surface: str | None, value: Callable[[Any, Any], fl
 def compiled(
     problem: ContactProblem, functionals: Mapping[str, Functional]
 ) -> dict[str, Callable[[], float]]:
-    """Return functions that evaluate functionals at the state in the problem. Collective.
+    """Compile functionals to functions of the present state of the problem. Collective.
 
     Raises:
-        ValueError: on every rank, if a functional is neither a scalar form nor a function, has no
-            name or the name of a column, or the functionals or their order differ between ranks.
+        ValueError: on every rank, if a functional is neither a scalar form nor a function, if its
+            name is empty or the name of a column, or if the functionals or their order differ
+            between ranks.
     """
     with everywhere(problem.comm, "the functionals"):
         for name in functionals:
@@ -134,7 +136,7 @@ def functional_forms(
     """Return the section ``forms`` of the manifest for functionals. Not collective.
 
     A form is identified by a hash of its signature and of the places of its Functions and Constants
-    in the problem, a Python function only by its name.
+    in the problem; a Python function only by its name.
     """
     problem = system.problem
     places = {id(d.value): d.place for d in placed_data(problem.equations)}
@@ -151,7 +153,7 @@ def functional_forms(
 
 
 def _content(problem: ContactProblem, name: str, f: Functional) -> str:
-    """Return the content of a functional as text, equal on ranks passing the same one."""
+    """Describe a functional by a text for the comparison between ranks."""
     if isinstance(f, ufl.Form):
         if f.arguments():
             raise ValueError(f"the functional {name!r} must be a scalar form")
@@ -162,7 +164,7 @@ def _content(problem: ContactProblem, name: str, f: Functional) -> str:
 
 
 def _evaluator(problem: ContactProblem, name: str, f: Functional) -> Callable[[], float]:
-    """Return the function evaluating a functional; it is collective."""
+    """Return the function, collective when called, that evaluates a functional."""
     comm = problem.comm
     if isinstance(f, ufl.Form):
         maps = merge_entity_maps([s.submesh for s in problem.surfaces])

@@ -1,22 +1,22 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Journals of branches, evolutions and paths: their format, their content, and their reader.
+"""Journals of branches, evolutions and paths: format, content and reader.
 
-A journal has one JSON object per line, and lines are only appended. `type` names the line:
+A journal has one JSON object per line, and lines are only appended. The item `type` of a line is
 
     header    manifest of the problem, once
     session   a recording run: ranks, versions, start time
-    begin     begin of a branch, or of a run of an evolution or path: number `branch`, `task`, and
-              `after`, the index of the state where a run begins
+    begin     start of a branch, or of a run of an evolution or path: number `branch`, `task`, and
+              `after`, the index of the initial state of a run
     point     accepted point of a branch; start or accepted step of an evolution or path
-    end       ending of a branch or run that its last point does not have
-    node      bifurcation of a diagram, again when it grows
+    end       ending of a branch or run, if its last point does not contain it
+    node      bifurcation of a diagram, repeated when branches are added to it
     edge      branch of a diagram with its nodes
     explored  end of the exploration of a diagram
 
-A point has the number of its `branch`, its `index`, the `status` of all contact points as letters
-(only if it differs from the previous point of the branch), and the `ending` and `reason` of a
-branch or run ending there. `checkpoint` and `surface` name its files, `sum` and `surface_sum`
-their fingerprints. There are three sets of further columns:
+A point contains the number of its `branch`, its `index`, the `status` of all contact points as
+letters (only if it differs from the previous point of the branch), and the `ending` and `reason` of
+a branch or run that ends there. `checkpoint` and `surface` are the names of its files, `sum` and
+`surface_sum` their fingerprints. The remaining columns depend on the kind of the journal:
 
 - Branches: `gamma`, `step`, `corrections`, `tau` (`continuation.BranchPoint`), `special` (points of
   `continuation.SpecialPoint` on the way, with `changes` of statuses at `x`), `norm` (length of the
@@ -26,14 +26,14 @@ their fingerprints. There are three sets of further columns:
 - Paths: the columns of evolutions, with the arc length as `time`, and `gamma`.
 
 Every line contains its number and ends with the CRC-32 of the preceding text. A run may be killed
-at any time: an incomplete last line is ignored. Any other damaged or missing line is an error.
-
-Reading a journal needs the standard library and NumPy only:
+at any
+time: an incomplete last line is ignored. Any other damaged or missing line is an error. Reading a
+journal requires only the standard library and NumPy:
 
     journal = read_journal(folder)
-    journal.columns(), journal.rows(), journal.to_pandas()    a value or row per point or step
-    journal.entries(branch)                                   the points or steps themselves
-    journal.surface(), journal.surface_at(index, branch)      the outer surface of the bodies
+    journal.columns(), journal.rows(), journal.to_pandas()    one value or row per point or step
+    journal.entries(branch)                                   points or steps
+    journal.surface(), journal.surface_at(index, branch)      outer surface of the bodies
 """
 
 from __future__ import annotations
@@ -82,7 +82,7 @@ _CRC = ', "crc": "'
 
 
 class _ArrayKind(NamedTuple):
-    """Place of the arrays of a point.
+    """Location of the arrays of a point.
 
     Attributes:
         folder: folder of the files.
@@ -101,7 +101,7 @@ ARRAYS = {
 
 
 def array_file(folder: Path, kind: str, name: str) -> Path:
-    """Return the path of the ``"checkpoint"`` or the ``"surface"`` of a point."""
+    """Return the path of the array file of a point; ``kind``: "checkpoint" or "surface"."""
     return folder / ARRAYS[kind].folder / f"{name}.npz"
 
 
@@ -123,16 +123,16 @@ class Entry(dict[str, Any]):
 
 
 def encoded(entry: Mapping[str, Any]) -> bytes:
-    """Return the line of an entry, with its CRC; floats are written without loss of digits.
+    """Return the line of an entry with its CRC; floats are written without loss of digits.
 
-    Numbers that are not finite are NaN and Infinity, as in the JSON of Python.
+    Numbers that are not finite are written as NaN and Infinity, as in Python's JSON.
     """
     body = json.dumps(entry, default=_plain)[:-1]
     return f'{body}{_CRC}{zlib.crc32(body.encode()):08x}"}}\n'.encode()
 
 
 def _plain(value: Any) -> Any:
-    """Convert a value without JSON type: enumeration, number or array of NumPy, dataclass."""
+    """Convert enumerations, NumPy numbers and arrays, and dataclasses to JSON types."""
     if isinstance(value, Enum):
         return value.name
     if isinstance(value, np.generic | np.ndarray):
@@ -143,7 +143,7 @@ def _plain(value: Any) -> Any:
 
 
 def reread(entry: Mapping[str, Any]) -> Entry:
-    """Return the entry that results from writing and reading an entry."""
+    """Return an entry as it is read back after writing."""
     return _decoded(encoded(entry).rstrip(b"\n"))
 
 
@@ -168,11 +168,11 @@ class RecordedRun(Ends):
     """A recorded branch, or a recorded run of an evolution or path.
 
     Attributes:
-        task: attributes of its task by name; empty for a journal in memory.
-        points: entries of its points, in order; the first run begins with the start.
-        after: index of the state where a run begins; 0 for branches.
-        ending: kind of the ending; None if it has not ended.
-        reason: reason of the ending, as a sentence.
+        task: attributes of the task by name; empty for a journal in memory.
+        points: entries of the points, in order; the first run begins with the start.
+        after: index of the initial state of a run; 0 for branches.
+        ending: kind of ending; None if the branch or run has not ended.
+        reason: reason for the ending, as a sentence.
     """
 
     task: dict[str, Any] = field(default_factory=dict)
@@ -188,7 +188,7 @@ class RecordedRun(Ends):
 
     @property
     def complete(self) -> bool:
-        """Whether the run reached the last of its times, or the end of its range."""
+        """Whether the run reached its last time or the end of its range."""
         return self.ending is Ending.REACHED
 
 
@@ -223,7 +223,7 @@ class AnyJournal:
 
     @property
     def places(self) -> dict[str, npt.NDArray[np.float64]]:
-        """Coordinates (n, dim) of contact points by surface, in the order of the statuses."""
+        """Coordinates (n, dim) of the contact points by surface, in the order of the statuses."""
         return {k: np.array(x, float) for k, x in self.header["points"].items()}
 
     @property
@@ -244,7 +244,7 @@ class AnyJournal:
         return [p for _, p in self._points(None)]
 
     def rows(self, branch: int | None = None) -> list[dict[str, Any]]:
-        """Return a table with a row per point.
+        """Return a table with one row per point.
 
         Args:
             branch: number of the branch or run; default: all.
@@ -252,7 +252,7 @@ class AnyJournal:
         raise NotImplementedError
 
     def columns(self, branch: int | None = None) -> dict[str, npt.NDArray[Any]]:
-        """Return `rows` as numpy arrays by name; columns with text or None have dtype object."""
+        """Return `rows` as NumPy arrays by name; text and None have the dtype object."""
         return _columns(self.rows(branch))
 
     def to_pandas(self, branch: int | None = None) -> Any:
@@ -294,7 +294,7 @@ class AnyJournal:
         return SurfaceState(**nested(arrays))
 
     def check_surfaces(self) -> None:
-        """Raise ``ValueError`` if a file with the outer surface is missing or was exchanged."""
+        """Raise `ValueError` if a file with the outer surface is missing or was replaced."""
         if self.folder is None or not self.sessions:
             return
         check(outer_surface_file(self.folder), self.sessions[0]["outer_surface"])
@@ -306,7 +306,7 @@ class AnyJournal:
         """Add the entry of the next line.
 
         Raises:
-            ValueError: if it is the header of another kind or format.
+            ValueError: if the line is a header of another kind or format.
         """
         kind = entry.pop("type")
         self.lines = entry.pop("line")
@@ -346,7 +346,7 @@ class AnyJournal:
             branch.end(Ending[entry.ending], entry.reason)
 
     def _points(self, branch: int | None) -> list[tuple[int, Entry]]:
-        """Return the points of one branch or of all, with the numbers of their branches."""
+        """Return the points of one branch or of all branches, with the numbers of the branches."""
         if branch is not None and not (is_number(branch) and branch in self.branches):
             raise ValueError(f"no branch {branch} was recorded, only {sorted(self.branches)}")
         numbers = sorted(self.branches) if branch is None else [branch]
@@ -358,8 +358,8 @@ class Explored(Ends):
     """Ending of a recorded exploration of a diagram.
 
     Attributes:
-        ending: kind of the ending; None if it has not ended.
-        reason: reason of the ending, as a sentence.
+        ending: kind of ending; None if the exploration has not ended.
+        reason: reason for the ending, as a sentence.
         complete: whether all rays of every node are known and have been followed.
     """
 
@@ -375,7 +375,7 @@ class Journal(AnyJournal):
     Attributes:
         nodes: bifurcations of a diagram by number; empty if branches were followed one by one.
         edges: branches of a diagram with the nodes where they start and end, by number.
-        explored: ending of the exploration; empty if further entries have been recorded since.
+        explored: ending of the exploration; empty if more entries have been recorded since.
     """
 
     kind: ClassVar[str] = "branches"
@@ -394,7 +394,7 @@ class Journal(AnyJournal):
         return bool(self.edges) or any(b.task.get("to_node") for b in self.branches.values())
 
     def columns(self, branch: int | None = None) -> dict[str, npt.NDArray[Any]]:
-        """Return the points of one branch or of all branches as numpy arrays by name, in order.
+        """Return the points of one branch or of all branches as NumPy arrays by name.
 
         The names are ``branch``, ``index``, ``gamma``, ``step``, ``corrections``, ``tau``,
         ``norm``, the functionals, the numbers of points ``open``, ``stick``, ``slip`` and
@@ -409,7 +409,7 @@ class Journal(AnyJournal):
         return _columns(rows, names)
 
     def rows(self, branch: int | None = None) -> list[dict[str, Any]]:
-        """Return ``gamma``, ``status`` of the points that are not clamped, and the functionals.
+        """Return a table with ``gamma``, the functionals, and ``status`` of the free points.
 
         Args:
             branch: number of the branch; default: all branches.
@@ -422,9 +422,9 @@ class Journal(AnyJournal):
     def summary(self, branch: int = 0) -> dict[str, Any]:
         """Return scalars and lists of a branch for `summary.json`.
 
-        ``folds``, each with gamma, its kind (``"smooth"``, ``"nonsmooth"``) and the statuses of the
-        free points before and after; the number of ``events``; gammas of ``bifurcations``; and the
-        last of `rows` as ``end``.
+        The items are ``folds``, each with gamma, its kind (``"smooth"``, ``"nonsmooth"``) and the
+        statuses of the free points before and after; the number of ``events``; the gammas of
+        ``bifurcations``; and the last of `rows` as ``end``.
         """
         rows = self.rows(branch)
         special = [(s, p.index) for p in self.entries(branch) for s in p.special]
@@ -449,9 +449,9 @@ class Journal(AnyJournal):
         """Return the special points as a pandas DataFrame.
 
         The columns are ``branch``, ``index`` of the following point, ``kind``, ``smooth``,
-        ``gamma``, ``parity``, ``others`` (number of further rays), ``complete``, ``bracket`` (the
-        values of gamma between which it lies; None if it is located), and ``changes``, a list of
-        dictionaries with the place ``x`` and the status ``before`` and ``after``.
+        ``gamma``, ``parity``, ``others`` (number of other rays), ``complete``, ``bracket`` (the
+        values of gamma that enclose it; None if located), and ``changes``, a list of dictionaries
+        with the position ``x`` and the status ``before`` and ``after``.
         """
         rows = [
             {"branch": b, "index": p.index, **s} for b, p in self._points(branch) for s in p.special
@@ -516,7 +516,7 @@ class EvolutionJournal(AnyJournal):
         return self.states
 
     def rows(self, branch: int | None = None) -> list[dict[str, Any]]:
-        """Return the rows of `History.rows` with their ``status``: the start and every step.
+        """Return the rows of `History.rows` with ``status``: one for the start and each step.
 
         Args:
             branch: number of the run; default: all runs. The start is in the first run.
@@ -582,10 +582,10 @@ def parse(data: bytes, kind: type[J], folder: Path | None = None) -> J:
 
 
 def read_journal(folder: str | os.PathLike[str]) -> Journal | EvolutionJournal | PathJournal:
-    """Read the journal of a record, also while a run is writing to it. Not collective.
+    """Read the journal of a record, even while a run is writing to it. Not collective.
 
     Returns:
-        Journal: a `Journal`, `EvolutionJournal` or `PathJournal`, by the kind of the record.
+        A `Journal`, `EvolutionJournal` or `PathJournal`, according to the kind of the record.
 
     Raises:
         OSError: if the folder does not contain a journal.

@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Journal file: open for appending, and locked against other runs.
+"""Journal file, open for appending and locked against other runs.
 
-The lock is an ``flock`` on the journal, which the operating system releases when its process ends.
+The lock is an ``flock`` on the journal, which the operating system releases when the process ends.
 The file ``journal.lock`` next to the journal names the processes of the run: if ``mpirun`` is
 killed and some of its ranks survive, they keep the lock until they are terminated.
 
-Between hosts the lock works if the file system supports it: NFS does, Lustre does if mounted with
-``flock``. On a file system without ``flock`` the note itself is the lock, created with ``O_EXCL``;
-a note left by a killed run must then be removed by hand.
+Between hosts the lock works if the file system supports it, such as NFS, or Lustre mounted with
+``flock``. On a file system without ``flock``, ``journal.lock`` itself is the lock, created with
+``O_EXCL``; if a killed run leaves it behind, it must be removed by hand.
 """
 
 from __future__ import annotations
@@ -59,18 +59,18 @@ class JournalFile(Generic[J]):
     Args:
         folder: folder of the record.
         kind: class of the journal.
-        resume: True to require a journal with a line, False to require none, "if_exists" for
-            either.
+        resume: True to require an existing journal, False to require none, "if_exists" for either.
         run: description of this run (`run_name`), shown to other runs that try to open the file.
 
     Attributes:
         journal: content of the file when it was opened.
 
     Raises:
-        FileExistsError: if the journal must not exist and has a complete line.
-        FileNotFoundError: if the journal must exist and does not, or has no complete line.
-        BlockingIOError: if another run has it open, with the description of that run.
-        OSError: if it cannot be opened, with the path.
+        FileExistsError: if ``resume`` is False and the journal has a complete line.
+        FileNotFoundError: if ``resume`` is True and the journal does not exist or has no complete
+            line.
+        BlockingIOError: if another run has the journal open, with the description of this run.
+        OSError: if the journal cannot be opened, with the path.
         ValueError: if the journal is damaged or of another kind. The file is not changed.
     """
 
@@ -107,11 +107,11 @@ class JournalFile(Generic[J]):
             raise
 
     def _lock(self, run: str) -> None:
-        """Lock the journal, and write the note.
+        """Lock the journal and write ``journal.lock``.
 
         Raises:
             BlockingIOError: if another run has the lock.
-            OSError: with the path, if the note cannot be written.
+            OSError: with the path, if ``journal.lock`` cannot be written.
         """
         flocked = True
         try:
@@ -143,7 +143,7 @@ class JournalFile(Generic[J]):
         return BlockingIOError(errno.EAGAIN, message)
 
     def drop_torn_line(self, length: int) -> None:
-        """Cut off an incomplete last line of a killed run, so that lines can follow.
+        """Remove an incomplete last line of a killed run before lines are appended.
 
         Args:
             length: size of the complete lines in bytes.
@@ -156,8 +156,8 @@ class JournalFile(Generic[J]):
         """Write one line and flush it to disk.
 
         Raises:
-            OSError: with the path, if it cannot be written (a partial line is cut off), or the file
-                was removed or replaced since it was opened.
+            OSError: with the path, if the line cannot be written (a partial line is removed), or if
+                the file was removed or replaced since it was opened.
         """
         self._require_in_place()
         line = encoded(entry)
@@ -171,7 +171,7 @@ class JournalFile(Generic[J]):
             raise os_error(error, self._path) from None
 
     def _require_in_place(self) -> None:
-        """Raise ``FileNotFoundError`` if the path no longer leads to the open file."""
+        """Raise `FileNotFoundError` if the open file was removed or replaced."""
         if self._path.exists() and os.path.samestat(
             os.stat(self._path), os.fstat(self._file.fileno())
         ):

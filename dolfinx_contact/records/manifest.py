@@ -1,20 +1,20 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """The manifest of a record: mesh, forms and data of a contact problem as hashes and numbers.
 
-A record stores the manifest when it begins and compares it once, when it is resumed: a journal is
+A record stores the manifest at its start and compares it once on resumption, so that a journal is
 not continued with another problem. The manifest does not depend on the number of ranks. It has
-three sections, each a dictionary by the name of the item:
+three sections, each a dictionary by the names of the items:
 
 - ``parts``: mesh, elements, contact surfaces, Dirichlet conditions and domains of integration, as
-  words or hashes;
+  descriptions or hashes;
 - ``forms``: hashes of the UFL signatures of forms, obstacles and laws;
-- ``values``: Constants as their numbers, Functions as random projections.
+- ``values``: Constants as numbers, Functions as random projections.
 
 The projections of a Function f are p_k = sum_cj v_kc w_kj f_cj over the coefficients j of all cells
-c, for two pairs of random weights in [-1, 1). The cells have the numbers of the input of the mesh.
-Two Functions are treated as equal if their projections agree to 1e-9 of sqrt(sum_cj f_cj^2). A hash
-of the values is not suitable: values computed on another number of ranks differ in their last
-digits.
+c, for two pairs of random weights in [-1, 1). Cells are numbered as in the input mesh. Two
+Functions are treated as equal if their projections agree to 1e-9 of sqrt(sum_cj f_cj^2). A hash of
+the values is not suitable, because values computed on different numbers of ranks differ in their
+last digits.
 """
 
 from __future__ import annotations
@@ -66,9 +66,9 @@ def manifest_of(
 
     Args:
         problem: contact problem.
-        method: words that name the method and its parameters.
-        forms: further UFL forms by name, such as a damping form.
-        driven: expressions by which a parameter drives Dirichlet data.
+        method: description of the method and its parameters.
+        forms: additional UFL forms by name, such as a damping form.
+        driven: expressions that define Dirichlet data driven by a parameter.
 
     Raises:
         ValueError: on every rank, if the cells of the mesh have no numbers, as in a submesh.
@@ -137,13 +137,13 @@ def values_of(
 
     Args:
         problem: contact problem.
-        more: further Functions and Constants, with their places.
-        but: Functions and Constants that are left out, such as the parameter of a branch.
+        more: additional Functions and Constants, with their places.
+        but: Functions and Constants to omit, such as the parameter of a branch.
 
     Returns:
         Dictionary by place: a list of numbers for each Constant, and a dictionary with
-        ``projections`` and ``scale`` for each Function. One of the Functions is the prescribed
-        displacement, 0 at free unknowns.
+        ``projections`` and ``scale`` for each Function. The prescribed displacement, 0 at free
+        unknowns, is one of the Functions.
     """
     eq = problem.equations
     no_length = _NO_LENGTH * eq.body_size
@@ -170,7 +170,7 @@ def values_of(
 
 
 def memory_of(problem: ContactProblem) -> dict[str, Any]:
-    """Return the memory of a step, for the section ``values``. Collective.
+    """Return the memory of a step for the section ``values``. Collective.
 
     Returns:
         Dictionary by place, as in `values_of`; empty under the static law.
@@ -196,7 +196,7 @@ def memory_of(problem: ContactProblem) -> dict[str, Any]:
 
 
 def difference(recorded: Mapping[str, Any], now: Mapping[str, Any]) -> str:
-    """Return the first item differing in two sections, with both values; "" if none."""
+    """Describe the first difference between two sections, with both values; "" without one."""
     if recorded.get(_UFL) != now.get(_UFL):
         return ""  # signatures of the same form depend on the version of UFL
     for name in dict.fromkeys((*recorded, *now)):
@@ -211,7 +211,7 @@ def difference(recorded: Mapping[str, Any], now: Mapping[str, Any]) -> str:
 
 @contextmanager
 def data_restored(problem: ContactProblem) -> Iterator[None]:
-    """Restore the values of all data of a problem at the end. Not collective."""
+    """Restore the values of all data of a problem at the end of a context. Not collective."""
     arrays = [d.values for d in placed_data(problem.equations)]
     values = [a.copy() for a in arrays]
     try:
@@ -225,7 +225,7 @@ def data_restored(problem: ContactProblem) -> Iterator[None]:
 
 
 def _same(a: Any, b: Any) -> bool:
-    """Return whether two values of a manifest agree: numbers to 1e-9, all others exactly."""
+    """Return whether two values of a manifest agree: numbers to 1e-9, other values exactly."""
     if isinstance(a, dict) and isinstance(b, dict) and "projections" in a:
         tolerance = _TOLERANCE * max(a["scale"], b["scale"])
         return np.allclose(a["projections"], b["projections"], 0, tolerance, equal_nan=True)
@@ -278,7 +278,7 @@ def _hash(comm: MPI.Comm, values: npt.NDArray[Any]) -> str:
 
 
 def _hash_of_rows(comm: MPI.Comm, rows: npt.NDArray[np.int64]) -> str:
-    """Return a hash of the rows of all ranks, regardless of their order. Collective."""
+    """Return a hash of the rows of all ranks, independent of their order. Collective."""
     parts = comm.gather(rows) or [rows]
     whole = np.concatenate([part for part in parts if len(part)] or [rows])
     return _hash(comm, whole[np.lexsort(whole.T)])
@@ -289,12 +289,12 @@ def _digest(content: bytes) -> str:
 
 
 def _rounded(text: str) -> str:
-    """Round the numbers in a text to nine digits: computed ones depend on the ranks."""
+    """Round the numbers in a text to nine digits, as computed numbers depend on the ranks."""
     return _NUMBER.sub(lambda number: f"{float(number[0]):.9g}", text)
 
 
 def _signature(e: Any, domain: mesh.Mesh) -> str:
-    """Return the signature of a UFL expression, which does not depend on the values of its data."""
+    """Return the signature of a UFL expression, independent of the values of its data."""
     e = ufl.as_ufl(e)
     if isinstance(e, ufl.constantvalue.Zero):
         return "0"
@@ -305,7 +305,7 @@ def _signature(e: Any, domain: mesh.Mesh) -> str:
 
 
 def _entities(domain: mesh.Mesh, dim: int, entities: npt.NDArray[np.int32]) -> str:
-    """Return a hash of the owned ones among entities, by nodes of the input. Collective."""
+    """Return a hash of entities, identified by the input numbers of their nodes. Collective."""
     owned = entities[entities < domain.topology.index_map(dim).size_local]
     nodes = np.asarray(domain.geometry.input_global_indices, np.int64)
     # DOLFINx divides by their number.
@@ -339,10 +339,10 @@ def _domains(form: ufl.Form, domain: mesh.Mesh) -> str:
 
 
 def _sliding(s: DiscreteSurface) -> list[Any]:
-    """Return words and numbers for the kind of sliding of a surface. Collective.
+    """Describe the kind of sliding of a surface. Collective.
 
-    The numbers are the search distance, planes of symmetry and the removed overlap, and for
-    self-contact the direction by which the slave facets are chosen.
+    The items are the search distance, planes of symmetry and the removed overlap, and for
+    self-contact the direction that selects the slave facets.
     """
     kind: list[Any] = ["along its obstacle" if s.displaced is not None else "small"]
     if s.slides:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Columns of points and nodes of branches, equal on any number of ranks; journals in memory."""
+"""Journal entries of points and nodes of branches, and journals in memory."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ __all__ = ["BranchEntries", "journal_of"]
 
 
 class BranchEntries:
-    """Conversion between points of branches, entries of the journal, and vectors. Collective.
+    """Conversion between points of branches, journal entries and vectors. Collective.
 
     Args:
         system: contact problem with a parameter.
@@ -54,7 +54,7 @@ class BranchEntries:
         return self.vectors
 
     def columns(self, point: BranchPoint) -> dict[str, Any]:
-        """Return the columns of a point; ``status`` has the letters of its piece."""
+        """Return the columns of a point; ``status`` contains the letters of its piece."""
         return {
             "gamma": point.gamma,
             "step": point.step,
@@ -65,7 +65,7 @@ class BranchEntries:
         }
 
     def joined(self, columns: Entry) -> BranchPoint:
-        """Return the point with the given scalars and the vectors read last."""
+        """Return the branch point with the given columns and the vectors read last."""
         return BranchPoint(
             self._layout.joined(self.vectors["x"], columns.gamma),
             self._layout.joined(self.vectors["tangent"], columns.tangent_gamma),
@@ -88,12 +88,12 @@ class BranchEntries:
     def point(
         self, index: int, point: BranchPoint, special: Sequence[SpecialPoint], x_scale: float = 1.0
     ) -> dict[str, Any]:
-        """Return the entry of a point, which is put into the problem. Collective.
+        """Put a point into the problem and return its entry. Collective.
 
         Args:
             index: number of the point on its branch.
-            point: the point.
-            special: special points on the way to it.
+            point: point of a branch.
+            special: special points between the previous point and this one.
             x_scale: square of the unit length of the unknowns; 0 if it is unknown.
         """
         values = {}
@@ -172,16 +172,17 @@ def journal_of(
     A run cannot be resumed from this journal; use `BranchRecord` for a journal on disk.
 
     Args:
-        system: contact problem with a parameter that the branches belong to; its data are restored.
-        branches: branches, numbered in this order.
+        system: contact problem with a parameter, whose branches are given; its data are restored.
+        branches: branches, numbered in the given order.
         functionals: functionals by name, as for `BranchRecord`.
 
     Returns:
         Journal, on every rank. ``norm`` uses the metric of the system.
 
     Raises:
-        ValueError: on every rank, as for `BranchRecord`, if the numbers of branches or points
-            differ between ranks, or a point is not a solution of the system with its present data.
+        ValueError: on every rank, for the reasons listed in `BranchRecord`, if the numbers of
+            branches or points differ between ranks, or if a point is not a solution of the system
+            with its present data.
 
     Example:
         ::

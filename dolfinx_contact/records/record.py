@@ -1,14 +1,12 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The record of one contact problem in a folder: a locked journal and files of arrays.
+"""Record of one contact problem in a folder: a locked journal and array files.
 
-A point or state is on the disk before the next one is computed: first its files of arrays, then
-the line of the journal that names them. This line is the commit: a run may be killed at any moment,
-and is resumed from the complete lines on any number of ranks. Points that were recorded after the
-last resumable point are computed again, and not recorded again. Every point has files of its own,
-because a process that is killed while it writes to an HDF5 file may damage what the file contained.
-
-`Record` does this for branches (`branch_record`), and for histories, motions and paths
-(`steps_record`), which differ in the columns of their points (`journal`).
+A point or state is written to disk before the next one is computed: first its array files, then the
+line of the journal with their names. This line is the commit: a run may be killed at any moment and
+is resumed from the complete lines on any number of ranks. Points recorded after the last resumable
+point are recomputed, but not recorded again. Every point has its own files, because a process that
+is killed while writing to an HDF5 file may damage its previous content. `Record` is the base class
+of the records of branches (`branch_record`) and of histories, motions and paths (`steps_record`).
 """
 
 from __future__ import annotations
@@ -63,11 +61,11 @@ R = TypeVar("R", bound="Record[Any]")
 
 
 class Record(Observer, ABC, Generic[J]):
-    """Folder with the journal and the array files of one contact problem. Collective.
+    """Journal and array files of one contact problem in a folder. Collective.
 
     Args:
         folder: folder of the record, created if necessary.
-        problem: contact problem that is recorded.
+        problem: recorded contact problem.
         kind: class of the journal.
         surface_displacement: whether the displacement of the outer surface is stored at every
             point. Ignored if a record is resumed, which keeps its original setting.
@@ -80,7 +78,7 @@ class Record(Observer, ABC, Generic[J]):
     Raises:
         OSError: on every rank, if the folder cannot be written to, another run records there, or
             the existence of a record contradicts ``resume``.
-        ValueError: on every rank, if the journal is damaged, or of another kind or problem.
+        ValueError: on every rank, if the journal is damaged or belongs to another kind or problem.
     """
 
     #: Noun for a branch or run, with its number.
@@ -123,16 +121,16 @@ class Record(Observer, ABC, Generic[J]):
 
     @abstractmethod
     def _header(self) -> dict[str, Any]:
-        """Return manifest and further items of the header. Collective.
+        """Return the manifest and the other items of the header. Collective.
 
         Raises:
-            ValueError: on every rank, if they differ from the recorded ones.
+            ValueError: on every rank, if they differ from the recorded header.
         """
 
     def _require_same(
         self, recorded: Mapping[str, Any], now: Mapping[str, Any], at: str = ""
     ) -> None:
-        """Raise ``ValueError`` if the problem differs from the recorded problem. Collective.
+        """Raise `ValueError` if the problem differs from the recorded problem. Collective.
 
         Args:
             recorded: recorded sections of the manifest by name; nothing is compared if it is empty.
@@ -148,13 +146,13 @@ class Record(Observer, ABC, Generic[J]):
         require(self.comm, not item, message)
 
     def _begin_session(self, new: Mapping[str, Any]) -> None:
-        """Write the header, if there is none, and the line of a session. Collective.
+        """Write the header of a new record, and the line of a session. Collective.
 
         Args:
             new: items of a new header.
 
         Raises:
-            ValueError: on every rank, if a recorded outer surface is missing or was exchanged.
+            ValueError: on every rank, if a recorded outer surface is missing or was replaced.
         """
         from dolfinx_contact import __version__
 
@@ -185,12 +183,13 @@ class Record(Observer, ABC, Generic[J]):
         """Record the beginning of a branch or run, or compare its task. Collective.
 
         Args:
-            task: attributes of its task by name.
-            after: index of the state where a run begins.
+            task: attributes of the task by name.
+            after: index of the initial state of a run.
             free: attributes that may differ from the recorded task.
 
         Raises:
-            ValueError: on every rank, if it has begun in an earlier session with another task.
+            ValueError: on every rank, if the branch or run began in an earlier session with another
+                task.
         """
         known = self.journal.branches.get(self._branch)
         if known is None:
@@ -204,11 +203,11 @@ class Record(Observer, ABC, Generic[J]):
         self._require_same({"task": recorded}, {"task": now}, place)
 
     def _write_point(self, name: str, entry: Mapping[str, Any], law: ContactProblem) -> None:
-        """Record a point, which is in the problem. Collective.
+        """Record the point that is in the problem. Collective.
 
         Args:
             name: name of the file with the outer surface.
-            entry: entry of the point, with the keys of its checkpoint if it has one.
+            entry: entry of the point, with the keys of its checkpoint, if any.
             law: problem under whose law the tables of contact points are evaluated.
         """
         points = self.journal.branches[self._branch].points
@@ -218,7 +217,7 @@ class Record(Observer, ABC, Generic[J]):
         self._append({"type": "point", "branch": self._branch, **entry, **keys})
 
     def _write_end(self, ended: Ends, keys: Mapping[str, str] | None = None) -> None:
-        """Record the ending of a branch or run, unless its last point has it. Collective.
+        """Record the ending of a branch or run, unless its last point contains it. Collective.
 
         Args:
             ended: ending.
@@ -229,7 +228,7 @@ class Record(Observer, ABC, Generic[J]):
             self._append({"type": "end", "branch": self._branch, **ending, **(keys or {})})
 
     def _write_surface(self, name: str, law: ContactProblem) -> dict[str, str]:
-        """Write the present outer surface, and return its items in the journal. Collective."""
+        """Write the present outer surface and return its items for the journal. Collective."""
         state = self._outside.state(law)
         arrays: Arrays = {}
         if state is not None:  # double precision where values are differences of coordinates
@@ -238,7 +237,7 @@ class Record(Observer, ABC, Generic[J]):
         return self._write_arrays("surface", name, arrays)
 
     def _write_arrays(self, kind: str, name: str, arrays: Arrays) -> dict[str, str]:
-        """Write arrays of a point, and return their items in the journal. Collective.
+        """Write arrays of a point and return their items for the journal. Collective.
 
         Args:
             kind: kind of the arrays, see `ARRAYS`.
@@ -246,13 +245,14 @@ class Record(Observer, ABC, Generic[J]):
             arrays: arrays on rank 0.
 
         Raises:
-            OSError: on every rank, with the path, if they cannot be written; nothing remains.
+            OSError: on every rank, with the path, if the arrays cannot be written; no partial file
+                remains.
         """
         checksum = self._save(array_file(self.folder, kind, name), arrays)
         return {kind: name, ARRAYS[kind].checksum: checksum}
 
     def _save(self, file: Path, arrays: Arrays) -> str:
-        """Write the arrays of rank 0 to a file, and return its fingerprint. Collective."""
+        """Write the arrays of rank 0 to a file and return its fingerprint. Collective."""
 
         def write() -> str:
             try:
@@ -264,11 +264,10 @@ class Record(Observer, ABC, Generic[J]):
         return on_root(self.comm, write)
 
     def _append(self, entry: Mapping[str, Any]) -> None:
-        """Write a line of the journal, and add it to the journal in memory. Collective.
+        """Write a line of the journal and add it to the journal in memory. Collective.
 
         Raises:
-            OSError: on every rank, if the line cannot be written; the files that it names are
-                removed.
+            OSError: on every rank, if the line cannot be written; its array files are removed.
             ValueError: on every rank, if the record is closed.
         """
         self._require_open()
@@ -327,8 +326,8 @@ class Record(Observer, ABC, Generic[J]):
         Damaged checkpoints are skipped, with a warning in the log.
 
         Args:
-            indices: indices of the states, from the last one back.
-            read: function reading a state.
+            indices: indices of the states, the last one first.
+            read: function that reads a state.
 
         Raises:
             ValueError: on every rank, if all checkpoints are damaged.

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""A recorded branch for ParaView, as a series of its deformed states.
+"""Recorded branch as a series of deformed states for ParaView.
 
-The series is written from the checkpoints after the branch was followed, so that a killed run does
-not leave an incomplete series.
+The series is written from checkpoints, after the branch has been followed, so that an interrupted
+run does not leave an incomplete series.
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ def write_series(
       and gamma, which is equal at all nodes.
     - ``paraview.py``: a script that shows them, ``paraview --script=FOLDER/paraview.py``.
 
-    With ``format="vtk"`` the files are ``branch_0000_body.pvd`` with a ``.vtu`` of each point,
-    and so on. The time of the series is the index of the point in the journal, because gamma may
-    turn back along a branch.
+    With ``format="vtk"`` the files are ``branch_0000_body.pvd`` with one ``.vtu`` per point, and so
+    on. The time of the series is the index of the point in the journal, because gamma may turn back
+    along a branch.
 
     Args:
         folder: folder of the files, created if necessary. Older files are replaced when the series

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """States of a problem as arrays that do not depend on the number of ranks.
 
-Fields are arrays (cells, coefficients of a cell), with the cells in the order of the input of the
-mesh; multipliers are put into a Function on the body's mesh with the same nodes.
-Statuses and memory are in the order of the contact points in their table.
+Fields are arrays (cells, coefficients of a cell), with the cells in the order of the input mesh;
+multipliers are transferred to Functions on the mesh of the body with the same nodes. Statuses and
+memory are ordered like the contact points in their table.
 """
 
 from __future__ import annotations
@@ -42,8 +42,8 @@ def places(problem: ContactProblem) -> dict[str, list[list[float]]]:
 def in_order(s: DiscreteSurface) -> Gathered:
     """Return the contact points of a surface in the order of their table. Collective.
 
-    Points with equal coordinates, such as both sides of a crack, are sorted by the numbers of their
-    nodes in the input mesh.
+    Points with equal coordinates, such as on both sides of a crack, are sorted by the input numbers
+    of their nodes.
     """
     return Gathered(s.comm, s.positions, s.points.ids)
 
@@ -64,7 +64,7 @@ class StateArrays:
         self._points = [in_order(s) for s in problem.surfaces]
 
     def of_vectors(self, vectors: Mapping[str, PETSc.Vec]) -> Arrays:
-        """Return the arrays of vectors of unknowns by name, on rank 0. Collective.
+        """Convert vectors of unknowns to arrays by name, on rank 0. Collective.
 
         Afterwards, the Functions of the problem contain the last vector.
         """
@@ -89,7 +89,7 @@ class StateArrays:
             self._problem.write(x)
 
     def of_functions(self, functions: Mapping[str, fem.Function]) -> Arrays:
-        """Return the arrays of Functions on the body by name, on rank 0. Collective."""
+        """Convert Functions on the body to arrays by name, on rank 0. Collective."""
         return {
             name: by_cells(f.function_space.mesh, coefficients(f.function_space, f.x.array))
             for name, f in functions.items()
@@ -118,8 +118,8 @@ class StateArrays:
     def memory(self, arrays: Arrays) -> tuple[Memory, ...]:
         """Return the memory of the points of this rank, by surface.
 
-        The memory of sliding faces includes the displacement, and that on a turning rigid body its
-        motion; both are those in the problem.
+        The memory of sliding faces includes the displacement, and on a rotating rigid body its
+        motion; both are read from the problem.
         """
         u = self._problem.u.x.array.reshape(-1, self._problem.equations.dim)
         memories = []
@@ -141,14 +141,14 @@ class StateArrays:
 
 
 class _Multiplier:
-    """Transfer between a multiplier and a Function on the body's mesh with the same nodes.
+    """Transfer between a multiplier and a Function on the mesh of the body with the same nodes.
 
     Args:
         s: contact surface of the multiplier.
-        multiplier: the multiplier.
+        multiplier: Function of the multiplier on the surface.
 
     Attributes:
-        on_body: Function on the body's mesh.
+        on_body: Function on the mesh of the body.
     """
 
     def __init__(self, s: DiscreteSurface, multiplier: fem.Function):
@@ -159,7 +159,7 @@ class _Multiplier:
         self._shared = SharedValues(W.dofmap.index_map)
 
     def extend(self) -> None:
-        """Copy the multiplier to the body; it is 0 away from the surface. Collective."""
+        """Copy the multiplier to the body, with 0 away from the surface. Collective."""
         bs = self.on_body.function_space.dofmap.index_map_bs
         values = self._multiplier.x.array.reshape(-1, bs)
         # a rank may own a node of the body without having the facet next to it, and several ranks
@@ -175,7 +175,7 @@ class _Multiplier:
 
 
 def by_cells(domain: mesh.Mesh, values: npt.NDArray[T]) -> npt.NDArray[T]:
-    """Return values at the owned cells, in the order of the input of the mesh. Collective.
+    """Gather values at cells on rank 0, in the order of the input mesh. Collective.
 
     Args:
         domain: mesh.
@@ -207,7 +207,7 @@ def coefficients(V: fem.FunctionSpace, values: npt.NDArray[T]) -> npt.NDArray[T]
 
     Args:
         V: function space.
-        values: local values of a Function in it.
+        values: local values of a Function in this space.
     """
     topology = V.mesh.topology
     return values[_places(V)[: topology.index_map(topology.dim).size_local]]
@@ -230,10 +230,10 @@ def _fill(f: fem.Function, whole: npt.NDArray[np.float64] | None) -> None:
 
 
 def input_numbers(domain: mesh.Mesh) -> npt.NDArray[np.int64]:
-    """Return the numbers of the local cells in the input of the mesh.
+    """Return the numbers of the local cells in the input mesh.
 
     Raises:
-        ValueError: if they have none, as in a submesh.
+        ValueError: if the cells have no numbers, as in a submesh.
     """
     try:
         return np.asarray(domain.topology.original_cell_index, np.int64)
@@ -243,7 +243,7 @@ def input_numbers(domain: mesh.Mesh) -> npt.NDArray[np.int64]:
 
 
 def _places(V: fem.FunctionSpace) -> npt.NDArray[np.int64]:
-    """Return the places of the coefficients of the local cells, shape (cells, coefficients)."""
+    """Return the indices of the coefficients of the local cells, shape (cells, coefficients)."""
     bs = V.dofmap.index_map_bs
     nodes = V.dofmap.list.astype(np.int64)
     # a rank may have no cells

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Records of histories, motions and paths, from which interrupted runs can be resumed.
 
-The journal has energies and statuses of every accepted step, and each step has a checkpoint:
-displacement, multipliers, rigid bodies, statuses and memory; the velocity of a motion, the tangent
-of a path. A run is resumed from its last resumable step. Steps inside the search for a jump are not
-resumable, because they belong together.
+The journal contains energies and statuses of every accepted step. Each step has a checkpoint with
+displacement, multipliers, rigid bodies, statuses and memory, and with the velocity of a motion or
+the tangent of a path. A run is resumed from its last resumable step. Steps within one search for a
+jump are not resumable.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ _ELSEWHERE = ("accepted", "ending", "reason", "passed")
 
 
 class StepsRecord(Record[J], Generic[J, H]):
-    """Base of the records of runs, with one point per step. A collective context manager.
+    """Base class of the records of runs, with one point per step. Collective.
 
     Args:
         folder: folder of the record, created if necessary.
@@ -72,7 +72,7 @@ class StepsRecord(Record[J], Generic[J, H]):
         journal: content of the journal, on every rank.
 
     Raises:
-        OSError, ValueError: on every rank, see `EvolutionRecord`.
+        OSError, ValueError: on every rank, for the reasons listed in `EvolutionRecord`.
     """
 
     _part = "the run"
@@ -130,8 +130,8 @@ class StepsRecord(Record[J], Generic[J, H]):
         """Record the beginning of a new run; a resumed run is not recorded again. Collective.
 
         Raises:
-            ValueError: on every rank, if the record is closed, the run does not begin at the end of
-                the record, or its task differs from the task of a killed run.
+            ValueError: on every rank, if the record is closed, if the run does not start at the end
+                of the record, or if its task differs from the task of an interrupted run.
         """
         self._require_open()
         if state is self._resumed_state:
@@ -157,7 +157,7 @@ class StepsRecord(Record[J], Generic[J, H]):
             self._write_state(state, letters, history.first)
 
     def _require_end(self, accepted: AcceptedState) -> None:
-        """Raise ``ValueError`` on every rank if a state is not the end of the record."""
+        """Raise `ValueError` on every rank if a state is not the end of the record."""
         last = self._last
         at_the_end = (
             last is not None
@@ -173,7 +173,7 @@ class StepsRecord(Record[J], Generic[J, H]):
         require(self.comm, at_the_end, message)
 
     def step(self, step: EvolutionStep, state: RunState) -> None:
-        """Record a step, unless it was recorded before the run was killed. Collective."""
+        """Record a step, unless it was recorded before an interruption. Collective."""
         if self._index + 1 < len(self.journal.states):
             self._index += 1
             self._last = state.accepted
@@ -187,12 +187,12 @@ class StepsRecord(Record[J], Generic[J, H]):
             self._write_end(ended)
 
     def _write_state(self, run_state: RunState, letters: str, row: dict[str, Any]) -> None:
-        """Record a state, which is in the problem. Collective.
+        """Record the state that is in the problem. Collective.
 
         Args:
-            run_state: the state, and the continuation of the run.
-            letters: letters of its statuses.
-            row: its row of the table of steps.
+            run_state: state of the run.
+            letters: status letters of the state.
+            row: row of the state in the table of steps.
         """
         accepted = run_state.accepted
         index = self._index + 1
@@ -236,12 +236,12 @@ class StepsRecord(Record[J], Generic[J, H]):
     ) -> H:
         """Continue the last run with its recorded task. Collective.
 
-        A run that has ended is not continued; the evolution is then put to the end of the record.
-        A later ``run(..., record=record)`` starts from there.
+        A run that has ended is not continued; the evolution is then set to the end of the record,
+        and a later ``run(..., record=record)`` starts from there.
 
         Args:
-            stop: stop condition; must be the stop condition with which the run began, if any.
-            observer: function called with every computed step, after the step is recorded.
+            stop: stop condition of the original run, if any.
+            observer: function called with every computed step, after the step has been recorded.
             progress: whether rank 0 shows the progress, see `QuasiStatic.run`.
 
         Returns:
@@ -281,7 +281,7 @@ class StepsRecord(Record[J], Generic[J, H]):
         return history
 
     def _run_state(self, index: int) -> RunState:
-        """Return the state of a run at a recorded state, put into the problem. Collective.
+        """Put a recorded state into the problem and return the state of the run. Collective.
 
         Raises:
             ValueError: on every rank, if its checkpoint is damaged.
@@ -330,7 +330,7 @@ class StepsRecord(Record[J], Generic[J, H]):
 
     @contextmanager
     def _looking(self) -> Iterator[None]:
-        """Context manager restoring state and data of the problem on exit. Collective."""
+        """Restore state and data of the problem at the end of a context. Collective."""
         system = getattr(self._runs, "parametric", self.problem)
         with data_restored(self.problem), system.restored(always=True):
             yield
@@ -342,11 +342,11 @@ class EvolutionRecord(StepsRecord[EvolutionJournal, History]):
     An open record holds a file lock, so that no other process can write to it. If ``mpirun`` is
     killed and some of its ranks survive, they keep the lock until they are terminated.
 
-    A record is resumed with the same problem only. It stores a manifest: the mesh, the forms and
-    their domains of integration, Dirichlet conditions, surfaces and laws, and at every state the
-    values of all Constants and Functions. On resumption the manifest is compared once, under the
-    load at the last recorded time, and the error names the first item that differs. Later values
-    of the load cannot be compared.
+    A record can only be resumed with the same problem. It stores a manifest: the mesh, the forms
+    and their domains of integration, Dirichlet conditions, surfaces and laws, and at every state
+    the values of all Constants and Functions. The manifest is compared once on resumption, under
+    the load at the last recorded time; an error names the first difference. Later values of the
+    load cannot be compared.
 
     Args:
         folder: folder of the record, created if necessary.
@@ -362,19 +362,19 @@ class EvolutionRecord(StepsRecord[EvolutionJournal, History]):
 
     Raises:
         OSError: on every rank, if the folder cannot be written to, another run records there, or
-            the existence of a record contradicts ``resume``. Later, from `QuasiStatic.run`, if a
-            step cannot be written: the record then ends with the previous step, and can be resumed.
-        ValueError: on every rank, if the journal is damaged or of another problem or load, or
-            arguments differ between ranks. Nothing has been written then.
+            the existence of a record contradicts ``resume``. Later, during the run, if a step
+            cannot be written: the record then ends with the previous step and can be resumed.
+            ValueError: on every rank, if the journal is damaged or belongs to another problem or
+            load, or if arguments differ between ranks. Nothing is written in this case.
 
     Example:
-        Record a run, and read it::
+        Record a run, and read the record::
 
             with EvolutionRecord("output/path", evolution) as record:
                 history = evolution.run(times, record=record)
             rows = read_journal("output/path").rows()
 
-        If it is killed, a script that has made the same evolution continues::
+        If the run is interrupted, a script with the same evolution continues it::
 
             with EvolutionRecord("output/path", evolution, resume=True) as record:
                 history = record.go_on()
@@ -428,16 +428,16 @@ class PathRecord(StepsRecord[PathJournal, PathHistory]):
         journal: content of the journal, on every rank.
 
     Raises:
-        OSError, ValueError: on every rank, as `EvolutionRecord`.
+        OSError, ValueError: on every rank, for the reasons listed in `EvolutionRecord`.
 
     Example:
-        Record a path, and read it::
+        Record a path, and read the record::
 
             with PathRecord("output/path", path) as record:
                 history = path.run(gamma_range=(0.0, 1.0), record=record)
             folds = read_journal("output/path").folds
 
-        If it is killed, a script that has made the same `ArcLength` continues::
+        If the run is interrupted, a script with the same `ArcLength` continues it::
 
             with PathRecord("output/path", path, resume=True) as record:
                 history = record.go_on()

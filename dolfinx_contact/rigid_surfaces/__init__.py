@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Rigid obstacles bounded by a surface of facets, such as a tool read from a file."""
+"""Rigid obstacles bounded by a surface of facets, such as a tool read from a CAD file."""
 
 from dolfinx_contact.rigid_surfaces.surface import RigidSurface
 

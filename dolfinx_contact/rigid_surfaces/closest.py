@@ -4,14 +4,14 @@ r"""Closest points on segments and triangles.
 The projection of a point onto the plane of a triangle lies inside the triangle if the area vectors
 of its three parts, each opposite to a corner, have the orientation of the triangle. Otherwise the
 closest point is on an edge. Products of area vectors are computed as scalar products of edges,
-except for slivers, where these would be differences of terms of the order of the fourth power of
-the longest edge. The barycentric coordinates of a closest point on an edge or corner are exactly
-zero for all other corners.
+except for slivers, where cancellation between terms of the fourth power of the longest edge would
+occur. If the closest point is on an edge or corner, the barycentric coordinates of all other
+corners are exactly zero.
 
-A search examines few facets. Every facet is covered by balls; large facets are divided and covered
-by several balls. If a facet has the distance d and its ball the radius r, the centre of the ball is
-within d + r of the point. The facets of the nearest balls give an upper bound of d; other facets
-are examined only if they may be closer.
+A search examines few facets. Every facet is covered by a ball, large facets by several balls. If a
+facet has the distance d and its ball the radius r, the centre of the ball is within d + r of the
+point. The facets of the nearest balls give an upper bound of d; other facets are examined only if
+they may be closer.
 """
 
 from __future__ import annotations
@@ -96,9 +96,9 @@ class ClosestPoints(NamedTuple):
     """Points of a surface that are closest to given points.
 
     Attributes:
-        facets: facets, shape (n,).
+        facets: indices of the facets, shape (n,).
         parts: barycentric coordinates in the facets, shape (n, k).
-        feet: positions, shape (n, dim).
+        feet: closest points, shape (n, dim).
         distance: distances from the given points, shape (n,).
     """
 
@@ -113,7 +113,7 @@ class ClosestFacets:
 
     Args:
         points: points of the surface, shape (m, dim).
-        cells: points of the facets, shape (k, dim).
+        cells: indices of the points of each facet, shape (k, dim).
     """
 
     def __init__(self, points: Array, cells: Ints):
@@ -173,7 +173,7 @@ def _covered(corners: Array) -> tuple[Array, Ints, Array]:
 
 
 def _radii(corners: Array) -> Array:
-    """Return the radii of balls that are centred at the facets and contain them."""
+    """Return the radii of balls centred at the midpoints of facets that contain the facets."""
     away = np.linalg.norm(corners - corners.mean(axis=1, keepdims=True), axis=2)
     return np.asarray(away.max(axis=1))
 

@@ -1,30 +1,30 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Signed distances from a surface of facets, normals, and derivatives of both.
 
-With the closest point c of the surface to x the signed distance is phi = +-|x - c|, positive
+Let c be the closest point of the surface to x. The signed distance is phi = +-|x - c|, positive
 outside. Its gradient d = (x - c)/phi equals the facet normal if c is inside a facet. If c is on an
-edge of direction t, or at a corner, x lies in the normal cone of that edge or corner, and
+edge of direction t, or at a corner, x lies in the normal cone of this edge or corner, and
 
-    grad d = (I - d d^T - t t^T)/phi,    at a corner (I - d d^T)/phi.
+    grad d = (I - d d^T - t t^T)/phi on an edge,    (I - d d^T)/phi at a corner.
 
 The surface normal is d at creases and rims, and m/|m| elsewhere. Here m interpolates the corner
 normals of the facet with the barycentric coordinates of c, which are linear in x as long as c stays
 inside a facet or on an edge.
 
 Beyond the rim of an open surface the distance is positive on both sides, because points past the
-rim have left the surface. The distance jumps for points that are past the rim, below it, and come
-back. A sliding face instead leaves an open surface gradually, within the size b of one of its
-facets. With the mean normal m at the closest point c, the height z = m.(x - c) and the distance a =
-|x - c - z m| past the rim, the gap is
+rim have left the surface; it is discontinuous for points that return from below the rim. The gap of
+a sliding face is continuous instead: the face leaves an open surface gradually, within the size b
+of one of its facets. With the mean normal m at the closest point c, the height z = m.(x - c) and
+the distance a = |x - c - z m| past the rim, the gap is
 
     g = z + b - sqrt(b^2 - a^2)    for a < b and z > -b - o,
 
 where o is the overlap removed from the gap, if any. The surface is thus extended by a quarter
-circle that turns down, but the normal remains m. Contact forces therefore decrease to zero as
-points leave and keep their direction. With a sharper end, normals would push points off the
-surface, where no equilibrium is nearby. The extension shrinks with the facets of the sliding face.
-A point starting below the rim and past it has the overlap -z, like the adjacent part of the
-face, so it leaves as if it had started on the surface.
+circle that turns down, but the normal remains m. Contact forces therefore decrease to zero and keep
+their direction as points leave. With a sharper end, normals would push points off the surface,
+where no equilibrium is nearby. The extension shrinks with the facets of the sliding face. A point
+that starts past the rim and below it has the overlap -z, like the adjacent part of the face, and
+leaves as if it had started on the surface.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class Distances:
 
     Attributes:
         feet: closest points on the surface, shape (n, dim).
-        facets: facets of the closest points, shape (n,).
+        facets: indices of the facets with the closest points, shape (n,).
         distance: signed distances, positive outside, shape (n,).
         slope: gradients of the distances, shape (n, dim).
         normal: unit normals of the surface, pointing out of the obstacle, shape (n, dim).
@@ -74,14 +74,14 @@ def distances_from(
     ends: Array | None = None,
     removed: Array | None = None,
 ) -> Distances:
-    """Return the distances of local points; NaN for points that are not finite. Not collective.
+    """Compute distances of points; NaN for points that are not finite. Not collective.
 
     Args:
-        surface: the surface.
+        surface: triangulated surface.
         closest: search for the closest facets of the surface.
         x: points, shape (n, dim).
         ends: sizes b of the sliding facets at the points, shape (n,), within which points leave an
-            open surface gradually; zero or None: points leave at once.
+            open surface gradually; with zero or None, points leave abruptly.
         removed: overlaps o removed from the gaps, shape (n,); None for no overlap.
     """
     finite: Mask = np.asarray(np.isfinite(x).all(axis=1))
@@ -160,15 +160,15 @@ class _Places:
 def _ended(
     away: Array, m: Array, turn: Array, along: Array, b: Array, low: Array
 ) -> tuple[Mask, Array, Array]:
-    """Return the mask of points leaving past a rim, with their gaps and gap gradients.
+    """Return a mask of the points that leave past a rim, their gaps and gap gradients.
 
     Args:
         away: vectors from the closest points to the points, shape (n, dim).
         m: normals at the closest points, shape (n, dim).
         turn: derivatives of the normals, shape (n, dim, dim).
-        along: directions of the edges on which closest points move, otherwise zero, (n, dim).
-        b: distances within which points leave, shape (n,).
-        low: heights above which points leave gradually, shape (n,).
+        along: directions of the edges on which closest points move, otherwise zero, shape (n, dim).
+        b: distances past the rim within which points leave, shape (n,).
+        low: smallest heights at which points leave gradually, shape (n,).
     """
     z = dot(away, m)
     past = tangential(away, m)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Read facets of a surface from an STL file (ASCII or binary) or a gmsh file."""
+"""Input of surface facets from STL files (ASCII or binary) and gmsh files."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _PLANE = 1e-10  # relative to the extent: range of z of a plane curve
 def facets_in(path: Path, group: str | int | None) -> tuple[Array, Ints]:
     """Return points (m, dim) and facets (k, dim) read from a file.
 
-    Facets read from an STL file do not share points yet.
+    Facets from an STL file do not share points.
 
     Args:
         path: path of a file .stl or .msh.
@@ -36,7 +36,7 @@ def facets_in(path: Path, group: str | int | None) -> tuple[Array, Ints]:
 
     Raises:
         OSError: if the file cannot be read.
-        ValueError: if the file has another format, no facets, or no such group.
+        ValueError: if the file has another format or no facets, or if the group does not exist.
     """
     kind = path.suffix.lower()
     if kind not in (".stl", ".msh"):
@@ -57,8 +57,8 @@ def facets_in(path: Path, group: str | int | None) -> tuple[Array, Ints]:
 def _of_stl(path: Path) -> Array:
     """Return the corners (k, 3, 3) of a binary or ASCII STL file.
 
-    A file is binary if its length matches its number of facets, because the header of a binary file
-    may also begin with "solid".
+    A file counts as binary if its length matches its number of facets, because the header of a
+    binary file may also begin with "solid".
     """
     content = path.read_bytes()
     text = content.removeprefix(b"\xef\xbb\xbf").lstrip()
@@ -95,7 +95,7 @@ def _of_text(path: Path, text: str) -> Array:
 def _of_gmsh(path: Path, group: str | int | None) -> tuple[Array, Ints]:
     """Return points and facets of a group of curves (2D) or surfaces (3D) of a gmsh file.
 
-    Without a group, all surfaces are read, or all curves if the file has none.
+    Without a group, all surfaces are read, or all curves of a file without surfaces.
     """
     gmsh = optional("gmsh", "gmsh")
     with empty_model(gmsh) as model:

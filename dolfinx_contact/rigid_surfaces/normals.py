@@ -7,22 +7,23 @@ combinations along edges of facets, thus satisfy
 
     (n_a + n_b).(x_b - x_a) = 0    for every edge,
 
-The normals of any other smooth surface satisfy this condition up to the order h^3. They are
-computed by least squares, as close to an initial guess as the condition allows, since edges do not
-determine the normals of strips of facets. The guess is the sum over the facets around a point of
-e_1 x e_2 / (|e_1|^2 |e_2|^2), with the edges e_1, e_2 meeting there; it is exact for a sphere
+The normals of any other smooth surface satisfy this condition up to the order h^3. Normals are
+computed by least squares, as close to an initial guess as the condition allows, since the edges of
+strips of facets do not determine them. The guess is the sum of e_1 x e_2 / (|e_1|^2 |e_2|^2) over
+the facets around a point, where e_1 and e_2 are the edges that meet there; it is exact for a sphere
 through the points (Max, J. Graphics Tools 4(2), 1999). For segments the guess is the sum of n_s /
 |s|, which is exact for a circle. Between a flat and a curved part the guess is the normal of the
-flat part, which is preserved. A flat part has at least two triangles; otherwise single triangles of
-a curved part would count as flat, since their normals satisfy the condition too.
+flat part, which is preserved. Flat parts must have at least two triangles, because the normal of a
+single triangle of a curved part also satisfies the condition.
 
-Noisy points, or facets that do not approximate a smooth surface, such as those around a rim that is
-partly a crease, can give normals that do not fit any facet. Therefore no normal deviates from the
-guess by more than the normals of the facets around the point, or around an adjacent point.
+Noisy points, or facets that do not approximate a smooth surface, for example around a rim that is
+partly a crease, can result in normals that do not fit any facet. Therefore the deviation of a
+normal from the guess is limited to the deviations of the facet normals around the point or an
+adjacent point.
 
-At a *tip*, such as the apex of a cone, the tangent plane is not defined. There n_a.(x_b - x_a) has
-the same sign for all edges, and n_b.(x_b - x_a) is much smaller. At the pole of a sphere the two
-are opposite instead.
+At a *tip*, such as the apex of a cone, the tangent plane is not defined. A tip is detected where
+n_a.(x_b - x_a) has the same sign for all edges and n_b.(x_b - x_a) is much smaller; at the pole of
+a sphere the two are opposite instead.
 """
 
 from __future__ import annotations
@@ -48,7 +49,7 @@ _SHALLOW = 1e-3  # slope below which a point is not a tip
 
 
 def crossed(corners: Array) -> Array:
-    """Return facet normals; their length is the length of the segment, or twice the triangle area.
+    """Return facet normals with the length of the segment, or twice the triangle area.
 
     Args:
         corners: corners of the facets, shape (k, dim, dim).
@@ -57,7 +58,7 @@ def crossed(corners: Array) -> Array:
 
 
 def without_tips(corners: Array, fans: Ints) -> Ints:
-    """Return fan indices by facet and corner (k dim,), with separate fans for corners at tips.
+    """Return fan indices by corner (k dim,), with separate fans for all corners at tips.
 
     Args:
         corners: corners of the facets, shape (k, dim, dim).
@@ -85,9 +86,9 @@ def corner_normals(corners: Array, fans: Ints, planes: Ints, turns: Array) -> Ar
     """Return unit normals at the corners of facets (k, dim, dim), equal within a fan.
 
     If a facet bends much less than the most bent facet of its fan, like a flat part next to a
-    rounded edge, the surface continues this facet: its weight in the guess is increased by a power
-    of the ratio of both bends. For a facet at a crease, such as a chamfer, the bend at the crease
-    counts as well.
+    rounded edge, its weight in the guess is increased by a power of the ratio of the bends, so that
+    the surface continues this facet smoothly. For a facet at a crease, such as a chamfer, the bend
+    at the crease is included.
 
     Args:
         corners: corners of the facets, shape (k, dim, dim).
@@ -122,7 +123,7 @@ def corner_normals(corners: Array, fans: Ints, planes: Ints, turns: Array) -> Ar
 def _near(
     found: Array, guess: Array, across: Array, fans: Ints, edges_of_fans: tuple[Ints, Ints, Array]
 ) -> Array:
-    """Return normals (k, dim, dim) limited to the deviation of adjacent facets from the guess."""
+    """Limit the deviation of normals from the guess to the deviation of adjacent facets."""
     a, b, _ = edges_of_fans
     off = np.linalg.norm(unit(across)[:, None] - guess, axis=2).reshape(-1)
     first, fans = np.unique(fans, return_index=True, return_inverse=True)[1:]
@@ -144,7 +145,7 @@ def _weights(corners: Array) -> Array:
 
 
 def _averaged(weights: Array, across: Array, fans: Ints) -> Array:
-    """Return weighted sums of facet normals over fans, normalised, shape (k, dim, dim)."""
+    """Return normalised, weighted sums of facet normals over fans, shape (k, dim, dim)."""
     k, dim = weights.shape
     sums = np.zeros((k * dim, dim))
     np.add.at(sums, fans, (weights[..., None] * across[:, None]).reshape(-1, dim))
@@ -210,7 +211,7 @@ def _tangents(normals: Array) -> Array:
 
 
 def _bends(corners: Array, normals: Array) -> Array:
-    """Return the largest turn of the normals per length along the edges of each facet (k,)."""
+    """Return the largest rotation of the normals per length along the edges of each facet (k,)."""
     dim = corners.shape[1]
     found = np.zeros(len(corners))
     for i in range(dim if dim == 3 else 1):

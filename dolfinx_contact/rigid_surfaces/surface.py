@@ -50,25 +50,26 @@ class RigidSurface(ReadOnly, Obstacle):
 
     *Edges.* Normals approximate the normals of a smooth surface through the points. They are
     computed at the points and interpolated on facets (`rigid_surfaces.normals`). They are not
-    averaged across edges where the facet normals differ by more than ``crease`` degrees, nor at a
-    tip such as the apex of a cone; ``crease=0`` uses facet normals everywhere. At a crease the
-    normal jumps from one facet to the other. A radius ``rounding`` enlarges the obstacle by this
-    distance, so that protruding edges are round with continuous normals.
+    averaged across creases, where the facet normals differ by more than ``crease`` degrees, nor at
+    a tip such as the apex of a cone; ``crease=0`` uses facet normals everywhere. At a crease the
+    normal is discontinuous. A positive ``rounding`` offsets the surface outwards by this distance,
+    so that protruding edges are round with continuous normals.
 
-    *Rims.* An open surface ends at its rim. Points past the rim leave the surface, and there is no
-    contact behind it. A sliding face leaves gradually, within the size of one of its facets (or
+    *Rims.* An open surface ends at its rim. Points past the rim leave the surface, and no contact
+    occurs behind it. A sliding face leaves gradually, within the size of one of its facets (or
     within ``rounding`` if that is larger), so that forces decrease to zero.
 
-    The law is enforced at contact points. Between them, a corner or edge of the surface can
-    penetrate a facet of the body (indicator ``between_points``), and nodes next to a sharp edge are
-    pushed sideways: a sliding edge ploughs, which multiplies the friction on every mesh (indicator
+    The law is enforced at contact points. Between contact points, a corner or edge of the surface
+    can penetrate a facet of the body (indicator ``between_points``). Nodes next to a sharp edge are
+    pushed
+    sideways: a sliding edge ploughs, which multiplies the friction on every mesh (indicator
     ``across``). In the integral method nodes can pass below edges. Each rank stores the whole
-    surface (about 1 kB per facet). Self-intersections, for example between solids that a CAD
-    program has not united, are not detected; distances from outside remain exact.
+    surface (about 1 kB per facet). Self-intersections, for example between solids that were not
+    united, are not detected; distances from outside remain exact.
 
     Args:
-        points: points, lengths, shape (m, dim).
-        cells: indices of the points of the facets, shape (k, dim).
+        points: coordinates of the points, lengths, shape (m, dim).
+        cells: indices of the points of each facet, shape (k, dim).
         crease: largest angle in degrees between facet normals that are averaged.
         rounding: radius of rounded edges, a length.
         reverse: whether the body is on the side opposite to the facet normals.
@@ -165,7 +166,7 @@ class RigidSurface(ReadOnly, Obstacle):
             scale: factor from the length unit of the file to the length unit of the mesh: 1e-3 for
                 a file in mm if the mesh is in m.
             comm: communicator of the calling ranks.
-            **options: further arguments of the class; ``name`` defaults to the file name.
+            **options: other arguments of the class; ``name`` defaults to the file name.
 
         Raises:
             OSError: on every rank, if rank 0 cannot read the file.
@@ -193,7 +194,9 @@ class RigidSurface(ReadOnly, Obstacle):
         return self._surface.edges
 
     def distances(self, x: npt.ArrayLike) -> Distances:
-        """Return signed distances of points (n, dim), without rounding. Not collective.
+        """Return signed distances of points (n, dim) from the facets. Not collective.
+
+        ``rounding`` is not taken into account.
 
         Raises:
             ValueError: if the points do not have the shape (n, dim).
@@ -236,7 +239,10 @@ class RigidSurface(ReadOnly, Obstacle):
         return Start(gap, height, normal, held)
 
     def _ends(self, widths: Array) -> Array:
-        """Return the widths for leaving gradually past the rim; zero up to the rounding radius."""
+        """Return the widths past the rim within which points leave gradually.
+
+        Widths up to the rounding radius are replaced by zero.
+        """
         return np.where(widths > self.rounding, widths, 0.0)
 
     def _measure(

@@ -1,12 +1,11 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Surfaces of segments (2D) or triangles (3D): checks, orientation and normals.
+"""Surfaces of segments (2D) or triangles (3D): validation, orientation and normals.
 
 A *ridge* is the intersection of two facets: a point in 2D, an edge in 3D. A ridge with a single
-facet is part of the rim of an open surface. A ridge with three or more facets is an error.
-
-Corner normals are computed by `normals` and averaged over the facets that no crease separates. The
-side of a point is determined by angle-weighted pseudonormals (Baerentzen and Aanaes, IEEE Trans.
-Vis. Comput. Graph. 11, 2005).
+facet is part of the rim of an open surface. A ridge with three or more facets is an error. Corner
+normals (`normals`) are averaged over the facets that are not separated by creases. The side of a
+point is determined by angle-weighted pseudonormals (Baerentzen and Aanaes, IEEE Trans. Vis. Comput.
+Graph. 11, 2005).
 """
 
 from __future__ import annotations
@@ -51,8 +50,8 @@ class Triangulation:
     """Consistently oriented surface of facets.
 
     Attributes:
-        points: points, shape (m, dim).
-        cells: points of the facets, shape (k, dim).
+        points: coordinates of the points, shape (m, dim).
+        cells: indices of the points of each facet, shape (k, dim).
         normals: unit normals of the facets, pointing out of the obstacle, shape (k, dim).
         ridges: indices of the ridges opposite to the corners of facets, shape (k, dim).
         of_ridges: normals, creases and rims of the ridges.
@@ -159,7 +158,7 @@ class _Ridges:
 
 
 def merged(points: Array, cells: Ints) -> tuple[Array, Ints]:
-    """Merge points that coincide up to 1e-7 of the extent, and drop points without a facet."""
+    """Merge points that coincide up to 1e-7 of the extent, and remove points without a facet."""
     size = float(np.linalg.norm(np.ptp(points, axis=0)))
     pairs = scipy.spatial.cKDTree(points).query_pairs(_SAME * size, output_type="ndarray")
     group = connected_parts(len(points), *pairs.T)
@@ -242,7 +241,7 @@ def _check_facets(points: Array, cells: Ints, name: str) -> None:
 
 
 def _check_sides(points: Array, cells: Ints, ridges: _Ridges, name: str, *, inward: bool) -> None:
-    """Raise ``ValueError`` for inconsistent orientations or closed parts with inward normals."""
+    """Raise `ValueError` if orientations are inconsistent or a closed part has inward normals."""
     unlike = ridges.alike
     if unlike.any():
         flip = f"flip facets, for example by {_REPAIR}" if ridges.dim == 3 else "flip segments"
@@ -341,14 +340,14 @@ def _fans_of_points(cells: Ints, fans: Ints) -> Ints:
 
 
 def _volumes(points: Array, cells: Ints) -> Array:
-    """Return the signed volumes of cones from the centre of the surface to its facets, (k,)."""
+    """Return the signed volumes (k,) of the cones from the centre of the surface to its facets."""
     corners = points[cells] - points.mean(axis=0)
     dim = cells.shape[1]
     return dot(corners.mean(axis=1), crossed(corners)) / (dim * (dim - 1))
 
 
 def _angles(corners: Array) -> Array:
-    """Return angles of facets at their corners, shape (k, dim); 1 for segments."""
+    """Return the angles of facets at their corners, shape (k, dim); 1 for segments."""
     if corners.shape[1] == 2:
         return np.ones(corners.shape[:2])
     a = np.roll(corners, -1, axis=1) - corners
