@@ -54,7 +54,7 @@ def graded(length: float, size: float, fine: int, coarse: int) -> Array:
 def _check(a: Arguments) -> None:
     axes = [np.asarray(c, dtype=float) for c in a.coordinates]
     if len(axes) not in (2, 3) or not all(len(c) > 1 and (np.diff(c) > 0).all() for c in axes):
-        raise ValueError("coordinates along two or three axes are needed, and they must rise")
+        raise ValueError("coordinates must be given along two or three axes and must increase")
     a.coordinates = axes
 
 

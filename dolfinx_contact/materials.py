@@ -334,8 +334,8 @@ class Material:
     def _volume_energy(self, u: fem.Function, dilatation: Any, ratio: Any) -> Any:
         """Return the part of the stored energy that grows with lambda."""
         raise ValueError(
-            f"the part of the energy of a {type(self).__name__} that belongs to the change of "
-            "volume is unknown: take LinearElastic, NeoHookean or CiarletGeymonat"
+            f"the volumetric part of the energy of a {type(self).__name__} is unknown: "
+            "use LinearElastic, NeoHookean or CiarletGeymonat"
         )
 
     def _energy_of(self, u: fem.Function, H: Any) -> Any:
@@ -403,7 +403,7 @@ class LinearElastic(Material):
 
     def _shape_energy(self, u: fem.Function, H: Any) -> Any:
         if self.plane_stress:
-            raise ValueError("a body in plane stress does not lock: take its energy")
+            raise ValueError("plane stress does not lock: use energy(u)")
         (mu,) = _constants(u, self.mu)
         return mu * ufl.inner(ufl.sym(H), ufl.sym(H))
 
@@ -540,9 +540,9 @@ class Axisymmetric(Material):
 
     def __post_init__(self) -> None:
         if not isinstance(self.material, Material) or isinstance(self.material, Axisymmetric):
-            raise ValueError(f"axisymmetric is a Material of space, got {self.material!r}")
+            raise ValueError(f"Axisymmetric requires a Material in 3D, got {self.material!r}")
         if getattr(self.material, "plane_stress", False):
-            raise ValueError("a body of revolution is not in plane stress")
+            raise ValueError("an axisymmetric body cannot be in plane stress")
 
     def _shape_energy(self, u: fem.Function, H: Any) -> Any:
         _require_section(u)
@@ -580,7 +580,7 @@ def _require_measure(dx: Any) -> None:
     """Raise `ValueError` if ``dx`` is not a cell measure."""
     if not isinstance(dx, ufl.Measure) or dx.integral_type() != "cell":
         raise ValueError(
-            f"the measure must be one of cells, as ufl.dx or dx(1), got {dx}; of several tags take "
+            f"dx must be a cell measure such as ufl.dx or dx(1), got {dx}; for several tags use "
             "dx((1, 2))"
         )
 
@@ -596,9 +596,9 @@ def _require_bilinear(u: Any) -> None:
     straight = domain.ufl_domain().ufl_coordinate_element().degree == 1
     if not solid or not straight or element != needed:
         raise ValueError(
-            "the mean dilatation needs a continuous Lagrange displacement of degree 1, with a "
+            "the mean dilatation requires a continuous Lagrange displacement of degree 1, with a "
             "component for every axis, on quadrilaterals or hexahedra with straight edges; got "
-            f"{element} on {'' if straight else 'curved '}{cell}s. On other cells take u of degree "
+            f"{element} on {'' if straight else 'curved '}{cell}s. On other cells use u of degree "
             "2 and energy(u), which do not lock"
         )
 
@@ -610,7 +610,7 @@ def _require_section(u: Any) -> None:
     """Raise `ValueError` if ``u`` is not the 2D displacement of a cross-section."""
     _require_displacement(u)
     if len(u) != 2:
-        raise ValueError("the section of a body of revolution is a 2D mesh")
+        raise ValueError("an axisymmetric body requires a 2D mesh of its cross-section")
 
 
 def _radius(u: fem.Function) -> Any:

@@ -47,7 +47,7 @@ def solve_nested(
             `ContactProblem.solve`.
     """
     if not isinstance(problems, list | tuple):
-        raise ValueError(f"a list of ContactProblems is needed, got {problems!r}")
+        raise ValueError(f"a list of ContactProblems is required, got {problems!r}")
     for problem in problems:
         instance(problem, "each problem", ContactProblem)
     results = []
@@ -80,7 +80,7 @@ def prolong(coarse: ContactProblem, fine: ContactProblem, *, padding: float = 1e
     if len(coarse.rigid_bodies) != len(fine.rigid_bodies):
         raise ValueError("the problems need the same rigid bodies")
     if any(s.between_bodies for s in fine.surfaces):
-        raise ValueError("between bodies a solution cannot be taken to another mesh yet")
+        raise ValueError("pairs of surfaces cannot be interpolated to another mesh yet")
     with logged("ContactProlong"):
         cells = _contact_cells(fine) if fine.equations.bulk.linear else _all_cells(fine)
         distance = padding * coarse.equations.body_size

@@ -411,7 +411,7 @@ class LevelSet(Obstacle):
         slope = ufl.diff(phi, x)
         if isinstance(expand_derivatives(slope), ufl.constantvalue.Zero):
             raise ValueError(
-                "the level set does not depend on the position that it is given: it has no gradient"
+                "the level set must depend on the position passed to it; its gradient vanishes"
             )
         # data without the position, which may belong to points on a submesh
         data = self.phi(ufl.variable(ufl.Constant(domain.ufl_domain(), shape=x.ufl_shape)))

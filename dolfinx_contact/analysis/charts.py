@@ -127,7 +127,7 @@ class Chart:
                 low, high = c.ends(mu)
                 if low <= gamma <= high:
                     return c
-        raise ValueError(f"({mu:g}, {gamma:g}) is outside of the cells")
+        raise ValueError(f"({mu:g}, {gamma:g}) is outside the cells")
 
 
 def solutions_at(
@@ -177,7 +177,7 @@ def _check(a: Arguments) -> None:
     a.gamma_range = checked_range(a.gamma_range, [])
     a.cells = tuple(a.cells)
     if len(a.cells) != 2:
-        raise ValueError(f"cells must be two whole numbers, got {a.cells!r}")
+        raise ValueError(f"cells must be two integers, got {a.cells!r}")
     for cells in a.cells:
         count(cells, "cells")
     count(a.depth, "depth", least=0)

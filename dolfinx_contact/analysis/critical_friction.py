@@ -371,7 +371,7 @@ class _PressureByShear:
         for thing in (real, imaginary, solver, *subspace, T):
             thing.destroy()
         if not values:
-            raise RuntimeError("SLEPc found no critical friction: raise analysis_eps_max_it")
+            raise RuntimeError("SLEPc found no critical friction: increase -analysis_eps_max_it")
 
         def modes(
             shears: Complex, slips: Complex, pressures: Complex, softness: Array

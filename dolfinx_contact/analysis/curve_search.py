@@ -121,7 +121,7 @@ class _Search:
         """Add the segments of a border at one mu to the queue."""
         segments = [s for s in self.of(codes) if s.low - self.near <= mu <= s.high + self.near]
         if not segments:
-            raise ValueError(f"there is no state at {mu:g} on the border that is to be followed")
+            raise ValueError(f"the border to be followed has no state at mu = {mu:g}")
         self._add(segments)
 
     def _add(self, segments: Iterable[Segment]) -> None:

@@ -113,7 +113,7 @@ class Renard:
 
 def _check(a: Arguments) -> None:
     if a.weights and a.dense is False:
-        raise ValueError("weights need the dense eigenproblem")
+        raise ValueError("weights require the dense eigenproblem")
     if a.directions is not None and not callable(a.directions):
         raise ValueError(f"directions must be a function of positions, got {a.directions!r}")
 
@@ -212,7 +212,7 @@ def _slopes(eq: ContactEquations, state: Evaluation) -> Array:
     slopes = []
     for s, known in zip(eq.surfaces, state.surfaces, strict=True):
         if s.law.bound_kind not in ("proportional", "given"):
-            raise ValueError(f"{s.name}: the criterion is about Coulomb's law, not {s.law}")
+            raise ValueError(f"{s.name}: the criterion requires Coulomb's law, got {s.law}")
         slope = known.answers.unit_bound
         slopes.append(slope if s.law.bound_kind == "proportional" else np.zeros_like(slope))
     return np.concatenate(slopes)
@@ -240,7 +240,7 @@ def _given(eq: ContactEquations, directions: Field) -> Array:
         xi = np.asarray(directions(x), dtype=np.float64)
         fits = xi.shape == x.shape and bool(np.isfinite(xi).all())
         if not fits or np.linalg.norm(xi, axis=1).max(initial=0.0) > 1 + 1e-12:
-            raise ValueError(f"directions must be {x.shape} vectors of length 1 at most")
+            raise ValueError(f"directions must return vectors of length 1 at most, shape {x.shape}")
     return split(n, xi)[1]
 
 
@@ -338,7 +338,7 @@ class _Form:
         for thing in (solver, M, held):
             thing.destroy()
         if not found:
-            raise RuntimeError("SLEPc found no eigenvalue: raise analysis_eps_max_it")
+            raise RuntimeError("SLEPc found no eigenvalue: increase -analysis_eps_max_it")
         return _over(float(largest))
 
     def destroy(self) -> None:

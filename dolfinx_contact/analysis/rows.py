@@ -63,7 +63,7 @@ def static_equations(problem: Any) -> ContactEquations:
     """
     eq = getattr(problem, "equations", None)
     if not isinstance(eq, ContactEquations):
-        raise ValueError(f"a ContactProblem is needed, got {type(problem).__name__}")
+        raise ValueError(f"a ContactProblem is required, got {type(problem).__name__}")
     validate_data(eq)
     return eq
 
@@ -197,13 +197,13 @@ def require_nodes(eq: ContactEquations) -> None:
     """Raise `ValueError` unless contact is at nodes, with small sliding and a local law."""
     for s in eq.surfaces:
         for fits, need in (
-            (s.rigid_body is None, "not with rigid bodies that have unknowns of their own"),
+            (s.rigid_body is None, "rigid bodies with unknowns are not supported"),
             (s.linear, "this needs small sliding"),
-            (s.points.E is None, f"this needs nodal or mixed contact, not {s.method}"),
-            (s.law.averaging is None, f"this needs a local law, not {s.law.name}"),
+            (s.points.E is None, f"this needs nodal or mixed contact, got {s.method}"),
+            (s.law.averaging is None, f"this needs a local law, got {s.law.name}"),
             (
                 not s.law_at_points.compiled.bonded,
-                f"this needs a law without adhesion, not {s.law.name}",
+                f"this needs a law without adhesion, got {s.law.name}",
             ),
         ):
             if not fits:

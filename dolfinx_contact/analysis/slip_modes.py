@@ -164,7 +164,7 @@ def _nonnegative(vectors: Array, none: float) -> Array:
         options={"primal_feasibility_tolerance": 1e-9},
     )
     if found.status != 0:
-        raise RuntimeError(f"no answer of the linear programme: {found.message}")
+        raise RuntimeError(f"the linear program was not solved: {found.message}")
     weights = np.asarray(found.x)
     slip = vectors @ weights
     return weights if slip.min() >= -none * slip.max() and slip.max() > 0.5 else np.zeros(k)

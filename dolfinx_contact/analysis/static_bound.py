@@ -296,7 +296,9 @@ def _optimum(
     if found.status == 2:
         return None, -np.inf * sense
     if found.status != 0:
-        raise ArithmeticError(f"the linear program of the static bound: {found.message}")
+        raise ArithmeticError(
+            f"the linear program of the static bound was not solved: {found.message}"
+        )
     value = max(float(found.x[factor]), 0.0)
     if value < _FAR:
         return found.x, value

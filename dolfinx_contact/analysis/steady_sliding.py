@@ -368,7 +368,7 @@ class SteadySliding(ReadOnly):
         for thing in (solver, real, imaginary, *matrices, G, F):
             thing.destroy()
         if not values:
-            raise RuntimeError("SLEPc found no vibration: raise analysis_eps_max_it")
+            raise RuntimeError("SLEPc found no vibration: increase -analysis_eps_max_it")
         return np.array(values), np.array(motions).T, farthest
 
     def destroy(self) -> None:

@@ -46,7 +46,7 @@ def _check_family(a: Arguments) -> None:
     if not isinstance(a.other, fem.Constant) or a.other.ufl_shape != ():
         raise ValueError("the second parameter must be a scalar Constant")
     if a.other is a.system.constant:
-        raise ValueError("the second parameter must be another Constant than gamma")
+        raise ValueError("the second parameter must differ from gamma")
     a.mu_range = checked_range(a.mu_range, [], "mu")
 
 
@@ -131,7 +131,7 @@ def _put(other: fem.Constant, mu: float) -> Iterator[None]:
 def _check_curves(a: Arguments) -> None:
     a.branches = [(float(mu), branch) for mu, branch in a.branches]
     if not all(isinstance(branch, Branch) for _, branch in a.branches):
-        raise ValueError("branches must be pairs of the second parameter and a Branch there")
+        raise ValueError("branches must be pairs of a value of the second parameter and a Branch")
     a.mu_range = checked_range(a.mu_range, [mu for mu, _ in a.branches], "mu")
     a.gamma_range = checked_range(a.gamma_range, [])
 

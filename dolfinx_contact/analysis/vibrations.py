@@ -117,7 +117,7 @@ def body_of(eq: ContactEquations, u: Array, density: Any, damping: float | ufl.F
         if isinstance(damping, ufl.Form):
             form = weighted(damping, axisymmetric=eq.axisymmetric)
             if len(form.arguments()) != 2:
-                raise ValueError("a form of damping has a trial and a test function")
+                raise ValueError("a damping form must have a trial and a test function")
         else:
             eta = nonnegative(damping, "damping", "a time >= 0 or a form")
     C = None if form is None else _assembled(form)

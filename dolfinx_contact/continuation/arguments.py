@@ -176,8 +176,8 @@ def reason_to_stop(comm: MPI.Comm, what: str, stop: Stop[Any], step: Any) -> str
         answer = stop(step)
         if not isinstance(answer, str):
             raise ValueError(
-                f"stop must answer with the reason to end the {what}, a str, or with '' to "
-                f"continue; it answered {answer!r}"
+                f"stop must return the reason to end the {what}, a str, or '' to "
+                f"continue; it returned {answer!r}"
             )
     same_everywhere(comm, the_answer_of_stop=answer)
     return answer

@@ -464,7 +464,7 @@ def _check_points(a: Arguments) -> None:
     a.gamma = number(a.gamma, "gamma")
     a.gamma_range = checked_range(a.gamma_range, [a.gamma])
     if not isinstance(a.branch, Branch) or not a.branch.points:
-        raise ValueError(f"a Branch with points is needed, got {type(a.branch).__name__}")
+        raise ValueError(f"a Branch with points is required, got {type(a.branch).__name__}")
 
 
 @collective("points_at", _check_points)

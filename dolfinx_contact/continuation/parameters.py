@@ -71,14 +71,14 @@ class StepControl:
                 raise ValueError(f"{name} of a StepControl must be a finite number, got {value!r}")
         if not 0 < self.minimum <= self.initial <= self.maximum:
             raise ValueError(
-                "step lengths need 0 < minimum <= initial <= maximum, got "
+                "step lengths must satisfy 0 < minimum <= initial <= maximum, got "
                 f"{self.minimum}, {self.initial}, {self.maximum}"
             )
         if not 0 < self.decrease < 1 < self.increase:
-            raise ValueError("step factors need 0 < decrease < 1 < increase")
+            raise ValueError("step factors must satisfy 0 < decrease < 1 < increase")
         if not -1 <= self.cosine < 1:
             raise ValueError(f"cosine must lie in [-1, 1), got {self.cosine}")
         if self.corrections < 1 or self.easy < 0 or not self.tolerance > 0:
             raise ValueError("corrections, easy and tolerance must be positive")
         if self.kinks is not None and self.kinks not in get_args(Kinks):
-            raise ValueError(f"kinks are passed {get_args(Kinks)}, got {self.kinks!r}")
+            raise ValueError(f"kinks must be one of {get_args(Kinks)}, got {self.kinks!r}")

@@ -55,7 +55,7 @@ def require_way(bordered: Bordered, start: BranchPoint, gamma_range: tuple[float
     if leaves_range(bordered, start, gamma_range):
         low, high = gamma_range
         raise ValueError(
-            f"gamma leaves its range [{low:g}, {high:g}] at once at the start of the branch, "
+            f"gamma leaves its range [{low:g}, {high:g}] immediately at the start of the branch, "
             f"gamma = {start.gamma:.10g}: reverse the direction or widen the range"
         )
 

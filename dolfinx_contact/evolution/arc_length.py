@@ -97,7 +97,7 @@ def _check_run(a: Arguments) -> None:
     Listeners.of(a).check(path._record)
     a.control = a.control or StepControl(kinks="exact", initial=_LONGEST, maximum=_LONGEST)
     if a.control.kinks not in (None, "exact"):
-        raise ValueError(f"a path with memory passes kinks exactly, not {a.control.kinks!r}")
+        raise ValueError(f"a path with memory requires kinks='exact', got {a.control.kinks!r}")
     is_first = a.start is not None or path._run_state is None or path._run_state.arrived is None
     known = ("increasing", "decreasing") if is_first else ("onwards", "back")
     a.direction = a.direction or known[0]

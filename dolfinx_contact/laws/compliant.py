@@ -167,7 +167,7 @@ class NormalCompliance(_AroundFriction):
             raise ValueError(f"the exponent of NormalCompliance must be at least 1, got {m!r}")
         if not isinstance(self.friction, FrictionLaw) or self.friction.compliant:
             raise ValueError(
-                "friction of NormalCompliance must be a law of friction such as Coulomb(0.3), got "
+                "friction of NormalCompliance must be a friction law such as Coulomb(0.3), got "
                 f"{self.friction!r}"
             )
         super().__post_init__()
@@ -238,8 +238,8 @@ class Regularised(_AroundFriction):
             raise ValueError("Regularised needs a width, or a speed, or both")
         if not isinstance(self.friction, FrictionLaw) or self.friction.bound_kind is None:
             raise ValueError(
-                "Regularised takes a law of friction such as Coulomb(0.3), got "
-                f"{self.friction!r}; a compliant surface goes around it"
+                "friction of Regularised must be a friction law such as Coulomb(0.3), got "
+                f"{self.friction!r}; use NormalCompliance(..., friction=Regularised(...))"
             )
         super().__post_init__()
 

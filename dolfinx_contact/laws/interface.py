@@ -121,9 +121,8 @@ class Interface(Law):
             for v in side.unknown:
                 if v is not x and not side.determines(v.name):
                     raise ValueError(
-                        f"nothing determines {v.name} of {self.name}: neither the force on it nor "
-                        "what resists its rate changes with it; a variable needs an energy that is "
-                        "no linear function of it, or a dissipation that is none of its rate"
+                        f"nothing determines {v.name} of {self.name}: the energy must be nonlinear "
+                        "in a variable, or the dissipation nonlinear in its rate"
                     )
             bounds = (x.sense, x.end) if x is not None and x in side.unknown else ()
             found[is_open, family] = Equations(residual, start, *bounds)

@@ -439,7 +439,7 @@ def checked_pieces(pieces: Any, dim: int) -> dict[int, StatusPiece]:
     for code, piece in pieces.items():
         where = f"status {code!r}"
         if code not in codes:
-            raise ValueError(f"{where} is none of laws.status: OPEN, STICK, PLUS, MINUS, ...")
+            raise ValueError(f"{where} is not a code of laws.status: OPEN, STICK, PLUS, MINUS, ...")
         instance(piece, where, StatusPiece)
         if ufl.as_ufl(piece.answer).ufl_shape != (dim,):
             raise ValueError(f"{where}: the answer must be a UFL vector of {dim} components")

@@ -114,7 +114,7 @@ def _eliminated(
     ee, ek = S[np.ix_(e, e)], S[np.ix_(e, k)]
     least = least_eigenvalue(ee.value, ee.radius)
     if not least > 0:
-        raise ValueError("the stiffness of the points that move is not positive definite")
+        raise ValueError("the stiffness of the free components is not positive definite")
     Z = np.linalg.solve(ee.value, ek.value)
     R = (ek - ee @ Z).size
     norms = np.sqrt(up((R**2).sum(axis=0)))

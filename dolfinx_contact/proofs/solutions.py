@@ -118,7 +118,7 @@ def prove_solutions(
     if not isinstance(known, Iterable) or isinstance(known, str):
         raise ValueError(f"known must be a list of statuses, got {known!r}")
     if not (is_number(proof_seconds) and proof_seconds >= 0):
-        raise ValueError(f"proof_seconds must be a number from 0 on, got {proof_seconds!r}")
+        raise ValueError(f"proof_seconds must be a nonnegative number, got {proof_seconds!r}")
     check_progress(progress)
     starts = _checked(reduced, known)
     shown = Progress(MPI.COMM_SELF, progress)

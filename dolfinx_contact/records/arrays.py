@@ -75,7 +75,7 @@ def check(file: Path, recorded: str) -> None:
     except _DAMAGE as error:
         raise DamagedFile(f"{file} is damaged: {error}") from None
     if now != recorded:
-        raise DamagedFile(f"{file} is damaged or was exchanged")
+        raise DamagedFile(f"{file} is damaged or was replaced")
 
 
 def fingerprint(file: Path | str | os.PathLike[str]) -> str:

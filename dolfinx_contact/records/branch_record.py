@@ -107,7 +107,7 @@ class BranchRecord(Record[Journal]):
         resume: Resume = False,
     ):
         if not (functionals is None or isinstance(functionals, Mapping)):
-            raise ValueError(f"functionals are a dictionary by their names, got {functionals!r}")
+            raise ValueError(f"functionals must be a dictionary by name, got {functionals!r}")
         comm = system.comm
         valid = isinstance(every, int | np.integer) and every >= 1
         require(comm, valid, f"fields must be kept at every 1 or more points, got {every!r}")
@@ -235,7 +235,7 @@ class BranchRecord(Record[Journal]):
         """
         p = self.journal.branches[branch].points[index]
         if p.checkpoint is None:
-            raise ValueError(f"no fields were kept at point {index} of branch {branch}")
+            raise ValueError(f"point {index} of branch {branch} has no checkpoint")
         self._read_checkpoint(p, self._entries.vectors, {})
         point = self._entries.joined(p)
         stepping = Stepping(index, p.next_step, p.x_scale, p.largest_distance, tuple(p.scales))

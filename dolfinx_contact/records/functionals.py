@@ -78,7 +78,7 @@ def total(quantity: Literal["rn", "rt"], surface: str | None = None) -> OfProble
     `leftmost`.
     """
     if quantity not in ("rn", "rt"):
-        raise ValueError(f"forces are summed, 'rn' or 'rt', got {quantity!r}")
+        raise ValueError(f"the quantity must be 'rn' or 'rt', got {quantity!r}")
 
     def summed(values: npt.NDArray[np.float64], t: ContactTable) -> float:
         in_space = t.dim == 3 and quantity == "rt"

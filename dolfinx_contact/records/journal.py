@@ -322,7 +322,7 @@ class AnyJournal:
         if header["format"] != FORMAT:
             raise ValueError(
                 f"the journal is in format {header['format']}, and this version of "
-                f"dolfinx_contact reads and writes format {FORMAT} alone: use the version that "
+                f"dolfinx_contact reads and writes format {FORMAT} only: use the version that "
                 f"wrote it ({header.get('package', 'unknown')}), or record again"
             )
         if header["of"] != self.kind:

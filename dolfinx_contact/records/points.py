@@ -194,7 +194,7 @@ def journal_of(
     with everywhere(system.comm, "journal_of"):
         branches = list(branches)
         if not all(isinstance(b, Branch) for b in branches):
-            raise ValueError("branches must be Branches, as `follow` and `explore` return them")
+            raise ValueError("branches must be Branch objects, as returned by follow and explore")
     same_everywhere(system.comm, points_of_the_branches=[len(b.points) for b in branches])
     system.equations.require_same_mesh()
     for branch in branches:

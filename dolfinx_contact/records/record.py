@@ -337,7 +337,7 @@ class Record(Observer, ABC, Generic[J]):
                 return read(index)
             except DamagedFile as error:
                 if self.comm.rank == 0:
-                    logger.warning("%s; going back to one before", error)
+                    logger.warning("%s; the previous checkpoint is tried", error)
         return read(indices[-1])
 
     def close(self) -> None:

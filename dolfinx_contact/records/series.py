@@ -59,7 +59,7 @@ def write_series(
     known = record.journal.branches.get(branch)
     kept = known.kept if known else []
     if not kept:
-        raise ValueError(f"no fields of branch {branch} were kept in {record.folder}")
+        raise ValueError(f"branch {branch} has no checkpoints in {record.folder}")
     fields = StateFields(system.problem)
     with Writer(record.comm, folder, format, f"branch_{branch:04d}_") as writer:
         for index in kept:

@@ -392,7 +392,7 @@ class EvolutionRecord(StepsRecord[EvolutionJournal, History]):
         resume: Resume = False,
     ):
         if not isinstance(evolution, Evolution):
-            raise ValueError(f"a QuasiStatic or NSCD is needed, got {type(evolution).__name__}")
+            raise ValueError(f"a QuasiStatic or NSCD is required, got {type(evolution).__name__}")
         self.evolution = evolution
         super().__init__(
             folder,
@@ -456,7 +456,7 @@ class PathRecord(StepsRecord[PathJournal, PathHistory]):
         resume: Resume = False,
     ):
         if not isinstance(path, ArcLength):
-            raise ValueError(f"an ArcLength is needed, got {type(path).__name__}")
+            raise ValueError(f"an ArcLength is required, got {type(path).__name__}")
         self.path = path
         super().__init__(
             folder,

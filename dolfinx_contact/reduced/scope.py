@@ -30,14 +30,14 @@ def check_reducible(eq: ContactEquations) -> None:
     guided = eq.comm.allreduce(int(any(part.any() for part in parts)))
     along = eq.dim == 2 and all(s.method == "nodal" for s in eq.surfaces)
     for ok, what in (
-        (known, "the law of Coulomb or Tresca, or none of friction"),
+        (known, "the law of Coulomb or Tresca, or frictionless contact"),
         (alone, "contact at the nodes (nodal or mixed)"),
-        (eq.bulk.linear, "a body that is linear"),
+        (eq.bulk.linear, "a linear body"),
         (eq.linear or not eq.bulk.linear, "small sliding, on curved obstacles and between bodies"),
-        (len(eq.scaling.loose) == 0, "a body that Dirichlet data hold"),
-        (along or not guided, "contact nodes that Dirichlet data do not hold in part"),
+        (len(eq.scaling.loose) == 0, "a body held by Dirichlet data"),
+        (along or not guided, "contact nodes without partial Dirichlet data"),
         (not _share_nodes(eq), "surfaces without common nodes"),
-        (eq.rigid.size == 0, "obstacles without unknowns of their own"),
+        (eq.rigid.size == 0, "obstacles without unknowns"),
     ):
         require(eq.comm, ok, f'the reduced problem needs {what}; use algorithm="newton"')
 

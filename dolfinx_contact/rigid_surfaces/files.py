@@ -45,7 +45,7 @@ def facets_in(path: Path, group: str | int | None) -> tuple[Array, Ints]:
         path.open("rb").close()  # raises OSError if the file cannot be read
         return _of_gmsh(path, group)
     if group is not None:
-        raise ValueError(f"{path}: an STL file has no groups, and {group!r} was asked for")
+        raise ValueError(f"{path}: an STL file has no groups, got group={group!r}")
     corners = _of_stl(path)
     if not len(corners):
         raise ValueError(f"{path} has no facets")
@@ -111,14 +111,14 @@ def _of_gmsh(path: Path, group: str | int | None) -> tuple[Array, Ints]:
                 name, _, _, width, *_ = model.mesh.getElementProperties(kind)
                 if kind not in _PARTS:
                     where = f"{path}: the group {group!r}"
-                    raise ValueError(f"{where} has elements that are bent or unknown ({name})")
+                    raise ValueError(f"{where} has curved or unsupported elements ({name})")
                 each: Ints = np.asarray(flat, dtype=np.int64).reshape(-1, width)
                 found += [each[:, part] for part in _PARTS[kind]]
         tags, places, _ = model.mesh.getNodes()
     cells = np.concatenate(found)
     if not len(cells):
         what = "no facets" if group is None else f"no facets in the group {group!r}"
-        raise ValueError(f"{path} has {what}: gmsh saves what is in physical groups, and meshed")
+        raise ValueError(f"{path} has {what}: gmsh saves only meshed entities in physical groups")
     order = np.argsort(tags)
     used, numbers = np.unique(cells, return_inverse=True)
     x = np.asarray(places, dtype=np.float64).reshape(-1, 3)[order]

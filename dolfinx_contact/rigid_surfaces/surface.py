@@ -205,7 +205,7 @@ class RigidSurface(ReadOnly, Obstacle):
         dim = self.points.shape[1]
         if places.ndim != 2 or places.shape[1] != dim:
             raise ValueError(
-                f"{self.name}: points are an array (n, {dim}), got the shape {places.shape}"
+                f"{self.name}: points must be an array (n, {dim}), got the shape {places.shape}"
             )
         return distances_from(self._surface, self._closest, places)
 
@@ -259,7 +259,7 @@ def _check_file(a: Arguments) -> None:
     positive(a.scale, f"{a.path}: scale")
     named = isinstance(a.group, str | int | None) and not isinstance(a.group, bool)
     if not named:
-        raise ValueError(f"{a.path}: a group is a name or a tag, got {a.group!r}")
+        raise ValueError(f"{a.path}: group must be a name or a tag, got {a.group!r}")
 
 
 @collective("a surface from a file", _check_file)
@@ -277,12 +277,12 @@ def _arrays(points: npt.ArrayLike, cells: npt.ArrayLike, name: str) -> tuple[Arr
     except (TypeError, ValueError):
         x, facets = np.empty(0), np.empty(0)
     if x.ndim != 2 or x.shape[1] not in (2, 3) or not np.isfinite(x).all():
-        raise ValueError(f"{name}: points are a finite array (m, 2) or (m, 3)")
+        raise ValueError(f"{name}: points must be a finite array (m, 2) or (m, 3)")
     fits = facets.ndim == 2 and len(facets) and facets.shape[1] == x.shape[1]
     if not fits or facets.dtype.kind not in "iu":
         what = "segments" if x.shape[1] == 2 else "triangles"
-        raise ValueError(f"{name}: cells are {what} by numbers of points (k, {x.shape[1]})")
+        raise ValueError(f"{name}: cells must be {what}, indices of points (k, {x.shape[1]})")
     if facets.min() < 0 or facets.max() >= len(x):
-        raise ValueError(f"{name}: cells have numbers of points that there are not")
+        raise ValueError(f"{name}: cells contain indices of points that do not exist")
     used, places = np.unique(facets, return_inverse=True)
     return x[used], places.reshape(facets.shape).astype(np.int64)

@@ -116,7 +116,7 @@ class _Ridges:
         counts = np.bincount(numbers)
         if counts.max(initial=0) > 2:
             raise ValueError(
-                f"{name}: no manifold: {np.sum(counts > 2)} "
+                f"{name} is not a manifold: {np.sum(counts > 2)} "
                 f"{'points' if self.dim == 2 else 'edges'} have more than two facets (up to "
                 f"{counts.max()})"
             )
@@ -223,7 +223,7 @@ def _check_facets(points: Array, cells: Ints, name: str) -> None:
     same = (ordered[:, 1:] == ordered[:, :-1]).any(axis=1)
     if same.any():
         raise ValueError(
-            f"{name}: {same.sum()} facets have two corners in one place, the first at "
+            f"{name}: {same.sum()} facets have two coincident corners, the first at "
             f"{_at(points[cells[same][0]])}; remove them, for example by {_REPAIR}"
         )
     corners = points[cells]
@@ -233,7 +233,7 @@ def _check_facets(points: Array, cells: Ints, name: str) -> None:
     if flat.any():
         raise ValueError(
             f"{name}: {flat.sum()} facets have no area, the first at {_at(corners[flat][0])}; "
-            "repair the surface in the program that made it"
+            "repair the surface in the program that created it"
         )
     twice = len(cells) - len(np.unique(ordered, axis=0))
     if twice:
@@ -256,7 +256,7 @@ def _check_sides(points: Array, cells: Ints, ridges: _Ridges, name: str, *, inwa
     if wrong.any() and not inward:
         first = cells[part == np.flatnonzero(wrong)[0]][0]
         raise ValueError(
-            f"{name}: a closed surface has its normals inward, at {_at(points[first])}; flip all "
+            f"{name}: a closed surface has inward normals, at {_at(points[first])}; flip all "
             f"its facets, for example by {_REPAIR}; reverse=True is for a body inside the surface"
         )
 
@@ -268,13 +268,13 @@ def _check_torn(points: Array, cells: Ints, ridges: _Ridges, rims: Mask, name: s
         raise ValueError(
             f"{name}: the surface is torn: {len(np.unique(on))} points of rims are on the "
             f"{'segments' if ridges.dim == 2 else 'edges of facets'} of others, the first at "
-            f"{_at(points[on[:1]])}; join them in the program that made the surface"
+            f"{_at(points[on[:1]])}; join them in the program that created the surface"
         )
     fans = ridges.fans(cells, np.ones(len(ridges.first), dtype=bool))
     several = np.flatnonzero(_fans_of_points(cells, fans) > 1)
     if len(several):
         raise ValueError(
-            f"{name}: parts of the surface touch in {len(several)} points alone, the first at "
+            f"{name}: parts of the surface touch only at {len(several)} points, the first at "
             f"{_at(points[several[:1]])}"
         )
     ends = np.flatnonzero(rims)
@@ -284,10 +284,10 @@ def _check_torn(points: Array, cells: Ints, ridges: _Ridges, rims: Mask, name: s
     near = ends[away < _SLIT * _shortest_edges(points, cells)[ends]]
     if len(near):
         raise ValueError(
-            f"{name}: the surface is torn: {len(near)} points of rims are in one place with "
+            f"{name}: the surface is torn: {len(near)} rim points coincide with "
             f"others, or within {_SLIT:g} of an edge of these, the first at "
-            f"{_at(points[near[:1]])}; join them in the program that made the surface, or those "
-            f"that are in one place by {_REPAIR}"
+            f"{_at(points[near[:1]])}; join them in the program that created the surface, or those "
+            f"that coincide by {_REPAIR}"
         )
 
 

@@ -76,13 +76,13 @@ TABLES = {
         ("mixed", {"solver": "amg"}, "points that are nodes: take solver='direct'"),
     ],
     renard_criterion: [
-        ("slip weakening", {}, "about Coulomb's law"),
+        ("slip weakening", {}, "requires Coulomb's law"),
         ("integral", {}, "nodal or mixed"),
         ("on a box", {"directions": vectors_of_length_two}, "vectors of length 1 at most"),
         (
             "3D",
             {"directions": swirl, "dense": False, "weights": True},
-            "weights need the dense eigenproblem",
+            "weights require the dense eigenproblem",
         ),
     ],
     stability_at_rest: [

@@ -79,7 +79,7 @@ def test_arc_length_refuses_a_number_for_the_system():
         ({"gamma_range": (0.1, 0.2)}, "must lie in the range"),
         ({"gamma_range": (0.0, np.nan)}, "finite number"),
         ({"direction": "back"}, "the direction of the first run must be one of"),
-        ({"control": StepControl(kinks="batched")}, "passes kinks exactly, not 'batched'"),
+        ({"control": StepControl(kinks="batched")}, "requires kinks='exact', got 'batched'"),
         ({"max_steps": 0}, "max_steps must be a whole number"),
         ({"rays": "all"}, "rays must be one of True, False, None; got 'all'"),
         ({"stop": 3}, "stop must be a function"),
@@ -98,7 +98,7 @@ def test_arc_length_run_refuses_arguments(arguments, message):
 def test_arc_length_run_refuses_answers_directions_and_laws_on_the_way():
     system = bar(1.0, 1)
     path = ArcLength(system)
-    with pytest.raises(ValueError, match="stop must answer with the reason"):
+    with pytest.raises(ValueError, match="stop must return the reason"):
         path.run(gamma_range=ENDS, stop=lambda s: None)
     with pytest.raises(ValueError, match="the direction of a later run must be one of"):
         path.run(gamma_range=ENDS, direction="decreasing")

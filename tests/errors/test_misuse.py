@@ -255,7 +255,7 @@ MISUSE = {
     **{
         f"level set {what}": (
             lambda w, phi=phi: discretised(w, obstacle=LevelSet(lambda x: phi(w, x))),
-            "the level set does not depend on the position",
+            "the level set must depend on the position",
         )
         for what, phi in {
             "constant": lambda w, x: fem.Constant(w.domain, 1.0),
@@ -412,7 +412,7 @@ MISUSE = {
     **{
         f"stop answers {answer}": (
             lambda w, answer=answer: followed(w, stop=lambda *_: answer),
-            f"it answered {answer}",
+            f"it returned {answer}",
         )
         for answer in (True, False, None, 3)
     },

@@ -389,14 +389,14 @@ def test_axisymmetry_refuses_materials_without_hoop_stress():
     plane = LinearElastic.from_young(1.0, 0.3, plane_stress=True)
     refused("plane stress", lambda: Axisymmetric(plane))
     for wrong in (STEEL, 1.0):
-        refused("axisymmetric is a Material of space", lambda wrong=wrong: Axisymmetric(wrong))
+        refused("Axisymmetric requires a Material in 3D", lambda wrong=wrong: Axisymmetric(wrong))
     cube = box(COMM, 2, "tet")
     u = fem.Function(fem.functionspace(cube, ("Lagrange", 1, (3,))))
     for make in (
         lambda: STEEL.energy(u),
         lambda: STEEL.full_stress(u),
     ):
-        refused("is a 2D mesh", make)
+        refused("requires a 2D mesh", make)
 
 
 @pytest.mark.ranks(2)

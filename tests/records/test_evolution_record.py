@@ -197,7 +197,7 @@ def test_a_history_record_refuses_other_problems_and_loads(whole, folder):
         EvolutionRecord(known, evolution)
     with pytest.raises(FileNotFoundError, match="there is no journal"):
         EvolutionRecord(folder / "nowhere", evolution, resume=True)
-    with pytest.raises(ValueError, match="a QuasiStatic or NSCD is needed, got ContactProblem"):
+    with pytest.raises(ValueError, match="a QuasiStatic or NSCD is required, got ContactProblem"):
         EvolutionRecord(folder, evolution.problem)
     assert (known / FILE_NAME).read_bytes() == before
     lines = before.splitlines(keepends=True)

@@ -280,7 +280,7 @@ def test_format_of_another_version_is_refused(folder):
     path = folder / "record/journal.jsonl"
     rewritten(path, as_before)
     before = path.read_bytes()
-    said = r"in format 2, .* format 6 alone: use the version that wrote it \(0\.0\.7\)"
+    said = r"in format 2, .* format 6 only: use the version that wrote it \(0\.0\.7\)"
     with pytest.raises(ValueError, match=said):
         EvolutionRecord(folder / "record", history(), resume=True)
     with pytest.raises(ValueError, match=said):

@@ -167,11 +167,11 @@ def test_a_path_record_refuses_other_problems_and_ranges(whole, folder):
         PathRecord(known, path)
     with pytest.raises(FileNotFoundError, match="there is no journal"):
         PathRecord(folder / "nowhere", path, resume=True)
-    with pytest.raises(ValueError, match="an ArcLength is needed, got ParametricContact"):
+    with pytest.raises(ValueError, match="an ArcLength is required, got ParametricContact"):
         PathRecord(folder, path.parametric)
     with pytest.raises(ValueError, match="the journal of a path, not of branches"):
         BranchRecord(known, path.parametric, resume=True)
-    with pytest.raises(ValueError, match="a QuasiStatic or NSCD is needed, got ArcLength"):
+    with pytest.raises(ValueError, match="a QuasiStatic or NSCD is required, got ArcLength"):
         EvolutionRecord(folder, path)
     assert (known / FILE_NAME).read_bytes() == before
     with PathRecord(folder / "run", path) as kept:

@@ -198,7 +198,7 @@ def test_a_start_at_an_end_of_the_range_has_one_direction(route, gamma):
     inwards, outwards = "decreasing", "increasing"
     if gamma < 0:
         inwards, outwards = outwards, inwards
-    with pytest.raises(ValueError, match=r"leaves its range \[-1, 1\] at once"):
+    with pytest.raises(ValueError, match=r"leaves its range \[-1, 1\] immediately"):
         follow(system, x, gamma, direction=outwards, **ways)
     branch = follow(system, x, gamma, direction=inwards, **ways)
     diagram = explore(system, [(x, gamma)], **ways)

@@ -259,7 +259,7 @@ def test_save_points_refuses_names_and_laws(tmp_path):
 
 @pytest.mark.ranks(2)
 def test_reduction_refuses_partly_clamped_bodies():
-    with pytest.raises(ValueError, match="Dirichlet data do not hold in part"):
+    with pytest.raises(ValueError, match="without partial Dirichlet data"):
         Reduction.of(half_block(method="mixed").equations)
 
 

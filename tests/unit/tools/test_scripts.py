@@ -137,7 +137,7 @@ def test_journal_in_memory_is_that_of_a_record(followed, folder):
     rows = journal.rows()
     assert [row["gamma"] for row in rows] == branch.summary()["gammas"]
     assert rows[-1] == journal.summary()["end"]
-    with pytest.raises(ValueError, match="must be Branches"):
+    with pytest.raises(ValueError, match="must be Branch objects"):
         records.journal_of(system, [3])
     with pytest.raises(ValueError, match="neither a UFL form nor a function"):
         records.journal_of(system, [branch], {"wheels": 4})
@@ -231,7 +231,7 @@ def test_a_graded_grid_has_cells_that_grow_by_one_factor():
     domain = create_grid(COMM, [x, [1.0, 2.0, 4.0]], mesh.CellType.quadrilateral)
     area = fem.assemble_scalar(fem.form(fem.Constant(domain, 1.0) * ufl.dx))
     assert COMM.allreduce(area) == pytest.approx(30.0)
-    with pytest.raises(ValueError, match="must rise"):
+    with pytest.raises(ValueError, match="must increase"):
         create_grid(COMM, [x, [1.0, 1.0]], mesh.CellType.quadrilateral)
 
 
