@@ -245,8 +245,8 @@ def test_nonlocal_law_with_a_radius_below_the_spacing_is_coulomb():
     ("pieces", "message"),
     [
         (lambda a: {}, "a dictionary of StatusPieces"),
-        (lambda a: {24: StatusPiece(0.0 * a.n, [Border(a.p, 24)])}, "status 24 is none of"),
-        (lambda a: {"x": StatusPiece(0.0 * a.n, [])}, "status 'x' is none of"),
+        (lambda a: {24: StatusPiece(0.0 * a.n, [Border(a.p, 24)])}, "status 24 is not a code of"),
+        (lambda a: {"x": StatusPiece(0.0 * a.n, [])}, "status 'x' is not a code of"),
         (
             lambda a: {OPEN: StatusPiece(0.0 * a.n, [Border(-a.p, 9)])},
             "the target of a border must be one of 0; got 9",

@@ -299,7 +299,7 @@ def test_mean_dilatation_refuses_simplices_and_other_degrees():
     material = LinearElastic.from_young(YOUNG, 0.4999)
     V = fem.functionspace(box(COMM, 2, "tri"), ("Lagrange", 1, (2,)))
     with pytest.raises(
-        ValueError, match=r"degree 1.* on triangles. On other cells take u of degree 2"
+        ValueError, match=r"degree 1.* on triangles. On other cells use u of degree 2"
     ):
         material.mean_dilatation_energy(fem.Function(V))
     domain = box(COMM, 2, "quad")
