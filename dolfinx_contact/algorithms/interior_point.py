@@ -91,12 +91,12 @@ class _Interior:
 
     @property
     def r(self) -> Array:
-        """Forces (m, dim)."""
+        """Forces, shape (m, dim)."""
         return self._r * self._force
 
     @property
     def a(self) -> Array:
-        """Displacements under the current forces (m, dim)."""
+        """Displacements under the current forces, shape (m, dim)."""
         return self._displacement() * self._length
 
     @property

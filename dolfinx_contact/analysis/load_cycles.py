@@ -50,8 +50,8 @@ class LoadCycles:
         dissipation: frictional dissipation of every cycle.
         slid: largest slip increment of a step in the last cycle, at points with friction.
         lifts: whether a point opened or closed in the last cycle.
-        loads: loads of the steps of a cycle (n, dim m).
-        before: displacements at the beginning of the last cycle (m, dim).
+        loads: loads of the steps of a cycle, shape (n, dim m).
+        before: displacements at the beginning of the last cycle, shape (m, dim).
         displacements: displacements after each step of the last cycle, shape (n, m, dim).
         forces: forces after each step of the last cycle, shape (n, m, dim).
     """
@@ -167,10 +167,10 @@ class _Stepper:
         return states, dissipated, slid, lifts
 
     def _step(self, p: Array, state: State, last: Array) -> tuple[State, Array]:
-        """Return the state at the end of a step, and its slip increments and gaps (m, dim).
+        """Return the state at the end of a step, and its slip increments and gaps, shape (m, dim).
 
         Args:
-            p: load (dim m,).
+            p: load, shape (dim m,).
             state: state at the start of the step.
             last: slip increments and gaps of the previous step, shape (m, dim).
         """
@@ -206,7 +206,7 @@ def one_solution(problem: PointProblem, message: str, start: Array | None = None
     Args:
         problem: reduced problem.
         message: beginning of the error message.
-        start: initial forces for Gauss-Seidel (m, dim); zero by default.
+        start: initial forces for Gauss-Seidel, shape (m, dim); zero by default.
 
     Raises:
         RuntimeError: if Gauss-Seidel does not converge.

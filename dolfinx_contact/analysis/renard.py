@@ -208,7 +208,7 @@ def criterion_at(
 
 
 def _slopes(eq: ContactEquations, state: Evaluation) -> Array:
-    """Return the coefficients of friction at the points of this rank (n,)."""
+    """Return the coefficients of friction at the points of this rank, shape (n,)."""
     slopes = []
     for s, known in zip(eq.surfaces, state.surfaces, strict=True):
         if s.law.bound_kind not in ("proportional", "given"):
@@ -249,7 +249,7 @@ class _Form:
 
     Args:
         eq: contact problem.
-        friction: F xi at the points of this rank (n, dim).
+        friction: F xi at the points of this rank, shape (n, dim).
 
     Attributes:
         number: number of components.

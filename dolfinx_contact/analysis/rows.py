@@ -69,12 +69,12 @@ def static_equations(problem: Any) -> ContactEquations:
 
 
 def point_normals(eq: ContactEquations) -> Array:
-    """Return unit normals into the obstacle at the points of this rank (n, dim)."""
+    """Return unit normals into the obstacle at the points of this rank, shape (n, dim)."""
     return np.concatenate([s.points.data.n for s in eq.surfaces])
 
 
 def free_components(eq: ContactEquations) -> Mask:
-    """Return a mask of the jump components without Dirichlet data on this rank (n, dim)."""
+    """Return a mask of the jump components without Dirichlet data on this rank, shape (n, dim)."""
     parts = zip(eq.constraints.removed, eq.surfaces, strict=True)
     return np.concatenate([~removed[: s.points.number] for removed, s in parts])
 
@@ -134,8 +134,8 @@ def component_rows(eq: ContactEquations, places: npt.NDArray[np.intp], along: Ar
 
     Args:
         eq: contact problem.
-        places: indices of points of this rank (k,).
-        along: unit vectors at these points (k, dim).
+        places: indices of points of this rank, shape (k,).
+        along: unit vectors at these points, shape (k, dim).
     """
     B = stacked([s.constant_operator("an analysis of jumps by rows").B for s in eq.surfaces])
     comm = eq.comm

@@ -80,7 +80,7 @@ class Shakedown:
         slip: slips of the points at rest (m, dim - 1), ordered by coordinates; 0 at open points and
             at points without friction.
         forces: forces at the corners at rest (K, m, dim), tangential and normal, at `factor`.
-        opened: open points at rest (m,).
+        opened: open points at rest, shape (m,).
         limits: descriptions of the conditions that a larger factor would violate.
         cycles: stepped cycles from several initial states.
         seconds: computing time.
@@ -323,7 +323,7 @@ def _eliminated(S: Array, free: Mask) -> Array:
 
 
 def _statically(points: PointProblem, p: Array) -> tuple[Array, Array]:
-    """Return a solution of the static problem: displacements and forces (m, dim)."""
+    """Return a solution of the static problem: displacements and forces, shape (m, dim)."""
     at = replace(points, p=p, S_error=None, p_error=None)
     return one_solution(at, "no solution under the first load")
 

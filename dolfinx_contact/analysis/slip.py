@@ -56,8 +56,8 @@ class SlipPattern:
     """Contact points of this rank, concatenated over all surfaces.
 
     Attributes:
-        closed: points in contact (n,).
-        directions: unit slip directions, 0 at sticking points (n, dim).
+        closed: points in contact, shape (n,).
+        directions: unit slip directions, 0 at sticking points, shape (n, dim).
         loose: closed points whose shear does not depend on the pressure (n,): without friction, or
             slipping under a prescribed bound.
     """
@@ -131,7 +131,7 @@ class SlipPattern:
 
 
 def _laws(eq: ContactEquations) -> tuple[Mask, Mask]:
-    """Return masks of points without friction and of points with a prescribed bound (n,)."""
+    """Return masks of points without friction and of points with a prescribed bound, shape (n,)."""
     flags = [(isinstance(s.law, Frictionless), s.law.bound_kind == "given") for s in eq.surfaces]
     numbers = [s.points.number for s in eq.surfaces]
     smooth, given = np.repeat(np.array(flags, dtype=bool), numbers, axis=0).T

@@ -55,11 +55,12 @@ class SlipModes:
         """Sort the eigenvalues of T and find slips of one sign.
 
         Args:
-            values: eigenvalues 1/F (k,).
-            shears: eigenvectors f in columns (m, k).
-            slips: slips caused by these shears (m, k).
-            pressures: products T f (m, k).
-            softness: slip of each point under a unit force while all other points are held (m,).
+            values: eigenvalues 1/F, shape (k,).
+            shears: eigenvectors f in columns, shape (m, k).
+            slips: slips caused by these shears, shape (m, k).
+            pressures: products T f, shape (m, k).
+            softness: slip of each point under a unit force while all other points are held, shape
+                (m,).
             known_up_to: magnitude below which no F is missing; infinite by default.
         """
         off = np.linalg.norm(pressures - values * shears, axis=0)
@@ -98,7 +99,7 @@ class SlipModes:
 
     @property
     def one_signed(self) -> Mask:
-        """Flags of the real F with slips of one sign (k,)."""
+        """Flags of the real F with slips of one sign, shape (k,)."""
         return np.asarray((self.friction.imag == 0) & (self.slips.real.min(axis=0) >= 0.0))
 
 
@@ -124,11 +125,12 @@ def _with_one_sign(F: Complex, slips: Complex, shears: Complex, same: float, non
     from the eigensolver need not have one sign. The first vector is replaced.
 
     Args:
-        F: coefficients (k,).
-        slips: slips relative to the softness of the points, as columns (m, k); changed in place.
-        shears: shears as columns (m, k); changed in place.
+        F: coefficients, shape (k,).
+        slips: slips relative to the softness of the points, as columns, shape (m, k); changed in
+            place.
+        shears: shears as columns, shape (m, k); changed in place.
         same: relative difference below which coefficients count as equal.
-        none: slip that counts as zero, relative to the largest slip of the column (k,).
+        none: slip that counts as zero, relative to the largest slip of the column, shape (k,).
     """
     real = np.flatnonzero(F.imag == 0)
     real = real[np.argsort(F.real[real], kind="stable")]
@@ -152,7 +154,7 @@ def _nonnegative(vectors: Array, none: float) -> Array:
     """Return the weights (k,) of the largest nonnegative combination of vectors, or 0.
 
     Args:
-        vectors: orthonormal vectors as columns (m, k).
+        vectors: orthonormal vectors as columns, shape (m, k).
         none: component that counts as zero, relative to the largest component.
     """
     m, k = vectors.shape

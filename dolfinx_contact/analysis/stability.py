@@ -174,8 +174,9 @@ class _Points:
 
     Attributes:
         choices: admissible statuses of each point (n, 4), padded with -1.
-        directions: slip directions d, opposite to a shear at the bound; 0 at other points (n, dim).
-        friction: friction coefficients (n,).
+        directions: slip directions d, opposite to a shear at the bound; 0 at other points, shape
+            (n, dim).
+        friction: friction coefficients, shape (n,).
         border: number of points at a border on all ranks.
         rounds: whether the problem is 3D and a point with friction grazes.
     """
@@ -216,13 +217,13 @@ class _Gathered(DenseBody):
 
     Attributes:
         C: damping matrix.
-        N: rows of the normal jumps of all points (m, unknowns); 0 if held by Dirichlet data.
-        T: rows of the free tangents (k, unknowns).
-        owner: index of the point of each free tangent (k,).
-        along: components d.t of the slip directions along the free tangents t (k,).
-        D: rows of the slips along d, restricted to free tangents (m, unknowns).
+        N: rows of the normal jumps of all points, shape (m, unknowns); 0 if held by Dirichlet data.
+        T: rows of the free tangents, shape (k, unknowns).
+        owner: index of the point of each free tangent, shape (k,).
+        along: components d.t of the slip directions along the free tangents t, shape (k,).
+        D: rows of the slips along d, restricted to free tangents, shape (m, unknowns).
         choices, friction: values of `_Points` for all points.
-        held: mask of the points whose normal motion is held by Dirichlet data (m,).
+        held: mask of the points whose normal motion is held by Dirichlet data, shape (m,).
     """
 
     def __init__(self, body: Body, points: _Points):

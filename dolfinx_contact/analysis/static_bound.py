@@ -65,10 +65,11 @@ class StaticState:
         lower: largest factor found; infinite if all factors from `least` have a state at rest, -inf
             if no factor has.
         upper: upper bound of the factors; equals `lower` up to round-off in the plane.
-        slip: slips w of all points (m, dim - 1); 0 at open points and at points without friction.
+        slip: slips w of all points, shape (m, dim - 1); 0 at open points and at points without
+            friction.
         displacements: displacements at the corners (K, m, dim), at `lower`.
         forces: forces at the corners (K, m, dim), at `lower`.
-        opened: open points (m,).
+        opened: open points, shape (m,).
     """
 
     least: float
@@ -85,13 +86,13 @@ class _Program:
 
     Args:
         points: contact points with their stiffness and laws.
-        steady: steady load (dim m,).
-        departures: departures p_k - p_s of the corners (K, dim m).
-        opened: open points (m,).
+        steady: steady load, shape (dim m,).
+        departures: departures p_k - p_s of the corners, shape (K, dim m).
+        opened: open points, shape (m,).
 
     Attributes:
-        a, r: derivatives of displacements and forces with respect to x (K, m, dim, n + 1).
-        a0, r0: displacements and forces at x = 0 (m, dim).
+        a, r: derivatives of displacements and forces with respect to x, shape (K, m, dim, n + 1).
+        a0, r0: displacements and forces at x = 0, shape (m, dim).
         n: number of slips; x[n] is the factor.
         around: directions e of the initial inequalities e.rt <= F rn + g, which are exact in the
             plane and tangents of the discs in space.
@@ -165,7 +166,7 @@ class _Program:
         """Return the state at the first corner with the largest slips in a direction.
 
         Args:
-            toward: direction of the slips (dim m,).
+            toward: direction of the slips, shape (dim m,).
             farthest: bound of the slips.
 
         Returns:
@@ -326,9 +327,9 @@ def largest_factor(
 
     Args:
         points: contact points with their stiffness and laws; the load is not used.
-        steady: steady load (dim m,).
-        corners: loads of the corners (K, dim m).
-        begin: open points of an initial state (m,).
+        steady: steady load, shape (dim m,).
+        corners: loads of the corners, shape (K, dim m).
+        begin: open points of an initial state, shape (m,).
         end: value of `time.monotonic` at which the search ends.
 
     Returns:
@@ -369,8 +370,8 @@ def states_at_rest(
 
     Args:
         points: contact points with their stiffness and laws.
-        load: load p (dim m,).
-        opened: open points (m,).
+        load: load p, shape (dim m,).
+        opened: open points, shape (m,).
         number: number of directions.
 
     Returns:

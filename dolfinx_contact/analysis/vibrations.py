@@ -162,8 +162,8 @@ class DenseBody:
         """Project K, M and C onto the motions Z with held Z = 0; return Z as well.
 
         Args:
-            held: rows of the held motions (k, n).
-            forces: rows along which the constraint forces act (k, n); by default ``held``.
+            held: rows of the held motions, shape (k, n).
+            forces: rows along which the constraint forces act, shape (k, n); by default ``held``.
         """
         Z = _null_space(held)
         Y = Z if forces is None else _null_space(forces)

@@ -166,9 +166,9 @@ class _Rays(NamedTuple):
     """Normal displacements caused by the extreme forces of the friction cones.
 
     Attributes:
-        M: un for unit weights of the rays, scaled to a maximum of 1 per row (m, m K).
-        off: error bounds of the rows for any weights (m,).
-        opens: mask of the points that can be open (m,).
+        M: un for unit weights of the rays, scaled to a maximum of 1 per row, shape (m, m K).
+        off: error bounds of the rows for any weights, shape (m,).
+        opens: mask of the points that can be open, shape (m,).
     """
 
     M: Array
@@ -180,9 +180,9 @@ class _Rays(NamedTuple):
         """Compute the normal displacements for all rays.
 
         Args:
-            G: flexibility divided by its unit (dim m, dim m).
-            off: error bounds of the entries of ``G`` (dim m, dim m).
-            corners: corners of the polygon around the unit disc (K, dim - 1).
+            G: flexibility divided by its unit, shape (dim m, dim m).
+            off: error bounds of the entries of ``G``, shape (dim m, dim m).
+            corners: corners of the polygon around the unit disc, shape (K, dim - 1).
             friction: friction coefficient F.
         """
         dim = corners.shape[1] + 1
@@ -245,12 +245,12 @@ class _Search:
     """Branch and bound over open and closed points, with decreasing F.
 
     Attributes:
-        scales: factors that multiply displacements and divide forces of the points (dim m,).
-        G: flexibility of the scaled points (dim m, dim m).
+        scales: factors that multiply displacements and divide forces of the points, shape (dim m,).
+        G: flexibility of the scaled points, shape (dim m, dim m).
         friction: smallest friction found.
         tried: friction for which regions are proved empty.
         best: forces of the best state (dim m,), or None.
-        closed: closed points of this state (m,).
+        closed: closed points of this state, shape (m,).
         complete: whether the search was completed.
         regions: number of examined regions.
     """

@@ -47,7 +47,7 @@ def candidates(
 
     Args:
         problem: scaled problem.
-        allowed: allowed statuses as bit masks (m,).
+        allowed: allowed statuses as bit masks, shape (m,).
         starts: initial statuses (m,) to be tried first.
         random: generator of the random starts.
         tries: number of random starts.
@@ -69,7 +69,7 @@ def within(regions: Sequence[Masks], number: int, random: np.random.Generator) -
     """Yield random statuses (m,) allowed by the regions, cycling through the regions.
 
     Args:
-        regions: allowed statuses of at least one region, as bit masks (m,).
+        regions: allowed statuses of at least one region, as bit masks, shape (m,).
         number: number of starts.
         random: generator of the starts.
     """

@@ -140,7 +140,7 @@ def positive_definite(Q: Array, error: Array) -> bool:
 
     Args:
         Q: matrix (n, n), exactly symmetric.
-        error: nonnegative error bounds of the entries (n, n).
+        error: nonnegative error bounds of the entries, shape (n, n).
     """
     n = len(Q)
     d = np.diag(Q)
@@ -166,7 +166,7 @@ def least_eigenvalue(S: Array, error: Array) -> float:
 
     Args:
         S: matrix (n, n), exactly symmetric.
-        error: nonnegative, symmetric error bounds of the entries (n, n).
+        error: nonnegative, symmetric error bounds of the entries, shape (n, n).
     """
     guess = 0.9 * float(np.linalg.eigvalsh(S)[0])
     if not guess > 0:
@@ -377,10 +377,10 @@ class ReducedProblem:
         S: stiffness matrix (dim m, dim m), symmetric, ordered (ut, un) point by point. An
             unsymmetric part is added to its error bounds.
         p: load vector (dim m,), with dim 2 or 3.
-        friction: friction coefficients F >= 0 (m,).
+        friction: friction coefficients F >= 0, shape (m,).
         bound: prescribed friction bounds g >= 0 (m,), as forces, 0 where F > 0; by default 0.
-        S_error: error bounds of the entries of S (dim m, dim m); by default 0.
-        p_error: error bounds of the entries of p (dim m,); by default 0.
+        S_error: error bounds of the entries of S, shape (dim m, dim m); by default 0.
+        p_error: error bounds of the entries of p, shape (dim m,); by default 0.
 
     Raises:
         ValueError: if shapes do not match, a number is not finite, a coefficient or bound is
@@ -425,7 +425,7 @@ class ReducedProblem:
 
     @property
     def g(self) -> Array:
-        """Prescribed friction bounds (m,)."""
+        """Prescribed friction bounds, shape (m,)."""
         assert self.bound is not None
         return self.bound
 
@@ -437,7 +437,7 @@ class ReducedProblem:
 
     @property
     def dp(self) -> Array:
-        """Error bounds of p (dim m,)."""
+        """Error bounds of p, shape (dim m,)."""
         assert self.p_error is not None
         return self.p_error
 
@@ -478,7 +478,7 @@ class ReducedProblem:
 
     @cached_property
     def statuses(self) -> Masks:
-        """Statuses that the law of each point admits, as bit masks (m,)."""
+        """Statuses that the law of each point admits, as bit masks, shape (m,)."""
         masks = np.full(self.points, 0b1111, dtype=np.int64)
         masks[self.friction == 0] = 0b0101
         masks[self.g > 0] = 0b1111110
@@ -555,9 +555,9 @@ class _Ellipsoid:
     Attributes:
         twice: approximation of S^-1 p (n,), twice the centre.
         shift: bound of the Euclidean norm of the error of ``twice``.
-        inverse: approximation of S^-1 (n, n).
-        inverse_off: error bounds of the columns of ``inverse``, in the Euclidean norm (n,).
-        diagonal: upper bounds of the diagonal of S^-1 (n,).
+        inverse: approximation of S^-1, shape (n, n).
+        inverse_off: error bounds of the columns of ``inverse``, in the Euclidean norm, shape (n,).
+        diagonal: upper bounds of the diagonal of S^-1, shape (n,).
         rho: upper bound of (p.S^-1 p)^(1/2) / 2.
     """
 
@@ -586,7 +586,7 @@ def _ellipsoid(problem: ReducedProblem) -> _Ellipsoid:
 
 
 def flexibility(problem: ReducedProblem) -> tuple[Array, Array]:
-    """Return an approximation G of S^-1 and error bounds of its entries, both (n, n).
+    """Return an approximation G of S^-1 and error bounds of its entries, shape (n, n) each.
 
     Let E >= |I - S G| for all S within their errors, with a maximum norm e < 1. Then
     |S^-1 - G| <= |G| (E + E^2 + ...). In each column, entries of E^2 are at most e times the
@@ -662,7 +662,7 @@ class Dual:
 
     Args:
         problem: scaled reduced problem.
-        y: multipliers (2 m,).
+        y: multipliers, shape (2 m,).
     """
 
     problem: ReducedProblem
@@ -693,7 +693,7 @@ class Dual:
 
     @property
     def _counted(self) -> npt.NDArray[np.bool_]:
-        """Mask of the slots that appear in L at each point (m, 6).
+        """Mask of the slots that appear in L at each point, shape (m, 6).
 
         Where F > 0, rn is expressed by (s+ + s-) / 2 F. Where F = 0, the shear is bounded by g
         directly, without s+ and s-.
@@ -706,15 +706,15 @@ class Dual:
 
     @cached_property
     def _given(self) -> Array:
-        """Minima of -yt rt over shears |rt| <= g, by point and status (m, 7)."""
+        """Minima of -yt rt over shears |rt| <= g, by point and status, shape (m, 7)."""
         most = (self.problem.g * self.y[0::2])[:, None]
         return np.where(SENSE == 0, -np.abs(most), SENSE * most)
 
     def least(self, ub: Array, less: tuple[int, int] | None = None) -> Array:
-        """Return the minima h_is by point and status (m, 7).
+        """Return the minima h_is by point and status, shape (m, 7).
 
         Args:
-            ub: bounds of the slots (6, m).
+            ub: bounds of the slots, shape (6, m).
             less: slot and point whose coefficient is reduced by 1; None for no change.
         """
         c = self.coefficients
@@ -746,8 +746,8 @@ class Dual:
         """Return a mask (m, 7) of the allowed statuses that y excludes.
 
         Args:
-            allowed: allowed statuses as bit masks (m,).
-            ub: bounds of the slots (6, m).
+            allowed: allowed statuses as bit masks, shape (m,).
+            ub: bounds of the slots, shape (6, m).
             margin: required ratio of L to its error bound.
         """
         has = has_status(allowed)
@@ -779,7 +779,7 @@ class _Piece:
     """Base class of a piece and its solution, in 2D or 3D.
 
     Attributes:
-        numbers: displacements and forces of the points with error bounds (m, 2 dim).
+        numbers: displacements and forces of the points with error bounds, shape (m, 2 dim).
         inequalities: quantities that the law requires to be nonnegative, with error bounds.
     """
 
@@ -805,7 +805,7 @@ class _Piece:
 
     @property
     def away(self) -> Array:
-        """Error bounds of the state (m, 2 dim)."""
+        """Error bounds of the state, shape (m, 2 dim)."""
         return self.numbers.radius
 
 
@@ -815,11 +815,11 @@ class PieceSolution(_Piece):
 
     Attributes:
         problem: scaled reduced problem.
-        codes: statuses (m,).
-        ut: tangential displacements (m,).
-        un: normal displacements (m,).
-        rt: tangential forces (m,).
-        rn: normal forces (m,).
+        codes: statuses, shape (m,).
+        ut: tangential displacements, shape (m,).
+        un: normal displacements, shape (m,).
+        rt: tangential forces, shape (m,).
+        rn: normal forces, shape (m,).
     """
 
     problem: ReducedProblem
@@ -831,7 +831,7 @@ class PieceSolution(_Piece):
 
     @cached_property
     def slacks(self) -> tuple[Ball, Ball]:
-        """Slacks s+ = F rn + g + rt and s- = F rn + g - rt (m,)."""
+        """Slacks s+ = F rn + g + rt and s- = F rn + g - rt, shape (m,)."""
         limit = self.problem.friction * self.rn + self.problem.g
         return limit + self.rt, limit - self.rt
 
@@ -848,7 +848,7 @@ class PieceSolution(_Piece):
 
     @cached_property
     def numbers(self) -> Ball:  # type: ignore[override]
-        """(ut, un, rt, rn) of the points with error bounds (m, 4)."""
+        """(ut, un, rt, rn) of the points with error bounds, shape (m, 4)."""
         return stack([self.ut, self.un, self.rt, self.rn])
 
 
@@ -876,7 +876,7 @@ def solve_piece(problem: ReducedProblem, codes: Codes) -> PieceSolution | None:
 
     Args:
         problem: scaled reduced problem.
-        codes: statuses (m,).
+        codes: statuses, shape (m,).
     """
     free = IS_FREE[codes]
     opened = IS_OPEN[codes]
@@ -970,10 +970,10 @@ class Differences:
         piece: solution b of a piece.
         unknown: indices of the components of d that may be nonzero (n,), among 2 m.
         rows: matrix R (n, n) with f = R d.
-        tilts: matrix T (n, n); row i of T, multiplied by theta_i, is added to row i of R.
-        equal: mask of the rows f = 0 (n,).
-        k1: coefficients of d_v^2 (n,).
-        k2: coefficients of f^2 (n,).
+        tilts: matrix T, shape (n, n); row i of T, multiplied by theta_i, is added to row i of R.
+        equal: mask of the rows f = 0, shape (n,).
+        k1: coefficients of d_v^2, shape (n,).
+        k2: coefficients of f^2, shape (n,).
     """
 
     piece: PieceSolution
@@ -986,24 +986,24 @@ class Differences:
 
     @property
     def R(self) -> Array:
-        """Midpoints of `rows` (n, n)."""
+        """Midpoints of `rows`, shape (n, n)."""
         return self.rows.value
 
     @property
     def T(self) -> Array:
-        """Midpoints of `tilts` (n, n)."""
+        """Midpoints of `tilts`, shape (n, n)."""
         return self.tilts.value
 
     @property
     def tilted(self) -> npt.NDArray[np.bool_]:
-        """Mask of the rows with a theta (n,)."""
+        """Mask of the rows with a theta, shape (n,)."""
         return np.any(self.T != 0, axis=1)
 
     def prove(self, weights: Array, theta: Array, mu: float) -> bool:
         """Return whether the weighted sum is proved to be positive definite within all errors.
 
         Args:
-            weights: nonnegative weights of the rows (n,); ignored for rows f = 0.
+            weights: nonnegative weights of the rows, shape (n,); ignored for rows f = 0.
             theta: parameters theta of the rows (n,), |theta| <= 1 / F; used where `tilted`.
             mu: nonnegative weight of the squares of the rows f = 0, dimensionless.
         """
@@ -1031,8 +1031,8 @@ def differences(piece: PieceSolution, allowed: Masks, ub: Array) -> Differences 
 
     Args:
         piece: solution b of a piece. Where only one status of a is allowed, b must have it too.
-        allowed: allowed statuses of a as bit masks (m,).
-        ub: bounds of the slots of a (6, m).
+        allowed: allowed statuses of a as bit masks, shape (m,).
+        ub: bounds of the slots of a, shape (6, m).
     """
     rows: list[_Row] = []
     for i in range(len(allowed)):
@@ -1228,7 +1228,7 @@ class Cells:
     Attributes:
         node: indices of the points (k,), in increasing order.
         kind: kinds of the cells (k,): `IN_OPEN`, `IN_STICK`, `IN_SLIP` or `IN_CLOSED`.
-        ends: diamond angles of the ends of arcs (k, 2); 0 for other cells.
+        ends: diamond angles of the ends of arcs, shape (k, 2); 0 for other cells.
     """
 
     node: npt.NDArray[np.int64]
@@ -1363,7 +1363,7 @@ class SpaceDual:
 
     Args:
         problem: scaled reduced problem.
-        y: multipliers (3 m,).
+        y: multipliers, shape (3 m,).
     """
 
     problem: ReducedProblem
@@ -1379,7 +1379,7 @@ class SpaceDual:
 
     @cached_property
     def _given(self) -> Array:
-        """Minima of -y_t.rt over shears |rt| <= g (m,)."""
+        """Minima of -y_t.rt over shears |rt| <= g, shape (m,)."""
         y = self._of_r
         return -self.problem.g * np.hypot(y[:, 0], y[:, 1])
 
@@ -1388,7 +1388,7 @@ class SpaceDual:
         return float(self.y @ self.problem.p)
 
     def least(self, cells: Cells, most: Array, less: tuple[int, int] | None = None) -> Array:
-        """Return the minima h_ic of all cells (k,).
+        """Return the minima h_ic of all cells, shape (k,).
 
         Args:
             cells: cells of all points.
@@ -1517,12 +1517,12 @@ class SpacePiece(_Piece):
 
     Attributes:
         problem: scaled reduced problem.
-        codes: statuses (m,).
-        z: approximate unknowns (m, 3); for slipping points (s, angle, rn or un).
-        e: approximate slip directions (m, 2); 0 for other points.
-        inverse: approximate inverse C of the Jacobian (3 m, 3 m).
-        residual: bounds of the absolute values of C f (3 m,).
-        radius: radii of the ball around z containing the solution (m, 3).
+        codes: statuses, shape (m,).
+        z: approximate unknowns, shape (m, 3); for slipping points (s, angle, rn or un).
+        e: approximate slip directions, shape (m, 2); 0 for other points.
+        inverse: approximate inverse C of the Jacobian, shape (3 m, 3 m).
+        residual: bounds of the absolute values of C f, shape (3 m,).
+        radius: radii of the ball around z containing the solution, shape (m, 3).
     """
 
     problem: ReducedProblem
@@ -1535,7 +1535,7 @@ class SpacePiece(_Piece):
 
     @cached_property
     def slips(self) -> npt.NDArray[np.bool_]:
-        """Mask of the points with a slip direction (m,)."""
+        """Mask of the points with a slip direction, shape (m,)."""
         return _slipping(self.problem, self.codes)
 
     @cached_property
@@ -1550,7 +1550,7 @@ class SpacePiece(_Piece):
 
     @cached_property
     def numbers(self) -> Ball:  # type: ignore[override]
-        """(ut1, ut2, un, rt1, rt2, rn) of the points with error bounds (m, 6)."""
+        """(ut1, ut2, un, rt1, rt2, rn) of the points with error bounds, shape (m, 6)."""
         return space_state(self.problem, self.codes, *self.unknowns)
 
     @cached_property
@@ -1592,7 +1592,7 @@ class SpacePiece(_Piece):
 
 
 def _slipping(problem: ReducedProblem, codes: Codes) -> npt.NDArray[np.bool_]:
-    """Return the mask of the points with a slip direction (m,)."""
+    """Return the mask of the points with a slip direction, shape (m,)."""
     rubs = (problem.friction > 0) | (problem.g > 0)
     return np.asarray(((codes == 2) | (codes == 5)) & rubs)
 
@@ -1640,7 +1640,7 @@ def space_jacobian(problem: ReducedProblem, codes: Codes, z: Ball | Array, e: Ba
 
 
 def _growth(piece: SpacePiece, radius: Array) -> Array:
-    """Return the left-hand side |C f| + |I - C J| r of Krawczyk's test (3 m,)."""
+    """Return the left-hand side |C f| + |I - C J| r of Krawczyk's test, shape (3 m,)."""
     turn = np.where(piece.slips, radius[:, 1] + 16 * _U, 0.0)
     unknowns = Ball(piece.z, radius), Ball(piece.e, np.stack([turn, turn], axis=1))
     J = space_jacobian(piece.problem, piece.codes, *unknowns)
@@ -1661,7 +1661,7 @@ def solve_in_space(problem: ReducedProblem, codes: Codes, z: Array) -> SpacePiec
 
     Args:
         problem: scaled reduced problem.
-        codes: statuses (m,).
+        codes: statuses, shape (m,).
         z: approximate unknowns (m, 3), improved by up to three Newton steps.
     """
     z = np.array(z, dtype=np.float64)
@@ -1748,7 +1748,7 @@ class _Term:
 
     Attributes:
         column: index of the column.
-        vector: vector (3 m,).
+        vector: direction of the term, shape (3 m,).
         middle: midpoint of the factor.
         width: half-width of the interval of the factor.
     """
@@ -1899,11 +1899,11 @@ class SpaceDifferences:
     Attributes:
         problem: scaled reduced problem.
         unknown: indices of the components of d that may be nonzero (n,), among 3 m.
-        forms: quadratic form for every family and point (9, m, 6, 6); 0 if there is none.
-        sizes: sums of the absolute values of the terms of the forms (9, m, 6, 6).
-        errors: error bounds of the forms (9, m, 6, 6).
-        has: mask of the families and points with a form (9, m).
-        vanishing: mask of the components of e that are 0 (3 m,).
+        forms: quadratic form for every family and point, shape (9, m, 6, 6); 0 if there is none.
+        sizes: sums of the absolute values of the terms of the forms, shape (9, m, 6, 6).
+        errors: error bounds of the forms, shape (9, m, 6, 6).
+        has: mask of the families and points with a form, shape (9, m).
+        vanishing: mask of the components of e that are 0, shape (3 m,).
     """
 
     problem: ReducedProblem
@@ -2456,7 +2456,7 @@ class _Region:
         """Return the mask of the statuses (m, 7) or cells (k,) that a vector excludes.
 
         Args:
-            y: multipliers (dim m,).
+            y: multipliers, shape (dim m,).
             margin: required ratio of the dual bound L to its error bound; by default 1.
         """
         return np.asarray(self.dual(y).impossible(*self.limits, margin))
@@ -2468,8 +2468,8 @@ class StatusRegion(_Region):
 
     Attributes:
         problem: scaled reduced problem.
-        allowed: allowed statuses as bit masks (m,).
-        ub: upper bounds of the slots (6, m).
+        allowed: allowed statuses as bit masks, shape (m,).
+        ub: upper bounds of the slots, shape (6, m).
     """
 
     problem: ReducedProblem
@@ -2518,7 +2518,7 @@ class StatusRegion(_Region):
 
         Args:
             what: pairs of a point and a status.
-            excluded: mask of the statuses whose exclusion is proved (m, 7).
+            excluded: mask of the statuses whose exclusion is proved, shape (m, 7).
 
         Raises:
             InvalidCertificate: if the exclusion of a status is not proved.
@@ -2548,7 +2548,7 @@ class StatusRegion(_Region):
         return parts
 
     def opened(self, _: dict[str, Any]) -> Masks:
-        """Return the statuses about which nothing is proved, as bit masks (m,)."""
+        """Return the statuses about which nothing is proved, as bit masks, shape (m,)."""
         return self.allowed
 
     def only(self, step: dict[str, Any]) -> PieceSolution:
@@ -2644,7 +2644,7 @@ class SpaceRegion(_Region):
 
         Args:
             what: indices of the cells.
-            excluded: mask of the cells whose exclusion is proved (k,).
+            excluded: mask of the cells whose exclusion is proved, shape (k,).
 
         Raises:
             InvalidCertificate: if the exclusion of a cell is not proved.

@@ -47,9 +47,9 @@ class Hull:
         most: bounds of the quantities (MOST, m).
 
     Attributes:
-        corners: states (a, r) of the columns (k, 6).
-        cell: index of the cell of each column (k,); -1 for shears with a prescribed bound.
-        node: index of the contact point of each column (k,).
+        corners: states (a, r) of the columns, shape (k, 6).
+        cell: index of the cell of each column, shape (k,); -1 for shears with a prescribed bound.
+        node: index of the contact point of each column, shape (k,).
     """
 
     def __init__(self, problem: ReducedProblem, cells: Cells, most: Array):

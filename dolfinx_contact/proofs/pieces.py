@@ -111,8 +111,8 @@ def piece_at(problem: ReducedProblem, a: Array, r: Array) -> SpacePiece | None:
 
     Args:
         problem: scaled problem.
-        a: displacements (m, 3).
-        r: forces (m, 3).
+        a: displacements, shape (m, 3).
+        r: forces, shape (m, 3).
     """
     codes = codes_of(problem, a, r)
     z = solved_piece(problem, codes, unknowns(problem, codes, a, r))
@@ -157,8 +157,8 @@ def relaxed(
     Args:
         problem: scaled problem.
         kinds: kinds of the cells of each point.
-        codes: initial statuses (m,).
-        z: unknowns of the initial piece (m, 3); None if it has no solution.
+        codes: initial statuses, shape (m,).
+        z: unknowns of the initial piece, shape (m, 3); None if it has no solution.
 
     Returns:
         Statuses (m,) and unknowns (m, 3); None instead of the unknowns if a piece was not solved.

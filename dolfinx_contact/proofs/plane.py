@@ -202,7 +202,7 @@ class PlaneSearch(Search[StatusRegion]):
 
         Args:
             region: region; it is changed.
-            y: multipliers (2 m,).
+            y: multipliers, shape (2 m,).
 
         Returns:
             Whether the region is proved empty.

@@ -62,8 +62,8 @@ class Apex:
 
     Attributes:
         problem: reduced problem with the load q'.
-        points: indices of the points at the apex among all points (k,).
-        codes: statuses of all points (m,); only the statuses of eliminated points are used.
+        points: indices of the points at the apex among all points, shape (k,).
+        codes: statuses of all points, shape (m,); only the statuses of eliminated points are used.
     """
 
     problem: ReducedProblem

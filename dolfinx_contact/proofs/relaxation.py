@@ -37,8 +37,8 @@ class Relaxation(Tableau):
 
     Args:
         problem: scaled reduced problem.
-        allowed: allowed statuses as bit masks (m,).
-        ub: upper bounds of the slots (6, m).
+        allowed: allowed statuses as bit masks, shape (m,).
+        ub: upper bounds of the slots, shape (6, m).
     """
 
     def __init__(self, problem: ReducedProblem, allowed: Masks, ub: Array):

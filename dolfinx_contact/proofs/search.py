@@ -158,7 +158,7 @@ class Search(Generic[R]):
 
         Args:
             region: region; it is changed.
-            y: multipliers (dim m,).
+            y: multipliers, shape (dim m,).
 
         Returns:
             Mask of the excluded statuses (m, 7) or cells (k,), and whether the region is proved

@@ -36,7 +36,7 @@ class Simplex:
 
     Args:
         A: matrix (n, k) of the constraints.
-        b: right-hand side (n,).
+        b: right-hand side, shape (n,).
         groups: indices of the first columns of the groups, in increasing order.
     """
 
@@ -59,7 +59,7 @@ class Simplex:
         """Return multipliers y (n,) that prove infeasibility; None if a feasible point is found.
 
         Args:
-            usable: mask of the usable columns (k,).
+            usable: mask of the usable columns, shape (k,).
         """
         self.count += 1
         cost = np.ones(self._A.shape[1])
@@ -79,8 +79,8 @@ class Simplex:
         """Return multipliers (n,) of a nearly optimal lower bound; None if infeasible.
 
         Args:
-            cost: cost of the columns (k,).
-            usable: mask of the usable columns (k,).
+            cost: cost of the columns, shape (k,).
+            usable: mask of the usable columns, shape (k,).
         """
         if self.solve(usable) is not None:
             return None

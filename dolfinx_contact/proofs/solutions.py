@@ -38,9 +38,9 @@ class ProvedSolution:
     """Solution with error bounds.
 
     Attributes:
-        codes: statuses (m,).
-        state: (ut, un, rt, rn) of the points (m, 2 dim).
-        away: error bounds of the state (m, 2 dim).
+        codes: statuses, shape (m,).
+        state: (ut, un, rt, rn) of the points, shape (m, 2 dim).
+        away: error bounds of the state, shape (m, 2 dim).
     """
 
     codes: Codes
@@ -61,8 +61,8 @@ class ProvedSolutions:
             time limit are included, but are not part of the certificate.
         border: states at borders of pieces, which may or may not be solutions.
         singular: statuses of pieces containing one solution, none or a continuum.
-        open_regions: undecided sets of statuses as bit masks (m,); in 3D undecided cells with the
-            reason.
+        open_regions: undecided sets of statuses as bit masks, shape (m,); in 3D undecided cells
+            with the reason.
         certificate: proof, which can be saved (`Certificate.save`) and checked again (`check`).
         seconds: duration of the search; by default 0.
     """

@@ -42,7 +42,7 @@ class _Batch:
         self.bound = problem.g
 
     def pulled(self, r: Array, rho: Array) -> Array:
-        """Return r - rho a for each start and point (k, m, 3)."""
+        """Return r - rho a for each start and point, shape (k, m, 3)."""
         a = (r + self.problem.p) @ self.inverse.T
         return (r - rho[:, None] * a).reshape(len(r), -1, 3)
 

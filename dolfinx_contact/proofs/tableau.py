@@ -24,9 +24,9 @@ class Tableau:
     """Tableau of a linear program: basic variables, their rows, and the values of all variables.
 
     Args:
-        rows: matrix T (k, n).
-        start: values of the basic variables if all nonbasic variables vanish (k,).
-        basic: indices of the basic variables (k,).
+        rows: matrix T, shape (k, n).
+        start: values of the basic variables if all nonbasic variables vanish, shape (k,).
+        basic: indices of the basic variables, shape (k,).
         free: number n of the nonbasic variables, which have the indices 0 to n - 1.
         up: upper bounds of all variables.
         sure: smallest violation for which a row counts as a proof of infeasibility; by default 0.

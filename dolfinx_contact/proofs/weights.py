@@ -54,7 +54,7 @@ def maximise(
 
     Args:
         eigenvalues: function of the variables (`Eigenvalues`).
-        x: initial variables (k,).
+        x: initial variables, shape (k,).
         limits: lower and upper bounds of the variables.
         stages: tau of each stage, and the smallest eigenvalue below which later stages are skipped.
         effort: largest number of iterations of each stage.
@@ -99,7 +99,7 @@ class Weights:
     Attributes:
         proof: weights, theta (in 2D) and mu of a step ``only`` of a proof; None if none was found.
         least: smallest eigenvalue of the scaled sum.
-        bad: share of each point in the eigenvector of `least` (m,); only in 2D.
+        bad: share of each point in the eigenvector of `least`, shape (m,); only in 2D.
     """
 
     proof: dict[str, Any] | None
@@ -170,8 +170,8 @@ class _PlaneForm:
     Args:
         A, B: rows and tilts of the free components (n, n), see `Differences`.
         k1, k2: coefficients of the squares (n,), see `Differences`.
-        tilted: mask of the rows with a theta (n,).
-        friction: friction coefficient at the point of each row (n,).
+        tilted: mask of the rows with a theta, shape (n,).
+        friction: friction coefficient at the point of each row, shape (n,).
     """
 
     def __init__(
@@ -283,10 +283,10 @@ def _space_form(rows: Array, forms: Array, norms: Array, point: Ints) -> Eigenva
     """Return the scaled quadratic form in 3D as a function of the logarithms of the weights.
 
     Args:
-        rows: map from the free components of d to (d, e) of the points (m, 6, n).
-        forms: quadratic forms of (d, e) at single points (k, 6, 6).
-        norms: norms by which the weights of the forms are divided (k,).
-        point: index of the point of each form (k,).
+        rows: map from the free components of d to (d, e) of the points, shape (m, 6, n).
+        forms: quadratic forms of (d, e) at single points, shape (k, 6, 6).
+        norms: norms by which the weights of the forms are divided, shape (k,).
+        point: index of the point of each form, shape (k,).
     """
     n = rows.shape[2]
     flat = rows.reshape(-1, n)

@@ -206,7 +206,7 @@ class PointProblem:
         return self.allowed(r - k[:, None] * a)
 
     def closed(self, a: Array, r: Array) -> Mask:
-        """Return a mask of the points in contact (m,)."""
+        """Return a mask of the points in contact, shape (m,)."""
         return coulomb.closed(self.augmented(a, r))
 
     def stuck(self, a: Array, r: Array) -> Mask:

@@ -40,7 +40,7 @@ def closest_on(x: Array, corners: Array) -> Array:
 
     Args:
         x: points, one for each simplex, shape (n, dim).
-        corners: corners of segments (n, 2, dim) or triangles (n, 3, dim).
+        corners: corners of segments (n, 2, dim) or triangles, shape (n, 3, dim).
     """
     found = np.zeros(corners.shape[:2])
     outside: Ints = np.arange(len(x), dtype=np.int64)
