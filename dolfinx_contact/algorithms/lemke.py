@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Lemke's method for Coulomb friction as a linear complementarity problem.
 
-The reduced problem has S a = r + p with the positive definite stiffness S of the contact points, a
-= (ut, un) and the forces r = (rt, rn) on the body. With A = S^{-1} and c = A p, friction acts in
-directions d_1..d_k of the tangent plane: exactly +-t in 2D, and k equally spaced directions in 3D,
-where the friction disc is replaced by an inscribed regular polygon with k corners. The polygon
-reduces the friction bound by up to O(1/k^2); slip directions have an error of up to pi/k, and so do
-the forces. With rt = sum_j b_j d_j and z = (rn, b_1..b_k, l), where l is the magnitude of the slip,
-the conditions of Signorini and Coulomb are 0 <= w = q + M z against z >= 0,
+The reduced problem is S a = r + p with a positive definite stiffness S, displacements a = (ut, un)
+of the contact points and forces r = (rt, rn) on the body. With A = S^{-1} and c = A p, friction
+acts in directions d_1..d_k of the tangent plane: exactly +-t in 2D, and k equally spaced directions
+in 3D, where the friction disc is replaced by an inscribed regular polygon with k corners. The
+polygon reduces the friction bound by up to O(1/k^2); slip directions have an error of up to pi/k,
+and so do the forces. With rt = sum_j b_j d_j and z = (rn, b_1..b_k, l), where l is the magnitude of
+the slip, the conditions of Signorini and Coulomb are 0 <= w = q + M z against z >= 0,
 
     un = A_nn rn + A_nt sum_j b_j d_j + c_n    against rn,
     l + d_j.ut                                 against b_j,

@@ -3,8 +3,8 @@ r"""Contact problem of a single point, the local problem of nonsmooth Gauss-Seid
 
 The problem is S a = r + b with the stiffness S (dim, dim) of the point and a load b that contains
 the coupling to the other, fixed points. The statuses are tried in the order open, stick, slip. Slip
-means rt = -mu at with mu >= 0: a slipping point in contact satisfies (St + mu) at = bt and mu |at|
-= F rn + g. In 2D each sense of slip has an explicit solution. In 3D, mu is the root of a scalar
+means rt = -mu at with mu >= 0. Hence mu |at| = F rn + g and (St + mu) at = bt for a slipping point
+in contact. In 2D each sense of slip has an explicit solution. In 3D, mu is the root of a scalar
 equation in the eigenvectors of St, computed up to round-off by Newton's method safeguarded by
 bisection.
 

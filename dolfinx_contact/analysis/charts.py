@@ -77,7 +77,7 @@ class ChartCell:
         return not (self.below or self.above)
 
     def ends(self, mu: float) -> tuple[float, float]:
-        """Return the least and the largest gamma at mu."""
+        """Return the smallest and the largest gamma at mu."""
         low, high = self.mu
         # At its own end a curve may have no gamma.
         inside = float(np.clip(mu, low + _SAME * (high - low), high - _SAME * (high - low)))
@@ -234,7 +234,7 @@ class _Leaf:
     proved: bool = False
 
     def parts(self) -> list[_Leaf]:
-        """Return the four quarters of this cell, which inherit its solutions as known ones."""
+        """Return the four quarters of this cell, with its solutions as known solutions."""
         half = self.size // 2
         return [
             _Leaf(i, j, half, self.codes)

@@ -90,11 +90,11 @@ class EventCurve:
 
     @property
     def span(self) -> tuple[float, float]:
-        """Least and largest mu."""
+        """Smallest and largest mu."""
         return self.segments[0].low, self.segments[-1].high
 
     def at(self, mu: float) -> float:
-        """Gamma at mu; NaN outside of the span."""
+        """Gamma at mu; NaN outside the span."""
         segment = self._segment_at(mu)
         return float("nan") if segment is None else segment.frame.gamma(mu)
 

@@ -12,7 +12,7 @@ the unknowns z of the points and gamma solve
     [M B(mu), -q] (z, gamma) = p + mu v,
 
 a system of 2 m equations whose matrix is affine in mu. Hence gamma and the slacks of all
-inequalities are rational functions of mu. With G(mu) = G + t E at mu = c + t, a function s(mu) (z,
+inequalities are rational functions of mu. Let G(mu) = G + t E at mu = c + t. A function s(mu) (z,
 gamma) - b vanishes where
 
     det (P_0 + t P_1) = det [[G + t E, h + t h'], [s + t s', b]] = 0,
@@ -110,7 +110,7 @@ class ContactFamily:
         """Return the problem at (mu, gamma) with error bounds.
 
         Raises:
-            ValueError: if S is not positive definite beyond its error.
+            ValueError: if S is not proved to be positive definite within its error bounds.
         """
         parts = self.p, gamma * self.q, mu * self.v
         p_error = _ROUND_OFF * np.sum(np.abs(parts), axis=0)

@@ -2,12 +2,11 @@
 r"""Renard's criterion: friction below which a solution is unique.
 
 At every contact point of a solution, let xi be the direction of the slip (xi = u_t/|u_t| where u_t
-does not vanish) or of the shear (r_t = -F r_n xi, |xi| <= 1). Let a be the difference between the
-jumps of another solution and of this one, and r = S a the difference of the forces. Then a_n r_n <=
-0 and a_t.(r_t + F r_n xi) <= 0 at every point, since u_t -> u_t/|u_t| is monotone. Hence the
-solution is unique if
+does not vanish) or of the shear (r_t = -F r_n xi, |xi| <= 1). For another solution, let a be the
+difference of the jumps and r = S a the difference of the forces. Since u_t -> u_t/|u_t| is
+monotone, a_n r_n <= 0 and a_t.(r_t + F r_n xi) <= 0 at every point. Hence the solution is unique if
 
-    a.S a + F sum_i (a_t.xi)_i (S a)_n,i > 0    for all a other than 0,
+    a.S a + F sum_i (a_t.xi)_i (S a)_n,i > 0    for all a != 0,
 
 the discrete form of Y. Renard, A uniqueness criterion for the Signorini problem with Coulomb
 friction, SIAM J. Math. Anal. 38 (2006) 452-467. The criterion holds up to a coefficient F_R, which
@@ -15,13 +14,13 @@ follows from an eigenproblem. For one point with the stiffness [[k_t, k], [k, k_
 F_R = 2 sqrt(k_t k_n - k^2)/k_n.
 
 In terms of the forces r, the form is r.A r + F (A r).X r with the flexibility A = B K^{-1} B^T and
-X = xi in the entries (tangent, normal) of every point; 1/F_R is the largest eigenvalue of -sym(A X)
-r = mu A r.
+X = xi in the entries (tangent, normal) of every point; the largest eigenvalue mu of -sym(A X) r =
+mu A r is 1/F_R.
 
 **Weights.** The solution is also unique if *some* sum of the inequalities with positive weights is
 positive,
 
-    sum_i [ beta_i a_n r_n + alpha_i a_t.(r_t + F r_n xi) ]_i  >  0    for all a other than 0.
+    sum_i [ beta_i a_n r_n + alpha_i a_t.(r_t + F r_n xi) ]_i  >  0    for all a != 0.
 
 Renard's criterion has unit weights. For the point above with k > 0, optimal weights prove
 uniqueness for F < k_t/k if xi = -1 (beyond, some loads have several solutions) and for every F if

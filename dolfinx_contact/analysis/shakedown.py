@@ -18,9 +18,9 @@ ranges:
   at rest have the slips w~ and shears rt~ strictly inside the discs. Then (rt - rt~).dut <= 0 for
   every slip increment dut, and the energy (u - u~).S (u - u~) / 2 of the difference decreases by at
   least a fixed multiple of |dut|. Hence the sum of all slips is finite.
-- **One point in the plane** with F |k| < k_t, S = [k_t, k; k, k_n]: a slip against rt = F rn > 0,
-  to the left, requires (k_t - F k) (ut - w~) >= 0, and a slip to the right (k_t + F k) (ut - w~)
-  <= 0: every slip is towards w~.
+- **One point in the plane** with F |k| < k_t, S = [k_t, k; k, k_n]: a slip to the left, against rt
+  = F rn > 0, requires (k_t - F k) (ut - w~) >= 0. A slip to the right requires (k_t + F k) (ut -
+  w~) <= 0. Hence every slip is directed towards w~.
 - **Uncoupled parts**, not connected by entries of S, come to rest independently. The theorem then
   covers parts without coupling, and single points in the plane below their critical friction.
 - **Otherwise** the bound is necessary, but whether it is sufficient depends on the initial state;

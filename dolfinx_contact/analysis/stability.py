@@ -15,8 +15,8 @@ Engrg. 193, 2004).
 
 If no point is at a border, the motions form a linear space: sticking points are held, and the
 remaining points are open or slide without friction. For a symmetric stiffness and dissipative
-damping, a factorisation counts the negative eigenvalues of K on this space; K + lambda C + lambda^2
-M has one negative eigenvalue for each motion that grows faster than lambda. Follower loads
+damping, the negative eigenvalues of K on this space are counted by a factorisation. For each motion
+that grows faster than lambda, K + lambda C + lambda^2 M has one negative eigenvalue. Follower loads
 (pressure on a part of the surface) make K nonsymmetric. Then all eigenvalues are computed, real or
 complex (flutter); they depend on mass and damping, and even small damping may destabilise.
 

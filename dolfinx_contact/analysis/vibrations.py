@@ -90,8 +90,8 @@ class Body:
 def body_of(eq: ContactEquations, u: Array, density: Any, damping: float | ufl.Form) -> Body:
     """Assemble stiffness, mass and damping at a displacement. Collective.
 
-    For an axisymmetric body, density and damping are given per volume or area, without the weight 2
-    pi r.
+    For an axisymmetric body, density and damping are given per volume or area; they do not contain
+    the weight 2 pi r.
 
     Args:
         eq: contact problem.

@@ -9,8 +9,8 @@ points, the body is *wedged* in a nonzero state (u, r) if
 for any direction of rt, which depends on the history (Kim, Jang and Barber, 2019). The infimum of F
 over these states depends only on the body and its contact surface. The problem is homogeneous and
 is scaled to sum rn = 1. With the flexibility G = S^-1 and the extreme forces of the friction cones
-as rays ((F, 1) and (-F, 1) in 2D), a state is given by weights alpha >= 0 with sum 1 for which un =
-G_n r >= 0, and either alpha = 0 (open) or un = 0 (closed) at every point.
+as rays ((F, 1) and (-F, 1) in 2D), a state is given by weights alpha >= 0 with sum 1 and un = G_n r
+>= 0. At every point either alpha = 0 (open) or un = 0 (closed).
 
 For one F, branch and bound searches over the statuses. A region of statuses is empty if
 

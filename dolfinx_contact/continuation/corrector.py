@@ -148,8 +148,8 @@ class Corrector:
         """Correct ``y`` in place, orthogonally to ``t``, and update ``t`` in place.
 
         Returns:
-            Scales of residuals including those at ``y``, which the caller accepts together with
-            ``y`` by setting `scales`; None if the correction fails.
+            Scales of residuals including ``y``, which the caller accepts together with ``y`` by
+            setting `scales`; None if the correction fails.
         """
         return self._solve(y, t, piece)
 
@@ -166,7 +166,7 @@ class Corrector:
     ) -> bool:
         """Correct ``y`` in place to the point at ``distance`` from ``start`` along ``t``.
 
-        After a successful correction, `scales` include those at the point.
+        After a successful correction, `scales` include the point.
 
         Args:
             y: predicted point, corrected in place.
@@ -313,7 +313,7 @@ class _Run:
         keep: see `Corrector.pseudo_arclength`.
 
     Attributes:
-        scales: scales of residuals including those of the present iterate.
+        scales: scales of residuals including the present iterate.
     """
 
     def __init__(
@@ -451,7 +451,7 @@ class _Run:
         return self._b.piece_at(y).codes
 
     def _share_of_changes(self, codes: Codes | None) -> float:
-        """Return the fraction of all points whose status differs from that of the matrix.
+        """Return the fraction of all points whose status differs from its status in the matrix.
 
         Before the first matrix the fraction is 1.
         """

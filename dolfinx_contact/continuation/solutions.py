@@ -11,9 +11,9 @@ r"""Search for several solutions at one gamma, on the same or on different branc
 
        m(x) = prod_k (1 / |x - x_k|^2 + 1),
 
-   which does not vanish at the x_k. The Newton step of m H is the Newton step dx of H times 1 / (1
-   - grad log m . dx): only its length and sign change. The result depends on the distance at which
-   a solution repels the iteration and on the first step. Therefore several distances are tried, and
+   which does not vanish at the x_k. The Newton step dx of H is multiplied by 1 / (1 - grad log m .
+   dx), so that only its length and sign change. The result depends on the distance at which a
+   solution repels the iteration and on the first step. Therefore several distances are tried, and
    first steps on pieces on which all points have the same status. The statuses in H are recomputed
    from x in each iteration; this semismooth method may miss solutions.
 """

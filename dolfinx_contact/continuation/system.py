@@ -165,7 +165,7 @@ class System:
             scales: scales of the branch so far.
 
         Returns:
-            Relative size of H, and the scales including those of the state; default: the result of
+            Relative size of H, and the scales including the state; default: the result of
             `residual`, and ``scales``.
         """
         return self.residual(x, gamma, b, piece), scales

@@ -183,7 +183,7 @@ class ArcLength(Runnable[PathTask, PathHistory]):
             start: state at which the path starts, such as ``history.steps[-1].state`` or
                 ``problem.snapshot()``, under its ``gamma`` or the present value of the parameter;
                 default: end of the previous run; in a first run the present Functions with virgin
-                    memory. Required in the first run if the problem has had another evolution.
+                memory. Required in the first run if the problem has had another evolution.
             direction: direction in which the path leaves its start: in the first run
                 ``"increasing"`` (default) or ``"decreasing"`` load; in a later run ``"onwards"``
                 (default) or ``"back"``, in which the state unloads without recovery.

@@ -26,9 +26,10 @@ with follower loads, the remainder counts as stored energy. If a problem is give
 residual, the stored energy is integrated from the forces by the trapezoidal rule, which is exact
 for a linear body.
 
-**In motion.** Consider a step of length h from state 0 to state 1, with the mean velocity v = (v_0
-+ v_1)/2, loads f, mean forces S of supports, mean contact tractions t over areas W, tractions t' =
-t without adhesion, and velocity v_o of the obstacle. Stored energy and damage are as above, and
+**In motion.** Consider a step of length h from state 0 to state 1. Let v = (v_0 + v_1)/2 be the
+mean velocity, f the loads, S the mean forces of supports, t the mean contact tractions over areas
+W, t' the tractions without adhesion, and v_o the velocity of the obstacle. Stored energy and damage
+are as above, and
 
     kinetic     v_1^T M v_1 / 2 - v_0^T M v_0 / 2
     external    ((f_0 + f_1)/2 + S) . (u_1 - u_0) + h sum W t . v_o

@@ -6,10 +6,10 @@ The state x_n+1 at t_n+1 solves the contact problem in which friction opposes th
 
     H(x_n+1; m_n, t_n+1 - t_n) = 0,        m_n the memory of x_n.
 
-    At the start of a step every slipping point is at the border of stick. Therefore a solve starts
-    with the statuses of the previous step. If this fails, the strategies of the static problem are
-    tried (`solvers.strategies`); the last of these strategies follow the load from t_n to t_n+1
-    with the memory m_n.
+At the start of a step every slipping point is at the border of stick. Therefore a solve starts with
+the statuses of the previous step. If this fails, the strategies of the static problem are tried
+(`solvers.strategies`). The last of these strategies follow the load from t_n to t_n+1 with the
+memory m_n.
 
 In rate-independent friction, time only orders the loads. Regularised friction depends on the
 velocity, the slip divided by t_n+1 - t_n.
@@ -227,8 +227,7 @@ class QuasiStatic(Evolution):
             extrapolate: whether the solver starts from the extrapolation of the previous step, and
                 from the previous state if that fails; only for bodies sliding over each other.
                 Extrapolation saves iterations in steps up to about one facet. A resumed run
-                extrapolates from its second step.
-                Default: False.
+                extrapolates from its second step. Default: False.
             stop: function called with every accepted step on every rank, while its end is in the
                 problem; it returns the reason to end the run there, or "" to continue. A later run
                 continues from there.

@@ -9,7 +9,7 @@ pieces,
 
     J t = 0,        d' (t) >= 0 for all distances d(y) = 0 to borders of the piece.
 
-Solutions are searched in this order:
+Solutions are searched for in this order:
 
 1. The statuses and the tangent of the last step.
 2. Newton's method for the rate problem: points whose distance decreases take the status beyond the

@@ -19,8 +19,8 @@ and hits the given times exactly. Additional steps are inserted only on request:
 
 The rule `ToRest` ends a motion once its kinetic energy E has satisfied E <= rest max E at the ends
 of ten successive steps and for a time of 4 sqrt(rest) T, where T is the time since the start. A
-body that reverses its velocity v after a time T, for example at the top of a throw, has v = v_max
-t/T around that instant and satisfies the inequality only for 2 sqrt(rest) T.
+body that reverses its velocity after a time T, for example at the top of a throw, satisfies the
+inequality only for 2 sqrt(rest) T, because v = v_max t/T around that instant.
 
 At the start of a step every slipping point is at the border of stick, and the rate problem may have
 several solutions (`rate_problem`). On request these solutions are counted, and their statuses are

@@ -14,9 +14,9 @@ r"""Laws that wrap a friction law: compliant surfaces, and regularised friction.
 
 For m = 1 the pressure is expressed by the augmented traction q = p + r u_n as p = C/(C + r) q_+.
 This is equivalent to p = C (u_n)_+ with the same statuses, and for increasing C Newton's method
-becomes that of Signorini's conditions. Other pressures and shears are functions of the displacement
-only. If the regularisation width is far below the displacements, Newton's method fails from a zero
-initial guess. Then decrease the width step by step, or trace it as a parameter
+approaches Newton's method for Signorini's conditions. Other pressures and shears are functions of
+the displacement only. If the regularisation width is far below the displacements, Newton's method
+fails from a zero initial guess. Then decrease the width step by step, or trace it as a parameter
 (`ParametricContact`).
 """
 

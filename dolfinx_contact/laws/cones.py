@@ -56,9 +56,9 @@ def cones(
 
     Returns:
         Bases B (n, 4, 4, 2), inequalities C (n, 4, 3, 4) padded by zero rows, and existing statuses
-        (n, 4). Bases are oriented consistently with the rows of the law: for all statuses, det (M
-        B) has, up to a common sign, the sign of the determinant of the equations M w = p together
-        with t - tau(j, t) = 0.
+        (n, 4). Bases are oriented consistently with the rows of the law: up to a sign common to all
+        statuses, det (M B) has the sign of the determinant of the equations M w = p together with t
+        - tau(j, t) = 0.
     """
     n = law.number
     B = np.zeros((n, _STATUSES, 4, 2))

@@ -83,7 +83,7 @@ class ContactPoint:
     """UFL quantities at a contact point, for the definition of laws.
 
     Attributes:
-        jump: displacement of the body minus that of the obstacle, a vector.
+        jump: displacement of the body minus displacement of the obstacle, a vector.
         traction: traction on the body, a vector.
         n: unit normal, from the body into the obstacle.
         gap: initial gap.

@@ -136,7 +136,7 @@ def _another(
 
 
 def _is_same(dim: int, codes: Codes, state: Array, solution: Any) -> bool:
-    """Return whether statuses (in 2D) or states (in 3D) agree with those of the solution."""
+    """Return whether statuses (in 2D) or states (in 3D) agree with the solution."""
     if dim == 2:
         return np.array_equal(codes, solution)
     for part in (slice(0, 3), slice(3, 6)):
