@@ -29,7 +29,7 @@ from dolfinx_contact.reduced.point_problem import PointProblem
 
 __all__ = ["InteriorPoint"]
 
-_Direction: TypeAlias = tuple[Array, Array, Array, Array]  # of r, y, l, s
+_Direction: TypeAlias = tuple[Array, Array, Array, Array]  # changes of r, y, l and s
 _BOUNDARY = 0.9  # largest step, relative to the distance to the boundary
 _LONG = 0.3  # step length at which no stronger centring is tried
 _LEAST = 1e-290

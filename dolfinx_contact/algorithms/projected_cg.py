@@ -29,7 +29,7 @@ from dolfinx_contact.reduced.point_problem import PointProblem
 __all__ = ["ProjectedGradient"]
 
 _BALANCE = 1.0  # ratio of squared chopped and free gradients above which bounds are released
-_REDUCTION = 1e-3  # of the projected gradient between two updates of the friction bounds
+_REDUCTION = 1e-3  # factor on the projected gradient between two updates of the friction bounds
 _ON = 1e-12  # distance to the friction circle, relative to its radius, that counts as zero
 
 

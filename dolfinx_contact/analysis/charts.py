@@ -35,7 +35,7 @@ __all__ = [
 #: Statuses of all points of each solution, as bytes.
 Statuses = tuple[bytes, ...]
 
-_SAME = 1e-9  # fraction of the range of mu that lies at the end of a cell
+_SAME = 1e-9  # distance to the end of a cell that counts as zero, relative to the range of mu
 
 
 @dataclass(frozen=True)

@@ -135,7 +135,7 @@ class CriticalFriction:
     @property
     def others(self) -> list[complex]:
         """Mixed and complex coefficients, ordered by magnitude."""
-        # Of two mirrored coefficients the positive one comes first, as in the lists.
+        # The positive one of two mirrored coefficients comes first, as in the lists.
         others = [*map(complex, self.mixed), *self.unreal]
         return sorted(others, key=lambda F: (float(f"{abs(F):.9e}"), -F.real, -F.imag))
 

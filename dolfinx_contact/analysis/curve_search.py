@@ -25,9 +25,9 @@ from dolfinx_contact.laws.status import MINUS, OPEN
 __all__ = ["follow_events"]
 
 
-_SAME = 1e-7  # of the size of a state, or of the range of mu
-_ONE = 1e-12  # of the range of mu: ends so close are one
-_HELD = 1e-8  # of the size of a state, within which a point is at a border
+_SAME = 1e-7  # difference of equal states or of equal mu, relative to their size or range
+_ONE = 1e-12  # distance of ends that count as one, relative to the range of mu
+_HELD = 1e-8  # distance to a border that counts as zero, relative to the size of the state
 _MOST_CHOICES = 256  # borders that may meet at one state
 
 

@@ -44,7 +44,8 @@ __all__ = ["ContactFamily", "Frame"]
 _REAL = 1e-6  # relative imaginary part of an eigenvalue that may be real
 _ROUND_OFF = 2.0**-50  # relative error bound of a sum of three products
 _SINGULAR = 1e13  # condition number from which on a matrix counts as singular
-_PARTS = (0.6180339887, 0.3819660113, 0.7320508076, 0.2679491924)  # of an interval
+# Trial centres, as fractions of an interval.
+_PARTS = (0.6180339887, 0.3819660113, 0.7320508076, 0.2679491924)
 _POLISH = 6  # steps of Newton's method
 
 

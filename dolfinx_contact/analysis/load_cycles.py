@@ -28,7 +28,7 @@ from dolfinx_contact.reduced.point_problem import PointProblem
 
 __all__ = ["CycleEnding", "LoadCycles", "one_solution", "step_cycles"]
 
-#: Displacements and forces (m, dim).
+#: Displacements and forces, each of shape (m, dim).
 State = tuple[Array, Array]
 CycleEnding: TypeAlias = Literal["rest", "alternating slip", "ratcheting", "not decided"]
 

@@ -73,7 +73,7 @@ __all__ = ["Renard", "WeightedForm", "criterion_at", "renard_criterion"]
 Field = Callable[[Array], npt.ArrayLike]
 
 _DENSE = 1200  # components of jumps up to which the eigenproblem is dense
-_EFFORT = 60  # of a search for weights
+_EFFORT = 60  # iterations of a search for weights
 _NOTHING = 1e-9  # slip or force that counts as zero, relative to body size and largest force
 _DEFAULTS = {"eps_type": "krylovschur", "eps_tol": 1e-10, "eps_max_it": 500}
 _ENOUGH = 1e-7  # least eigenvalue, relative to a unit diagonal, at which a search ends

@@ -48,7 +48,7 @@ __all__ = ["TOLERANCE", "Direction", "Slip", "SlipPattern", "free_motions"]
 #: points and directions of the solution in the Functions; or None for t = (-n_y, n_x) in 2D.
 Direction = npt.ArrayLike | Literal["solution"] | None
 
-TOLERANCE = 1e-6  # of a direction cosine
+TOLERANCE = 1e-6  # error of a direction cosine that counts as zero
 
 
 @dataclass(frozen=True)

@@ -71,7 +71,7 @@ class SlipModes:
         # Coefficients that differ by less than their accuracy count as equal.
         same = max(_REAL, float(residuals.max(initial=0.0)))
         F = np.where(np.abs(F.imag) <= same * np.abs(F), F.real, F)
-        # Of two mirrored coefficients the positive one comes first, despite round-off.
+        # The positive one of two mirrored coefficients comes first, despite round-off.
         size = np.abs(F)
         order = np.lexsort((-F.imag, -F.real, np.round(size / size.min(initial=np.inf), 9)))
         F = F[order]

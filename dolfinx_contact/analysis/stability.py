@@ -75,7 +75,8 @@ __all__ = ["Stability", "stability_at_rest"]
 Label = Literal["stable", "unstable", "not decided"]
 
 _LARGEST = 700  # unknowns of dense eigenproblems
-_BORDER = 1e-8  # of forces over the largest, of gaps over the body's size
+# Distance to a border that counts as zero, relative to the largest force or to the body size.
+_BORDER = 1e-8
 _REAL = 1e-9  # relative imaginary part that counts as zero
 _CONE = 1e-9  # distance outside a cone that counts as zero, relative to the largest component
 _ROUND_OFF = 1e-13  # resistance that counts as zero, relative to the largest squared frequency

@@ -36,11 +36,11 @@ from dolfinx_contact.reduced.point_problem import PointProblem
 
 __all__ = ["Ranges", "StaticState", "largest_factor", "states_at_rest"]
 
-#: Factors with a state at rest, from and to.
+#: Intervals (from, to) of factors with a state at rest.
 Ranges = tuple[tuple[float, float], ...]
 #: Inequalities A x <= b, or equations A x = b.
 Rows = tuple[Array, Array]
-#: Lower and upper bound of each unknown; None for none.
+#: Lower and upper bound of each unknown; None if it is unbounded.
 _Bounds = Sequence[tuple[float | None, float | None]]
 
 _SIDES = 8  # number of sides of the first polygons in space
@@ -51,7 +51,7 @@ _FAR = 1e6  # factor that counts as unbounded
 _INSIDE = 1e-3  # distance of a ray from an inequality, relative to its size
 _BETTER = 1e-9  # relative gain of a better set of open points
 _MEET = 1e-8  # relative distance of ranges of factors that meet
-_FARTHEST = 10.0  # slips of starts, relative to the length caused by the load
+_FARTHEST = 10.0  # largest slip of a start, relative to the displacement caused by the load
 _ALL_SETS = 8  # points up to which all sets of open points are tried
 _EXACT = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
 

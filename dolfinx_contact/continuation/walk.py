@@ -36,11 +36,11 @@ __all__ = ["Next", "Walker", "leaves_range", "require_way"]
 
 logger = logging.getLogger(__name__)
 
-#: A point, and the special points on the way to it.
+#: A point and the special points before it.
 Next: TypeAlias = tuple[BranchPoint, list[SpecialPoint]]
 
 _CONSTANT = 1e-9  # rate of gamma along a unit tangent, relative to its scale, that counts as zero
-_ALONG = 1e-6  # such a rate at the end of the range of gamma
+_ALONG = 1e-6  # relative rate that counts as zero at an end of the range of gamma
 
 
 def leaves_range(bordered: Bordered, start: BranchPoint, gamma_range: tuple[float, float]) -> bool:

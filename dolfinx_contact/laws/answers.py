@@ -206,7 +206,7 @@ class Answers:
         return self._of(codes, "by_traction", (self._law.dim, self._law.dim))
 
     def by_around(self, codes: Codes) -> Array:
-        """Return the derivatives D_s of tau with respect to the averaged quantity, (n, dim)."""
+        """Return the derivatives D_s of tau by the averaged quantity, shape (n, dim)."""
         return self._of(codes, "by_around", (self._law.dim,))
 
     @property

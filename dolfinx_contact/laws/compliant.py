@@ -63,7 +63,7 @@ class _AroundFriction(FrictionLaw):
 
     @property
     def _number(self) -> Hashable:
-        """Data shared by all laws of this kind."""
+        """Exponent or shape of the law, which is part of its name and kind."""
         raise NotImplementedError
 
     @property

@@ -30,7 +30,7 @@ Kinds = Sequence[frozenset[int]]
 
 _ITERATIONS = 30
 _ROUNDS = 12
-_TURN = 0.7  # by which a direction may turn in one step
+_TURN = 0.7  # largest rotation of a slip direction in one step, in radians
 _CLOSE = 1e-11  # relative residual of a solution
 
 

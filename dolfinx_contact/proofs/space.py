@@ -60,10 +60,10 @@ State = tuple[Array, Array]
 
 _PASSES = 12
 _FIRST_STARTS, _STARTS = 8, 300
-_BATCH = 4e5  # entries of the matrices of a batch of starts, over their number
-_EFFORTS = {0: 40, 1: 80, 3: 80}  # in the search for weights, by pass
-_NARROW = 2.0**-12  # arcs that are not branched
-_FEW = 3  # arcs of a point that are halved
+_BATCH = 4e5  # largest number of matrix entries of a batch of starts
+_EFFORTS = {0: 40, 1: 80, 3: 80}  # iterations of the search for weights in each pass
+_NARROW = 2.0**-12  # width of arcs that are not bisected, in diamond angles
+_FEW = 3  # largest number of arcs of a point that are all bisected
 _GAIN = 0.2  # smallest useful gain of a pass
 _KEPT = 40  # vectors of earlier regions that are tried first
 _WIDE = 1.2  # arcs, in diamond angles, beyond which slips are not bounded
