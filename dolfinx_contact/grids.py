@@ -23,7 +23,7 @@ def graded(length: float, size: float, fine: int, coarse: int) -> Array:
     """Return the coordinates of a graded grid from 0 to ``length``.
 
     The grid starts with equal fine cells. The sizes of the following coarse cells form a geometric
-    sequence that starts from the fine size.
+    sequence starting from the fine size.
 
     Args:
         length: length of the grid.

@@ -219,7 +219,7 @@ class Material:
     def mean_dilatation_energy(self, u: fem.Function, dx: ufl.Measure = ufl.dx) -> ufl.Form:
         """Return the integrated energy for nearly incompressible quadrilaterals or hexahedra.
 
-        The part that grows with lambda depends on the change of volume of the whole cell, which is
+        The part growing with lambda depends on the change of volume of the whole cell, which is
         exact also for distorted cells; the other part is integrated by ``dx``. This is the B-bar
         method (Nagtegaal, Parks and Rice, Comput. Methods Appl. Mech. Engrg. 4, 1974, 153-177;
         Hughes, Int. J. Numer. Methods Engrg. 15, 1980, 1413-1418), and for large strains with the
@@ -332,7 +332,7 @@ class Material:
         raise NotImplementedError
 
     def _volume_energy(self, u: fem.Function, dilatation: Any, ratio: Any) -> Any:
-        """Return the part of the stored energy that grows with lambda."""
+        """Return the part of the stored energy growing with lambda."""
         raise ValueError(
             f"the volumetric part of the energy of a {type(self).__name__} is unknown: "
             "use LinearElastic, NeoHookean or CiarletGeymonat"
@@ -462,7 +462,7 @@ class Separable(Elastic):
         raise NotImplementedError
 
     def _volume(self, u: fem.Function, J: Any) -> Any:
-        """Return the part of the energy that grows with lambda."""
+        """Return the part of the energy growing with lambda."""
         raise NotImplementedError
 
 

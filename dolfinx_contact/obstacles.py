@@ -189,7 +189,7 @@ class Obstacle:
         without a rim return themselves.
 
         Args:
-            face: function that returns UFL expressions of the facet sizes of the sliding face and
+            face: function returning UFL expressions of the facet sizes of the sliding face and
                 of the overlap removed at the start.
         """
         return self
@@ -237,7 +237,7 @@ class Measured(ufl.Coefficient):  # type: ignore[misc]
     Args:
         domain: mesh of the body.
         x: UFL vector, the point.
-        measure: function of points (n, dim) that returns g (n,), dg (n, dim), n (n, dim) and
+        measure: function of points (n, dim) returning g (n,), dg (n, dim), n (n, dim) and
             dn (n, dim, dim).
         more: UFL scalars whose values (n,) are additional arguments of ``measure``.
 
@@ -390,7 +390,7 @@ class LevelSet(Obstacle):
     The gap is phi/|grad phi|, the distance to first order; it is exact if phi is a signed distance.
 
     Attributes:
-        phi: function that maps the UFL position vector to a UFL scalar. Numbers in the function are
+        phi: function mapping the UFL position vector to a UFL scalar. Numbers in the function are
             fixed when a problem is created; data that change must be Constants.
 
     Raises:

@@ -8,7 +8,7 @@ With multipliers l and slacks s of friction, Signorini's and Coulomb's condition
 
 with the forces r as unknowns and a = A r + c. On the central path, the complementarity products
 equal mu instead of 0. Newton's method follows this path while mu decreases, with Mehrotra's
-predictor and corrector (SIAM J. Optim. 2, 1992) and steps that end before the boundary.
+predictor and corrector (SIAM J. Optim. 2, 1992) and steps ending before the boundary.
 
 For F = 0 (Tresca's problem) the method is the convex primal-dual method with its convergence
 theory. No theory is available for Coulomb's law: for large F the path may turn back, and the method

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 r"""Contact problem of a single point, the local problem of nonsmooth Gauss-Seidel.
 
-The problem is S a = r + b with the stiffness S (dim, dim) of the point and a load b that contains
+The problem is S a = r + b with the stiffness S (dim, dim) of the point and a load b containing
 the coupling to the other, fixed points. The statuses are tried in the order open, stick, slip. Slip
 means rt = -mu at with mu >= 0. Hence mu |at| = F rn + g and (St + mu) at = bt for a slipping point
 in contact. In 2D each sense of slip has an explicit solution. In 3D, mu is the root of a scalar

@@ -137,13 +137,13 @@ def uniqueness(
 
     Args:
         equations: equations of the contact problem.
-        linear: function that returns the linear solver of the Jacobian.
+        linear: function returning the linear solver of the Jacobian.
         x: vector of unknowns at the solution.
         state: evaluation of the equations at the solution.
         seconds: time limit of branch and bound after the certificate of one point. If positive,
             Renard's criterion is evaluated for any number of points, with weights if its
             eigenproblem is dense.
-        state_at: function that returns the `State` of a vector of unknowns.
+        state_at: function returning the `State` of a vector of unknowns.
     """
     if not equations.linear:
         return Uniqueness("not proved", "proofs are for linear bodies and small sliding")

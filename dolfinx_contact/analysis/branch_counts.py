@@ -50,7 +50,7 @@ class ProvedCount:
         solutions: result of `find_solutions`.
         statuses: letters of the points of each solution, in the order of their tables; empty for a
             system without statuses.
-        branches: index of the branch that contains each solution, the smallest index where branches
+        branches: index of the branch containing each solution, the smallest index where branches
             meet; -1 for a solution on no branch.
         unfound: indices of the branches whose state at gamma matches no solution.
         certificate: proof of completeness; None without a proof.

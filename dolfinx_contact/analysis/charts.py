@@ -48,7 +48,7 @@ class ChartCell:
         solutions: statuses of the solutions at the midpoint, one letter per contact point, sorted.
         proved: whether the solutions are provably complete; False if the slips of a solution exceed
             the range of small sliding (`ContactFamily.reach`).
-        below: curves that bound the cell from below, more than one if they coincide; empty if the
+        below: curves bounding the cell from below, more than one if they coincide; empty if the
             cell ends at ``gamma[0]``.
         above: curves that bound it from above.
     """
@@ -117,7 +117,7 @@ class Chart:
         return all(c.proved for c in self.cells)
 
     def at(self, mu: float, gamma: float) -> ChartCell:
-        """Return the cell that contains (mu, gamma).
+        """Return the cell containing (mu, gamma).
 
         Raises:
             ValueError: if the point lies outside all cells.
@@ -252,7 +252,7 @@ class _Counting:
     """Adaptive count of solutions: cells are divided where the number changes.
 
     Attributes:
-        raster: number of solutions in the cell that contains each finest cell.
+        raster: number of solutions in the cell containing each finest cell.
     """
 
     def __init__(

@@ -110,7 +110,7 @@ class CriticalFriction:
             computed. A finite value comes from a second search, which is a check and not a proof.
             With multigrid the search is rough, and the value is reduced by two per cent.
         complete: whether all coefficients were computed.
-        displacement: displacement of the body that corresponds to `slips`.
+        displacement: displacement of the body corresponding to `slips`.
         residual: accuracy of 1/F: largest |T f - f/F| |F_1|/|f| over the listed coefficients, where
             F_1 is the smallest one.
         solver: solver of the body, ``direct`` or ``amg``.

@@ -168,7 +168,7 @@ class _Search:
         return Meeting(mu, gamma, left, right, bool(singular), choices is not None)
 
     def _ends_at(self, codes: Codes, mu: float, w: Array) -> Iterator[tuple[Segment, int]]:
-        """Yield the segments of a border that end at a state, with the end: -1 lower, 1 upper."""
+        """Yield the segments of a border ending at a state, with the end: -1 lower, 1 upper."""
         for s in self.of(codes):
             for side, end in ((-1, s.low), (1, s.high)):
                 if abs(end - mu) <= self.near and self._is_at(s.frame, end, w):

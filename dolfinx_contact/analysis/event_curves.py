@@ -55,8 +55,8 @@ class Meeting:
     Attributes:
         mu: second parameter.
         gamma: load parameter.
-        left: segments that end here and lie at smaller mu.
-        right: segments that end here and lie at larger mu.
+        left: segments ending here, at smaller mu.
+        right: segments ending here, at larger mu.
         singular: True if the segments end at the two ends of a line of states in a singular piece;
             False for a single state with two active borders.
         complete: False if too many points are at a border to follow all segments.

@@ -65,7 +65,7 @@ class ContactFamily:
         q_error: increase of the error bounds with |gamma|, shape (2 m,).
         reach: slips up to which sliding is small, shape (m,); infinite on flat obstacles
             (`reduced.gathered.GatheredPoints`). None means infinite at all points.
-        comm: communicator of the ranks that hold the same family and share the work.
+        comm: communicator of the ranks holding the same family and sharing the work.
     """
 
     S: Array
@@ -128,7 +128,7 @@ class ContactFamily:
         return np.array(constant).T + F * np.array(slope).T
 
     def bases(self, codes: Codes, mu: float) -> Array:
-        """Return the matrix that maps unknowns of a piece or border to w (m, 4, unknowns)."""
+        """Return the matrix mapping unknowns of a piece or border to w (m, 4, unknowns)."""
         parts = [self.basis(i, int(code), mu) for i, code in enumerate(codes)]
         return np.asarray(block_diag(*parts).reshape(self.points, 4, -1))
 

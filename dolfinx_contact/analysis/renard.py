@@ -131,7 +131,7 @@ def renard_criterion(
     Args:
         problem: solved contact problem, nodal or mixed, with a linear bulk and Coulomb's law, or a
             law whose solution is always unique (Tresca, no friction).
-        directions: function that maps positions of shape (n, dim) to tangential vectors xi of shape
+        directions: function mapping positions of shape (n, dim) to tangential vectors xi of shape
             (n, dim) with lengths up to 1; for solutions that are not known. Default: the directions
             of the solution in the Functions.
         dense: whether dense matrices are used; by default for small eigenproblems.
@@ -175,7 +175,7 @@ def criterion_at(
     Args:
         eq: contact problem.
         state: state of the problem.
-        directions: function that returns xi; by default the directions of the state are used.
+        directions: function returning xi; by default the directions of the state are used.
         dense: whether dense matrices are used; by default for small eigenproblems.
         effort: number of iterations of the search for weights (`WeightedForm.largest`), which
             requires dense matrices; 0 for no search.

@@ -169,11 +169,11 @@ def shakedown(
 
     Args:
         problem: contact problem of a linear body held by Dirichlet data, with contact at its nodes.
-        loads: corners of the cycle in order. Each is a function without arguments that writes a
+        loads: corners of the cycle in order. Each is a function without arguments writing a
             load (or displacements of Dirichlet data) to the Constants and Functions of the problem.
             Between corners, and from the last to the first, the load varies linearly. The first
             load is set afterwards, also after an error.
-        steady: function that sets the steady load p_s; the factor multiplies the differences from
+        steady: function setting the steady load p_s; the factor multiplies the differences from
             it. Default: the first corner.
         factor: load factor of the stepped cycles; by default 0.95 of the bound, within the last of
             `Shakedown.ranges`, or 1 if the bound is infinite or no state at rest exists.

@@ -50,7 +50,7 @@ class AffineSystem:
         bases: B, shape (m, statuses, k, d), oriented so that the determinant of each piece has the
             same sign as the corresponding determinant of the piecewise smooth system.
         inequalities: C, shape (m, statuses, e, k), padded with zero rows.
-        classify: function that maps a state (m, k) outside the cones to the statuses (m,) of the
+        classify: function mapping a state (m, k) outside the cones to the statuses (m,) of the
             next iteration of Newton's method.
         allowed: mask of the statuses that a point may take, shape (m, statuses).
     """

@@ -198,7 +198,7 @@ class Follower(Walker):
         system: system H.
         control: step lengths, and the policy for kinks.
         gamma_scale: size of gamma that counts as 1.
-        locate: function that selects changes of status to be located by batched steps, in addition
+        locate: function selecting changes of status to be located by batched steps, in addition
             to folds and changes of parity; default: none.
     """
 

@@ -99,7 +99,7 @@ class RayFinder:
     Args:
         corrector: corrector on the bordered system.
         y: point (x, gamma).
-        inside: function that returns whether a ray stays inside its piece.
+        inside: function returning whether a ray stays inside its piece.
     """
 
     def __init__(
@@ -151,10 +151,10 @@ class RayFinder:
         most: int = _MOST_PIECES,
         tried: tuple[int, ...] | None = None,
     ) -> FoundRays[Ray]:
-        """Return the rays of all pieces that meet at the point; none if they are too many.
+        """Return the rays of all pieces meeting at the point; none if they are too many.
 
         Args:
-            piece: piece that defines the statuses of all other points.
+            piece: piece defining the statuses of all other points.
             kinks: kinked points.
             towards: direction in which tangents are tried first.
             most: largest number of pieces.
@@ -199,7 +199,7 @@ class RayFinder:
 
         Args:
             senses: signs of the change of gamma, in the order of the trials.
-            leads: criterion that accepts a ray, called with the ray and the vector from the point
+            leads: criterion accepting a ray, called with the ray and the vector from the point
                 to the solution.
             tangent_at_point: True for tangents at the point, False for tangents at the solution.
         """

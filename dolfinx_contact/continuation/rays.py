@@ -76,7 +76,7 @@ class Rays(FoundRays[AffineRay]):
     """Outgoing rays of a tangent cone.
 
     Attributes:
-        continua: pieces that contain continua of rays, each with the elements of `rays` that lie in
+        continua: pieces containing continua of rays, each with the elements of `rays` lying in
             the piece or on its border.
     """
 
@@ -205,7 +205,7 @@ def _enumerate(cone: AffineSystem, choices: Choices) -> tuple[list[AffineRay], l
         w = np.einsum("cmkd,cmd->cmk", B[points, statuses], z.reshape(len(A), -1, d))
         if not np.isfinite(w).all():
             return rays, wide, ", which overflowed"
-        # keep the pieces that contain the solution or its reverse, and examine the singular ones
+        # keep the pieces containing the solution or its reverse, and examine the singular ones
         slack = np.einsum("cmek,cmk->cme", C[points, statuses], w)
         tolerance = TOLERANCE * np.abs(w).max(axis=(1, 2), initial=0.0)
         least, most = (f(axis=(1, 2), initial=0.0) for f in (slack.min, slack.max))
@@ -364,7 +364,7 @@ def _other_end(unfolded: AffineSystem, ray: AffineRay) -> AffineRay | None:
 
 
 def _far_end(piece: AffinePiece, gamma: float, sense: float) -> AffineRay | None:
-    """Trace a branch that starts on a piece; return the ray at its far end, or None.
+    """Trace a branch starting on a piece; return the ray at its far end, or None.
 
     Args:
         piece: piece of the start.

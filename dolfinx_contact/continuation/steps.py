@@ -94,7 +94,7 @@ class _Trial:
 
 
 class ExactSteps(Locator):
-    """Steps that end at every event; base class of the other policies.
+    """Steps ending at every event; base class of the other policies.
 
     Args:
         corrector: corrector on the bordered system.
@@ -438,7 +438,7 @@ class BatchedSteps(_StepsOnH):
 
     Args:
         corrector: corrector on the bordered system.
-        locate: function that selects changes of status to be located, in addition to folds and
+        locate: function selecting changes of status to be located, in addition to folds and
             changes of parity; None for no additional ones.
     """
 

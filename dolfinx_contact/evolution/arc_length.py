@@ -194,7 +194,7 @@ class ArcLength(Runnable[PathTask, PathHistory]):
                 `PathStep.directions`. True: at every kink and nonsmooth fold, from all statuses
                 that meet there, up to 256 pieces. False or None (default): only if no direction is
                 found otherwise.
-            stop: condition that ends the run, see `QuasiStatic.run`.
+            stop: condition ending the run, see `QuasiStatic.run`.
             observer: observer of the accepted points, see `QuasiStatic.run`.
             record: record of the accepted points, such as `records.PathRecord`.
             progress: whether rank 0 shows the progress, see `QuasiStatic.run`.

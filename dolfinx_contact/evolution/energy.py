@@ -22,9 +22,9 @@ changes smoothly. A residue that does not decrease indicates a jump of the state
 into motion.
 
 Loads are defined by the rows of the undeformed body, R(0) = -f. In a body with initial stress, or
-with follower loads, the remainder counts as stored energy. If a problem is given by a
-residual, the stored energy is integrated from the forces by the trapezoidal rule, which is exact
-for a linear body.
+with follower loads, the remainder counts as stored energy. If a problem is given by a residual, the
+stored energy is integrated from the forces by the trapezoidal rule, which is exact for a linear
+body.
 
 **In motion.** Consider a step of length h from state 0 to state 1. Let v = (v_0 + v_1)/2 be the
 mean velocity, f the loads, S the mean forces of supports, t the mean contact tractions over areas

@@ -94,7 +94,7 @@ def _at_state(
     tables: Mapping[str, ContactTable],
     energies: Energies,
 ) -> dict[str, Any]:
-    """Return the columns of a row that describe the state at its time."""
+    """Return the columns of a row describing the state at its time."""
     forces = {
         f"{name}_{axis}": float(v)
         for name, t in tables.items()
@@ -205,7 +205,7 @@ class PathStep(EvolutionStep):
     """Accepted point of a path; `start` and `time` are arc lengths from the start of the path.
 
     If `method` states that all statuses that meet at the point were tried, `directions` is the
-    number of solutions of the rate problem, without the direction that leads back. If a smooth
+    number of solutions of the rate problem, without the direction leading back. If a smooth
     bifurcation lies on the step, `directions` counts the path and both directions of the other
     branch.
 

@@ -10,7 +10,7 @@ displacement w at which the contact laws are evaluated (schemes in `body.moving`
 With the gap un and its rate un', the operator B of relative motions, the velocity v_o of the
 obstacle and the coefficient of restitution e, its laws are (Moreau 1988; Jean, CMAME 177, 1999)
 
-    Signorini, position level    0 <= un(w)          perpendicular to  rn >= 0
+    Signorini, position level    0 <= un(w)           perpendicular to  rn >= 0
     Signorini, velocity level    0 <= un'_1 + e un'_0 perpendicular to  rn >= 0   if the forecast
                                  un_0 + h/2 un'_0 is closed, otherwise rn = 0
     Coulomb                      friction opposes  a h (B v_1 - v_o)

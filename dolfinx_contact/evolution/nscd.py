@@ -163,7 +163,7 @@ class NSCD(Evolution):
             UFL form in a trial and a test function, or a pair (a, b) of numbers for Rayleigh
             damping a M + b K, a an inverse time, b a time, with K of the undeformed body and M
             consistent. The value of a form at zero velocity, such as the wind w in c (v - w), is a
-            load. Forms that contain the displacement or have kinks in the velocity (dry friction)
+            load. Forms containing the displacement or having kinks in the velocity (dry friction)
             are an error. The coefficients, and for b > 0 the stiffness, must not change during a
             run. For an axisymmetric body, integrands are given per volume or area, as in the bulk
             form. Default: no damping.
@@ -260,7 +260,7 @@ class NSCD(Evolution):
                 with half the length, down to ``locate``; by default contacts are not located. A
                 step that is not solved is repeated with a quarter of its length, down to ``locate``
                 or by default dt/1024; the first such step logs a warning.
-            stop: condition that ends the run, see `QuasiStatic.run`.
+            stop: condition ending the run, see `QuasiStatic.run`.
             observer: observer of the accepted steps, see `QuasiStatic.run`.
             record: record of the accepted steps, see `QuasiStatic.run`.
             progress: whether rank 0 shows the progress, see `QuasiStatic.run`.

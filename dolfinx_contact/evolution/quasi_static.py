@@ -182,7 +182,7 @@ class QuasiStatic(Evolution):
 
         By default the steps end exactly at the given times. ``longest`` divides long intervals into
         equal steps. ``halve_steps`` and ``locate_jumps`` insert steps, which are marked
-        (`EvolutionStep.inserted`). Shorter steps change the results of laws that depend on time.
+        (`EvolutionStep.inserted`). Shorter steps change the results of laws depending on time.
         Indicators of a jump within a step are stored in ``result.indicators.step``, with one
         warning.
 

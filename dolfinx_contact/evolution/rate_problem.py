@@ -16,7 +16,7 @@ Solutions are searched for in this order:
    border, all simultaneously, or, if this cycles, only the point with the steepest decrease. The
    direction is oriented such that det [J; t^T] keeps its sign, which it does along a path unless
    another path crosses. This distinguishes snap-back from unloading.
-3. All pieces that meet at the state, if they are at most 256. The result is complete and may
+3. All pieces meeting at the state, if they are at most 256. The result is complete and may
    contain several directions or none.
 4. H itself, with recomputed statuses, close to the state.
 
@@ -112,7 +112,7 @@ class RateProblem:
         Args:
             piece: piece of the last step.
             t: direction of the last step at the state.
-            every: whether all pieces that meet at the state are tried if the statuses of the last
+            every: whether all pieces meeting at the state are tried if the statuses of the last
                 step fail, even if Newton's method finds a direction.
 
         Returns:
@@ -189,7 +189,7 @@ class RateProblem:
     def _iterate(
         self, first: Piece, t: PETSc.Vec, oriented: bool, *, one_by_one: bool
     ) -> Ray | None:
-        """Iterate Newton's method; None if it cycles. See `_by_newton`."""
+        """Return the ray found by Newton's method (`_by_newton`); None if the method cycles."""
         tried: set[bytes] = set()
         piece = first
         for _ in range(_ROUNDS):
@@ -253,7 +253,7 @@ class RateProblem:
         return () if led is None else (led,)
 
     def _without_back(self, rays: Sequence[Ray], incoming: Ray) -> list[Ray]:
-        """Return distinct directions, without the direction that leads back."""
+        """Return distinct directions, without the direction leading back."""
         back = self.back(incoming.piece, incoming.tangent).rays
         onwards = [r for r in rays if not any(self._finder.same(r, b) for b in back)]
         return self._finder.distinct(onwards)

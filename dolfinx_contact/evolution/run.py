@@ -306,7 +306,7 @@ class Runnable(ReadOnly, Generic[T, H]):
         method: description of the parameters of the method, for the manifest of a record.
         data: additional Functions and Constants, such as a density.
         forms: additional forms, such as damping.
-        driven: expressions that define Dirichlet data driven by a load.
+        driven: expressions defining Dirichlet data driven by a load.
     """
 
     account: type[Energies] = Energies
@@ -327,11 +327,11 @@ class Runnable(ReadOnly, Generic[T, H]):
         raise NotImplementedError
 
     def history(self, run_state: RunState) -> H:
-        """Create an empty history that starts from a state of a run."""
+        """Create an empty history starting from a state of a run."""
         raise NotImplementedError
 
     def begun(self, task: T, run_state: RunState) -> RunState:
-        """Return the initial state of a new run that starts where the previous one ended."""
+        """Return the initial state of a new run starting where the previous one ended."""
         raise NotImplementedError
 
     def _rule(self, stepper: Stepper, task: T, run_state: RunState) -> Rule[T]:

@@ -238,7 +238,7 @@ class RCCM(Law):
         return Coulomb(self.friction * (1.0 - beta))
 
     def _held(self, code: int, distance: Any, cap: Any) -> list[Border]:
-        """Return the borders that end a change of the bond; frictionless points may always slip."""
+        """Return the borders at which the bond stops changing; without friction the point slips."""
         if code in (OPEN, PLUS):
             return [Border(distance, code)]
         grips = ufl.And(ufl.gt(self.friction, 0.0), ufl.lt(cap, 1.0))

@@ -90,7 +90,7 @@ class Answers:
         law: compiled law.
         values: values of its compiled expressions.
         spreading: averaging of a nonlocal law; default: None (local law).
-        turning: function that maps statuses to the derivatives of the traction with respect to the
+        turning: function mapping statuses to the derivatives of the traction with respect to the
             displacement, shape (n, dim, dim), including changes of jumps and normals; default: None
             (fixed normals).
 

@@ -64,7 +64,7 @@ class Interface(Law):
             class Cohesive(Interface):
                 stiffness: Scalar
                 elastic: Scalar  # opening at the onset of softening
-                            last: Scalar  # opening at failure
+                last: Scalar  # opening at failure
                 damage: Scalar = 0.0
                 internal = (Internal("damage", "grows", end=1.0),)
 

@@ -328,7 +328,7 @@ class _Friction(FrictionLaw):
     """Friction derived from a potential.
 
     Attributes:
-        resistance: function of pressure and speed that returns the radius of the friction disc.
+        resistance: function of pressure and speed returning the radius of the friction disc.
         speed: slip speed.
         pace: ratio of slip speed to slip distance.
         viscous: whether the radius depends on the slip speed.
@@ -367,7 +367,7 @@ class _Friction(FrictionLaw):
 
 
 class _Signed(MultiFunction):  # type: ignore[misc]
-    """Replace absolute values, not differentiable at 0, of expressions with known sign."""
+    """Replacement of |x|, which is not differentiable at 0, by x or -x if its sign is known."""
 
     def __init__(self, signs: Mapping[Any, int]):
         super().__init__()

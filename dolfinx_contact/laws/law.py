@@ -359,7 +359,7 @@ class Law:
 
     @property
     def kind(self) -> Hashable | None:
-        """Return the cache key, equal for laws that differ only in `given`; None: no sharing."""
+        """Return the cache key, equal for laws differing only in `given`; None: no sharing."""
         cls: Any = type(self)
         return cls if "__dataclass_fields__" in vars(cls) else None
 
@@ -377,7 +377,7 @@ class Law:
         return [name for x in ordered for name in x.components(dim)]
 
     def variables(self, dim: int) -> Mapping[str, str]:
-        """Return a dictionary that maps names of variables in tables to their names in memory."""
+        """Return a dictionary mapping names of variables in tables to their names in memory."""
         return {
             name.removeprefix("."): name
             for x in self.internal

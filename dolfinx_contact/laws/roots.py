@@ -244,7 +244,7 @@ class _Root:
 
 
 def _cut(z: Array, step: Array, start: Array, end: Array) -> Array:
-    """Return step factors that keep the first unknown between start and end."""
+    """Return step factors keeping the first unknown between start and end."""
     with np.errstate(all="ignore"):
         parts = [
             np.where(step * (e - z) > 0, _TO_THE_END * (e - z) / step, np.inf) for e in (start, end)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """UFL symbols for the data of a contact point, used to compile laws.
 
-For laws that depend on time, `known_step` evaluates conditions on the duration of a step.
+For laws depending on time, `known_step` evaluates conditions on the duration of a step.
 """
 
 from __future__ import annotations
@@ -197,7 +197,7 @@ def known_step(e: Any, symbol: Variable, step: float) -> Any:
     Args:
         e: scalar UFL expression.
         symbol: symbol for the time step.
-        step: 0, or a number that represents all steps of the same sign.
+        step: 0, or a number representing all steps of the same sign.
     """
     return map_expr_dag(_Decided(symbol, step), expand_derivatives(e))
 

@@ -97,7 +97,7 @@ class Hull:
         return None if y is None else self._scaled(-y)
 
     def most(self, quantity: int, point: int, kinds: tuple[int, ...]) -> Array | None:
-        """Return multipliers y (3 m,) that bound a quantity from above; None if not found.
+        """Return multipliers y (3 m,) bounding a quantity from above; None if not found.
 
         Args:
             quantity: index of the quantity (`check_proof.MOST`).

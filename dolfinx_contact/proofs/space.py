@@ -315,7 +315,7 @@ def _quantities(
 
 
 def _kind(code: int, friction: float) -> int:
-    """Return the kind of the cell that contains a status."""
+    """Return the kind of the cell containing a status."""
     if friction == 0:
         return IN_OPEN if IS_OPEN[code] else IN_CLOSED
     return {0: IN_OPEN, 1: IN_STICK, 2: IN_SLIP}[code]

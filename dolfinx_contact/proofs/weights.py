@@ -23,7 +23,7 @@ from dolfinx_contact.proofs.check_proof import FAMILIES, Differences, SpaceDiffe
 
 __all__ = ["Weights", "find_weights", "maximise"]
 
-#: Function of the variables: eigenvalues (n,), eigenvectors (n, n), and a function that returns the
+#: Function of the variables: eigenvalues (n,), eigenvectors (n, n), and a function returning the
 #: gradient of a weighted sum of the eigenvalues.
 Eigenvalues = Callable[[Array], tuple[Array, Array, Callable[[Array], Array]]]
 

@@ -26,9 +26,8 @@ a branch or run that ends there. `checkpoint` and `surface` are the names of its
 - Paths: the columns of evolutions, with the arc length as `time`, and `gamma`.
 
 Every line contains its number and ends with the CRC-32 of the preceding text. A run may be killed
-at any
-time: an incomplete last line is ignored. Any other damaged or missing line is an error. Reading a
-journal requires only the standard library and NumPy:
+at any time: an incomplete last line is ignored. Any other damaged or missing line is an error.
+Reading a journal requires only the standard library and NumPy:
 
     journal = read_journal(folder)
     journal.columns(), journal.rows(), journal.to_pandas()    one value or row per point or step

@@ -68,7 +68,7 @@ def manifest_of(
         problem: contact problem.
         method: description of the method and its parameters.
         forms: additional UFL forms by name, such as a damping form.
-        driven: expressions that define Dirichlet data driven by a parameter.
+        driven: expressions defining Dirichlet data driven by a parameter.
 
     Raises:
         ValueError: on every rank, if the cells of the mesh have no numbers, as in a submesh.
@@ -342,7 +342,7 @@ def _sliding(s: DiscreteSurface) -> list[Any]:
     """Describe the kind of sliding of a surface. Collective.
 
     The items are the search distance, planes of symmetry and the removed overlap, and for
-    self-contact the direction that selects the slave facets.
+    self-contact the direction selecting the slave facets.
     """
     kind: list[Any] = ["along its obstacle" if s.displaced is not None else "small"]
     if s.slides:

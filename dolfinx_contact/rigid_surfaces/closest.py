@@ -173,7 +173,7 @@ def _covered(corners: Array) -> tuple[Array, Ints, Array]:
 
 
 def _radii(corners: Array) -> Array:
-    """Return the radii of balls centred at the midpoints of facets that contain the facets."""
+    """Return the radii of balls containing the facets, centred at their midpoints."""
     away = np.linalg.norm(corners - corners.mean(axis=1, keepdims=True), axis=2)
     return np.asarray(away.max(axis=1))
 

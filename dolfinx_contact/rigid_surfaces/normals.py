@@ -10,7 +10,7 @@ combinations along edges of facets, thus satisfy
 The normals of any other smooth surface satisfy this condition up to the order h^3. Normals are
 computed by least squares, as close to an initial guess as the condition allows, since the edges of
 strips of facets do not determine them. The guess is the sum of e_1 x e_2 / (|e_1|^2 |e_2|^2) over
-the facets around a point, where e_1 and e_2 are the edges that meet there; it is exact for a sphere
+the facets around a point, where e_1 and e_2 are the edges meeting there; it is exact for a sphere
 through the points (Max, J. Graphics Tools 4(2), 1999). For segments the guess is the sum of n_s /
 |s|, which is exact for a circle. Between a flat and a curved part the guess is the normal of the
 flat part, which is preserved. Flat parts must have at least two triangles, because the normal of a
@@ -155,7 +155,7 @@ def _averaged(weights: Array, across: Array, fans: Ints) -> Array:
 def _along_edges(
     edges_of_fans: tuple[Ints, Ints, Array], guess: Array, fans: Ints, part: Array
 ) -> Array:
-    """Return normals (k, dim, dim) that satisfy the edge condition by least squares.
+    """Return normals (k, dim, dim) satisfying the edge condition by least squares.
 
     Args:
         edges_of_fans: result of `_edges`.

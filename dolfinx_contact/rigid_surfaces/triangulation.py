@@ -144,7 +144,7 @@ class _Ridges:
 
         Args:
             cells: points of the facets, shape (k, dim).
-            joined: mask of the interior ridges that connect facets.
+            joined: mask of the interior ridges connecting facets.
         """
         links = []
         for column in range(self.dim - 1):
