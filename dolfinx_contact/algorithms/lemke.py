@@ -67,7 +67,7 @@ _LARGEST_VIOLATION = 1e-7  # relative violation above which an answer is rejecte
 
 
 class RayTermination(ArithmeticError):
-    """Error: Lemke's method ended in a ray, exceeded its pivots, or failed due to round-off."""
+    """Error raised if Lemke's method ends in a ray, after too many pivots, or by round-off."""
 
 
 @dataclass(frozen=True)

@@ -148,7 +148,7 @@ class Walker(ABC):
         return changing or [p for p, rate in rates if abs(rate) <= least]
 
     def correction(self, x: PETSc.Vec, point: BranchPoint) -> float:
-        """Return the largest change of an unknown by the correction of a start."""
+        """Return the largest difference between the unknowns at a point and a state ``x``."""
         return self.bordered.largest(point.y.array_r[: x.getLocalSize()] - x.array_r)
 
     @abstractmethod

@@ -276,7 +276,7 @@ class PathHistory(History):
 
 
 class NoContinuation(RuntimeError):
-    """Error: an evolution does not continue; the problem is in the last accepted state.
+    """Error raised if an evolution does not continue; the problem is in the last accepted state.
 
     The message states the cause: provably no continuation exists, no continuation was found, or
     steps were not solved.

@@ -299,8 +299,8 @@ class MotionStepper(Stepper):
         Args:
             eq: equations of the step.
             term: term of the surface.
-            at: kinematics at the reference configuration of friction; the law adds - n . (jump at w
-                - jump there).
+            at: kinematics at the reference configuration of friction; the law subtracts
+                n . (jump at w - jump there) from the gap.
             a: motion at the start of the step.
             step: time step.
             dq: increment of the unknowns of the rigid bodies.
@@ -413,7 +413,7 @@ def _evaluation_at(eq: ContactEquations, solution: Evaluation, u: Array) -> Eval
 
 
 class HeldNodes:
-    """Checks that displacement and velocity of a motion agree with its Dirichlet data.
+    """Check of the displacement and velocity of a motion against its Dirichlet data.
 
     Args:
         problem: contact problem of a time step.

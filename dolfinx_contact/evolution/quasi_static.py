@@ -108,7 +108,7 @@ class Evolution(Runnable[HistoryTask, History]):
 
 
 def check_run(a: Arguments) -> None:
-    """Check times and listeners of a run through times; times become numbers."""
+    """Check the times and listeners of a run through times; convert the times to numbers."""
     a.times = checked_times(a.times, None if a.start is not None else a.self._accepted)
     Listeners.of(a).check(a.self._record)
 

@@ -55,10 +55,10 @@ def cones(
         scale: factors from forces in w, which are lengths, to tractions, shape (n,).
 
     Returns:
-        Bases B (n, 4, 4, 2), inequalities C (n, 4, 3, 4) padded by zero rows, and existing statuses
-        (n, 4). Bases are oriented consistently with the rows of the law: up to a sign common to all
-        statuses, det (M B) has the sign of the determinant of the equations M w = p together with t
-        - tau(j, t) = 0.
+        Bases B (n, 4, 4, 2), inequalities C (n, 4, 3, 4) padded by zero rows, and a mask of the
+        existing statuses (n, 4). Bases are oriented consistently with the rows of the law: up to a
+        sign common to all statuses, det (M B) has the sign of the determinant of the equations
+        M w = p and t - tau(j, t) = 0.
     """
     n = law.number
     B = np.zeros((n, _STATUSES, 4, 2))

@@ -203,7 +203,7 @@ def known_step(e: Any, symbol: Variable, step: float) -> Any:
 
 
 class _Decided(MultiFunction):  # type: ignore[misc]
-    """Replace conditionals by the branch that applies to the given step."""
+    """Replacement of conditionals by the branch that applies to the given step."""
 
     def __init__(self, symbol: Variable, step: float):
         super().__init__()

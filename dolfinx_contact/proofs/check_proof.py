@@ -2234,7 +2234,7 @@ def _forms_of_given(
 
 
 class InvalidCertificate(ValueError):
-    """Error: the file is not a proof, was changed, or contains a step that does not hold."""
+    """Error raised if a file is not a proof, was changed, or contains an invalid step."""
 
 
 @dataclass

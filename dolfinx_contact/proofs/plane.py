@@ -201,7 +201,7 @@ class PlaneSearch(Search[StatusRegion]):
         applied until it excludes nothing.
 
         Args:
-            region: region; it is changed.
+            region: region, modified in place.
             y: multipliers, shape (2 m,).
 
         Returns:

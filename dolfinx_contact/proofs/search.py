@@ -157,7 +157,7 @@ class Search(Generic[R]):
         """Exclude the statuses or cells that a vector of multipliers proves impossible.
 
         Args:
-            region: region; it is changed.
+            region: region, modified in place.
             y: multipliers, shape (dim m,).
 
         Returns:

@@ -26,7 +26,7 @@ _DAMAGE = (zipfile.BadZipFile, zlib.error, EOFError, ValueError, RuntimeError, O
 
 
 class DamagedFile(ValueError):
-    """Error: a file of a record is missing, damaged or replaced."""
+    """Error raised if a file of a record is missing, damaged or replaced."""
 
 
 def save(file: Path, arrays: Arrays) -> str:

@@ -77,8 +77,9 @@ class BranchRecord(Record[Journal]):
         OSError: on every rank, if the folder cannot be written to, another run records there, or
             the existence of a record contradicts ``resume``. Later, during the continuation, if a
             point cannot be written: the record then ends with the previous point and can be
-            resumed. ValueError: on every rank, if the journal is damaged or belongs to another
-            problem, or if arguments differ between ranks. Nothing is written in this case.
+            resumed.
+        ValueError: on every rank, if the journal is damaged or belongs to another problem, or if
+            arguments differ between ranks. Nothing is written in this case.
 
     Example:
         Follow a branch with a record, and read the record::

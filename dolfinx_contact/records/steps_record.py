@@ -364,8 +364,8 @@ class EvolutionRecord(StepsRecord[EvolutionJournal, History]):
         OSError: on every rank, if the folder cannot be written to, another run records there, or
             the existence of a record contradicts ``resume``. Later, during the run, if a step
             cannot be written: the record then ends with the previous step and can be resumed.
-            ValueError: on every rank, if the journal is damaged or belongs to another problem or
-            load, or if arguments differ between ranks. Nothing is written in this case.
+        ValueError: on every rank, if the journal is damaged or belongs to another problem or load,
+            or if arguments differ between ranks. Nothing is written in this case.
 
     Example:
         Record a run, and read the record::
