@@ -25,7 +25,7 @@ from ufl.corealg.traversal import unique_pre_traversal
 
 from dolfinx_contact._arrays import Array, Indices
 from dolfinx_contact._compat import dirichlet_value
-from dolfinx_contact._mpi import anywhere, minimum, require, same_everywhere
+from dolfinx_contact._mpi import anywhere, count_of, minimum, require, same_everywhere
 from dolfinx_contact._ufl import refuse_other_condition, refuse_other_mesh
 from dolfinx_contact._validate import count
 from dolfinx_contact._validate import listed as as_list
@@ -354,8 +354,8 @@ def unintended(
         V: space of the displacement.
         bcs: Dirichlet conditions.
     """
-    empty = *_empty(form, V.mesh), *_without_dofs(V, bcs), *_uncovered(form, V.mesh)
-    return dict([*empty, *_hourglass(form, V), *_locking(form, V)])
+    of_form = *_empty(form, V.mesh), *_hourglass(form, V), *_locking(form, V)
+    return dict([*_without_dofs(V, bcs), *of_form])
 
 
 def _without_dofs(V: fem.FunctionSpace, bcs: Sequence[fem.DirichletBC]) -> Iterator[_Warning]:
@@ -367,43 +367,38 @@ def _without_dofs(V: fem.FunctionSpace, bcs: Sequence[fem.DirichletBC]) -> Itera
 
 
 def _empty(form: ufl.Form, domain: mesh.Mesh) -> Iterator[_Warning]:
-    """Yield warnings about integrals over nothing. Collective."""
-    domain.topology.create_connectivity(domain.topology.dim - 1, domain.topology.dim)
+    """Yield warnings about integrals over nothing, and cells without an integral. Collective."""
+    dim = domain.topology.dim
+    domain.topology.create_connectivity(dim - 1, dim)
+    covered = np.zeros(domain.topology.index_map(dim).size_local, dtype=bool)
+    tags: dict[int, int] = {}  # of the cells in the data of the measures
     for integral in form.integrals():
         kind = integral.integral_type()
+        data = integral.subdomain_data()
+        if kind == "cell" and isinstance(data, mesh.MeshTags):
+            tags |= zip(data.indices.tolist(), data.values.tolist(), strict=True)
         for number in _ids(integral):
-            if isinstance(number, str):
+            if isinstance(number, str):  # over all cells or facets
+                covered |= kind == "cell"
                 continue
             found, tagged = _entities(integral, number, domain)
+            if kind == "cell":
+                covered[tagged] = True
             if domain.comm.allreduce(found):
                 continue
             reason = "no cell or facet has this tag"
-            if integral.subdomain_data() is None:
+            if data is None:
                 reason = "its measure has no subdomain_data"
             elif domain.comm.allreduce(len(tagged)):
                 where = "on the boundary" if kind == "interior_facet" else "between cells"
                 reason = f"all facets with this tag are {where}"
             name = f"{_MEASURES.get(kind, 'the measure')}({number})"
             yield f"integral over {name}", f"an integral over {name} is 0: {reason}"
-
-
-def _uncovered(form: ufl.Form, domain: mesh.Mesh) -> Iterator[_Warning]:
-    """Yield a warning about cells without an integral, which have no stiffness. Collective."""
-    covered = np.zeros(domain.topology.index_map(domain.topology.dim).size_local, dtype=bool)
-    tags: dict[int, int] = {}  # of the cells in the data of the measures
-    for integral in form.integrals_by_type("cell"):
-        for number in _ids(integral):
-            if isinstance(number, str):  # over all cells
-                return
-            covered[_entities(integral, number, domain)[1]] = True
-        data = integral.subdomain_data()
-        if isinstance(data, mesh.MeshTags):
-            tags |= zip(data.indices.tolist(), data.values.tolist(), strict=True)
-    count = domain.comm.allreduce(int((~covered).sum()))
+    count = count_of(domain.comm, ~covered)
     if count:
         own = {tag for cell, tag in tags.items() if cell < len(covered) and not covered[cell]}
-        found = sorted(set().union(*domain.comm.allgather(own)))
-        names = f"; their tags: {', '.join(map(str, found))}" if found else ""
+        every = sorted(set().union(*domain.comm.allgather(own)))
+        names = f"; their tags: {', '.join(map(str, every))}" if every else ""
         yield "cells", f"{count} cells have no integral over dx, and no stiffness{names}"
 
 
