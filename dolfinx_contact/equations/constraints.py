@@ -153,6 +153,11 @@ class Constraints:
         f.x.scatter_forward()
         return f.x.array.reshape(-1, self._V.dofmap.index_map_bs).copy()
 
+    @property
+    def load(self) -> float:
+        """Applied fraction of the load."""
+        return 1.0 if self.ramp is None else self.ramp.fraction
+
     def read_data(self) -> None:
         """Read the present Dirichlet values, loads and motions of the user. Collective."""
         self._data = self.values(fill=0.0).reshape(-1)

@@ -30,7 +30,7 @@ _ASIDE = 1e-6  # cosine of motion and normal below which a body slides past a po
 _BANDS = (_TOUCHES, *0.5 ** np.arange(20, -1, -1))
 
 
-def touches_nothing(eq: ContactEquations, load: float, state: Evaluation) -> bool:
+def touches_nothing(eq: ContactEquations, state: Evaluation) -> bool:
     """Return whether the present contact is insignificant compared with the load. Collective.
 
     Faces that coincide have gaps of round-off, a few of which are negative. Without pressure these
@@ -39,12 +39,11 @@ def touches_nothing(eq: ContactEquations, load: float, state: Evaluation) -> boo
 
     Args:
         eq: contact problem.
-        load: applied part of the prescribed motion.
         state: evaluation; a traction counts as the penetration that would cause it by the
             augmentation.
     """
     nothing = True
-    for found, reach in zip(state.surfaces, _reaches(eq, load, state), strict=True):
+    for found, reach in zip(state.surfaces, _reaches(eq, state), strict=True):
         which = closed(found.statuses)
         gap = np.abs(found.kinematics.gap[which])
         pressed = np.linalg.norm(found.traction[which], axis=1)
@@ -55,7 +54,7 @@ def touches_nothing(eq: ContactEquations, load: float, state: Evaluation) -> boo
     return not anywhere(eq.comm, not nothing)[0]
 
 
-def touching(eq: ContactEquations, load: float, state: Evaluation) -> Statuses:
+def touching(eq: ContactEquations, state: Evaluation) -> Statuses:
     """Return statuses in which all points stick that the load may close. Collective.
 
     If that leaves a rigid body loose, the points nearest to it stick as well, as many as are needed
@@ -64,11 +63,10 @@ def touching(eq: ContactEquations, load: float, state: Evaluation) -> Statuses:
 
     Args:
         eq: contact problem.
-        load: applied part of the prescribed motion.
         state: evaluation of the start.
     """
     gaps = [term.gaps(state) for term in eq.terms]
-    reaches = [max(reach, _TOUCHES * eq.body_size) for reach in _reaches(eq, load, state)]
+    reaches = [max(reach, _TOUCHES * eq.body_size) for reach in _reaches(eq, state)]
     found = _within(eq, gaps, reaches)
     if not eq.scaling.not_held(found):
         return found
@@ -106,8 +104,9 @@ def _nearest(eq: ContactEquations, gaps: Sequence[Array], state: Evaluation) -> 
     return [float(gap) for gap in nearest]
 
 
-def _reaches(eq: ContactEquations, load: float, state: Evaluation) -> list[float]:
+def _reaches(eq: ContactEquations, state: Evaluation) -> list[float]:
     """Return gaps up to which points are expected to close, by surface. Collective."""
+    load = eq.constraints.load
     return [
         load * (eq.constraints.reach(term.surface, state.u) + _rigid_reach(eq, term, state))
         for term in eq.terms

@@ -213,12 +213,6 @@ class Newton:
         return float(self.snes.getTolerances()[0])
 
     @property
-    def _load(self) -> float:
-        """Applied fraction of the load."""
-        ramp = self.equations.constraints.ramp
-        return 1.0 if ramp is None else ramp.fraction
-
-    @property
     def max_iterations(self) -> int:
         """Largest number of steps of a run."""
         return int(self.snes.getTolerances()[3])
@@ -259,7 +253,12 @@ class Newton:
             y.copy(x)
             reason = self.snes.getConvergedReason()
             # Only H under the whole load, with its own statuses, is the state of the result.
-            if reason > 0 and held is None and self._load == 1.0 and self._is_known(x):
+            if (
+                reason > 0
+                and held is None
+                and self.equations.constraints.load == 1.0
+                and self._is_known(x)
+            ):
                 attempt.state = self._memo
         except LinearSolverError as error:
             attempt.reason = str(error)
@@ -416,7 +415,7 @@ class Newton:
             changed = differs(statuses, run.history[-1][0])
             flips = count_of(self.comm, np.concatenate(changed))
         krylov = self.snes.getKSP().getIterationNumber() if it > 0 else 0
-        step = Step(it, measures, flips, self._load, krylov)
+        step = Step(it, measures, flips, self.equations.constraints.load, krylov)
         run.attempt.steps.append(step)
         if self.comm.rank == 0:
             logger.info("%s, %s", run.attempt.strategy, step)
@@ -450,10 +449,10 @@ class Newton:
         only replaced if a body would float.
         """
         eq, run = self.equations, self._run
-        run.warm = not touches_nothing(eq, self._load, state)
+        run.warm = not touches_nothing(eq, state)
         cold = self._full_steps and not run.warm and run.held is None
         if cold or eq.scaling.not_held(statuses, state):
-            run.guess = statuses = touching(eq, self._load, state)
+            run.guess = statuses = touching(eq, state)
         return statuses
 
     def _floats(self, statuses: Statuses, state: Evaluation) -> bool:
