@@ -231,8 +231,8 @@ class Newton:
         Args:
             x: start; receives the solution, or the last iterate.
             attempt: attempt recording the iterates, the reason of the end, and the evaluation
-                at a solution of H under the whole load.
-            start: evaluation at the start under the whole load, if available.
+                at a solution of H.
+            start: evaluation at the start, if available.
             held: statuses with which H is evaluated; default: those determined by the unknowns.
             most: number of steps after which the run ends successfully; default: none.
 
@@ -252,13 +252,8 @@ class Newton:
                 self._retry(y)
             y.copy(x)
             reason = self.snes.getConvergedReason()
-            # Only H under the whole load, with its own statuses, is the state of the result.
-            if (
-                reason > 0
-                and held is None
-                and self.equations.constraints.load == 1.0
-                and self._is_known(x)
-            ):
+            # Only H with its own statuses is the state of the result.
+            if reason > 0 and held is None and self._is_known(x):
                 attempt.state = self._memo
         except LinearSolverError as error:
             attempt.reason = str(error)
