@@ -214,6 +214,7 @@ class RigidBodies:
 
     Attributes:
         bodies: rigid bodies, in the order of the surfaces.
+        slices: places of the unknowns of each body.
         size: number of unknowns.
         owned: number of unknowns on this rank.
         fixed: mask of the prescribed unknowns, shape (size,).
@@ -228,22 +229,19 @@ class RigidBodies:
     def __init__(self, V: fem.FunctionSpace, surfaces: Sequence[DiscreteSurface], body_size: float):
         self.comm = V.mesh.comm
         self.surfaces = list(surfaces)
-        self.bodies: list[RigidBody] = []
-        for s in surfaces:
-            if s.rigid_body is not None and not any(s.rigid_body is b for b in self.bodies):
-                self.bodies.append(s.rigid_body)
+        touched = [s.rigid_body for s in surfaces if s.rigid_body is not None]
+        self.bodies = list(dict.fromkeys(touched))
         names = [b.name for b in self.bodies]
         unique = len(set(names)) == len(names)
         require(self.comm, unique, f"rigid bodies need different names, got {names}")
-        sizes = [len(b.components) for b in self.bodies]
-        ends = np.cumsum([0, *sizes])
-        self.slices = [slice(int(a), int(b)) for a, b in pairwise(ends)]
-        self.size = int(ends[-1])
+        ends = np.cumsum([0, *(len(b.components) for b in self.bodies)]).tolist()
+        self.slices = {b: slice(*c) for b, c in zip(self.bodies, pairwise(ends), strict=True)}
+        self.size: int = ends[-1]
         self.owned = self.size if self.comm.rank == 0 else 0
         none = np.zeros(0, dtype=bool)
         self.fixed = np.concatenate([none, *(b.fixed for b in self.bodies)])
         self.units = np.ones(self.size)
-        for b, part in zip(self.bodies, self.slices, strict=True):
+        for b, part in self.slices.items():
             self.units[part][b.dim :] = self._reach(b) or body_size
         self.read_data()
 
@@ -251,11 +249,6 @@ class RigidBodies:
         """Return the largest distance of a contact point from the reference point. Collective."""
         touching = [s.positions for s in self.surfaces if s.rigid_body is body]
         return maximum(self.comm, np.linalg.norm(np.concatenate(touching) - body.about, axis=1))
-
-    def slice_of(self, body: RigidBody) -> slice:
-        """Return the places of the unknowns of a body."""
-        pairs = zip(self.bodies, self.slices, strict=True)
-        return next(part for b, part in pairs if b is body)
 
     # -- values ----------------------------------------------------------------------------------
 
@@ -266,7 +259,7 @@ class RigidBodies:
 
     def show(self, q: Array) -> None:
         """Copy unknowns into the motions of the bodies."""
-        for b, part in zip(self.bodies, self.slices, strict=True):
+        for b, part in self.slices.items():
             b.values = (q / self.units)[part].copy()
 
     def everywhere(self, mine: Array) -> Array:
@@ -281,16 +274,16 @@ class RigidBodies:
 
     def of_body(self, q: Array, body: RigidBody) -> Array:
         """Return displacement and rotation of a body."""
-        return np.asarray((q / self.units)[self.slice_of(body)])
+        return np.asarray((q / self.units)[self.slices[body]])
 
     def forces_of_body(self, rows: Array, body: RigidBody) -> Array:
         """Return force and moment on a body from rows."""
-        return np.asarray((rows * self.units)[self.slice_of(body)])
+        return np.asarray((rows * self.units)[self.slices[body]])
 
     def conjugate(self, q: Array, pushes: Array) -> Array:
         """Return forces conjugate to the unknowns from forces and moments in their rows."""
         found = pushes.copy()
-        for b, part in zip(self.bodies, self.slices, strict=True):
+        for b, part in self.slices.items():
             if any(s.partner.turns and s.rigid_body is b for s in self.surfaces):
                 found[part][b.dim :] = (
                     b.kinematics.spin(self.of_body(q, b)).T @ pushes[part][b.dim :]
@@ -483,7 +476,7 @@ class RigidTerm(SurfaceTerm):
     @cached_property
     def motion_slice(self) -> slice:
         """Places of the motion of the rigid body among the unknowns q."""
-        return self.bodies.slice_of(self.body)
+        return self.bodies.slices[self.body]
 
     def motion(self, q: Array) -> Array:
         return self.bodies.of_body(q, self.body)

@@ -147,7 +147,7 @@ def bring_together(eq: ContactEquations, x: PETSc.Vec) -> None:
         return
     state = eq.contact(x)
     moved = state.q.copy()
-    for body, part in zip(eq.rigid.bodies, eq.rigid.slices, strict=True):
+    for body, part in eq.rigid.slices.items():
         load = eq.rigid.loads[part][: body.dim]
         size = float(np.linalg.norm(load))
         if size == 0:
