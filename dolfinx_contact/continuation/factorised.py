@@ -202,7 +202,7 @@ class _RowUpdate:
         return solved
 
     def apply(self, pc: PETSc.PC, b: PETSc.Vec, x: PETSc.Vec) -> None:
-        """Precondition GMRES, called by PETSc."""
+        """Apply the preconditioner of GMRES; called by PETSc."""
         if not self.solve(b, x):
             pc.setFailedReason(PETSc.PC.FailedReason.OTHER)
 

@@ -373,7 +373,7 @@ class Stepper:
             eq.constraints.check_values(eq.surfaces, eq.body_size)
 
     def _evaluated(self, law: ContactProblem) -> Evaluation:
-        """Evaluate a start. Collective."""
+        """Return the evaluation of the start of an evolution. Collective."""
         return law.evaluate()
 
     def _first_energies(
