@@ -311,9 +311,9 @@ def test_mean_dilatation_refuses_simplices_and_other_degrees():
     with pytest.raises(ValueError, match="plane stress does not lock"):
         thin.mean_dilatation_energy(fem.Function(V))
     u = fem.Function(V)
-    with pytest.raises(ValueError, match=r"of a StVenantKirchhoff .* is unknown"):
+    with pytest.raises(ValueError, match=r"energy of a StVenantKirchhoff is unknown"):
         StVenantKirchhoff(1.0, 1.0).mean_dilatation_energy(u)
-    with pytest.raises(ValueError, match=r"of a StVenantKirchhoff .* is unknown"):
+    with pytest.raises(ValueError, match=r"energy of a StVenantKirchhoff is unknown"):
         Axisymmetric(StVenantKirchhoff(1.0, 1.0)).mean_dilatation_stress(u)
     for measure in (ufl.ds, ufl.dx(1) + ufl.dx(2), 2.0):
         with pytest.raises(ValueError, match="dx must be a cell measure"):
