@@ -190,7 +190,7 @@ class Slip:
         eq = self._eq
         loose = free_motions(eq, [self.N, self.H])
         if len(loose):
-            words = rigid.describe(loose, eq.V, rigid.parts(eq.V), axisymmetric=eq.axisymmetric)
+            words = eq.scaling.parts.describe(loose)
             raise ValueError(f"the body slides without resistance ({words}): nothing is critical")
 
     def in_order(self, values: Array) -> tuple[Array, Array]:

@@ -30,7 +30,7 @@ from dolfinx_contact._arrays import Mask
 from dolfinx_contact._forms import compiled_form
 from dolfinx_contact._mpi import require
 from dolfinx_contact._petsc import product
-from dolfinx_contact.body.rigid import combine, parts, rigid_motions
+from dolfinx_contact.body.rigid import Parts, combine
 
 __all__ = ["Mass", "inertia_error", "mass_matrix"]
 
@@ -96,7 +96,7 @@ def inertia_error(
     """
     comm = V.mesh.comm
     n = V.dofmap.index_map.size_local
-    modes = rigid_motions(V, parts(V), axisymmetric=axisymmetric)
+    modes = Parts(V, axisymmetric=axisymmetric).motions()
     held = np.where(fixed[None, :n], modes[:, :n], 0.0).reshape(len(modes), -1)
     modes = combine(comm.allreduce(held @ held.T), modes)
     if not len(modes):

@@ -17,20 +17,7 @@ from dolfinx_contact._mpi import largest, total
 from dolfinx_contact._petsc import product
 from dolfinx_contact.body.cells import vertex_moments
 
-__all__ = [
-    "bounding_box",
-    "combine",
-    "describe",
-    "differences",
-    "extents",
-    "free_motions",
-    "largest_turn",
-    "loose",
-    "number_of_parts",
-    "parts",
-    "rigid_motions",
-    "sums_of_parts",
-]
+__all__ = ["Parts", "bounding_box", "combine", "loose", "parts", "sums_of_parts"]
 
 _NAMES = {
     2: ("translation x", "translation y", "rotation"),
@@ -78,33 +65,170 @@ def parts(V: fem.FunctionSpace) -> Indices:
     return np.searchsorted(present, whole).astype(np.int32)
 
 
-def extents(V: fem.FunctionSpace, part: Indices) -> Array:
-    """Return the size of every connected part, a rotation-invariant length. Collective.
-
-    The size is sqrt(12) times the root mean square distance from the centre of mass: the diagonal
-    of a rectangle or box, or 1.22 times the diameter of a disc. Curved or warped cells are
-    replaced by simplices or parallelepipeds (`cells.vertex_moments`).
+class Parts:
+    """Connected parts of a mesh, and their rigid motions. All methods are collective.
 
     Args:
         V: space of the displacement.
-        part: index of the connected part of each local node (`parts`).
+        axisymmetric: whether the body is a body of revolution.
+        joined: whether to treat all of the mesh as one part.
+
+    Attributes:
+        of_nodes: index of the part of each local node.
+        number: number of parts.
     """
-    domain = V.mesh
-    comm = domain.comm
-    n = domain.topology.index_map(domain.topology.dim).size_local
-    number = number_of_parts(comm, part[: V.dofmap.index_map.size_local])
-    middle, volume, spread = vertex_moments(domain)
-    p = part[V.dofmap.list[:n, 0]]
-    sums = sums_of_parts(comm, number, p, np.column_stack([volume, *(volume * middle)]))
-    size = sums[:, 0]
-    middle -= (sums[:, 1:].T / size)[:, p]
-    about = volume * (spread + np.einsum("in,in->n", middle, middle))
-    return np.asarray(np.sqrt(12.0 * sums_of_parts(comm, number, p, about) / size))
 
+    def __init__(self, V: fem.FunctionSpace, *, axisymmetric: bool = False, joined: bool = False):
+        self.V = V
+        self.comm = V.mesh.comm
+        self.axisymmetric = axisymmetric
+        self._dim = V.mesh.geometry.dim
+        index_map = V.dofmap.index_map
+        self._n = index_map.size_local
+        size = self._n + index_map.num_ghosts
+        self.of_nodes = np.zeros(size, dtype=np.int32) if joined else parts(V)
+        self.number = int(largest(self.comm, self.of_owned.max(initial=-1))) + 1
 
-def number_of_parts(comm: MPI.Comm, part: Indices) -> int:
-    """Return the number of connected parts, given the part of each owned node. Collective."""
-    return int(comm.allreduce(int(part.max(initial=-1)), op=max)) + 1
+    @property
+    def of_owned(self) -> Indices:
+        """Index of the part of each owned node."""
+        return self.of_nodes[: self._n]
+
+    def extents(self) -> Array:
+        """Return the size of every part, a rotation-invariant length.
+
+        The size is sqrt(12) times the root mean square distance from the centre of mass: the
+        diagonal of a rectangle or box, or 1.22 times the diameter of a disc. Curved or warped cells
+        are replaced by simplices or parallelepipeds (`cells.vertex_moments`).
+        """
+        domain = self.V.mesh
+        n = domain.topology.index_map(domain.topology.dim).size_local
+        middle, volume, spread = vertex_moments(domain)
+        p = self.of_nodes[self.V.dofmap.list[:n, 0]]
+        sums = self.sums(np.column_stack([volume, *(volume * middle)]), p)
+        size = sums[:, 0]
+        middle -= (sums[:, 1:].T / size)[:, p]
+        about = volume * (spread + np.einsum("in,in->n", middle, middle))
+        return np.asarray(np.sqrt(12.0 * self.sums(about, p) / size))
+
+    def sums(self, values: Array, part: Indices | None = None) -> Array:
+        """Return sums over the nodes or cells of every part, shape (number, ...).
+
+        Args:
+            values: values at nodes or cells of this rank, shape (n, ...).
+            part: index of the part of each of them; default: values are at the owned nodes.
+        """
+        return sums_of_parts(
+            self.comm, self.number, self.of_owned if part is None else part, values
+        )
+
+    def motions(self) -> Array:
+        """Return infinitesimal rigid motions of every part.
+
+        Rotations are about the centre of the part and divided by its size, so that all motions are
+        lengths. A body of revolution has the axial translation only.
+
+        Returns:
+            Motions at the local nodes, ordered by part, shape (motions, nodes, dim).
+        """
+        dim = self._dim
+        x = node_positions(self.V)[:, :dim]
+        axes = [(0, 1)] if dim == 2 else [(1, 2), (2, 0), (0, 1)]
+        modes = np.zeros((self.number, dim + len(axes), len(x), dim))
+        for p in range(self.number):
+            inside = self.of_nodes == p
+            here = x[inside]
+            low, high = bounding_box(self.comm, here)
+            here = (here - (low + high) / 2) / np.linalg.norm(high - low)
+            for i in range(dim):
+                modes[p, i, inside, i] = 1.0
+            for k, (i, j) in enumerate(axes):
+                modes[p, dim + k, inside, i] = -here[:, j]
+                modes[p, dim + k, inside, j] = here[:, i]
+        if self.axisymmetric:
+            modes = modes[:, 1:2]
+        return modes.reshape(self.number * modes.shape[1], len(x), dim)
+
+    def free_motions(self, K: PETSc.Mat, fixed: Mask) -> Array:
+        """Return the rigid motions resisted neither by the stiffness nor by Dirichlet conditions.
+
+        Args:
+            K: stiffness of the body without Dirichlet conditions.
+            fixed: mask of components with Dirichlet conditions, shape (local nodes, dim).
+
+        Returns:
+            Motions at the local nodes, shape (free motions, nodes, dim).
+        """
+        modes = self.motions()
+        owned = self._owned(modes)
+        held = np.where(fixed[: self._n].reshape(-1), owned, 0.0)
+        by_data = total(self.comm, held @ held.T)
+        if not len(loose(by_data)):
+            return modes[:0]
+        scale = K.norm(PETSc.NormType.NORM_INFINITY)
+        resisting = np.array([product(K, mode) for mode in owned]) / scale
+        return combine(by_data + total(self.comm, resisting @ resisting.T), modes)
+
+    def describe(self, free: Array) -> str:
+        """Return the names of the rigid motions that contribute to ``free``."""
+        A = self._owned(self.motions())
+        B = self._owned(free)
+        coefficients = np.linalg.solve(total(self.comm, A @ A.T), total(self.comm, A @ B.T))
+        size = np.abs(coefficients).max(axis=1)
+        names = ("axial translation",) if self.axisymmetric else _NAMES[self._dim]
+        if self.number > 1:
+            names = tuple(
+                f"{name} of part {p + 1} of {self.number}"
+                for p in range(self.number)
+                for name in names
+            )
+        return ", ".join(name for name, s in zip(names, size, strict=True) if s > 1e-6 * size.max())
+
+    def _owned(self, motions: Array) -> Array:
+        """Return motions at the owned dofs, shape (motions, dofs)."""
+        return motions[:, : self._n].reshape(len(motions), self._n * self._dim)
+
+    def largest_turn(self, nodes: Array, u: Array) -> float:
+        """Return the largest linearised mean rotation of the parts, in radians.
+
+        The rotation belongs to the rigid motion that is closest to the nodal displacement in the
+        least-squares sense.
+
+        Args:
+            nodes: positions of the local nodes, shape (n, dim).
+            u: local values of the displacement.
+        """
+        dim = self._dim
+        x = nodes[: self._n]
+        u = u.reshape(-1, dim)[: self._n]
+        p = self.of_owned
+        sums = self.sums(np.hstack([np.ones((self._n, 1)), x, u]))
+        means = sums[:, 1:] / sums[:, :1]
+        here, moved = in_space(x - means[p, :dim]), in_space(u - means[p, dim:])
+        squares = dot(here, here)[:, None, None] * np.eye(3)
+        inertia = self.sums(squares - here[:, :, None] * here[:, None, :])
+        momentum = self.sums(np.asarray(np.cross(here, moved), np.float64))
+        turns = np.einsum("pij,pj->pi", np.linalg.pinv(inertia, hermitian=True), momentum)
+        return float(np.linalg.norm(turns, axis=1).max(initial=0.0))
+
+    def differences(self, nodes: Array, u: Array) -> tuple[Array, Array]:
+        """Return displacement differences and extents of the parts.
+
+        Args:
+            nodes: positions of the local nodes, shape (n, dim).
+            u: local values of the displacement.
+
+        Returns:
+            The largest difference of a displacement component between two nodes of each part, shape
+            (parts,), and its extents along the coordinate axes, shape (parts, dim).
+        """
+        dim = self._dim
+        values = np.hstack([u.reshape(-1, dim)[: self._n], nodes[: self._n]])
+        ends = np.full((2, self.number, 2 * dim), -np.inf)
+        np.maximum.at(ends[0], self.of_owned, values)
+        np.maximum.at(ends[1], self.of_owned, -values)
+        ranges = np.sum(largest(self.comm, ends), axis=0)
+        return ranges[:, :dim].max(axis=1), ranges[:, dim:]
 
 
 def sums_of_parts(comm: MPI.Comm, number: int, part: Indices, values: Array) -> Array:
@@ -124,138 +248,11 @@ def sums_of_parts(comm: MPI.Comm, number: int, part: Indices, values: Array) -> 
     return total(comm, sums.T).reshape(number, *values.shape[1:])
 
 
-def rigid_motions(V: fem.FunctionSpace, part: Indices, *, axisymmetric: bool = False) -> Array:
-    """Return infinitesimal rigid motions of every connected part. Collective.
-
-    Rotations are about the centre of the part and divided by its size, so that all motions are
-    lengths. A body of revolution has the axial translation only.
-
-    Args:
-        V: space of the displacement.
-        part: index of the connected part of each local node (`parts`).
-        axisymmetric: whether the body is a body of revolution.
-
-    Returns:
-        Motions at the local nodes, ordered by part, shape (motions, nodes, dim).
-    """
-    comm = V.mesh.comm
-    dim = V.mesh.geometry.dim
-    x = node_positions(V)[:, :dim]
-    owned = V.dofmap.index_map.size_local
-    number = number_of_parts(comm, part[:owned])
-    axes = [(0, 1)] if dim == 2 else [(1, 2), (2, 0), (0, 1)]
-    modes = np.zeros((number, dim + len(axes), len(x), dim))
-    for p in range(number):
-        inside = part == p
-        here = x[inside]
-        low, high = bounding_box(comm, here)
-        here = (here - (low + high) / 2) / np.linalg.norm(high - low)
-        for i in range(dim):
-            modes[p, i, inside, i] = 1.0
-        for k, (i, j) in enumerate(axes):
-            modes[p, dim + k, inside, i] = -here[:, j]
-            modes[p, dim + k, inside, j] = here[:, i]
-    if axisymmetric:
-        modes = modes[:, 1:2]
-    return modes.reshape(number * modes.shape[1], len(x), dim)
-
-
-def largest_turn(
-    V: fem.FunctionSpace,
-    nodes: Array,
-    u: Array,
-    part: Indices,
-) -> float:
-    """Return the largest linearised mean rotation of the connected parts, in radians. Collective.
-
-    The rotation belongs to the rigid motion that is closest to the nodal displacement in the
-    least-squares sense.
-
-    Args:
-        V: space of the displacement.
-        nodes: positions of the local nodes, shape (n, dim).
-        u: local values of the displacement.
-        part: index of the connected part of each local node (`parts`).
-    """
-    comm = V.mesh.comm
-    dim = V.mesh.geometry.dim
-    n = V.dofmap.index_map.size_local
-    x = nodes[:n]
-    u = u.reshape(-1, dim)[:n]
-    p = part[:n]
-    number = number_of_parts(comm, p)
-    sums = sums_of_parts(comm, number, p, np.hstack([np.ones((n, 1)), x, u]))
-    means = sums[:, 1:] / sums[:, :1]
-    here, moved = in_space(x - means[p, :dim]), in_space(u - means[p, dim:])
-    squares = dot(here, here)[:, None, None] * np.eye(3)
-    inertia = sums_of_parts(comm, number, p, squares - here[:, :, None] * here[:, None, :])
-    momentum = sums_of_parts(comm, number, p, np.asarray(np.cross(here, moved), np.float64))
-    turns = np.einsum("pij,pj->pi", np.linalg.pinv(inertia, hermitian=True), momentum)
-    return float(np.linalg.norm(turns, axis=1).max(initial=0.0))
-
-
-def differences(V: fem.FunctionSpace, nodes: Array, u: Array, part: Indices) -> tuple[Array, Array]:
-    """Return displacement differences and extents of connected parts. Collective.
-
-    Args:
-        V: space of the displacement.
-        nodes: positions of the local nodes, shape (n, dim).
-        u: local values of the displacement.
-        part: index of the connected part of each local node (`parts`).
-
-    Returns:
-        The largest difference of a displacement component between two nodes of each part, shape
-        (parts,), and its extents along the coordinate axes, shape (parts, dim).
-    """
-    dim = V.mesh.geometry.dim
-    n = V.dofmap.index_map.size_local
-    p = part[:n]
-    values = np.hstack([u.reshape(-1, dim)[:n], nodes[:n]])
-    ends = np.full((2, number_of_parts(V.mesh.comm, p), 2 * dim), -np.inf)
-    np.maximum.at(ends[0], p, values)
-    np.maximum.at(ends[1], p, -values)
-    ranges = np.sum(largest(V.mesh.comm, ends), axis=0)
-    return ranges[:, :dim].max(axis=1), ranges[:, dim:]
-
-
 def bounding_box(comm: MPI.Comm, x: Array) -> tuple[Array, Array]:
     """Return the lowest and highest coordinates of points (n, dim) over all ranks. Collective."""
     ends = np.stack([-x.min(axis=0, initial=np.inf), x.max(axis=0, initial=-np.inf)])
     opposite, high = largest(comm, ends)
     return -opposite, high
-
-
-def free_motions(
-    K: PETSc.Mat,
-    V: fem.FunctionSpace,
-    part: Indices,
-    fixed: Mask,
-    *,
-    axisymmetric: bool = False,
-) -> Array:
-    """Return the rigid motions resisted neither by the stiffness nor by Dirichlet conditions.
-
-    Collective.
-
-    Args:
-        K: stiffness of the body without Dirichlet conditions.
-        V: space of the displacement.
-        part: index of the connected part of each local node (`parts`).
-        fixed: mask of components with Dirichlet conditions, shape (local nodes, dim).
-        axisymmetric: whether the body is a body of revolution.
-
-    Returns:
-        Motions at the local nodes, shape (free motions, nodes, dim).
-    """
-    modes = rigid_motions(V, part, axisymmetric=axisymmetric)
-    n = V.dofmap.index_map.size_local
-    held = np.where(fixed[None, :n], modes[:, :n], 0.0).reshape(len(modes), n * modes.shape[2])
-    by_data = total(V.mesh.comm, held @ held.T)
-    if not len(loose(by_data)):
-        return modes[:0]
-    scale = K.norm(PETSc.NormType.NORM_INFINITY)
-    resisting = np.array([product(K, mode[:n].reshape(-1)) for mode in modes]) / scale
-    return combine(by_data + total(V.mesh.comm, resisting @ resisting.T), modes)
 
 
 def combine(gram: Array, modes: Array) -> Array:
@@ -267,27 +264,3 @@ def loose(gram: Array) -> Array:
     """Return the null space of a Gram matrix, up to a relative tolerance of 1e-14."""
     values, vectors = np.linalg.eigh(gram)
     return np.asarray(vectors[:, values < 1e-14].T)
-
-
-def describe(
-    free: Array,
-    V: fem.FunctionSpace,
-    part: Indices,
-    *,
-    axisymmetric: bool = False,
-) -> str:
-    """Return the names of the rigid motions that contribute to ``free``. Collective."""
-    modes = rigid_motions(V, part, axisymmetric=axisymmetric)
-    n = V.dofmap.index_map.size_local
-    comm = V.mesh.comm
-    A = modes[:, :n].reshape(len(modes), n * modes.shape[2])
-    B = free[:, :n].reshape(len(free), n * modes.shape[2])
-    coefficients = np.linalg.solve(total(comm, A @ A.T), total(comm, A @ B.T))
-    size = np.abs(coefficients).max(axis=1)
-    names = ("axial translation",) if axisymmetric else _NAMES[V.mesh.geometry.dim]
-    number = len(size) // len(names)
-    if number > 1:
-        names = tuple(
-            f"{name} of part {p + 1} of {number}" for p in range(number) for name in names
-        )
-    return ", ".join(name for name, s in zip(names, size, strict=True) if s > 1e-6 * size.max())

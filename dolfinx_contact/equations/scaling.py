@@ -18,13 +18,12 @@ import numpy as np
 
 from dolfinx import fem
 
-from dolfinx_contact._arrays import Array, Indices, Mask
+from dolfinx_contact._arrays import Array, Mask
 from dolfinx_contact._geometry import node_positions
 from dolfinx_contact._mpi import maximum, require, total
 from dolfinx_contact._petsc import product
-from dolfinx_contact.body import rigid
 from dolfinx_contact.body.bulk import Bulk
-from dolfinx_contact.body.rigid import extents, number_of_parts, parts, sums_of_parts
+from dolfinx_contact.body.rigid import Parts, loose
 from dolfinx_contact.equations.evaluation import (
     Evaluation,
     RigidBodies,
@@ -65,7 +64,7 @@ class Scaling:
         softness: softness of the part of the body that yields least (`_softness`).
         automatic_r: automatic r at the local vertices of each surface.
         at_vertices: stiffness per area of the nodes at the local vertices of each surface.
-        part: index of the connected part of each local node of the displacement.
+        parts: connected parts of the body.
         loose: rigid motions of deformable bodies held neither by stiffness nor by Dirichlet data,
             at the local nodes, shape (motions, nodes, dim).
 
@@ -88,9 +87,8 @@ class Scaling:
         self._surfaces = [term.surface for term in terms]
         self._fixed = fixed
         self._bodies = bodies
-        self._axisymmetric = self._surfaces[0].axisymmetric
-        self.part = parts(V)
-        self._extents = extents(V, self.part)[self.part]
+        self.parts = Parts(V, axisymmetric=self._surfaces[0].axisymmetric)
+        self._extents = self.parts.extents()[self.parts.of_nodes]
         self._forced = forced_r
         self._mark = -1
         self.follow(bulk.displacement.x.array.copy())
@@ -107,20 +105,18 @@ class Scaling:
         if self._bulk.stiffness_mark == self._mark:
             return False
         K = self._bulk.stiffness(u)
-        if self._axisymmetric:
+        if self.parts.axisymmetric:
             _require_hoop_stiffness(K)
         # the augmentation parameter, from the softness of every connected part
-        _, energies = uniform_strains(K, self._V, self.part, axisymmetric=self._axisymmetric)
+        _, energies = uniform_strains(K, self.parts)
         soft = np.array([_softness(of_part) for of_part in energies])
         self.softness = float(soft.min())
-        self._measure(K, soft[self.part])
+        self._measure(K, soft[self.parts.of_nodes])
         self._augment(self._forced)
         # loose motions, rigid bodies last, and the jumps at the points by each of them
         self.loose = np.zeros((0, *self._fixed.shape))
         if not self._bulk.has_mass:  # mass resists all motions
-            self.loose = rigid.free_motions(
-                K, self._V, self.part, self._fixed, axisymmetric=self._axisymmetric
-            )
+            self.loose = self.parts.free_motions(K, self._fixed)
         self._jumps = [self._jumps_at(term) for term in self._terms]
         self._mark = self._bulk.stiffness_mark
         return True
@@ -236,14 +232,13 @@ class Scaling:
                 grips |= slips
             along *= grips[None, :, None]
             gram += (normal * closed(codes)) @ normal.T + np.einsum("and,bnd->ab", along, along)
-        loose = rigid.loose(total(self._V.mesh.comm, gram))
+        moving = loose(total(self._V.mesh.comm, gram))
         words = []
-        if np.any(np.abs(loose[:, :count]) > _SHARE):
-            body = np.einsum("ab,bnd->and", loose[:, :count], self.loose)
-            around = self._axisymmetric
-            words.append(rigid.describe(body, self._V, self.part, axisymmetric=around))
-        rest = np.zeros((len(loose), self._bodies.size))
-        rest[:, free] = loose[:, count:]
+        if np.any(np.abs(moving[:, :count]) > _SHARE):
+            body = np.einsum("ab,bnd->and", moving[:, :count], self.loose)
+            words.append(self.parts.describe(body))
+        rest = np.zeros((len(moving), self._bodies.size))
+        rest[:, free] = moving[:, count:]
         if np.any(np.abs(rest) > _SHARE):
             words.append(self._bodies.names(rest))
         return ", ".join(words)
@@ -270,13 +265,7 @@ def _require_hoop_stiffness(K: PETSc.Mat) -> None:
     )
 
 
-def uniform_strains(
-    K: PETSc.Mat,
-    V: fem.FunctionSpace,
-    part: Indices | None = None,
-    *,
-    axisymmetric: bool = False,
-) -> tuple[list[Array], Array]:
+def uniform_strains(K: PETSc.Mat, parts: Parts) -> tuple[list[Array], Array]:
     """Return displacement gradients of uniform strains, and their energies. Collective.
 
     The displacements x E have constant gradients E, whose strains are orthonormal. E is symmetric.
@@ -285,38 +274,33 @@ def uniform_strains(
 
     Args:
         K: stiffness.
-        V: space of the displacement.
-        part: connected part of each local node; default: one part.
-        axisymmetric: whether the body is a body of revolution.
+        parts: connected parts of the body.
 
     Returns:
         k gradients, shape (dim, dim) each, and the energies of pairs of them in every part, shape
         (parts, k, k).
     """
-    comm = V.mesh.comm
-    dim = V.mesh.geometry.dim
-    n = V.dofmap.index_map.size_local
-    x = node_positions(V)[:n, :dim]
-    mine = np.zeros(n, dtype=np.int32) if part is None else part[:n]
-    number = max(number_of_parts(comm, mine), 1)
+    p = parts.of_owned
+    dim = parts.V.mesh.geometry.dim
+    x = node_positions(parts.V)[: len(p), :dim]
     # Relative to the centre of the part: far from the origin, strains are lost in round-off.
-    sums = sums_of_parts(comm, number, mine, np.column_stack([np.ones(n), x]))
+    sums = parts.sums(np.column_stack([np.ones(len(p)), x]))
     middle = sums[:, 1:] / sums[:, :1]
-    if axisymmetric:
+    if parts.axisymmetric:
         middle[:, 0] = 0.0
-    x = x - middle[mine]
+    x = x - middle[p]
     gradients = [np.diag(row) for row in np.eye(dim)]
     for i, j in combinations(range(dim), 2):
         gradients.append(np.zeros((dim, dim)))
         gradients[-1][i, j] = gradients[-1][j, i] = np.sqrt(0.5)
-    if axisymmetric:
+    if parts.axisymmetric:
         gradients = [np.diag([np.sqrt(0.5), 0.0]), gradients[1], np.sqrt(2.0) * np.eye(2, k=1)]
     fields = [x @ gradient for gradient in gradients]
     columns = []
     for a in fields:
         forces = product(K, a.reshape(-1)).reshape(-1, dim)
         columns.append(np.stack([np.einsum("ni,ni->n", b, forces) for b in fields], axis=1))
-    return gradients, sums_of_parts(comm, number, mine, np.stack(columns, axis=2))
+    return gradients, parts.sums(np.stack(columns, axis=2))
 
 
 def _softness(energies: Array) -> float:

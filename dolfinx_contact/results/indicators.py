@@ -47,8 +47,6 @@ from dolfinx_contact._mpi import anywhere, minimum
 from dolfinx_contact.body.cells import smallest_jacobian
 from dolfinx_contact.body.rigid import (
     bounding_box,
-    differences,
-    largest_turn,
     sums_of_parts,
 )
 from dolfinx_contact.equations.contact import ContactEquations
@@ -285,9 +283,11 @@ def indicators_of(eq: ContactEquations, state: Evaluation) -> Indicators:
     surfaces = surface_indicators(eq, state)
     floating = _floating(eq, state)
     if eq.bulk.linear:
-        body = eq.V, eq.nodes, state.u, eq.scaling.part
-        turn = None if eq.axisymmetric else float(np.degrees(largest_turn(*body)))
-        moved, extents = differences(*body)
+        parts = eq.scaling.parts
+        turn = None
+        if not eq.axisymmetric:
+            turn = float(np.degrees(parts.largest_turn(eq.nodes, state.u)))
+        moved, extents = parts.differences(eq.nodes, state.u)
         displacement = float(np.max(moved / extents.max(axis=1)))
         # a linear body is turned inside out only where the difference exceeds its thickness
         det = _min_det_F(eq, state) if np.any(moved > extents.min(axis=1)) else None

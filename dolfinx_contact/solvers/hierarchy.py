@@ -31,7 +31,7 @@ from dolfinx_contact._petsc import (
     logged,
     options_in_database,
 )
-from dolfinx_contact.body.rigid import rigid_motions
+from dolfinx_contact.body.rigid import Parts
 
 __all__ = ["PLAIN", "SMOOTHED", "Hierarchy", "Interpolation", "condition", "rigid_body_space"]
 
@@ -339,8 +339,7 @@ def rigid_body_space(V: fem.FunctionSpace) -> tuple[PETSc.NullSpace, list[PETSc.
     """
     index_map = V.dofmap.index_map
     n = index_map.size_local
-    part = np.zeros(n + index_map.num_ghosts, dtype=np.int32)  # all nodes as one part
-    motions = rigid_motions(V, part)
+    motions = Parts(V, joined=True).motions()
     dim = motions.shape[2]
     basis = [la.vector(index_map, dim) for _ in motions]
     for b, motion in zip(basis, motions, strict=True):
