@@ -29,7 +29,7 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact._arrays import Array
+from dolfinx_contact._arrays import Array, Mask
 
 if TYPE_CHECKING:
     from dolfinx import common, la, mesh
@@ -347,6 +347,10 @@ class SharedValues:
         v.scatter_reverse(self._la.InsertMode.add)
         v.scatter_forward()
         return rows.reshape(self._size, *shape).copy()
+
+    def marked(self, places: npt.NDArray[np.integer]) -> Mask:
+        """Return the mask of the local places that any rank names. Collective."""
+        return self.sums(places, np.ones(places.shape)) > 0
 
     def from_owners(self, values: Array) -> Array:
         """Return values at the local places (n, *s) from those at owned places. Collective."""

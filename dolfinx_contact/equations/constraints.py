@@ -14,7 +14,7 @@ from itertools import combinations
 
 import numpy as np
 
-from dolfinx import fem, la
+from dolfinx import fem
 
 from dolfinx_contact._arrays import Array, Ints, Mask
 from dolfinx_contact._geometry import node_positions
@@ -319,11 +319,9 @@ def _require_free_nodes(s: DiscreteSurface, held: Mask, multipliers: int) -> Non
     not be unique.
     """
     V = s.u.function_space
-    on_face = la.vector(V.dofmap.index_map)
-    on_face.array[np.unique(facet_closures(V, s.submesh.parent_facets))] = 1.0
-    on_face.scatter_reverse(la.InsertMode.add)
+    on_face = SharedValues(V.dofmap.index_map).marked(facet_closures(V, s.submesh.parent_facets))
     n = V.dofmap.index_map.size_local
-    free = count_of(s.comm, (on_face.array[:n] > 0) & ~held[:n].all(axis=1))
+    free = count_of(s.comm, on_face[:n] & ~held[:n].all(axis=1))
     require(
         s.comm,
         multipliers <= free,

@@ -20,11 +20,9 @@ from petsc4py import PETSc
 
 import numpy as np
 
-from dolfinx import la
-
 from dolfinx_contact._arrays import Array, Ints, Mask
 from dolfinx_contact._geometry import ratio
-from dolfinx_contact._mpi import count_of
+from dolfinx_contact._mpi import SharedValues, count_of
 from dolfinx_contact._petsc import Entries, matrix_of, triplets
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation
@@ -53,9 +51,7 @@ class ClosedPoints:
         """Return the closed nodes and points, guessed if a surface has none. Collective."""
         V = eq.V
         bs = V.dofmap.index_map_bs
-        n = V.dofmap.index_map.size_local
-        marks = la.vector(V.dofmap.index_map, 1)
-        marks.array[:] = 0.0
+        nodes = [np.zeros(0, dtype=np.int32)]
         joined = []
         guessed = False
         for term, found in zip(eq.terms, state.surfaces, strict=True):
@@ -72,17 +68,15 @@ class ClosedPoints:
             vertices = s.points.at_vertices(points.astype(float)) > 0.5
             if not touching:
                 vertices = s.points.vertex_gaps <= reach
-            marks.array[s.points.vertex_trace_dofs[vertices]] = 1.0
-        marks.scatter_reverse(la.InsertMode.add)
-        quadratic = [s for s in eq.surfaces if s.degrees[0] > 1 and not s.between_bodies]
-        if quadratic:
-            marks.scatter_forward()
-            marked = marks.array > 0
-            for s in quadratic:
+            nodes.append(s.points.vertex_trace_dofs[vertices])
+        at_vertices = SharedValues(V.dofmap.index_map).marked(np.concatenate(nodes))
+        marked = at_vertices.copy()
+        for s in eq.surfaces:
+            if s.degrees[0] > 1 and not s.between_bodies:
                 closures = facet_closures(V, s.submesh.parent_facets)
-                whole = marked[closures].sum(axis=1) >= V.mesh.geometry.dim
-                marks.array[closures[whole].reshape(-1)] = 1.0
-        return cls(np.repeat(marks.array[:n] > 0, bs), joined, guessed)
+                whole = at_vertices[closures].sum(axis=1) >= V.mesh.geometry.dim
+                marked[closures[whole]] = True
+        return cls(np.repeat(marked[: V.dofmap.index_map.size_local], bs), joined, guessed)
 
     def differs(self, other: ClosedPoints | None) -> bool:
         """Return whether other nodes or points are closed on this rank."""

@@ -22,10 +22,8 @@ from petsc4py import PETSc
 
 import numpy as np
 
-from dolfinx import la
-
 from dolfinx_contact._arrays import Array, Indices
-from dolfinx_contact._mpi import anywhere
+from dolfinx_contact._mpi import SharedValues, anywhere
 from dolfinx_contact._petsc import Factor, triplet_matrix, triplets
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.points.trace import at_global_places, facet_closures, owned_exterior
@@ -296,16 +294,12 @@ def _contact_dofs(equations: ContactEquations, *, opposite: bool = True) -> Indi
         opposite: whether to include the facets of masters.
     """
     V = equations.V
-    marks = la.vector(V.dofmap.index_map, 1)
-    marks.array[:] = 0.0
-    for s in equations.surfaces:
-        sides = [s.submesh.parent_facets]
-        if opposite and s.obstacle.opposite is not None:
-            sides.append(s.obstacle.opposite.master_facets)
-        for side in sides:
-            facets = owned_exterior(V.mesh, side)
-            marks.array[facet_closures(V, facets).reshape(-1)] = 1.0
-    marks.scatter_reverse(la.InsertMode.add)
-    nodes = np.flatnonzero(marks.array[: V.dofmap.index_map.size_local] > 0)
+    sides = [s.submesh.parent_facets for s in equations.surfaces]
+    if opposite:
+        masters = [s.obstacle.opposite for s in equations.surfaces]
+        sides += [m.master_facets for m in masters if m is not None]
+    touching = [facet_closures(V, owned_exterior(V.mesh, side)).reshape(-1) for side in sides]
+    marks = SharedValues(V.dofmap.index_map).marked(np.concatenate(touching))
+    nodes = np.flatnonzero(marks[: V.dofmap.index_map.size_local])
     bs = V.dofmap.index_map_bs
     return (bs * nodes[:, None] + np.arange(bs)).reshape(-1).astype(np.int32)
