@@ -83,7 +83,8 @@ def follow_load(solver: Newton, x: PETSc.Vec, attempt: Attempt) -> bool:
     control = StepControl(corrections=min(most, StepControl().corrections))
     with solver.equations.ramped(x) as ramp:
         system = Loaded(solver.equations, lambda: solver.linear, ramp)
-        return _follow(system, x, attempt, control)
+        followed = _follow(system, x, attempt, control)
+    return followed and solver.run(x, attempt)
 
 
 def _follow(system: Loaded, x: PETSc.Vec, attempt: Attempt, control: StepControl) -> bool:

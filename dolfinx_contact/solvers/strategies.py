@@ -21,8 +21,7 @@ strategies, in this order and each from the caller's state:
 7. The branch of solutions under a growing load, followed through its folds (`following`); not if a
    rigid motion is free under the full load and under increments.
 
-Full steps, line search and load increments need no further modules; the modules of the other
-strategies are loaded on first use.
+The modules of the other strategies are loaded when full steps fail.
 
 A brief trial, for steps that may be shortened, ends with the first strategy. Each strategy but the
 first has a budget in Newton steps. A solution in which a hyperelastic body is turned inside out
@@ -283,17 +282,21 @@ def strategies(
     yield _Strategy("full steps", partial(Newton.run, start=start), is_newton=True)
     if trial.brief:
         return
+    from dolfinx_contact.solvers.bonds import release_bonds
+    from dolfinx_contact.solvers.following import follow_load
+    from dolfinx_contact.solvers.pivoting import pivot
+
     # In the integral method r is part of the discretisation, and a forced r is kept.
     weak = any([s.points.E is not None for s in eq.surfaces])
     made = partial(_Strategy, automatic=not weak)
     if eq.forced_r is not None and not weak:
         yield made("full steps with the automatic r", Newton.run, is_newton=True)
     if any([s.law.weakens for s in eq.surfaces]):
-        yield made(_BONDS, _release_bonds)
-    pivoting = made("pivoting", _pivot)
+        yield made(_BONDS, release_bonds)
+    pivoting = made("pivoting", pivot)
     line_search = made("line search", Newton.run, "bt", is_newton=True)
     loading = made(_INCREMENTS, partial(raise_load, increments=increments))
-    following = made(_FOLLOWING, _follow_load)
+    following = made(_FOLLOWING, follow_load)
     if not eq.linear:
         yield from (loading, line_search, pivoting, following)
         return
@@ -320,18 +323,6 @@ def _from_unknowns(solver: Newton, x: PETSc.Vec, attempt: Attempt, unknowns: Arr
     return solver.run(x, attempt, start)
 
 
-def _pivot(solver: Newton, x: PETSc.Vec, attempt: Attempt) -> bool:
-    from dolfinx_contact.solvers.pivoting import pivot
-
-    return pivot(solver, x, attempt)
-
-
-def _release_bonds(solver: Newton, x: PETSc.Vec, attempt: Attempt) -> bool:
-    from dolfinx_contact.solvers.bonds import release_bonds
-
-    return release_bonds(solver, x, attempt)
-
-
 def _lemke(solver: Newton, x: PETSc.Vec, attempt: Attempt) -> bool:
     """Lemke's method on the reduced problem."""
     from dolfinx_contact.algorithms.classical import start_by_lemke
@@ -341,13 +332,6 @@ def _lemke(solver: Newton, x: PETSc.Vec, attempt: Attempt) -> bool:
         return False
     found = start_by_lemke(solver.equations, lambda: solver.linear, x, attempt)
     return found and solver.run(x, attempt)
-
-
-def _follow_load(solver: Newton, x: PETSc.Vec, attempt: Attempt) -> bool:
-    """The branch of solutions under a growing load, through its folds."""
-    from dolfinx_contact.solvers.following import follow_load
-
-    return follow_load(solver, x, attempt) and solver.run(x, attempt)
 
 
 def raise_load(solver: Newton, x: PETSc.Vec, attempt: Attempt, increments: int) -> bool:
