@@ -104,7 +104,6 @@ class ParametricEquations(System):
             ]
         )
         self._offsets = np.concatenate([[0], np.cumsum(counts)]).astype(int)
-        self._num_points = self.comm.allreduce(int(self._offsets[-1]))
         body = equations.bulk
         driven_by = [d.not_affine for d in self._driven]
         curved = [rate.not_affine(body.residual), *driven_by, self._rigid_rates.not_affine]
@@ -230,7 +229,8 @@ class ParametricEquations(System):
     @property
     def has_many_pieces(self) -> bool:  # type: ignore[override]
         """Whether kinks are passed in batches by default: in 3D with many contact points."""
-        return self.equations.dim == 3 and self._num_points > _MANY_POINTS
+        points = sum(s.points.number_everywhere for s in self.equations.surfaces)
+        return self.equations.dim == 3 and points > _MANY_POINTS
 
     @property
     def _held_laws(self) -> bool:
