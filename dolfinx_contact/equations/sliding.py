@@ -64,43 +64,6 @@ class _Block:
         A.setValuesRCV(rows, columns, block, addv=PETSc.InsertMode.ADD_VALUES)
 
 
-@dataclass(frozen=True, eq=False)
-class _Pieces:
-    """Derivatives at p pieces of the faces; see `points.sliding.facing.Facing` for a, b and c.
-
-    Attributes:
-        facet: facets of the slave (p,).
-        nodes: global nodes of the facets of the master (p, b).
-        signs: signs of the components of the corners of both facets (p, c, dim).
-        coupling: forces on both by the multipliers, with the opposite sign (p, a, c).
-        on_master: forces on the master by the displacements of both and m (p, b, dim, c + a, dim).
-        of_law: contact rows by the same (p, a, dim, c + a, dim).
-        means: contact rows by the neighbouring tractions (p, a, a).
-    """
-
-    facet: Indices
-    nodes: Indices
-    signs: Array
-    coupling: Array
-    on_master: Array
-    of_law: Array
-    means: Array
-
-    def of_pairs(self, master: Indices) -> _Pieces:
-        """Return sums over the pieces of a pair of facets, which are consecutive.
-
-        Args:
-            master: facets of the master (p,).
-        """
-        if not len(master):
-            return self
-        other = (np.diff(self.facet) != 0) | (np.diff(master) != 0)
-        first = np.concatenate([[0], 1 + np.flatnonzero(other)])
-        values = self.coupling, self.on_master, self.of_law, self.means
-        sums = (np.add.reduceat(v, first, axis=0) for v in values)
-        return _Pieces(self.facet[first], self.nodes[first], self.signs[first], *sums)
-
-
 class SlidingTerms:
     """The terms of one surface. Collective, like its methods.
 
@@ -162,18 +125,19 @@ class SlidingTerms:
         """Add S at a state to ``A``, which has its pattern."""
         operator = state.kinematics.operator
         assert isinstance(operator, SlidingOperator)
-        at = self._at(state, operator)
+        facing, faces = operator.facing, self._faces
         k = self._slave.shape[1]
-        rates = self._faces.normal_rates(operator.x)
-        images = self._faces.images[self._faces.corners]
-        turned = images[:, :, :, None, None] * np.repeat(rates[:, None], k, axis=1)
+        first = _first_of_pairs(facing)
+        blocks = self._blocks(facing.facet[first], facing.nodes[first, k:])
+        rates = faces.normal_rates(operator.x)
+        turned = faces.images[faces.corners][..., None, None] * np.repeat(rates[:, None], k, axis=1)
         S, N, D, product = self._matrices
-        places = (*self._blocks(at[0].facet, at[0].nodes), [self._turned])
-        given = (*self._values(*at), [turned])
-        for matrix, blocks, values in zip((S, N, D), places, given, strict=True):
+        places = (*blocks, [self._turned])
+        values = (*self._values(state, operator, first), [turned])
+        for matrix, found, parts in zip((S, N, D), places, values, strict=True):
             matrix.zeroEntries()
-            for block, value in zip(blocks, values, strict=True):
-                block.add(matrix, value)
+            for block, part in zip(found, parts, strict=True):
+                block.add(matrix, part)
             matrix.assemble()
         N.matMult(D, product)
         for matrix in (S, product):
@@ -187,45 +151,8 @@ class SlidingTerms:
 
     # -- parts -----------------------------------------------------------------------------------
 
-    def _at(self, state: ContactState, operator: SlidingOperator) -> tuple[_Pieces, Array, Array]:
-        """Return derivatives at pieces, and derivatives of contact rows by l and m at vertices."""
-        facing, faces = operator.facing, self._faces
-        n, nodal = operator.number, facing.nodal
-        areas = self._points.areas
-        counts = areas * nodal.share[:n]
-        at = faces.corners[facing.facet]
-
-        def at_corners(values: Array) -> Array:
-            return np.asarray(faces.vertices.from_owners(values)[at])
-
-        # contact rows by the gap, slip and spin of their node, and by its traction and normal
-        by_jump = ratio(counts, nodal.weight[:n])[:, None, None] * state.by_jump
-        by_gap = at_corners(transformed(by_jump, nodal.normal[:n]))
-        by_slip = at_corners(-by_jump @ nodal.rotation[:n]) * faces.kept[at][:, :, None]
-        of_traction = areas[:, None, None] * np.eye(self._dim)
-        of_traction = of_traction - counts[:, None, None] * state.by_traction
-        turned = state.by_jump @ nodal.by_turning[:n] + state.by_normal
-        of_normal = -counts[:, None, None] * (turned @ nodal.by_normal[:n])
-        # derivatives at the pieces
-        places, gaps = facing.slopes()
-        of_law = _of_law(facing, by_gap, by_slip, places, gaps)
-        if self._dim == 3:
-            by_spin = at_corners(-transformed(by_jump, nodal.by_spin[:n]))
-            by_spin *= (faces.free_to_spin[at] * facing.weighted.sum(axis=2))[..., None]
-            spins = facing.spins[:, None, None]
-            of_law[:, :, :, : spins.shape[3]] += by_spin[..., None, None] * spins
-        on_master = _on_master(facing, operator.at_quadrature(state.traction), places)
-        alive = (nodal.weight > 0)[at][:, :, None]
-        coupling = alive * (facing.weighted @ facing.jumps)
-        by_around = at_corners(ratio(areas - counts, nodal.around[:n]))
-        means = -by_around[:, :, None] * facing.mass * alive.transpose(0, 2, 1)
-        nodes = facing.nodes[:, at.shape[1] :]
-        pieces = _Pieces(facing.facet, nodes, facing.signs, coupling, on_master, of_law, means)
-        rows = of_traction[:, None, :, None], of_normal[:, None, :, None]
-        return pieces.of_pairs(facing.master), *rows
-
     def _blocks(self, facet: Indices, nodes: Indices) -> tuple[list[_Block], list[_Block]]:
-        """Return blocks of S_u and S_m for pieces on slave facets with nodes of the master."""
+        """Return blocks of S_u and S_m for pairs of slave facets and nodes of the master."""
         mine = self._slave[facet]
         multipliers = self._multipliers[facet]
         vectors = self._vectors[facet]
@@ -246,27 +173,76 @@ class SlidingTerms:
         return by_unknowns, by_vectors
 
     def _values(
-        self, at: _Pieces, of_traction: Array, of_normal: Array
+        self, state: ContactState, operator: SlidingOperator, first: Indices
     ) -> tuple[list[Array], list[Array]]:
-        """Return the values of the blocks."""
-        identity = np.eye(self._dim)
-        k, c = at.coupling.shape[1:]
-        # rows and columns of mirrored dofs
-        mirrored = at.signs[:, k:, :, None, None]
-        columns = np.concatenate([at.signs, np.ones_like(at.signs[:, :k])], axis=1)[:, None, None]
-        coupling = -self._unit * np.einsum("pac,ij,pci->pciaj", at.coupling, identity, at.signs)
-        on_master = mirrored * at.on_master * columns
-        of_law = at.of_law * columns
-        kept = self._faces.kept[self._faces.corners[at.facet]]
-        means = self._unit * np.einsum("pca,ij,pci->pciaj", at.means, identity, kept)
-        of_traction = self._unit * of_traction
-        by_unknowns = [coupling, on_master[..., :c, :], of_law[..., :c, :], of_traction, means]
+        """Return the values of the blocks; see `points.sliding.facing.Facing` for a, b and c.
+
+        Args:
+            state: state.
+            operator: B at the state.
+            first: first piece of each pair of facets, over whose pieces sums are taken.
+        """
+        facing, faces = operator.facing, self._faces
+        n, nodal = operator.number, facing.nodal
+        areas = self._points.areas
+        counts = areas * nodal.share[:n]
+        at = faces.corners[facing.facet]
+
+        def at_corners(values: Array) -> Array:
+            return np.asarray(faces.vertices.from_owners(values)[at])
+
+        def of_pairs(parts: Array) -> Array:
+            return np.add.reduceat(parts, first, axis=0) if len(first) else parts
+
+        # contact rows by the gap, slip and spin of their node, and by its traction and normal
+        by_jump = ratio(counts, nodal.weight[:n])[:, None, None] * state.by_jump
+        by_gap = at_corners(transformed(by_jump, nodal.normal[:n]))
+        by_slip = at_corners(-by_jump @ nodal.rotation[:n]) * faces.kept[at][:, :, None]
+        of_traction = areas[:, None, None] * np.eye(self._dim)
+        of_traction = of_traction - counts[:, None, None] * state.by_traction
+        turned = state.by_jump @ nodal.by_turning[:n] + state.by_normal
+        of_normal = -counts[:, None, None] * (turned @ nodal.by_normal[:n])
+        # contact rows, and forces on the master, by the displacements of both faces and m
+        places, gaps = facing.slopes()
+        of_law = _of_law(facing, by_gap, by_slip, places, gaps)
+        if self._dim == 3:
+            by_spin = at_corners(-transformed(by_jump, nodal.by_spin[:n]))
+            by_spin *= (faces.free_to_spin[at] * facing.weighted.sum(axis=2))[..., None]
+            spins = facing.spins[:, None, None]
+            of_law[:, :, :, : spins.shape[3]] += by_spin[..., None, None] * spins
+        on_master = _on_master(facing, operator.at_quadrature(state.traction), places)
+        # forces on both faces by the multipliers, and contact rows by the neighbouring tractions
+        alive = (nodal.weight > 0)[at][:, :, None]
+        coupling = of_pairs(alive * (facing.weighted @ facing.jumps))
+        by_around = at_corners(ratio(areas - counts, nodal.around[:n]))[:, :, None]
+        means = of_pairs(-by_around * facing.mass * alive.transpose(0, 2, 1))
+        # signs of the rows and columns of mirrored dofs
+        signs, kept = facing.signs[first], faces.kept[at[first]]
+        k, c = coupling.shape[1:]
+        columns = np.concatenate([signs, np.ones_like(signs[:, :k])], axis=1)[:, None, None]
+        on_master = signs[:, k:, :, None, None] * of_pairs(on_master) * columns
+        of_law = of_pairs(of_law) * columns
+        identity = self._unit * np.eye(self._dim)
+        by_unknowns = [
+            np.einsum("pac,ij,pci->pciaj", coupling, -identity, signs),
+            on_master[..., :c, :],
+            of_law[..., :c, :],
+            self._unit * of_traction,
+            np.einsum("pca,ij,pci->pciaj", means, identity, kept),
+        ]
         return by_unknowns, [on_master[..., c:, :], of_law[..., c:, :], of_normal]
 
     @property
     def _turned(self) -> _Block:
         """Block of D: vectors at the corners of facets by the displacements there."""
         return _Block(self._vectors, self._slave)
+
+
+def _first_of_pairs(facing: Facing) -> Indices:
+    """Return the first piece of each pair of facets; the pieces of a pair are consecutive."""
+    pairs = np.stack([facing.facet, facing.master], axis=1)
+    other = np.diff(pairs, axis=0, prepend=-1).any(axis=1)
+    return np.flatnonzero(other)
 
 
 def _of_law(facing: Facing, by_gap: Array, by_slip: Array, places: Array, gaps: Array) -> Array:

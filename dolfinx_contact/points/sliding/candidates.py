@@ -14,7 +14,7 @@ import numpy as np
 from dolfinx import fem
 
 from dolfinx_contact._arrays import Array, Indices, Ints
-from dolfinx_contact._geometry import area_vectors, unit
+from dolfinx_contact._geometry import area_vectors, dot, unit
 from dolfinx_contact.points.clipping import Faces
 from dolfinx_contact.points.search import faces_of, facets_along_normals
 from dolfinx_contact.points.trace import at_global_places
@@ -54,7 +54,7 @@ class Candidates:
 
 
 def candidates(
-    comm: MPI.Comm, slave: Faces, master: Faces, marks: Array, depth: float, skin: float
+    comm: MPI.Comm, slave: Faces, master: Faces, keys: Ints, depth: float, skin: float
 ) -> Candidates:
     """Return the facets that normals of the slave may meet, now or within a skin. Collective.
 
@@ -62,25 +62,24 @@ def candidates(
         comm: communicator.
         slave: slave facets of this rank.
         master: master facets of this rank and their images.
-        marks: marks of the master facets, see `Master.images`, shape (n,).
+        keys: keys of the master facets, see `Master.images`.
         depth: distance before and behind the slave.
         skin: additional distance.
     """
     middles, radii = master.balls
-    keys = np.column_stack([marks.astype(np.int64), master.nodes])
     depths = np.full(len(slave.x), depth)
     known = {"x": middles, "key": keys}
     found, pairs = facets_along_normals(comm, slave, known, radii, depths, skin)
     return _candidates(found["key"], pairs, middles.shape[1])
 
 
-def _candidates(facets: Ints, pairs: Ints, dim: int) -> Candidates:
-    """Return candidates from marks and nodes of facets (n, 1 + b), and pairs of facets."""
-    nodes = facets[:, 1:]
+def _candidates(keys: Ints, pairs: Ints, dim: int) -> Candidates:
+    """Return candidates from keys of facets, shape (n, dim + 1 + b), and pairs of facets."""
+    nodes = keys[:, dim + 1 :]
     once, corners = np.unique(nodes, return_inverse=True)
-    senses = np.sign(facets[:, 0]).astype(np.float64)
-    mirrors = 1.0 - 2.0 * ((np.abs(facets[:, :1]) - 1) >> np.arange(dim) & 1)
-    return Candidates(nodes, senses, mirrors, pairs, once, corners.reshape(nodes.shape))
+    signs = keys[:, : dim + 1].astype(np.float64)
+    places = corners.reshape(nodes.shape)
+    return Candidates(nodes, signs[:, dim], signs[:, :dim], pairs, once, places)
 
 
 class Master:
@@ -103,14 +102,14 @@ class Master:
         self._nodes = faces.nodes
         local = V.dofmap.index_map.global_to_local(faces.nodes.reshape(-1))
         self.places = local.reshape(faces.nodes.shape)
-        self._sense = np.sign(np.sum(area_vectors(faces.x) * faces.normals, axis=1))
+        self._sense = np.sign(dot(area_vectors(faces.x), faces.normals))
         self.size = float(np.max(np.ptp(faces.x, axis=1), initial=0.0))
         self._planes: Array = np.array([planes.get(i, 0.0) for i in range(self._dim)])
         signs = [[1.0, -1.0] if axis in planes else [1.0] for axis in range(self._dim)]
         #: Signs of the axes of the facets themselves and of their images, shape (m, dim).
         self._mirrors: Array = np.array(list(product(*signs)))
 
-    def images(self, x: Array, reach: float) -> tuple[Faces, Array]:
+    def images(self, x: Array, reach: float) -> tuple[Faces, Ints]:
         """Return facets and images lying behind planes by less than a distance.
 
         Args:
@@ -118,18 +117,22 @@ class Master:
             reach: the distance.
 
         Returns:
-            Facets, and their marks, shape (m,): sense times 1 + a number for the mirrored axes.
+            Facets, and their keys: signs of the axes, -1 if mirrored, sense, and nodes, in columns.
         """
         parts = []
         for mirror in self._mirrors:
             far = np.abs(x - self._planes).min(axis=1)[:, mirror < 0] > reach
             near = np.flatnonzero(~far.any(axis=1))
-            number = 1 + (mirror < 0) @ 2 ** np.arange(self._dim)
-            senses = np.prod(mirror) * self._sense[near]
-            image = mirror * x[near] + self._behind(mirror)
-            parts.append((image, self._nodes[near], senses * number))
-        places, nodes, marks = (np.concatenate(p) for p in zip(*parts, strict=True))
-        return Faces(places, unit(np.sign(marks)[:, None] * area_vectors(places)), nodes), marks
+            parts.append((mirror * x[near] + self._behind(mirror), self._keys(near, mirror)))
+        places, keys = (np.concatenate(p) for p in zip(*parts, strict=True))
+        normals = unit(keys[:, self._dim, None] * area_vectors(places))
+        return Faces(places, normals, keys[:, self._dim + 1 :]), keys
+
+    def _keys(self, facets: Ints, mirror: Array) -> Ints:
+        """Return the keys of images of facets; see `images`."""
+        signs = np.broadcast_to(mirror, (len(facets), self._dim))
+        senses = np.prod(mirror) * self._sense[facets]
+        return np.column_stack([signs, senses, self._nodes[facets]]).astype(np.int64)
 
     def _behind(self, mirrors: Array) -> Array:
         """Return the shifts of images in addition to mirrored positions, shape (m, dim)."""
@@ -147,7 +150,8 @@ class Master:
         counts = comm.allreduce(np.array([slave, len(self._nodes)]))
         if counts.prod() > _FEW_PAIRS:
             return None
-        parts = comm.allgather(np.column_stack([self._sense.astype(np.int64), self._nodes]))
+        every = np.arange(len(self._nodes))
+        parts = comm.allgather(self._keys(every, np.ones(self._dim)))
         facets = np.unique(np.concatenate(parts), axis=0)
         pairs = np.indices((slave, len(facets))).reshape(2, -1).T
         return _candidates(facets, pairs.astype(np.int64), self._dim)

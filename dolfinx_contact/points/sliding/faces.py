@@ -9,7 +9,7 @@ oppose (`candidates`).
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 from mpi4py import MPI
@@ -18,7 +18,7 @@ import numpy as np
 
 from dolfinx import fem
 
-from dolfinx_contact._arrays import Array, Indices, Ints, Mask
+from dolfinx_contact._arrays import Array, Ints, Mask
 from dolfinx_contact._geometry import (
     area_vector_rates,
     dot,
@@ -34,12 +34,13 @@ from dolfinx_contact.body.cells import cells_around
 from dolfinx_contact.points.clipping import Cover, Faces, cover, linear_basis
 from dolfinx_contact.points.geometry import SurfaceFacets
 from dolfinx_contact.points.kinematics import rotation
+from dolfinx_contact.points.opposite import Opposite
 from dolfinx_contact.points.revolution import on_axis
 from dolfinx_contact.points.sliding.candidates import Candidates, Master, candidates
 from dolfinx_contact.points.sliding.facing import Facing, Nodal, cast, spins
 from dolfinx_contact.points.trace import sums_at_global_places
 
-__all__ = ["SlidingFaces"]
+__all__ = ["SlidingFaces", "SlidingOpposite"]
 
 
 _STEEP = 0.1  # cosine of the largest angle at which facets face each other
@@ -56,20 +57,37 @@ _SHARE = 0.05  # covered fraction of a node above which only its law determines 
 _DEGREES = {2: 4, 3: 2}
 
 
+@dataclass(frozen=True, kw_only=True)
+class SlidingOpposite(Opposite):
+    """The other face. Opposing points depend on the state, so nodes and weights are empty.
+
+    Attributes:
+        depth: search distance before and behind the slave.
+        direction: for self-contact, direction along which slave facets lie farther in the mesh,
+            shape (dim,); None for two faces.
+        across: mask of the components across planes of symmetry, on which normals and slips are
+            means with their mirror images, shape (local nodes, dim).
+        planes: positions of the planes of symmetry by axis. Images of the master lie behind them
+            and beyond the axis of bodies of revolution.
+    """
+
+    across: Mask
+    planes: Mapping[int, float]
+    depth: float
+    direction: Array | None
+
+    @property
+    def matching(self) -> bool:
+        return False
+
+
 class SlidingFaces:
     """Slave and master, and their opposing parts at a displacement.
 
     Args:
         V: displacement space of degree 1.
         slave: facets of the slave.
-        master: local facets of the master, ghosts included.
-        depth: search distance before and behind the slave.
-        across: mask of the components across planes of symmetry, on which normals and slips are
-            means with their mirror images, shape (local nodes, dim).
-        planes: positions of the planes of symmetry by axis. Images of the master lie behind them
-            and beyond the axis of bodies of revolution.
-        direction: for self-contact, direction along which slave facets lie farther in the mesh,
-            shape (dim,); None for two faces.
+        opposite: the other face.
         axisymmetric: whether the bodies are bodies of revolution.
 
     Attributes:
@@ -91,22 +109,18 @@ class SlidingFaces:
         self,
         V: fem.FunctionSpace,
         slave: SurfaceFacets,
-        master: Indices,
-        depth: float,
+        opposite: SlidingOpposite,
         *,
-        across: Mask,
-        planes: Mapping[int, float],
-        direction: Array | None = None,
         axisymmetric: bool = False,
     ):
         self.comm: MPI.Comm = V.mesh.comm
         self.dim = V.mesh.geometry.dim
         self._V = V
         self._axisymmetric = axisymmetric
-        self._depth = depth
-        self._direction = direction
+        self._depth = depth = opposite.depth
+        self._direction = opposite.direction
         # nodes and mirror images
-        trace = slave.trace
+        trace, across = slave.trace, opposite.across
         self.nodes = SharedValues(V.dofmap.index_map)
         self.vertices = slave.exchange
         self.kept: Array = np.where(across[trace], 0.0, 1.0)
@@ -118,20 +132,21 @@ class SlidingFaces:
         self.corners = slave.corners
         self._X = node_positions(V)[:, : self.dim].copy()
         self._reference = slave.reference
-        self.master = Master(V, master, ({0: 0.0} if axisymmetric else {}) | dict(planes))
+        axis = {0: 0.0} if axisymmetric else {}
+        self.master = Master(V, opposite.master_facets, axis | dict(opposite.planes))
         size = float(np.max(np.ptp(self._reference, axis=1), initial=0.0))
         largest = float(np.max(np.abs(self._X), initial=0.0))
         sizes = np.array([max(size, self.master.size), largest])
         self._skin, largest = map(float, self.comm.allreduce(sizes, op=np.maximum))
         self._no_gap = _ROUND_OFF * largest
         self.searches = 0
-        self._then: tuple[Array, Array, Array]  # positions and normals at the last search
+        self._then: tuple[Array, Array, Array]  # corners and slave normals at the last search
         self._found_before: Array  # corners of the candidates in the mesh
         self.removed: Array = np.zeros(len(trace))
         self.lost: Mask = np.zeros(len(self.corners), dtype=bool)
         #: Largest overlap at each facet; for self-contact not through the body.
         self._deepest: Array = np.full(len(self.corners), depth)
-        if direction is not None:
+        if self._direction is not None:
             self._deepest = self._deepest_of_itself()
 
     # -- nodes -----------------------------------------------------------------------------------
@@ -198,20 +213,18 @@ class SlidingFaces:
             direction: for self-contact, direction of the slave; None for all pairs of facets.
         """
         slave = self._slave(self._facets.at_corners(x))
-        mine, normals, theirs = slave.x, slave.normals, x[self.master.places]
+        now = slave.x, x[self.master.places], slave.normals
         if self.searches:
-            then, before, others = self._then
-            moved = [_largest(mine - then), _largest(theirs - others)]
-            turned = self._depth * _largest(normals - before)
-            far = self.comm.allreduce(np.array([*moved, turned]), op=np.maximum)
-            if far.sum() <= self._skin:
+            off = [_largest(v - then) for v, then in zip(now, self._then, strict=True)]
+            far = self.comm.allreduce(np.array(off), op=np.maximum)
+            if far @ [1.0, 1.0, self._depth] <= self._skin:
                 return
-        finite = bool(np.isfinite(mine).all() and np.isfinite(theirs).all())
+        finite = all(bool(np.isfinite(v).all()) for v in now)
         require(self.comm, finite, "positions of a contact pair are not finite")
-        self._then = mine, normals, theirs
+        self._then = now
         with logged("ContactSearch"):
             depth, skin = self._depth, self._skin
-            sought = self.master.images(theirs, depth + skin)
+            sought = self.master.images(now[1], depth + skin)
             self.found = candidates(self.comm, slave, *sought, depth, skin)
             self._found_before = self.master.positions(self._X, self.found)
             if direction is not None:
@@ -224,12 +237,12 @@ class SlidingFaces:
         return Faces(x, unit(self._facets.vectors(x)), none)
 
     def _covered(
-        self, slave: Array, master: Array, deepest: float | Array, **limits: float
+        self, slave: Array, master: Array, pairs: Ints, deepest: float | Array, **limits: float
     ) -> Cover:
         """Return opposing parts of the slave and the candidates at positions of their corners."""
         mine, theirs = self._slave(slave), self.found.faces(master)
         limits = {"farthest": self._depth, "steep": _STEEP} | limits
-        return cover(mine, theirs, self.found.pairs, deepest, least=_LEAST_COVER, **limits)
+        return cover(mine, theirs, pairs, deepest, least=_LEAST_COVER, **limits)
 
     def farthest_behind(self, far: float) -> float:
         """Return the distance behind the slave of the nearest opposing facet in the mesh.
@@ -252,12 +265,12 @@ class SlidingFaces:
         x = self._reference
         vectors = self._facets.vectors(x)
         n = unit(self.at_nodes(vectors)[self.corners])
-        cosine = np.sum(n * unit(vectors)[:, None], axis=2)
+        cosine = dot(n, unit(vectors)[:, None])
         turn = np.degrees(np.arccos(cosine.clip(-1.0, 1.0)))
-        back = np.sum((x.mean(axis=1, keepdims=True) - x) * n, axis=2)
+        back = dot(x.mean(axis=1, keepdims=True) - x, n)
         size = np.ptp(x, axis=1).max(axis=1)[:, None]
         turn = np.where(back < -1e-9 * size, turn, 0.0)
-        worst = (0.0, np.zeros(self.dim).tolist())
+        worst = 0.0, np.zeros(self.dim).tolist()
         if turn.size:
             at = np.unravel_index(int(np.argmax(turn)), turn.shape)
             worst = float(turn[at]), x[at].tolist()
@@ -313,23 +326,21 @@ class SlidingFaces:
         first = sum(len(part) for part in parts[: self.comm.rank])
         inside = counts[first : first + len(below)] > 1
         # facets behind those, at the depth d; all other facets behind bound the thickness
-        every = self.found
-        pairs = every.pairs[~self._share_node()]
+        pairs = self.found.pairs[~self._share_node()]
         start = np.zeros(len(self.corners))
         nearest, ways = self._behind(pairs[inside[pairs[:, 0]]])
         np.maximum.at(start, nearest[:, 0], ways)
         self.lost = inside & (start == 0.0)
-        number = max(len(every.nodes), 1)
-        used = np.isin(pairs @ [number, 1], nearest @ [number, 1])
-        walls, ways = self._behind(pairs[~used])
+        numbers = [max(len(self.found.nodes), 1), 1]
+        walls, ways = self._behind(pairs[~np.isin(pairs @ numbers, nearest @ numbers)])
         thickness = np.full(len(self.corners), 2 * self._depth)
         np.minimum.at(thickness, walls[:, 0], ways)
         return np.minimum(0.5 * (start + thickness), self._depth)
 
     def _behind(self, pairs: Ints) -> tuple[Ints, Array]:
         """Return the pairs of facets lying behind each other in the mesh, and distances."""
-        self.found = replace(self.found, pairs=pairs)
-        common = self._covered(self._reference, self._found_before, self._depth, farthest=0.0)
+        corners = self._reference, self._found_before
+        common = self._covered(*corners, pairs, self._depth, farthest=0.0)
         return np.stack([common.facet, common.other], axis=1), np.abs(_heights(common))
 
     # -- a state ---------------------------------------------------------------------------------
@@ -347,7 +358,7 @@ class SlidingFaces:
         old, old_theirs, old_m = self._placed(np.zeros_like(u) if before is None else before)
         # common parts of the facets, with quadrature points
         limits = {} if self._direction is None else {"steep": _STEEP_ITSELF}
-        common = self._covered(mine, theirs, self._deepest, **limits)
+        common = self._covered(mine, theirs, self.found.pairs, self._deepest, **limits)
         rule = common.rule(_DEGREES[self.dim])
         facet, master = common.facet, common.other
         shape, slopes = linear_basis(rule.mine, self.corners.shape[1])

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, ClassVar
 
 from mpi4py import MPI
@@ -14,7 +14,7 @@ import numpy as np
 from dolfinx import fem, mesh
 
 from dolfinx_contact._arrays import Array, Indices, Mask
-from dolfinx_contact._geometry import node_positions
+from dolfinx_contact._geometry import node_positions, transformed
 from dolfinx_contact._mpi import count_of, keep, maximum, minimum, require
 from dolfinx_contact.body.rigid import bounding_box
 from dolfinx_contact.laws import LawAtPoints
@@ -26,7 +26,7 @@ from dolfinx_contact.points.memory import Memory, with_memory
 from dolfinx_contact.points.opposite import Opposite
 from dolfinx_contact.points.pair import facets_of_sides
 from dolfinx_contact.points.placements import NodePoints
-from dolfinx_contact.points.sliding.faces import SlidingFaces
+from dolfinx_contact.points.sliding.faces import SlidingFaces, SlidingOpposite
 from dolfinx_contact.points.sliding.operator import SlidingOperator
 from dolfinx_contact.points.surface import DiscreteSurface
 from dolfinx_contact.points.trace import (
@@ -65,16 +65,14 @@ class SlidingPair(DiscreteSurface):
         V = contact.u.function_space
         name = contact.name
         keep(V.mesh)
-        self._itself = isinstance(contact, SelfContact)
         if isinstance(contact, SelfContact):
             slave = master = exterior_facets(V.mesh, contact.facets, contact.tag, name)
             direction = np.asarray(contact.direction)
         else:
             slave, master = facets_of_sides(contact)
             direction = None
-        self._planes = contact.symmetry or {}
-        depth = contact.search_distance
-        obstacle = SlidingFacets(V, slave, master, depth, name, self._planes, direction)
+        depth, planes = contact.search_distance, contact.symmetry or {}
+        obstacle = SlidingFacets(V, slave, master, depth, name, planes, direction)
         super().__init__(contact, slave, obstacle, SlidingPoints)
         self.start_gaps = self.points.known.facing.nodal.gap[: self.points.number].copy()
         _check_law(self.law_at_points, name)
@@ -88,7 +86,7 @@ class SlidingPair(DiscreteSurface):
 
     def hold(self, fixed: Mask, crossing: Mask) -> None:
         """Raise ``ValueError`` if nodes can leave their planes of symmetry. Collective."""
-        free = self.points.across[: self.owned_nodes] & ~fixed[: self.owned_nodes]
+        free = (self.points.opposite.across & ~fixed)[: self.owned_nodes]
         count = count_of(self.comm, free.any(axis=1))
         require(
             self.comm,
@@ -98,15 +96,15 @@ class SlidingPair(DiscreteSurface):
         )
 
     def require_in_place(self, prescribed: Array, size: float) -> None:
-        across = self.points.across
-        moved = np.abs(np.where(across, prescribed[: len(across)], 0.0))
+        opposite = self.points.opposite
+        moved = np.abs(np.where(opposite.across, prescribed[: len(opposite.across)], 0.0))
         worst = self.comm.allreduce(moved.max(axis=0, initial=0.0), op=np.maximum)
         axis = int(np.argmax(worst))
         require(
             self.comm,
             bool(worst[axis] <= _IN_PLACE * size),
             f"{self.name}: Dirichlet data move nodes by {worst[axis]:.3g} off the plane of "
-            f"symmetry {'xyz'[axis]} = {self._planes.get(axis, 0.0):g}, in which the images of "
+            f"symmetry {'xyz'[axis]} = {opposite.planes.get(axis, 0.0):g}, in which the images of "
             "both faces are made: hold them there with the value 0, and move the rest of the model "
             "instead",
         )
@@ -121,7 +119,7 @@ class SlidingPair(DiscreteSurface):
         slipped = np.zeros((n, points.dim))
         if memory is not None:  # turned with the surface since then
             turned = memory.reference(nodal.before[:n])
-            slipped = np.einsum("nij,nj->ni", nodal.rotation[:n], turned)
+            slipped = transformed(nodal.rotation[:n], turned)
         data = replace(points.data, n=nodal.normal[:n], gap=np.zeros(n))
         given = with_memory(self.law_at_points.compiled, memory, data)
         return Kinematics(operator, nodal.jump[:n], slipped, given, memory=memory)
@@ -145,8 +143,8 @@ class SlidingPair(DiscreteSurface):
         worst = minimum(self.comm, gaps)
         words = "or remove_overlap for a start without stress"
         overlap.require(self.comm, worst, _OVERLAP * points.geometry.facet_size, self.name, words)
-        depth = points.depth
-        if self._itself:
+        depth = points.opposite.depth
+        if points.opposite.direction is not None:
             lost = count_of(self.comm, points.faces.lost)
             require(
                 self.comm,
@@ -186,28 +184,6 @@ def _size(comm: MPI.Comm, x: Array) -> float:
     """Return the diagonal of the box around points of all ranks. Collective."""
     low, high = bounding_box(comm, x)
     return float(np.linalg.norm(high - low))
-
-
-@dataclass(frozen=True, kw_only=True)
-class SlidingOpposite(Opposite):
-    """The other face. Opposing points depend on the state, so nodes and weights are empty.
-
-    Attributes:
-        depth: search distance.
-        direction: for self-contact, direction along which slave facets lie farther, shape (dim,);
-            None for two faces.
-        across: mask of the components across planes of symmetry, shape (local nodes, dim).
-        planes: positions of the planes of symmetry by axis.
-    """
-
-    across: Mask
-    planes: Mapping[int, float]
-    depth: float
-    direction: Array | None
-
-    @property
-    def matching(self) -> bool:
-        return False
 
 
 class SlidingFacets(Obstacle):
@@ -291,39 +267,23 @@ class SlidingPoints(NodePoints):
 
     Attributes:
         faces: slave and master.
+        opposite: the other face.
         known: operator at the displacement of the last evaluation.
     """
 
     method: ClassVar[ContactMethod] = "mixed"
     slides: ClassVar[bool] = True
     known: SlidingOperator
+    opposite: SlidingOpposite
 
     def _set_operators(self, opposite: Opposite | None) -> None:
         assert isinstance(opposite, SlidingOpposite)
-        self._opposite = opposite
-        self.faces = SlidingFaces(
-            self._V,
-            self.facets,
-            opposite.master_facets,
-            opposite.depth,
-            across=opposite.across,
-            planes=opposite.planes,
-            direction=opposite.direction,
-            axisymmetric=self._weight is not None,
-        )
+        self.opposite = opposite
+        axisymmetric = self._weight is not None
+        self.faces = SlidingFaces(self._V, self.facets, opposite, axisymmetric=axisymmetric)
         self.mirrored = np.asarray(self.faces.kept == 0.0)
         self._last: tuple[Array, Array | None] | None = None
         self.operator = self.at(np.zeros((self._owned_nodes, self.dim)), None)
-
-    @property
-    def across(self) -> Mask:
-        """Components across planes of symmetry, shape (local nodes, dim)."""
-        return self._opposite.across
-
-    @property
-    def depth(self) -> float:
-        """Distance before and behind the slave within which a facet counts as opposing."""
-        return self._opposite.depth
 
     def remove_overlap_of_mesh(self) -> None:
         """Subtract the overlap of slave and master in the mesh from all later gaps. Collective."""
@@ -335,9 +295,9 @@ class SlidingPoints(NodePoints):
     def choices(self) -> list[float]:
         """Search distance, planes of symmetry and removed overlap. Collective."""
         taken = maximum(self.comm, self.faces.removed)
-        planes = [float(v) for plane in sorted(self._opposite.planes.items()) for v in plane]
+        planes = [float(v) for plane in sorted(self.opposite.planes.items()) for v in plane]
         # without the digits that depend on the number of ranks
-        return [self.depth, *planes, float(f"{taken:.6g}")]
+        return [self.opposite.depth, *planes, float(f"{taken:.6g}")]
 
     def at(self, u: Array, before: Array | None) -> SlidingOperator:
         """Return B at a displacement; the last one is kept. Collective.
