@@ -259,9 +259,13 @@ class ContactPoints(ABC):
             self.aside = offset - gap[:, None] * normal
         self.data = PointData(normal, gap, self.from_vertices(self.r), fields_of(mine))
 
+    def own(self, evaluate: Evaluator) -> dict[str, Array]:
+        """Return values at the points of this rank. Collective."""
+        return {name: v[: self.number] for name, v in evaluate().items()}
+
     def rates(self, evaluators: tuple[Evaluator, Evaluator | None]) -> tuple[PointData, Array]:
         """Return rates of data and of `aside` from the evaluators of rates. Collective."""
-        values = {name: v[: self.number] for name, v in evaluators[0]().items()}
+        values = self.own(evaluators[0])
         n = self.data.n
         gap, normal = values["gap"], values["normal"]
         aside = np.zeros_like(n)

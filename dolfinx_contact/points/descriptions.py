@@ -164,21 +164,22 @@ class Overlap:
         return self.most > 0.0 and not self.removed
 
     @classmethod
-    def of(cls, name: str, interference: Any, remove_overlap: Any) -> Overlap:
-        """Return the overlap of two arguments of a surface, or raise ``ValueError``."""
-        if interference is None:  # a rigid obstacle pushes out, and a removed overlap is not
-            most = np.inf if remove_overlap is None else 0.0
-        elif isinstance(interference, bool | np.bool_):
-            most = np.inf if interference else 0.0
+    def of(cls, contact: Any) -> Overlap:
+        """Return the overlap of a description or its arguments, or raise ``ValueError``."""
+        name, given, removed = contact.name, contact.interference, contact.remove_overlap
+        if given is None:  # a rigid obstacle pushes out, and a removed overlap is not
+            most = np.inf if removed is None else 0.0
+        elif isinstance(given, bool | np.bool_):
+            most = np.inf if given else 0.0
         else:
             must = "True, False or the largest overlap, a positive length"
-            most = positive(interference, f"{name}: interference", must)
-        if remove_overlap is None:
+            most = positive(given, f"{name}: interference", must)
+        if removed is None:
             return cls(most)
         if most:
             raise ValueError(f"{name}: an overlap is a press fit, or is removed, and not both")
         must = "the largest overlap that is removed, a positive length"
-        return cls(positive(remove_overlap, f"{name}: remove_overlap", must), removed=True)
+        return cls(positive(removed, f"{name}: remove_overlap", must), removed=True)
 
     def exceeded_by(self, gap: float) -> bool:
         """Return whether the smallest gap is negative by more than is allowed."""
@@ -210,7 +211,7 @@ def _check_surface(a: Arguments) -> None:
         raise ValueError(
             f"{a.name}: {a.obstacle.name} moves along the axis of revolution alone; hold x and rz"
         )
-    Overlap.of(a.name, a.interference, a.remove_overlap)
+    Overlap.of(a)
 
 
 def _check_pair(a: Arguments) -> None:
@@ -218,7 +219,7 @@ def _check_pair(a: Arguments) -> None:
     dim = a.u.function_space.mesh.geometry.dim
     large = a.sliding == "large"
     a.symmetry = checked_planes(a.symmetry, dim, a.name) or None
-    Overlap.of(a.name, a.interference, a.remove_overlap)
+    Overlap.of(a)
     # arguments that exclude each other
     present = {name for name, value in vars(a).items() if value is not None}
     for name, others, reason in _EXCLUSIVE:
@@ -274,7 +275,7 @@ def _check_self(a: Arguments) -> None:
     _check_sliding(a, _check_common(a), "self-contact")
     dim = a.u.function_space.mesh.geometry.dim
     a.symmetry = checked_planes(a.symmetry, dim, a.name)
-    Overlap.of(a.name, a.interference, a.remove_overlap)
+    Overlap.of(a)
     direction = np.eye(dim)[-1] if a.direction is None else a.direction
     a.direction = _unit(direction, dim, f"{a.name}: the direction")
     across = [axis for axis in a.symmetry if abs(a.direction[axis]) > _ACROSS]
@@ -306,18 +307,15 @@ _ADVICE = (
 
 
 def _described(contact: Contact) -> str:
-    """Return kind, name, law and obstacle of a description as text."""
-    words = [repr(contact.name), f"law {type(contact.law).__name__}"]
+    """Return kind, name, law, obstacle, sliding and tags of a description as text."""
+    words = [f"law {type(contact.law).__name__}"]
     if isinstance(contact, ContactSurface):
         words.append(f"obstacle {type(contact.obstacle).__name__}")
-        tags = {"tag": contact.tag}
     elif isinstance(contact, ContactPair):
         words.append(f"{contact.sliding} sliding")
-        tags = {"slave": contact.slave, "master": contact.master}
-    else:
-        tags = {"tag": contact.tag}
+    tags = {kind: getattr(contact, kind, None) for kind in ("tag", "slave", "master")}
     words += [f"{kind} {tag!r}" for kind, tag in tags.items() if tag is not None]
-    return f"<{type(contact).__name__} {', '.join(words)}>"
+    return f"<{type(contact).__name__} {contact.name!r}, {', '.join(words)}>"
 
 
 def _declared(

@@ -58,7 +58,7 @@ from dolfinx import fem, mesh
 
 from dolfinx_contact._arrays import Array
 from dolfinx_contact._compat import merge_entity_maps
-from dolfinx_contact._geometry import dot, node_positions
+from dolfinx_contact._geometry import dot, node_positions, transformed
 from dolfinx_contact._mpi import maximum, require
 from dolfinx_contact.laws import LawAtPoints, PointData
 from dolfinx_contact.laws.status import STICK
@@ -133,7 +133,7 @@ def displaced_points(
     bonded = law.compiled.bonded
     whole = bool(set(law.compiled.names) & set(before(law.dim)))
     given = f"there is no friction with the law {law.law.name}, which"
-    for good, why in (
+    conditions = (
         (
             known_displaced(shape_of(obstacle)),
             "the obstacle is known in the reference configuration alone: it needs a method at",
@@ -147,9 +147,10 @@ def displaced_points(
             f"a rigid body does not turn with the law {law.law.name}, which has bonds",
         ),
         (not (friction and whole), f"{given} depends on the whole tangential jump"),
-    ):
-        message = f"{name}: in large sliding on a curved obstacle {why}, or sliding='small'"
-        require(points.comm, good, message)
+    )
+    why = next((reason for good, reason in conditions if not good), "")
+    message = f"{name}: in large sliding on a curved obstacle {why}, or sliding='small'"
+    require(points.comm, not why, message)
     return DisplacedPoints(points, domain, obstacle, friction=friction)
 
 
@@ -224,8 +225,8 @@ class DisplacedPoints:
         """
         points = self._points
         given = {"width": points.geometry.facet_widths, "out": ufl.FacetNormal(self._domain)}
-        here = points.evaluator(given | {"removed": _removed(points.removed_overlap)})()
-        mine = {name: values[: points.number] for name, values in here.items()}
+        here = points.evaluator(given | {"removed": _removed(points.removed_overlap)})
+        mine = points.own(here)
         there = given | {"removed": _removed(points.removed_at_vertices)}
         at_vertices = self._evaluator_at_vertices(there)()
         x = node_positions(points.vertices)[:, : points.dim]
@@ -256,22 +257,21 @@ class DisplacedPoints:
             frame: rotation Q, shape (dim, dim); None for the identity.
         """
         self._place(place, None if memory is None else memory.place)
-        found = {name: v[: self._points.number] for name, v in self._evaluate().items()}
+        found = self._points.own(self._evaluate)
         reference = np.zeros_like(place)
         if self.friction and memory is not None:  # turned with the surface since then
             before = found["normal_before"]
             slipped = memory.reference(before)
-            reference = np.einsum("nij,nj->ni", rotation(before, found["normal"]), slipped)
+            reference = transformed(rotation(before, found["normal"]), slipped)
         normal, seen = found["normal"], found["seen"]
         if self._points.removed_overlap is not None:
             # points on the obstacle do not touch yet, whatever the sign of round-off
             gap = -dot(seen, normal)
             none_yet = np.where(np.abs(gap) <= self._no_gap, gap, 0.0)
             seen = seen + none_yet[:, None] * normal
-        turn, moved = found["turn"], found["moved"]
-        if frame is not None:
-            normal, seen, reference = (v @ frame.T for v in (normal, seen, reference))
-            turn, moved = (frame @ a @ frame.T for a in (turn, moved))
+        Q = np.eye(self._points.dim) if frame is None else frame
+        normal, seen, reference = (v @ Q.T for v in (normal, seen, reference))
+        turn, moved = (Q @ found[name] @ Q.T for name in ("turn", "moved"))
         plain = self._points.data
         none = np.zeros(self._points.number)
         return PointData(normal, none, plain.r, plain.fields, turn, moved), seen, reference
@@ -288,7 +288,7 @@ class DisplacedPoints:
             frame: rotation Q, shape (dim, dim); None for the identity.
         """
         self._place(place, None if memory is None else memory.place)
-        values = {name: v[: self._points.number] for name, v in evaluate().items()}
+        values = self._points.own(evaluate)
         turn = np.eye(self._points.dim) if frame is None else frame
         none = np.zeros(self._points.number)
         data = PointData(values["normal"] @ turn.T, none, none, fields_of(values))
@@ -301,8 +301,8 @@ class DisplacedPoints:
             place: displacements of the points, shape (n, dim).
         """
         self._place(place, None)
-        found = self._evaluate()
-        return found["gap"][: self._points.number], found["normal"][: self._points.number]
+        found = self._points.own(self._evaluate)
+        return found["gap"], found["normal"]
 
     def at_vertices(self, place: Array) -> tuple[Array, Array]:
         """Return gaps (n,) and normals (n, dim) at the local vertices.
@@ -375,7 +375,7 @@ class TrueGaps:
         if body is not None:
             self._shift.value = body.displacement
             self._turn.value = body.kinematics.rotation(body.values).T
-        return self._evaluate()["gap"][: self._points.number]
+        return self._points.own(self._evaluate)["gap"]
 
 
 def _slip_along(way: Any, before: Any, normal: Any) -> Any:

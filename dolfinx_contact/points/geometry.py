@@ -103,8 +103,7 @@ class SurfaceFacets:
         pieces = _SIMPLICES[now.shape[1], self.corners.shape[1]]
         simplices = self.corners[:, pieces].reshape(-1, now.shape[1])
         normals = area_vectors(now[simplices])
-        sense = np.repeat(self.vectors(now[self.corners]), len(pieces), axis=0)
-        return now, simplices, unit(normals * np.sign(dot(normals, sense))[:, None])
+        return now, simplices, unit(np.repeat(self.sense, len(pieces))[:, None] * normals)
 
 
 class SurfaceGeometry:

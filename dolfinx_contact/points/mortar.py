@@ -55,31 +55,23 @@ def coupling(cover: Cover, degree: int, *, axisymmetric: bool) -> Coupling:
         degree: degree of the displacement.
         axisymmetric: whether the bodies are bodies of revolution.
     """
-    i = cover.facet
-    k = cover.other
-    corners = cover.slave.corners
+    i, corners = cover.facet, cover.slave.corners
     rule = cover.rule(1 + degree + axisymmetric)
-    mine, theirs = (
-        basis(x, faces.corners, order)
-        for x, faces, order in (
-            (rule.mine, cover.slave, 1),
-            (rule.theirs, cover.master, degree),
-        )
-    )
-    weights = rule.weights
+    mine = basis(rule.mine, corners, 1)
+    theirs = basis(rule.theirs, cover.master.corners, degree)
+    weighted = (rule.weights[..., None] * mine).transpose(0, 2, 1)
     if axisymmetric:
-        weights = 2 * np.pi * np.einsum("pqa,pa->pq", mine, cover.slave.x[i, :, 0]) * weights
+        weighted *= 2 * np.pi * (mine @ cover.slave.x[i, :, :1]).transpose(0, 2, 1)
     n = len(cover.slave.x)
     mass = np.zeros((n, corners, corners))
     areas = np.zeros((n, corners))
-    np.add.at(mass, i, np.einsum("pq,pqa,pqb->pab", weights, mine, mine))
-    np.add.at(areas, i, np.einsum("pq,pqa->pa", weights, mine))
+    np.add.at(mass, i, weighted @ mine)
+    np.add.at(areas, i, weighted.sum(axis=2))
     mass[areas.sum(axis=1) == 0] = np.eye(corners)
     dual = np.linalg.solve(mass, areas[:, :, None] * np.eye(corners)).transpose(0, 2, 1)
-    psi = np.einsum("pab,pqb->pqa", dual[i], mine)
-    values = np.einsum("pq,pqa,pqk->pak", weights, psi, theirs)
-    rows, columns = cover.slave.nodes[i, :corners, None], cover.master.nodes[k][:, None, :]
-    return Coupling(rows, columns, values, areas)
+    values = dual[i] @ (weighted @ theirs)
+    nodes = cover.slave.nodes[i, :corners, None], cover.master.nodes[cover.other][:, None]
+    return Coupling(*nodes, values, areas)
 
 
 def between(comm: MPI.Comm, A: PETSc.Mat, nodes: Ints, corners: int) -> PETSc.Mat:

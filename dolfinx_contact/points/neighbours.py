@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
@@ -25,29 +24,7 @@ from dolfinx_contact.points.contact_points import ContactPoints
 from dolfinx_contact.points.operators import multiplied
 from dolfinx_contact.points.search import around
 
-__all__ = ["LawAmongPoints", "Neighbours", "spreading_matrix"]
-
-
-def spreading_matrix(comm: MPI.Comm, x: Array, areas: Array, kernel: Kernel) -> PETSc.Mat:
-    """Return the averaging matrix N of a nonlocal law, distributed by points. Collective.
-
-    Args:
-        comm: communicator.
-        x: points of this rank, shape (n, dim).
-        areas: areas of the points, shape (n,).
-        kernel: kernel with its radius.
-    """
-    n, dim = x.shape
-    first = comm.exscan(n) or 0
-    known = {"x": x, "area": areas, "number": first + np.arange(n)}
-    i, found = around(comm, known, {"x": x, "reach": np.full(n, kernel.radius)})
-    away = np.linalg.norm(x[i] - found["x"], axis=1)
-    weights = np.asarray(found["area"] * KERNELS[kernel.shape](away / kernel.radius))
-    if kernel.normalised:
-        weights = np.asarray(weights / np.bincount(i, weights, minlength=n)[i])
-    else:
-        weights /= whole(kernel.shape, dim) * kernel.radius ** (dim - 1)
-    return triplet_matrix(comm, (n, n), first + i, found["number"], weights)
+__all__ = ["LawAmongPoints", "Neighbours"]
 
 
 class Neighbours:
@@ -67,12 +44,21 @@ class Neighbours:
     @property
     def matrix(self) -> PETSc.Mat:
         """N; made again after areas were given from held ends to their neighbours. Collective."""
-        points = self._points
+        points, kernel = self._points, self._kernel
         if self._matrix is None or self._areas is not points.areas:
             self._areas = points.areas
-            self._matrix = spreading_matrix(
-                points.comm, points.positions, points.areas, self._kernel
-            )
+            comm, x = points.comm, points.positions
+            n, dim = x.shape
+            first = comm.exscan(n) or 0
+            known = {"x": x, "area": points.areas, "number": first + np.arange(n)}
+            i, found = around(comm, known, {"x": x, "reach": np.full(n, kernel.radius)})
+            away = np.linalg.norm(x[i] - found["x"], axis=1)
+            weights = np.asarray(found["area"] * KERNELS[kernel.shape](away / kernel.radius))
+            if kernel.normalised:
+                weights = weights / np.bincount(i, weights, minlength=n)[i]
+            else:
+                weights /= whole(kernel.shape, dim) * kernel.radius ** (dim - 1)
+            self._matrix = triplet_matrix(comm, (n, n), first + i, found["number"], weights)
         return self._matrix
 
     def __call__(self, values: Array) -> Array:

@@ -37,7 +37,7 @@ from dolfinx_contact._petsc import triplet_matrix
 from dolfinx_contact.body.rigid import bounding_box
 from dolfinx_contact.obstacles import Obstacle
 from dolfinx_contact.points.clipping import Cover, Faces, cover
-from dolfinx_contact.points.descriptions import Overlap
+from dolfinx_contact.points.descriptions import ContactPair, Overlap
 from dolfinx_contact.points.evaluation import at_nodes
 from dolfinx_contact.points.mortar import between, coupling
 from dolfinx_contact.points.operators import rows_of, rows_with_ghosts
@@ -135,17 +135,9 @@ class OppositeFacets(Obstacle):
     slave; at nodes it is the mean over the slave facets around them.
 
     Args:
-        V: displacement space.
+        pair: description of the pair.
         slave: local slave facets, ghosts included.
         master: local master facets, ghosts included.
-        gap: UFL or a number; None for the gap of the geometry.
-        surface: true shape of the master, whose gap and normal are taken at the nodes; None for the
-            shape of its facets.
-        normal: unit vector along which the faces oppose each other, shape (dim,); None for the
-            normals of the slave.
-        overlap: treatment of bodies that overlap in the mesh.
-        axisymmetric: whether the bodies are bodies of revolution.
-        name: name of the pair for messages.
 
     Attributes:
         opposite: opposing points of the nodes of the slave.
@@ -158,23 +150,11 @@ class OppositeFacets(Obstacle):
 
     opposite: Opposite
 
-    def __init__(
-        self,
-        V: fem.FunctionSpace,
-        slave: Indices,
-        master: Indices,
-        *,
-        gap: Any,
-        surface: Obstacle | None,
-        normal: Array | None,
-        overlap: Overlap,
-        axisymmetric: bool,
-        name: str,
-    ):
+    def __init__(self, pair: ContactPair, slave: Indices, master: Indices):
+        faces = _Sides(pair, slave, master)
+        V, name, normal = faces.V, faces.name, faces.normal
         domain, comm = V.mesh, V.mesh.comm
         W = fem.functionspace(domain, ("Lagrange", 1))
-        faces = _Sides(V, slave, master, name, normal, axisymmetric)
-        size = faces.size
         if normal is not None:
             count = count_of(comm, faces.facets.normals @ normal < _ASLANT)
             require(
@@ -186,17 +166,18 @@ class OppositeFacets(Obstacle):
         self.opposite = found = _matched(faces) or _mortar(faces)
         normals = faces.normals(W)
         field, self._normal = unit_field(domain, normals)
-        if gap is not None:
-            self._gap: Any = ufl.as_ufl(gap)
+        if pair.gap is not None:
+            self._gap: Any = ufl.as_ufl(pair.gap)
             return
-        if surface is not None:
-            gaps, shape = _to_surface(W, surface, normals, faces)
+        if pair.surface is not None:
+            gaps, shape = _to_surface(W, pair.surface, normals, faces)
             field.x.array[:] = shape.reshape(-1)
         else:
             corners: Indices = np.zeros(len(normals), dtype=np.int32)
             corners[W.dofmap.list] = V.dofmap.list[:, : W.dofmap.list.shape[1]]
             gaps = _gaps(faces, found)[corners]
-            allowed = (_OVERLAP if found.matching else CURVED_OVERLAP) * size
+            overlap = Overlap.of(pair)
+            allowed = (_OVERLAP if found.matching else CURVED_OVERLAP) * faces.size
             worst = minimum(comm, gaps)
             unless = "if slave and master do not look away from each other"
             overlap.require(comm, worst, allowed, name, unless)
@@ -214,20 +195,29 @@ class _Sides:
     """Slave and master. Properties are collective.
 
     Attributes:
-        V: displacement space.
+        pair: description of the pair.
         slave: local slave facets, ghosts included.
         master: local master facets, ghosts included.
-        name: name of the pair for messages.
-        normal: given normal, shape (dim,); None for the normals of the slave.
-        axisymmetric: whether the bodies are bodies of revolution.
     """
 
-    V: fem.FunctionSpace
+    pair: ContactPair
     slave: Indices
     master: Indices
-    name: str
-    normal: Array | None
-    axisymmetric: bool
+
+    @property
+    def V(self) -> fem.FunctionSpace:
+        """Displacement space."""
+        return self.pair.u.function_space
+
+    @property
+    def name(self) -> str:
+        """Name of the pair for messages."""
+        return self.pair.name
+
+    @property
+    def normal(self) -> Array | None:
+        """Given normal, shape (dim,); None for the normals of the slave."""
+        return None if self.pair.normal is None else np.asarray(self.pair.normal)
 
     @cached_property
     def nodes(self) -> tuple[Mask, Mask]:
@@ -256,7 +246,7 @@ class _Sides:
         normals = outward_normals(V, self.slave)
         if self.normal is not None:
             normals[np.any(normals != 0.0, axis=1)] = self.normal
-        return mirrored(V, normals) if self.axisymmetric else normals
+        return mirrored(V, normals) if self.pair.axisymmetric else normals
 
 
 def _to_surface(
@@ -302,7 +292,7 @@ def _matched(faces: _Sides) -> Opposite | None:
     theirs = outward_normals(V, faces.master)
     against = faces.nodes[1]
     if given is not None:
-        x = _projected(given, x)
+        x = tangential(x, given)
         against = against & (theirs @ given < 0)
     on_master = np.flatnonzero(against[: index_map.size_local])
     mine = np.flatnonzero(faces.nodes[0])
@@ -353,7 +343,7 @@ def _facets_differ(faces: _Sides) -> bool:
         area = np.linalg.norm(area_vectors(side.x), axis=1)
         if faces.normal is not None:
             seen = sense * (side.normals @ faces.normal) > 0
-            x, area = _projected(faces.normal, x)[seen], area[seen]
+            x, area = tangential(x, faces.normal)[seen], area[seen]
         sides.append({"x": x, "area": area})
     ours, theirs = sides
     facing = nearest(faces.V.mesh.comm, theirs, ours["x"])
@@ -379,12 +369,15 @@ def _mortar(faces: _Sides) -> Opposite:
     mine = faces.facets
     if faces.normal is not None:
         require(comm, degree == 1, f"{name}: a given normal needs degree 1 here")
-        mine = _projected_faces(faces.normal, mine)
+        # in planes across it
+        middles = mine.x.mean(axis=1, keepdims=True)
+        normals = np.broadcast_to(faces.normal, mine.normals.shape)
+        mine = Faces(middles + tangential(mine.x - middles, faces.normal), normals, mine.nodes)
     theirs, pairs = opposing_facets(comm, mine, faces_of(V, faces.master))
     common = cover(mine, theirs, pairs, deepest=size)
     marked = np.unique(common.facet)
     require(comm, bool(comm.allreduce(len(marked))), f"{name}: nothing is opposite")
-    found = coupling(common, degree, axisymmetric=faces.axisymmetric)
+    found = coupling(common, degree, axisymmetric=faces.pair.axisymmetric)
     local = index_map.global_to_local(mine.nodes[:, : mine.corners].reshape(-1))
     sums = SharedValues(index_map).sums(local, found.areas.reshape(-1))
     # without an opposing point there is no traction, and any area serves
@@ -419,18 +412,3 @@ def _means(V: fem.FunctionSpace, A: PETSc.Mat, on_slave: Mask) -> tuple[Ints, Ar
     nodes, weights = rows_with_ghosts(V.mesh.comm, index_map, nodes, weights)
     none = SharedValues(index_map).from_owners(alone.astype(np.float64)) > 0
     return nodes[on_slave], weights[on_slave], np.asarray(on_slave & none)
-
-
-# -- given normals ---------------------------------------------------------------------------------
-
-
-def _projected_faces(normal: Array, faces: Faces) -> Faces:
-    """Return facets projected along a unit vector, in planes across it."""
-    off = (faces.x - faces.x.mean(axis=1, keepdims=True)) @ normal
-    x = faces.x - off[:, :, None] * normal
-    return Faces(x, np.broadcast_to(normal, faces.normals.shape), faces.nodes)
-
-
-def _projected(direction: Array, x: Array) -> Array:
-    """Return points (n, dim) projected along a unit vector, in a plane across it."""
-    return np.asarray(x - np.outer(x @ direction, direction))

@@ -7,7 +7,7 @@ import numpy as np
 
 from dolfinx_contact._arrays import Indices, Mask
 from dolfinx_contact._mpi import SharedValues, keep, minimum, require
-from dolfinx_contact.points.descriptions import ContactPair, Overlap
+from dolfinx_contact.points.descriptions import ContactPair
 from dolfinx_contact.points.opposite import Opposite, OppositeFacets
 from dolfinx_contact.points.revolution import check_section
 from dolfinx_contact.points.shared_functions import held_in_place, in_place, resting
@@ -32,23 +32,12 @@ class DiscretePair(DiscreteSurface):
 
     def __init__(self, pair: ContactPair):
         slave, master = facets_of_sides(pair)
-        overlap = Overlap.of(pair.name, pair.interference, pair.remove_overlap)
-        obstacle = OppositeFacets(
-            pair.u.function_space,
-            slave,
-            master,
-            gap=pair.gap,
-            surface=pair.surface,
-            normal=None if pair.normal is None else np.asarray(pair.normal),
-            overlap=overlap,
-            axisymmetric=pair.axisymmetric,
-            name=pair.name,
-        )
+        obstacle = OppositeFacets(pair, slave, master)
         super().__init__(pair, slave, obstacle)
         #: Opposing points while no basis function of a node is given away.
         self._apart: Opposite = obstacle.opposite
         self._given_gap = ""
-        if np.isfinite(overlap.most) and (pair.gap is not None or pair.surface is not None):
+        if np.isfinite(self._overlap.most) and (pair.gap is not None or pair.surface is not None):
             self._given_gap = "given gap" if pair.surface is None else "gap to the given surface"
         self.check_gaps()
 

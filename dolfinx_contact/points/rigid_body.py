@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 import ufl
-from dolfinx import fem, mesh
+from dolfinx import mesh
 from ufl.algorithms.analysis import extract_constants
 from ufl.utils.stacks import StackDict
 
@@ -226,17 +226,8 @@ def number(e: Any) -> float:
     """Return the value of a UFL scalar of Constants without derivatives."""
     if isinstance(e, ufl.constantvalue.ScalarValue | ufl.constantvalue.Zero):
         return float(e)
-    known = {c: _value(c) for c in extract_constants(e)}
+    known = {c: np.asarray(c.value, dtype=np.float64)[()] for c in extract_constants(e)}
     return float(e.evaluate(None, known, (), StackDict()))
-
-
-def _value(c: fem.Constant) -> Any:
-    values = np.asarray(c.value, dtype=np.float64)
-    return float(values) if values.shape == () else _nested(values.tolist())
-
-
-def _nested(values: Any) -> Any:
-    return tuple(_nested(v) for v in values) if isinstance(values, list) else values
 
 
 def _by_component(values: Any, zeros: Any, name: str) -> list[tuple[str, Any]]:

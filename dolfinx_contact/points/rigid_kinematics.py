@@ -66,10 +66,7 @@ class RigidKinematics:
             motion: motion of the body, shape (k,), or one for each point, shape (n, k).
         """
         arm = x - self.about - motion[..., : self.dim]
-        turned = self.rotation(motion)
-        if motion.ndim == 1:
-            return np.asarray(self.about + arm @ turned)
-        return np.asarray(self.about + np.einsum("ni,nij->nj", arm, turned))
+        return np.asarray(self.about + (arm[:, None] @ self.rotation(motion))[:, 0])
 
     def carried(self, x: Array, motion: Array) -> Array:
         """Return displacements (n, dim) of material points x by a motion of any size."""

@@ -73,33 +73,26 @@ def crossings(
     comm = V.mesh.comm
     nodes_of = V.dofmap.index_map
     maps = [points.vertices.dofmap.index_map for points, _ in surfaces]
-    if all(opposite is None for _, opposite in surfaces):
-        none = [np.zeros(m.size_local + m.num_ghosts, dtype=bool) for m in (*maps, nodes_of)]
-        return none[:-1], none[-1]
     # edges: surface, vertex, and nodes at both ends of the jump there
-    surface: list[Ints] = [np.zeros(0, dtype=np.int64)]
-    vertex: list[Ints] = [np.zeros(0, dtype=np.int64)]
-    both: list[Ints] = [np.zeros((0, 2), dtype=np.int64)]
+    parts = [np.zeros((0, 4), dtype=np.int64)]
     for i, (points, opposite) in enumerate(surfaces):
         if opposite is None or not opposite.matching:
             continue
         nodes = points.vertex_trace_dofs[: maps[i].size_local]
-        rests = resting(V, opposite, fixed)[nodes].all(axis=1)
-        here, there = global_numbers(nodes_of, nodes), opposite.at(nodes)[0][:, 0]
-        surface.append(np.full(np.count_nonzero(~rests), i))
-        vertex.append(np.flatnonzero(~rests))
-        both.append(np.column_stack([here, there])[~rests])
-    ends = np.concatenate(both)
-    several = at_global_places(comm, _counts(V, ends), ends) > 1
+        moving = ~resting(V, opposite, fixed)[nodes].all(axis=1)
+        ends = global_numbers(nodes_of, nodes), opposite.at(nodes)[0][:, 0]
+        columns = [np.full(len(nodes), i), np.arange(len(nodes)), *ends]
+        parts.append(np.column_stack(columns)[moving])
+    edges = np.concatenate(parts)
+    several = at_global_places(comm, _counts(V, edges[:, 2:]), edges[:, 2:]) > 1
     # few are left, since nodes of one pair have one jump
-    left = np.flatnonzero(several.all(axis=1))
-    left = left[_in_loops(comm.allgather(ends[left]), comm.rank)]
-    numbers, vertices = (np.concatenate(part)[left] for part in (surface, vertex))
+    edges = edges[several.all(axis=1)]
+    edges = edges[_in_loops(comm.allgather(edges[:, 2:]), comm.rank)]
     marks = []
     for i, index_map in enumerate(maps):
-        at = vertices[numbers == i]
-        marks.append(SharedValues(index_map).sums(at, np.ones(len(at))) > 0)
-    counts = SharedValues(nodes_of).from_owners(_counts(V, ends[left]))
+        vertices = edges[edges[:, 0] == i, 1]
+        marks.append(SharedValues(index_map).sums(vertices, np.ones(len(vertices))) > 0)
+    counts = SharedValues(nodes_of).from_owners(_counts(V, edges[:, 2:]))
     return marks, np.asarray(counts > 0)
 
 

@@ -132,7 +132,7 @@ class DiscreteSurface(ReadOnly):
             points_class = _POINTS[contact.method or ("integral" if moves else "mixed")]
         self._place_points(points_class)
         # initial overlap, and gap and normal at displaced points
-        self._overlap = Overlap.of(name, contact.interference, contact.remove_overlap)
+        self._overlap = Overlap.of(contact)
         self.start_gaps: Array = self.points.gaps.copy()
         if not self.between_bodies:
             self._settle_overlap(self.points.data.gap, self.points.vertex_gaps)
@@ -256,11 +256,11 @@ class DiscreteSurface(ReadOnly):
 
     def _nearest_normal(self) -> Array:
         """Return the normal at the vertex with the smallest gap, shape (dim,). Collective."""
-        gaps = self.points.vertex_gaps
-        least = float(np.min(gaps, initial=np.inf))
-        _, owner = self.comm.allreduce((least, self.comm.rank), op=min)
-        nearest = self.points.vertex_normals[np.argmin(gaps)] if self.comm.rank == owner else None
-        return np.asarray(self.comm.bcast(nearest, root=owner))
+        mine: tuple[float, list[float]] = np.inf, []
+        if len(self.points.vertex_gaps):
+            k = int(np.argmin(self.points.vertex_gaps))
+            mine = float(self.points.vertex_gaps[k]), self.points.vertex_normals[k].tolist()
+        return np.array(min(self.comm.allgather(mine))[1])
 
     def _place_of_obstacle(self) -> Array:
         """Return the position of the obstacle if it is a Constant, else all its Constants."""
@@ -381,7 +381,7 @@ class DiscreteSurface(ReadOnly):
         """
         if self.method != "integral":
             return u[self.points.vertex_trace_dofs[: self.points.number]]
-        return self._displacement_at_points()["u"][: self.points.number]
+        return self.points.own(self._displacement_at_points)["u"]
 
     @cached_property
     def _displacement_at_points(self) -> Evaluator:

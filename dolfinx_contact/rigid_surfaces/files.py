@@ -106,13 +106,13 @@ def _of_gmsh(path: Path, group: str | int | None) -> tuple[Array, Ints]:
         dim, entities = _entities(model, path, group)
         found: list[Ints] = [np.zeros((0, dim + 1), dtype=np.int64)]
         for entity in entities:
-            kinds, _, nodes = model.mesh.getElements(dim, entity)
-            for kind, flat in zip(kinds, nodes, strict=True):
-                name, _, _, width, *_ = model.mesh.getElementProperties(kind)
+            for kind in model.mesh.getElementTypes(dim, entity):
                 if kind not in _PARTS:
+                    name = model.mesh.getElementProperties(kind)[0]
                     where = f"{path}: the group {group!r}"
                     raise ValueError(f"{where} has curved or unsupported elements ({name})")
-                each: Ints = np.asarray(flat, dtype=np.int64).reshape(-1, width)
+                flat = model.mesh.getElementsByType(kind, entity)[1]
+                each = np.asarray(flat, dtype=np.int64).reshape(-1, 1 + np.max(_PARTS[kind]))
                 found += [each[:, part] for part in _PARTS[kind]]
         tags, places, _ = model.mesh.getNodes()
     cells = np.concatenate(found)
@@ -121,8 +121,8 @@ def _of_gmsh(path: Path, group: str | int | None) -> tuple[Array, Ints]:
         raise ValueError(f"{path} has {what}: gmsh saves only meshed entities in physical groups")
     order = np.argsort(tags)
     used, numbers = np.unique(cells, return_inverse=True)
-    x = np.asarray(places, dtype=np.float64).reshape(-1, 3)[order]
-    x = x[np.searchsorted(np.asarray(tags)[order], used)]
+    rows = order[np.searchsorted(tags, used, sorter=order)]
+    x = np.asarray(places, dtype=np.float64).reshape(-1, 3)[rows]
     if dim == 1 and np.ptp(x[:, 2]) > _PLANE * np.ptp(x, axis=0).max():
         raise ValueError(f"{path}: a surface of curves must be in a plane of constant z")
     return x[:, : dim + 1].copy(), numbers.reshape(cells.shape).astype(np.int64)
