@@ -106,8 +106,9 @@ class Cover:
     theirs: Array
 
     def __getitem__(self, chosen: Ints) -> Cover:
-        every = self.facet, self.other, self.pieces, self.mine, self.theirs
-        return Cover(self.slave, self.master, *(values[chosen] for values in every))
+        facets = self.facet[chosen], self.other[chosen]
+        shapes = self.pieces[chosen], self.mine[chosen], self.theirs[chosen]
+        return Cover(self.slave, self.master, *facets, *shapes)
 
     def places(self) -> tuple[Ints, Ints, Array]:
         """Return the opposing points of slave corners, one for each piece at the corner.
@@ -159,12 +160,12 @@ def tabulated(element: basix.finite_element.FiniteElement, x: Array, order: int 
     # Basix aborts without any points.
     points = x.reshape(-1, x.shape[-1]) if x.size else np.zeros((1, x.shape[-1]))
     table = element.tabulate(order, points)[:, : x[..., 0].size, :, 0]
-    return np.asarray(table.reshape(len(table), *x.shape[:-1], table.shape[2]))
+    return table.reshape(len(table), *x.shape[:-1], table.shape[2])
 
 
 def basis(x: Array, corners: int, degree: int) -> Array:
     """Return the Lagrange basis of facets with 2, 3 or 4 corners at places (..., dim - 1)."""
-    return np.asarray(tabulated(_element(corners, degree), x)[0])
+    return tabulated(_element(corners, degree), x)[0]
 
 
 def linear_basis(x: Array, corners: int) -> tuple[Array, Array]:
@@ -175,7 +176,7 @@ def linear_basis(x: Array, corners: int) -> tuple[Array, Array]:
 
 def nodal_points(corners: int, degree: int) -> Array:
     """Return reference coordinates of the nodes of a basis, shape (nodes, dim - 1)."""
-    return np.asarray(_element(corners, degree).points)
+    return _element(corners, degree).points
 
 
 def cover(
@@ -280,12 +281,12 @@ def _polygons(mine: Array, theirs: Array, size: Array) -> tuple[Ints, Array]:
 
 def _crossed(a: Array, b: Array) -> Array:
     """Return the products a x b of vectors (..., 2), shape (...)."""
-    return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
+    return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
 
 
 def _area(x: Array) -> Array:
     """Return signed areas of polygons (..., k, 2)."""
-    return np.asarray(0.5 * _crossed(x, np.roll(x, -1, axis=-2)).sum(axis=-1))
+    return 0.5 * _crossed(x, np.roll(x, -1, axis=-2)).sum(axis=-1)
 
 
 def _centre(polygon: Array) -> Array:
@@ -297,7 +298,7 @@ def _centre(polygon: Array) -> Array:
     moment = np.sum(double * (x + y), axis=1) / 3
     total = double.sum(axis=1)
     offset = np.divide(moment, total, out=np.zeros_like(moment), where=total > 0)
-    return np.asarray(first[:, 0] + offset)
+    return first[:, 0] + offset
 
 
 def _anticlockwise(x: Array) -> Array:

@@ -234,10 +234,10 @@ class ContactPoints(ABC):
     @property
     def choices(self) -> list[float]:
         """Further numbers that records compare. Collective."""
-        removed = [] if self.removed_overlap is None else self.removed_overlap.x.array
-        largest = maximum(self.comm, removed)
+        if self.removed_overlap is None:
+            return []
         # without the digits that depend on the number of ranks
-        return [] if self.removed_overlap is None else [float(f"{largest:.6g}")]
+        return [float(f"{maximum(self.comm, self.removed_overlap.x.array):.6g}")]
 
     def update(self) -> None:
         """Evaluate the data. Collective."""
@@ -273,7 +273,7 @@ class ContactPoints(ABC):
         offset = self._averaged(evaluators[1], product, normal)
         if offset is not None:
             now = self.data.gap[:, None] * n + self.aside
-            gap = np.sum(offset * n + now * normal, axis=1)
+            gap = dot(offset, n) + dot(now, normal)
             aside = offset - gap[:, None] * n - self.data.gap[:, None] * normal
         return PointData(normal, gap, np.zeros(self.number), fields_of(values)), aside
 

@@ -268,7 +268,7 @@ def _check_sliding(a: Arguments, degree: int, what: str) -> None:
 def _unit(value: Any, dim: int, name: str) -> Array:
     v = vector(value, name, dim, zero=False)
     v = v / np.abs(v).max()  # the square of a tiny number is 0
-    return np.asarray(v / np.linalg.norm(v))
+    return v / np.linalg.norm(v)
 
 
 def _check_self(a: Arguments) -> None:

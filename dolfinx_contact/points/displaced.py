@@ -225,26 +225,27 @@ class DisplacedPoints:
         """
         points = self._points
         given = {"width": points.geometry.facet_widths, "out": ufl.FacetNormal(self._domain)}
-        here = points.evaluator(given | {"removed": _removed(points.removed_overlap)})
-        mine = points.own(here)
-        there = given | {"removed": _removed(points.removed_at_vertices)}
-        at_vertices = self._evaluator_at_vertices(there)()
+        here, there = points.own(points.evaluator(given)), self._evaluator_at_vertices(given)()
         x = node_positions(points.vertices)[:, : points.dim]
-        return self._started(points.positions, mine, most), self._started(x, at_vertices, most)
+        gaps = self._started(points.positions, here, points.removed_overlap, most)
+        return gaps, self._started(x, there, points.removed_at_vertices, most)
 
-    def _started(self, x: Array, of_face: Mapping[str, Array], most: float) -> Array:
-        """Return gaps at points x (n, dim); see `starts`."""
+    def _started(
+        self, x: Array, of_face: Mapping[str, Array], taken: fem.Function | None, most: float
+    ) -> Array:
+        """Return gaps at points x (n, dim) from which overlaps are already removed."""
         start = self._whole.starts(x, of_face["width"])
         facing = dot(start.normal, of_face["out"]) > _FACING
         removed = (start.height < 0.0) & (start.height >= -most * (1.0 + _SAME))
         removed &= start.held | facing
-        return np.asarray(np.where(removed, start.height, start.gap) + of_face["removed"])
+        gap = np.where(removed, start.height, start.gap)
+        return gap if taken is None else gap + taken.x.array[: len(x)]
 
     def _place(self, place: Array, before: Array | None) -> None:
         """Set present and earlier displacements of the points, shape (n, dim)."""
-        self._moved.x.array[:] = self._points.exchange.from_owners(place).reshape(-1)
         there = np.zeros_like(place) if before is None else before
-        self._moved_before.x.array[:] = self._points.exchange.from_owners(there).reshape(-1)
+        for f, values in ((self._moved, place), (self._moved_before, there)):
+            f.x.array[:] = self._points.exchange.from_owners(values).reshape(-1)
 
     def at(
         self, place: Array, memory: Memory | None, frame: Array | None

@@ -212,11 +212,6 @@ class Given:
         return {k: (extract_coefficients(e), extract_constants(e)) for k, e in given.items()}
 
     @property
-    def functions(self) -> list[Any]:
-        """Functions in all data; repeated if they occur in several places."""
-        return [f for functions, _ in self.data.values() for f in functions]
-
-    @property
     def constants(self) -> list[Any]:
         """Constants in all data; repeated if they occur in several places."""
         return [c for _, constants in self.data.values() for c in constants]
@@ -224,8 +219,8 @@ class Given:
     @cached_property
     def _arrays(self) -> list[Any]:
         """Functions with arrays of values, each once, in the same order on every rank."""
-        functions = {f for f in self.functions if isinstance(f, fem.Function)}
-        return sorted(functions, key=lambda f: f.count())
+        every = {f for functions, _ in self.data.values() for f in functions}
+        return sorted((f for f in every if isinstance(f, fem.Function)), key=lambda f: f.count())
 
     def scatter(self) -> None:
         """Update the ghosts of all Functions. Collective."""

@@ -182,7 +182,7 @@ class CommonGaussPoints(GaussPoints):
         pieces, p = rule.weights.shape
         hats = basis(rule.mine, slave.corners, 1)
         self._positions = (hats @ slave.x[cover.facet]).reshape(-1, dim)
-        self._areas = rule.weights.reshape(-1)
+        self._areas: Array = rule.weights.reshape(-1)
         if self._weight is not None:
             self._areas = 2 * np.pi * self._positions[:, 0] * self._areas
         # cells of the submesh and of the body

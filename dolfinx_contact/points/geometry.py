@@ -70,7 +70,7 @@ class SurfaceFacets:
 
     def at_corners(self, values: Array) -> Array:
         """Return values at the corners (n, k, dim) from those at the local nodes (nodes, dim)."""
-        return np.asarray(values[self.trace[self.corners]])
+        return values[self.trace[self.corners]]
 
     @cached_property
     def reference(self) -> Array:
@@ -85,7 +85,7 @@ class SurfaceFacets:
 
     def vectors(self, x: Array) -> Array:
         """Return outward area vectors (n, dim) for positions of the corners (n, k, dim)."""
-        return np.asarray(self.sense[:, None] * area_vectors(x))
+        return self.sense[:, None] * area_vectors(x)
 
     def around_vertices(self, of_facets: Array) -> Array:
         """Return sums of facet vectors (n, dim) around the local vertices. Collective."""
@@ -152,7 +152,7 @@ class SurfaceGeometry:
         """Fractions of the areas with an opposing point, shape (n,)."""
         if self.covered_areas is None:
             return np.ones(len(self.vertex_areas))
-        return np.asarray(np.minimum(self.covered_areas / self.whole_areas, 1.0))
+        return np.minimum(self.covered_areas / self.whole_areas, 1.0)
 
     @property
     def facet_size(self) -> float:

@@ -61,7 +61,7 @@ class Kinematics:
     @property
     def gap(self) -> Array:
         """Gaps, shape (n,); averages around nodes in the mixed method."""
-        return np.asarray(self.data.gap - dot(self.jump, self.data.n))
+        return self.data.gap - dot(self.jump, self.data.n)
 
     @property
     def increment(self) -> Array:
@@ -94,7 +94,7 @@ class Kinematics:
         if data.turn is None or data.moved is None:
             return -data.n
         by_jump = np.einsum("nij,ni->nj", data.moved, data.n)
-        return np.asarray(-by_jump - np.einsum("nij,ni->nj", data.turn, self.jump))
+        return -by_jump - np.einsum("nij,ni->nj", data.turn, self.jump)
 
     def gap_rate(self, v: Array) -> Array:
         """Return the derivative of the gaps along a displacement, shape (n,). Collective.
@@ -114,7 +114,7 @@ def rotation(o: Array, n: Array) -> Array:
     c = np.maximum(1.0 + dot(n, o), _OPPOSITE)
     along = np.eye(dim) - o[..., :, None] * o[..., None, :]
     turned = np.eye(dim) - ((n + o) / c[..., None])[..., :, None] * n[..., None, :]
-    return np.asarray(turned @ along)
+    return turned @ along
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,9 +143,7 @@ class Partner:
         assert motion is not None
         x = self.x[: len(u)]
         rigid = self.body.kinematics
-        return np.asarray(
-            rigid.seen(x + u, motion) - x if self.turns else u - rigid.field(x, motion)
-        )
+        return rigid.seen(x + u, motion) - x if self.turns else u - rigid.field(x, motion)
 
     def relative_rate(self, u: Array, motion: Array, du: Array, change: Array) -> Array:
         """Return the derivative of `relative`, rotated with the body.
@@ -159,7 +157,7 @@ class Partner:
         if self.body is None or not self.turns:
             return self.relative(du, change)
         x = self.x[: len(u)] + u
-        return np.asarray(du - self.body.kinematics.velocity(x, motion, change))
+        return du - self.body.kinematics.velocity(x, motion, change)
 
     def rotation(self, motion: Array | None) -> Array | None:
         """Return the rotation of the frame, shape (dim, dim); None if it does not rotate."""

@@ -85,7 +85,7 @@ class Memory:
     def reference_rate(self, n: Array, rate: Array) -> Array:
         """Return the rate of `reference` for a rate of the normals ``n``, shape (n, dim)."""
         along, turning = (dot(self.jump, v)[:, None] for v in (n, rate))
-        return np.asarray(-turning * n - along * rate)
+        return -turning * n - along * rate
 
 
 def with_memory(law: CompiledLaw, memory: Memory | None, data: PointData) -> PointData:
@@ -119,7 +119,7 @@ def slid_after(data: PointData, jump: Array, statuses: Codes) -> Array:
     """
     along = tangential(jump, data.n)
     step = np.where(closed(statuses), np.linalg.norm(along, axis=1), 0.0)
-    return np.asarray(data.fields[SLID] + step)
+    return data.fields[SLID] + step
 
 
 def read_only_copy(values: Any, dtype: npt.DTypeLike = None) -> Any:

@@ -268,4 +268,4 @@ def multiplied_transposed(A: PETSc.Mat, values: Array) -> Array:
     A.multTranspose(y, x)
     out = x.array_r.copy()
     x.destroy(), y.destroy()
-    return np.asarray(out)
+    return out

@@ -276,7 +276,7 @@ def _gaps(faces: _Sides, opposite: Opposite) -> Array:
     low, high = bounding_box(V.mesh.comm, x)
     if not opposite.matching:
         gaps[opposite.none] = _FAR * float(np.linalg.norm(high - low))
-    return np.asarray(gaps)
+    return gaps
 
 
 def _matched(faces: _Sides) -> Opposite | None:

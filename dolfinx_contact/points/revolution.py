@@ -27,7 +27,7 @@ def on_axis(V: fem.FunctionSpace) -> Mask:
     domain = V.mesh
     r = domain.geometry.x[:, 0]
     largest = maximum(domain.comm, r)
-    return np.asarray(np.abs(node_positions(V)[:, 0]) <= _NEAR * largest)
+    return np.abs(node_positions(V)[:, 0]) <= _NEAR * largest
 
 
 def check_section(domain: mesh.Mesh, facets: Indices, name: str) -> None:

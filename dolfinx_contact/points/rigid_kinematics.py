@@ -56,7 +56,7 @@ class RigidKinematics:
             return np.zeros((0, self.dim, self.dim))
         vector[..., 3 - angles.shape[-1] :] = angles
         turned = scipy.spatial.transform.Rotation.from_rotvec(vector).as_matrix()
-        return np.asarray(turned[..., : self.dim, : self.dim])
+        return turned[..., : self.dim, : self.dim]
 
     def seen(self, x: Array, motion: Array) -> Array:
         """Return positions (n, dim) in the frame of the moved body.
@@ -66,12 +66,12 @@ class RigidKinematics:
             motion: motion of the body, shape (k,), or one for each point, shape (n, k).
         """
         arm = x - self.about - motion[..., : self.dim]
-        return np.asarray(self.about + (arm[:, None] @ self.rotation(motion))[:, 0])
+        return self.about + (arm[:, None] @ self.rotation(motion))[:, 0]
 
     def carried(self, x: Array, motion: Array) -> Array:
         """Return displacements (n, dim) of material points x by a motion of any size."""
         arm = x - self.about
-        return np.asarray(motion[: self.dim] + arm @ self.rotation(motion).T - arm)
+        return motion[: self.dim] + arm @ self.rotation(motion).T - arm
 
     def spin(self, motion: Array) -> Array:
         """Return L (k, k), from rates of the rotation vector to the spin of the body."""
@@ -84,25 +84,25 @@ class RigidKinematics:
             return np.eye(3) + S / 2 + S @ S / 6
         first = (1 - np.cos(angle)) / angle**2
         second = (angle - np.sin(angle)) / angle**3
-        return np.asarray(np.eye(3) + first * S + second * S @ S)
+        return np.eye(3) + first * S + second * S @ S
 
     def velocity(self, x: Array, motion: Array, rate: Array) -> Array:
         """Return velocities (n, dim) of the material points at x for a rate of the motion (k,)."""
         turning = self.spin(motion) @ rate[self.dim :]
         arm = x - self.about - motion[: self.dim]
-        return np.asarray(rate[: self.dim] + self.crossed(turning, arm))
+        return rate[: self.dim] + self.crossed(turning, arm)
 
     def crossed(self, turning: Array, v: Array) -> Array:
         """Return the products w x v of a spin w with vectors v, shape (n, dim)."""
         if self.dim == 2:
-            return np.asarray(turning * np.stack([-v[:, 1], v[:, 0]], axis=1))
+            return turning * np.stack([-v[:, 1], v[:, 0]], axis=1)
         return np.asarray(np.cross(turning, v))
 
     # -- small motions and forces ----------------------------------------------------------------
 
     def field(self, x: Array, motion: Array) -> Array:
         """Return Phi q, displacements (n, dim) at points (n, dim) by a small motion q."""
-        return np.asarray(motion[: self.dim] + self.crossed(motion[self.dim :], x - self.about))
+        return motion[: self.dim] + self.crossed(motion[self.dim :], x - self.about)
 
     def resultant(self, x: Array, forces: Array, moved: Array | None = None) -> Array:
         """Return Phi^T f, the resultant force and the moment about the reference point, (k,).

@@ -31,20 +31,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 from petsc4py import PETSc
 
 import numpy as np
 
-from dolfinx import fem, la
+from dolfinx import fem
 
 from dolfinx_contact._arrays import Array, Ints, Mask
 from dolfinx_contact._geometry import global_numbers
 from dolfinx_contact._mpi import SharedValues
 from dolfinx_contact._petsc import triplet_matrix
 from dolfinx_contact.points.contact_points import ContactPoints
-from dolfinx_contact.points.operators import multiplied, rows_of, rows_with_ghosts
+from dolfinx_contact.points.operators import rows_of, rows_with_ghosts
 from dolfinx_contact.points.opposite import Opposite
 from dolfinx_contact.points.trace import at_global_places, sums_at_global_places
 
@@ -74,7 +73,7 @@ def crossings(
     nodes_of = V.dofmap.index_map
     maps = [points.vertices.dofmap.index_map for points, _ in surfaces]
     # edges: surface, vertex, and nodes at both ends of the jump there
-    parts = [np.zeros((0, 4), dtype=np.int64)]
+    parts: list[Ints] = [np.zeros((0, 4), dtype=np.int64)]
     for i, (points, opposite) in enumerate(surfaces):
         if opposite is None or not opposite.matching:
             continue
@@ -120,7 +119,7 @@ def _in_loops(parts: Sequence[Ints], rank: int) -> Mask:
             break
         left = stays
     first = sum(len(part) for part in parts[:rank])
-    return np.asarray(left[first : first + len(parts[rank])])
+    return left[first : first + len(parts[rank])]
 
 
 # -- held nodes ------------------------------------------------------------------------------------
@@ -138,7 +137,7 @@ def resting(V: fem.FunctionSpace, opposite: Opposite, fixed: Mask) -> Mask:
     """
     free = (~fixed[: V.dofmap.index_map.size_local]).astype(float)
     moves = opposite.values(V.mesh.comm, free, sizes=True) > _MOVES
-    return np.asarray((fixed & ~moves) | opposite.none[:, None])
+    return (fixed & ~moves) | opposite.none[:, None]
 
 
 def held_in_place(V: fem.FunctionSpace, opposite: Opposite, fixed: Mask) -> Mask:
@@ -155,7 +154,7 @@ def held_in_place(V: fem.FunctionSpace, opposite: Opposite, fixed: Mask) -> Mask
     free = (~held[: V.dofmap.index_map.size_local]).astype(float)
     here, around = (of.values(V.mesh.comm, free, sizes=True) for of in (places, opposite))
     fixed_here = opposite.sides[0] & held & ~places.none & (here <= _MOVES)
-    return np.asarray(fixed_here & (around > _MOVES))
+    return fixed_here & (around > _MOVES)
 
 
 def in_place(opposite: Opposite, nodes: Mask) -> Opposite:
@@ -163,16 +162,9 @@ def in_place(opposite: Opposite, nodes: Mask) -> Opposite:
     assert opposite.common is not None
     places = opposite.common.places
     chosen = nodes[opposite.sides[0]][:, None]
-    width = max(opposite.nodes.shape[1], places.nodes.shape[1])
-
-    def rows(values: Any, others: Any) -> Any:
-        # Nodes are repeated, weights are not.
-        mode: Any = "edge" if values.dtype.kind == "i" else "constant"
-        padded = (np.pad(v, ((0, 0), (0, width - v.shape[1])), mode) for v in (others, values))
-        return np.where(chosen, *padded)
-
-    found = replace(opposite, nodes=rows(opposite.nodes, places.nodes))
-    return replace(found, weights=rows(opposite.weights, places.weights))
+    weights = np.where(chosen, 0.0, opposite.weights), np.where(chosen, places.weights, 0.0)
+    found = replace(opposite, nodes=np.concatenate([opposite.nodes, places.nodes], axis=1))
+    return replace(found, weights=np.concatenate(weights, axis=1))
 
 
 # -- functions that other nodes take ---------------------------------------------------------------
@@ -198,19 +190,19 @@ def shared(
         functions of the owned vertices, shape (n,); and the mask of the vertices whose basis
         function could be distributed.
     """
+    nodes, shares, given = receiving_vertices(vertices, given, idle)
     n = len(areas)
-    shares, given = _shares(vertices, given, idle)
-    own = _diagonal(vertices, given[:n])
-    means = shares.transpose(PETSc.Mat())
-    total_areas = multiplied(means, areas[:, None])[:, 0]
-    total_areas = np.where(given[:n], areas, total_areas)
-    means.axpy(1.0, own)
-    columns, rows = means.createVecs()
-    columns.array[:] = areas
-    rows.array[:] = 1 / total_areas
-    means.diagonalScale(rows, columns)
-    for part in (shares, own, columns, rows):
-        part.destroy()
+    own = vertices.dofmap.index_map.local_range[0] + np.arange(n, dtype=np.int64)
+    rows = np.column_stack([nodes[:n], own])
+    weights = areas[:, None] * np.column_stack([shares[:n], given[:n]])
+    vertex, place = np.nonzero(weights)
+    entries = rows[vertex, place], own[vertex], weights[vertex, place]
+    means = triplet_matrix(vertices.mesh.comm, (n, n), *entries)
+    sums = means.getRowSum()
+    total_areas = sums.array.copy()
+    sums.reciprocal()
+    means.diagonalScale(sums)
+    sums.destroy()
     return means, total_areas, given
 
 
@@ -229,49 +221,37 @@ def receiving_vertices(
         Global indices of the receiving vertices and their shares, shape (n, k) each, padded with
         shares of 0; and the mask of the vertices whose basis function could be distributed.
     """
-    shares, given = _shares(vertices, given, idle)
     index_map = vertices.dofmap.index_map
-    rows = rows_of(shares, np.ones(index_map.size_local))
-    return *rows_with_ghosts(vertices.mesh.comm, index_map, *rows), given
-
-
-def _shares(vertices: fem.FunctionSpace, given: Mask, idle: Mask) -> tuple[PETSc.Mat, Mask]:
-    """Return the matrix of shares, from kept functions to all functions, and the mask `given`.
-
-    The basis function of a vertex is distributed in equal parts to the vertices around it. If one
-    of these is distributed as well, its part is passed on. A function that no vertex can receive
-    is kept.
-    """
-    index_map = vertices.dofmap.index_map
+    exchange = SharedValues(index_map)
     comm = vertices.mesh.comm
     n = index_map.size_local
     topology = vertices.mesh.topology
     cells = vertices.dofmap.list[: topology.index_map(topology.dim).size_local]
     a = np.repeat(cells, cells.shape[1], axis=1)
     b = np.tile(cells, cells.shape[1])
-    known = la.vector(index_map, 1)
-    known.array[:] = ~given & ~idle
+    # in equal parts to the vertices around; parts of these that are given away are passed on
+    known = ~given & ~idle
     shares = _diagonal(vertices, ~given[:n])
     while True:
-        takes = given[a] & (known.array[a] == 0) & (known.array[b] > 0)
+        takes = (given & ~known)[a] & known[b]
         rows, columns = (global_numbers(index_map, v[takes]) for v in (a, b))
         if not comm.allreduce(len(rows)):
             break
         step = triplet_matrix(comm, (n, n), rows, columns, np.ones(len(rows)))
         counts = step.getRowSum()
-        known.array[:n][counts.array_r > 0] = 1.0
-        known.scatter_forward()
+        known |= exchange.from_owners(counts.array_r) > 0
         counts.array[:] = 1 / np.maximum(counts.array_r, 1.0)
         step.diagonalScale(counts)
         passed = step.matMult(shares)
         shares.axpy(1.0, passed)
         for part in (step, counts, passed):
             part.destroy()
-    lost = given & (known.array == 0)
-    own = _diagonal(vertices, lost[:n])
+    # a function that no vertex can receive is kept
+    own = _diagonal(vertices, (given & ~known)[:n])
     shares.axpy(1.0, own)
     own.destroy()
-    return shares, given & ~lost
+    owned = rows_of(shares, np.ones(n))
+    return *rows_with_ghosts(comm, index_map, *owned), given & known
 
 
 def _diagonal(vertices: fem.FunctionSpace, marked: Mask) -> PETSc.Mat:

@@ -13,7 +13,7 @@ from dolfinx import fem
 
 from dolfinx_contact._arrays import Array, Indices, Ints, Mask
 from dolfinx_contact._compat import create_facet_submesh
-from dolfinx_contact._geometry import dot, node_positions
+from dolfinx_contact._geometry import dot, node_positions, tangential
 from dolfinx_contact._mpi import everywhere, keep, minimum, require, same_everywhere
 from dolfinx_contact._ufl import described, refuse_displacement, refuse_other_mesh
 from dolfinx_contact._validate import ReadOnly
@@ -244,8 +244,8 @@ class DiscreteSurface(ReadOnly):
             self.moved_along = kept and bool(motion.any())
         else:
             normal = self._nearest_normal()
-            along = motion - (motion @ normal) * normal
-            self.moved_along = bool(np.linalg.norm(along) > _ALONG * np.linalg.norm(motion))
+            along = np.linalg.norm(tangential(motion, normal))
+            self.moved_along = bool(along > _ALONG * np.linalg.norm(motion))
         self._place = place
 
     @property
@@ -256,10 +256,11 @@ class DiscreteSurface(ReadOnly):
 
     def _nearest_normal(self) -> Array:
         """Return the normal at the vertex with the smallest gap, shape (dim,). Collective."""
+        gaps, normals = self.points.vertex_gaps, self.points.vertex_normals
         mine: tuple[float, list[float]] = np.inf, []
-        if len(self.points.vertex_gaps):
-            k = int(np.argmin(self.points.vertex_gaps))
-            mine = float(self.points.vertex_gaps[k]), self.points.vertex_normals[k].tolist()
+        if len(gaps):
+            nearest = int(np.argmin(gaps))
+            mine = float(gaps[nearest]), list(normals[nearest])
         return np.array(min(self.comm.allgather(mine))[1])
 
     def _place_of_obstacle(self) -> Array:
@@ -267,7 +268,7 @@ class DiscreteSurface(ReadOnly):
         if self._anchor is not None:
             return np.array(self._anchor.value)
         constants = [*self.given.data["gap"][1], *self.given.data["normal"][1]]
-        return np.concatenate([np.zeros(0), *(np.ravel(c.value) for c in constants)])
+        return np.array([v for c in constants for v in np.ravel(c.value)])
 
     def check_gaps(self) -> None:
         """Raise ``ValueError`` if the present normals do not have unit length. Collective."""

@@ -273,7 +273,7 @@ def nodes_on(V: fem.FunctionSpace, facets: Indices) -> Mask:
     """Return the mask of the local nodes on facets of any rank. Collective."""
     nodes = facet_closures(V, facets)
     counts = SharedValues(V.dofmap.index_map).sums(nodes, np.ones(nodes.shape))
-    return np.asarray(counts > 0)
+    return counts > 0
 
 
 def at_global_places(comm: MPI.Comm, values: Array, places: Ints) -> Array:
@@ -290,7 +290,7 @@ def at_global_places(comm: MPI.Comm, values: Array, places: Ints) -> Array:
     first: int = comm.exscan(len(values)) or 0
     mine = (first <= places) & (places < first + len(values))
     if not anywhere(comm, not mine.all())[0]:
-        return np.asarray(values[places - first])
+        return values[places - first]
     shape = values.shape[1:]
     width = int(np.prod(shape, dtype=int))
     given = PETSc.Vec().createMPI((values.size, None), comm=comm)
@@ -302,7 +302,7 @@ def at_global_places(comm: MPI.Comm, values: Array, places: Ints) -> Array:
     found = here.array_r.copy()
     for thing in (given, wanted, here, scatter):
         thing.destroy()
-    return np.asarray(found.reshape(*places.shape, *shape))
+    return found.reshape(*places.shape, *shape)
 
 
 def sums_at_global_places(comm: MPI.Comm, owned: int, places: Ints, values: Array) -> Array:

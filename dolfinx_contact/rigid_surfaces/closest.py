@@ -89,7 +89,7 @@ def _parts(x: Array, corners: Array) -> Array:
         away -= height[..., None] * across[:, None]
         crossed = np.cross(away[:, [1, 2, 0]], away[:, [2, 0, 1]])
         parts[thin] = np.einsum("nki,ni->nk", crossed, across)
-    return np.asarray(parts)
+    return parts
 
 
 class ClosestPoints(NamedTuple):
@@ -175,7 +175,7 @@ def _covered(corners: Array) -> tuple[Array, Ints, Array]:
 def _radii(corners: Array) -> Array:
     """Return the radii of balls containing the facets, centred at their midpoints."""
     away = np.linalg.norm(corners - corners.mean(axis=1, keepdims=True), axis=2)
-    return np.asarray(away.max(axis=1))
+    return away.max(axis=1)
 
 
 def _halved(corners: Array) -> Array:

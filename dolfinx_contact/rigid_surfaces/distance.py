@@ -205,4 +205,4 @@ def _slopes(corners: Array) -> Array:
 
 
 def _outer(v: Array) -> Array:
-    return np.asarray(v[:, :, None] * v[:, None, :])
+    return v[:, :, None] * v[:, None, :]

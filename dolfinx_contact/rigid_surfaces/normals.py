@@ -54,7 +54,7 @@ def crossed(corners: Array) -> Array:
     Args:
         corners: corners of the facets, shape (k, dim, dim).
     """
-    return np.asarray((corners.shape[1] - 1) * area_vectors(corners))
+    return (corners.shape[1] - 1) * area_vectors(corners)
 
 
 def without_tips(corners: Array, fans: Ints) -> Ints:
@@ -141,7 +141,7 @@ def _weights(corners: Array) -> Array:
     """Return the weights of facets at their corners, shape (k, dim)."""
     dim = corners.shape[1]
     edges = np.sum((np.roll(corners, -1, axis=1) - corners) ** 2, axis=2)
-    return np.asarray(1.0 / (edges * np.roll(edges, 1, axis=1) if dim == 3 else edges))
+    return 1.0 / (edges * np.roll(edges, 1, axis=1) if dim == 3 else edges)
 
 
 def _averaged(weights: Array, across: Array, fans: Ints) -> Array:
@@ -185,7 +185,7 @@ def _along_edges(
         turn = scipy.sparse.linalg.lsmr(matrix, off, damp=_DAMPED, maxiter=_STEPS, atol=1e-8)[0]
         turn = free[:, None] * turn.reshape(len(first), dim - 1)
         normals = unit(normals + np.einsum("vid,vd->vi", frames, turn))
-    return np.asarray(normals[fans].reshape(guess.shape))
+    return normals[fans].reshape(guess.shape)
 
 
 def _edges(corners: Array, fans: Ints) -> tuple[Ints, Ints, Array]:
@@ -226,4 +226,4 @@ def _most(values: Array, groups: Ints) -> Array:
     """Return for each value the maximum over its group, shape (n,)."""
     most = np.zeros(int(groups.max()) + 1)
     np.maximum.at(most, groups, values)
-    return np.asarray(most[groups])
+    return most[groups]

@@ -134,7 +134,7 @@ class _Ridges:
     @property
     def alike(self) -> Mask:
         """Mask of the interior ridges at which the two facets are oriented inconsistently."""
-        return np.asarray(self.signs[self.first] == self.signs[self.second])
+        return self.signs[self.first] == self.signs[self.second]
 
     def fans(self, cells: Ints, joined: Mask) -> Ints:
         """Return the indices of the fans of facets around points, by corner, shape (k dim,).
@@ -353,7 +353,7 @@ def _angles(corners: Array) -> Array:
     a = np.roll(corners, -1, axis=1) - corners
     b = np.roll(corners, 1, axis=1) - corners
     across = np.linalg.norm(np.cross(a, b), axis=2)
-    return np.asarray(np.arctan2(across, dot(a, b)))
+    return np.arctan2(across, dot(a, b))
 
 
 def _bends_at_creases(
@@ -382,4 +382,4 @@ def _bends_at_creases(
             ends = [corners[facet, (corner + k) % 3] for k in (1, 2)]
             width = width / np.linalg.norm(ends[1] - ends[0], axis=1)
         np.maximum.at(most, planes[facet], np.where(at_crease, off / width, 0.0))
-    return np.asarray(most[planes])
+    return most[planes]

@@ -626,7 +626,7 @@ def torque_of_a_punch(n, angle, pressure):
     m = operator.number
     at = np.einsum("pqa,pad->pqd", facing.basis, operator.x[facing.facet])
     p = pressure(np.hypot(at[..., 0], at[..., 1]))
-    forces = pair.points.faces.sums(facing.facet, np.einsum("pqa,pq->pa", facing.weighted, p))[:m]
+    forces = pair.points.faces.sums(facing.facet, np.einsum("paq,pq->pa", facing.weighted, p))[:m]
     jump = facing.nodal.jump[:m]
     size = np.linalg.norm(jump, axis=1)
     way = np.divide(jump, size[:, None], out=np.zeros_like(jump), where=size[:, None] > 1e-9)

@@ -165,8 +165,8 @@ class Master:
         """
         owned = np.ascontiguousarray(values[: self._V.dofmap.index_map.size_local])
         at = at_global_places(self._V.mesh.comm, owned, found.known)
-        return np.asarray(at[found.places] * found.mirrors[:, None])
+        return at[found.places] * found.mirrors[:, None]
 
     def positions(self, x: Array, found: Candidates) -> Array:
         """Return positions of the corners of candidates, shape (m, b, dim). Collective."""
-        return np.asarray(self.vectors(x, found) + self._behind(found.mirrors)[:, None])
+        return self.vectors(x, found) + self._behind(found.mirrors)[:, None]

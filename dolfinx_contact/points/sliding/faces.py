@@ -181,11 +181,11 @@ class SlidingFaces:
     @property
     def free_to_spin(self) -> Array:
         """1, or 0 on planes of symmetry, where images spin against the vertices, shape (n,)."""
-        return np.asarray(self.kept.min(axis=1))
+        return self.kept.min(axis=1)
 
     def normal_rates(self, x: Array) -> Array:
         """Return derivatives of the area vectors by the corners, shape (n, dim, k, dim)."""
-        return np.asarray(self._facets.sense[:, None, None, None] * area_vector_rates(x))
+        return self._facets.sense[:, None, None, None] * area_vector_rates(x)
 
     def at_nodes(self, of_facets: Array) -> Array:
         """Return sums of facet vectors (n, dim) around local vertices, with mirror images."""
@@ -270,10 +270,8 @@ class SlidingFaces:
         back = dot(x.mean(axis=1, keepdims=True) - x, n)
         size = np.ptp(x, axis=1).max(axis=1)[:, None]
         turn = np.where(back < -1e-9 * size, turn, 0.0)
-        worst = 0.0, np.zeros(self.dim).tolist()
-        if turn.size:
-            at = np.unravel_index(int(np.argmax(turn)), turn.shape)
-            worst = float(turn[at]), x[at].tolist()
+        every = zip(turn.ravel().tolist(), x.reshape(-1, self.dim).tolist(), strict=True)
+        worst = max(every, default=(0.0, [0.0] * self.dim))
         angle, place = max(self.comm.allgather(worst))
         return angle, np.array(place)
 
@@ -307,7 +305,7 @@ class SlidingFaces:
         same = self.slave_nodes[i][:, :, None] == self.found.nodes[k][:, None]
         off = self._reference[i][:, :, None] - self._found_before[k][:, None]
         near = np.linalg.norm(off, axis=3) <= _SAME * self._skin
-        return np.asarray((same & near).any(axis=(1, 2)))
+        return (same & near).any(axis=(1, 2))
 
     def _deepest_of_itself(self) -> Array:
         """Return the overlap of each facet at which its face is met through the body, shape (n,).

@@ -173,7 +173,7 @@ def spins(before: Array, now: Array, sense: Array) -> tuple[Array, Array]:
     normal = m / length
     o = unit(sense[:, None] * area_vectors(before))
     a, b = edges_of(before)
-    volume = dot(o, np.cross(a, b))[:, None]
+    volume = np.sum(o * np.cross(a, b), axis=1)[:, None]
     reciprocal = np.stack([np.cross(b, o) / volume, np.cross(o, a) / volume], axis=1)
     g = reciprocal @ rotation(o, normal).transpose(0, 2, 1)
     e = np.stack(edges_of(now), axis=1)
@@ -238,12 +238,12 @@ class Nodal:
             return np.broadcast_to(np.eye(dim, dtype=np.float64), (n, dim, dim)).copy()
         across = np.cross(self.normal[:, None], np.eye(dim)).transpose(0, 2, 1)
         c, s = (f(self.spin)[:, None, None] for f in (np.cos, np.sin))
-        return np.asarray(c * np.eye(dim) + s * across)
+        return c * np.eye(dim) + s * across
 
     @cached_property
     def rotation(self) -> Array:
         """Rotation S R of vectors along the surface of the last state, shape (n, dim, dim)."""
-        return np.asarray(self._spun @ self._turned)
+        return self._spun @ self._turned
 
     @property
     def slip_now(self) -> Array:
@@ -281,7 +281,7 @@ class Nodal:
         turned = -(n + o)[:, :, None] * (d / c - b * o / c**2)[:, None]
         turned -= (b / c)[:, :, None] * np.eye(n.shape[1])
         slip = transformed(self._turned, self.slip)
-        return np.asarray(self._spun @ (turned + n[:, :, None] * slip[:, None]))
+        return self._spun @ (turned + n[:, :, None] * slip[:, None])
 
 
 @dataclass(frozen=True, eq=False)
@@ -319,7 +319,7 @@ class Facing:
     @cached_property
     def weighted(self) -> Array:
         """Weighted basis w N_a, shape (p, a, q)."""
-        return np.asarray((self.areas[..., None] * self.basis).transpose(0, 2, 1))
+        return (self.areas[..., None] * self.basis).transpose(0, 2, 1)
 
     @cached_property
     def jumps(self) -> Array:
@@ -330,7 +330,7 @@ class Facing:
     def mass(self) -> Array:
         """Parts of m_ab, 0 for a = b, shape (p, a, b)."""
         found = self.weighted @ self.basis
-        return np.asarray(found * (1.0 - np.eye(found.shape[1])))
+        return found * (1.0 - np.eye(found.shape[1]))
 
     def moved(self, v: Array, m: Array) -> tuple[Array, Array]:
         """Return changes of places (p, q, dim - 1) and gaps (p, q).

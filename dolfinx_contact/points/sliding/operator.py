@@ -44,7 +44,7 @@ class SlidingOperator(Operator):
     @cached_property
     def absent(self) -> Mask:  # type: ignore[override]
         """Mask of points without an opposing point, shape (n,)."""
-        return np.asarray(self.areas == 0.0)
+        return self.areas == 0.0
 
     @property
     def facets_passed(self) -> Array:
@@ -63,13 +63,13 @@ class SlidingOperator(Operator):
         sums = self.faces.sums(facing.facet, facing.mass @ self._at_corners(tractions))
         around = facing.nodal.around
         by = ratio(np.ones_like(around), around)
-        return np.asarray(self.faces.kept * by[:, None] * sums)[: self.number]
+        return self.faces.kept * by[:, None] * sums[: self.number]
 
     def _at_corners(self, tractions: Array) -> Array:
         """Return tractions at corners of pieces (p, a, dim) from those at the owned points."""
         alive = np.where(self.absent[:, None], 0.0, tractions)
         alive = self.faces.vertices.from_owners(alive)
-        return np.asarray(alive[self.faces.corners[self.facing.facet]])
+        return alive[self.faces.corners[self.facing.facet]]
 
     def _parts(self, v: Array) -> tuple[Array, Array]:
         """Return displacements at the corners of both faces, and changes of nodal vectors m."""
@@ -86,7 +86,7 @@ class SlidingOperator(Operator):
     def _means(self, parts: Array) -> Array:
         """Return weighted means at local vertices of weighted parts at corners (p, a, ...)."""
         sums = self.faces.sums(self.facing.facet, parts)
-        return np.asarray((self.facing.nodal.inverse * sums.T).T)
+        return (self.facing.nodal.inverse * sums.T).T
 
     def apply(self, v: Array) -> Array:
         facing = self.facing
@@ -112,14 +112,14 @@ class SlidingOperator(Operator):
         spun = np.sum(facing.spins * both, axis=(1, 2))[:, None]
         spun = faces.free_to_spin * self._means(facing.weighted.sum(axis=2) * spun)
         slips = slips + turned + spun[:, None] * nodal.by_spin
-        return np.asarray(slips - gaps[:, None] * nodal.normal)[: self.number]
+        return slips - gaps[:, None] * nodal.normal[: self.number]
 
     def normal_rate(self, v: Array) -> Array:
         return transformed(self.facing.nodal.by_normal, self._parts(v)[1])[: self.number]
 
     def at_quadrature(self, tractions: Array) -> Array:
         """Return tractions times areas at the points (p, q, dim) from those at the owned points."""
-        return np.asarray(self.facing.weighted.transpose(0, 2, 1) @ self._at_corners(tractions))
+        return self.facing.weighted.transpose(0, 2, 1) @ self._at_corners(tractions)
 
     def transpose(self, tractions: Array) -> Array:
         forces = self.facing.jumps.transpose(0, 2, 1) @ self.at_quadrature(tractions)
