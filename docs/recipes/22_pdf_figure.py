@@ -26,8 +26,7 @@ for file in ("figure.pdf", "figure.png"):
 cube = Block(n=6, cell="hexahedron")
 problem = cube.problem()
 problem.solve()
-look = dict(view="-y", clip="-y", scale=5.0, stress=cube.steel.full_stress(cube.u))
-look |= dict(units={"length": "m", "stress": "Pa"})
+look = dict(view="-y", clip="-y", stress=cube.steel.full_stress(cube.u), units={"stress": "Pa"})
 for file in ("inside.pdf", "inside.png"):
     picture_of_body(file, problem, **look)
     assert Path(file).stat().st_size > 1000

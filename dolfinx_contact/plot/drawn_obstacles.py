@@ -19,8 +19,8 @@ from scipy.linalg import null_space
 
 import ufl
 from dolfinx import fem
-from ufl.algorithms import expand_derivatives, extract_coefficients
-from ufl.algorithms.analysis import extract_constants
+from ufl.algorithms import expand_derivatives
+from ufl.algorithms.analysis import extract_constants, extract_type
 
 from dolfinx_contact._geometry import unit
 from dolfinx_contact.obstacles import known_displaced
@@ -103,15 +103,19 @@ class Formula:
         domain: mesh of the bodies.
         gap_and_normal: UFL vector without Functions.
         motion: displacements of the obstacle at the origin and at the ends of the unit vectors.
+        axisymmetric: whether the obstacle is drawn for x >= 0 only.
     """
 
-    def __init__(self, domain: mesh.Mesh, gap_and_normal: Any, motion: Array):
+    def __init__(
+        self, domain: mesh.Mesh, gap_and_normal: Any, motion: Array, *, axisymmetric: bool
+    ):
         dim = domain.geometry.dim
         constants = extract_constants(gap_and_normal)
         now = {c: fem.Constant(domain, np.copy(c.value)) for c in constants}
         data = {"both": ufl.replace(gap_and_normal, now)}
         none, nowhere = np.zeros(0), np.zeros((0, dim))
         self._values = ScatteredEvaluator(domain, none.astype(np.int32), nowhere, none, data)
+        self._least = np.array([0.0 if axisymmetric else -np.inf, *[-np.inf] * (dim - 1)])
         # the present place of X is X @ turned + moved
         self._moved = motion[0]
         self._turned = np.eye(dim) + motion[1:] - motion[0]
@@ -125,7 +129,7 @@ class Formula:
     def surface(self, low: Array, high: Array) -> DrawnObstacle | None:
         """Return the part of the surface in a box; None if there is none."""
         dim = len(low)
-        axes = np.linspace(low, high, _NUMBER[dim])
+        axes = np.linspace(np.maximum(low, self._least), high, _NUMBER[dim])
         grid = np.stack(np.meshgrid(*axes.T, indexing="ij"), axis=-1)
         gap, _ = self._at(grid.reshape(-1, dim))
         # where its gradient is zero, a level set has no finite gap; zeros would give sliver facets
@@ -153,12 +157,14 @@ def formula_of(domain: mesh.Mesh, s: DiscreteSurface, scale: float) -> Formula |
     shape = shape_of(s.obstacle)
     if shape.flat or shape.outline is not None or not known_displaced(shape):
         return None
-    gap, normal = shape.at(domain, ufl.SpatialCoordinate(domain))
+    x = ufl.SpatialCoordinate(domain)
+    gap, normal = shape.at(domain, x)
     both = expand_derivatives(ufl.as_vector([gap, *normal]))
-    if extract_coefficients(both):
+    if extract_type(both, (ufl.classes.Coefficient, ufl.classes.GeometricQuantity)) - {x}:
         return None
     ends = np.concatenate([np.zeros((1, s.dim)), np.eye(s.dim)])
-    return Formula(domain, both, scale * s.partner.dragged(ends))
+    motion = scale * s.partner.dragged(ends)
+    return Formula(domain, both, motion, axisymmetric=s.axisymmetric)
 
 
 def _curves(axes: Array, gap: Array) -> DrawnObstacle:

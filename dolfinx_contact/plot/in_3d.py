@@ -212,9 +212,9 @@ def _set_camera(
     end = end @ frame + 2 * depth * eye
     line = pv.Line(end - length * right, end)
     plotter.add_mesh(line, color=INK, line_width=5, name="scale bar")
-    left = window[0] - 40 - length * pixels
+    left = [window[0] - 40 - length * pixels, 30] / window
     words = f"{length:g} {scene.unit}".strip()
-    plotter.add_text(words, (left, 30), font_size=10, color=INK, name="scale")
+    plotter.add_text(words, left, viewport=True, font_size=10, color=INK, name="scale")
     return float(pixels)
 
 

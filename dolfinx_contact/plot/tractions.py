@@ -8,11 +8,12 @@ it is straight or if the user names the coordinate, otherwise over its arc lengt
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import numpy.typing as npt
 
+from dolfinx_contact._arrays import Mask
 from dolfinx_contact._geometry import (
     area_vectors,
     curves,
@@ -55,8 +56,6 @@ if TYPE_CHECKING:
     from dolfinx_contact.problem import ContactProblem
 
 __all__ = ["check_surface", "contact_data", "draw_contact", "picture_of_contact"]
-
-Mask: TypeAlias = npt.NDArray[np.bool_]
 
 _ZERO_FORCE = 1e-10  # relative to stiffness times displacement
 _LITTLE = 1e-6  # relative to the largest traction

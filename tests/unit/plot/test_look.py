@@ -6,7 +6,7 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from support.blocks import block, box
+from support.blocks import block, box, facets
 from support.recorded_run import moved_block, start
 
 import ufl
@@ -26,7 +26,7 @@ from dolfinx_contact import (
 )
 from dolfinx_contact.continuation import follow
 from dolfinx_contact.laws import status
-from dolfinx_contact.materials import LinearElastic
+from dolfinx_contact.materials import Axisymmetric, LinearElastic
 
 COMM = MPI.COMM_WORLD
 MATERIAL = LinearElastic.from_young(1000.0, 0.3)
@@ -134,6 +134,22 @@ def test_a_whole_obstacle_is_drawn_beside_a_body_of_its_size(obstacle, centre):
         np.testing.assert_allclose(np.linalg.norm(x, axis=1), 0.2, rtol=1e-4)
         angles = np.sort(np.arctan2(*x.T))
         assert np.diff(angles, append=angles[0] + 2 * np.pi).max() < 0.2
+
+
+def test_half_of_an_obstacle_of_revolution_is_drawn():
+    domain = box(COMM, 3, "quad")
+    u = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (2,))))
+    bottom = facets(domain, 1, 0.0)
+    ball = Sphere((0.0, -0.3), 0.3)
+    surface = ContactSurface(u, bottom, obstacle=ball, law=Frictionless(), axisymmetric=True)
+    held = fem.locate_dofs_topological(u.function_space, 1, facets(domain, 1, 1.0))
+    bcs = [fem.dirichletbc(np.zeros(2), held, u.function_space)]
+    problem = ContactProblem(Axisymmetric(MATERIAL).energy(u) * ufl.dx, u, [surface], bcs=bcs)
+    figure = plot.picture_of_body(None, problem)
+    if COMM.rank == 0:
+        x = obstacle_of(figure)
+        np.testing.assert_allclose(x.min(axis=0), (0.0, -0.6), atol=1e-4)
+        np.testing.assert_allclose(x.max(axis=0), (0.3, 0.0), atol=1e-4)
 
 
 def test_an_obstacle_moved_by_constants_is_drawn_at_its_present_place():
