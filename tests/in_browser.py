@@ -121,6 +121,11 @@ def along_a_branch(b, name, dim):
     assert ring == [x, y]
     drawn = b.ask("byId('body').data.map((t) => t.type)")
     assert ("mesh3d" in drawn) == (dim == 3)
+    if dim == 2:  # a cell has several colours, which vary continuously
+        colours = b.ask("new Set(byId('body').data.map((t) => t.fillcolor)).size")
+        corners = b.ask("byId('body').data.map((t) => t.fill ? t.x.length : 0)")
+        assert colours > 4
+        assert sum(corners) > 4 * 5 * b.ask("body.cells.length")  # more than four triangles each
     b.press(Keys.ARROW_RIGHT)
     b.wait(f"now.index === {target + 1}")
     b.press(Keys.HOME)

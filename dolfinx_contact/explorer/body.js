@@ -1,7 +1,7 @@
 // The deformed body: in 3D meshes of WebGL, in 2D polygons of SVG, which every browser draws.
 "use strict";
 
-const BINS = 24; // colours of polygons in 2D
+const BINS = 32; // bands of colours in 2D
 const GREY = "#cdd5dc";
 const body = { webgl: false, points: null, triangles: null, lines: null, faces: new Map() };
 
@@ -329,6 +329,41 @@ function binned(scale, part) {
   return colourOf(scale, Math.round(at * BINS) / BINS);
 }
 
+/** The part of a polygon in which a value, the last entry of its corners, is above a level (or below it). */
+function cut(polygon, level, sense) {
+  const found = [];
+  polygon.forEach((a, i) => {
+    const b = polygon[(i + 1) % polygon.length];
+    const [p, q] = [sense * (a[2] - level), sense * (b[2] - level)];
+    if (p >= 0) found.push(a);
+    if (p * q < 0) found.push(a.map((c, k) => c + p / (p - q) * (b[k] - c)));
+  });
+  return found;
+}
+
+/** Bands of colours: the values are linear in triangles; quadrilaterals are divided at their middles. */
+function banded(cells, x, colour) {
+  const [low, high] = colour.range;
+  const polygons = [], shades = [];
+  for (const cell of cells) {
+    const corners = cell.map((v) => [x[3 * v], x[3 * v + 1],
+      BINS * (colour.values[v] - low) / (high - low || 1)]);
+    const middle = [0, 1, 2].map((k) => corners.reduce((sum, c) => sum + c[k], 0) / cell.length);
+    const triangles = cell.length === 3 ? [corners]
+      : corners.map((c, i) => [c, corners[(i + 1) % cell.length], middle]);
+    for (const triangle of triangles) {
+      const values = triangle.map((c) => c[2]);
+      if (!values.every(Number.isFinite)) { polygons.push(triangle); shades.push(GREY); continue; }
+      const last = Math.floor(Math.max(...values));
+      for (let k = Math.floor(Math.min(...values)); k <= last; k++) {
+        const band = cut(cut(triangle, k, 1), k + 1, -1);
+        if (band.length > 2) { polygons.push(band); shades.push(colourOf(SCALE, (k + 0.5) / BINS)); }
+      }
+    }
+  }
+  return filled(polygons, shades);
+}
+
 /** Lines between pairs of vertices. */
 function segments(pairs, x, look) {
   const found = { x: [], y: [] };
@@ -350,12 +385,8 @@ async function draw2d(where, colour, tables, scale) {
   const x = where.x;
   const data = [];
   const polygon = (cell) => cell.map((v) => [x[3 * v], x[3 * v + 1]]);
-  const shades = body.cells.map((cell) => {
-    if (!colour) return GREY;
-    const mean = cell.reduce((sum, v) => sum + colour.values[v], 0) / cell.length;
-    return binned(SCALE, (mean - colour.range[0]) / (colour.range[1] - colour.range[0] || 1));
-  });
-  data.push(...filled(body.cells.map(polygon), shades));
+  data.push(...(colour ? banded(body.cells, x, colour)
+    : filled(body.cells.map(polygon), body.cells.map(() => GREY))));
   if (byId("edges").checked)
     data.push(segments(body.edges, x, { color: "rgba(31,41,51,0.22)", width: 0.6 }));
   data.push(segments(body.outline, x, { color: "#52606d", width: 1 }));
