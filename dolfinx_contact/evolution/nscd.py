@@ -26,8 +26,8 @@ u' = v has the factor
 
 in a step: with theta = 1/2 its period is too long by (w h)^2/12, 0.8 % for 20 steps per period; a
 larger theta damps it at the rate (theta - 1/2) w^2 h. Impact forces follow waves of the speed
-c = ((lambda + 2 mu)/rho)^(1/2). A mesh of cell size d has no waves shorter than a few cells, so
-that steps much shorter than d/c resolve nothing more.
+c = ((lambda + 2 mu)/rho)^(1/2). A mesh of cell size dx has no waves shorter than a few cells, so
+that steps much shorter than dx/c resolve nothing more.
 """
 
 from __future__ import annotations
@@ -140,8 +140,8 @@ class NSCD(Evolution):
             or UFL expression of the coordinates. It must not change during a run; mass and damping
             are assembled when a run starts.
         dt: largest length of a step, a time: at most 1/20 of the shortest period of interest, so
-            that this period is at most 0.8 % too long; and at most the time d/c of a wave across a
-            cell of size d if contact forces follow waves, c^2 = (lambda + 2 mu)/rho.
+            that this period is at most 0.8 % too long; and at most the time dx/c of a wave across a
+            cell of size dx if contact forces follow waves, c^2 = (lambda + 2 mu)/rho.
         load: function of the time, called on every rank before each step, that sets Constants and
             Functions of the data to their values at that time; default: data are constant. It must
             not depend on earlier calls.
