@@ -74,20 +74,20 @@ def _parser() -> argparse.ArgumentParser:
     )
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     commands.add_parser("check", help="check a stored proof", add_help=False)
-    commands.add_parser("info", help="list versions, and what is installed")
-    about = "Write a page in which a record is explored: one HTML file that needs no network."
-    explore = commands.add_parser("explore", help="write a page of a record", description=about)
+    commands.add_parser("info", help="list versions and installed packages")
+    about = "Write a page that explores a record: one HTML file that needs no network."
+    explore = commands.add_parser("explore", help="write a page for a record", description=about)
     add = explore.add_argument
     add("record", metavar="RECORD", help="folder of a record")
     add("-o", "--output", default="diagram.html", metavar="FILE", help="default: %(default)s")
-    add("--title", default="", help="of the page (default: the name of the record)")
+    add("--title", default="", help="title of the page (default: name of the record)")
     pair: dict[str, Any] = dict(action="append", default=[])
-    add("--label", **pair, metavar="COLUMN=TEXT", help="of a column, may be given several times")
-    units = "of length, force or stress, may be given several times"
+    add("--label", **pair, metavar="COLUMN=TEXT", help="label of a column; may be repeated")
+    units = "unit of length, force or stress; may be repeated"
     add("--unit", **pair, metavar="QUANTITY=UNIT", help=units)
-    proof = "a stored proof of the solutions at a gamma, which is checked"
+    proof = "stored proof of the solutions at a gamma, which is checked; may be repeated"
     add("--proof", **pair, metavar="GAMMA=FILE", help=proof)
-    error = "of displacements, over the largest one (default: %(default)s)"
+    error = "error of displacements over the largest one (default: %(default)s)"
     add("--error", type=float, default=0.005, help=error)
     return parser
 
