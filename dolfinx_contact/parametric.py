@@ -24,7 +24,7 @@ from dolfinx import fem
 from dolfinx_contact._arrays import Codes
 from dolfinx_contact._compat import is_mesh_of, is_value_of
 from dolfinx_contact._geometry import Gathered
-from dolfinx_contact._mpi import Arguments, collective, on_root, require
+from dolfinx_contact._mpi import Arguments, anywhere, collective, on_root, require
 from dolfinx_contact._ufl import described, refuse_other_mesh
 from dolfinx_contact._validate import ReadOnly, copy_with, instance, listed, number
 from dolfinx_contact.continuation import BranchPoint, Piece
@@ -190,7 +190,7 @@ class ParametricContact(ReadOnly, ParametricEquations):
         self.equations.read_data()
         # records and observers put the same point several times
         before, at = self._judged
-        if piece is before and gamma == at:
+        if not anywhere(self.comm, piece is not before or gamma != at)[0]:
             return
         self._judged = piece, gamma
         found = surface_indicators(self.equations, self.contact(x, gamma, piece))

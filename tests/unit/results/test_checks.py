@@ -215,6 +215,7 @@ def test_a_soft_part_elsewhere_does_not_hide_growth():
     assert share > 0.5
 
 
+@pytest.mark.ranks(2)
 def test_a_branch_over_a_plane_gives_the_warning(log):
     """A curved face that a rising floor closes from its middle on."""
     domain = box(COMM, 8, "quad")
