@@ -25,7 +25,7 @@ from ufl.corealg.traversal import unique_pre_traversal
 
 from dolfinx_contact._arrays import Array, Indices
 from dolfinx_contact._compat import dirichlet_value
-from dolfinx_contact._mpi import anywhere, count_of, minimum, require, same_everywhere
+from dolfinx_contact._mpi import anywhere, count_of, maximum, minimum, require, same_everywhere
 from dolfinx_contact._ufl import refuse_other_condition, refuse_other_mesh
 from dolfinx_contact._validate import count
 from dolfinx_contact._validate import listed as as_list
@@ -64,6 +64,7 @@ _BESIDE = 1e-3  # facet sizes from a contact point to the place where the body i
 _UNITS = 100.0  # ratio of the sizes of body and obstacle above which units may differ
 _MEASURES = {"cell": "dx", "exterior_facet": "ds", "interior_facet": "dS"}
 _LOCKS = 0.48  # Poisson's ratio from which elements of degree 1 are about a tenth too stiff
+_PLAUSIBLE = 5.0  # friction coefficient above which it may be in percent
 _TIED = 8  # contact points nearest to an obstacle that are examined, per rank
 
 
@@ -172,6 +173,7 @@ def validate(eq: ContactEquations, x0: PETSc.Vec) -> Evaluation | None:
             check_sides(eq)
     for s, memory in zip(eq.surfaces, eq.memory, strict=True):
         check_surface(s, memory)
+    _warn_of_friction(eq)
     # the start, and H there
     names = ["displacement", *(f"traction of {s.name!r}" for s in eq.surfaces)]
     names.append("motion of the rigid bodies")
@@ -344,6 +346,7 @@ def unintended(
     - An integral over a tag without entities is 0, so that a load is missing. Facets between cells
       do not belong to ds, and facets of the boundary do not belong to dS.
     - Cells without an integral have no stiffness.
+    - A load on facets whose displacements are all held changes only the reactions.
     - A Dirichlet condition without dofs holds nothing.
     - With too few quadrature points a stiffness is singular (hourglass modes).
     - Elements of degree 1 lock if Poisson's ratio is near 1/2, as it is if Young's modulus and
@@ -355,7 +358,7 @@ def unintended(
         bcs: Dirichlet conditions.
     """
     of_form = *_empty(form, V.mesh), *_hourglass(form, V), *_locking(form, V)
-    return dict([*_without_dofs(V, bcs), *of_form])
+    return dict([*_without_dofs(V, bcs), *_held(form, V, bcs), *of_form])
 
 
 def _without_dofs(V: fem.FunctionSpace, bcs: Sequence[fem.DirichletBC]) -> Iterator[_Warning]:
@@ -400,6 +403,33 @@ def _empty(form: ufl.Form, domain: mesh.Mesh) -> Iterator[_Warning]:
         every = sorted(set().union(*domain.comm.allgather(own)))
         names = f"; their tags: {', '.join(map(str, every))}" if every else ""
         yield "cells", f"{count} cells have no integral over dx, and no stiffness{names}"
+
+
+def _held(
+    form: ufl.Form, V: fem.FunctionSpace, bcs: Sequence[fem.DirichletBC]
+) -> Iterator[_Warning]:
+    """Yield warnings about loads on facets whose displacements are all held. Collective.
+
+    Integrands with a gradient are left out: they also act on other displacements.
+    """
+    index_map, size = V.dofmap.index_map, V.dofmap.index_map_bs
+    held = np.zeros((index_map.size_local + index_map.num_ghosts, size), dtype=bool)
+    for bc in bcs:
+        held.reshape(-1)[bc.dof_indices()[0]] = True
+    dim = V.mesh.topology.dim - 1
+    for integral in form.integrals_by_type("exterior_facet"):
+        nodes = unique_pre_traversal(integral.integrand())
+        if any(isinstance(node, ufl.classes.Grad) for node in nodes):
+            continue
+        for number in _ids(integral):
+            if isinstance(number, str):  # the whole boundary
+                continue
+            _, facets = _entities(integral, number, V.mesh)
+            dofs = fem.locate_dofs_topological(V, dim, facets)
+            found, free = V.mesh.comm.allreduce(np.array([len(dofs), (~held[dofs]).sum()]))
+            if found and not free:
+                text = "has no effect: Dirichlet conditions hold all displacements of its facets"
+                yield f"integral over ds({number})", f"an integral over ds({number}) {text}"
 
 
 def _hourglass(form: ufl.Form, V: fem.FunctionSpace) -> Iterator[_Warning]:
@@ -535,6 +565,16 @@ def _warn_of_dragging(eq: ContactEquations) -> None:
                 "friction opposes slip over the obstacle as it is now; use a RigidBody with the "
                 "motion of the obstacle",
             )
+
+
+def _warn_of_friction(eq: ContactEquations) -> None:
+    """Warn about friction coefficients that are not plausible. Collective."""
+    for s in eq.surfaces:
+        fields = s.points.data.fields
+        given = [v for name, v in fields.items() if name.split(".")[-1] == "friction"]
+        most = maximum(s.comm, np.concatenate(given)) if given else 0.0
+        message = f"the friction coefficient is {most:.3g}: if it is in percent, divide it by 100"
+        eq.warn(f"friction of {s.name!r}", message if most > _PLAUSIBLE else "")
 
 
 # -- data ------------------------------------------------------------------------------------------

@@ -20,6 +20,7 @@ from dolfinx_contact import (
     Coulomb,
     Frictionless,
     HalfSpace,
+    NormalCompliance,
     ParametricContact,
     Sphere,
 )
@@ -284,17 +285,21 @@ def test_floating_body_is_refused_with_its_free_motions():
             r"ds\(7\) is 0: no cell or facet has this tag",
         ),
         (
-            lambda domain: ufl.ds(subdomain_data=tagged(domain))((3, 7)),
+            lambda domain: ufl.ds(subdomain_data=tagged(domain, at_side))((3, 7)),
             r"ds\(7\) is 0: no cell or facet has this tag",
         ),
         (
             lambda domain: ufl.ds(subdomain_data=tagged(domain, between_cells))(3),
             r"ds\(3\) is 0: all facets with this tag are between cells",
         ),
-        (lambda domain: ufl.ds(subdomain_data=tagged(domain))(3), None),
+        (
+            lambda domain: ufl.ds(subdomain_data=tagged(domain))(3),
+            r"ds\(3\) has no effect: Dirichlet conditions hold all displacements of its facets",
+        ),
+        (lambda domain: ufl.ds(subdomain_data=tagged(domain, at_side))(3), None),
     ],
 )
-def test_load_on_a_tag_without_facets_gives_a_warning(load, warning, caplog):
+def test_load_without_effect_gives_a_warning(load, warning, caplog):
     domain, u = square(2)
     energy = MATERIAL.energy(u) * ufl.dx - u[0] * load(domain)
     problem = ContactProblem(energy, u, [surface(u)], bcs=[clamp(u, 1, 1.0)])
@@ -306,6 +311,10 @@ def test_load_on_a_tag_without_facets_gives_a_warning(load, warning, caplog):
     ((name, text),) = problem.solve().warnings.items()
     assert logged == f"{name}: {text}"
     assert not warnings_of(caplog)  # logged once
+
+
+def at_side(domain):
+    return facets(domain, 0, 1.0)
 
 
 def between_cells(domain):
@@ -348,6 +357,23 @@ def test_contradicting_conditions_give_a_warning_while_they_do(caplog):
     assert not warnings_of(caplog)  # logged once
     aside.value[:] = 0.0
     assert not problem.solve().warnings
+
+
+@pytest.mark.ranks(2)
+def test_friction_in_percent_gives_a_warning(caplog):
+    """30 in place of 0.30, also within a law of compliance, until it is changed."""
+    _, u = square(2)
+    for law in (Coulomb(30.0), NormalCompliance(1e6, friction=Coulomb(30.0))):
+        contact = surface(u, law=law)
+        problem = ContactProblem(MATERIAL.energy(u) * ufl.dx, u, [contact], bcs=[clamp(u, 1, 1.0)])
+        assert list(problem.solve().warnings) == ["friction of 'contact'"]
+        assert_warned(caplog, "the friction coefficient is 30: if it is in percent, divide it")
+        caplog.clear()
+        coefficient = (
+            contact.law.friction if law.name == "Coulomb" else contact.law.friction.friction
+        )
+        coefficient.value = 0.3
+        assert not problem.solve().warnings
 
 
 @pytest.mark.ranks(2)
