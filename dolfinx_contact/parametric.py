@@ -240,6 +240,8 @@ class ParametricContact(ReadOnly, ParametricEquations):
         evaluation = equations.evaluate(x, self.statuses_of(point.piece))
         attempt = Attempt("continuation", "a point of a branch", converged=True)
         result = self.problem.collect(x, [attempt], evaluation)
+        # a branch may lead out of contact
+        result = replace(result, indicators=replace(result.indicators, apart=None))
         self.problem.log_warnings(result)
         return result
 

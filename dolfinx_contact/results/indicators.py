@@ -23,6 +23,7 @@ position, gap, normal and jump at contact points.
 | `negative_bound` | own laws: largest negative friction bound of closed points, as a nodal force, over the largest one | 1e-6 |
 | `penetration` | compliant laws: largest -g | 0.1 facets |
 | `min_det_F` | smallest det(I + grad u); for a linear body, only if displacements in it differ by more than its smallest extent | 0 (below) |
+| `apart` | static law: smallest gap of a moved body that no contact point touches; faces of one body, as of a crack, do not count | any |
 | `floating` | rigid motions of a moved body that only contact without force holds | any |
 | `rotation` | linear body: largest mean rotation of a connected part | 11.5 degrees |
 | `displacement` | linear body: largest difference of a displacement component between two nodes of a connected part, over the largest extent of the part | 1 |
@@ -130,6 +131,8 @@ _MESSAGES = {
     "under rotations; take materials.StVenantKirchhoff or materials.NeoHookean",
     "displacement": "displacements within a linear body differ by {:.3g} times its size: are mesh, "
     "displacements and loads in the same units? Linear strains are small",
+    "apart": "no contact point touches, the smallest gap is {:.3g}, and the surfaces have no "
+    "effect; check the signs and units of loads and displacements, and the side of the obstacle",
     "floating": "a body has a free rigid motion ({}), which only contact without force holds, so "
     "that its position is one of many; add a Dirichlet condition or a load",
     "jump": "the state may jump in step {} from the time {:.6g} to {:.6g}: it changes {:.3g} times "
@@ -248,6 +251,8 @@ class Indicators:
             over the size of the part; None for others.
         step: indicators of a jump within the step of a history; None for other solves, first steps
             and steps from states that are not solutions.
+        apart: smallest gap if a body has moved and no contact point touches under the static law;
+            None otherwise.
         floating: rigid motions that only contact without force holds, of bodies that have moved; ""
             if there are none.
     """
@@ -257,6 +262,7 @@ class Indicators:
     rotation: float | None = None
     displacement: float | None = None
     step: StepIndicators | None = None
+    apart: float | None = None
     floating: str = ""
 
     @property
@@ -269,6 +275,8 @@ class Indicators:
             value = getattr(self, name)
             if value is not None and value > LIMITS[name]:
                 found[name] = _MESSAGES[name].format(value)
+        if self.apart is not None:
+            found["apart"] = _MESSAGES["apart"].format(self.apart)
         if self.floating:
             found["floating"] = _MESSAGES["floating"].format(self.floating)
         if self.step is not None and self.step.warning:
@@ -281,7 +289,7 @@ class Indicators:
 def indicators_of(eq: ContactEquations, state: Evaluation) -> Indicators:
     """Return the indicators of a state in the Functions. Collective."""
     surfaces = surface_indicators(eq, state)
-    floating = _floating(eq, state)
+    apart, floating = _apart(eq, state), _floating(eq, state)
     if eq.bulk.linear:
         parts = eq.scaling.parts
         turn = None
@@ -291,8 +299,27 @@ def indicators_of(eq: ContactEquations, state: Evaluation) -> Indicators:
         displacement = float(np.max(moved / extents.max(axis=1)))
         # a linear body is turned inside out only where the difference exceeds its thickness
         det = _min_det_F(eq, state) if np.any(moved > extents.min(axis=1)) else None
-        return Indicators(surfaces, det, turn, displacement, floating=floating)
-    return Indicators(surfaces, min_det_F=_min_det_F(eq, state), floating=floating)
+        return Indicators(surfaces, det, turn, displacement, apart=apart, floating=floating)
+    return Indicators(surfaces, min_det_F=_min_det_F(eq, state), apart=apart, floating=floating)
+
+
+def _apart(eq: ContactEquations, state: Evaluation) -> float | None:
+    """Return the smallest gap of a moved body that touches nothing, or None. Collective.
+
+    The faces of a crack, and a face that may touch itself, belong to one body and may stay open.
+    """
+    if any(memory is not None for memory in eq.memory):
+        return None
+    several = eq.scaling.parts.number > 1
+    moved, acting, gaps = bool(np.any(state.u)), False, []
+    for s, contact, held in _contacts(eq, state):
+        acting |= bool(np.any(closed(contact.statuses) & ~held) or np.any(contact.answer))
+        if several or not s.between_bodies:
+            gaps.append(contact.kinematics.gap[~held])
+    free = any(len(gap) for gap in gaps)
+    moved, acting, free = anywhere(eq.comm, moved, acting, free)
+    smallest = minimum(eq.comm, np.nan_to_num(np.concatenate([*gaps, []]), nan=np.inf), np.inf)
+    return smallest if moved and free and not acting else None
 
 
 def _floating(eq: ContactEquations, state: Evaluation) -> str:

@@ -10,7 +10,7 @@ from cases._triangle import linear_triangle
 from support.blocks import KINDS, block, box, facets
 from support.bodies import two_blocks
 from support.checks import solved_start
-from support.pairs import displacement, held, stacked
+from support.pairs import cracked, displacement, held, stacked
 
 import basix.ufl
 import ufl
@@ -32,6 +32,7 @@ from dolfinx_contact.body.cells import smallest_jacobian
 from dolfinx_contact.continuation import explore, follow
 from dolfinx_contact.laws import status
 from dolfinx_contact.materials import LinearElastic, StVenantKirchhoff
+from dolfinx_contact.meshing import crack
 
 COMM = MPI.COMM_WORLD
 
@@ -325,6 +326,38 @@ def test_a_second_body_without_support_gives_a_warning():
     assert "floating" not in held.warnings
 
 
+@pytest.mark.ranks(2)
+def test_a_body_that_touches_nothing_gives_a_warning(log):
+    """The top of a block is lifted instead of pressed; a step from a state may lift it."""
+    problem = block(n=4, cell="quad", top=(0.0, 0.01))
+    assert problem.solve().indicators.apart == pytest.approx(0.01, rel=1e-9)
+    assert "the smallest gap is 0.01" in said(log, "no contact point touches")
+    assert problem.step_from(problem.snapshot()).solve().indicators.apart is None
+    assert block(n=4, cell="quad").solve().indicators.apart is None
+    below = HalfSpace((0.0, -0.1), (0.0, 1.0))
+    at_rest = block(n=4, cell="quad", top=(0.0, 0.0), obstacle=below).solve()
+    assert at_rest.indicators.apart is None
+
+
+@pytest.mark.ranks(2)
+def test_a_crack_may_open_without_a_warning():
+    """Two blocks are drawn apart, and a block with a crack that ends in its middle."""
+    parted = stacked(2, "quad", 4, heights=(-0.5, 0.5))
+    domain, tags = cracked(2, "quad", 0.5)
+    for body, master, apart in (
+        (parted, 2, pytest.approx(0.01, rel=1e-6)),
+        (crack(domain, [5], facet_tags=tags), "5_opposite", None),
+    ):
+        u = displacement(body.mesh)
+        slave = 3 if master == 2 else 5
+        pair = ContactPair(u, body, slave=slave, master=master, law=Coulomb(0.3))
+        energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx
+        bcs = [held(u, body.facet_tags, t, v) for t, v in ((1, (0.0, 0.0)), (4, (0.0, 0.01)))]
+        result = ContactProblem(energy, u, [pair], bcs=bcs).solve()
+        assert result.indicators.apart == apart
+        assert result.counts["stick"] == result.counts["slip"] == 0
+
+
 def turned(degrees, material):
     """A square turned about its corner by its Dirichlet data, far above its obstacle."""
     domain = box(COMM, 3, "tri")
@@ -344,15 +377,15 @@ def test_rotating_linear_body_gives_a_warning(log):
     linear = LinearElastic.from_young(1.0, 0.0)
     result = turned(5.0, linear)
     assert result.indicators.rotation == pytest.approx(5.0, rel=0.01)
-    assert not result.warnings
+    assert "rotation" not in result.warnings
     assert not said(log, "rotation")
     result = turned(30.0, linear)
     assert result.indicators.rotation == pytest.approx(np.degrees(0.5), rel=0.05)
-    assert list(result.warnings) == ["rotation"]
+    assert list(result.warnings) == ["rotation", "apart"]
     assert "linear body has rotated" in said(log, "rotation")
     nonlinear = turned(30.0, StVenantKirchhoff(0.0, 0.5))
     assert nonlinear.indicators.rotation is None
-    assert not nonlinear.warnings
+    assert "rotation" not in nonlinear.warnings
 
 
 @pytest.mark.ranks(2)
@@ -455,14 +488,14 @@ def test_obstacle_moved_to_the_wrong_side_gives_a_warning(what, log):
     result = problem.solve()
     assert np.abs(result.resultants["contact"]).max() < 1e-9
     assert said(log, "the obstacle is on the wrong side")
-    assert list(result.warnings) == ["side of 'contact'"]
+    assert list(result.warnings) == ["side of 'contact'", "apart"]
 
 
 def test_reversed_floor_that_pulls_gives_a_warning():
     domain = box(COMM, 4, "tri")
     normal = fem.Constant(domain, (0.0, 1.0))
     problem = block(domain=domain, obstacle=HalfSpace((0, -0.1), normal))
-    assert not problem.solve().warnings
+    assert list(problem.solve().warnings) == ["apart"]
     normal.value[:] = 0.0, -1.0
     result = problem.solve()
     assert result.resultants["contact"][1] < -1e-3
