@@ -16,7 +16,7 @@ from dolfinx_contact import ContactPair, ContactProblem, Coulomb, io, plot
 from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.grids import create_grid
 from dolfinx_contact.materials import LinearElastic
-from dolfinx_contact.meshing import join
+from dolfinx_contact.meshing import join, name_groups
 
 RADIUS = 4.0  # of the pair
 SIZE = 12.0  # of the blocks
@@ -47,25 +47,19 @@ def pair(args, comm):
     mirrored = -half[:0:-1]
     x = np.append(mirrored, half)
     square = mesh.CellType.quadrilateral
-    above = create_grid(comm, (x, y), square)
-    below = create_grid(comm, (x, -y[::-1]), square)
-    both = join([above, below])
-    domain = both.mesh
 
-    def facets(y, reach=np.inf):
-        def on(x):
-            return np.isclose(x[1], y) & (np.abs(x[0]) < reach)
-
-        return np.sort(mesh.locate_entities_boundary(domain, 1, on))
+    def at(y, reach=np.inf):
+        return lambda x: np.isclose(x[1], y) & (np.abs(x[0]) < reach)
 
     def on_middle(x):
         return np.hypot(x[0], x[1] + SIZE) < 1e-9
 
-    # The faces lie on each other, and are told apart by their cells.
-    face = facets(0.0, FACE)
-    to_cells = domain.topology.connectivity(1, 2)
-    cells = to_cells.array[to_cells.offsets[face]]
-    upper = np.isin(cells, both.cell_tags.find(1))
+    above = create_grid(comm, (x, y), square)
+    above = name_groups(above, {"upper_face": at(0.0, FACE), "top": at(SIZE)})
+    below = create_grid(comm, (x, -y[::-1]), square)
+    below = name_groups(below, {"lower_face": at(0.0, FACE), "bottom": at(-SIZE)})
+    both = join([above, below])
+    domain = both.mesh
 
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
     W = V.sub(1)
@@ -73,26 +67,21 @@ def pair(args, comm):
     pull = fem.Constant(domain, 0.0)
     down = fem.Constant(domain, 0.0)
     zero = fem.Constant(domain, 0.0)
-    top = facets(SIZE)
-    bottom = facets(-SIZE)
-    ds = ufl.ds(subdomain_data=mesh.meshtags(domain, 1, top, 1))
     elastic = LinearElastic.from_young(args.young, args.poisson)
-    load = pull * u[0] * ds(1)
+    load = pull * u[0] * both.ds("top")
     energy = elastic.energy(u) * ufl.dx - load
 
     # The top goes down, the bottom is held, and one node of it does not move sideways.
-    at_top = fem.locate_dofs_topological(W, 1, top)
-    at_bottom = fem.locate_dofs_topological(W, 1, bottom)
     middle = mesh.locate_entities_boundary(domain, 0, on_middle)
     at_middle = fem.locate_dofs_topological(V.sub(0), 0, middle)
-    pressed = fem.dirichletbc(down, at_top, W)
-    held = fem.dirichletbc(zero, at_bottom, W)
+    pressed = fem.dirichletbc(down, both.dofs(W, "top"), W)
+    held = fem.dirichletbc(zero, both.dofs(W, "bottom"), W)
     kept = fem.dirichletbc(zero, at_middle, V.sub(0))
 
     law = Coulomb(args.friction)
     position = ufl.SpatialCoordinate(domain)
     gap = position[0] ** 2 / 2 / RADIUS
-    contact = ContactPair(u, face[upper], master_facets=face[~upper], law=law, gap=gap)
+    contact = ContactPair(u, both, slave="upper_face", master="lower_face", law=law, gap=gap)
     problem = ContactProblem(energy, u, [contact], bcs=[pressed, held, kept])
     width = 2 * half[-1]
     return problem, pull, down, width

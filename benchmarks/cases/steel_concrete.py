@@ -18,14 +18,13 @@ from mpi4py import MPI
 import numpy as np
 from _case import ScriptParser, number
 
-import ufl
 from dolfinx import fem, mesh
 
 from dolfinx_contact import RCCM, ContactPair, ContactProblem, io, plot
 from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.grids import create_grid
 from dolfinx_contact.materials import LinearElastic
-from dolfinx_contact.meshing import join
+from dolfinx_contact.meshing import join, name_groups
 
 STEEL = (210e3, 0.3)  # E in N/mm^2, nu
 CONCRETE = (30e3, 0.2)
@@ -55,45 +54,38 @@ def pull_out(args, comm):
     depth = np.linspace(0.0, 1.0, args.n // 2 + 1) ** 1.5  # finer towards the bar
     concrete_y = HALF + (COVER - HALF) * depth
     concrete = create_grid(comm, (x, concrete_y), square)
-    both = join([bar, concrete])
+
+    def at(axis, value):
+        return lambda x: np.isclose(x[axis], value)
+
+    def bond(x):
+        return np.isclose(x[1], HALF) & (x[0] < LENGTH + 1e-9)
+
+    bar_sides = {"bar_face": bond, "end": at(0, LENGTH + FREE), "mirror": at(1, 0.0)}
+    concrete_sides = {"concrete_face": bond, "mouth": at(0, LENGTH), "top": at(1, COVER)}
+    both = join(
+        [
+            name_groups(bar, bar_sides, cells="steel"),
+            name_groups(concrete, concrete_sides, cells="concrete"),
+        ]
+    )
     domain = both.mesh
-    parts = both.cell_tags
-
-    def facets(axis, value):
-        found = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[axis], value))
-        return np.sort(found)
-
-    def face(part):
-        """Of the bar (1) or the concrete (2), along the bond."""
-        found = facets(1, HALF)
-        cells = domain.topology.connectivity(1, 2)
-        of = parts.values[cells.array[cells.offsets[found]]]
-        inside = mesh.compute_midpoints(domain, 1, found)[:, 0] < LENGTH
-        return found[(of == part) & inside]
-
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
     u = fem.Function(V)
     pull = fem.Constant(domain, 0.0)
     zero = fem.Constant(domain, 0.0)
 
-    def held(axis, value, on):
-        W = V.sub(axis)
-        dofs = fem.locate_dofs_topological(W, 1, on)
-        return fem.dirichletbc(value, dofs, W)
-
-    end = held(0, pull, facets(0, LENGTH + FREE))
-    mirror = held(1, zero, facets(1, 0.0))
-    mouth = held(0, zero, facets(0, LENGTH))
-
-    dx = ufl.Measure("dx", domain, subdomain_data=parts)
-    of_steel = LinearElastic.from_young(*STEEL).energy(u) * dx(1)
-    of_concrete = LinearElastic.from_young(*CONCRETE).energy(u) * dx(2)
-    top = mesh.meshtags(domain, 1, facets(1, COVER), 1)
-    pressed = args.pressure * u[1] * ufl.ds(subdomain_data=top)(1)
+    bcs = [
+        fem.dirichletbc(value, both.dofs(V.sub(axis), name), V.sub(axis))
+        for name, axis, value in (("end", 0, pull), ("mirror", 1, zero), ("mouth", 0, zero))
+    ]
+    of_steel = LinearElastic.from_young(*STEEL).energy(u) * both.dx("steel")
+    of_concrete = LinearElastic.from_young(*CONCRETE).energy(u) * both.dx("concrete")
+    pressed = args.pressure * u[1] * both.ds("top")
     energy = of_steel + of_concrete + pressed
     law = RCCM(args.bond, args.bond, args.work, args.friction)
-    bond = ContactPair(u, face(1), master_facets=face(2), law=law)
-    return ContactProblem(energy, u, [bond], bcs=[end, mirror, mouth]), pull
+    pair = ContactPair(u, both, slave="bar_face", master="concrete_face", law=law)
+    return ContactProblem(energy, u, [pair], bcs=bcs), pull
 
 
 def main(argv=None):

@@ -9,7 +9,6 @@ from mpi4py import MPI
 import numpy as np
 from _case import ScriptParser, number
 
-import ufl
 from dolfinx import fem, mesh
 
 from dolfinx_contact import (
@@ -24,7 +23,7 @@ from dolfinx_contact import (
 from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.grids import create_grid
 from dolfinx_contact.materials import LinearElastic
-from dolfinx_contact.meshing import join
+from dolfinx_contact.meshing import join, name_groups
 
 
 def arguments(argv=None):
@@ -42,47 +41,39 @@ def arguments(argv=None):
 
 
 def blocks(args, comm):
-    """Mesh, cell tags (1 above, 2 below), and the facets on y = 0 of slave and master."""
+    """Mesh with the groups upper, sole and top, and without a rigid floor lower, seat and base."""
+
+    def at(y):
+        return lambda x: np.isclose(x[1], y)
+
     cell = mesh.CellType.quadrilateral
     side = np.linspace(0.0, 1.0, args.n + 1)
-    bodies = [create_grid(comm, (side, side), cell)]
-    if not args.rigid_floor:
-        across = np.linspace(0.0, 1.0, args.ratio * args.n + 1)
-        up = np.linspace(-0.5, 0.0, max(args.n // 2, 1) + 1)
-        bodies.append(create_grid(comm, (across, up), cell))
-    both = join(bodies)
-    domain = both.mesh
-    parts = both.cell_tags
-    on_interface = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[1], 0.0))
-    to_cells = domain.topology.connectivity(1, 2)
-    cells = to_cells.array[to_cells.offsets[on_interface]]  # one of each facet
-    upper = np.isin(cells, parts.find(1))
-    return domain, parts, on_interface[upper], on_interface[~upper]
+    upper = create_grid(comm, (side, side), cell)
+    upper = name_groups(upper, {"sole": at(0.0), "top": at(1.0)}, cells="upper")
+    if args.rigid_floor:
+        return upper
+    across = np.linspace(0.0, 1.0, args.ratio * args.n + 1)
+    up = np.linspace(-0.5, 0.0, max(args.n // 2, 1) + 1)
+    lower = create_grid(comm, (across, up), cell)
+    return join([upper, name_groups(lower, {"seat": at(0.0), "base": at(-0.5)}, cells="lower")])
 
 
 def problem(args, comm):
     """The problem, and the motion of the top, a Constant."""
-    domain, parts, slave, master = blocks(args, comm)
-    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    body = blocks(args, comm)
+    V = fem.functionspace(body.mesh, ("Lagrange", 1, (2,)))
     u = fem.Function(V, name="displacement")
-    dx = ufl.Measure("dx", domain, subdomain_data=parts)
-    upper = LinearElastic.from_young(*args.upper)
-    lower = LinearElastic.from_young(*args.lower)
-    energy = upper.energy(u) * dx(1) + lower.energy(u) * dx(2)
-
-    def line(y):
-        facets = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[1], y))
-        return fem.locate_dofs_topological(V, 1, facets)
-
-    top = fem.Constant(domain, np.array(args.top))
+    energy = LinearElastic.from_young(*args.upper).energy(u) * body.dx("upper")
+    top = fem.Constant(body.mesh, np.array(args.top))
     law = Coulomb(args.friction)
-    bcs = [fem.dirichletbc(top, line(1.0), V)]
+    bcs = [fem.dirichletbc(top, body.dofs(V, "top"), V)]
     if args.rigid_floor:
         floor = HalfSpace((0, 0), (0, 1))
-        contact = ContactSurface(u, slave, obstacle=floor, law=law)
+        contact = ContactSurface(u, body, tag="sole", obstacle=floor, law=law)
     else:
-        bcs.append(fem.dirichletbc(np.zeros(2), line(-0.5), V))
-        contact = ContactPair(u, slave, master_facets=master, law=law)
+        energy += LinearElastic.from_young(*args.lower).energy(u) * body.dx("lower")
+        bcs.append(fem.dirichletbc(np.zeros(2), body.dofs(V, "base"), V))
+        contact = ContactPair(u, body, slave="sole", master="seat", law=law)
     return ContactProblem(energy, u, [contact], bcs=bcs), top
 
 
