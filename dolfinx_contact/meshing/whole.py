@@ -162,7 +162,9 @@ def _check(a: Arguments) -> None:
         a.facet_tags = a.facet_tags or [m._named_facets for m in bodies]
         bodies = [m.mesh for m in bodies]
     if not bodies or not all(isinstance(m, mesh.Mesh) for m in bodies):
-        raise ValueError(f"a list of meshes is needed, all of one kind, got {given!r}")
+        raise ValueError(
+            f"a list of meshes is needed, all with groups (see name_groups) or none, got {given!r}"
+        )
     kinds = {(m.basix_cell(), m.geometry.dim) for m in bodies}
     if len(kinds) > 1:
         raise ValueError(f"meshes of different kinds cannot be joined: {sorted(map(str, kinds))}")
