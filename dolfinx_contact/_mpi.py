@@ -349,7 +349,7 @@ class SharedValues:
         return rows.reshape(self._size, *shape).copy()
 
     def marked(self, places: npt.NDArray[np.integer]) -> Mask:
-        """Return the mask of the local places that any rank names. Collective."""
+        """Return the mask of the local places that any rank names, shape (n,). Collective."""
         return self.sums(places, np.ones(places.shape)) > 0
 
     def from_owners(self, values: Array) -> Array:

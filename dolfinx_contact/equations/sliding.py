@@ -12,14 +12,13 @@ changes only with a search (`points.sliding`).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, TypeAlias
 
 from petsc4py import PETSc
 
 import numpy as np
-import numpy.typing as npt
 
+from dolfinx_contact._arrays import Array, Ints
 from dolfinx_contact._geometry import ratio, transformed
 from dolfinx_contact._petsc import Entries, triplets
 from dolfinx_contact.equations.contact import ContactEquations
@@ -30,38 +29,25 @@ from dolfinx_contact.points.sliding.points import SlidingPoints
 
 __all__ = ["Numbering", "SlidingTerms"]
 
-Array = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.int64]
+#: Places of rows and columns (n, k, dim) of blocks of entries; negative ones are ignored.
+_Block: TypeAlias = tuple[Ints, Ints]
 
 
 class Numbering(Protocol):
     """Numbering of the unknowns."""
 
-    def places(self, field: int, nodes: Indices) -> Indices:
+    def places(self, field: int, nodes: Ints) -> Ints:
         """Return places (..., dim) of the dofs of global nodes, -1 for fixed dofs. Collective."""
 
 
-@dataclass(frozen=True, eq=False)
-class _Block:
-    """Blocks of entries; rows and columns (n, k, dim) are places.
-
-    Negative places are ignored.
-    """
-
-    rows: Indices
-    columns: Indices
-
-    def add(self, A: PETSc.Mat, values: Array | None = None) -> None:
-        """Add values (n, rows, dim, columns, dim), by default 0, to ``A``, without assembling it.
-
-        Not collective.
-        """
-        n, r, d = self.rows.shape
-        shape = n, r * d, self.columns.shape[1] * d
-        rows = self.rows.reshape(shape[:2]).astype(PETSc.IntType)
-        columns = self.columns.reshape(n, shape[2]).astype(PETSc.IntType)
-        block = np.zeros(shape) if values is None else values.reshape(shape)
-        A.setValuesRCV(rows, columns, block, addv=PETSc.InsertMode.ADD_VALUES)
+def _add(A: PETSc.Mat, block: _Block, values: Array | None = None) -> None:
+    """Add values (n, rows, dim, columns, dim), by default 0, without assembling. Not collective."""
+    n, r, d = block[0].shape
+    shape = n, r * d, block[1].shape[1] * d
+    rows = block[0].reshape(shape[:2]).astype(PETSc.IntType)
+    columns = block[1].reshape(n, shape[2]).astype(PETSc.IntType)
+    entries = np.zeros(shape) if values is None else values.reshape(shape)
+    A.setValuesRCV(rows, columns, entries, addv=PETSc.InsertMode.ADD_VALUES)
 
 
 class SlidingTerms:
@@ -106,13 +92,13 @@ class SlidingTerms:
         m = self._dim * self._points.number
         found = self._faces.whole or self._faces.found
         facet, master = found.pairs.T
-        of_pairs = self._blocks(facet, found.nodes[master])
         shapes = ((n, n), (n, m), (m, n))
-        for (rows, columns), blocks in zip(shapes, (*of_pairs, [self._turned]), strict=True):
+        every = self._blocks(facet, found.nodes[master])
+        for (rows, columns), blocks in zip(shapes, every, strict=True):
             A = PETSc.Mat().createAIJ(((rows, None), (columns, None)), comm=self._comm)
             A.setUp()
             for block in blocks:
-                block.add(A)
+                _add(A, block)
             A.assemble()
             A.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
             self._matrices.append(A)
@@ -128,16 +114,15 @@ class SlidingTerms:
         facing, faces = operator.facing, self._faces
         k = self._slave.shape[1]
         first = _first_of_pairs(facing)
-        blocks = self._blocks(facing.facet[first], facing.nodes[first, k:])
+        places = self._blocks(facing.facet[first], facing.nodes[first, k:])
         rates = faces.normal_rates(operator.x)
         turned = faces.images[faces.corners][..., None, None] * np.repeat(rates[:, None], k, axis=1)
         S, N, D, product = self._matrices
-        places = (*blocks, [self._turned])
         values = (*self._values(state, operator, first), [turned])
-        for matrix, found, parts in zip((S, N, D), places, values, strict=True):
+        for matrix, blocks, parts in zip((S, N, D), places, values, strict=True):
             matrix.zeroEntries()
-            for block, part in zip(found, parts, strict=True):
-                block.add(matrix, part)
+            for block, part in zip(blocks, parts, strict=True):
+                _add(matrix, block, part)
             matrix.assemble()
         N.matMult(D, product)
         for matrix in (S, product):
@@ -151,29 +136,25 @@ class SlidingTerms:
 
     # -- parts -----------------------------------------------------------------------------------
 
-    def _blocks(self, facet: Indices, nodes: Indices) -> tuple[list[_Block], list[_Block]]:
-        """Return blocks of S_u and S_m for pairs of slave facets and nodes of the master."""
-        mine = self._slave[facet]
-        multipliers = self._multipliers[facet]
-        vectors = self._vectors[facet]
+    def _blocks(self, facet: Ints, nodes: Ints) -> tuple[list[_Block], list[_Block], list[_Block]]:
+        """Return blocks of S_u, S_m and D for pairs of slave facets and nodes of the master."""
+        mine, vectors, multipliers = (
+            v[facet] for v in (self._slave, self._vectors, self._multipliers)
+        )
         theirs = self._numbering.places(0, nodes)
         bodies = np.concatenate([mine, theirs], axis=1)
         by_unknowns = [
-            _Block(bodies, multipliers),
-            _Block(theirs, bodies),
-            _Block(multipliers, bodies),
-            _Block(self._own, self._own),
-            _Block(multipliers, multipliers),
+            (bodies, multipliers),
+            (theirs, bodies),
+            (multipliers, bodies),
+            (self._own, self._own),
+            (multipliers, multipliers),
         ]
-        by_vectors = [
-            _Block(theirs, vectors),
-            _Block(multipliers, vectors),
-            _Block(self._own, self._own_vectors),
-        ]
-        return by_unknowns, by_vectors
+        by_vectors = [(theirs, vectors), (multipliers, vectors), (self._own, self._own_vectors)]
+        return by_unknowns, by_vectors, [(self._vectors, self._slave)]
 
     def _values(
-        self, state: ContactState, operator: SlidingOperator, first: Indices
+        self, state: ContactState, operator: SlidingOperator, first: Ints
     ) -> tuple[list[Array], list[Array]]:
         """Return the values of the blocks; see `points.sliding.facing.Facing` for a, b and c.
 
@@ -232,13 +213,8 @@ class SlidingTerms:
         ]
         return by_unknowns, [on_master[..., c:, :], of_law[..., c:, :], of_normal]
 
-    @property
-    def _turned(self) -> _Block:
-        """Block of D: vectors at the corners of facets by the displacements there."""
-        return _Block(self._vectors, self._slave)
 
-
-def _first_of_pairs(facing: Facing) -> Indices:
+def _first_of_pairs(facing: Facing) -> Ints:
     """Return the first piece of each pair of facets; the pieces of a pair are consecutive."""
     pairs = np.stack([facing.facet, facing.master], axis=1)
     other = np.diff(pairs, axis=0, prepend=-1).any(axis=1)

@@ -21,7 +21,7 @@ import ufl
 from dolfinx import fem, mesh
 
 from dolfinx_contact._arrays import Array, Indices
-from dolfinx_contact._mpi import Arguments, collective, require
+from dolfinx_contact._mpi import Arguments, collective, minimum, require
 from dolfinx_contact._ufl import described
 from dolfinx_contact._validate import (
     count,
@@ -185,16 +185,17 @@ class Overlap:
         """Return whether the smallest gap is negative by more than is allowed."""
         return not gap >= -self.most * (1.0 + _ROUND_OFF)
 
-    def require(self, comm: MPI.Comm, gap: float, allowed: float, name: str, unless: str) -> None:
+    def require(self, comm: MPI.Comm, gaps: Array, allowed: float, name: str, unless: str) -> None:
         """Raise ``ValueError`` if bodies overlap by more than is allowed. Collective.
 
         Args:
             comm: communicator.
-            gap: smallest gap on all ranks, a length.
+            gaps: gaps on this rank, lengths.
             allowed: overlap that counts as round-off, a length.
             name: name of the surface.
             unless: further remedies, for the message.
         """
+        gap = minimum(comm, gaps)
         remedy = f"interference=True for a press fit, {unless}"
         if self.most > 0.0:
             kind = "remove_overlap" if self.removed else "interference"

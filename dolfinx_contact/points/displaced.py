@@ -233,7 +233,7 @@ class DisplacedPoints:
     def _started(
         self, x: Array, of_face: Mapping[str, Array], taken: fem.Function | None, most: float
     ) -> Array:
-        """Return gaps at points x (n, dim) from which overlaps are already removed."""
+        """Return gaps at points x (n, dim) after overlaps ``taken`` before; see `starts`."""
         start = self._whole.starts(x, of_face["width"])
         facing = dot(start.normal, of_face["out"]) > _FACING
         removed = (start.height < 0.0) & (start.height >= -most * (1.0 + _SAME))

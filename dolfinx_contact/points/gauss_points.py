@@ -18,8 +18,8 @@ import basix
 from dolfinx import fem
 
 from dolfinx_contact._arrays import Array, Indices, Ints
-from dolfinx_contact._compat import FacetSubmesh, geometry_dofmap
-from dolfinx_contact._geometry import global_numbers, node_positions, ratio, transformed
+from dolfinx_contact._compat import FacetSubmesh
+from dolfinx_contact._geometry import global_numbers, ratio, transformed
 from dolfinx_contact._mpi import SharedValues
 from dolfinx_contact.points.clipping import basis, tabulated
 from dolfinx_contact.points.evaluation import (
@@ -31,7 +31,7 @@ from dolfinx_contact.points.evaluation import (
 )
 from dolfinx_contact.points.operators import Stencils, Trace, trace_of
 from dolfinx_contact.points.opposite import Common, Opposite
-from dolfinx_contact.points.trace import facet_closures, trace_dofs
+from dolfinx_contact.points.trace import cells_of, trace_dofs
 
 __all__ = ["CommonGaussPoints", "GaussPoints"]
 
@@ -189,15 +189,14 @@ class CommonGaussPoints(GaussPoints):
         parents = self._submesh.parent_facets
         order = np.argsort(parents)
         facets = self._common.facets[cover.facet]
-        self.cells = order[np.searchsorted(parents[order], facets)].astype(np.int32)
-        to_cells = V.mesh.topology.connectivity(dim - 1, dim)
-        bodies = to_cells.array[to_cells.offsets[facets]]
-        self._body_cells = np.repeat(bodies, p).astype(np.int32)
+        self.cells = order[np.searchsorted(parents, facets, sorter=order)].astype(np.int32)
+        self._body_cells = np.repeat(cells_of(V.mesh, facets), p)
         # reference coordinates in the submesh, whose corners may be in any order
-        corners = node_positions(V)[facet_closures(V, facets)[:, : slave.corners]]
-        theirs = domain.geometry.x[geometry_dofmap(domain)[self.cells]]
-        distance = np.linalg.norm(corners[:, :, None] - theirs[:, None], axis=3)
-        places = basix.geometry(domain.basix_cell())[np.argmin(distance, axis=2)]
+        trace = trace_dofs(V, self._vertices, parents)
+        nodes = trace[self._vertices.dofmap.list[self.cells]]
+        theirs = global_numbers(V.dofmap.index_map, nodes)[:, None]
+        mine = slave.nodes[cover.facet, : slave.corners, None]
+        places = basix.geometry(domain.basix_cell())[np.argmax(mine == theirs, axis=2)]
         self.numbers = np.arange(pieces * p, dtype=np.int64).reshape(pieces, p)
         self._x = hats @ places
 

@@ -26,6 +26,7 @@ import numpy as np
 from dolfinx_contact._arrays import Array, Ints
 from dolfinx_contact._petsc import triplet_matrix
 from dolfinx_contact.points.clipping import Cover, basis, nodal_points
+from dolfinx_contact.points.operators import scaled_rows
 
 __all__ = ["Coupling", "between", "coupling"]
 
@@ -77,12 +78,9 @@ def coupling(cover: Cover, degree: int, *, axisymmetric: bool) -> Coupling:
 def between(comm: MPI.Comm, A: PETSc.Mat, nodes: Ints, corners: int) -> PETSc.Mat:
     """Return rows of all nodes of facets (n, k), means of the rows of corners. Collective."""
     n = A.getLocalSize()[0]
-    sums = A.getRowSum()
-    sums.array[:] = np.divide(1.0, sums.array, where=sums.array > 0, out=np.ones(n))
-    A.diagonalScale(sums)
+    scaled_rows(A)
     shares = basis(nodal_points(corners, 2), corners, 1)
     means = triplet_matrix(comm, (n, n), nodes[:, :, None], nodes[:, None, :corners], shares)
     found = means.matMult(A)
-    for part in (A, means, sums):
-        part.destroy()
+    A.destroy(), means.destroy()
     return found

@@ -53,7 +53,7 @@ class Neighbours:
             known = {"x": x, "area": points.areas, "number": first + np.arange(n)}
             i, found = around(comm, known, {"x": x, "reach": np.full(n, kernel.radius)})
             away = np.linalg.norm(x[i] - found["x"], axis=1)
-            weights = np.asarray(found["area"] * KERNELS[kernel.shape](away / kernel.radius))
+            weights = found["area"] * KERNELS[kernel.shape](away / kernel.radius)
             if kernel.normalised:
                 weights = weights / np.bincount(i, weights, minlength=n)[i]
             else:

@@ -44,8 +44,8 @@ __all__ = [
     "multiplied_transposed",
     "rows_of",
     "rows_with_ghosts",
+    "scaled_rows",
     "trace_of",
-    "weights_matrix",
 ]
 
 
@@ -175,11 +175,6 @@ class Stencils:
     multiplier_weights: Array
     identity: bool
 
-    @property
-    def number(self) -> int:
-        """Number of points of this rank."""
-        return int(self.points.size)
-
     def minus(self, other: Stencils) -> Stencils:
         """Return the stencils of the difference of two displacements at the same points."""
         return replace(
@@ -222,19 +217,29 @@ def weights_matrix(
     return triplet_matrix(comm, shape, rows, columns, weights[..., None])
 
 
-def rows_of(product: PETSc.Mat, divisor: Array) -> tuple[Ints, Array]:
-    """Return nodes and weights (n, k) of the rows of a matrix, each divided; it is destroyed.
+def scaled_rows(A: PETSc.Mat) -> Array:
+    """Divide the rows of a matrix by their sums, if positive, and return these. Collective."""
+    by = A.getRowSum()
+    sums: Array = by.array.copy()
+    by.array[:] = 1 / np.where(sums > 0, sums, 1.0)
+    A.diagonalScale(by)
+    by.destroy()
+    return sums
+
+
+def rows_of(A: PETSc.Mat) -> tuple[Ints, Array]:
+    """Return nodes and weights (n, k) of the rows of a matrix, which is destroyed.
 
     Nodes of weight 0 are copies of any node.
     """
-    indptr, columns, values = product.getValuesCSR()
-    product.destroy()
+    indptr, columns, values = A.getValuesCSR()
+    A.destroy()
     counts = np.diff(indptr)
     width = int(counts.max(initial=1))
     place = indptr[:-1, None] + np.clip(counts[:, None] - 1, 0, np.arange(width))
     nodes = np.append(columns, 0)[place].astype(np.int64)
     held = np.arange(width) < counts[:, None]
-    return nodes, np.where(held, np.append(values, 0.0)[place], 0.0) / divisor[:, None]
+    return nodes, np.where(held, np.append(values, 0.0)[place], 0.0)
 
 
 def rows_with_ghosts(

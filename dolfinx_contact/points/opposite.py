@@ -40,7 +40,7 @@ from dolfinx_contact.points.clipping import Cover, Faces, cover
 from dolfinx_contact.points.descriptions import ContactPair, Overlap
 from dolfinx_contact.points.evaluation import at_nodes
 from dolfinx_contact.points.mortar import between, coupling
-from dolfinx_contact.points.operators import rows_of, rows_with_ghosts
+from dolfinx_contact.points.operators import rows_of, rows_with_ghosts, scaled_rows
 from dolfinx_contact.points.revolution import mirrored
 from dolfinx_contact.points.search import around, faces_of, nearest, opposing_facets
 from dolfinx_contact.points.trace import (
@@ -178,9 +178,8 @@ class OppositeFacets(Obstacle):
             gaps = _gaps(faces, found)[corners]
             overlap = Overlap.of(pair)
             allowed = (_OVERLAP if found.matching else CURVED_OVERLAP) * faces.size
-            worst = minimum(comm, gaps)
             unless = "if slave and master do not look away from each other"
-            overlap.require(comm, worst, allowed, name, unless)
+            overlap.require(comm, gaps, allowed, name, unless)
             # without a press fit, an admissible overlap is round-off or due to chords of curves
             gaps = gaps if overlap.presses else np.maximum(gaps, 0.0)
         self._gap = fem.Function(W)
@@ -302,7 +301,7 @@ def _matched(faces: _Sides) -> Opposite | None:
     nodes = found["node"]
     n = faces.normals(V)[mine]
     aside = np.linalg.norm(tangential(found["x"] - x[mine], n), axis=1)
-    unmatched = np.asarray(~(aside <= _TANGENTIAL * faces.size))
+    unmatched = ~(aside <= _TANGENTIAL * faces.size)
     owned = mine < index_map.size_local
     if count_of(comm, unmatched & owned) or _facets_differ(faces):
         return None
@@ -401,14 +400,11 @@ def _means(V: fem.FunctionSpace, A: PETSc.Mat, on_slave: Mask) -> tuple[Ints, Ar
     The matrix is destroyed. Its row sums are the areas, except for round-off.
     """
     index_map = V.dofmap.index_map
-    counts = np.diff(A.getValuesCSR()[0])
-    sums = A.getRowSum()
-    nodes, weights = rows_of(A, np.where(counts > 0, sums.array_r, 1.0))
-    sums.destroy()
     # a node without an opposing point is opposite to itself, and has no jump
-    alone = counts == 0
-    nodes[alone, 0] = (index_map.local_range[0] + np.arange(len(counts)))[alone]
+    alone = scaled_rows(A) == 0
+    nodes, weights = rows_of(A)
+    nodes[alone, 0] = index_map.local_range[0] + np.flatnonzero(alone)
     weights[alone, 0] = 1.0
     nodes, weights = rows_with_ghosts(V.mesh.comm, index_map, nodes, weights)
     none = SharedValues(index_map).from_owners(alone.astype(np.float64)) > 0
-    return nodes[on_slave], weights[on_slave], np.asarray(on_slave & none)
+    return nodes[on_slave], weights[on_slave], on_slave & none

@@ -91,8 +91,8 @@ class DiscretePair(DiscreteSurface):
             "of the cracks before",
         )
         if not matching:
-            marks = SharedValues(V.dofmap.index_map).sums(trace, given.astype(float))
-            self.obstacle.opposite = in_place(self._apart, marks > 0)
+            marks = SharedValues(V.dofmap.index_map).marked(trace[given])
+            self.obstacle.opposite = in_place(self._apart, marks)
 
 
 def facets_of_sides(pair: ContactPair) -> tuple[Indices, Indices]:

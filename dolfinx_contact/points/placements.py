@@ -17,7 +17,13 @@ from dolfinx_contact.points.descriptions import ContactMethod
 from dolfinx_contact.points.evaluation import Evaluator, Given, PointEvaluator
 from dolfinx_contact.points.gauss_points import GaussPoints
 from dolfinx_contact.points.geometry import SurfaceGeometry
-from dolfinx_contact.points.operators import Stencils, multiplied, rows_of, trace_of
+from dolfinx_contact.points.operators import (
+    Stencils,
+    multiplied,
+    rows_of,
+    scaled_rows,
+    trace_of,
+)
 from dolfinx_contact.points.opposite import Opposite
 from dolfinx_contact.points.shared_functions import receiving_vertices, shared
 from dolfinx_contact.points.trace import point_ids
@@ -69,7 +75,7 @@ class NodePoints(ContactPoints):
         D, self.areas, given = shared(self.vertices, given, idle, self.areas)
         self.geometry.vertex_areas = self.exchange.from_owners(self.areas)
         plain = self._weights.jump_matrix(self.comm, self._owned_nodes, 1)
-        means = self._each_alone(*rows_of(D.matMult(plain), np.ones(self.number)))
+        means = self._each_alone(*rows_of(D.matMult(plain)))
         plain.destroy()
         self._connect(means)
         self._shared = D
@@ -103,22 +109,21 @@ class AveragedPoints(NodePoints):
         #: Matrix of the weighted means, from Gauss points to the owned vertices.
         self._means = hats.transpose(PETSc.Mat())
         hats.destroy()
-        self.areas = multiplied(self._means, areas[:, None])[:, 0]
+        points = self._means.createVecs(side="right")
+        points.array[:] = areas
+        self._means.diagonalScale(None, points)
+        points.destroy()
+        self.areas = scaled_rows(self._means)
         if opposite is not None and opposite.areas is not None:
             # vertices of uncovered facets have no traction, so that any area serves
             whole = opposite.areas[self.vertex_trace_dofs[: self.number]]
             self.areas = np.where(self.areas > 0.0, self.areas, whole)
-        vertices, points = self._means.createVecs(side="left"), self._means.createVecs(side="right")
-        vertices.array[:] = 1 / self.areas
-        points.array[:] = areas
-        self._means.diagonalScale(vertices, points)
-        vertices.destroy(), points.destroy()
         averaged = self.exchange.from_owners(self.areas)
         return self._geometry(opposite, self._evaluate.areas, averaged)
 
     def _jumps(self, opposite: Opposite | None) -> Stencils:
         at_gauss = self._at_gauss.jump_matrix(self.comm, self._owned_nodes, 1)
-        rows = rows_of(self._means.matMult(at_gauss), np.ones(self.number))
+        rows = rows_of(self._means.matMult(at_gauss))
         at_gauss.destroy()
         return self._each_alone(*rows)
 

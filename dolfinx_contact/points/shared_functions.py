@@ -43,7 +43,7 @@ from dolfinx_contact._geometry import global_numbers
 from dolfinx_contact._mpi import SharedValues
 from dolfinx_contact._petsc import triplet_matrix
 from dolfinx_contact.points.contact_points import ContactPoints
-from dolfinx_contact.points.operators import rows_of, rows_with_ghosts
+from dolfinx_contact.points.operators import rows_of, rows_with_ghosts, scaled_rows
 from dolfinx_contact.points.opposite import Opposite
 from dolfinx_contact.points.trace import at_global_places, sums_at_global_places
 
@@ -89,10 +89,9 @@ def crossings(
     edges = edges[_in_loops(comm.allgather(edges[:, 2:]), comm.rank)]
     marks = []
     for i, index_map in enumerate(maps):
-        vertices = edges[edges[:, 0] == i, 1]
-        marks.append(SharedValues(index_map).sums(vertices, np.ones(len(vertices))) > 0)
+        marks.append(SharedValues(index_map).marked(edges[edges[:, 0] == i, 1]))
     counts = SharedValues(nodes_of).from_owners(_counts(V, edges[:, 2:]))
-    return marks, np.asarray(counts > 0)
+    return marks, counts > 0
 
 
 def _counts(V: fem.FunctionSpace, ends: Ints) -> Array:
@@ -198,12 +197,7 @@ def shared(
     vertex, place = np.nonzero(weights)
     entries = rows[vertex, place], own[vertex], weights[vertex, place]
     means = triplet_matrix(vertices.mesh.comm, (n, n), *entries)
-    sums = means.getRowSum()
-    total_areas = sums.array.copy()
-    sums.reciprocal()
-    means.diagonalScale(sums)
-    sums.destroy()
-    return means, total_areas, given
+    return means, scaled_rows(means), given
 
 
 def receiving_vertices(
@@ -238,20 +232,15 @@ def receiving_vertices(
         if not comm.allreduce(len(rows)):
             break
         step = triplet_matrix(comm, (n, n), rows, columns, np.ones(len(rows)))
-        counts = step.getRowSum()
-        known |= exchange.from_owners(counts.array_r) > 0
-        counts.array[:] = 1 / np.maximum(counts.array_r, 1.0)
-        step.diagonalScale(counts)
+        known |= exchange.from_owners(scaled_rows(step)) > 0
         passed = step.matMult(shares)
         shares.axpy(1.0, passed)
-        for part in (step, counts, passed):
-            part.destroy()
+        step.destroy(), passed.destroy()
     # a function that no vertex can receive is kept
     own = _diagonal(vertices, (given & ~known)[:n])
     shares.axpy(1.0, own)
     own.destroy()
-    owned = rows_of(shares, np.ones(n))
-    return *rows_with_ghosts(comm, index_map, *owned), given & known
+    return *rows_with_ghosts(comm, index_map, *rows_of(shares)), given & known
 
 
 def _diagonal(vertices: fem.FunctionSpace, marked: Mask) -> PETSc.Mat:

@@ -14,7 +14,7 @@ from dolfinx import fem
 from dolfinx_contact._arrays import Array, Indices, Ints, Mask
 from dolfinx_contact._compat import create_facet_submesh
 from dolfinx_contact._geometry import dot, node_positions, tangential
-from dolfinx_contact._mpi import everywhere, keep, minimum, require, same_everywhere
+from dolfinx_contact._mpi import everywhere, keep, require, same_everywhere
 from dolfinx_contact._ufl import described, refuse_displacement, refuse_other_mesh
 from dolfinx_contact._validate import ReadOnly
 from dolfinx_contact.body.rigid import parts
@@ -207,7 +207,6 @@ class DiscreteSurface(ReadOnly):
         """
         overlap = self._overlap
         if np.isfinite(overlap.most):
-            worst = minimum(self.comm, gaps)
             # a given length is exact
             allowed = (
                 0.0 if overlap.most > 0.0 else CURVED_OVERLAP * self.points.geometry.facet_size
@@ -216,7 +215,7 @@ class DiscreteSurface(ReadOnly):
                 "or remove_overlap for a start without stress, if the normals of the obstacle "
                 "point to the body"
             )
-            overlap.require(self.comm, worst, allowed, f"{self.name}{where}", unless)
+            overlap.require(self.comm, gaps, allowed, f"{self.name}{where}", unless)
         if overlap.removed:
             self.points.remove_overlap(gaps, vertex_gaps)
 

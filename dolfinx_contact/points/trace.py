@@ -33,6 +33,7 @@ from dolfinx_contact.meshing.gmsh import GmshMesh, NamedTags
 __all__ = [
     "across_planes",
     "at_global_places",
+    "cells_of",
     "checked_planes",
     "exterior_facets",
     "facet_closures",
@@ -64,6 +65,14 @@ def owned_exterior(domain: mesh.Mesh, facets: Indices) -> Indices:
     return np.intersect1d(facets, exterior).astype(np.int32)
 
 
+def cells_of(domain: mesh.Mesh, facets: Indices) -> Indices:
+    """Return one cell of each local facet."""
+    dim = domain.topology.dim
+    domain.topology.create_connectivity(dim - 1, dim)
+    cells = domain.topology.connectivity(dim - 1, dim)
+    return cells.array[cells.offsets[facets]]
+
+
 def exterior_facets(domain: mesh.Mesh, facets: Any, tag: int | str | None, name: str) -> Indices:
     """Return the local facets of a surface, ghosts included. Collective.
 
@@ -93,8 +102,7 @@ def exterior_facets(domain: mesh.Mesh, facets: Any, tag: int | str | None, name:
             chosen = _chosen(domain, facets, tag)
         except ValueError as error:
             raise ValueError(f"{name}: {error}") from None
-    named = SharedValues(index_map).sums(chosen, np.ones(len(chosen)))
-    found = np.flatnonzero(named).astype(np.int32)
+    found = np.flatnonzero(SharedValues(index_map).marked(chosen)).astype(np.int32)
     owned = owned_facets(domain, found)
     counts = np.array([len(owned), len(owned) - len(owned_exterior(domain, owned))])
     number, inside = comm.allreduce(counts)
@@ -140,14 +148,11 @@ def facet_closures(V: fem.FunctionSpace, facets: Indices) -> Indices:
     """Return the local nodes of ``V`` in the closure of each local facet, one row per facet."""
     topology = V.mesh.topology
     tdim = topology.dim
-    to_cells = topology.connectivity(tdim - 1, tdim)
     to_facets = topology.connectivity(tdim, tdim - 1)
     layout = V.dofmap.dof_layout
     per_cell = len(basix.topology(V.mesh.basix_cell())[tdim - 1])
     closures = np.array([layout.entity_closure_dofs(tdim - 1, i) for i in range(per_cell)])
-    if len(facets) == 0:
-        return np.zeros((0, closures.shape[1]), dtype=np.int32)
-    cells = to_cells.array[to_cells.offsets[facets]]
+    cells = cells_of(V.mesh, facets)
     facets_of_cell = to_facets.array[to_facets.offsets[cells][:, None] + np.arange(per_cell)]
     local_facet = np.argmax(facets_of_cell == facets[:, None], axis=1)
     nodes = np.take_along_axis(V.dofmap.list[cells], closures[local_facet], axis=1)
@@ -163,8 +168,7 @@ def trace_dofs(V: fem.FunctionSpace, Q: fem.FunctionSpace, parent_facets: Indice
     X = node_positions(V)
     Y = node_positions(Q)
     distance = np.linalg.norm(X[candidates][:, None, :, :] - Y[wanted][:, :, None, :], axis=3)
-    if len(parent_facets):
-        nodes[wanted] = np.take_along_axis(candidates, np.argmin(distance, axis=2), axis=1)
+    nodes[wanted] = np.take_along_axis(candidates, np.argmin(distance, axis=2), axis=1)
     return nodes
 
 
@@ -190,11 +194,9 @@ def facet_normals(domain: mesh.Mesh, facets: Indices, *, unit: bool = True) -> A
     dim = domain.geometry.dim
     if not len(facets):  # DOLFINx divides by their number
         return np.zeros((0, dim))
-    domain.topology.create_connectivity(dim - 1, dim)
     x = domain.geometry.x[mesh.entities_to_geometry(domain, dim - 1, facets)][:, :, :dim]
     normals = _geometry.area_vectors(x)
-    to_cells = domain.topology.connectivity(dim - 1, dim)
-    inside = midpoints(domain, to_cells.array[to_cells.offsets[facets]]) - x.mean(axis=1)
+    inside = midpoints(domain, cells_of(domain, facets)) - x.mean(axis=1)
     normals[dot(inside, normals) > 0] *= -1.0
     return _geometry.unit(normals) if unit else normals
 
@@ -271,9 +273,7 @@ def unit_field(domain: mesh.Mesh, vectors: Array) -> tuple[fem.Function, Any]:
 
 def nodes_on(V: fem.FunctionSpace, facets: Indices) -> Mask:
     """Return the mask of the local nodes on facets of any rank. Collective."""
-    nodes = facet_closures(V, facets)
-    counts = SharedValues(V.dofmap.index_map).sums(nodes, np.ones(nodes.shape))
-    return counts > 0
+    return SharedValues(V.dofmap.index_map).marked(facet_closures(V, facets))
 
 
 def at_global_places(comm: MPI.Comm, values: Array, places: Ints) -> Array:

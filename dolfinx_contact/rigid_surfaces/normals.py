@@ -41,10 +41,12 @@ _TIMES = 3  # number of searches for flat parts
 _BENT = 0.45  # relative to the most bent facet of a fan: bend below which a facet is a flatter part
 _FLATTEST = 1e-2  # relative to the most bent facet: lower bound of the bend of a facet
 _POWER = 4  # exponent of the ratio of bends, the weight of flatter parts
-_DAMPED = 3e-2  # iterations of the least squares
-_STEPS = 60  # tolerance of the least squares
+_DAMPED = 3e-2  # damping of the least squares
+_STEPS = 60  # iterations of the least squares
 _ONE_SIGN = 0.5  # relative to the sum of magnitudes: sum of values of one sign
 _STRAIGHT = 0.25  # relative to the slope at a tip: largest slope at the other ends of edges
+#: Corners at the ends of the edges of a facet, by dimension.
+_SIDES = {2: ((0, 1),), 3: ((0, 1), (1, 2), (2, 0))}
 _SHALLOW = 1e-3  # slope below which a point is not a tip
 
 
@@ -193,8 +195,7 @@ def _edges(corners: Array, fans: Ints) -> tuple[Ints, Ints, Array]:
     k, dim = corners.shape[:2]
     numbers = fans.reshape(k, dim)
     ends, ways = [], []
-    for i in range(dim if dim == 3 else 1):
-        j = (i + 1) % dim
+    for i, j in _SIDES[dim]:
         ends.append(np.sort(numbers[:, [i, j]], axis=1))
         ways.append(unit(corners[:, j] - corners[:, i]))
     pairs, first = np.unique(np.concatenate(ends), axis=0, return_index=True)
@@ -214,8 +215,7 @@ def _bends(corners: Array, normals: Array) -> Array:
     """Return the largest rotation of the normals per length along the edges of each facet (k,)."""
     dim = corners.shape[1]
     found = np.zeros(len(corners))
-    for i in range(dim if dim == 3 else 1):
-        j = (i + 1) % dim
+    for i, j in _SIDES[dim]:
         turn = np.linalg.norm(normals[:, j] - normals[:, i], axis=1)
         length = np.linalg.norm(corners[:, j] - corners[:, i], axis=1)
         found = np.maximum(found, turn / length)

@@ -63,7 +63,7 @@ class SlidingOperator(Operator):
         sums = self.faces.sums(facing.facet, facing.mass @ self._at_corners(tractions))
         around = facing.nodal.around
         by = ratio(np.ones_like(around), around)
-        return self.faces.kept * by[:, None] * sums[: self.number]
+        return (self.faces.kept * by[:, None] * sums)[: self.number]
 
     def _at_corners(self, tractions: Array) -> Array:
         """Return tractions at corners of pieces (p, a, dim) from those at the owned points."""
@@ -112,7 +112,7 @@ class SlidingOperator(Operator):
         spun = np.sum(facing.spins * both, axis=(1, 2))[:, None]
         spun = faces.free_to_spin * self._means(facing.weighted.sum(axis=2) * spun)
         slips = slips + turned + spun[:, None] * nodal.by_spin
-        return slips - gaps[:, None] * nodal.normal[: self.number]
+        return (slips - gaps[:, None] * nodal.normal)[: self.number]
 
     def normal_rate(self, v: Array) -> Array:
         return transformed(self.facing.nodal.by_normal, self._parts(v)[1])[: self.number]

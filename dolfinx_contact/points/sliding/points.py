@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, ClassVar
 
@@ -15,7 +14,7 @@ from dolfinx import fem, mesh
 
 from dolfinx_contact._arrays import Array, Indices, Mask
 from dolfinx_contact._geometry import node_positions, transformed
-from dolfinx_contact._mpi import count_of, keep, maximum, minimum, require
+from dolfinx_contact._mpi import count_of, keep, maximum, require
 from dolfinx_contact.body.rigid import bounding_box
 from dolfinx_contact.laws import LawAtPoints
 from dolfinx_contact.laws.symbols import before
@@ -62,17 +61,13 @@ class SlidingPair(DiscreteSurface):
     points: SlidingPoints
 
     def __init__(self, contact: ContactPair | SelfContact):
-        V = contact.u.function_space
-        name = contact.name
-        keep(V.mesh)
+        domain, name = contact.u.function_space.mesh, contact.name
+        keep(domain)
         if isinstance(contact, SelfContact):
-            slave = master = exterior_facets(V.mesh, contact.facets, contact.tag, name)
-            direction = np.asarray(contact.direction)
+            slave = master = exterior_facets(domain, contact.facets, contact.tag, name)
         else:
             slave, master = facets_of_sides(contact)
-            direction = None
-        depth, planes = contact.search_distance, contact.symmetry or {}
-        obstacle = SlidingFacets(V, slave, master, depth, name, planes, direction)
+        obstacle = SlidingFacets(contact, slave, master)
         super().__init__(contact, slave, obstacle, SlidingPoints)
         self.start_gaps = self.points.known.facing.nodal.gap[: self.points.number].copy()
         _check_law(self.law_at_points, name)
@@ -139,10 +134,9 @@ class SlidingPair(DiscreteSurface):
     def _require_apart(self) -> None:
         """Raise ``ValueError`` if faces overlap by too much in the mesh. Collective."""
         points, overlap = self.points, self._overlap
-        gaps = points.known.facing.nodal.gap[: points.number]
-        worst = minimum(self.comm, gaps)
+        allowed = _OVERLAP * points.geometry.facet_size
         words = "or remove_overlap for a start without stress"
-        overlap.require(self.comm, worst, _OVERLAP * points.geometry.facet_size, self.name, words)
+        overlap.require(self.comm, self.start_gaps, allowed, self.name, words)
         depth = points.opposite.depth
         if points.opposite.direction is not None:
             lost = count_of(self.comm, points.faces.lost)
@@ -190,13 +184,9 @@ class SlidingFacets(Obstacle):
     """Facets of another body of the same mesh, over which a face slides.
 
     Args:
-        V: displacement space.
+        contact: description of the pair, or of self-contact.
         slave: local facets of the slave, ghosts included.
         master: local facets of the master, ghosts included.
-        depth: search distance; None for a quarter of the size of the smaller face.
-        name: name of the pair for messages.
-        planes: positions of the planes of symmetry by axis.
-        direction: see `SlidingOpposite`.
 
     Attributes:
         opposite: the other face.
@@ -208,16 +198,10 @@ class SlidingFacets(Obstacle):
 
     opposite: SlidingOpposite
 
-    def __init__(
-        self,
-        V: fem.FunctionSpace,
-        slave: Indices,
-        master: Indices,
-        depth: float | None,
-        name: str,
-        planes: Mapping[int, float],
-        direction: Array | None = None,
-    ):
+    def __init__(self, contact: ContactPair | SelfContact, slave: Indices, master: Indices):
+        V, name = contact.u.function_space, contact.name
+        planes, depth = contact.symmetry or {}, contact.search_distance
+        direction = np.asarray(contact.direction) if isinstance(contact, SelfContact) else None
         comm = V.mesh.comm
         dim = V.mesh.geometry.dim
         sides = nodes_on(V, slave), nodes_on(V, master)
@@ -281,7 +265,7 @@ class SlidingPoints(NodePoints):
         self.opposite = opposite
         axisymmetric = self._weight is not None
         self.faces = SlidingFaces(self._V, self.facets, opposite, axisymmetric=axisymmetric)
-        self.mirrored = np.asarray(self.faces.kept == 0.0)
+        self.mirrored = self.faces.kept == 0.0
         self._last: tuple[Array, Array | None] | None = None
         self.operator = self.at(np.zeros((self._owned_nodes, self.dim)), None)
 
