@@ -20,7 +20,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import pairwise
+from itertools import accumulate, pairwise
 from typing import TypeVar
 
 import numpy as np
@@ -234,9 +234,9 @@ class RigidBodies:
         names = [b.name for b in self.bodies]
         unique = len(set(names)) == len(names)
         require(self.comm, unique, f"rigid bodies need different names, got {names}")
-        ends = np.cumsum([0, *(len(b.components) for b in self.bodies)]).tolist()
+        ends = list(accumulate((len(b.components) for b in self.bodies), initial=0))
         self.slices = {b: slice(*c) for b, c in zip(self.bodies, pairwise(ends), strict=True)}
-        self.size: int = ends[-1]
+        self.size = ends[-1]
         self.owned = self.size if self.comm.rank == 0 else 0
         none = np.zeros(0, dtype=bool)
         self.fixed = np.concatenate([none, *(b.fixed for b in self.bodies)])

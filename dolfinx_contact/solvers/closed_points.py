@@ -20,7 +20,7 @@ from petsc4py import PETSc
 
 import numpy as np
 
-from dolfinx_contact._arrays import Array, Ints, Mask
+from dolfinx_contact._arrays import Array, Indices, Ints, Mask
 from dolfinx_contact._geometry import ratio
 from dolfinx_contact._mpi import SharedValues, count_of
 from dolfinx_contact._petsc import Entries, matrix_of, triplets
@@ -51,7 +51,7 @@ class ClosedPoints:
         """Return the closed nodes and points, guessed if a surface has none. Collective."""
         V = eq.V
         bs = V.dofmap.index_map_bs
-        nodes = [np.zeros(0, dtype=np.int32)]
+        nodes: list[Indices] = [np.zeros(0, dtype=np.int32)]
         joined = []
         guessed = False
         for term, found in zip(eq.terms, state.surfaces, strict=True):

@@ -102,8 +102,8 @@ class SurfaceBlock:
         n = len(self._s.local)
         places = (self._comm.exscan(n) or 0) + np.arange(self._s.nodes)
         rows = places[rows - square.getOwnershipRange()[0]]
-        columns = at_global_places(self._comm, places.astype(np.float64), columns)
-        whole = triplet_matrix(self._comm, (n, n), rows, columns.astype(np.int64), values)
+        columns = at_global_places(self._comm, places.astype(np.float64), columns).astype(np.int64)
+        whole = triplet_matrix(self._comm, (n, n), rows, columns, values)
         self._copy("K", whole)
         whole.destroy()
 
