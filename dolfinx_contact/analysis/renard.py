@@ -44,7 +44,7 @@ from scipy.linalg import eigh
 
 from dolfinx_contact._arrays import Array, Ints
 from dolfinx_contact._install import optional
-from dolfinx_contact._mpi import Arguments, collective, everywhere, require
+from dolfinx_contact._mpi import Arguments, collective, everywhere, maximum, minimum, require
 from dolfinx_contact._petsc import Entries, matrix_of, stacked, staged
 from dolfinx_contact.analysis.rows import (
     Problem,
@@ -184,8 +184,8 @@ def criterion_at(
     """
     slope = _slopes(eq, state)
     xi = _of_solution(eq, state, slope) if directions is None else _given(eq, directions)
-    largest = float(eq.comm.allreduce(slope.max(initial=0.0), op=max))
-    least = float(eq.comm.allreduce(slope.min(initial=np.inf), op=min))
+    largest = maximum(eq.comm, slope)
+    least = minimum(eq.comm, slope, np.inf)
     factor = np.inf
     definite = True
     if len(eq.scaling.loose):
@@ -223,7 +223,7 @@ def _of_solution(eq: ContactEquations, state: Evaluation, slope: Array) -> Array
     _, ut = split(n, np.concatenate([s.jump for s in state.surfaces]))
     tension, rt = split(n, np.concatenate([s.traction for s in state.surfaces]))
     bound = -slope * tension
-    pressed = float(eq.comm.allreduce(bound.max(initial=0.0), op=max))
+    pressed = maximum(eq.comm, bound)
     presses = bound > _NOTHING * pressed
     along = unit(ut, _NOTHING * eq.body_size)
     against = -rt / np.where(presses, bound, np.inf)[:, None]

@@ -42,7 +42,15 @@ import ufl
 
 from dolfinx_contact._arrays import Array, Ints
 from dolfinx_contact._geometry import plane_tangents
-from dolfinx_contact._mpi import Arguments, collective, on_root, require
+from dolfinx_contact._mpi import (
+    Arguments,
+    anywhere,
+    collective,
+    count_of,
+    maximum,
+    on_root,
+    require,
+)
 from dolfinx_contact._petsc import is_symmetric, staged
 from dolfinx_contact._validate import count
 from dolfinx_contact.analysis.rows import (
@@ -193,7 +201,7 @@ class _Points:
         tension, rt = split(n, force)
         rn = -tension
         bound = slope * rn
-        largest = float(eq.comm.allreduce(rn.max(initial=0.0), op=max))
+        largest = maximum(eq.comm, rn)
         touches = is_free(eq, n) & (closed(codes) | (gap <= _BORDER * eq.body_size))
         grazes = touches & (rn <= _BORDER * largest)
         slips = (senses(codes) == PLUS) | (senses(codes) == MINUS)
@@ -208,9 +216,9 @@ class _Points:
         self.choices[at_bound, 1] = ALONG
         self.choices[grazes, 1] = APART
         self.choices[grazes & (slope > 0), 2:] = ALONG, AGAINST
-        self.border = int(eq.comm.allreduce(int((self.choices[:, 1] >= 0).sum())))
+        self.border = count_of(eq.comm, self.choices[:, 1] >= 0)
         rounds = eq.dim == 3 and bool((grazes & (slope > 0)).any())
-        self.rounds = bool(eq.comm.allreduce(int(rounds)))
+        self.rounds = anywhere(eq.comm, rounds)[0]
 
 
 class _Gathered(DenseBody):

@@ -194,7 +194,7 @@ class ThroughTimes(Rule[HistoryTask]):
         surfaces = stepper.problem.surfaces
         at_rest = isinstance(state.accepted.forces, Forces)
         self._slides = at_rest and any(s.slides for s in surfaces)
-        points = self._comm.allreduce(sum(s.points.number for s in surfaces))
+        points = sum(s.points.number_everywhere for s in surfaces)
         self._rays_are_cheap = task.rays is None and points <= _FEW
         #: Whether a warning reports the first halved step; in histories halving is requested.
         self._reports_halving = not at_rest

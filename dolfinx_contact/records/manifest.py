@@ -114,7 +114,7 @@ def _of_surface(s: DiscreteSurface) -> tuple[dict[str, Any], dict[str, str]]:
     parts = {
         "the contact method": s.method,
         "the facets": _entities(s.domain, s.dim - 1, s.submesh.parent_facets),
-        "the multipliers": [*s.degrees, s.comm.allreduce(s.points.number)],
+        "the multipliers": [*s.degrees, s.points.number_everywhere],
         "the kind of sliding": _sliding(s),
     }
     opposite = s.obstacle.opposite

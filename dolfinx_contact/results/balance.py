@@ -32,7 +32,7 @@ from dolfinx import fem
 from dolfinx_contact._arrays import Array, Indices
 from dolfinx_contact._compat import FacetSubmesh
 from dolfinx_contact._geometry import in_space, node_positions
-from dolfinx_contact._mpi import SharedValues, total
+from dolfinx_contact._mpi import SharedValues, maximum, total
 from dolfinx_contact.body.rigid import bounding_box
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation
@@ -120,7 +120,7 @@ def balance(
     size += float(np.linalg.norm(external))
     # Stresses of a strain near zero, (I + grad u) - I, are round-off of the moduli.
     nothing = _NO_STRAIN * eq.scaling.stiffness * eq.body_size
-    moved = comm.allreduce(float(np.max(np.abs(state.u), initial=0.0)), op=max)
+    moved = maximum(comm, np.abs(state.u))
     size = max(size, nothing, round_off_force(eq, moved))
     left = contact + support + external
     left[_mirrored_axes(eq)] = 0.0
@@ -305,7 +305,7 @@ def _apart(s: DiscreteSurface, x: Array) -> float:
     assert opposite is not None
     on = opposite.sides[0] & ~opposite.none
     off = np.linalg.norm((s.opposite(x) - x)[on], axis=1)
-    return float(s.comm.allreduce(float(np.max(off, initial=0.0)), op=max))
+    return maximum(s.comm, off)
 
 
 @dataclass(frozen=True)
