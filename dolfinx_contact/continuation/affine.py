@@ -17,12 +17,11 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
+
+from dolfinx_contact._arrays import Array, Codes, Mask
 
 __all__ = ["AffinePiece", "AffineSystem", "largest"]
 
-Array = npt.NDArray[np.float64]
-Codes = npt.NDArray[np.int8]
 
 #: Round-off, relative to the largest entry of a state.
 TOLERANCE = 1e-10
@@ -61,7 +60,7 @@ class AffineSystem:
     bases: Array
     inequalities: Array
     classify: Callable[[Array], Codes]
-    allowed: npt.NDArray[np.bool_] = field(repr=False)
+    allowed: Mask = field(repr=False)
 
     @property
     def points(self) -> int:
@@ -110,7 +109,7 @@ class AffineSystem:
         falling = np.isfinite(slack) & (rate < -TOLERANCE * largest(direction))
         return float(np.min(np.maximum(slack[falling], 0.0) / -rate[falling], initial=np.inf))
 
-    def statuses_at(self, w: Array, tolerance: float) -> npt.NDArray[np.bool_]:
+    def statuses_at(self, w: Array, tolerance: float) -> Mask:
         """Return a mask (m, statuses) of the statuses whose closed cones contain ``w``."""
         z = np.einsum("msdk,mk->msd", self._left_inverses, w)
         away = np.einsum("mskd,msd->msk", self.bases, z) - w[:, None]

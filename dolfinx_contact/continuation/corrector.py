@@ -31,8 +31,8 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
-import numpy.typing as npt
 
+from dolfinx_contact._arrays import Codes
 from dolfinx_contact._inexact import ROUNDS, Forcing, settle
 from dolfinx_contact._petsc import as_raised
 from dolfinx_contact.continuation.bordered import Bordered
@@ -42,7 +42,6 @@ from dolfinx_contact.continuation.system import Piece, ResidualScales
 
 __all__ = ["Corrector"]
 
-Codes = npt.NDArray[np.int8]
 
 logger = logging.getLogger(__name__)
 

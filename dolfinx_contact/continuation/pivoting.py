@@ -18,13 +18,12 @@ from petsc4py import PETSc
 
 import numpy as np
 
+from dolfinx_contact._arrays import Array, Codes
 from dolfinx_contact._ending import Ending
 from dolfinx_contact.continuation.affine import (
     TOLERANCE,
     AffinePiece,
     AffineSystem,
-    Array,
-    Codes,
     largest,
 )
 from dolfinx_contact.continuation.bordered import Bordered

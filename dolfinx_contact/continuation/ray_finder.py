@@ -29,8 +29,8 @@ from functools import partial
 from petsc4py import PETSc
 
 import numpy as np
-import numpy.typing as npt
 
+from dolfinx_contact._arrays import Array, Indices
 from dolfinx_contact.continuation.bordered import Bordered
 from dolfinx_contact.continuation.branch import Change, FoundRays, Ray
 from dolfinx_contact.continuation.corrector import Corrector
@@ -183,7 +183,7 @@ class RayFinder:
             return []
         return [ray for ray in (Ray(new, tangent), Ray(new, -tangent)) if self.inside(ray)]
 
-    def _own_points(self, kinks: Sequence[Kink]) -> npt.NDArray[np.int32]:
+    def _own_points(self, kinks: Sequence[Kink]) -> Indices:
         """Return the local numbers of the kinked points on this rank."""
         rank = self._bordered.comm.rank
         return np.array([k.point for k in kinks if k.rank == rank], dtype=np.int32)
@@ -420,9 +420,7 @@ def parity(corrector: Corrector, y: PETSc.Vec, piece: Piece, t: PETSc.Vec, ray: 
     return int(after * b.orientation_at(y, t, piece))
 
 
-def _slopes(
-    b: Bordered, y: PETSc.Vec, piece: Piece, t: PETSc.Vec
-) -> tuple[Events, npt.NDArray[np.float64]]:
+def _slopes(b: Bordered, y: PETSc.Vec, piece: Piece, t: PETSc.Vec) -> tuple[Events, Array]:
     """Return the events of a piece at ``y``, and the rates of their distances along ``t``."""
     events = b.events(y, piece)
     beyond = matched_distances(events, b.events(b.moved(y, _PROBE, t), piece))

@@ -22,14 +22,12 @@ from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
-import numpy.typing as npt
 
+from dolfinx_contact._arrays import Array, Codes, Ints, Mask
 from dolfinx_contact.continuation.affine import (
     TOLERANCE,
     AffinePiece,
     AffineSystem,
-    Array,
-    Codes,
     largest,
 )
 from dolfinx_contact.continuation.branch import FoundRays
@@ -46,7 +44,7 @@ __all__ = [
 ]
 
 Item = TypeVar("Item")
-Choices = Sequence[npt.NDArray[np.int64]]
+Choices = Sequence[Ints]
 #: Search for a proof that a cone has no rays other than the ones passed.
 Prove = Callable[[AffineSystem, Sequence[tuple[Codes, float]]], RayProof | None]
 
@@ -84,7 +82,7 @@ class Rays(FoundRays[AffineRay]):
 
 
 def neighbours(
-    piece: AffinePiece, w: Array, kinked: int, possible: npt.NDArray[np.bool_], tolerance: float
+    piece: AffinePiece, w: Array, kinked: int, possible: Mask, tolerance: float
 ) -> list[tuple[AffinePiece, float]]:
     """Return the pieces beyond a vertex at which one point changes its status.
 
@@ -221,7 +219,7 @@ def _enumerate(cone: AffineSystem, choices: Choices) -> tuple[list[AffineRay], l
     return rays, wide, gap
 
 
-def _solve_all(A: Array, q: Array) -> tuple[npt.NDArray[np.bool_], Array]:
+def _solve_all(A: Array, q: Array) -> tuple[Mask, Array]:
     """Return a mask of the regular matrices A_i, and A_i^{-1} q, zero for singular matrices."""
     sizes = np.abs(A).max(axis=(1, 2), initial=0.0) * A.shape[1]
     inverse = _inverses(A)
@@ -257,8 +255,8 @@ def _kernel(A: Array, q: Array) -> tuple[int, tuple[Array, float] | None]:
 def _senses(
     cone: AffineSystem,
     codes: Codes,
-    kinked: npt.NDArray[np.int64],
-    smooth: npt.NDArray[np.int64],
+    kinked: Ints,
+    smooth: Ints,
     fixed: Array,
     z: Array,
     rate: float,

@@ -19,6 +19,7 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
+from dolfinx_contact._arrays import Array, Codes, Indices
 from dolfinx_contact.continuation.affine import AffineSystem
 
 __all__ = [
@@ -32,8 +33,6 @@ __all__ = [
     "matched_distances",
 ]
 
-Array = npt.NDArray[np.float64]
-Codes = npt.NDArray[np.int8]
 #: Typical sizes of residuals; () if a system has none, or before its first residual.
 ResidualScales: TypeAlias = tuple[float, ...]
 
@@ -48,7 +47,7 @@ class Piece:
 
     codes: Codes
 
-    def with_codes(self, points: npt.NDArray[np.int32], codes: Codes | Sequence[int]) -> Piece:
+    def with_codes(self, points: Indices, codes: Codes | Sequence[int]) -> Piece:
         """Return the piece in which the local ``points`` have the statuses ``codes``."""
         changed = self.codes.copy()
         changed[points] = np.asarray(codes, dtype=np.int8)
@@ -66,7 +65,7 @@ class Events:
     """
 
     distance: Array
-    point: npt.NDArray[np.int32]
+    point: Indices
     target: Codes
 
 

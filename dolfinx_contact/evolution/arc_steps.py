@@ -30,6 +30,7 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
+from dolfinx_contact._arrays import Array, Mask
 from dolfinx_contact.continuation.branch import BranchPoint, Ray, SpecialPoint
 from dolfinx_contact.continuation.steps import ExactSteps
 from dolfinx_contact.continuation.system import Piece, matched_distances
@@ -37,7 +38,6 @@ from dolfinx_contact.evolution.rate_problem import RateProblem
 
 __all__ = ["ArcSteps", "Arrival"]
 
-Array = npt.NDArray[np.float64]
 #: End of a step with its piece and tangent; folds and bifurcations within the step; length of the
 #: next step; whether the end of the range of gamma is reached.
 Arrival: TypeAlias = tuple[BranchPoint, list[SpecialPoint], float, bool]
@@ -122,7 +122,7 @@ class ArcSteps(ExactSteps):
         self,
         point: BranchPoint,
         h: float,
-        at_border: npt.NDArray[np.bool_],
+        at_border: Mask,
         gamma_range: tuple[float, float],
     ) -> Arrival | None:
         """Take a step of arc length h, shorter if it ends earlier; None if h is too long.

@@ -48,8 +48,8 @@ from __future__ import annotations
 from dataclasses import asdict, astuple, dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from dolfinx_contact._arrays import Array
 from dolfinx_contact._mpi import total
 from dolfinx_contact._petsc import product
 from dolfinx_contact.body.moving import MovingBody
@@ -59,7 +59,6 @@ from dolfinx_contact.points.surface import DiscreteSurface
 
 __all__ = ["Energies", "Forces", "Motion", "MotionEnergies", "account", "forces_at", "motion_at"]
 
-Array = npt.NDArray[np.float64]
 
 _ROUND_OFF = 1e-9  # smallest scale of the energies of a step, relative to all energies
 

@@ -32,8 +32,8 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
-import numpy.typing as npt
 
+from dolfinx_contact._arrays import Array
 from dolfinx_contact._ending import Ending
 from dolfinx_contact._mpi import anywhere, largest, total
 from dolfinx_contact.continuation import BranchStep, Follower, StepControl
@@ -50,7 +50,6 @@ from dolfinx_contact.solvers.following import Loaded
 
 __all__ = ["MOVED", "UNKNOWNS", "Found", "StateChanges", "changes", "find_jump", "where_it_changes"]
 
-Array = npt.NDArray[np.float64]
 
 _SMALL = 0.1  # fraction of the change in a step below which a jump is not searched
 _ROUND_OFF = 1e-6  # fraction of the largest change that counts as zero

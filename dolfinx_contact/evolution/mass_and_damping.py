@@ -18,12 +18,12 @@ from typing import Any
 from petsc4py import PETSc
 
 import numpy as np
-import numpy.typing as npt
 
 import dolfinx.fem.petsc
 import ufl
 from dolfinx import fem
 
+from dolfinx_contact._arrays import Mask
 from dolfinx_contact._forms import compiled_form
 from dolfinx_contact._mpi import everywhere
 from dolfinx_contact._ufl import not_affine
@@ -150,7 +150,7 @@ class Matrices:
         ]
 
 
-def _touching_dofs(eq: ContactEquations) -> npt.NDArray[np.bool_]:
+def _touching_dofs(eq: ContactEquations) -> Mask:
     """Return a mask of the owned dofs of nodes that may come into contact. Collective."""
     n = eq.owned_sizes[0]
     touching = np.zeros(n // eq.dim, dtype=bool)

@@ -39,10 +39,10 @@ from typing import Any, Literal, TypeAlias, get_args
 from mpi4py import MPI
 
 import numpy as np
-import numpy.typing as npt
 
 from dolfinx import fem
 
+from dolfinx_contact._arrays import Array, Mask
 from dolfinx_contact._geometry import node_positions
 from dolfinx_contact._mpi import largest, require
 from dolfinx_contact._validate import is_number, one_of
@@ -64,7 +64,6 @@ __all__ = ["HeldNodes", "Level", "Method", "MotionStepper"]
 
 logger = logging.getLogger(__name__)
 
-Array = npt.NDArray[np.float64]
 #: Quantity in Signorini's law: the gap or its rate.
 Level: TypeAlias = Literal["position", "velocity"]
 
@@ -506,9 +505,7 @@ class HeldNodes:
         n = len(self._held)
         return self._problem.u.x.array[:n], eq.constraints.displacement()[:n]
 
-    def _deviation(
-        self, values: Array, data: Array, which: npt.NDArray[np.bool_], tolerance: float
-    ) -> str:
+    def _deviation(self, values: Array, data: Array, which: Mask, tolerance: float) -> str:
         """Describe the largest deviation of values from data; "" if it is small. Collective.
 
         The first of equal deviations in the order of coordinates is described.

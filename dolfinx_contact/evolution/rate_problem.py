@@ -43,8 +43,8 @@ from dataclasses import dataclass
 from petsc4py import PETSc
 
 import numpy as np
-import numpy.typing as npt
 
+from dolfinx_contact._arrays import Array, Codes, Indices
 from dolfinx_contact.continuation.branch import FoundRays, Ray
 from dolfinx_contact.continuation.corrector import Corrector
 from dolfinx_contact.continuation.ray_finder import Kink, RayFinder, parity
@@ -82,9 +82,9 @@ class _Falling:
         rates: rates at which the distances decrease.
     """
 
-    points: npt.NDArray[np.int32]
-    targets: npt.NDArray[np.int8]
-    rates: npt.NDArray[np.float64]
+    points: Indices
+    targets: Codes
+    rates: Array
 
 
 class RateProblem:
@@ -258,12 +258,12 @@ class RateProblem:
         onwards = [r for r in rays if not any(self._finder.same(r, b) for b in back)]
         return self._finder.distinct(onwards)
 
-    def _any(self, points: npt.NDArray[np.int32]) -> bool:
+    def _any(self, points: Indices) -> bool:
         """Return whether any rank has a point."""
         return bool(self._comm.allreduce(len(points)))
 
 
-def _slopes(present: Events, ahead: Events, behind: Events) -> npt.NDArray[np.float64]:
+def _slopes(present: Events, ahead: Events, behind: Events) -> Array:
     """Return derivatives of the distances to borders along a direction, by central differences.
 
     A border that exists on one side only, such as the border of an intact bond, gets the one-sided

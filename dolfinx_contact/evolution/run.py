@@ -24,11 +24,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, Generic, TypeVar
 
-import numpy as np
-import numpy.typing as npt
-
 import ufl
 
+from dolfinx_contact._arrays import Array
 from dolfinx_contact._ending import Ending
 from dolfinx_contact._mpi import Arguments, collective, require
 from dolfinx_contact._progress import Progress
@@ -81,7 +79,7 @@ class RunState:
     settled: bool = True
     ending: Ending | None = None
     reason: str = ""
-    rate: npt.NDArray[np.float64] | None = None
+    rate: Array | None = None
     arrived: BranchPoint | None = None
     known: Mapping[str, Any] = field(default_factory=dict)
     passed: Sequence[float] = ()

@@ -28,8 +28,8 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from dolfinx_contact._arrays import Array
 from dolfinx_contact._mpi import anywhere, everywhere, require
 from dolfinx_contact._validate import located
 from dolfinx_contact.equations.contact import ContactEquations
@@ -48,7 +48,6 @@ __all__ = ["AcceptedState", "Stepper"]
 
 logger = logging.getLogger(__name__)
 
-Array = npt.NDArray[np.float64]
 _SOLVED = 1e-6  # largest relative residual of a start that counts as a solution
 
 

@@ -41,8 +41,8 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
-import numpy.typing as npt
 
+from dolfinx_contact._arrays import Array
 from dolfinx_contact._ending import Ending
 from dolfinx_contact._mpi import anywhere
 from dolfinx_contact._validate import listed, one_of, positive
@@ -76,7 +76,6 @@ AtJump: TypeAlias = Literal["raise", "stop", "jump"]
 
 logger = logging.getLogger(__name__)
 
-Array = npt.NDArray[np.float64]
 
 _ROUND_OFF = 1e-9  # relative difference of equal times and lengths
 _SUDDEN = 2.0  # ratio to the previous rates above which a step may contain a jump

@@ -7,13 +7,12 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from dolfinx_contact._arrays import Array
 from dolfinx_contact.records import EvolutionJournal, Journal, PathJournal
 
 __all__ = ["AnyRecord", "BranchLine", "DiagramData", "diagram_of"]
 
-Array = npt.NDArray[np.float64]
 AnyRecord = Journal | EvolutionJournal
 
 #: Columns of branches, after gamma and the functionals.

@@ -17,6 +17,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from dolfinx_contact._arrays import Array
+
 __all__ = ["Arrays"]
 
 _BLOCK = 128  # number of states that share their modes
@@ -100,16 +102,14 @@ class Arrays:
         }
 
 
-def _reduced(values: npt.NDArray[np.float64], allowed: float) -> tuple[Any, Any, Any, float]:
+def _reduced(values: Array, allowed: float) -> tuple[Any, Any, Any, float]:
     """Return modes (r, n d), their steps (r,), coefficients (m, r) and the error of a block."""
     count = len(values)
     flat = values.reshape(count, -1)
     _, vectors = np.linalg.eigh(flat @ flat.T)
     left = vectors[:, ::-1]
 
-    def encode(
-        left: npt.NDArray[np.float64], rank: int, margin: float
-    ) -> tuple[Any, Any, Any, float]:
+    def encode(left: Array, rank: int, margin: float) -> tuple[Any, Any, Any, float]:
         rows = left[:, :rank].T @ flat
         sizes = np.abs(rows).max(axis=1, initial=0.0)
         # The rounding of all modes together takes a share ``margin`` of the allowed error.

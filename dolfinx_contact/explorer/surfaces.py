@@ -11,13 +11,13 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
 
+from dolfinx_contact._arrays import Array, Ints
 from dolfinx_contact._geometry import curves
 from dolfinx_contact.explorer.packing import Arrays
 
 __all__ = ["add_bodies"]
 
-Array = npt.NDArray[np.float64]
-Cells = npt.NDArray[np.int64]
+Cells = Ints
 
 #: Columns of contact tables in a page, besides those of contact laws. Forces follow from tractions.
 _COLUMNS = (

@@ -15,13 +15,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
 import ufl
 from dolfinx import fem, mesh
 from ufl.algorithms import extract_coefficients
 from ufl.corealg.traversal import unique_pre_traversal
 
+from dolfinx_contact._arrays import Indices
 from dolfinx_contact._compat import interpolation_points
 from dolfinx_contact._forms import compiled_expression, is_of_cells
 from dolfinx_contact._mpi import collective, everywhere, same_everywhere
@@ -236,7 +236,7 @@ def body_fields(
     return fields
 
 
-def _interpolate(f: fem.Function, e: Any, cells: npt.NDArray[np.int32] | None) -> None:
+def _interpolate(f: fem.Function, e: Any, cells: Indices | None) -> None:
     """Interpolate an expression into a discontinuous Function of degree 1, in all or some cells."""
     W = f.function_space
     e = of_cells(e, W.mesh)

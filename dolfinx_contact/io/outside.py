@@ -19,6 +19,7 @@ import numpy.typing as npt
 import ufl
 from dolfinx import fem, la, mesh
 
+from dolfinx_contact._arrays import Array, Indices, Ints
 from dolfinx_contact._geometry import node_positions
 from dolfinx_contact.points.trace import facet_closures, vertex_numbers
 from dolfinx_contact.results.outer_surface import Arrays, Cells, OuterSurface, SurfaceState
@@ -71,7 +72,7 @@ class VertexMeans:
         self._form = fem.form(sum(terms))
         self._weights = _assembled(fem.form(q * dx))
 
-    def __call__(self) -> npt.NDArray[np.float64]:
+    def __call__(self) -> Array:
         """Return the means at the local vertices. Collective."""
         return _assembled(self._form) / self._weights
 
@@ -163,7 +164,7 @@ class Outside:
         opposite = {name: self._face(pair.master_facets) for name, pair in pairs.items()}
         return contact, opposite
 
-    def _face(self, facets: npt.NDArray[np.int32]) -> Cells:
+    def _face(self, facets: Indices) -> Cells:
         """Return the input numbers of the vertices of facets, of all ranks on rank 0. Collective.
 
         Args:
@@ -224,7 +225,7 @@ def gather_facets(s: DiscreteSurface, values: Mapping[str, Any]) -> Arrays:
     return _gather_cells(s.comm, V, cells, values, vertex_numbers(V))
 
 
-def _assembled(form: fem.Form) -> npt.NDArray[np.float64]:
+def _assembled(form: fem.Form) -> Array:
     """Assemble a linear form; return its values at all local nodes. Collective."""
     b = fem.assemble_vector(form)
     b.scatter_reverse(la.InsertMode.add)
@@ -250,7 +251,7 @@ def _equivalent_strain(u: fem.Function, revolves: bool) -> ufl.core.expr.Expr:
     return ufl.sqrt(2 / 3 * ufl.inner(e, e))
 
 
-def _outer_cells(V: fem.FunctionSpace) -> npt.NDArray[np.int32]:
+def _outer_cells(V: fem.FunctionSpace) -> Indices:
     """Return local nodes of the owned cells in 2D, of the boundary facets in 3D. Collective."""
     topology = V.mesh.topology
     if topology.dim == 2:
@@ -262,9 +263,9 @@ def _outer_cells(V: fem.FunctionSpace) -> npt.NDArray[np.int32]:
 def _gather_cells(
     comm: MPI.Comm,
     V: fem.FunctionSpace,
-    cells: npt.NDArray[np.int32],
+    cells: Indices,
     values: Mapping[str, Any],
-    numbers: npt.NDArray[np.int64],
+    numbers: Ints,
 ) -> Arrays:
     """Gather owned cells with coordinates and values at their nodes on rank 0. Collective.
 

@@ -12,11 +12,11 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 
 import ufl
 from dolfinx import fem
 
+from dolfinx_contact._arrays import Array
 from dolfinx_contact._compat import merge_entity_maps
 from dolfinx_contact._forms import compiled_form
 from dolfinx_contact._mpi import everywhere, require, same_everywhere
@@ -80,7 +80,7 @@ def total(quantity: Literal["rn", "rt"], surface: str | None = None) -> OfProble
     if quantity not in ("rn", "rt"):
         raise ValueError(f"the quantity must be 'rn' or 'rt', got {quantity!r}")
 
-    def summed(values: npt.NDArray[np.float64], t: ContactTable) -> float:
+    def summed(values: Array, t: ContactTable) -> float:
         in_space = t.dim == 3 and quantity == "rt"
         return float(np.linalg.norm(t.rt.sum(axis=0)) if in_space else values.sum())
 

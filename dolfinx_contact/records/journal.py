@@ -49,6 +49,7 @@ from typing import Any, ClassVar, NamedTuple, TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from dolfinx_contact._arrays import Array
 from dolfinx_contact._ending import Ending, Ends
 from dolfinx_contact._install import optional
 from dolfinx_contact._validate import is_number
@@ -221,7 +222,7 @@ class AnyJournal:
         return f"<{type(self).__name__} {place}: branches or runs {runs}, points {points}>"
 
     @property
-    def places(self) -> dict[str, npt.NDArray[np.float64]]:
+    def places(self) -> dict[str, Array]:
         """Coordinates (n, dim) of the contact points by surface, in the order of the statuses."""
         return {k: np.array(x, float) for k, x in self.header["points"].items()}
 
@@ -535,7 +536,7 @@ class PathJournal(EvolutionJournal):
     kind: ClassVar[str] = "a path"
 
     @property
-    def gammas(self) -> npt.NDArray[np.float64]:
+    def gammas(self) -> Array:
         """Loads at the start and at all accepted points."""
         return np.array([s.gamma for s in self.states])
 

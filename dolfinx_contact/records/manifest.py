@@ -33,6 +33,7 @@ import numpy.typing as npt
 import ufl
 from dolfinx import fem, mesh
 
+from dolfinx_contact._arrays import Indices, Ints
 from dolfinx_contact._compat import geometry_dofmap
 from dolfinx_contact._mpi import total
 from dolfinx_contact.equations.data import Datum, placed_data
@@ -277,7 +278,7 @@ def _hash(comm: MPI.Comm, values: npt.NDArray[Any]) -> str:
     return comm.bcast(_digest(values.tobytes()))
 
 
-def _hash_of_rows(comm: MPI.Comm, rows: npt.NDArray[np.int64]) -> str:
+def _hash_of_rows(comm: MPI.Comm, rows: Ints) -> str:
     """Return a hash of the rows of all ranks, independent of their order. Collective."""
     parts = comm.gather(rows) or [rows]
     whole = np.concatenate([part for part in parts if len(part)] or [rows])
@@ -304,7 +305,7 @@ def _signature(e: Any, domain: mesh.Mesh) -> str:
 # -- parts -----------------------------------------------------------------------------------------
 
 
-def _entities(domain: mesh.Mesh, dim: int, entities: npt.NDArray[np.int32]) -> str:
+def _entities(domain: mesh.Mesh, dim: int, entities: Indices) -> str:
     """Return a hash of entities, identified by the input numbers of their nodes. Collective."""
     owned = entities[entities < domain.topology.index_map(dim).size_local]
     nodes = np.asarray(domain.geometry.input_global_indices, np.int64)

@@ -18,6 +18,7 @@ import numpy.typing as npt
 
 from dolfinx import fem, mesh
 
+from dolfinx_contact._arrays import Array, Codes, Ints
 from dolfinx_contact._geometry import Gathered
 from dolfinx_contact._mpi import SharedValues
 from dolfinx_contact.points.memory import Memory
@@ -111,7 +112,7 @@ class StateArrays:
                 arrays[f"memory.{i}.{name}"] = points(values)
         return arrays
 
-    def statuses(self, arrays: Arrays) -> list[npt.NDArray[np.int8]]:
+    def statuses(self, arrays: Arrays) -> list[Codes]:
         """Return the statuses of the points of this rank, by surface."""
         return [arrays[f"statuses.{i}"][points.mine] for i, points in enumerate(self._points)]
 
@@ -213,7 +214,7 @@ def coefficients(V: fem.FunctionSpace, values: npt.NDArray[T]) -> npt.NDArray[T]
     return values[_places(V)[: topology.index_map(topology.dim).size_local]]
 
 
-def _fill(f: fem.Function, whole: npt.NDArray[np.float64] | None) -> None:
+def _fill(f: fem.Function, whole: Array | None) -> None:
     """Fill a Function from the coefficients of all cells on rank 0. Collective."""
     comm = f.function_space.mesh.comm
     numbers = input_numbers(f.function_space.mesh)
@@ -229,7 +230,7 @@ def _fill(f: fem.Function, whole: npt.NDArray[np.float64] | None) -> None:
     f.x.scatter_forward()
 
 
-def input_numbers(domain: mesh.Mesh) -> npt.NDArray[np.int64]:
+def input_numbers(domain: mesh.Mesh) -> Ints:
     """Return the numbers of the local cells in the input mesh.
 
     Raises:
@@ -242,7 +243,7 @@ def input_numbers(domain: mesh.Mesh) -> npt.NDArray[np.int64]:
         raise ValueError(message) from error
 
 
-def _places(V: fem.FunctionSpace) -> npt.NDArray[np.int64]:
+def _places(V: fem.FunctionSpace) -> Ints:
     """Return the indices of the coefficients of the local cells, shape (cells, coefficients)."""
     bs = V.dofmap.index_map_bs
     nodes = V.dofmap.list.astype(np.int64)

@@ -8,13 +8,14 @@ from dataclasses import dataclass, field
 from typing import Any
 from urllib.parse import quote, unquote
 
-import numpy as np
 import numpy.typing as npt
+
+from dolfinx_contact._arrays import Array, Ints
 
 __all__ = ["Arrays", "Cells", "OuterSurface", "SurfaceState", "flat", "nested"]
 
 Arrays = dict[str, npt.NDArray[Any]]
-Cells = npt.NDArray[np.int64]
+Cells = Ints
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,8 +32,8 @@ class OuterSurface:
             (`SurfaceState.obstacles`).
     """
 
-    x: npt.NDArray[np.float64]
-    nodes: npt.NDArray[np.int64]
+    x: Array
+    nodes: Ints
     cells: Cells
     contact: dict[str, Cells] = field(default_factory=dict)
     opposite: dict[str, Cells] = field(default_factory=dict)
