@@ -37,6 +37,7 @@ __all__ = [
     "ProblemOptions",
     "as_raised",
     "check_options",
+    "destroy",
     "forget_product",
     "half_of",
     "has_package",
@@ -256,13 +257,20 @@ def half_of(A: PETSc.Mat) -> PETSc.Mat:
     return A.convert("sbaij", PETSc.Mat())
 
 
+def destroy(*objects: Any) -> None:
+    """Destroy objects of PETSc, or owners of such objects; None is skipped. Collective."""
+    for thing in objects:
+        if thing is not None:
+            thing.destroy()
+
+
 def product(A: PETSc.Mat, values: Array) -> Array:
     """Return the owned entries of A x; the owned entries of x begin ``values``. Collective."""
     x, y = A.createVecs()
     x.array[:] = values[: x.getLocalSize()]
     A.mult(x, y)
     found: Array = y.array_r.copy()
-    x.destroy(), y.destroy()
+    destroy(x, y)
     return found
 
 

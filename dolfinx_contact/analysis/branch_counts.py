@@ -25,6 +25,7 @@ import numpy as np
 from dolfinx_contact._arrays import as_text
 from dolfinx_contact._files import part_of
 from dolfinx_contact._mpi import Arguments, collective
+from dolfinx_contact._petsc import destroy
 from dolfinx_contact._validate import count, instance, listed, nonnegative, number
 from dolfinx_contact.continuation import Branch, Diagram, Solutions, System, find_solutions
 from dolfinx_contact.continuation.layout import Layout
@@ -220,7 +221,7 @@ def prove_counts(
     counts = tuple(
         _counted(system, layout, branches, gamma, guess, size, proof_seconds) for gamma in chosen
     )
-    guess.destroy(), layout.x.destroy()
+    destroy(guess, layout.x)
     return BranchCounts(counts, diagram.complete)
 
 

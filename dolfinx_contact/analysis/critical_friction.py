@@ -43,7 +43,7 @@ from dolfinx import fem
 from dolfinx_contact._arrays import Array
 from dolfinx_contact._install import optional
 from dolfinx_contact._mpi import Arguments, collective
-from dolfinx_contact._petsc import staged
+from dolfinx_contact._petsc import destroy, staged
 from dolfinx_contact._validate import count, one_of
 from dolfinx_contact.analysis.rows import (
     Problem,
@@ -368,8 +368,7 @@ class _PressureByShear:
             if values[-1].imag:
                 seen[-1] += 1j * self._respond(imaginary.array_r)
         known = self._known_up_to(T, subspace) if values else 0.0
-        for thing in (real, imaginary, solver, *subspace, T):
-            thing.destroy()
+        destroy(real, imaginary, solver, *subspace, T)
         if not values:
             raise RuntimeError("SLEPc found no critical friction: increase -analysis_eps_max_it")
 
@@ -415,7 +414,7 @@ class _PressureByShear:
     def destroy(self) -> None:
         """Free the PETSc objects."""
         self._body.destroy()
-        self._u.destroy(), self._f.destroy()
+        destroy(self._u, self._f)
 
 
 def softness_of(D: PETSc.Mat, K: PETSc.Mat) -> Array:
@@ -430,8 +429,7 @@ def softness_of(D: PETSc.Mat, K: PETSc.Mat) -> Array:
     diagonal.array[:] = 1.0 / np.abs(diagonal.array_r)
     squared.mult(diagonal, slips)
     softness = slips.array_r.copy()
-    for thing in (squared, diagonal, slips):
-        thing.destroy()
+    destroy(squared, diagonal, slips)
     return softness
 
 

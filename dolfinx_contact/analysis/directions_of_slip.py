@@ -17,6 +17,7 @@ from scipy.linalg import block_diag
 
 from dolfinx_contact._arrays import Array
 from dolfinx_contact._mpi import Arguments, collective, require
+from dolfinx_contact._petsc import destroy
 from dolfinx_contact._validate import count
 from dolfinx_contact.analysis.critical_friction import (
     BodySolverKind,
@@ -220,7 +221,7 @@ class _AllTangents:
 
     def destroy(self) -> None:
         """Free the PETSc objects."""
-        self._N.destroy(), self._tangents.destroy()
+        destroy(self._N, self._tangents)
 
 
 def plane_across(normal: Array) -> Array:

@@ -45,7 +45,7 @@ from scipy.linalg import eigh
 from dolfinx_contact._arrays import Array, Ints
 from dolfinx_contact._install import optional
 from dolfinx_contact._mpi import Arguments, collective, everywhere, maximum, minimum, require
-from dolfinx_contact._petsc import Entries, matrix_of, stacked, staged
+from dolfinx_contact._petsc import Entries, destroy, matrix_of, stacked, staged
 from dolfinx_contact.analysis.rows import (
     Problem,
     component_rows,
@@ -264,7 +264,7 @@ class _Form:
         N = component_rows(eq, pressed, n[pressed])
         T = component_rows(eq, point, tangents)
         self._R = stacked([N, T])
-        N.destroy(), T.destroy()
+        destroy(N, T)
         self.number = self._R.getSize()[0]
         # One weight for the normal of each point, and one for all its tangents.
         offset = 2 * (self.comm.exscan(len(n)) or 0)
@@ -323,8 +323,7 @@ class _Form:
             # The forces that cause the jumps are the negative multipliers.
             y.array[:] -= held.solve(np.zeros(0), turned.array_r)[1]
             y.scale(-0.5)
-            for thing in (u, a, turned):
-                thing.destroy()
+            destroy(u, a, turned)
 
         M = matrix_of_product(self.comm, R.getLocalSize()[0], product)
         solver = SLEPc.EPS().create(self.comm)
@@ -334,16 +333,14 @@ class _Form:
         solve_eigenproblem(solver, _DEFAULTS)
         found = solver.getConverged()
         largest = solver.getEigenvalue(0).real if found else np.nan
-        for thing in (solver, M, held):
-            thing.destroy()
+        destroy(solver, M, held)
         if not found:
             raise RuntimeError("SLEPc found no eigenvalue: increase -analysis_eps_max_it")
         return _over(float(largest))
 
     def destroy(self) -> None:
         """Free the PETSc objects."""
-        for thing in (self._R, self._X, self._K, self._free):
-            thing.destroy()
+        destroy(self._R, self._X, self._K, self._free)
 
 
 def _over(largest: float) -> float:

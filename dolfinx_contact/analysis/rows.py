@@ -18,7 +18,14 @@ import numpy.typing as npt
 
 from dolfinx_contact._arrays import Array, Mask
 from dolfinx_contact._mpi import on_root
-from dolfinx_contact._petsc import Entries, as_raised, matrix_of, options_in_database, stacked
+from dolfinx_contact._petsc import (
+    Entries,
+    as_raised,
+    destroy,
+    matrix_of,
+    options_in_database,
+    stacked,
+)
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation
 from dolfinx_contact.equations.validation import validate_data
@@ -152,8 +159,7 @@ def component_rows(eq: ContactEquations, places: npt.NDArray[np.intp], along: Ar
     free = rows.createVecRight()
     free.array[:] = ~eq.fixed[: free.getLocalSize()]
     rows.diagonalScale(None, free)
-    for thing in (B, weights, free):
-        thing.destroy()
+    destroy(B, weights, free)
     return rows
 
 

@@ -26,7 +26,7 @@ import numpy.typing as npt
 from dolfinx_contact._arrays import Array, Mask
 from dolfinx_contact._geometry import Gathered, plane_tangents
 from dolfinx_contact._mpi import require
-from dolfinx_contact._petsc import product, stacked
+from dolfinx_contact._petsc import destroy, product, stacked
 from dolfinx_contact.analysis.rows import (
     component_rows,
     free_axes,
@@ -208,8 +208,7 @@ class Slip:
 
     def destroy(self) -> None:
         """Free the matrices."""
-        for rows in (self.N, self.D, self.H):
-            rows.destroy()
+        destroy(self.N, self.D, self.H)
 
 
 def _require_nodes_of_one(eq: ContactEquations, touching: Mask, loose: Mask) -> None:

@@ -51,7 +51,7 @@ from dolfinx_contact._mpi import (
     on_root,
     require,
 )
-from dolfinx_contact._petsc import is_symmetric, staged
+from dolfinx_contact._petsc import destroy, is_symmetric, staged
 from dolfinx_contact._validate import count
 from dolfinx_contact.analysis.rows import (
     Problem,
@@ -297,7 +297,7 @@ def _signs(body: Body, rows: list[PETSc.Mat], parts: tuple[float, float, float])
     held = HeldBody(eq.comm, [HeldField(inside, rows)], eq.scaling.stiffness, counted=True)
     signs = held.signs
     held.destroy()
-    inside.destroy(), A.destroy()
+    destroy(inside, A)
     return signs
 
 

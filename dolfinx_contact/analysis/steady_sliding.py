@@ -36,7 +36,7 @@ from dolfinx_contact._arrays import Array
 from dolfinx_contact._install import optional
 from dolfinx_contact._mpi import Arguments, collective, require
 from dolfinx_contact._petsc import DEFAULTS as FACTOR
-from dolfinx_contact._petsc import staged
+from dolfinx_contact._petsc import destroy, staged
 from dolfinx_contact._validate import ReadOnly, count, flag, nonnegative, positive
 from dolfinx_contact.analysis.rows import (
     Problem,
@@ -365,8 +365,7 @@ class SteadySliding(ReadOnly):
             both = [value] if quadratic else [*map(complex, damped(np.array([value]), body.eta))]
             values += both
             motions += [real.array_r[:n] + 1j * imaginary.array_r[:n]] * len(both)
-        for thing in (solver, real, imaginary, *matrices, G, F):
-            thing.destroy()
+        destroy(solver, real, imaginary, *matrices, G, F)
         if not values:
             raise RuntimeError("SLEPc found no vibration: increase -analysis_eps_max_it")
         return np.array(values), np.array(motions).T, farthest

@@ -32,6 +32,7 @@ from dolfinx import fem
 from dolfinx_contact._arrays import Array, Mask
 from dolfinx_contact._forms import compiled_form
 from dolfinx_contact._mpi import everywhere
+from dolfinx_contact._petsc import destroy
 from dolfinx_contact._validate import nonnegative, positive
 from dolfinx_contact.body.bulk import weighted
 from dolfinx_contact.equations.contact import ContactEquations
@@ -82,9 +83,7 @@ class Body:
 
     def destroy(self) -> None:
         """Free the matrices."""
-        for A in (self.K, self.M, self.C):
-            if A is not None:
-                A.destroy()
+        destroy(self.K, self.M, self.C)
 
 
 def body_of(eq: ContactEquations, u: Array, density: Any, damping: float | ufl.Form) -> Body:

@@ -29,7 +29,7 @@ from dolfinx import fem
 from dolfinx_contact._arrays import Mask
 from dolfinx_contact._forms import compiled_form
 from dolfinx_contact._mpi import require
-from dolfinx_contact._petsc import product
+from dolfinx_contact._petsc import destroy, product
 from dolfinx_contact.body.rigid import Parts, combine
 
 __all__ = ["Mass", "inertia_error", "mass_matrix"]
@@ -170,5 +170,4 @@ def _redistribute(M: PETSc.Mat, around: PETSc.Mat, touching: Mask) -> None:
     message = "no node is left that could have mass: all may touch"
     require(M.comm.tompi4py(), kept > 0, message)
     M.scale(total / kept)
-    for thing in (weights, mass, marked, added, near, diagonal):
-        thing.destroy()
+    destroy(weights, mass, marked, added, near, diagonal)

@@ -38,7 +38,7 @@ import ufl
 from dolfinx import fem
 
 from dolfinx_contact._arrays import Array
-from dolfinx_contact._petsc import is_symmetric, product
+from dolfinx_contact._petsc import destroy, is_symmetric, product
 from dolfinx_contact.body.bulk import Bulk, Stiffness
 
 __all__ = ["MovingBody", "Scheme", "TimeStep"]
@@ -145,9 +145,7 @@ class MovingBody(Stiffness):
 
     def take_matrices(self, mass: PETSc.Mat, damping: PETSc.Mat | None) -> None:
         """Replace the mass and damping matrices and destroy the previous ones. Not collective."""
-        for old in (self.mass, self.damping):
-            if old is not None:
-                old.destroy()
+        destroy(self.mass, self.damping)
         self._take(mass, damping)
         self._of = self._start = None
 

@@ -26,6 +26,7 @@ from dolfinx import fem
 from dolfinx_contact._arrays import Mask
 from dolfinx_contact._forms import compiled_form
 from dolfinx_contact._mpi import everywhere
+from dolfinx_contact._petsc import destroy
 from dolfinx_contact._ufl import not_affine
 from dolfinx_contact._validate import is_number
 from dolfinx_contact.body.bulk import circumference, weighted
@@ -167,8 +168,7 @@ def _touching_dofs(eq: ContactEquations) -> Mask:
         rows.set(1.0)
         weights.multTranspose(rows, columns)
         touching |= np.any(columns.array_r.reshape(-1, eq.dim) > 0, axis=1)
-        for used in (weights, rows, columns):
-            used.destroy()
+        destroy(weights, rows, columns)
     return np.repeat(touching, eq.dim)
 
 

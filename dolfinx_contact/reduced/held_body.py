@@ -22,7 +22,7 @@ from scipy.sparse import csc_matrix as Columns
 from scipy.sparse import csr_matrix as Rows
 
 from dolfinx_contact._arrays import Array, Ints
-from dolfinx_contact._petsc import BATCH, Factor, marked_symmetric
+from dolfinx_contact._petsc import BATCH, Factor, destroy, marked_symmetric
 from dolfinx_contact.equations.contact import ContactEquations
 
 __all__ = [
@@ -92,8 +92,7 @@ def saddle(fields: Sequence[HeldField], unit: float) -> PETSc.Mat:
         rows.append([*blocks, *(None for _ in transposed[0])])
     nest = PETSc.Mat().createNest(rows, comm=fields[0].stiffness.comm)
     matrix = nest.convert("aij", PETSc.Mat())
-    for thing in (nest, *(A for blocks in (*scaled, *transposed) for A in blocks)):
-        thing.destroy()
+    destroy(nest, *(A for blocks in (*scaled, *transposed) for A in blocks))
     return matrix
 
 
@@ -265,10 +264,9 @@ class HeldBody:
                 X.destroy()
             product = seen.matMult(u)
             motions[:, here] = product.getDenseArray(readonly=True)
-            product.destroy(), u.destroy()
+            destroy(product, u)
         return motions, forces
 
     def destroy(self) -> None:
         """Free the PETSc objects."""
-        for thing in (self._factor, self.matrix, self._b, self._x):
-            thing.destroy()
+        destroy(self._factor, self.matrix, self._b, self._x)

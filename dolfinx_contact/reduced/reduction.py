@@ -43,7 +43,7 @@ from dolfinx import fem
 
 from dolfinx_contact._arrays import Array, Codes
 from dolfinx_contact._mpi import require, total
-from dolfinx_contact._petsc import Entries, matrix_of, staged
+from dolfinx_contact._petsc import Entries, destroy, matrix_of, staged
 from dolfinx_contact.continuation import Piece
 from dolfinx_contact.continuation.affine import AffineSystem
 from dolfinx_contact.equations.contact import ContactEquations
@@ -115,7 +115,7 @@ class Reduction:
         parametric.residual(x, gamma, b, piece)
         parametric.parameter_derivative(x, gamma, c, piece)
         self._rest, self._rate = (self._displacements(v) for v in (b, c))
-        b.destroy(), c.destroy()
+        destroy(b, c)
         self.points = GatheredPoints(parametric)
         self._m = self.points.number
         self._body = self._held_at_points(parametric.contact(x, gamma, piece).u)
@@ -319,8 +319,7 @@ class Reduction:
             fields.append(HeldField(diagonal, motions, without_forces=None if whole else still))
         body = HeldBody(self.comm, fields, -self._scale, prefix="condensed_", counted=False)
         for field in fields:
-            for thing in (field.stiffness, *field.rows):
-                thing.destroy()
+            destroy(field.stiffness, *field.rows)
         return body
 
     def _jumps_by_motions(self, term: SurfaceTerm) -> PETSc.Mat:
@@ -455,8 +454,7 @@ class Reduction:
     def destroy(self) -> None:
         """Free the PETSc objects."""
         self._freed = True
-        for thing in (self._body, self._x):
-            thing.destroy()
+        destroy(self._body, self._x)
 
 
 def _no_solver() -> Any:

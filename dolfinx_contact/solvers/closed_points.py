@@ -23,7 +23,7 @@ import numpy as np
 from dolfinx_contact._arrays import Array, Indices, Ints, Mask
 from dolfinx_contact._geometry import ratio
 from dolfinx_contact._mpi import SharedValues, count_of
-from dolfinx_contact._petsc import Entries, matrix_of, triplets
+from dolfinx_contact._petsc import Entries, destroy, matrix_of, triplets
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation
 from dolfinx_contact.laws.status import closed
@@ -135,5 +135,5 @@ def _springs(B: PETSc.Mat, share: Array, compliance: Array) -> tuple[Ints, Ints,
     B.diagonalScale(L=scale)
     joined = B.transposeMatMult(B)
     springs = triplets(joined)
-    scale.destroy(), joined.destroy()
+    destroy(scale, joined)
     return springs

@@ -30,6 +30,7 @@ import numpy.typing as npt
 
 from dolfinx_contact._arrays import Array
 from dolfinx_contact._mpi import on_root, total
+from dolfinx_contact._petsc import destroy
 
 __all__ = ["Davidson"]
 
@@ -240,8 +241,7 @@ class Davidson:
 
     def destroy(self) -> None:
         """Free the PETSc objects."""
-        for thing in (self._E, self._G, self._w, self._Aw, self._e, self._g):
-            thing.destroy()
+        destroy(self._E, self._G, self._w, self._Aw, self._e, self._g)
 
 
 def _real_parts(value: complex, vector: Complex) -> list[Array]:

@@ -32,7 +32,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact._arrays import Array
-from dolfinx_contact._petsc import options_in_database, product, reasons_of, stacked
+from dolfinx_contact._petsc import destroy, options_in_database, product, reasons_of, stacked
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.reduced.held_body import with_dirichlet_rows
 from dolfinx_contact.solvers.davidson import Davidson
@@ -96,8 +96,7 @@ def _own_nodes(rows: PETSc.Mat, dim: int) -> PETSc.Mat | None:
     off = one.convert("aij", PETSc.Mat())
     off.axpy(-1.0, squared, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
     fits = bool(off.norm(PETSc.NormType.NORM_INFINITY) <= _OWN)
-    for thing in (transposed, squared, one, off):
-        thing.destroy()
+    destroy(transposed, squared, one, off)
     if not fits:
         own.destroy()
         return None
@@ -126,8 +125,7 @@ def _seen_by_all(rows: PETSc.Mat, at: Array, entry: npt.NDArray[np.intp]) -> Arr
         products.multTranspose(ones, sums)
         products.diagonalScale(None, sums)
         np.add.at(seen, entry, products.getValuesCSR()[2])
-    for thing in (products, sums, ones):
-        thing.destroy()
+    destroy(products, sums, ones)
     return seen
 
 
@@ -178,8 +176,7 @@ class HeldMultigrid:
         self._ksp.setPC(self._hierarchy.build(A, fixed, eq.scaling.stiffness))
         self._b, self._x = A.createVecs()
         self._rest = self._b.duplicate()
-        for thing in (K, A, held):
-            thing.destroy()
+        destroy(K, A, held)
 
     def solve(self, load: Array, start: Array | None = None) -> list[Array]:
         """Solve the constrained system for one load.
@@ -237,7 +234,7 @@ class HeldMultigrid:
         transposed = D.transpose(PETSc.Mat())
         forces = self._own.matMult(transposed)
         off = forces.norm(PETSc.NormType.NORM_INFINITY)
-        transposed.destroy(), forces.destroy()
+        destroy(transposed, forces)
         return bool(off <= _OWN)
 
     def eigenvalues(self, D: PETSc.Mat, loads: Array) -> Davidson:
@@ -256,16 +253,22 @@ class HeldMultigrid:
         forces = self._forces.createSubMatrix(rows)
         E, G = (A.matMult(self._Z) for A in (D, forces))
         G.scale(-1.0)
-        for thing in (rows, forces):
-            thing.destroy()
+        destroy(rows, forces)
         pc = self._ksp.getPC()
         return Davidson(pc.getOperators()[0], pc, E, G, loads)
 
     def destroy(self) -> None:
         """Free the PETSc objects."""
-        self._hierarchy.release()
-        for thing in (self._ksp, self._own, self._Z, self._forces, self._b, self._x, self._rest):
-            thing.destroy()
+        destroy(
+            self._hierarchy,
+            self._ksp,
+            self._own,
+            self._Z,
+            self._forces,
+            self._b,
+            self._x,
+            self._rest,
+        )
 
 
 def _projection(R: PETSc.Mat, own: PETSc.Mat) -> PETSc.Mat:
@@ -274,5 +277,5 @@ def _projection(R: PETSc.Mat, own: PETSc.Mat) -> PETSc.Mat:
     one = PETSc.Mat().createConstantDiagonal(removed.getSizes(), 1.0, comm=R.comm)
     Z = one.convert("aij", PETSc.Mat())
     Z.axpy(-1.0, removed, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
-    one.destroy(), removed.destroy()
+    destroy(one, removed)
     return Z

@@ -25,6 +25,7 @@ from dolfinx import fem, la
 from dolfinx_contact._arrays import Indices
 from dolfinx_contact._petsc import (
     as_raised,
+    destroy,
     forget_product,
     half_of,
     has_package,
@@ -189,7 +190,7 @@ class Hierarchy:
             half: symmetric storage (upper half) of ``K``, if available for the lifetime of the
                 hierarchy.
         """
-        self.release()
+        self.destroy()
         with logged("ContactAMGSetUp"):
             self.matrix = K.copy()
             if added is not None:
@@ -258,11 +259,9 @@ class Hierarchy:
             pc.setFromOptions()
             pc.setUp()
 
-    def release(self) -> None:
+    def destroy(self) -> None:
         """Free the hierarchy."""
-        for thing in (self.pc, self.matrix, self._products, self._coarse):
-            if thing is not None:
-                thing.destroy()
+        destroy(self.pc, self.matrix, self._products, self._coarse)
         self.pc = self.matrix = self._products = self._coarse = None
 
 
@@ -325,8 +324,7 @@ def condition(A: PETSc.Mat, steps: int) -> float:
     b.array[:] = np.random.default_rng(A.comm.rank).standard_normal(b.getLocalSize())
     ksp.solve(b, x)
     values = ksp.computeEigenvalues().real
-    for thing in (ksp, x, b):
-        thing.destroy()
+    destroy(ksp, x, b)
     return float(values.max() / values.min()) if len(values) and values.min() > 0 else np.inf
 
 

@@ -33,7 +33,7 @@ import numpy as np
 
 from dolfinx_contact._inexact import Forcing
 from dolfinx_contact._mpi import total
-from dolfinx_contact._petsc import has_package, logged, reasons_of
+from dolfinx_contact._petsc import destroy, has_package, logged, reasons_of
 from dolfinx_contact.solvers.closed_points import ClosedPoints
 from dolfinx_contact.solvers.hierarchy import PLAIN, SMOOTHED, Hierarchy
 from dolfinx_contact.solvers.newton import LinearSolver
@@ -295,9 +295,8 @@ class Multigrid(LinearSolver):
         return self.hierarchy.builds
 
     def destroy(self) -> None:
-        for thing in (self.hierarchy, self.filter, self.operator):
-            thing.release()
-        self._correction.destroy()
+        self.filter.release()
+        destroy(self.hierarchy, self.operator, self._correction)
 
 
 def _knows_residual(ksp: PETSc.KSP) -> bool:

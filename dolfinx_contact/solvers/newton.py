@@ -24,7 +24,7 @@ import numpy as np
 
 from dolfinx_contact._inexact import ROUNDS, settle
 from dolfinx_contact._mpi import anywhere, count_of, everywhere, sorted_rows
-from dolfinx_contact._petsc import as_raised, logged, options_in_database, reason_name
+from dolfinx_contact._petsc import as_raised, destroy, logged, options_in_database, reason_name
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation, Statuses, differs
 from dolfinx_contact.equations.jacobian import JacobianSolver
@@ -197,7 +197,7 @@ class Newton:
             )
 
     def _discard(self) -> None:
-        self.snes.destroy(), self.b.destroy()
+        destroy(self.snes, self.b)
 
     def __enter__(self) -> Newton:
         return self

@@ -18,6 +18,7 @@ from petsc4py import PETSc
 
 import numpy as np
 
+from dolfinx_contact._petsc import destroy
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation
 from dolfinx_contact.equations.jacobian import ContactTerms
@@ -87,10 +88,9 @@ class ContactOperator:
         result[: self.size] += self._yu.array_r
         result[self.fixed] = self.diagonal * values[self.fixed]
 
-    def release(self) -> None:
+    def destroy(self) -> None:
         """Free the PETSc objects."""
-        for thing in (self.matrix, self._terms, self.contact, self._x, self._xu, self._yu):
-            thing.destroy()
+        destroy(self.matrix, self._terms, self.contact, self._x, self._xu, self._yu)
 
 
 class _Product:

@@ -24,7 +24,7 @@ import numpy as np
 
 from dolfinx_contact._arrays import Array, Indices
 from dolfinx_contact._mpi import SharedValues, anywhere
-from dolfinx_contact._petsc import Factor, triplet_matrix, triplets
+from dolfinx_contact._petsc import Factor, destroy, triplet_matrix, triplets
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.points.trace import at_global_places, facet_closures, owned_exterior
 from dolfinx_contact.solvers.history import LinearSolverError
@@ -66,10 +66,9 @@ class SurfaceSet:
         self.displacements = PETSc.IS().createGeneral(dofs + first, comm=self.comm)
         self.multipliers = PETSc.IS().createGeneral(rest + first, comm=self.comm)
 
-    def release(self) -> None:
+    def destroy(self) -> None:
         """Free the index sets."""
-        for thing in (self.of_all, self.of_body, self.displacements, self.multipliers):
-            thing.destroy()
+        destroy(self.of_all, self.of_body, self.displacements, self.multipliers)
 
 
 class SurfaceBlock:
@@ -112,8 +111,7 @@ class SurfaceBlock:
         A = self._operator
         made = self._made
         if A.contact is not self._contact:  # another pattern
-            for name in ("S", "block"):
-                made.pop(name).destroy()
+            destroy(made.pop("S"), made.pop("block"))
             self._contact = A.contact
         s = self._s.of_all
         made["S"] = A.contact.createSubMatrix(s, s, made.get("S"))
@@ -131,14 +129,12 @@ class SurfaceBlock:
         b.array[:] = residual
         self.factor.solve(b, x)
         found = x.array_r.copy()
-        x.destroy(), b.destroy()
+        destroy(x, b)
         return found
 
-    def release(self) -> None:
+    def destroy(self) -> None:
         """Free the PETSc objects."""
-        self.factor.destroy()
-        for matrix in self._made.values():
-            matrix.destroy()
+        destroy(self.factor, *self._made.values())
 
     def _copy(self, name: str, A: PETSc.Mat) -> None:
         """Copy a matrix, into the one of this name if it exists. Collective."""
@@ -216,8 +212,7 @@ class CondensedBlock(SurfaceBlock):
         identity.assemble()
         self._made |= {"T": T, "W": W, "1": identity, "BW": B.matMult(W)}
         self._add("1 - BW", "1", -1.0, "BW")
-        for thing in (B, inverse, number, ones):
-            thing.destroy()
+        destroy(B, inverse, number, ones)
 
     def set_stiffness(self, square: PETSc.Mat) -> None:
         """See `SurfaceBlock.set_stiffness`. Collective."""
@@ -267,8 +262,7 @@ class CondensedBlock(SurfaceBlock):
         multipliers = r_l.array_r.copy()
         multipliers[self._alone] = residual[n:][self._alone] / self._operator.diagonal
         found = np.concatenate([u.array_r, multipliers])
-        for thing in (r_l, r_c, b, u):
-            thing.destroy()
+        destroy(r_l, r_c, b, u)
         return found
 
 

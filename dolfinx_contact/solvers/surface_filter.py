@@ -20,7 +20,7 @@ import numpy as np
 
 from dolfinx_contact._arrays import Array
 from dolfinx_contact._mpi import total
-from dolfinx_contact._petsc import logged
+from dolfinx_contact._petsc import destroy, logged
 from dolfinx_contact.solvers.operator import ContactOperator
 from dolfinx_contact.solvers.surface_block import CondensedBlock, SurfaceBlock, SurfaceSet
 
@@ -86,7 +86,7 @@ class SurfaceFilter:
             condensed = CondensedBlock(self.operator, self.surface, self._prefix)
             if condensed.applies:
                 return condensed
-            condensed.release()
+            condensed.destroy()
         return SurfaceBlock(self.operator, self.surface, self._prefix)
 
     # -- application -----------------------------------------------------------------------------
@@ -141,10 +141,6 @@ class SurfaceFilter:
             return self.block.solve(residual)
 
     def release(self) -> None:
-        """Free the PETSc objects."""
-        self.surface.release()
-        made = (self._rows,) if self._rows is not None else ()
-        for thing in (self._columns, self._t, self._e, self._tu, self._zu, *made):
-            thing.destroy()
-        if self.block is not None:
-            self.block.release()
+        """Free the PETSc objects; a PC calls the method `destroy` of its context."""
+        destroy(self._columns, self._t, self._e, self._tu, self._zu, self._rows)
+        destroy(self.surface, self.block)
