@@ -25,6 +25,7 @@ from dolfinx_contact._arrays import Codes
 from dolfinx_contact._compat import is_mesh_of, is_value_of
 from dolfinx_contact._geometry import Gathered
 from dolfinx_contact._mpi import Arguments, anywhere, collective, on_root, require
+from dolfinx_contact._petsc import destroy
 from dolfinx_contact._ufl import described, refuse_other_mesh
 from dolfinx_contact._validate import ReadOnly, copy_with, instance, listed, number
 from dolfinx_contact.continuation import BranchPoint, Piece
@@ -328,9 +329,8 @@ class ParametricContact(ReadOnly, ParametricEquations):
         eq = self.equations
         if not eq.linear:
             return None
-        if self._condensed_at_gamma is not None:
-            self._condensed_at_gamma.destroy()
-            self._condensed_at_gamma = None
+        destroy(self._condensed_at_gamma)
+        self._condensed_at_gamma = None
         with super().restored(always=True):
             self._set(gamma)
             constant = fem.Constant(eq.V.mesh, 0.0)
@@ -432,9 +432,7 @@ class ParametricContact(ReadOnly, ParametricEquations):
     def destroy(self) -> None:
         """Free the PETSc objects."""
         super().destroy()
-        for condensed in (self._condensed, self._condensed_at_gamma):
-            if condensed is not None:
-                condensed.destroy()
+        destroy(self._condensed, self._condensed_at_gamma)
         self._condensed = self._condensed_at_gamma = None
 
 

@@ -27,7 +27,7 @@ from dolfinx import fem, la
 from dolfinx_contact._arrays import Array
 from dolfinx_contact._forms import derived_form
 from dolfinx_contact._mpi import SharedValues, anywhere
-from dolfinx_contact._petsc import half_of, product
+from dolfinx_contact._petsc import destroy, half_of, product
 from dolfinx_contact._ufl import kinks_of
 from dolfinx_contact.materials import materials_in
 
@@ -100,16 +100,13 @@ class Stiffness:
         return self._half
 
     def _forget_half(self) -> None:
-        if self._half is not None:
-            self._half.destroy()
-            self._half = None
+        destroy(self._half)
+        self._half = None
 
     def destroy(self) -> None:
         """Free the matrices."""
-        self._forget_half()
-        if self._K is not None:
-            self._K.destroy()
-            self._K = None
+        destroy(self._half, self._K)
+        self._half = self._K = None
 
 
 class Bulk(Stiffness):

@@ -35,7 +35,7 @@ from petsc4py import PETSc
 import numpy as np
 
 from dolfinx_contact._arrays import Array, Ints
-from dolfinx_contact._petsc import Entries, matrix_of, triplets
+from dolfinx_contact._petsc import Entries, destroy, matrix_of, triplets
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import ContactState, Evaluation, RigidTerm
 from dolfinx_contact.points.neighbours import LawAmongPoints
@@ -219,8 +219,7 @@ class ContactTerms:
 
     def destroy(self) -> None:
         """Free the matrices."""
-        for _, terms in self._sliding:
-            terms.destroy()
+        destroy(*(terms for _, terms in self._sliding))
 
 
 class _Numbering:
@@ -328,8 +327,7 @@ class Jacobian:
 
     def destroy(self) -> None:
         """Free the matrices."""
-        self.matrix.destroy()
-        self._terms.destroy()
+        destroy(self.matrix, self._terms)
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ from dolfinx_contact._compat import dirichlet_value, is_value_of
 from dolfinx_contact._forms import compiled_form
 from dolfinx_contact._geometry import Gathered, node_positions
 from dolfinx_contact._mpi import require
-from dolfinx_contact._petsc import product
+from dolfinx_contact._petsc import destroy, product
 from dolfinx_contact._validate import located
 from dolfinx_contact.body.bulk import checksum
 from dolfinx_contact.continuation import Events, Piece, Preconditioner, System
@@ -427,6 +427,5 @@ class ParametricEquations(System):
 
     def destroy(self) -> None:
         """Free the PETSc objects."""
-        if self._metric is not None:
-            self._metric.destroy()
-            self._metric = None
+        destroy(self._metric)
+        self._metric = None

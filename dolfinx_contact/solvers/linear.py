@@ -20,7 +20,7 @@ from petsc4py import PETSc
 import numpy as np
 
 from dolfinx_contact._mpi import anywhere
-from dolfinx_contact._petsc import DEFAULTS, logged, reasons_of
+from dolfinx_contact._petsc import DEFAULTS, destroy, logged, reasons_of
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation
 from dolfinx_contact.equations.jacobian import Jacobian
@@ -171,8 +171,7 @@ class LinearSolverChoice:
 
     def destroy(self) -> None:
         """Free the solver."""
-        if self._solver is not None:
-            self._solver.destroy()
+        destroy(self._solver)
         self._solver = None
 
 

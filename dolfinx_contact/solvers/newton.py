@@ -204,8 +204,7 @@ class Newton:
 
     def __exit__(self, *_: object) -> None:
         self._discard()
-        for vector in self._after:
-            vector.destroy()
+        destroy(*self._after)
 
     @property
     def tolerance(self) -> float:
