@@ -75,6 +75,7 @@ class Parts:
 
     Attributes:
         of_nodes: index of the part of each local node.
+        of_owned: index of the part of each owned node.
         number: number of parts.
     """
 
@@ -87,12 +88,8 @@ class Parts:
         self._n = index_map.size_local
         size = self._n + index_map.num_ghosts
         self.of_nodes = np.zeros(size, dtype=np.int32) if joined else parts(V)
+        self.of_owned = self.of_nodes[: self._n]
         self.number = int(largest(self.comm, self.of_owned.max(initial=-1))) + 1
-
-    @property
-    def of_owned(self) -> Indices:
-        """Index of the part of each owned node."""
-        return self.of_nodes[: self._n]
 
     def extents(self) -> Array:
         """Return the size of every part, a rotation-invariant length.
