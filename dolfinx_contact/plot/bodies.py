@@ -39,7 +39,11 @@ if TYPE_CHECKING:
 __all__ = ["draw_scene", "picture_of_body", "picture_of_states"]
 
 
-@collective("a picture", lambda a: check_look(picture_of_body, a.look))
+def _check_options(a: Arguments) -> None:
+    check_look(picture_of_body, a.look)
+
+
+@collective("a picture", _check_options)
 def picture_of_body(
     file: File,
     problem: ContactProblem,

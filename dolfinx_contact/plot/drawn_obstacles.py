@@ -171,8 +171,8 @@ def _curves(axes: Array, gap: Array) -> DrawnObstacle:
     """Return the curves gap = 0 on a grid in 2D, and the inside gap < 0."""
     from contourpy import contour_generator
 
-    contours = contour_generator(*axes.T, gap.T, fill_type="OuterCode")
-    lines = contours.lines(0.0)
+    contours: Any = contour_generator(axes[:, 0], axes[:, 1], gap.T, fill_type="OuterCode")
+    lines: list[Array] = contours.lines(0.0)
     x = np.concatenate([np.zeros((0, 2)), *lines])
     ends = np.cumsum([0, *map(len, lines)])
     first = np.delete(np.arange(len(x)), ends[1:] - 1)

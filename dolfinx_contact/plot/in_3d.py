@@ -49,14 +49,15 @@ def draw_3d(
     plotter.set_background("white")
     size = float(np.linalg.norm(np.ptp(visible, axis=0)))
     eye = scene.eye if scene.eye is not None else _default_eye(scene, np.ptp(visible, axis=0))
-
     frame = _frame(eye)
     ends = _draw_arrows(plotter, scene, visible)
     planes: Planes = []
     if scene.clip is not None:
         point, normal = scene.clip
-        middle = (visible.min(axis=0) + visible.max(axis=0)) / 2
-        planes.append((normal, middle if point is None else point))
+        if point is None:  # through the middle of the bodies or of the detail
+            inner = scene.x if scene.region is None else visible
+            point = (inner.min(axis=0) + inner.max(axis=0)) / 2
+        planes.append((normal, point))
     if scene.region is None:
         visible = np.concatenate([visible, ends])
     else:  # nothing is drawn under the title and the colour bar

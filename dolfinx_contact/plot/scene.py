@@ -18,7 +18,7 @@ import ufl
 from dolfinx_contact._geometry import by_coordinates, dot, unit
 from dolfinx_contact._mpi import everywhere
 from dolfinx_contact._ufl import refuse_other_mesh
-from dolfinx_contact._validate import number, one_of, vector
+from dolfinx_contact._validate import flag, number, one_of, vector
 from dolfinx_contact.io.fields import check_stress, of_cells, von_mises
 from dolfinx_contact.io.outside import Outside, VertexMeans, obstacle_facets
 from dolfinx_contact.plot.drawn_obstacles import DrawnObstacle, Formula, formula_of
@@ -66,9 +66,10 @@ class Look(TypedDict, total=False):
             discontinuous fields are averaged at the vertices; values that are not finite are grey.
             The default is the von Mises stress if there is a stress, otherwise no field.
         view: direction from the body to the eye, in 3D: an axis such as ``"-y"``, or a vector.
-        clip: plane of a section, in 3D: its normal (then the plane passes through the middle), or a
-            point and a normal. The part on the side of the normal is not drawn, and the default
-            view is from that side: x points to the right with ``"-y"``, to the left with ``"y"``.
+        clip: plane of a section, in 3D: its normal (then the plane passes through the middle of the
+            bodies or of the region), or a point and a normal. The part on the side of the normal is
+            not drawn, and the default view is from that side: x points to the right with ``"-y"``,
+            to the left with ``"y"``.
         arrows: arrows by name, each a point and a vector, such as a load or the direction of
             drag. The longest arrow of each name has the same length in the picture, and the legend
             gives its magnitude.
@@ -199,7 +200,7 @@ def check_look(function: Callable[..., Any], look: Mapping[str, Any]) -> None:
     for name in look:
         if name not in options:
             known = ", ".join(options)
-            raise TypeError(f"{function.__name__} has no option {name!r}, it has {known}")
+            raise TypeError(f"{function.__name__} has no option {name!r}; its options are {known}")
 
 
 def _direction(value: Any, name: str) -> Array:
@@ -267,7 +268,7 @@ def scene_of(
     domain = problem.V.mesh
     dim = domain.geometry.dim
     field, view, clip = look.get("field"), look.get("view"), look.get("clip")
-    region, units = look.get("region"), look.get("units") or {}
+    region, edges, units = look.get("region"), look.get("edges"), look.get("units") or {}
     with everywhere(problem.comm, "the look of a picture"):
         scale = number(scale, "the scale of the displacement")
         if dim == 2 and not (view is None and clip is None):
@@ -277,6 +278,8 @@ def scene_of(
         vectors = look.get("arrows") or {}
         arrows = {name: _arrows(name, *arrow, dim) for name, arrow in vectors.items()}
         box = None if region is None else _box(region, dim)
+        if edges is not None:
+            flag(edges, "edges")
         check_units(units)
         _check_field(field, domain)
     # gather bodies, contact surfaces and obstacles
@@ -321,7 +324,7 @@ def scene_of(
         clip=plane,
         arrows=arrows,
         region=box,
-        edges=look.get("edges"),
+        edges=edges,
         unit=units.get("length", ""),
     )
 

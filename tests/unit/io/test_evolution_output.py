@@ -7,6 +7,7 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
+from support import recorded_path
 from support.recorded_evolution import pair
 from support.vtk_files import number_of_colours
 
@@ -72,6 +73,15 @@ def test_series_is_on_disk_after_each_step(folder, format):
         again.run(TIMES, observer=series)
     assert names(folder) == ["paraview.py"]
     assert series.files == []
+
+
+def test_a_series_of_a_path_has_its_rows_and_every_second_state(folder):
+    path = recorded_path.glued(COMM, 0.3, None, None)
+    with EvolutionSeries(folder, path.problem, format="vtk", every=2) as series:
+        history = path.run(gamma_range=(0.0, 1.0), max_steps=4, observer=series)
+    rows = list(csv.DictReader(lines(folder / "steps.csv")))
+    assert [row["gamma"] for row in rows] == [str(row["gamma"]) for row in history.rows()]
+    assert len(list(folder.glob("evolution_contact0*.pvtu"))) == -(-len(rows) // 2)
 
 
 def test_a_stopped_series_keeps_its_steps(folder):
@@ -169,7 +179,7 @@ def test_a_film_of_contact_has_axes_for_all_states(folder):
         assert max(changes[:-1]) < 60 < changes[-1]
     with pytest.raises(ValueError, match="the size of a film in pixels must be"):
         plot.film_of_contact(folder / "all.gif", problem, history.steps, size=10)
-    with pytest.raises(TypeError, match="film has no option 'stres', it has stress, scale"):
+    with pytest.raises(TypeError, match="film has no option 'stres'; its options are stress"):
         plot.film(folder / "all.gif", problem, history.steps, stres=None)
 
 

@@ -195,6 +195,18 @@ def test_a_section_has_the_edges_of_the_cells():
 
 
 @needs_display
+def test_a_section_passes_through_the_middle_of_the_body():
+    """This holds also if an obstacle is visible below it."""
+    problem = block(n=2, cell="hex", obstacle=Sphere((0.5, 0.5, -0.4), 0.4))
+    plotter = plot.picture_of_body(None, problem, clip="z")
+    if COMM.rank == 0:
+        body = plotter.actors["body"].mapper.dataset
+        np.testing.assert_allclose(body.bounds[4:], (0.0, 0.5), atol=1e-9)
+        assert plotter.actors["obstacle 0"].mapper.dataset.bounds[4] < -0.79
+        plotter.close()
+
+
+@needs_display
 def test_edges_of_small_cells_are_left_out():
     """The outline remains; edges=True draws all of them, and a detail has those of its cells."""
     problem = block(n=48, cell="tet")
@@ -426,8 +438,9 @@ def test_senses_of_slip_are_those_of_the_table(law, way):
         ({"arrows": {"load": ((0, 0, 0), (0, 0, 1))}}, "finite points and vectors in 2D"),
         (
             {"colour": "red"},
-            "picture_of_body has no option 'colour', it has state, .* units",
+            "picture_of_body has no option 'colour'; its options are state, .* units",
         ),
+        ({"edges": "no"}, "edges must be True or False"),
         ({"units": {"force": "N"}}, "the quantity of a unit must be one of length, stress"),
         ({"region": [(0, 0), (1, 0)]}, "region must be two opposite corners of a box"),
     ],
