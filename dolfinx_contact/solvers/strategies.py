@@ -228,7 +228,7 @@ class _Strategy:
         run: function of Newton's method, unknowns and attempt that changes the unknowns and returns
             whether they are a solution.
         line_search: line search of PETSc.
-        is_newton: whether it is Newton's method, which may go on with the direct solver.
+        is_newton: whether it is Newton's method, which may continue with the direct solver.
         automatic: whether the automatic augmentation parameter replaces a forced one.
     """
 
