@@ -4,7 +4,7 @@ OUTPUT = output
 # The shell takes it from its environment as it is, blanks and all.
 export OUTPUT
 # A virtual environment where pip has installed DOLFINx, with an MPI of its own.
-WHEEL = DEBIAN="$${DEBIAN:-trixie}" $(RUN) docker/wheel solver,pictures,records,gmsh,test
+WHEEL = DEBIAN="$${DEBIAN:-trixie}" $(RUN) docker/wheel solver,pictures,records,gmsh,explorer,test
 # Tests that run there (`make test-long`: all quick tests) and processes of those on one rank; `-rs`
 # lists skipped tests with the reason.
 WHEEL_TESTS = tests/records/test_manifest.py tests/physics/test_blocks.py \

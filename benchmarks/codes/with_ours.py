@@ -39,7 +39,7 @@ class Body:
         element = basix.ufl.element("Lagrange", name, 1, shape=(p.dim,))
         own = slice(None) if COMM.rank == 0 else slice(0)  # the first rank has the input
         cells = p.cells[own, order].astype(np.int64)
-        self.mesh = mesh.create_mesh(COMM, cells, p.x[own], ufl.Mesh(element))
+        self.mesh = mesh.create_mesh(COMM, cells=cells, x=p.x[own], e=ufl.Mesh(element))
         self.V = fem.functionspace(self.mesh, ("Lagrange", 1, (p.dim,)))
         self._inputs = np.asarray(self.mesh.geometry.input_global_indices)
         self.dof = np.full(len(p.x), -1, dtype=np.int32)  # block of a node; -1: of other ranks

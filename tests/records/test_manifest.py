@@ -12,7 +12,7 @@ from petsc4py import PETSc
 
 import numpy as np
 import pytest
-from support.blocks import facets
+from support.blocks import facets, interpolate
 
 import basix.ufl
 import dolfinx.fem.petsc
@@ -104,9 +104,7 @@ def body(
     load = solved(P2, ufl.as_vector([pull[0] * x[1], pull[1] * (1 + x[0])]))
     load.name = "load"
     warm = fem.Function(Q, name="warm")
-    points = Q.element.interpolation_points
-    points = points() if callable(points) else points
-    warm.interpolate(fem.Expression(ufl.as_ufl(heat(x)), points))
+    interpolate(warm, ufl.as_ufl(heat(x)))
     moduli = fem.Constant(domain, modulus)
     n = domain.topology.index_map(2).size_local
     right = mesh.compute_midpoints(domain, 2, np.arange(n, dtype=np.int32))[:, 0] > 0.5

@@ -40,6 +40,12 @@ def facets(domain, axis, value):
     )
 
 
+def interpolate(f, value):
+    """Interpolate a UFL expression into a Function (points are a method only in DOLFINx 0.9)."""
+    points = f.function_space.element.interpolation_points
+    f.interpolate(fem.Expression(value, points() if callable(points) else points))
+
+
 def block(
     comm=MPI.COMM_WORLD,
     n=4,

@@ -19,7 +19,7 @@ from dolfinx_contact import (
     materials,
 )
 from dolfinx_contact.materials import LinearElastic
-from support.blocks import box, facets
+from support.blocks import box, facets, interpolate
 from support.pairs import displacement
 
 COMM = MPI.COMM_WORLD
@@ -167,9 +167,7 @@ def driven_block(kind, cell="quad", n=4, material=None, comm=COMM):
     elif kind == "dirichlet":
         move = ufl.sin(gamma) * move
         driven = [(top, move)]
-    points = V.element.interpolation_points
-    points = points() if callable(points) else points
-    top.interpolate(fem.Expression(move, points))
+    interpolate(top, move)
     held = fem.locate_dofs_topological(V, dim - 1, facets(domain, dim - 1, 1.0))
     surface = ContactSurface(
         u,

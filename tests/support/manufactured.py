@@ -41,7 +41,7 @@ from dolfinx_contact.evolution import NSCD, QuasiStatic
 from dolfinx_contact.laws import RCCM, BilinearCohesive
 from dolfinx_contact.materials import Axisymmetric, LinearElastic, NeoHookean
 from dolfinx_contact.obstacles import Cylinder, LevelSet, Obstacle, Sphere
-from support.blocks import box, facets
+from support.blocks import box, facets, interpolate
 
 COMM = MPI.COMM_WORLD
 TABLE = Path(__file__).parents[1] / "data" / "orders.csv"
@@ -148,7 +148,7 @@ def law_of(name, e):
 def prescribed(V, value, where):
     """Dirichlet data of a UFL displacement on facets."""
     f = fem.Function(V)
-    f.interpolate(fem.Expression(value, V.element.interpolation_points()))
+    interpolate(f, value)
     return fem.dirichletbc(f, fem.locate_dofs_topological(V, V.mesh.topology.dim - 1, where))
 
 
@@ -402,7 +402,7 @@ def sliding(n, cell, other=0.75):
     load(0.0)
     # Newton's method begins where the bodies lie over each other: other states are folded.
     first = ufl.conditional(above, *(e.u for e in start))
-    u.interpolate(fem.Expression(first, V.element.interpolation_points()))
+    interpolate(u, first)
     problem.solve(progress=False)
     QuasiStatic(problem, load).run([0.0, 1.0], progress=False)
     whole = Exact(ufl.conditional(above, upper.u, lower.u), *[None] * 4)
@@ -453,7 +453,7 @@ def adhesive(n, cell, law):
     surface = ContactSurface(u, facets(domain, 1, 0.0), obstacle=GapField(e.gap), law=bond)
     bcs = [prescribed(V, e.u, facets(domain, 1, 1.0))]
     # Newton's method begins near: bonds that weaken are no monotone law.
-    u.interpolate(fem.Expression(e.u, V.element.interpolation_points()))
+    interpolate(u, e.u)
     result = ContactProblem(residual, u, [surface], bcs=bcs).solve(progress=False)
     table = result.tables["contact"]
     x = table.x[:, 0]

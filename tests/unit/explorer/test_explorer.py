@@ -304,7 +304,7 @@ def test_a_page_shows_the_bonds_of_a_path(folder):
         check_states(page, journal, journal.entries())
         (face,) = page.meta["surfaces"]
         bonds = [bytes(page.table(face, state)["bond"]).decode() for state in (0, 8)]
-        assert bonds == ["iii", "dii"]
+        assert bonds == ["iii", "wii"]
     COMM.barrier()
 
 
