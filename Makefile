@@ -91,7 +91,7 @@ test-paraview:
 	rm -rf "$$OUTPUT/paraview"
 	mkdir -p "$$OUTPUT/paraview"
 	DOLFINX_CONTACT_RESULTS="$$OUTPUT/paraview" $(RUN) mpirun -n 2 $(PYTEST)/unit/io/test_vtk.py --long -k for_paraview
-	DOLFINX_CONTACT_PACKAGES=paraview $(RUN) xvfb-run -a python3 tests/in_paraview.py "$$OUTPUT/paraview"
+	DOLFINX_CONTACT_PACKAGES=paraview $(RUN) xvfb-run -a -s "-noreset -screen 0 1280x1024x24" python3 tests/in_paraview.py "$$OUTPUT/paraview"
 
 test-browser:
 	rm -rf "$$OUTPUT/browser"
