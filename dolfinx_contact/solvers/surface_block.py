@@ -111,7 +111,7 @@ class SurfaceBlock:
         A = self._operator
         made = self._made
         if A.contact is not self._contact:  # another pattern
-            destroy(made.pop("S"), made.pop("block"))
+            destroy(made.pop("S", None), made.pop("block", None))
             self._contact = A.contact
         s = self._s.of_all
         made["S"] = A.contact.createSubMatrix(s, s, made.get("S"))
@@ -217,9 +217,8 @@ class CondensedBlock(SurfaceBlock):
     def set_stiffness(self, square: PETSc.Mat) -> None:
         """See `SurfaceBlock.set_stiffness`. Collective."""
         self._copy("K", square)
-        self._held(
-            "K"
-        )  # columns of Dirichlet dofs are zero; their rows are used as identities only
+        # Dirichlet columns are zero, and Dirichlet rows are used as identities.
+        self._held("K")
 
     def update(self) -> None:
         """Condense and factorise the block of the current operator. Collective.
