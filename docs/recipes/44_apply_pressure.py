@@ -2,8 +2,8 @@
 # # How do I apply a pressure or a traction to a boundary?
 #
 # Subtract the work of the traction from the energy: $-\int t \cdot u\, ds$. A pressure $p$ on a
-# face with the outward normal $n$ is the traction $t = -p n$. The measure `ds` is restricted to the
-# loaded facets by tags; `body.ds("name")` does this for a physical group of gmsh. A Constant can be
+# face with the outward normal $n$ is the traction $t = -p n$. `name_groups` gives names to parts of
+# the boundary, as gmsh does, and `body.ds("name")` is the measure of such a part. A Constant can be
 # changed later without compiling again. In large deformations this is a dead load: its direction
 # does not follow the surface.
 #
@@ -13,19 +13,18 @@ import numpy as np
 from common import Block, facets_where
 
 import ufl
-from dolfinx import fem, mesh
+from dolfinx import fem
 
-from dolfinx_contact import ContactProblem, Coulomb
+from dolfinx_contact import ContactProblem, Coulomb, meshing
 
 block = Block()
 pressure = fem.Constant(block.mesh, 10.0)
-tags = mesh.meshtags(block.mesh, 1, np.sort(block.top), np.full(len(block.top), 1, np.int32))
-ds = ufl.Measure("ds", block.mesh, subdomain_data=tags)
+sides = {"top": block.top, "left": facets_where(block.mesh, 0, 0.0)}
+body = meshing.name_groups(block.mesh, sides)
 n = ufl.FacetNormal(block.mesh)
-energy = block.energy - ufl.dot(-pressure * n, block.u) * ds(1)
+energy = block.energy - ufl.dot(-pressure * n, block.u) * body.ds("top")
 W = block.V.sub(0)
-left = fem.locate_dofs_topological(W, 1, facets_where(block.mesh, 0, 0.0))
-guided = fem.dirichletbc(0.0, left, W)
+guided = fem.dirichletbc(0.0, body.dofs(W, "left"), W)
 problem = ContactProblem(energy, block.u, [block.surface(Coulomb(0.3))], bcs=[guided])
 force = problem.solve().resultants["contact"]
 print(f"the floor carries {force[1]:.6f}, the pressure times the length is {10.0:.6f}")

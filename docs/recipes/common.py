@@ -76,19 +76,21 @@ def triangle(friction=1.7, n=2):
     square = mesh.create_unit_square(MPI.COMM_WORLD, n, n, diagonal=mesh.DiagonalType.left)
     half = mesh.locate_entities(square, 2, lambda x: x[0] + x[1] < 1 + 1e-9)
     domain = mesh.create_submesh(square, 2, half)[0]
-    slope = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[0] + x[1], 1))
-    side = np.sort(facets_where(domain, 0, 0.0))
+    sides = {
+        "slope": lambda x: np.isclose(x[0] + x[1], 1),
+        "side": lambda x: np.isclose(x[0], 0),
+        "bottom": lambda x: np.isclose(x[1], 0),
+    }
+    body = meshing.name_groups(domain, sides)
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
     u = fem.Function(V, name="displacement")
     gamma = fem.Constant(domain, -1.0)
-    ds = ufl.Measure("ds", domain, subdomain_data=mesh.meshtags(domain, 1, side, 1))
     traction = gamma * fem.Constant(domain, (-26.0, -7.5))
-    energy = LinearElastic(100.0, 82.0).energy(u) * ufl.dx - ufl.dot(traction, u) * ds(1)
-    held = fem.locate_dofs_topological(V, 1, slope)
-    bcs = [fem.dirichletbc(np.zeros(2), held, V)]
+    energy = LinearElastic(100.0, 82.0).energy(u) * ufl.dx
+    energy -= ufl.dot(traction, u) * body.ds("side")
+    bcs = [fem.dirichletbc(np.zeros(2), body.dofs(V, "slope"), V)]
     floor = HalfSpace((0, 0), (0, 1))
-    bottom = facets_where(domain, 1, 0.0)
-    surface = ContactSurface(u, bottom, obstacle=floor, law=Coulomb(friction))
+    surface = ContactSurface(u, body, tag="bottom", obstacle=floor, law=Coulomb(friction))
     return ParametricContact(ContactProblem(energy, u, [surface], bcs=bcs), gamma)
 
 

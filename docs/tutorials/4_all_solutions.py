@@ -28,6 +28,7 @@ from dolfinx_contact import (
 from dolfinx_contact.continuation import explore, find_solutions
 from dolfinx_contact.explorer import explorer
 from dolfinx_contact.materials import LinearElastic
+from dolfinx_contact.meshing import name_groups
 from dolfinx_contact.proofs import check
 from dolfinx_contact.records import BranchRecord, leftmost, total
 
@@ -57,19 +58,21 @@ def half_square(n):
 
 
 def triangle(n, friction):
-    domain = half_square(n)
-    slope = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[0] + x[1], 1))
-    side = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[0], 0))
-    bottom = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[1], 0))
+    sides = {
+        "slope": lambda x: np.isclose(x[0] + x[1], 1),
+        "side": lambda x: np.isclose(x[0], 0),
+        "bottom": lambda x: np.isclose(x[1], 0),
+    }
+    body = name_groups(half_square(n), sides)
+    domain = body.mesh
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
     u = fem.Function(V, name="displacement")
     gamma = fem.Constant(domain, 0.0)
-    ds = ufl.Measure("ds", domain, subdomain_data=mesh.meshtags(domain, 1, np.sort(side), 1))
     traction = gamma * fem.Constant(domain, (-26.0, -7.5))
-    energy = LinearElastic(100.0, 82.0).energy(u) * ufl.dx - ufl.dot(traction, u) * ds(1)
-    bcs = [fem.dirichletbc(np.zeros(2), fem.locate_dofs_topological(V, 1, slope), V)]
+    energy = LinearElastic(100.0, 82.0).energy(u) * ufl.dx - ufl.dot(traction, u) * body.ds("side")
+    bcs = [fem.dirichletbc(np.zeros(2), body.dofs(V, "slope"), V)]
     floor = HalfSpace((0.0, 0.0), (0.0, 1.0))
-    surface = ContactSurface(u, bottom, obstacle=floor, law=Coulomb(friction))
+    surface = ContactSurface(u, body, tag="bottom", obstacle=floor, law=Coulomb(friction))
     return ParametricContact(ContactProblem(energy, u, [surface], bcs=bcs), gamma)
 
 
