@@ -35,6 +35,7 @@ from dolfinx_contact.analysis import contact_family, event_curves, solution_regi
 from dolfinx_contact.continuation import follow
 from dolfinx_contact.laws.status import NAMES
 from dolfinx_contact.materials import LinearElastic
+from dolfinx_contact.meshing import name_groups
 
 frictions = (1.0, 4.0)  # range of the chart
 largest_load = 3.0  # of the regions
@@ -48,18 +49,21 @@ say = io.Report(MPI.COMM_WORLD)
 def element(law, traction, first, second):
     square = mesh.create_unit_square(MPI.COMM_SELF, 1, 1, diagonal=mesh.DiagonalType.left)
     half = mesh.locate_entities(square, 2, lambda x: x[0] + x[1] < 1 + 1e-9)
-    domain = mesh.create_submesh(square, 2, half)[0]
-    slope = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[0] + x[1], 1))
-    side = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[0], 0))
-    bottom = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[1], 0))
+    sides = {
+        "slope": lambda x: np.isclose(x[0] + x[1], 1),
+        "side": lambda x: np.isclose(x[0], 0),
+        "bottom": lambda x: np.isclose(x[1], 0),
+    }
+    body = name_groups(mesh.create_submesh(square, 2, half)[0], sides)
+    domain = body.mesh
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
     u = fem.Function(V, name="displacement")
     a, b = fem.Constant(domain, first), fem.Constant(domain, second)
-    ds = ufl.Measure("ds", domain, subdomain_data=mesh.meshtags(domain, 1, side, 1))(1)
-    energy = LinearElastic(1.0, 1.0).energy(u) * ufl.dx - ufl.dot(traction(a, b), u) * ds
-    clamped = fem.dirichletbc(np.zeros(2), fem.locate_dofs_topological(V, 1, slope), V)
+    energy = LinearElastic(1.0, 1.0).energy(u) * ufl.dx
+    energy -= ufl.dot(traction(a, b), u) * body.ds("side")
+    clamped = fem.dirichletbc(np.zeros(2), body.dofs(V, "slope"), V)
     floor = HalfSpace((0, 0), (0, 1))
-    surface = ContactSurface(u, bottom, obstacle=floor, law=law)
+    surface = ContactSurface(u, body, tag="bottom", obstacle=floor, law=law)
     return ContactProblem(energy, u, [surface], bcs=[clamped]), a, b
 
 

@@ -38,6 +38,7 @@ from dolfinx_contact import (
 )
 from dolfinx_contact.continuation import find_solutions, follow
 from dolfinx_contact.materials import LinearElastic
+from dolfinx_contact.meshing import name_groups
 from dolfinx_contact.records import leftmost
 
 lame = (1.0, 1.0)
@@ -54,19 +55,21 @@ k = (lame[0] + lame[1]) / 2
 def element(friction, first, second):
     square = mesh.create_unit_square(MPI.COMM_SELF, 1, 1, diagonal=mesh.DiagonalType.left)
     half = mesh.locate_entities(square, 2, lambda x: x[0] + x[1] < 1 + 1e-9)
-    domain = mesh.create_submesh(square, 2, half)[0]
-    slope = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[0] + x[1], 1))
-    side = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[0], 0))
-    bottom = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[1], 0))
+    sides = {
+        "slope": lambda x: np.isclose(x[0] + x[1], 1),
+        "side": lambda x: np.isclose(x[0], 0),
+        "bottom": lambda x: np.isclose(x[1], 0),
+    }
+    body = name_groups(mesh.create_submesh(square, 2, half)[0], sides)
+    domain = body.mesh
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
     u = fem.Function(V, name="displacement")
     gamma = fem.Constant(domain, 0.0)
     traction = fem.Constant(domain, first) + gamma * fem.Constant(domain, second)
-    ds = ufl.Measure("ds", domain, subdomain_data=mesh.meshtags(domain, 1, side, 1))(1)
-    energy = LinearElastic(*lame).energy(u) * ufl.dx - ufl.dot(traction, u) * ds
-    clamped = fem.dirichletbc(np.zeros(2), fem.locate_dofs_topological(V, 1, slope), V)
+    energy = LinearElastic(*lame).energy(u) * ufl.dx - ufl.dot(traction, u) * body.ds("side")
+    clamped = fem.dirichletbc(np.zeros(2), body.dofs(V, "slope"), V)
     floor = HalfSpace((0, 0), (0, 1))
-    surface = ContactSurface(u, bottom, obstacle=floor, law=Coulomb(friction))
+    surface = ContactSurface(u, body, tag="bottom", obstacle=floor, law=Coulomb(friction))
     problem = ContactProblem(energy, u, [surface], bcs=[clamped])
     return ParametricContact(problem, gamma)
 

@@ -34,6 +34,7 @@ from dolfinx_contact.analysis import prove_counts
 from dolfinx_contact.continuation import Branch, explore
 from dolfinx_contact.laws.status import NAMES
 from dolfinx_contact.materials import LinearElastic
+from dolfinx_contact.meshing import name_groups
 from dolfinx_contact.records import leftmost, total
 
 comm = MPI.COMM_WORLD
@@ -48,10 +49,13 @@ load = (26.0, 7.5)
 
 square = mesh.create_unit_square(comm, n, n, diagonal=mesh.DiagonalType.left)
 half = mesh.locate_entities(square, 2, lambda x: x[0] + x[1] < 1 + 1e-9)
-domain = mesh.create_submesh(square, 2, half)[0]
-slope = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[0] + x[1], 1))
-side = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[0], 0))
-bottom = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[1], 0))
+sides = {
+    "slope": lambda x: np.isclose(x[0] + x[1], 1),
+    "side": lambda x: np.isclose(x[0], 0),
+    "bottom": lambda x: np.isclose(x[1], 0),
+}
+body = name_groups(mesh.create_submesh(square, 2, half)[0], sides)
+domain = body.mesh
 
 # ## A problem with a parameter
 #
@@ -61,13 +65,11 @@ bottom = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[1], 0))
 V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
 u = fem.Function(V, name="displacement")
 gamma = fem.Constant(domain, -1.0)
-tags = mesh.meshtags(domain, 1, np.sort(side), np.ones(len(side), dtype=np.int32))
-ds = ufl.Measure("ds", domain, subdomain_data=tags)(1)
 traction = -gamma * fem.Constant(domain, load)
-energy = LinearElastic(*lame).energy(u) * ufl.dx - ufl.dot(traction, u) * ds
-clamped = fem.dirichletbc(np.zeros(2), fem.locate_dofs_topological(V, 1, slope), V)
+energy = LinearElastic(*lame).energy(u) * ufl.dx - ufl.dot(traction, u) * body.ds("side")
+clamped = fem.dirichletbc(np.zeros(2), body.dofs(V, "slope"), V)
 floor = HalfSpace((0, 0), (0, 1))
-surface = ContactSurface(u, bottom, obstacle=floor, law=Coulomb(friction))
+surface = ContactSurface(u, body, tag="bottom", obstacle=floor, law=Coulomb(friction))
 problem = ContactProblem(energy, u, [surface], bcs=[clamped])
 system = ParametricContact(problem, gamma)
 

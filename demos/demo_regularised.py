@@ -32,6 +32,7 @@ from dolfinx_contact import (
 from dolfinx_contact.continuation import explore, follow
 from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.materials import LinearElastic
+from dolfinx_contact.meshing import name_groups
 from dolfinx_contact.records import leftmost
 
 comm = MPI.COMM_WORLD
@@ -49,20 +50,22 @@ say = io.Report(comm)
 def triangle(law):
     square = mesh.create_unit_square(comm, n, n, diagonal=mesh.DiagonalType.left)
     half = mesh.locate_entities(square, 2, lambda x: x[0] + x[1] < 1 + 1e-9)
-    domain = mesh.create_submesh(square, 2, half)[0]
-    slope = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[0] + x[1], 1))
-    side = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[0], 0))
-    bottom = mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[1], 0))
+    sides = {
+        "slope": lambda x: np.isclose(x[0] + x[1], 1),
+        "side": lambda x: np.isclose(x[0], 0),
+        "bottom": lambda x: np.isclose(x[1], 0),
+    }
+    body = name_groups(mesh.create_submesh(square, 2, half)[0], sides)
+    domain = body.mesh
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
     u = fem.Function(V, name="displacement")
     gamma = fem.Constant(domain, -1.0)
-    ones = np.ones(len(side), dtype=np.int32)
-    ds = ufl.Measure("ds", domain, subdomain_data=mesh.meshtags(domain, 1, np.sort(side), ones))(1)
     load = fem.Constant(domain, (26.0, 7.5))
-    energy = LinearElastic(100.0, 82.0).energy(u) * ufl.dx + gamma * ufl.dot(load, u) * ds
-    clamped = fem.dirichletbc(np.zeros(2), fem.locate_dofs_topological(V, 1, slope), V)
+    energy = LinearElastic(100.0, 82.0).energy(u) * ufl.dx
+    energy += gamma * ufl.dot(load, u) * body.ds("side")
+    clamped = fem.dirichletbc(np.zeros(2), body.dofs(V, "slope"), V)
     floor = HalfSpace((0, 0), (0, 1))
-    surface = ContactSurface(u, bottom, obstacle=floor, law=law(domain))
+    surface = ContactSurface(u, body, tag="bottom", obstacle=floor, law=law(domain))
     return ContactProblem(energy, u, [surface], bcs=[clamped]), gamma
 
 
