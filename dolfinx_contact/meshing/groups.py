@@ -4,13 +4,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from dolfinx import mesh
 
-from dolfinx_contact._arrays import Array, Mask
+from dolfinx_contact._arrays import Array, Indices, Mask
 from dolfinx_contact._mpi import Arguments, collective, everywhere, require
 from dolfinx_contact._validate import instance, word
 from dolfinx_contact.meshing.gmsh import GmshMesh, NamedTags
@@ -61,12 +62,13 @@ def name_groups(
     topology = domain.topology
     dim = topology.dim - 1
     topology.create_connectivity(dim, topology.dim)
+    groups: dict[str, Indices] = {}
     with everywhere(domain.comm, "groups of facets"):
-        groups = {
-            name: mesh.locate_entities_boundary(domain, dim, group) if callable(group) else group
-            for name, group in facets.items()
-        }
-        groups = {name: np.unique(group).astype(np.int32) for name, group in groups.items()}
+        for name, group in facets.items():
+            found: Any = group
+            if callable(group):
+                found = mesh.locate_entities_boundary(domain, dim, group)
+            groups[name] = np.unique(found).astype(np.int32)
     for name, group in groups.items():
         size = domain.comm.allreduce(len(group))
         require(domain.comm, size > 0, f"no facet belongs to the group {name!r}")
