@@ -72,7 +72,8 @@ def main(argv=None):
     clean(comm)
     timed("search", lambda: faces._search(faces._X + faces.nodes.from_owners(moved), None))
     sizes = [moved.size, 3 * pair.points.number]
-    equations = SimpleNamespace(comm=comm, surfaces=[pair], units=[1.0, 1.0], owned_sizes=sizes)
+    unknowns = SimpleNamespace(units=[1.0, 1.0])
+    equations = SimpleNamespace(comm=comm, surfaces=[pair], unknowns=unknowns, owned_sizes=sizes)
     terms = SlidingTerms(equations, 0, Places(comm, sizes))
     timed("pattern", terms.set_up)
     timed("who faces whom", lambda: pair.points.at(moved, None))
