@@ -27,6 +27,7 @@ __all__ = [
     "linear_basis",
     "nodal_points",
     "tabulated",
+    "tangents",
 ]
 
 
@@ -172,6 +173,16 @@ def linear_basis(x: Array, corners: int) -> tuple[Array, Array]:
     """Return the basis of degree 1 (..., k) and its derivatives (..., k, dim - 1) at places."""
     table = tabulated(_element(corners, 1), x, 1)
     return table[0], np.moveaxis(table[1:], 0, -1)
+
+
+def tangents(corners: Array, slopes: Array) -> Array:
+    """Return derivatives of positions by the reference coordinates, shape (n, q, dim, dim - 1).
+
+    Args:
+        corners: corners of facets, shape (n, k, dim).
+        slopes: derivatives of the linear basis at places, shape (n, q, k, dim - 1).
+    """
+    return corners.transpose(0, 2, 1)[:, None] @ slopes
 
 
 def nodal_points(corners: int, degree: int) -> Array:
@@ -337,8 +348,8 @@ def _reference(corners: Array, x: Array) -> Array:
     xi: Array = np.full(x.shape, 0.5)
     for _ in range(1 if k == width + 1 else _STEPS):  # one step is exact in simplices
         weights, slopes = linear_basis(xi, k)
-        jacobian = corners.transpose(0, 2, 1)[:, None] @ slopes
-        step = np.linalg.solve(jacobian, (weights @ corners - x)[..., None])[..., 0]
+        off = (weights @ corners - x)[..., None]
+        step = np.linalg.solve(tangents(corners, slopes), off)[..., 0]
         xi -= step
         if np.max(np.abs(step), initial=0.0) < _FOUND:
             break

@@ -293,16 +293,17 @@ def at_global_places(comm: MPI.Comm, values: Array, places: Ints) -> Array:
         return values[places - first]
     shape = values.shape[1:]
     width = int(np.prod(shape, dtype=int))
+    once, numbers = np.unique(places, return_inverse=True)
     given = PETSc.Vec().createMPI((values.size, None), comm=comm)
     given.array[:] = values.reshape(-1)
-    wanted = PETSc.IS().createBlock(width, places.reshape(-1).astype(PETSc.IntType), comm=comm)
-    here = PETSc.Vec().createSeq(width * places.size, comm=PETSc.COMM_SELF)
+    wanted = PETSc.IS().createBlock(width, once.astype(PETSc.IntType), comm=comm)
+    here = PETSc.Vec().createSeq(width * once.size, comm=PETSc.COMM_SELF)
     scatter = PETSc.Scatter().create(given, wanted, here, None)
     scatter.scatter(given, here)
     found = here.array_r.copy()
     for thing in (given, wanted, here, scatter):
         thing.destroy()
-    return found.reshape(*places.shape, *shape)
+    return found.reshape(once.size, *shape)[numbers.reshape(places.shape)]
 
 
 def sums_at_global_places(comm: MPI.Comm, owned: int, places: Ints, values: Array) -> Array:

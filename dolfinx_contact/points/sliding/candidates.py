@@ -37,16 +37,12 @@ class Candidates:
         mirrors: 1, or -1 along axes across which facets are images of the facets with these nodes,
             shape (n, dim).
         pairs: numbers of slave and master facets, shape (pairs, 2).
-        known: global nodes of the facets, each node once, shape (m,).
-        places: numbers of the corners of the facets among these, shape (n, b).
     """
 
     nodes: Ints
     senses: Array
     mirrors: Array
     pairs: Ints
-    known: Ints
-    places: Ints
 
     def faces(self, x: Array) -> Faces:
         """Return the master facets at positions of their corners, shape (n, b, dim)."""
@@ -75,11 +71,8 @@ def candidates(
 
 def _candidates(keys: Ints, pairs: Ints, dim: int) -> Candidates:
     """Return candidates from keys of facets, shape (n, dim + 1 + b), and pairs of facets."""
-    nodes = keys[:, dim + 1 :]
-    once, corners = np.unique(nodes, return_inverse=True)
     signs = keys[:, : dim + 1].astype(np.float64)
-    places = corners.reshape(nodes.shape)
-    return Candidates(nodes, signs[:, dim], signs[:, :dim], pairs, once, places)
+    return Candidates(keys[:, dim + 1 :], signs[:, dim], signs[:, :dim], pairs)
 
 
 class Master:
@@ -164,8 +157,8 @@ class Master:
             found: candidates.
         """
         owned = np.ascontiguousarray(values[: self._V.dofmap.index_map.size_local])
-        at = at_global_places(self._V.mesh.comm, owned, found.known)
-        return at[found.places] * found.mirrors[:, None]
+        at = at_global_places(self._V.mesh.comm, owned, found.nodes)
+        return at * found.mirrors[:, None]
 
     def positions(self, x: Array, found: Candidates) -> Array:
         """Return positions of the corners of candidates, shape (m, b, dim). Collective."""

@@ -31,7 +31,7 @@ from dolfinx_contact._geometry import (
 from dolfinx_contact._mpi import SharedValues, maximum, require
 from dolfinx_contact._petsc import logged
 from dolfinx_contact.body.cells import cells_around
-from dolfinx_contact.points.clipping import Cover, Faces, cover, linear_basis
+from dolfinx_contact.points.clipping import Cover, Faces, cover, linear_basis, tangents
 from dolfinx_contact.points.geometry import SurfaceFacets
 from dolfinx_contact.points.kinematics import rotation
 from dolfinx_contact.points.opposite import Opposite
@@ -372,7 +372,7 @@ class SlidingFaces:
         turn = rotation(unit(shape @ old_m[at])[:, :, None], old_normals[at][:, None])
         way = rays.weights @ old_theirs[master] - shape @ old[facet]
         slip = transformed(turn, way[:, :, None])
-        along = turn @ (old_theirs[master].transpose(0, 2, 1)[:, None] @ rays.slopes)[:, :, None]
+        along = turn @ tangents(old_theirs[master], rays.slopes)[:, :, None]
         # spins since then; normals of the master look the other way
         spun, by_mine = spins(old, mine, self._facets.sense)
         theirs_spun, by_theirs = spins(old_theirs, theirs, self.found.senses)
@@ -434,7 +434,7 @@ class SlidingFaces:
             x: corners.
             slopes: derivatives of the basis at the points, shape (p, q, k, dim - 1).
         """
-        edges = x.transpose(0, 2, 1)[:, None] @ slopes
+        edges = tangents(x, slopes)
         if self.dim == 2:
             return np.linalg.norm(edges[..., 0], axis=-1)
         return np.linalg.norm(np.cross(edges[..., 0], edges[..., 1]), axis=-1)

@@ -67,7 +67,7 @@ from dolfinx_contact._geometry import (
     unit,
     unit_rates,
 )
-from dolfinx_contact.points.clipping import linear_basis
+from dolfinx_contact.points.clipping import linear_basis, tangents
 from dolfinx_contact.points.kinematics import rotation
 from dolfinx_contact.points.sliding.candidates import Candidates
 
@@ -132,8 +132,7 @@ def cast(x: Array, m: Array, y: Array, eta: Array) -> CastRays:
     largest = np.inf
     for steps in count():
         weights, slopes = linear_basis(place[..., :-1], y.shape[1])
-        edges = y.transpose(0, 2, 1)[:, None] @ slopes
-        matrix = np.concatenate([edges, -n[..., None]], axis=-1)
+        matrix = np.concatenate([tangents(y, slopes), -n[..., None]], axis=-1)
         if largest <= _FOUND or steps == _STEPS:
             break
         off = x + place[..., -1:] * n - weights @ y
