@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from dolfinx import mesh
 
-from dolfinx_contact._arrays import Array, Indices, Mask
+from dolfinx_contact._arrays import Array, Mask
 from dolfinx_contact._mpi import Arguments, collective, everywhere, require
 from dolfinx_contact._validate import instance, word
 from dolfinx_contact.meshing.gmsh import GmshMesh, NamedTags
@@ -59,35 +59,41 @@ def name_groups(
             contact = ContactSurface(u, body, tag="contact", obstacle=floor, law=Coulomb(0.4))
             held = fem.dirichletbc(np.zeros(2), body.dofs(V, "top"), V)
     """
-    topology = domain.topology
-    dim = topology.dim - 1
-    topology.create_connectivity(dim, topology.dim)
-    groups: dict[str, Indices] = {}
-    with everywhere(domain.comm, "groups of facets"):
-        for name, group in facets.items():
+    tdim = domain.topology.dim
+    index_map = domain.topology.index_map(tdim)
+    every = np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32)
+    cell_tags = mesh.meshtags(domain, tdim, every, np.ones_like(every))
+    facet_tags = _facet_tags(domain, facets)
+    names = {cells: (tdim, 1)} | {name: (tdim - 1, tag) for name, tag in facet_tags.names.items()}
+    return GmshMesh(domain, NamedTags(cell_tags, {cells: 1}), facet_tags, names)
+
+
+def _facet_tags(
+    domain: mesh.Mesh, facets: Mapping[str, Callable[[Array], Mask] | npt.ArrayLike]
+) -> NamedTags:
+    """Return the tags of groups of facets, or raise ``ValueError``. Collective."""
+    dim = domain.topology.dim - 1
+    domain.topology.create_connectivity(dim, dim + 1)
+    index_map = domain.topology.index_map(dim)
+    number = index_map.size_local + index_map.num_ghosts
+    tags: dict[str, int] = {}
+    values = np.zeros(number, dtype=np.int32)  # 0 for facets in no group
+    for tag, (name, group) in enumerate(facets.items(), 1):
+        with everywhere(domain.comm, f"the facets of {name!r}"):
             found: Any = group
             if callable(group):
                 found = mesh.locate_entities_boundary(domain, dim, group)
-            groups[name] = np.unique(found).astype(np.int32)
-    for name, group in groups.items():
-        size = domain.comm.allreduce(len(group))
+            indices = np.asarray(found, dtype=np.int64)
+            if not ((indices >= 0) & (indices < number)).all():
+                raise ValueError(f"the group {name!r} has indices of facets outside the mesh")
+            others = [other for other in tags if (values[indices] == tags[other]).any()]
+            if others:
+                raise ValueError(
+                    f"the groups {others[0]!r} and {name!r} have a common facet, and a facet can "
+                    "have one tag"
+                )
+        size = domain.comm.allreduce(len(indices))
         require(domain.comm, size > 0, f"no facet belongs to the group {name!r}")
-    indices = np.concatenate([np.empty(0, dtype=np.int32), *groups.values()])
-    tags = np.arange(1, len(groups) + 1, dtype=np.int32)
-    values = np.repeat(tags, [len(group) for group in groups.values()])
-    order = np.argsort(indices, kind="stable")
-    indices, values = indices[order], values[order]
-    twice = np.flatnonzero(np.diff(indices) == 0)[:1]
-    names = " and ".join(repr(list(groups)[values[i] - 1]) for i in (*twice, *(twice + 1)))
-    require(domain.comm, not names, f"a facet belongs to the groups {names}, and can have one tag")
-    of_facets = dict(zip(groups, tags.tolist(), strict=True))
-    index_map = topology.index_map(topology.dim)
-    every = np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32)
-    cell_tags = mesh.meshtags(domain, topology.dim, every, np.ones_like(every))
-    facet_tags = mesh.meshtags(domain, dim, indices, values)
-    return GmshMesh(
-        domain,
-        NamedTags(cell_tags, {cells: 1}),
-        NamedTags(facet_tags, of_facets),
-        {cells: (topology.dim, 1)} | {name: (dim, tag) for name, tag in of_facets.items()},
-    )
+        values[indices] = tags[name] = tag
+    chosen = np.flatnonzero(values).astype(np.int32)
+    return NamedTags(mesh.meshtags(domain, dim, chosen, values[chosen]), tags)
