@@ -220,8 +220,7 @@ def attributes():
     ball = Sphere((0.0, -3.0), 3.0)
     steel = materials.LinearElastic.from_young(1000.0, 0.0)
     body_motion, _, _, motion = falling()
-    gamma = fem.Constant(body.domain, 0.0)
-    system = ParametricContact(problem, gamma)
+    system = ParametricContact(problem)
     return [
         (contact, "law", Coulomb(0.2)),
         (contact, "obstacle", floor(0.02)),
