@@ -17,7 +17,7 @@ from dolfinx_contact._mpi import largest, total
 from dolfinx_contact._petsc import product
 from dolfinx_contact.body.cells import vertex_moments
 
-__all__ = ["Parts", "bounding_box", "combine", "loose", "parts", "sums_of_parts"]
+__all__ = ["Parts", "bounding_box", "combine", "diagonal", "loose", "parts", "sums_of_parts"]
 
 _NAMES = {
     2: ("translation x", "translation y", "rotation"),
@@ -243,6 +243,12 @@ def sums_of_parts(comm: MPI.Comm, number: int, part: Indices, values: Array) -> 
     columns = values.reshape(len(part), np.prod(values.shape[1:], dtype=int)).T
     sums = np.array([np.bincount(part, column, number) for column in columns])
     return total(comm, sums.T).reshape(number, *values.shape[1:])
+
+
+def diagonal(comm: MPI.Comm, x: Array) -> float:
+    """Return the diagonal of the box around points (n, dim) of all ranks. Collective."""
+    low, high = bounding_box(comm, x)
+    return float(np.linalg.norm(high - low))
 
 
 def bounding_box(comm: MPI.Comm, x: Array) -> tuple[Array, Array]:

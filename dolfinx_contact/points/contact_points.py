@@ -333,11 +333,10 @@ class ContactPoints(ABC):
         if areas is None:
             areas = sections if self._weight is None else self._swept()
         sections = areas if self._weight is None else sections
-        geometry = SurfaceGeometry(self.vertices, areas, areas / sections, self._swept)
+        covered = None
         if opposite is not None and opposite.areas is not None:
             covered = opposite.areas[self.vertex_trace_dofs] if averaged is None else averaged
-            geometry.cover(covered)
-        return geometry
+        return SurfaceGeometry(self.vertices, areas, areas / sections, self._swept, covered)
 
     def _swept(self) -> Array:
         """Return exact areas of the local vertices, swept by bodies of revolution. Collective."""

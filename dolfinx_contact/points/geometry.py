@@ -117,6 +117,7 @@ class SurfaceGeometry:
         circumferences: ratios of swept areas to areas of the section, shape (n,); 1 for bodies that
             are not bodies of revolution.
         whole: function returning the areas with and without an opposing point.
+        covered: areas with an opposing point, shape (n,); None if all areas have one.
 
     Attributes:
         vertex_areas: areas with an opposing point, and those taken over from other vertices.
@@ -130,17 +131,14 @@ class SurfaceGeometry:
         vertex_areas: Array,
         circumferences: Array,
         whole: Callable[[], Array],
+        covered: Array | None = None,
     ):
         self._vertices = vertices
         self._whole = whole
         self._at_start = vertex_areas
-        self.vertex_areas = vertex_areas
+        self.vertex_areas = vertex_areas if covered is None else covered
         self.circumferences = circumferences
-        self.covered_areas: Array | None = None
-
-    def cover(self, areas: Array) -> None:
-        """Set the areas with an opposing point, shape (n,)."""
-        self.vertex_areas = self.covered_areas = areas
+        self.covered_areas = covered
 
     @cached_property
     def whole_areas(self) -> Array:

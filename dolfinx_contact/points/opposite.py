@@ -34,7 +34,7 @@ from dolfinx_contact._geometry import (
 )
 from dolfinx_contact._mpi import SharedValues, count_of, minimum, require
 from dolfinx_contact._petsc import triplet_matrix
-from dolfinx_contact.body.rigid import bounding_box
+from dolfinx_contact.body.rigid import diagonal
 from dolfinx_contact.obstacles import Obstacle
 from dolfinx_contact.points.clipping import Cover, Faces, cover
 from dolfinx_contact.points.descriptions import ContactPair, Overlap
@@ -272,9 +272,8 @@ def _gaps(faces: _Sides, opposite: Opposite) -> Array:
     there = opposite.values(V.mesh.comm, x[: V.dofmap.index_map.size_local])
     gaps = dot(there - x, faces.normals(V))
     gaps[np.abs(gaps) <= _ROUND_OFF * faces.size] = 0.0
-    low, high = bounding_box(V.mesh.comm, x)
     if not opposite.matching:
-        gaps[opposite.none] = _FAR * float(np.linalg.norm(high - low))
+        gaps[opposite.none] = _FAR * diagonal(V.mesh.comm, x)
     return gaps
 
 

@@ -6,8 +6,6 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any, ClassVar
 
-from mpi4py import MPI
-
 import numpy as np
 
 from dolfinx import fem, mesh
@@ -15,7 +13,7 @@ from dolfinx import fem, mesh
 from dolfinx_contact._arrays import Array, Indices, Mask
 from dolfinx_contact._geometry import node_positions, transformed
 from dolfinx_contact._mpi import count_of, keep, maximum, require
-from dolfinx_contact.body.rigid import bounding_box
+from dolfinx_contact.body.rigid import diagonal
 from dolfinx_contact.laws import LawAtPoints
 from dolfinx_contact.laws.symbols import before
 from dolfinx_contact.obstacles import Obstacle
@@ -147,7 +145,7 @@ class SlidingPair(DiscreteSurface):
                 f"distance {depth:.3g}",
             )
             return
-        behind = points.faces.farthest_behind(_size(self.comm, self.domain.geometry.x))
+        behind = points.faces.farthest_behind(diagonal(self.comm, self.domain.geometry.x))
         words = "interference=True for a press fit"
         require(
             self.comm,
@@ -172,12 +170,6 @@ def _check_law(law: LawAtPoints, name: str) -> None:
                 f"{name}: the law {law.law.name} {what}: with sliding='large' a point has another "
                 "opposing point at every state, and no such memory"
             )
-
-
-def _size(comm: MPI.Comm, x: Array) -> float:
-    """Return the diagonal of the box around points of all ranks. Collective."""
-    low, high = bounding_box(comm, x)
-    return float(np.linalg.norm(high - low))
 
 
 class SlidingFacets(Obstacle):
@@ -211,7 +203,7 @@ class SlidingFacets(Obstacle):
         require(comm, shared == 0 or direction is not None, words)
         if depth is None:
             x = node_positions(V)[:, :dim]
-            depth = _REACH * min(_size(comm, x[side]) for side in sides)
+            depth = _REACH * min(diagonal(comm, x[side]) for side in sides)
         self.opposite = SlidingOpposite(
             nodes=np.zeros((1, 1), dtype=np.int64),
             weights=np.zeros((1, 1)),
