@@ -133,6 +133,7 @@ def solve(
     # the last solution in which the body is turned inside out, and its attempt
     turned = x0.duplicate()
     inverting: Attempt | None = None
+    failed = False  # whether an iterative solver chosen by options failed
     for strategy in strategies(equations, trial, increments, start):
         name = strategy.name
         # skip strategies that would fail for the same reason
@@ -162,7 +163,8 @@ def solve(
                 inverting = attempt
                 x.copy(turned)
         progress.clear()
-        if attempt.linear_solver_failed and linear().is_iterative:
+        failed = attempt.linear_solver_failed and linear().is_iterative
+        if failed:
             break  # systems of other strategies are like these
         if equations.comm.rank == 0:
             # The error of a failed solve lists all attempts; a later success is not doubtful.
@@ -173,7 +175,7 @@ def solve(
         return turned, attempts
     if attempts[0].strategy in floating:
         raise FloatingBodyError(attempts[0].reason, attempts)
-    raise ConvergenceError(_diagnosis(equations, attempts), attempts)
+    raise ConvergenceError(_diagnosis(equations, attempts, failed=failed), attempts)
 
 
 def _listed(places: Sequence[Sequence[float]]) -> str:
@@ -181,8 +183,14 @@ def _listed(places: Sequence[Sequence[float]]) -> str:
     return "; ".join("(" + ", ".join(f"{c:.6g}" for c in x) + ")" for x in places)
 
 
-def _diagnosis(eq: ContactEquations, attempts: list[Attempt]) -> str:
-    """Return the message of a failed solve: possible causes, and the attempts. Collective."""
+def _diagnosis(eq: ContactEquations, attempts: list[Attempt], *, failed: bool) -> str:
+    """Return the message of a failed solve: possible causes, and the attempts. Collective.
+
+    Args:
+        eq: contact problem.
+        attempts: attempts of all strategies.
+        failed: whether an iterative solver chosen by options failed, which ended the solve.
+    """
     lines = ["the contact problem was not solved:"]
     if eq.bulk.linear:
         diagonal = eq.bulk.stiffness(eq.bulk.displacement.x.array).getDiagonal()
@@ -199,9 +207,9 @@ def _diagnosis(eq: ContactEquations, attempts: list[Attempt]) -> str:
             "general no root, and friction or a threshold on a face must be a law of a contact "
             "surface instead, such as Tresca"
         )
-    if attempts[-1].linear_solver_failed:
+    if failed:
         lines.append(
-            "the iterative solver that the options choose failed, and no other strategy was tried: "
+            "the iterative solver chosen by the options failed, and no further strategy was tried: "
             "the Jacobian is indefinite and not symmetric; leave out ksp_type and pc_type, or take "
             "linear_solver='amg'"
         )
