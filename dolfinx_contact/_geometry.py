@@ -24,6 +24,7 @@ __all__ = [
     "along_tangent",
     "area_vector_rates",
     "area_vectors",
+    "balls",
     "by_coordinates",
     "connected_parts",
     "curves",
@@ -246,6 +247,12 @@ def in_space(vectors: Array) -> Array:
 def ratio(a: Array, b: Array) -> Array:
     """Return a/b, 0 where b is not positive; both have one shape."""
     return np.divide(a, b, out=np.zeros_like(b), where=b > 0)
+
+
+def balls(x: Array) -> tuple[Array, Array]:
+    """Return middles (n, dim) of facets with corners x (n, k, dim), and radii of balls there."""
+    middles = x.mean(axis=1)
+    return middles, np.linalg.norm(x - middles[:, None], axis=2).max(axis=1, initial=0.0)
 
 
 def area_vectors(x: Array) -> Array:

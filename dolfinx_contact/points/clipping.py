@@ -16,7 +16,7 @@ import numpy as np
 import basix
 
 from dolfinx_contact._arrays import Array, Ints, Mask
-from dolfinx_contact._geometry import area_vectors, dot, tangential, unit
+from dolfinx_contact._geometry import area_vectors, balls, dot, tangential, unit
 
 __all__ = [
     "Cover",
@@ -64,9 +64,7 @@ class Faces:
     @property
     def balls(self) -> tuple[Array, Array]:
         """Middles (n, dim) of the facets, and radii (n,) of balls around them."""
-        middles = self.x.mean(axis=1)
-        off = np.linalg.norm(self.x - middles[:, None], axis=2)
-        return middles, off.max(axis=1, initial=0.0)
+        return balls(self.x)
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ from dolfinx import fem
 from dolfinx_contact._arrays import Array, Indices, Ints
 from dolfinx_contact._compat import FacetSubmesh
 from dolfinx_contact._forms import compiled_form
-from dolfinx_contact._geometry import area_vectors, dot, node_positions, unit
+from dolfinx_contact._geometry import area_vectors, dot, node_positions, tangential, unit
 from dolfinx_contact._mpi import SharedValues
 from dolfinx_contact.points.trace import facet_closures, facet_normals, owned_facets
 from dolfinx_contact.rigid_surfaces.closest import ClosestFacets
@@ -228,6 +228,6 @@ def distance_from_face(corners: Array, x: Array) -> DistanceFromFace:
     cells = np.arange(corners.shape[0] * corners.shape[1]).reshape(corners.shape[:2])
     closest = ClosestFacets(corners.reshape(-1, corners.shape[2]), cells)(x)
     normal = unit(area_vectors(corners[closest.facets]))
-    gap = dot(x - closest.feet, normal)
-    beyond = np.linalg.norm(x - closest.feet - gap[:, None] * normal, axis=1)
-    return DistanceFromFace(gap, beyond, normal)
+    away = x - closest.feet
+    beyond = np.linalg.norm(tangential(away, normal), axis=1)
+    return DistanceFromFace(dot(away, normal), beyond, normal)

@@ -23,7 +23,7 @@ import numpy as np
 import scipy
 
 from dolfinx_contact._arrays import Array, Ints
-from dolfinx_contact._geometry import area_vectors, dot, listed_pairs
+from dolfinx_contact._geometry import area_vectors, balls, dot, listed_pairs
 
 __all__ = ["ClosestFacets", "ClosestPoints", "closest_on"]
 
@@ -158,24 +158,18 @@ def _covered(corners: Array) -> tuple[Array, Ints, Array]:
     """Return balls covering all facets: centres, facet indices and radii."""
     owners = np.arange(len(corners))
     largest = float(np.ptp(corners.reshape(-1, corners.shape[2]), axis=0).max()) / _PARTS
-    target = max(largest, 2.0 * float(np.median(_radii(corners))))
+    target = max(largest, 2.0 * float(np.median(balls(corners)[1])))
     done: list[tuple[Array, Ints, Array]] = []
     while True:
-        radii = _radii(corners)
+        centres, radii = balls(corners)
         large = radii > target
-        done.append((corners[~large].mean(axis=1), owners[~large], radii[~large]))
+        done.append((centres[~large], owners[~large], radii[~large]))
         if not large.any():
             break
         corners = _halved(corners[large])
         owners = np.repeat(owners[large], 2)
     centres, facets, radii = (np.concatenate(part) for part in zip(*done, strict=True))
     return centres, facets, radii
-
-
-def _radii(corners: Array) -> Array:
-    """Return the radii of balls containing the facets, centred at their midpoints."""
-    away = np.linalg.norm(corners - corners.mean(axis=1, keepdims=True), axis=2)
-    return away.max(axis=1)
 
 
 def _halved(corners: Array) -> Array:
