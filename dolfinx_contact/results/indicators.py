@@ -23,7 +23,7 @@ position, gap, normal and jump at contact points.
 | `negative_bound` | own laws: largest negative friction bound of closed points, as a nodal force, over the largest one | 1e-6 |
 | `penetration` | compliant laws: largest -g | 0.1 facets |
 | `min_det_F` | smallest det(I + grad u); for a linear body, only if displacements in it differ by more than its smallest extent | 0 (below) |
-| `apart` | static law: smallest gap of a moved body that no contact point touches; faces of one body, as of a crack, do not count | any |
+| `apart` | static law: smallest gap of a moved body that no contact point touches; faces of one body, as of a crack, do not count | 1e-12 of the body size |
 | `floating` | rigid motions of a moved body that only contact without force holds | any |
 | `rotation` | linear body: largest mean rotation of a connected part | 11.5 degrees |
 | `displacement` | linear body: largest difference of a displacement component between two nodes of a connected part, over the largest extent of the part | 1 |
@@ -307,11 +307,13 @@ def _apart(eq: ContactEquations, state: Evaluation) -> float | None:
     """Return the smallest gap of a moved body that touches nothing, or None. Collective.
 
     The faces of a crack, and a face that may touch itself, belong to one body and may stay open.
+    Displacements and gaps that are round-off of the body size count as zero.
     """
     if any(memory is not None for memory in eq.memory):
         return None
     several = eq.scaling.parts.number > 1
-    moved, acting, gaps = bool(np.any(state.u)), False, []
+    _, none = least_scales(eq, 0.0)
+    moved, acting, gaps = bool(np.any(np.abs(state.u) > none)), False, []
     for s, contact, held in _contacts(eq, state):
         acting |= bool(np.any(closed(contact.statuses) & ~held) or np.any(contact.answer))
         if several or not s.between_bodies:
@@ -319,7 +321,7 @@ def _apart(eq: ContactEquations, state: Evaluation) -> float | None:
     free = any(len(gap) for gap in gaps)
     moved, acting, free = anywhere(eq.comm, moved, acting, free)
     smallest = minimum(eq.comm, np.nan_to_num(np.concatenate([*gaps, []]), nan=np.inf), np.inf)
-    return smallest if moved and free and not acting else None
+    return smallest if moved and free and not acting and abs(smallest) > none else None
 
 
 def _floating(eq: ContactEquations, state: Evaluation) -> str:

@@ -340,6 +340,15 @@ def test_a_body_that_touches_nothing_gives_a_warning(log):
 
 
 @pytest.mark.ranks(2)
+@pytest.mark.parametrize(("lift", "height"), [(1e-15, -0.1), (-0.01, -0.01 - 1e-15)])
+def test_round_off_is_neither_a_motion_nor_a_gap(lift, height):
+    """A block moves by round-off over a floor; or by 0.01, down to round-off above the floor."""
+    floor = HalfSpace((0.0, height), (0.0, 1.0))
+    result = block(n=4, cell="quad", top=(0.0, lift), obstacle=floor).solve()
+    assert result.indicators.apart is None
+
+
+@pytest.mark.ranks(2)
 def test_a_crack_may_open_without_a_warning():
     """Two blocks are drawn apart, and a block with a crack that ends in its middle."""
     parted = stacked(2, "quad", 4, heights=(-0.5, 0.5))
