@@ -203,6 +203,10 @@ class ThroughTimes(Rule[HistoryTask]):
         self._before: AcceptedState | None = None
         #: Smallest det F of a state.
         self._det: tuple[AcceptedState, float] | None = None
+        # A law of the speed becomes steeper in shorter steps; fields named in needs_time do not.
+        rates = (s for s in surfaces if not s.law.needs_time)
+        #: Names of the surfaces whose law may depend on the speed.
+        self._of_speed = [s.name for s in rates if s.law_at_points.compiled.needs_time(1.0)]
 
     def where(self, step: EvolutionStep) -> str:
         return (
@@ -340,6 +344,7 @@ class ThroughTimes(Rule[HistoryTask]):
             rate / last if last > 0 else (math.inf if rate > 0 else 0.0),
             after.energies.residue_since(before.energies),
             searched=self.task.locate_jumps,
+            timed=bool(self._of_speed),
         )
         return replace(result, indicators=replace(result.indicators, step=indicators))
 
@@ -504,10 +509,7 @@ class ThroughTimes(Rule[HistoryTask]):
 
     def _not_solved(self, length: float, error: ConvergenceError) -> str:
         """Return the reason for the end of a run at a step that was not solved."""
-        surfaces = self._stepper.problem.surfaces
-        # A law of the speed becomes steeper in shorter steps; fields named in needs_time do not.
-        rates = (s for s in surfaces if not s.law.needs_time)
-        if any(s.law_at_points.compiled.needs_time(1.0) for s in rates):
+        if self._of_speed:
             advice = _LONGER
         else:
             advice = "" if self.task.halve else _HALVE

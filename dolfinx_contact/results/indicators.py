@@ -137,8 +137,13 @@ _MESSAGES = {
     "that its position is one of many; add a Dirichlet condition or a load",
     "jump": "the state may jump in step {} from the time {:.6g} to {:.6g}: it changes {:.3g} times "
     "faster than in the step before, and {:.0%} of the energy turned over is neither stored nor "
-    "dissipated; QuasiStatic.run(..., locate_jumps=True) decides",
+    "dissipated; {}",
 }
+_LOCATE = "QuasiStatic.run(..., locate_jumps=True) decides"
+_LONGER = (
+    "a law depends on the time of a step: if it weakens with the speed, take longer steps, or NSCD "
+    "with mass='lumped'; otherwise " + _LOCATE
+)
 _LENGTHS = ("misfit", "penetration")  # compared with the facet size
 _LEFT = 0.5  # facets beyond the edge of a master, from which a point has left it
 _FACING = 0.5  # smallest cosine between normals of faces that face each other
@@ -219,6 +224,7 @@ class StepIndicators:
         residue: energy residue of the step relative to the energy exchanged in the step; positive
             for the energy released by a jump.
         searched: whether the run locates jumps, so that a warning is not needed.
+        timed: whether a law depends on the time of a step, so that it may weaken with the speed.
     """
 
     number: int
@@ -227,6 +233,7 @@ class StepIndicators:
     speed: float
     residue: float
     searched: bool = False
+    timed: bool = False
 
     @property
     def warning(self) -> str:
@@ -235,7 +242,7 @@ class StepIndicators:
         if self.searched or not jumps:
             return ""
         values = self.number, self.start, self.time, self.speed, self.residue
-        return _MESSAGES["jump"].format(*values)
+        return _MESSAGES["jump"].format(*values, _LONGER if self.timed else _LOCATE)
 
 
 @dataclass(frozen=True)

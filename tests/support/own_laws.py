@@ -1,4 +1,4 @@
-"""Two laws of `demo_own_law.py`: friction weakening with the slip, and orthotropic friction."""
+"""Friction weakening with slip or speed, and orthotropic friction, as users write them."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -17,6 +17,18 @@ class SlipWeakening(FrictionLaw):
     def bound(self, a, p):
         drop = self.static - self.kinetic
         return (self.kinetic + drop * ufl.exp(-a.slid / self.distance)) * p
+
+
+@dataclass(frozen=True)
+class SpeedWeakening(FrictionLaw):
+    static: Any
+    kinetic: Any
+    speed: Any
+
+    def bound(self, a, p):
+        moving = ufl.gt(a.step, 0.0)
+        v = ufl.conditional(moving, (a.slid - a.slid_before) / a.step, 0.0)
+        return (self.kinetic + (self.static - self.kinetic) * ufl.exp(-v / self.speed)) * p
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from support.blocks import facets
 from support.mortars import stacked
-from support.own_laws import SlipWeakening
+from support.own_laws import SlipWeakening, SpeedWeakening
 from support.sliding_bodies import TIMES, Bodies, sliding_history
 
 import ufl
@@ -125,6 +125,29 @@ def test_a_step_in_which_the_state_may_jump_gives_a_warning(caplog):
     assert sum(s.jump for s in located.steps) == 1
     assert all(s.inserted == (s.time not in times) for s in located.steps)
     assert not any("jump" in s.result.warnings for s in located.steps)
+
+
+def slid(steps):
+    """A column under friction that weakens with the speed; it slides at 0.02, then at 0.2.
+
+    Args:
+        steps: number of steps in a unit of time.
+    """
+    problem, top = columns([1.0], SpeedWeakening(0.4, 0.2, 0.05))
+
+    def load(time):
+        top.value[:] = np.interp(time, [1.0, 3.0, 4.0], [0.0, 0.04, 0.24]), -0.03 * min(time, 1.0)
+
+    return QuasiStatic(problem, load).run(np.linspace(0.0, 4.0, 4 * steps + 1))
+
+
+@pytest.mark.ranks(2)
+def test_a_law_that_weakens_with_the_speed_gets_another_remedy():
+    """A warning of a sudden change names longer steps, since short ones have several solutions."""
+    history = slid(2)
+    texts = [s.result.warnings.get("jump", "") for s in history.steps]
+    (text,) = filter(None, texts)
+    assert "weakens with the speed, take longer steps, or NSCD with mass='lumped'" in text
 
 
 @pytest.mark.ranks(2)
