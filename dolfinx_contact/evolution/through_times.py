@@ -36,6 +36,7 @@ from __future__ import annotations
 import bisect
 import logging
 import math
+from collections import deque
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal, TypeAlias, get_args
@@ -64,8 +65,9 @@ from dolfinx_contact.evolution.rate_problem import rays_of_step
 from dolfinx_contact.evolution.run import Ended, Rule, RunState
 from dolfinx_contact.evolution.step import AcceptedState, Stepper
 from dolfinx_contact.laws.status import closed
-from dolfinx_contact.results.indicators import StepIndicators
+from dolfinx_contact.results.indicators import StepIndicators, alternation
 from dolfinx_contact.results.result import Result
+from dolfinx_contact.results.tables import ContactTable
 from dolfinx_contact.solvers import ConvergenceError
 from dolfinx_contact.solvers.strategies import Trial
 
@@ -207,6 +209,8 @@ class ThroughTimes(Rule[HistoryTask]):
         rates = (s for s in surfaces if not s.law.needs_time)
         #: Names of the surfaces whose law may depend on the speed.
         self._of_speed = [s.name for s in rates if s.law_at_points.compiled.needs_time(1.0)]
+        #: Tables of these surfaces at the ends of the last steps of the run.
+        self._tables: deque[dict[str, ContactTable]] = deque(maxlen=4)
 
     def where(self, step: EvolutionStep) -> str:
         return (
@@ -329,10 +333,11 @@ class ThroughTimes(Rule[HistoryTask]):
         )
 
     def _with_indicators(self, after: AcceptedState, change: StateChanges) -> Result:
-        """Return the result of a step with its indicators of a jump."""
+        """Return the result of a step with its indicators of jumps and alternating friction."""
         before = self.state.accepted
         result = after.result
         assert result is not None
+        self._tables.append({name: result.tables[name] for name in self._of_speed})
         if not (isinstance(before.forces, Forces) and before.solved) or self.state.rate is None:
             return result
         rate = change.unknowns / (after.time - before.time)
@@ -345,6 +350,10 @@ class ThroughTimes(Rule[HistoryTask]):
             after.energies.residue_since(before.energies),
             searched=self.task.locate_jumps,
             timed=bool(self._of_speed),
+            alternation=max(
+                (alternation([t[name] for t in self._tables]) for name in self._of_speed),
+                default=0.0,
+            ),
         )
         return replace(result, indicators=replace(result.indicators, step=indicators))
 
@@ -509,10 +518,9 @@ class ThroughTimes(Rule[HistoryTask]):
 
     def _not_solved(self, length: float, error: ConvergenceError) -> str:
         """Return the reason for the end of a run at a step that was not solved."""
+        advice = "" if self.task.halve else _HALVE
         if self._of_speed:
             advice = _LONGER
-        else:
-            advice = "" if self.task.halve else _HALVE
         # the reason and the remedy before the list of attempts
         reason, *details = str(error).splitlines()
         return "\n".join(

@@ -28,6 +28,7 @@ position, gap, normal and jump at contact points.
 | `rotation` | linear body: largest mean rotation of a connected part | 11.5 degrees |
 | `displacement` | linear body: largest difference of a displacement component between two nodes of a connected part, over the largest extent of the part | 1 |
 | `speed`, `residue` | history, signs of a jump of the state within a step: rate of change of all unknowns over that in the previous step; energy of the step that is neither stored nor dissipated, over the sum of the magnitudes of external work, stored energy and dissipation in the step | both: 1.5 and 0.1 |
+| `alternation` | history, laws that depend on the time of a step: smallest of the last three changes of shear over pressure (sums over a surface), if they alternate in sign and the shear does not, over the largest of the four values | 0.05 |
 
 "In a step" means since the last accepted state of an evolution; in the static law, since the
 undeformed state.
@@ -35,6 +36,7 @@ undeformed state.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -58,6 +60,7 @@ from dolfinx_contact.obstacles import Cylinder, Sphere, is_uniform
 from dolfinx_contact.points.geometry import distance_from_face, simplices_of
 from dolfinx_contact.points.rigid_body import shape_of
 from dolfinx_contact.points.surface import DiscreteSurface
+from dolfinx_contact.results.tables import ContactTable
 from dolfinx_contact.rigid_surfaces import RigidSurface
 from dolfinx_contact.rigid_surfaces.closest import ClosestFacets
 
@@ -66,6 +69,7 @@ __all__ = [
     "Indicators",
     "StepIndicators",
     "SurfaceIndicators",
+    "alternation",
     "indicators_of",
     "small_sliding_violated",
     "surface_indicators",
@@ -93,6 +97,7 @@ LIMITS = {
     "displacement": 1.0,
     "speed": 1.5,
     "residue": 0.1,
+    "alternation": 0.05,
 }
 _MESSAGES = {
     "misfit": "the gap at the displaced contact points differs by {:.2g} facet sizes from the gap "
@@ -138,6 +143,8 @@ _MESSAGES = {
     "jump": "the state may jump in step {} from the time {:.6g} to {:.6g}: it changes {:.3g} times "
     "faster than in the step before, and {:.0%} of the energy turned over is neither stored nor "
     "dissipated; {}",
+    "alternation": "friction alternates from step to step by a fraction of {:.2g}: if the law "
+    "weakens with the speed, steps are too short; take longer steps, or NSCD with mass='lumped'",
 }
 _LOCATE = "QuasiStatic.run(..., locate_jumps=True) decides"
 _LONGER = (
@@ -152,6 +159,7 @@ _ACROSS = 0.4  # cosine of the normals of body and obstacle, below which a force
 _SAMPLES = 4  # samples of an edge of the obstacle per facet of the body
 _AT_ONCE = 0.01  # of the local compression: spread of initial gaps that close together
 _STRAIGHT = 0.9  # cosine with the normal of a facet, above which a corner lies below the facet
+_ALTERNATING = 4  # steps in which friction may alternate
 _ROUND_OFF = 1e-9  # relative excess of a threshold that is not an excess
 _TINY = float(np.finfo(np.float64).tiny)
 
@@ -214,7 +222,7 @@ class SurfaceIndicators:
 
 @dataclass(frozen=True)
 class StepIndicators:
-    """Indicators of a jump of the state within a step of a history.
+    """Indicators of a jump of the state within a step of a history, and of alternating friction.
 
     Attributes:
         number: number of the step.
@@ -225,6 +233,8 @@ class StepIndicators:
             for the energy released by a jump.
         searched: whether the run locates jumps, so that a warning is not needed.
         timed: whether a law depends on the time of a step, so that it may weaken with the speed.
+        alternation: smallest of the last three changes of shear over pressure, if they alternate,
+            relative to the largest value; 0 otherwise, and for laws that do not depend on time.
     """
 
     number: int
@@ -234,6 +244,7 @@ class StepIndicators:
     residue: float
     searched: bool = False
     timed: bool = False
+    alternation: float = 0.0
 
     @property
     def warning(self) -> str:
@@ -288,6 +299,8 @@ class Indicators:
             found["floating"] = _MESSAGES["floating"].format(self.floating)
         if self.step is not None and self.step.warning:
             found["jump"] = self.step.warning
+        if self.step is not None and self.step.alternation > LIMITS["alternation"]:
+            found["alternation"] = _MESSAGES["alternation"].format(self.step.alternation)
         for surface, s in self.surfaces.items():
             found |= {f"{name} of {surface!r}": text for name, text in s.warnings.items()}
         return found
@@ -308,6 +321,27 @@ def indicators_of(eq: ContactEquations, state: Evaluation) -> Indicators:
         det = _min_det_F(eq, state) if np.any(moved > extents.min(axis=1)) else None
         return Indicators(surfaces, det, turn, displacement, apart=apart, floating=floating)
     return Indicators(surfaces, min_det_F=_min_det_F(eq, state), apart=apart, floating=floating)
+
+
+def alternation(tables: Sequence[ContactTable]) -> float:
+    """Return the indicator `alternation` of a surface.
+
+    Args:
+        tables: tables of the surface at the ends of the last steps, the latest at the end.
+    """
+    if len(tables) < _ALTERNATING:
+        return 0.0
+    pressures = [t.rn.sum() for t in tables[-_ALTERNATING:]]
+    if min(pressures) <= 0.0:
+        return 0.0
+    shears = [t.rt.sum(axis=0) for t in tables[-_ALTERNATING:]]
+    ratios = np.array(shears) / np.array(pressures)[:, None]
+    changes = np.diff(ratios, axis=0)
+    alternates = (dot(changes[1:], changes[:-1]) < 0.0).all()
+    if not alternates or (dot(ratios[1:], ratios[:-1]) <= 0.0).any():
+        return 0.0
+    sizes, largest = np.linalg.norm(changes, axis=1), np.linalg.norm(ratios, axis=1).max()
+    return float(sizes.min() / largest)
 
 
 def _apart(eq: ContactEquations, state: Evaluation) -> float | None:

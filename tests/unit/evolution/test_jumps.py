@@ -151,6 +151,23 @@ def test_a_law_that_weakens_with_the_speed_gets_another_remedy():
 
 
 @pytest.mark.ranks(2)
+def test_friction_that_alternates_from_step_to_step_gives_a_warning(caplog):
+    """Short steps multiply errors by less than -1; the coefficient is 0.334 in long ones."""
+    assert not any("alternation" in s.result.warnings for s in slid(2).steps)
+    steps = slid(8).steps
+    shears = [s.result.resultants["contact"] for s in steps]
+    ratios = np.array([-f[0] / f[1] for f in shears])
+    for k, step in enumerate(steps[2:], 2):
+        changes = np.diff(ratios[max(k - 3, 0) : k + 1])
+        turns = len(changes) == 3 and (changes[1:] * changes[:-1] < 0).all()
+        value = np.abs(changes).min() / ratios[k - 3 : k + 1].max() if turns else 0.0
+        assert step.result.indicators.step.alternation == pytest.approx(value, abs=1e-9)
+        assert ("alternation" in step.result.warnings) == (value > 0.05)
+    found = [r.getMessage() for r in caplog.records if "friction alternates" in r.getMessage()]
+    assert len(found) == (COMM.rank == 0)
+
+
+@pytest.mark.ranks(2)
 def test_a_coarse_step_names_where_its_load_turns_back():
     """The load turns back in the step, not where it begins; shorter steps lead nearer."""
     evolution = pulled([1.0])
