@@ -41,16 +41,6 @@ def test_intersecting_fractures_agree_with_the_boundary_elements():
 
 
 @pytest.mark.verifies(
-    "cracks that cross", reference="itself: a group for each fracture", aspects=("2D", "pairs")
-)
-def test_intersecting_fractures_of_one_group_are_those_of_two_groups():
-    one, two = (run(0.1, 10.0, 0.25) for run in (fractures.one_group, fractures.intersection))
-    assert one["unknowns"] == two["unknowns"]
-    for name in ("pressure_rms", "slip_rms", "aperture_rms"):
-        assert one[name] == pytest.approx(two[name], rel=1e-6)
-
-
-@pytest.mark.verifies(
     "sliding pairs",
     "hyperelastic bodies",
     reference="paper: Neto et al. (2016), digitised by solids4foam",

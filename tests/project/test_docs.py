@@ -205,7 +205,7 @@ def test_readme_example_runs(folder, monkeypatch):
     monkeypatch.chdir(folder)
     names: dict = {}
     exec(EXAMPLES[0], names)
-    result = names["result"]
+    result = names["problem"].solve()
     assert result.kkt_violation < 1e-8
     assert min(result.counts[k] for k in ("stick", "slip")) > 0
     force = result.resultants["floor"]

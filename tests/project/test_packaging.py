@@ -56,6 +56,7 @@ def test_everything_that_is_imported_is_declared():
     files = [f for f in everything if f.name != "in_paraview.py"]  # which ParaView runs
     asked = set().union(*(imported(f.read_text()) for f in files))
     names = {"imageio_ffmpeg": "imageio-ffmpeg", "vtkmodules": "pyvista"}  # pyvista installs VTK
+    names |= dict.fromkeys(("PIL", "contourpy"), "matplotlib")  # which installs both
     asked = {names.get(name, name) for name in asked}
     assert asked - SYSTEM - set(sys.stdlib_module_names) - {"dolfinx_contact"} == declared
     assert (TREE / "dolfinx_contact" / "py.typed").exists()

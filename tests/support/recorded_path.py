@@ -75,13 +75,14 @@ def pair(comm, friction, way, anew):
     import cases.two_blocks
 
     args = cases.two_blocks.arguments(["--n", "3", "--ratio", "2"])
-    domain, _, slave, master = cases.two_blocks.blocks(args, comm)
+    body = cases.two_blocks.blocks(args, comm)
+    domain = body.mesh
     V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
     u = fem.Function(V)
     top = fem.Function(V)
     ends = [fem.locate_dofs_topological(V, 1, facets(domain, 1, y)) for y in (1.0, -0.5)]
     bcs = [fem.dirichletbc(top, ends[0]), fem.dirichletbc(np.zeros(2), ends[1], V)]
-    touch = ContactPair(u, slave, master_facets=master, law=Coulomb(friction))
+    touch = ContactPair(u, body, slave="sole", master="seat", law=Coulomb(friction))
     energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx
     return pressed(ContactProblem(energy, u, [touch], bcs=bcs), top, way, anew)
 

@@ -99,8 +99,8 @@ def test_plane_strain_has_its_von_mises_stress():
 
 def recipe():
     """The lines of the docstring of `materials`, but for the problem."""
-    text = materials.__doc__.partition("the stress across it follows::\n")[2].partition(
-        "\nFor a body of"
+    text = materials.__doc__.partition("the out-of-plane stress follows::\n")[2].partition(
+        "\nFor an axisymmetric body"
     )[0]
     code = textwrap.dedent(text)
     return re.sub(r"problem = .*\n", "energy = W(F) * ufl.dx\n", code)
