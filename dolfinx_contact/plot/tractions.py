@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact._arrays import Mask
+from dolfinx_contact._arrays import Mask, as_text
 from dolfinx_contact._geometry import (
+    along_tangent,
     area_vectors,
     curves,
-    dot,
     plane_tangents,
     tangential,
     unit,
@@ -93,7 +93,9 @@ def picture_of_contact(
     In 3D there are two maps of the surface, projected along the coordinate axis closest to its mean
     normal where it touches. In 2D the tractions and the friction bound are drawn over the
     coordinate of a straight surface, and over the length along a curved one; for a law with bonds
-    also the frictional part of the shear, to which the bound applies. The picture is limited to the
+    also the frictional part of the shear, to which the bound applies. The shear has the sign of
+    `ContactTable.along`: it is along t = (-n_y, n_x), which points to -x below an obstacle. The
+    picture is limited to the
     part of the surface that touches or carries a traction, and its surroundings. Statuses and
     values are those of the vertices (`ContactProblem.contact_fields`); the legend counts the
     vertices in the picture.
@@ -170,10 +172,10 @@ def contact_data(problem: ContactProblem, s: DiscreteSurface) -> Arrays:
     """Gather facets, tractions and statuses of the vertices of a surface on rank 0. Collective.
 
     Returns:
-        The arrays of `gather_facets`, with ``pressure``, ``shear``, ``bound``, the letters of the
-        statuses, the normals ``n`` of the undeformed body, and the mask ``touching`` of vertices
-        that stick, slip or carry a traction; for a law with bonds also the frictional part
-        ``friction`` of the shear. An empty dictionary on other ranks.
+        The arrays of `gather_facets`, with ``pressure``, ``shear`` (in 2D its components along t),
+        ``bound``, the letters of the statuses, the normals ``n`` of the undeformed body, and the
+        mask ``touching`` of vertices that stick, slip or carry a traction; for a law with bonds
+        also the frictional part ``friction`` of the shear. An empty dictionary on other ranks.
     """
     number = problem.surfaces.index(s)
     evaluation = problem.evaluate()
@@ -182,8 +184,7 @@ def contact_data(problem: ContactProblem, s: DiscreteSurface) -> Arrays:
     letters = np.array(list("oksd"))[fields["status"].x.array.astype(int)]
     if s.dim == 2:
         plus, minus = at_vertices["plus"], at_vertices["minus"]
-        senses = np.select([minus > plus, plus > 0], ["-", "+"], "s")
-        letters = np.where(letters == "s", senses, letters)
+        letters = np.where(letters == "s", np.where(minus > plus, "-", "+"), letters)
     # supports are not contact, and tractions of the size of the round-off of forces are none
     pressure = fields["pressure"].x.array
     traction = fields["traction"].x.array.reshape(-1, s.dim)
@@ -194,19 +195,22 @@ def contact_data(problem: ContactProblem, s: DiscreteSurface) -> Arrays:
     normal = at_vertices["n"]
     values = {
         "pressure": np.where(carries, pressure, 0.0),
-        "shear": np.where(carries[:, None], traction + pressure[:, None] * normal, 0.0),
         "bound": at_vertices["bound"],
         "letters": letters,
         "n": s.points.vertex_normals,
     }
+    tractions = {"shear": traction}
     if s.law_at_points.compiled.bonded:
         adhesive = evaluation.surfaces[number].answers.bond("traction")
         bond = np.stack([s.points.at_vertices(t) for t in adhesive.T], axis=1)
-        bond = tangential(bond, normal)
-        values["friction"] = values["shear"] - np.where(carries[:, None], bond, 0.0)
+        tractions["friction"] = traction - bond
+    for name, vectors in tractions.items():
+        shear = (along_tangent if s.dim == 2 else tangential)(vectors, normal)
+        shear[~carries] = 0.0
+        values[name] = shear
     data = gather_facets(s, values)
     if data:
-        size = np.hypot(data["pressure"], np.linalg.norm(data["shear"], axis=1))
+        size = np.linalg.norm(np.column_stack([data["pressure"], data["shear"]]), axis=1)
         data["touching"] = ~np.isin(data["letters"], ["o", "d"]) | (size > _LITTLE * size.max())
     return data
 
@@ -241,16 +245,15 @@ def _draw_curve(
     Returns:
         The figure, and the mask of the vertices in it.
     """
-    at, facets, label, tangents = _positions(data)
+    at, facets, label = _positions(data)
     if over is not None:
         at, facets, label = data["x"][:, "xy".index(over)], data["cells"], over
     axes = new_figure((8.6, 5.0)).add_subplot()
     body = "slave" if s.between_bodies else "body"
-    shear = dot(data["shear"], tangents)
-    lines = {"pressure": (data["pressure"], "#8c2d19"), f"shear on the {body}": (shear, "#2b5d34")}
+    pressure, shear = data["pressure"], data["shear"]
+    lines = {"pressure": (pressure, "#8c2d19"), f"shear on the {body}": (shear, "#2b5d34")}
     if "friction" in data:
-        friction = dot(data["friction"], tangents)
-        lines["friction, a part of the shear"] = friction, "#6fa37a"
+        lines["friction, a part of the shear"] = data["friction"], "#6fa37a"
     lines["friction bound ±"] = data["bound"], "#7d858c"
     lines["_lower bound"] = -data["bound"], "#7d858c"
     for name, (values, colour) in lines.items():
@@ -260,11 +263,11 @@ def _draw_curve(
         axes.plot(x.ravel(), y.ravel(), color=colour, label=name, **style)
     colours = [COLOURS[k] for k in data["letters"]]
     look: dict[str, Any] = dict(linewidths=0.4, edgecolors=INK, zorder=3)
-    for values in (data["pressure"], shear):
+    for values in (pressure, shear):
         axes.scatter(at, values, s=12 if len(at) > 60 else 26, c=colours, **look)
     axes.axhline(0, color=INK, lw=0.6)
     begin, end = _limits(at, data, 1.0 / len(at))
-    bounds = [(d["pressure"], dot(d["shear"], tangents), d["bound"], -d["bound"]) for d in frames]
+    bounds = [(d["pressure"], d["shear"], d["bound"], -d["bound"]) for d in frames]
     margin = 0.05 * float(np.ptp(bounds)) or 1.0
     above = margin if len(frames) == 1 else 6 * margin  # place for the legend in all frames
     axes.set(xlim=(begin, end), ylim=(np.min(bounds) - margin, np.max(bounds) + above))
@@ -275,19 +278,19 @@ def _draw_curve(
     return axes.figure, (begin <= at) & (at <= end)
 
 
-def _positions(data: Arrays) -> tuple[Array, Cells, str, Array]:
+def _positions(data: Arrays) -> tuple[Array, Cells, str]:
     """Positions along the curves of a face in 2D, which grow along t = (-n_y, n_x).
 
     A closed curve is cut at the facet opposite to its touching part, which is left out.
 
     Returns:
-        Positions of the vertices (m,), the facets, the label, and the tangents (m, 2).
+        Positions of the vertices (m,), the facets, and the label.
     """
     x, facets = data["x"][:, :2], data["cells"]
-    tangents = plane_tangents(data["n"])
     axis = int(np.argmax(np.ptp(x, axis=0)))
     if np.ptp(x[:, 1 - axis]) < _STRAIGHT * np.ptp(x[:, axis]):
-        return x[:, axis], facets, "xy"[axis], np.tile(np.eye(2)[axis], (len(x), 1))
+        return x[:, axis], facets, "xy"[axis]
+    tangents = plane_tangents(data["n"])
     at = np.zeros(len(x))
     kept = []
     begin = 0.0
@@ -305,9 +308,8 @@ def _positions(data: Arrays) -> tuple[Array, Cells, str, Array]:
         at[vertices] = begin + np.cumsum([0.0, *lengths])
         kept.append(np.stack([vertices[:-1], vertices[1:]], axis=1))
         begin += 1.05 * float(lengths.sum())
-    start = ", ".join(f"{c:.4g}" for c in x[np.argmin(at)])
-    label = f"length along the surface, from ({start})"
-    return at, np.concatenate(kept), label, tangents
+    start = ", ".join(as_text(c, float(np.abs(x).max()), 4) for c in x[np.argmin(at)])
+    return at, np.concatenate(kept), f"length along the surface, from ({start})"
 
 
 # -- maps in 3D ----------------------------------------------------------------------------------

@@ -366,13 +366,18 @@ def test_a_magnified_body_in_its_obstacle_is_warned_of(caplog):
 
 @pytest.mark.ranks(2)
 def test_tractions_of_a_curved_surface_are_drawn_over_its_length():
-    """The surface has three sides of a square, which are followed from one end to the other."""
+    """The surface has three sides of a square, which are followed from one end to the other.
+
+    Round-off in the coordinates is not shown.
+    """
 
     def sides(domain):
         away = lambda x: np.isclose(x[1], 0) | np.isclose(x[0], 0) | np.isclose(x[0], 1)  # noqa: E731
         return mesh.locate_entities_boundary(domain, 1, away)
 
-    figure = plot.picture_of_contact(None, block(n=4, where=sides))
+    domain = box(COMM, 4, "tri")
+    domain.geometry.x[:, 0] += 1e-19
+    figure = plot.picture_of_contact(None, block(domain=domain, where=sides))
     if COMM.rank == 0:
         axes = figure.axes[0]
         x = axes.lines[0].get_xdata()
@@ -425,6 +430,41 @@ def test_senses_of_slip_are_those_of_the_table(law, way):
     expected = {f"{name} ({names.count(name)})" for name in names}
     assert {text.get_text() for text in legend.get_texts()} == expected
     assert status.NAMES["-" if way < 0 else "+"] in names
+
+
+def test_a_frictionless_point_at_rest_has_the_status_of_the_table():
+    problem = block(law=Frictionless())
+    problem.u.interpolate(lambda x: np.stack([0.0 * x[0], 0.0 * x[0] - 0.01]))
+    figure = plot.picture_of_contact(None, problem)
+    if COMM.rank == 0:
+        (text,) = figure.legends[0].get_texts()
+        assert text.get_text() == "slip, $u_t > 0$ (5)"
+    assert set(problem.table("contact").letters) == {"+"}
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize(("side", "tangent"), [(0.0, 1.0), (1.0, -1.0)])
+def test_the_shear_has_the_sign_of_the_table(side, tangent):
+    """The body is dragged to +x, so that friction acts to -x; t points to +x above a floor."""
+    domain = box(COMM, 4, "tri")
+    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
+    u = fem.Function(V)
+    moved = np.array([0.03, -0.01 * tangent])
+    held = fem.locate_dofs_topological(V, 1, facets(domain, 1, 1.0 - side))
+    plane = HalfSpace((0.0, side), (0.0, tangent))
+    surface = ContactSurface(u, facets(domain, 1, side), obstacle=plane, law=Coulomb(0.3))
+    bcs = [fem.dirichletbc(moved, held, V)]
+    problem = ContactProblem(MATERIAL.energy(u) * ufl.dx, u, [surface], bcs=bcs)
+    table = problem.solve().tables["contact"]
+    figure = plot.picture_of_contact(None, problem)
+    np.testing.assert_allclose(table.along(table.ut), tangent * table.ut[:, 0])
+    assert set(table.letters) == {"+" if side == 0.0 else "-"}
+    if COMM.rank == 0:
+        shear = lines_of(figure)["shear on the body"]
+        np.testing.assert_allclose(shear, table.along(table.shear), atol=1e-9)
+        assert (tangent * shear < 0).all()
+        names = [status.NAMES[letter] for letter in table.letters]
+        assert figure.legends[0].get_texts()[0].get_text() == f"{names[0]} ({len(names)})"
 
 
 @pytest.mark.ranks(2)
