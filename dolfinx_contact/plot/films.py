@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, TypeVar, Unpack
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias, TypeVar, Unpack
 
 from mpi4py import MPI
 
@@ -29,7 +29,7 @@ from dolfinx_contact._mpi import (
 )
 from dolfinx_contact._validate import count, is_number
 from dolfinx_contact.equations.state import State
-from dolfinx_contact.evolution.history import EvolutionStep
+from dolfinx_contact.evolution.history import EvolutionStep, History
 from dolfinx_contact.plot.bodies import draw_scene
 from dolfinx_contact.plot.figures import Drawing
 from dolfinx_contact.plot.in_2d import range_of
@@ -43,6 +43,7 @@ if TYPE_CHECKING:
 __all__ = ["film", "film_of_contact"]
 
 T = TypeVar("T")
+States: TypeAlias = History | Iterable[State | EvolutionStep | str]
 
 _SUFFIXES = (".gif", ".mp4")
 _WIDTH = 900  # pixels of a frame that is drawn and then scaled
@@ -77,7 +78,7 @@ def _check_film_of_contact(a: Arguments) -> None:
 def film(
     file: str | os.PathLike[str],
     problem: ContactProblem,
-    states: Iterable[State | EvolutionStep | str],
+    states: States,
     *,
     stress: Any = None,
     scale: float = 1.0,
@@ -91,9 +92,9 @@ def film(
     Args:
         file: ``.gif``, or ``.mp4`` (requires imageio-ffmpeg).
         problem: contact problem; its displacement is restored at the end.
-        states: states or steps in the order of the film, such as ``history.steps``, or
-            ``map(record.state, range(10))`` with a record; or a generator that sets the
-            displacement of the problem and yields a text for the title.
+        states: history; or states or steps in the order of the film, such as
+            ``history.steps[::2]``, or ``map(record.state, range(10))`` with a record; or a
+            generator that sets the displacement of the problem and yields a text for the title.
         stress: 3 x 3 UFL stress of the displacement, or one for each cell tag as in `write_fields`.
         scale: factor of the displacement, default 1; see `picture_of_body`.
         title: title, before the time or the load of a state, or its text.
@@ -124,7 +125,7 @@ def film(
 
 
             plot.film("output/mode.gif", problem, swinging())
-            plot.film("output/history.gif", problem, history.steps)
+            plot.film("output/history.gif", problem, history)
     """
     if stress is None:
         look = Look(field="displacement") | look
@@ -147,7 +148,7 @@ def film(
 def film_of_contact(
     file: str | os.PathLike[str],
     problem: ContactProblem,
-    states: Iterable[State | EvolutionStep | str],
+    states: States,
     *,
     surface: DiscreteSurface | None = None,
     over: Literal["x", "y"] | None = None,
@@ -178,7 +179,7 @@ def film_of_contact(
         ::
 
             units = {"length": "mm", "stress": "MPa"}
-            plot.film_of_contact("output/pressure.gif", problem, history.steps, units=units)
+            plot.film_of_contact("output/pressure.gif", problem, history, units=units)
     """
     s = problem.surfaces[0] if surface is None else surface
     same_everywhere(problem.comm, surface=s.name)
@@ -195,7 +196,7 @@ def film_of_contact(
 
 def _shots(
     problem: ContactProblem,
-    states: Iterable[State | EvolutionStep | str],
+    states: States,
     title: str,
     gather: Callable[[ContactProblem, str], T],
 ) -> list[T]:
@@ -225,11 +226,9 @@ def _shots(
     return shots
 
 
-def _in_turn(
-    comm: MPI.Comm, states: Iterable[State | EvolutionStep | str]
-) -> Iterator[State | str]:
+def _in_turn(comm: MPI.Comm, states: States) -> Iterator[State | str]:
     """Iterate over states, also of steps; an error is raised on every rank. Collective."""
-    iterator = iter(states)
+    iterator = iter(states.steps if isinstance(states, History) else states)
     while True:
         with everywhere(comm, "the states of a film"):
             item = next(iterator, None)

@@ -134,7 +134,7 @@ def test_a_film_takes_steps_and_their_states_on_any_number_of_ranks(folder):
 
     evolution = pair(COMM, n=2)
     history = evolution.run(TIMES)
-    for states in (history.steps, [step.state for step in history.steps]):
+    for states in (history, history.steps, [step.state for step in history.steps]):
         file = plot.film(folder / "steps.gif", evolution.problem, states)
         with Image.open(file) as animation:
             assert animation.n_frames == len(history.steps)
