@@ -27,7 +27,7 @@ _COLUMNS = (
 _COLOURED = ("pressure", "shear", "bound", "un", "ut")
 _GROUP = 16  # number of states whose tables are decoded together
 _CANDIDATES = 8  # number of facets that are tried for a point
-_SMALL = 0.03  # displacements below this fraction of the size of the body are exaggerated
+_SMALL = 0.03  # motions below this fraction of the size of the body are exaggerated
 _SHOWN = 0.1  # to at most this fraction
 
 
@@ -62,16 +62,18 @@ def add_bodies(
         f"{100 * fields['strain']['error']:.2g} % (allowed: {100 * error:.2g} %). Contact tables "
         "are exact."
     ]
+    farthest = largest
     for face in faces:
         if face["name"] in surface.obstacles:
-            off = _add_obstacle(arrays, surface, states, face, error * largest)
+            off, moved = _add_obstacle(arrays, surface, states, face, error * largest)
+            farthest = max(farthest, moved)
             if off > error * largest:
                 notes.append(f"The obstacle of {face['name']} is drawn with an error of {off:.2g}.")
     pressed = max(faces, key=lambda face: float(face["traction"]))
     body = {
         "dim": dim,
         "size": size,
-        "scale": _scale(largest, size),
+        "scale": _scale(farthest, size),
         "corners": surface.cells.shape[1],
         "x": arrays.add("body.x", surface.x),
         "cells": arrays.add("body.cells", surface.cells.astype(np.int32)),
@@ -99,7 +101,7 @@ def _field(
 
 
 def _scale(largest: float, size: float) -> float:
-    """Factor 1, 2 or 5 times a power of ten for small displacements, 1 for others."""
+    """Factor 1, 2 or 5 times a power of ten for small motions, 1 for others."""
     if largest <= 0 or largest >= _SMALL * size:
         return 1.0
     most = _SHOWN * size / largest
@@ -233,7 +235,7 @@ def _tables(arrays: Arrays, states: Sequence[Any], name: str, key: str) -> dict[
 
 def _add_obstacle(
     arrays: Arrays, surface: Any, states: Sequence[Any], face: dict[str, Any], allowed: float
-) -> float:
+) -> tuple[float, float]:
     """Add the obstacle of a face.
 
     A page holds the vectors from the undeformed face to the vertices of the obstacle. They are
@@ -243,7 +245,7 @@ def _add_obstacle(
     at the closest points of the face.
 
     Returns:
-        Largest error of a vertex.
+        Largest error of a vertex, and its largest way since the first state.
     """
     name = face["name"]
     facets = surface.contact[name]
@@ -270,4 +272,4 @@ def _add_obstacle(
         "way": arrays.add(f"{key}.way", first),
         "field": field,
     }
-    return float(field["error"])
+    return float(field["error"]), float(np.linalg.norm(changes, axis=2).max(initial=0.0))

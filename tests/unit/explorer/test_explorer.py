@@ -15,7 +15,7 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from support import recorded_evolution, recorded_path
-from support.blocks import box, facets
+from support.blocks import block, box, facets
 from support.checks import solved_start
 from support.record_bodies import globe, polygon
 from support.recorded_run import moved_block, record
@@ -27,12 +27,16 @@ from dolfinx_contact import (
     ContactProblem,
     ContactSurface,
     Coulomb,
+    Frictionless,
     HalfSpace,
     ParametricContact,
+    RigidBody,
     RigidSurface,
+    Sphere,
 )
 from dolfinx_contact.__main__ import main
 from dolfinx_contact.continuation import Ending, StepControl, follow
+from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.explorer import SolutionCount, explorer
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.records import (
@@ -289,6 +293,25 @@ def test_a_page_shows_every_step_of_a_history(kind, folder):
         assert page.meta["axes"][0] == "time"
         assert page.meta["axes"][1].rpartition("_")[2] in "xy"  # a contact force
     COMM.barrier()
+
+
+@pytest.mark.parametrize(("way", "scale"), [(0.0, 20.0), (0.3, 1.0)])
+def test_displacements_are_not_exaggerated_beside_a_long_way_of_an_obstacle(way, scale, folder):
+    domain = box(COMM, 4, "quad")
+    y = fem.Constant(domain, 0.0)
+    ball = Sphere((0.5, -0.25), 0.25)
+    tool = RigidBody(ball, about=(0.5, -0.25), motion={"y": y}, held=["x", "rz"])
+    problem = block(domain=domain, law=Frictionless(), obstacle=tool, top=(0.0, -0.004))
+    problem.solve()
+
+    def load(time):
+        y.value = -way * time
+
+    evolution = QuasiStatic(problem, load)
+    with EvolutionRecord(folder / "record", evolution, **KEPT) as kept:
+        evolution.run([0.0, 1.0], record=kept)
+    explorer(folder / "page.html", folder / "record")
+    assert read(folder / "page.html").meta["body"]["scale"] == scale
 
 
 @pytest.mark.ranks(2)
