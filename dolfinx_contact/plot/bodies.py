@@ -23,7 +23,6 @@ from dolfinx_contact.plot.figures import (
     add_status_legend,
     drawn_on_root,
     new_figure,
-    save,
 )
 from dolfinx_contact.plot.in_2d import draw_2d, draw_body
 from dolfinx_contact.plot.scene import Array, Look, Scene, check_look, scene_of, words_of
@@ -99,11 +98,9 @@ def picture_of_body(
 
     def draw() -> Drawing:
         assert scene is not None
-        drawing = draw_scene(scene.with_obstacles_around(scene.x))
-        save(drawing, file)
-        return drawing
+        return draw_scene(scene.with_obstacles_around(scene.x))
 
-    return drawn_on_root(problem.comm, draw)
+    return drawn_on_root(problem.comm, file, draw)
 
 
 def draw_scene(
@@ -196,11 +193,9 @@ def picture_of_states(
 
     def draw() -> Figure:
         panels = [scene for scene in scenes if scene is not None]
-        figure = _draw_states(panels, titles or captions, scale)
-        save(figure, file)
-        return figure
+        return _draw_states(panels, titles or captions, scale)
 
-    return drawn_on_root(system.comm, draw)
+    return drawn_on_root(system.comm, file, draw)
 
 
 def _draw_states(scenes: Sequence[Scene], titles: Sequence[str], scale: float) -> Figure:
@@ -227,5 +222,5 @@ def _draw_states(scenes: Sequence[Scene], titles: Sequence[str], scale: float) -
         axes.set_axis_off()
     label = "|u|" if scale == 1 else f"|u|, drawn x {scale:.3g}"
     figure.colorbar(shades, ax=list(panels), aspect=30, pad=0.01).set_label(label)
-    add_status_legend(figure, "".join(scene.letters for scene in scenes), with_counts=False)
+    add_status_legend(figure, "".join(scene.letters for scene in scenes))
     return figure

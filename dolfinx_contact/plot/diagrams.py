@@ -208,4 +208,4 @@ def _draw_strips(figure: SubFigure, journal: Journal, branches: Sequence[int]) -
         axes.set_title(f"branch {b} (dashed: folds, bifurcations)", loc="left", fontsize=10)
         axes.margins(x=0)
     panels[-1].set_xlabel("distance along the branch")
-    add_status_legend(figure, present, with_counts=False)
+    add_status_legend(figure, present)

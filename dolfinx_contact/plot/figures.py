@@ -84,10 +84,7 @@ def add_status_legend(
     figure: Figure | SubFigure,
     letters: str,
     names: dict[str, str] = status.NAMES,
-    *,
-    listed: str = "",
-    with_counts: bool = True,
-    **place: Any,
+    title: str | None = None,
 ) -> None:
     """Add a legend with the statuses of contact points below a figure.
 
@@ -95,32 +92,31 @@ def add_status_legend(
         figure: figure.
         letters: letters of all points.
         names: names of the letters.
-        listed: letters of the legend, default those of the points.
-        with_counts: whether the numbers of points are added.
-        **place: options of ``Figure.legend``.
+        title: title of the legend.
     """
     from matplotlib.patches import Patch
 
+    look: dict[str, Any] = dict(edgecolor=INK, lw=0.5)
     handles = [
-        Patch(
-            facecolor=status.COLOURS[k],
-            edgecolor=INK,
-            lw=0.5,
-            label=f"{names[k]} ({letters.count(k)})" if with_counts else names[k],
-        )
-        for k in names
-        if k in (listed or letters)
+        Patch(facecolor=status.COLOURS[k], label=name, **look)
+        for k, name in names.items()
+        if k in letters
     ]
-    look: dict[str, Any] = dict(loc="outside lower center", ncols=max(len(handles), 1))
-    figure.legend(handles=handles, frameon=False, **look, **place)
+    place: dict[str, Any] = dict(loc="outside lower center", ncols=max(len(handles), 1))
+    figure.legend(handles=handles, frameon=False, title=title, **place)
 
 
-def drawn_on_root(comm: MPI.Comm, draw: Callable[[], Drawing]) -> Drawing | None:
-    """Draw on rank 0, whose error is raised on every rank. Collective.
+def drawn_on_root(comm: MPI.Comm, file: File, draw: Callable[[], Drawing]) -> Drawing | None:
+    """Draw and write on rank 0, whose error is raised on every rank. Collective.
 
     Returns:
         The drawing on rank 0, None on other ranks.
     """
     drawings: list[Drawing] = []
-    on_root(comm, lambda: drawings.append(draw()))
+
+    def write() -> None:
+        drawings.append(draw())
+        save(drawings[0], file)
+
+    on_root(comm, write)
     return drawings[0] if drawings else None

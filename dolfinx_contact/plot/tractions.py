@@ -8,6 +8,7 @@ it is straight or if the user names the coordinate, otherwise over its arc lengt
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -32,7 +33,6 @@ from dolfinx_contact.plot.figures import (
     add_status_legend,
     drawn_on_root,
     new_figure,
-    save,
 )
 from dolfinx_contact.plot.in_2d import shade
 from dolfinx_contact.plot.scene import (
@@ -128,13 +128,8 @@ def picture_of_contact(
     if not title:
         name = "Contact surface" if s.name == "contact" else f"Contact surface: {s.name}"
         title = ", ".join(filter(None, [name, words_of(state)]))
-
-    def draw() -> Figure:
-        figure = draw_contact(data, [data], s, title, over, units or {})
-        save(figure, file)
-        return figure
-
-    return drawn_on_root(s.comm, draw)
+    draw = partial(draw_contact, data, [data], s, title, over, units or {})
+    return drawn_on_root(s.comm, file, draw)
 
 
 def draw_contact(
@@ -161,8 +156,8 @@ def draw_contact(
         figure, visible = _draw_map(data, frames, s, units)
     names = NAMES | {"d": "without contact" if s.between_bodies else "clamped"}
     letters = ["".join(d["letters"][visible]) for d in (data, *frames)]
-    look: dict[str, Any] = dict(listed="".join(letters), title="status (vertices)")
-    add_status_legend(figure, letters[0], names, **look)
+    counted = {k: f"{name} ({letters[0].count(k)})" for k, name in names.items()}
+    add_status_legend(figure, "".join(letters), counted, "status (vertices)")
     figure.suptitle(title, fontweight="bold")
     figure.get_layout_engine().set(h_pad=_TITLE_PAD)
     return figure
@@ -179,22 +174,20 @@ def contact_data(problem: ContactProblem, s: DiscreteSurface) -> Arrays:
     """
     number = problem.surfaces.index(s)
     evaluation = problem.evaluate()
-    fields = contact_fields(problem.equations, number, evaluation)
+    codes = contact_fields(problem.equations, number, evaluation)["status"].x.array
     at_vertices = vertex_state(problem.equations, number, evaluation)
-    letters = np.array(list("oksd"))[fields["status"].x.array.astype(int)]
+    letters = np.array(list("oksd"))[codes.astype(int)]
     if s.dim == 2:
-        plus, minus = at_vertices["plus"], at_vertices["minus"]
-        letters = np.where(letters == "s", np.where(minus > plus, "-", "+"), letters)
+        senses = np.where(at_vertices["minus"] > at_vertices["slip"] / 2, "-", "+")
+        letters = np.where(letters == "s", senses, letters)
     # supports are not contact, and tractions of the size of the round-off of forces are none
-    pressure = fields["pressure"].x.array
-    traction = fields["traction"].x.array.reshape(-1, s.dim)
+    traction, normal = at_vertices["traction"], at_vertices["n"]
     u = maximum(s.comm, np.abs(s.u.x.array))
     force = np.linalg.norm(traction, axis=1) * s.points.geometry.vertex_areas
     carries = force > _ZERO_FORCE * problem.equations.scaling.stiffness * u
     carries &= letters != "d"
-    normal = at_vertices["n"]
     values = {
-        "pressure": np.where(carries, pressure, 0.0),
+        "pressure": np.where(carries, at_vertices["pressure"], 0.0),
         "bound": at_vertices["bound"],
         "letters": letters,
         "n": s.points.vertex_normals,

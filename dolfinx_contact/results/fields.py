@@ -89,9 +89,8 @@ def vertex_state(eq: ContactEquations, number: int, evaluation: Evaluation) -> d
         Gap ``un``, slip ``ut``, normal ``n``, ``traction`` on the body, ``pressure``, ``shear``,
         and radius ``bound`` of the friction disc. Forces are divided by the whole vertex areas,
         including parts without an opposing surface. ``open`` and ``slip`` are the fractions of the
-        area around a vertex with that status (0 or 1 if the vertices are the contact points); in 2D
-        ``plus`` and ``minus`` are the fractions slipping with u_t > 0 and u_t < 0. Both are 0
-        without friction if the point has not moved since the last step.
+        area around a vertex with that status (0 or 1 if the vertices are the contact points), and
+        ``minus`` in 2D that of the area slipping with u_t < 0.
     """
     s = eq.surfaces[number]
     found = evaluation.surfaces[number]
@@ -104,9 +103,7 @@ def vertex_state(eq: ContactEquations, number: int, evaluation: Evaluation) -> d
     if s.dim == 2:
         # Without friction the status has no sign of slip: use the motion.
         moved = along_tangent(at.increment, at.data.n)
-        grips = bound > 0
-        shares["plus"] = slips & np.where(grips, friction == PLUS, moved > 0)
-        shares["minus"] = slips & np.where(grips, friction == MINUS, moved < 0)
+        shares["minus"] = slips & np.where(bound > 0, friction == MINUS, moved < 0)
     values = {k: points.at_vertices(v.astype(float)) for k, v in shares.items()}
     if s.method == "integral":
         values |= _interpolated(eq, s, evaluation, at.slip)
