@@ -7,7 +7,7 @@ PyVista in 3D.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Sequence
 from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
@@ -176,10 +176,10 @@ def picture_of_states(
     scenes = []
     captions = []
 
-    def add(shown: ContactProblem, at: str, tables: Iterable[ContactTable]) -> None:
+    def add(shown: ContactProblem, at: str, tables: Collection[ContactTable]) -> None:
         words = status.summary("".join(table.status for table in tables))
         captions.append(": ".join(filter(None, [at, words])))
-        scenes.append(scene_of(shown, None, scale, "", Look(field="displacement")))
+        scenes.append(scene_of(shown, None, scale, "", Look(field="displacement"), tables))
 
     of: Any = system
     checked: Sequence[Any] = points

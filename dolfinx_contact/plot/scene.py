@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from inspect import Parameter, signature
 from itertools import product
@@ -102,7 +102,7 @@ class Scene:
         values: field at the vertices, shape (n,); None without a field.
         label: label of the field.
         title: title of the picture.
-        points: positions of the contact points that are vertices, in 2D, shape (m, 2).
+        points: positions of the contact points of tables that are vertices, shape (m, dim).
         letters: letters of their statuses.
         eye: unit vector from the body to the eye; None for the default.
         clip: point (None for the middle) and unit normal of a section; None without one.
@@ -248,7 +248,12 @@ def _check_field(field: Any, domain: mesh.Mesh) -> None:
 
 
 def scene_of(
-    problem: ContactProblem, stress: Any, scale: float, title: str, look: Look
+    problem: ContactProblem,
+    stress: Any,
+    scale: float,
+    title: str,
+    look: Look,
+    tables: Iterable[ContactTable] = (),
 ) -> Scene | None:
     """Gather bodies and obstacles at the present Functions. Collective.
 
@@ -258,6 +263,7 @@ def scene_of(
         scale: factor of the displacement and of the motion of obstacles.
         title: title of the picture, to which a factor other than 1 is added.
         look: options with known names.
+        tables: contact tables of the surfaces whose points are drawn.
 
     Returns:
         The scene on rank 0, None on other ranks.
@@ -289,7 +295,6 @@ def scene_of(
     slaves, masters = outside.faces()
     rigid = [s for s in problem.surfaces if not s.between_bodies]
     facets = {s.name: (obstacle_facets(s), formula_of(domain, s, scale)) for s in rigid}
-    tables = [problem.table(s) for s in problem.surfaces] if dim == 2 else []
     if not body:
         return None
     # draw them at their displaced positions
@@ -330,7 +335,7 @@ def scene_of(
 
 
 def _points_at_vertices(
-    body: Arrays, x: Array, slaves: Mapping[str, Cells], tables: Sequence[ContactTable]
+    body: Arrays, x: Array, slaves: Mapping[str, Cells], tables: Iterable[ContactTable]
 ) -> tuple[Array, str]:
     """Return positions and letters of the contact points of surfaces whose points are vertices.
 
