@@ -98,8 +98,9 @@ class Solutions:
         complete: True if the solutions are provably complete.
         method: description of the search.
         continua: continua found by enumeration; their ends are in `found` as well.
-        proof: proof provided by the system; None without a proof. In 3D its states contain scaled
-            forces; the tables of the solutions contain the unscaled forces.
+        proof: proof provided by the system; None without a proof, as after an enumeration. In 3D
+            its states contain scaled forces; the tables of the solutions contain the unscaled
+            forces.
     """
 
     gamma: float
