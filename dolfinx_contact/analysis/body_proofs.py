@@ -219,13 +219,16 @@ def _by_criterion(equations: ContactEquations, state: Evaluation, seconds: float
     if not nodal or Coulomb not in laws or not laws <= set(_LAWS):
         return _by_theory(equations, "proofs are for contact at nodes and the usual laws")
     if _points(equations) > _MOST_POINTS and not seconds > 0:
-        return Uniqueness("not proved", f"more than {_MOST_POINTS} points: only on request")
+        return Uniqueness(
+            "not proved", f"more than {_MOST_POINTS} points: only with proof_seconds="
+        )
     effort = _EFFORT if seconds > 0 else 0
     criterion = criterion_at(equations, state, effort=effort, enough=_ENOUGH, seconds=seconds)
     if not criterion.definite:
         return Uniqueness("not proved", "the stiffness is not symmetric and positive definite")
     if not criterion.unique:
-        return Uniqueness("not proved", "Renard's criterion does not hold")
+        more = "" if seconds > 0 else "; proof_seconds=60 tries more weights"
+        return Uniqueness("not proved", f"Renard's criterion does not hold{more}")
     factor = criterion.factor
     return Uniqueness("proved", f"Renard's criterion, up to {factor:.4g} times the friction")
 

@@ -37,6 +37,7 @@ __all__ = ["OnlySolution", "is_only"]
 _FIRST = 2  # first effort of the search for weights in 2D
 _POINTS = 128  # points in 2D beyond which starts and effort decrease (cubic cost)
 _BATCH = 2e5  # total number of matrix entries of all starts in 3D
+_SEARCH = "; proof_seconds=60 searches for a proof"
 _SAME = 1e-6  # relative distance below which two states count as the same
 
 
@@ -99,8 +100,8 @@ def is_only(
     if more:
         return _by_search(problem, solution, proof_seconds)
     if plane and at_border:
-        return OnlySolution("not proved", "the solution is at a border of its statuses")
-    return OnlySolution("not proved", "the certificate of one point does not hold")
+        return OnlySolution("not proved", f"the solution is at a border of its statuses{_SEARCH}")
+    return OnlySolution("not proved", f"the certificate of one point does not hold{_SEARCH}")
 
 
 def _of_one_point(

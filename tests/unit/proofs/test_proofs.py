@@ -316,7 +316,9 @@ def test_open_triangle_is_proved_by_search():
     """F = 1.7: lifted off, with no other solution; that takes more than one point."""
     problem = triangle(16, 1.7, 1.0)
     problem.solve()
-    assert problem.uniqueness().verdict == "not proved"
+    shorter = problem.uniqueness()
+    assert shorter.verdict == "not proved"
+    assert "proof_seconds=60 searches for a proof" in shorter.reason
     longer = problem.uniqueness(proof_seconds=60)
     assert longer.verdict == "proved"
     assert "a proof of" in longer.reason
