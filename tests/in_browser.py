@@ -121,6 +121,8 @@ def along_a_branch(b, name, dim):
     assert ring == [x, y]
     drawn = b.ask("byId('body').data.map((t) => t.type)")
     assert ("mesh3d" in drawn) == (dim == 3)
+    if dim == 3:
+        to_scale(b)
     if dim == 2:  # a cell has several colours, which vary continuously
         colours = b.ask("new Set(byId('body').data.map((t) => t.fillcolor)).size")
         corners = b.ask("byId('body').data.map((t) => t.fill ? t.x.length : 0)")
@@ -306,6 +308,16 @@ def axes_at_the_data(b, name):
     b.no_errors()
 
 
+def to_scale(b):
+    """A unit of length has the same size along the three axes of the scene."""
+    scene = "byId('body')._fullLayout.scene"
+    sizes = b.ask(
+        f"['x', 'y', 'z'].map((c) => {{ const [low, high] = {scene}[c + 'axis'].range;"
+        f" return {scene}.aspectratio[c] / (high - low); }})"
+    )
+    assert max(sizes) < (1 + 1e-9) * min(sizes), sizes
+
+
 def rigid_surface(b, name, dim):
     """A record whose obstacle has vertices of its own shows it, exaggerated or not."""
     b.open(name)
@@ -324,6 +336,8 @@ def rigid_surface(b, name, dim):
         )
         assert len(drawn) == 1
         assert drawn[0] > 0
+        if dim == 3:
+            to_scale(b)
         b.picture(f"{name}_{scale}")
     b.no_errors()
 

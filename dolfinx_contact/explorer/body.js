@@ -486,13 +486,17 @@ async function draw3d(where, colour, tables, scale) {
     }
   });
   const ranges = reach(scale);
+  // To scale: the mode "data" of Plotly takes the extents of the traces, not of the axes.
+  const lengths = ranges.map(([low, high]) => high - low);
+  const unit = Math.hypot(...lengths) / Math.sqrt(3);
+  const [rx, ry, rz] = lengths.map((length) => length / unit);
   const bare = (title, range) => ({ title: { text: title, font: { size: 11 } }, range,
     backgroundcolor: "white", gridcolor: "#e4e9ed", zeroline: false, tickfont: { size: 10 },
     showspikes: false });
   const view = byId("view").value;
   const layout = plainLayout({
-    scene: { aspectmode: "data", xaxis: bare("x", ranges[0]), yaxis: bare("y", ranges[1]),
-      zaxis: bare("z", ranges[2]), camera: { eye: VIEWS[view], up: { x: 0, y: 0, z: 1 },
+    scene: { aspectmode: "manual", aspectratio: { x: rx, y: ry, z: rz },
+      xaxis: bare("x", ranges[0]), yaxis: bare("y", ranges[1]), zaxis: bare("z", ranges[2]), camera: { eye: VIEWS[view], up: { x: 0, y: 0, z: 1 },
         center: { x: 0, y: 0, z: -0.08 } } },
     uirevision: view, margin: { l: 0, r: 0, t: 0, b: 0 }, showlegend: false,
   });
