@@ -174,6 +174,7 @@ def tables(b, name, dim):
     column = dim + 4  # the pressure
     head = f"#points th[data-column='{column}']"
     assert "pressure" in b.find(head).text
+    assert "rn: normal force, ≥ 0 in compression" in b.find("#points caption").text
     b.click(head)
     b.wait(f"document.querySelector(\"{head}\").textContent.endsWith('▴')")
     b.click(head)
@@ -345,6 +346,7 @@ def rigid_surface(b, name, dim):
 def history(b):
     """A history opens at its last step, with the friction bound and without round-off."""
     b.open("history")
+    assert not b.find("#obstacles").is_displayed()  # two bodies
     last = b.ask("META.series[0].count") - 1
     assert b.where() == [0, last]
     assert f"step {last} (0 to {last})" in b.find("#where").text

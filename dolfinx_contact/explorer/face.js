@@ -2,8 +2,9 @@
 "use strict";
 
 const MOST_ARROWS = 300; // of a map
-const TITLES = { un: "gap", ut: "tangential displacement", pressure: "pressure", shear: "shear",
-  status: "status", area: "area", slid: "distance slipped", bound: "friction bound" };
+const TITLES = { un: "gap", ut: "slip", pressure: "pressure", shear: "shear", rn: "normal force",
+  rt: "tangential force", status: "status", area: "area", slid: "distance slipped",
+  bound: "friction bound" };
 const UNITS = { un: "length", ut: "length", pressure: "stress", shear: "stress", rn: "force",
   rt: "force", bound: "stress", slid: "length", x: "length", y: "length", z: "length" };
 

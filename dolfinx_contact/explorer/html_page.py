@@ -36,6 +36,8 @@ __all__ = ["SolutionCount", "explorer"]
 _SCRIPTS = ("decode", "words", "diagram", "body", "face", "table", "main")
 _QUANTITIES = ("length", "force", "stress")
 _ERRORS = (1e-4, 0.1)
+#: Characters that Unicode has as subscripts.
+_SUBSCRIPTS = dict(zip("0123456789aehijklmnoprstuvx", "₀₁₂₃₄₅₆₇₈₉ₐₑₕᵢⱼₖₗₘₙₒₚᵣₛₜᵤᵥₓ", strict=True))
 
 Record = str | os.PathLike[str] | AnyRecord
 
@@ -342,11 +344,18 @@ def _statuses() -> dict[str, dict[str, str]]:
 
 
 def _without_tex(text: str) -> str:
-    r"""Return formulas between dollars as plain text: ``$\gamma_1$`` as "γ_1"."""
+    r"""Return formulas between dollars as plain text: ``$\gamma_1$`` as "γ₁".
+
+    An index with characters that are not in `_SUBSCRIPTS` stays behind its underscore.
+    """
+
+    def lowered(index: re.Match[str]) -> str:
+        text = index[1] or index[2]
+        return "".join(_SUBSCRIPTS[c] for c in text) if set(text) <= set(_SUBSCRIPTS) else index[0]
 
     def plain(formula: re.Match[str]) -> str:
         symbols = re.sub(r"\\([A-Za-z]+) ?", lambda c: html5.get(f"{c[1]};", c[1]), formula[1])
-        return re.sub("[{}]", "", symbols)
+        return re.sub("[{}]", "", re.sub(r"_(?:(\w)|{(\w+)})", lowered, symbols))
 
     return re.sub(r"\$([^$]+)\$", plain, text)
 

@@ -200,6 +200,7 @@ function controls() {
   options(byId("body-colour"), [["displacement", "|u|"], ...axes, ...others, ["none", "none"]]);
   options(byId("view"), Object.keys(VIEWS).map((name) => [name, name]));
   byId("view-label").hidden = META.body.dim === 2;
+  byId("obstacles-label").hidden = !META.surfaces.some((face) => face.obstacle);
   byId("scale").value = String(META.body.scale);
   options(byId("surface"), META.surfaces.map((face, i) => [String(i), face.name]));
   const first = META.surfaces[0];

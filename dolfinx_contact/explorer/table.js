@@ -4,6 +4,15 @@
 const MOST_ROWS = 400;
 const sorting = { column: 0, down: false, all: false };
 
+/** Definitions of the columns, as in the guide. */
+function keysOfTable() {
+  const sign = META.body.dim === 2
+    ? "; ut, shear and rt along t = (−n<sub>y</sub>, n<sub>x</sub>), n from the body into the obstacle"
+    : "; ut, shear and rt are magnitudes";
+  return "un: gap ≥ 0; ut: slip; rn: normal force, ≥ 0 in compression; " +
+    `rt: tangential force on the body, opposed to ut${sign}.`;
+}
+
 /** Head and rows of the table of contact points. */
 function contactRows(face, table) {
   const dim = META.body.dim;
@@ -40,6 +49,7 @@ async function drawPoints() {
   found.sort((a, b) => (sorting.down ? -1 : 1) * order(a[by], b[by]) || a[0] - b[0]);
   const shown = sorting.all ? found : found.slice(0, MOST_ROWS);
   const made = element("table");
+  made.createCaption().innerHTML = keysOfTable();
   const head = made.createTHead().insertRow();
   names.forEach((name, i) => {
     const mark = i === by ? (sorting.down ? " ▾" : " ▴") : "";

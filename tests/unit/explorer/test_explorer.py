@@ -391,7 +391,7 @@ def test_labels_of_pictures_are_shown_without_tex(tmp_path):
     labels = {"gamma": r"load $\gamma_{max}$", "ut": "$u_t$ of A, 3 $"}
     explorer(file, plain_journal([0, 1], {"ut": [1, 2]}, "ended"), labels=labels)
     shown = [c["label"] for c in read(file).meta["columns"]]
-    assert shown[:2] == ["load γ_max", "u_t of A, 3 $"]
+    assert shown[:2] == ["load γₘₐₓ", "uₜ of A, 3 $"]
 
 
 # -- what is refused -------------------------------------------------------------------------------
