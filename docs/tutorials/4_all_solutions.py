@@ -94,12 +94,14 @@ assert found.complete
 assert len(found.found) == 3
 
 # The proof can be saved. Its checker is a single file that needs numpy only: `python3
-# dolfinx_contact/proofs/check_proof.py proof.npz` checks it without this package.
+# dolfinx_contact/proofs/check_proof.py proof.npz` checks it without this package. On a mesh with
+# few contact points, all pieces are enumerated instead, and `found.proof` is None.
 
-found.proof.certificate.save("proof.npz")
-verdict = check(found.proof.certificate).verdict
-print(verdict)
-assert verdict == "complete"
+if found.proof:
+    found.proof.certificate.save("proof.npz")
+    verdict = check(found.proof.certificate).verdict
+    print(verdict)
+    assert verdict == "complete"
 
 # Under the opposite load the solution is unique:
 
