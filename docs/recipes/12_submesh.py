@@ -3,7 +3,8 @@
 #
 # For contact on a subdomain, create a submesh of its cells and define space, facets and problem on
 # it as on any other mesh. Data of the parent mesh are interpolated or given by position. Records of
-# branches and histories do not support submeshes: use a mesh from gmsh or `meshing` instead.
+# branches and histories do not support submeshes: `meshing.join([part]).mesh` is a copy that can be
+# recorded.
 
 from mpi4py import MPI
 

@@ -69,13 +69,14 @@ class Block:
 # ## A triangle with several solutions
 #
 # Half of a square, held on its slope, its bottom on a floor. The parameter gamma of the
-# `ParametricContact` is the factor of the traction (-26, -7.5) on its vertical side.
+# `ParametricContact` is the factor of the traction (-26, -7.5) on its vertical side. `join` copies
+# the submesh to an ordinary mesh, so that branches can be recorded.
 
 
 def triangle(friction=1.7, n=2):
     square = mesh.create_unit_square(MPI.COMM_WORLD, n, n, diagonal=mesh.DiagonalType.left)
     half = mesh.locate_entities(square, 2, lambda x: x[0] + x[1] < 1 + 1e-9)
-    domain = mesh.create_submesh(square, 2, half)[0]
+    domain = meshing.join([mesh.create_submesh(square, 2, half)[0]]).mesh
     sides = {
         "slope": lambda x: np.isclose(x[0] + x[1], 1),
         "side": lambda x: np.isclose(x[0], 0),

@@ -239,7 +239,10 @@ def input_numbers(domain: mesh.Mesh) -> Ints:
     try:
         return np.asarray(domain.topology.original_cell_index, np.int64)
     except RuntimeError as error:
-        message = "a record needs a mesh whose cells have numbers of the input, not a submesh"
+        message = (
+            "a record needs a mesh whose cells have numbers of the input, not a submesh: copy it "
+            "with meshing.join([submesh]).mesh, or keep the displacements with io.EvolutionSeries"
+        )
         raise ValueError(message) from error
 
 

@@ -19,6 +19,7 @@ from dolfinx_contact import (
 )
 from dolfinx_contact.continuation import Ending
 from dolfinx_contact.evolution import QuasiStatic
+from dolfinx_contact.meshing import join
 from dolfinx_contact.records import BranchRecord, EvolutionRecord, read_journal
 from dolfinx_contact.records.journal import FILE_NAME
 
@@ -217,13 +218,15 @@ def test_a_submesh_is_refused(folder):
     """Its cells have no numbers identifying them on resumption."""
     square = box(COMM, 2, "tri")
     half = mesh.locate_entities(square, 2, lambda x: x[1] < 0.5 + 1e-9)
-    problem = block(
-        domain=mesh.create_submesh(square, 2, half)[0], where=lambda d: facets(d, 1, 0.0)
-    )
-    with pytest.raises(ValueError, match="a record needs a mesh whose cells have numbers"):
+    part = mesh.create_submesh(square, 2, half)[0]
+    problem = block(domain=part, where=lambda d: facets(d, 1, 0.0))
+    with pytest.raises(ValueError, match=r"not a submesh: copy it with meshing\.join"):
         EvolutionRecord(folder, QuasiStatic(problem, lambda t: None))
     COMM.barrier()
     assert not (folder / FILE_NAME).exists()
+    problem = block(domain=join([part]).mesh, where=lambda d: facets(d, 1, 0.0))
+    with EvolutionRecord(folder, QuasiStatic(problem, lambda t: None)) as kept:
+        assert kept.journal.is_empty
 
 
 # -- kills -----------------------------------------------------------------------------------------
