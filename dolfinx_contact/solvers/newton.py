@@ -454,10 +454,13 @@ class Newton:
         loose = self.equations.scaling.not_held(statuses, state)
         if loose:
             held = ", hold the rigid body" if self.equations.rigid.bodies else ""
+            neither = "neither Dirichlet data nor the contact of this iterate holds it"
+            if not self.equations.bcs:
+                neither = "bcs is empty, and the contact of this iterate does not hold it"
             self._run.attempt.reason = (
-                f"a rigid motion of the body is free ({loose}): neither Dirichlet data nor the "
-                f"contact of this iterate holds it. Add a Dirichlet condition{held}, or start from "
-                "a state in contact; if friction holds it, the load may exceed the friction bound"
+                f"a rigid motion of the body is free ({loose}): {neither}. Add a "
+                f"Dirichlet condition{held}, or start from a state in contact; if friction holds "
+                "it, the load may exceed the friction bound"
             )
             self._run.floating = FloatingBodyError(self._run.attempt.reason)
         return bool(loose)

@@ -266,7 +266,7 @@ def test_floating_body_is_refused_with_its_free_motions():
     domain, u = square(2)
     load = fem.Constant(domain, (0.0, -1.0))
     energy = MATERIAL.energy(u) * ufl.dx - ufl.dot(load, u) * ufl.dx
-    with pytest.raises(FloatingBodyError, match=r"free \(translation x\)") as info:
+    with pytest.raises(FloatingBodyError, match=r"free \(translation x\): bcs is empty") as info:
         ContactProblem(energy, u, [surface(u, law=Coulomb(0.0))]).solve()
     same_on_every_rank(info)
     assert np.all(u.x.array == 0.0)
@@ -491,7 +491,7 @@ def test_floating_part_of_a_mesh_is_refused():
         contact = surface(u, where=where, law=Coulomb(friction))
         return ContactProblem(energy, u, [contact], bcs=bcs)
 
-    with pytest.raises(FloatingBodyError, match="translation x of part 2 of 2") as info:
+    with pytest.raises(FloatingBodyError, match=r"x of part 2 of 2.*: neither Dirich") as info:
         problem(touching=False, friction=0.3).solve()
     same_on_every_rank(info)
     # Resting on the floor with friction the second square is held, and both are solved.
