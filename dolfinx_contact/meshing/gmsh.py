@@ -160,7 +160,7 @@ class GmshMesh(NamedTuple):
 
         Raises:
             ValueError: on every rank, if no group has this name, ranks request different ones, or
-                facets of the group lie inside of the body, where ``ds`` is 0.
+                facets of the group lie inside the body, where ``ds`` is 0.
         """
         tag = self._named_facets.tag(name)
         _refuse_interior(self.facet_tags, tag, name, self.mesh)
@@ -197,7 +197,7 @@ class GmshMesh(NamedTuple):
 
 
 def _named(tags: mesh.MeshTags, names: Mapping[str, tuple[int, int]]) -> NamedTags:
-    """Return tags with their names; default: the names of their dimension."""
+    """Return tags with names; MeshTags get the names of the groups of their dimension."""
     if isinstance(tags, NamedTags):
         return tags
     return NamedTags(tags, {k: t for k, (d, t) in names.items() if d == tags.dim})
@@ -214,8 +214,8 @@ def _refuse_interior(tags: mesh.MeshTags, tag: int, name: str, domain: mesh.Mesh
     require(
         domain.comm,
         not inside,
-        f"the group {name!r} has {inside} of {count} facets inside of the body, and ds is for those"
-        ' of its boundary: interior facets belong to dS = ufl.Measure("dS", body.mesh, '
+        f"the group {name!r} has {inside} of {count} facets inside the body, and ds is for those of"
+        ' its boundary: interior facets belong to dS = ufl.Measure("dS", body.mesh, '
         f"subdomain_data=body.facet_tags), of this group dS({tag}) (on several ranks DOLFINx needs "
         "a mesh with ghost cells for it)",
     )
@@ -430,7 +430,10 @@ def _objections(model: Any, dim: int | None, wanted: list[str]) -> Iterator[str]
         named = [e for k, g in groups if k == d for e in model.getEntitiesForPhysicalGroup(d, g)]
         meshed = {e for _, e in model.getEntities(d) if len(model.mesh.getElements(d, e)[0])}
         if len(set(named)) < len(named):
-            yield f"physical groups of dimension {d} overlap; a cell or facet can have one tag"
+            yield (
+                f"physical groups of dimension {d} overlap, but a cell or facet can have only one "
+                "tag"
+            )
         if set(named) - meshed:
             yield f"a physical group of dimension {d} has a part without elements"
         if d == body and meshed - set(named):

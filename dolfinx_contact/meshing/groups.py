@@ -89,8 +89,8 @@ def _facet_tags(
             others = [other for other in tags if (values[indices] == tags[other]).any()]
             if others:
                 raise ValueError(
-                    f"the groups {others[0]!r} and {name!r} have a common facet, and a facet can "
-                    "have one tag"
+                    f"the groups {others[0]!r} and {name!r} have a common facet, but a facet can "
+                    "have only one tag"
                 )
         size = domain.comm.allreduce(len(indices))
         require(domain.comm, size > 0, f"no facet belongs to the group {name!r}")

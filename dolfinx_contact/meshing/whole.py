@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Whole meshes on rank 0, which are changed and distributed like meshes that are read.
+"""A whole mesh on rank 0, to be edited there and then distributed.
 
 Cells and nodes are in the order of the input, so that the result is the same on any number of
 ranks.
@@ -193,7 +193,7 @@ def join(
     """Return one mesh of several bodies, which do not share nodes. Collective.
 
     Names of groups are kept. A group keeps its tag unless a group of another name has it already;
-    then it gets a new one. Groups of one name in several meshes become one group::
+    then it gets a new one. Groups of the same name in several meshes are merged::
 
         upper = name_groups(square, {"top": top, "sole": bottom}, cells="upper")
         lower = read_mesh(comm, "lower.msh")  # groups lower, seat and base
