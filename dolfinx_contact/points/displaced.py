@@ -250,7 +250,7 @@ class DisplacedPoints:
     def at(
         self, place: Array, memory: Memory | None, frame: Array | None
     ) -> tuple[PointData, Array, Array]:
-        """Return data of the law, the jump in the law, and the part of the slip it does not see.
+        """Return data of the law, its jump, and the part of the slip that memory hides from it.
 
         Args:
             place: displacements of the points, shape (n, dim).

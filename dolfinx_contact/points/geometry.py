@@ -40,7 +40,7 @@ _SIMPLICES: dict[tuple[int, int], Any] = {
 
 
 class SurfaceFacets:
-    """Facets of a surface that this rank owns, at any displacement.
+    """Facets of a surface owned by this rank, with their geometry at any displacement.
 
     Args:
         V: displacement space.

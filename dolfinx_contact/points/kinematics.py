@@ -82,14 +82,17 @@ class Kinematics:
 
     @property
     def path(self) -> tuple[Array, Array]:
-        """Displacements of the points and normals, in the frame of the obstacle, (n, dim) each."""
+        """Displacements of the points, and the normals there, in the frame of the obstacle.
+
+        Shape (n, dim) each.
+        """
         if self.place is None:
             return self.whole, self.data.n
         return self.place, self.data.n if self.frame is None else self.data.n @ self.frame
 
     @property
     def gap_slope(self) -> Array:
-        """Derivatives of the gaps by the displacement of the points, shape (n, dim)."""
+        """Derivatives of the gaps with respect to displacements of the points, shape (n, dim)."""
         data = self.data
         if data.turn is None or data.moved is None:
             return -data.n

@@ -165,7 +165,7 @@ class RigidBody(ReadOnly, Obstacle):
 
     @property
     def held_across_axis(self) -> bool:
-        """Whether the body moves only along the axis x = 0 of revolution."""
+        """Whether the body moves only along the axis of revolution x = 0."""
         zero = [isinstance(e, ufl.constantvalue.Zero) for e in self.expressions]
         return bool(self.fixed[0] and zero[0] and self.fixed[2] and zero[2])
 

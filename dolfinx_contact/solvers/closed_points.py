@@ -34,7 +34,7 @@ __all__ = ["ClosedPoints"]
 
 @dataclass(frozen=True)
 class ClosedPoints:
-    """Ints and points that a hierarchy treats as closed.
+    """Nodes and points that a hierarchy treats as closed.
 
     Attributes:
         held: mask of owned displacement dofs of nodes in contact with an obstacle.

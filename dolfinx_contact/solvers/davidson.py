@@ -224,7 +224,7 @@ class Davidson:
         self._columns[:, first : self._used] = new
 
     def _parts(self, first: int) -> list[Array]:
-        """Return W, A W, E W and G W, beginning with the column ``first``."""
+        """Return the columns of W, A W, E W and G W from ``first`` on."""
         n = self._w.getLocalSize()
         cuts = [n, 2 * n, 2 * n + len(self._loads)]
         return np.split(self._columns[:, first : self._used], cuts)

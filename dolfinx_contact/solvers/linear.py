@@ -2,10 +2,10 @@
 """Linear solvers of Newton's method: the direct solver, and the choice between it and multigrid.
 
 `Direct` is any KSP and PC on the assembled Jacobian, by default MUMPS; the other solver is
-`multigrid.Multigrid`. The option ``linear_solver`` is auto, direct or amg. auto chooses direct up
-to 10^5 unknowns in 2D and 5 10^3 in 3D, with rigid bodies, and if the user has chosen a
-``ksp_type`` or ``pc_type``; otherwise amg. If multigrid stagnates, the direct solver takes over if
-the free memory suffices.
+`multigrid.Multigrid`. The option ``linear_solver`` is auto, direct or amg. auto chooses direct in
+three cases: up to 10^5 unknowns in 2D or 5 10^3 in 3D; with rigid bodies; with a ``ksp_type`` or
+``pc_type`` of the user. Otherwise it chooses amg. If multigrid stagnates, the direct solver takes
+over if the free memory suffices.
 """
 
 from __future__ import annotations

@@ -232,14 +232,14 @@ class SlidingFaces:
         self.searches += 1
 
     def _slave(self, x: Array) -> Faces:
-        """Return the slave facets of this rank at positions of their corners."""
+        """Return the slave facets of this rank with their corners at given positions."""
         none = np.zeros((len(x), 0), dtype=np.int64)
         return Faces(x, unit(self._facets.vectors(x)), none)
 
     def _covered(
         self, slave: Array, master: Array, pairs: Ints, deepest: float | Array, **limits: float
     ) -> Cover:
-        """Return opposing parts of the slave and the candidates at positions of their corners."""
+        """Return opposing parts of slave and candidates, with their corners at given positions."""
         mine, theirs = self._slave(slave), self.found.faces(master)
         limits = {"farthest": self._depth, "steep": _STEEP} | limits
         return cover(mine, theirs, pairs, deepest, least=_LEAST_COVER, **limits)
@@ -281,8 +281,9 @@ class SlidingFaces:
         """Keep the pairs whose slave lies farther along a direction and that are not neighbours.
 
         Neighbours share a node, or are near each other in the mesh without facing each other there.
-        At equal distance the slave is the facet that is farther along the first coordinate that
-        differs; images are not slaves then, since they are images of a facet that faces its plane.
+        At equal distance the slave is the facet that lies farther along the first coordinate that
+        differs. At equal distance an image is never the slave, because its facet faces the plane of
+        symmetry itself.
         """
         i, k = self.found.pairs.T
         corners = self._found_before

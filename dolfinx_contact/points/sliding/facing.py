@@ -31,20 +31,19 @@ The tractions t of the nodes are nominal; their forces are w N_a t on the slave,
 on the master, t = sum_a N_a t_a (Puso and Laursen, CMAME 193, 2004; Poulios and Renard, Comput.
 Struct. 153, 2015). Limits of the parts are not differentiated.
 
-The gap of a hardly covered node, as at the edge of a master moving over it, is known only at
-the edge. Its law is weighted by the share s = W_a / (c A_a), 1 at most, of a part
-c of its area A_a; the remainder of its traction is the mean of the tractions around it,
+A node that is barely covered, for example near the edge of the master, knows its gap only at that
+edge. Its law therefore gets the weight s = min(1, W_a / (c A_a)), with its area A_a and a fixed
+fraction c; the remainder of its traction is the mean of the tractions around it,
 
     s (t_a - tau_a) + (1 - s) (t_a - sum_b m_ab t_b / sum_b m_ab) = 0,    m_ab = sum_q w N_a N_b,
 
-so that tractions continue to the edge, and nothing jumps when a node comes to be covered or ceases
-to be.
+so that tractions are continuous at the edge, and nothing jumps when a node becomes covered or
+uncovered.
 
-Of bodies of revolution w has the factor 2 pi R with the radius R of the point of the slave in the
+For bodies of revolution w has the factor 2 pi R with the radius R of the point of the slave in the
 reference configuration: tractions are nominal there too, so that w is constant when bodies move
-and needs no derivatives. Forces act on the whole circumference; axial
-forces of slave and master balance because sum_a N_a = sum_b N_b = 1. On the axis n_a has no radial
-part.
+and needs no derivatives. Forces act on the whole circumference; axial forces of slave and master
+balance because sum_a N_a = sum_b N_b = 1. On the axis n_a has no radial part.
 """
 
 from __future__ import annotations
@@ -241,7 +240,10 @@ class Nodal:
 
     @cached_property
     def rotation(self) -> Array:
-        """Rotation S R of vectors along the surface of the last state, shape (n, dim, dim)."""
+        """Rotation S R from the tangent plane of the last accepted state to the present one.
+
+        Shape (n, dim, dim).
+        """
         return self._spun @ self._turned
 
     @property
@@ -251,7 +253,7 @@ class Nodal:
 
     @property
     def by_spin(self) -> Array:
-        """Derivative of S R d by psi, shape (n, dim)."""
+        """Derivative of S R d with respect to psi, shape (n, dim)."""
         if self.normal.shape[1] == 2:
             return np.zeros_like(self.normal)
         return np.asarray(np.cross(self.normal, self.slip_now), dtype=np.float64)
@@ -268,9 +270,10 @@ class Nodal:
 
     @cached_property
     def by_turning(self) -> Array:
-        """d(S R d)/dn minus the rotation of S R d with the normal, shape (n, dim, dim).
+        """Derivative of S R d with respect to n, without the part that merely turns S R d with n.
 
-        It is zero in 2D, and if the normal has not changed since the last accepted state.
+        Shape (n, dim, dim). It is zero in 2D, and if the normal has not changed since the last
+        accepted state.
         """
         n = self.normal
         o = self.before
