@@ -156,7 +156,7 @@ class LocalProblem:
 
 
 def read(file: Path) -> LocalProblem:
-    """Read a problem of FCLib (``.hdf5``) or Siconos; a ``ValueError`` if the content differs."""
+    """Read a problem of FCLib (``.hdf5``) or Siconos; raises ValueError for other content."""
     if file.suffix == ".hdf5":
         dim, W, q, friction = _of_fclib(file)
     else:

@@ -209,7 +209,7 @@ def at_middle(dim: int) -> dict[str, Any]:
 def is_of_cells(e: Any) -> bool:
     """Return whether UFL contains volume changes of cells (`_cell_volumes`).
 
-    These are only defined at the middles of cells.
+    These are only defined at the midpoints of cells.
     """
     kinds = {ufl.classes.CellVertices, ufl.classes.Grad}
     determinants = [n for n in unique_pre_traversal(e) if isinstance(n, ufl.classes.Determinant)]
@@ -217,7 +217,7 @@ def is_of_cells(e: Any) -> bool:
 
 
 def _at_middle(integral: ufl.Integral) -> bool:
-    """Return whether an integral is over cells, evaluated at their middles."""
+    """Return whether an integral over cells is evaluated at their midpoints."""
     if integral.integral_type() != "cell":
         return False
     rule = integral.metadata()

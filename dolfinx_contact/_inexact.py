@@ -156,8 +156,8 @@ def settle(
 
     Args:
         evaluate: function of (x, b) that writes H(x) into b.
-        correct: function of (x, b, d) that writes the vector to subtract from x into d and returns
-            whether there is a correction.
+        correct: function of (x, b, d) that stores in d the vector to be subtracted from x and
+            returns whether there is a correction.
         x: unknowns.
         b: vector for residuals.
         d: vector for corrections.

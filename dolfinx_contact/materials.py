@@ -319,7 +319,7 @@ class Material:
         return self._own(P * F.T / ufl.det(F))
 
     def _own(self, expression: Any) -> Any:
-        """Register an energy or stress, so that a problem can find the material, and return it."""
+        """Register an energy or stress, by which a problem finds its material; return it."""
         key = id(expression)
         _materials[key] = weakref.ref(expression, lambda _: _materials.pop(key, None)), self
         return expression

@@ -3,7 +3,7 @@
 
 The parameter gamma is a Constant of the user's forms: a load factor, a material or friction
 coefficient, a position of an obstacle. Dirichlet data may depend on it as well. The derivative of H
-by gamma is exact; UFL computes it.
+with respect to gamma is exact; UFL computes it.
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ class ParametricContact(ReadOnly, ParametricEquations):
 
     A piece of H is defined by the statuses of the contact points (`laws.status`): 0 open, 1 stick,
     2 slip with u_t > 0, 3 slip with u_t < 0; in 3D, 2 is slip. With a prescribed friction bound,
-    4 to 6 denote 1 to 3 at open points.
+    codes 4 to 6 are the tangential statuses 1 to 3 at open points.
 
     Evaluations (`residual`, `piece_at`) set the Constant gamma and the driven Functions. Call
     `set_parameter` before `ContactProblem.solve`. The remaining methods are documented in

@@ -307,10 +307,10 @@ class _PressureByShear:
     def _by_davidson(self, body: HeldMultigrid, count: int) -> SlipModes:
         """Compute the eigenvalues of T of largest magnitude, one after the other.
 
-        An unfinished search for the next eigenvalue estimates the magnitude up to which the
-        eigenvalues are known. Among close eigenvalues it may find one that is not the largest. With
-        the slips E f and the pressures T f of the kept shears f, the eigenvalues of T on their span
-        are the eigenvalues of (f^T E f)^-1 f^T E T f.
+        If the search for the next eigenvalue is unfinished, it bounds from above the magnitudes not
+        yet found. Among close eigenvalues it may find one that is not the largest. With the slips
+        E f and the pressures T f of the kept shears f, the eigenvalues of T on their span are the
+        eigenvalues of (f^T E f)^-1 f^T E T f.
         """
         search = body.eigenvalues(self._slip.D, 1.0 / np.sqrt(self._softness))
         seen: list[Array] = []

@@ -52,7 +52,10 @@ class _End(Generic[V]):
 
 
 def _shrunk(low: _End[V], high: _End[V], new: _End[V], *, beyond: bool) -> tuple[_End[V], _End[V]]:
-    """Return the bracket after a trial point ``new`` before or ``beyond`` the zero."""
+    """Return the bracket left by a trial point.
+
+    The point ``new`` lies before the zero or, with ``beyond``, after it.
+    """
     staying = low if beyond else high
     staying.weight /= 2 if staying.stayed else 1
     staying.stayed = True

@@ -190,7 +190,7 @@ class History(Ends):
         """Set the row of the start.
 
         Args:
-            number: number of the last step of earlier runs, 0 without one.
+            number: number of the last step of earlier runs; 0 if there are none.
             tables: contact points at the start, by the name of the surface.
         """
         self.first = _at_state(number, self.start, self.start, tables, self.before) | _NO_STEP

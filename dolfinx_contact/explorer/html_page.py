@@ -285,7 +285,7 @@ class _Page:
         return re.sub(r"@([A-Z]+)@", lambda found: parts[found[1]], read("page.html"))
 
     def _columns(self, columns: Sequence[str], content: dict[str, Any]) -> list[dict[str, Any]]:
-        """Describe columns; functionals and scales are taken out of the content of the page."""
+        """Describe the columns; removes functionals and scales from ``content``."""
         labels = {column: _without_tex(text) for column, text in self.labels.items()}
         functionals = content.pop("functionals", [])
         scales = content.pop("scales", {})

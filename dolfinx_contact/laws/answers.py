@@ -121,7 +121,10 @@ class Answers:
 
     @property
     def missed(self) -> Array:
-        """Distance to the nearest admissible status, a traction, shape (n,); 0 if admissible."""
+        """Distance to the nearest admissible status, measured as a traction, shape (n,).
+
+        It is 0 if the status of the point is admissible.
+        """
         return np.maximum(-self._nearest[1], 0.0)
 
     @cached_property

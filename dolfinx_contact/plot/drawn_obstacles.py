@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Rigid obstacles as they are drawn.
 
-A plane is drawn as a rectangle below the bodies. An obstacle given by another formula is extracted
-from a grid: the whole of it if it is not much larger than the bodies, otherwise the part around
-them. Obstacles with facets are drawn as they are.
+A plane is drawn as a rectangle below the bodies. Obstacles with facets are drawn as they are. Any
+other obstacle with a formula is drawn as the contour gap = 0 on a grid: the whole of it if it is
+not much larger than the bodies, otherwise the part around them.
 """
 
 from __future__ import annotations

@@ -251,8 +251,7 @@ def ensure_display() -> None:
 
     VTK with X11 as its only window system (Debian's) aborts the process if it cannot connect to an
     X server. Therefore the connection is tried first, and Xvfb is started if it fails. With a
-    display VTK renders well inside an MPI process; earlier versions of this package rendered in a
-    second process because of the abort. Other builds of VTK fall back to EGL or OSMesa.
+    display VTK renders well inside an MPI process. Other builds of VTK fall back to EGL or OSMesa.
 
     Raises:
         ModuleNotFoundError: if VTK is not installed.

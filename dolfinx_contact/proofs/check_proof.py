@@ -1568,7 +1568,7 @@ class SpacePiece(_Piece):
 
     @cached_property
     def _alone(self) -> Array:
-        """Radii (m, 3) of the largest tested ball that provably contains no other solution."""
+        """Radii (m, 3) of the largest tested neighbourhood provably without another solution."""
         for factor in _WIDER:
             wide = factor * self.radius.reshape(-1)
             if (_growth(self, wide.reshape(-1, 3)) < wide).all():

@@ -201,7 +201,10 @@ class PointProblem:
         return r - self.augmentation[:, None] * a
 
     def answer(self, a: Array, r: Array, k: Array | None = None) -> Array:
-        """Return the projection of r - k a, shape (m, dim); it equals r at a solution."""
+        """Return the projection of r - k a onto the friction cones, shape (m, dim).
+
+        It equals r at a solution.
+        """
         k = self.augmentation if k is None else k
         return self.allowed(r - k[:, None] * a)
 

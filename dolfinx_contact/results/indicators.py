@@ -179,7 +179,7 @@ class SurfaceIndicators:
         behind_plane: depth behind a plane of symmetry, relative to the facet size.
         spin: rotation of a face over the other one in a step, in degrees.
         between_points: depth of the obstacle in a facet, relative to the size of the facet, or to
-            the radius if that is smaller.
+            the radius of the obstacle if that is smaller.
         across: fraction of the normal forces at points where the normals of body and obstacle are
             more than 66 degrees apart.
         overlap: initial penetration of closed points into the obstacle, relative to the smallest

@@ -143,7 +143,7 @@ class ClosestFacets:
         return closest
 
     def _among(self, x: Array, balls: Ints, sizes: Ints) -> ClosestPoints:
-        """Return the closest points on the facets of the given balls of each point."""
+        """Return, for each point, the closest point on the facets whose balls are given."""
         owners = self._owners[balls]
         points = np.repeat(np.arange(len(x)), sizes)
         parts = closest_on(x[points], self._corners[owners])
