@@ -219,7 +219,7 @@ def unit(v: Array) -> Array:
 
 
 def unit_rates(n: Array, length: Array) -> Array:
-    """Return the derivatives of unit vectors n = m / |m| by m, shape (..., dim, dim).
+    """Return the derivatives of unit vectors n = m / |m| with respect to m, (..., dim, dim).
 
     Args:
         n: unit vectors, shape (..., dim).
@@ -268,7 +268,7 @@ def area_vectors(x: Array) -> Array:
 
 
 def area_vector_rates(x: Array) -> Array:
-    """Return the derivatives of `area_vectors` by the corners, shape (n, dim, k, dim)."""
+    """Return the derivatives of `area_vectors` with respect to the corners, (n, dim, k, dim)."""
     n, k, dim = x.shape
     rates = np.zeros((n, dim, k, dim))
     if dim == 2:

@@ -224,7 +224,7 @@ def as_raised() -> Iterator[None]:
 
 
 def reasons_of(ksp: PETSc.KSP) -> str:
-    """Return the reasons of KSP, PC and MUMPS in PETSc's names. Collective."""
+    """Return the reasons for which KSP, PC and MUMPS ended, in PETSc's names. Collective."""
     comm = ksp.comm.tompi4py()
     pc = ksp.getPC()
     words = [f"{ksp.getType()} with {pc.getType()}"]

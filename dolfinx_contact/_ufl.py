@@ -91,7 +91,7 @@ def not_affine(e: Any, *terminals: Any) -> str:
 
 
 def derivative(e: Any, terminal: Any) -> Any:
-    """Return the expanded derivative of a form or expression by a terminal.
+    """Return the expanded derivative of a form or expression with respect to a terminal.
 
     Args:
         e: UFL expression of any shape, or form.

@@ -303,7 +303,7 @@ def _optimum(
     value = max(float(found.x[factor]), 0.0)
     if value < _FAR:
         return found.x, value
-    # A ray along which the factor grows, inside of the inequalities A x <= 0 where possible.
+    # A ray along which the factor grows, within A x <= 0 where possible.
     number = len(scaled[0])
     slack = np.hstack([scaled[0], np.eye(number)]), np.zeros(number)
     if equal is not None:

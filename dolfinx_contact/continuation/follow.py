@@ -273,7 +273,7 @@ class Follower(Walker):
         low, high = (system.events(x, g, piece).distance for g in (gamma, gamma + shift))
         if self.bordered.anywhere(not np.array_equal(low, high)):
             return
-        raise ValueError("gamma does not appear in H: its derivative by gamma vanishes")
+        raise ValueError("gamma does not appear in H: dH/dgamma vanishes")
 
     def _leads_out(self, point: BranchPoint) -> bool:
         finder = self._finder(point)

@@ -80,7 +80,7 @@ class Pivoting(Walker):
         affine = self.condensed.system
         affine.require_finite()
         if not largest(affine.rate) > 0:
-            raise ValueError("gamma does not appear in H: its derivative by gamma vanishes")
+            raise ValueError("gamma does not appear in H: dH/dgamma vanishes")
         codes = affine.solve(gamma, self.condensed.codes(self.system.piece_at(x, gamma)))
         if codes is None:
             raise ValueError(f"no solution near the given state was found at gamma = {gamma}")

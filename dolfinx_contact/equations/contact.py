@@ -229,7 +229,7 @@ class ContactEquations:
         loads: Array,
         motions: Array,
     ) -> Array:
-        """Return the owned rows of the derivative of H by a parameter, at fixed statuses.
+        """Return the owned rows of dH/dgamma for a parameter gamma, at fixed statuses.
 
         Args:
             at: evaluation with these statuses.

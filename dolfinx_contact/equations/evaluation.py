@@ -103,20 +103,20 @@ class ContactState:
 
     @cached_property
     def by_jump(self) -> Array:
-        """Derivatives of the answer by the jump, shape (n, dim, dim)."""
+        """Derivatives of the answer with respect to the jump, shape (n, dim, dim)."""
         return self._present(self.answers.by_jump(self.statuses))
 
     @cached_property
     def by_traction(self) -> Array:
-        """Derivatives of the answer by the traction, shape (n, dim, dim)."""
+        """Derivatives of the answer with respect to the traction, shape (n, dim, dim)."""
         return self._present(self.answers.by_traction(self.statuses))
 
     @cached_property
     def by_normal(self) -> Array:
-        """Derivatives of the answer by the normal if the jump turns with it, shape (n, dim, dim).
+        """Derivatives of the answer with respect to the normal, if the jump turns with it.
 
-        Laws are objective, tau(R j, R t; R n) = R tau. Hence for the rotation vector w = n x dn of
-        a change dn of the normal
+        Shape (n, dim, dim). Laws are objective, tau(R j, R t; R n) = R tau. Hence for the rotation
+        vector w = n x dn of a change dn of the normal
 
             dtau = w x tau - dtau/dt (w x t).
         """
@@ -133,12 +133,15 @@ class ContactState:
 
     @cached_property
     def by_around(self) -> Array:
-        """Derivatives of the answer of a nonlocal law by the averaged quantity, shape (n, dim)."""
+        """Derivatives of the answer of a nonlocal law with respect to its averaged quantity.
+
+        Shape (n, dim).
+        """
         return self.answers.by_around(self.statuses)
 
     @property
     def spread_by(self) -> tuple[Array, Array]:
-        """Derivatives of the averaged quantity by jump and traction, shape (n, dim) each."""
+        """Derivatives of the averaged quantity with respect to jump and traction, (n, dim) each."""
         assert self.answers.spreading is not None
         return self.answers.spreading.by_jump, self.answers.spreading.by_traction
 

@@ -144,7 +144,7 @@ class ParametricEquations(System):
         """Return the reason why the data are not affine in another parameter; "" if they are.
 
         Loads, gaps and fields of the laws must be affine in it; the stiffness, the normals and the
-        derivatives by gamma must not contain it.
+        derivatives with respect to gamma must not contain it.
         """
         eq = self.equations
         rate = Rate(other)
@@ -154,7 +154,7 @@ class ParametricEquations(System):
         loads = [eq.bulk.residual, *(d.expression for d in self._driven)]
         loads += [e for b in eq.rigid.bodies for e in b.expressions]
         if any(c is other for e in loads for c in by_gamma.constants_of(e)):
-            return "a rate by the first depends on it"
+            return "a derivative with respect to the first depends on it"
         if any(depends_on(other, s.given.normal) for s in eq.surfaces):
             return "a normal depends on it"
         laws = [e for s in eq.surfaces for e in (s.given.gap, *s.given.fields.values())]
@@ -258,7 +258,7 @@ class ParametricEquations(System):
 
     @property
     def matrix(self) -> PETSc.Mat:  # type: ignore[override]
-        """Derivative of H by x, assembled or as a product. Collective."""
+        """Derivative of H with respect to x, assembled or as a product. Collective."""
         return self._jacobian_solver.matrix
 
     def create_vector(self) -> PETSc.Vec:
@@ -318,7 +318,7 @@ class ParametricEquations(System):
         c.array[:] = self.equations.rates(state, body, answers, *self._data_rates())
 
     def _data_rates(self) -> tuple[Array, Array, Array]:
-        """Return the derivatives of prescribed data by gamma.
+        """Return the derivatives of prescribed data with respect to gamma.
 
         Returns:
             Derivatives of the Dirichlet values at the local displacement dofs (0 at free dofs), of

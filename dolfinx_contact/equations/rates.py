@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Derivatives by the parameter gamma of forms, Dirichlet data, obstacles, laws and rigid bodies.
+r"""Derivatives of forms, Dirichlet data, obstacles, laws and rigid bodies with respect to gamma.
 
-    dH/dgamma = dR/dgamma + (dR/du) dg/dgamma + (derivatives of the contact law by gap, normal and
-                law fields) . (their derivatives by gamma)
+    dH/dgamma = dR/dgamma + (dR/du) dg/dgamma + (dtau/dd) . (dd/dgamma)
 
-with the residual R of the body and the Dirichlet values g. UFL differentiates all data; they are
+with the residual R of the body, the Dirichlet values g, and the answer tau of the contact law with
+its data d: gap, normal and fields of the law. UFL differentiates all data; they are
 evaluated like the data themselves.
 """
 
@@ -43,7 +43,7 @@ def _as_ufl(e: Any) -> Any:
 
 @dataclass(frozen=True)
 class Rate:
-    """Differentiation by gamma.
+    """Differentiation with respect to gamma.
 
     Attributes:
         gamma: Constant in the forms of the user.
@@ -82,7 +82,7 @@ class Driven:
     Args:
         function: Function of a Dirichlet condition.
         expression: its value.
-        rate: differentiation by gamma.
+        rate: differentiation with respect to gamma.
 
     Attributes:
         function: Function as given.
@@ -107,18 +107,20 @@ class Driven:
         self.function.interpolate(self._value)
 
     def add_rate(self) -> None:
-        """Add the derivative by gamma to the Function. Collective."""
+        """Add the derivative with respect to gamma to the Function. Collective."""
         value = self.function.x.array.copy()
         self.function.interpolate(self._rate)
         self.function.x.array[:] += value
 
 
 class SurfaceRates:
-    """Derivative of the contact law of a surface by gamma, from its obstacle and law fields.
+    """Derivative of the contact law of a surface with respect to gamma.
+
+    It follows from the obstacle and the fields of the law.
 
     Args:
         s: contact surface.
-        rate: differentiation by gamma.
+        rate: differentiation with respect to gamma.
 
     Attributes:
         applies: whether anything depends on gamma.
@@ -170,11 +172,11 @@ class SurfaceRates:
 
 
 class RigidRates:
-    """Derivatives of loads and prescribed motions of rigid bodies by gamma.
+    """Derivatives of loads and prescribed motions of rigid bodies with respect to gamma.
 
     Args:
         bodies: rigid bodies.
-        rate: differentiation by gamma.
+        rate: differentiation with respect to gamma.
 
     Attributes:
         applies: whether anything depends on gamma.
@@ -196,9 +198,9 @@ class RigidRates:
 
 
 def dirichlet_rates(constraints: Any, driven: Sequence[Driven]) -> Array:
-    """Return derivatives of Dirichlet values by gamma on the local displacement dofs. Collective.
+    """Return derivatives of Dirichlet values with respect to gamma. Collective.
 
-    They are zero at all other dofs.
+    They are given at all local displacement dofs, and are zero where gamma drives nothing.
 
     Args:
         constraints: Dirichlet conditions.

@@ -6,8 +6,8 @@ computed, and the multipliers l. With D = dm/du the terms of the Jacobian are
 
     S = S_u + S_m D,
 
-where S_u is the derivative by u and l, and S_m that by m. The pattern contains all candidates and
-changes only with a search (`points.sliding`).
+where S_u is the derivative with respect to u and l, and S_m that with respect to m. The pattern
+contains all candidates and changes only with a search (`points.sliding`).
 """
 
 from __future__ import annotations
@@ -226,8 +226,8 @@ def _of_law(facing: Facing, by_gap: Array, by_slip: Array, places: Array, gaps: 
 
     Args:
         facing: pieces.
-        by_gap: derivatives of the rows by the gap of the node (p, a, dim).
-        by_slip: derivatives of the rows by the slip of the node (p, a, dim, dim).
+        by_gap: derivatives of the rows with respect to the gap of the node (p, a, dim).
+        by_slip: derivatives of the rows with respect to the slip of the node (p, a, dim, dim).
         places: derivatives of the places of the rays (p, q, dim - 1, c, dim).
         gaps: derivatives of the gaps of the rays (p, q, c, dim).
     """
@@ -243,7 +243,9 @@ def _of_law(facing: Facing, by_gap: Array, by_slip: Array, places: Array, gaps: 
 
 
 def _on_master(facing: Facing, tractions: Array, places: Array) -> Array:
-    """Return derivatives of the forces on the master (p, b, dim, c, dim) by places of the rays.
+    """Return the part of the derivatives of the forces on the master that is due to moving rays.
+
+    Shape (p, b, dim, c, dim).
 
     Args:
         facing: pieces.

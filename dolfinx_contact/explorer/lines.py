@@ -33,7 +33,7 @@ class BranchLine:
         marks: special points: ``index`` of a point, ``kind``, ``text``, known values ``at``, and
             ``share``, the position between the preceding point (0) and the point (1).
         linear: whether the state is piecewise linear between the points.
-        ending: reason of the end; "" if it has not ended.
+        ending: reason for the end; "" if it has not ended.
     """
 
     name: str

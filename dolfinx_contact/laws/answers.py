@@ -209,12 +209,15 @@ class Answers:
         return self._of(codes, "by_traction", (self._law.dim, self._law.dim))
 
     def by_around(self, codes: Codes) -> Array:
-        """Return the derivatives D_s of tau by the averaged quantity, shape (n, dim)."""
+        """Return the derivatives D_s of tau with respect to the averaged quantity, (n, dim)."""
         return self._of(codes, "by_around", (self._law.dim,))
 
     @property
     def pressure(self) -> tuple[Array, Array, Array]:
-        """Pressure of a nonlocal law (n,), with derivatives by jump and traction (n, dim)."""
+        """Pressure of a nonlocal law, with its derivatives with respect to jump and traction.
+
+        Shapes (n,), (n, dim) and (n, dim).
+        """
         q, by_jump, by_traction = (self._values[:, k] for k in self._law.places["pressure"])
         return q[:, 0], by_jump, by_traction
 

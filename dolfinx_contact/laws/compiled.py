@@ -240,7 +240,10 @@ class CompiledLaw:
 
     @cached_property
     def slopes(self) -> tuple[PointValues, list[list[int]]]:
-        """Derivatives of border distances by jump and traction, compiled on first use."""
+        """Derivatives of border distances with respect to jump and traction.
+
+        They are compiled on first use.
+        """
         flat = ScalarList()
         places = []
         for piece in self._pieces.values():
@@ -266,7 +269,10 @@ class CompiledLaw:
 
     @cached_property
     def pressure_sensitivities(self) -> PointValues:
-        """Derivatives of the averaged pressure by normal and fields, compiled on first use."""
+        """Derivatives of the averaged pressure with respect to normal and fields.
+
+        They are compiled on first use.
+        """
         flat = ScalarList()
         for by in (self._n, *self._fields[:-1]):
             flat.add(ufl.diff(self._pressure, by))

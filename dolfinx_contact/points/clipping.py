@@ -174,7 +174,9 @@ def linear_basis(x: Array, corners: int) -> tuple[Array, Array]:
 
 
 def tangents(corners: Array, slopes: Array) -> Array:
-    """Return derivatives of positions by the reference coordinates, shape (n, q, dim, dim - 1).
+    """Return derivatives of positions with respect to the reference coordinates.
+
+    Shape (n, q, dim, dim - 1).
 
     Args:
         corners: corners of facets, shape (n, k, dim).

@@ -38,7 +38,7 @@ so that points sticking to a turning body do not slip; jumps and normals are tur
 law. Moving an obstacle by Constants changes its shape and place but not its material points: both y
 and y_o belong to its present position, and its tangential motion drags nothing.
 
-Derivatives of gap, normal and slip by x are exact.
+Derivatives of gap, normal and slip with respect to x are exact.
 
 A removed overlap o of the reference configuration does not belong to the gap: j contains g(x) + o.
 The places y on the surface are unaffected.

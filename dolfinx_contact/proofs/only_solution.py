@@ -47,7 +47,7 @@ class OnlySolution:
 
     Attributes:
         verdict: verdict as in `results.uniqueness.Uniqueness`.
-        reason: reason of the verdict, human-readable.
+        reason: reason for the verdict, human-readable.
         other: statuses (m,) and state (m, 2 dim) of a second solution; None if no other is known.
         certificate: proof of uniqueness; None without a proof.
     """

@@ -74,7 +74,7 @@ def follow_load(solver: Newton, x: PETSc.Vec, attempt: Attempt) -> bool:
     Args:
         solver: Newton's method, whose number of iterations limits those at a point of the branch.
         x: start; receives the solution.
-        attempt: attempt recording the reason of a failure.
+        attempt: attempt recording the reason for a failure.
     """
     most = solver.max_iterations
     if most < 1:

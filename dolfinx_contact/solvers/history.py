@@ -61,7 +61,7 @@ class Attempt:
 
     Attributes:
         strategy: name of the strategy.
-        reason: reason of its end.
+        reason: reason for its end.
         steps: Newton iterates.
         converged: whether the strategy solved the problem.
         restless: coordinates of points that changed status in the last step, by surface name.

@@ -93,7 +93,7 @@ class LinearSolver(JacobianSolver):
         return False
 
     def explain(self, ksp: PETSc.KSP) -> str:
-        """Return the reason of a failed linear solve as text. Collective."""
+        """Return the reason for a failed linear solve as text. Collective."""
         raise NotImplementedError
 
     def inaccuracy(self, ksp: PETSc.KSP) -> str:
@@ -229,7 +229,7 @@ class Newton:
 
         Args:
             x: start; receives the solution, or the last iterate.
-            attempt: attempt recording the iterates, the reason of the end, and the evaluation
+            attempt: attempt recording the iterates, the reason for the end, and the evaluation
                 at a solution of H.
             start: evaluation at the start, if available.
             held: statuses with which H is evaluated; default: those determined by the unknowns.
@@ -488,7 +488,7 @@ class Newton:
         )
 
     def _explain(self) -> str:
-        """Return the reason of a failed SNES as text."""
+        """Return the reason for a failed SNES as text."""
         reasons = PETSc.SNES.ConvergedReason
         reason = self.snes.getConvergedReason()
         ksp, steps = self.snes.getKSP(), self.snes.getIterationNumber()

@@ -31,7 +31,7 @@ class SymmetricGuess:
 class Textbook(System):
     """A dense system with kinked points, on any number of ranks.
 
-    ``H(x, g, codes)``, ``J``, ``c`` are the pieces and their derivatives by x and g;
+    ``H(x, g, codes)``, ``J``, ``c`` are the pieces and their derivatives with respect to x and g;
     ``distances(x, g, codes)`` lists, point by point, pairs (distance, status beyond).
     """
 

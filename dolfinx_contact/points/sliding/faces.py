@@ -184,7 +184,7 @@ class SlidingFaces:
         return self.kept.min(axis=1)
 
     def normal_rates(self, x: Array) -> Array:
-        """Return derivatives of the area vectors by the corners, shape (n, dim, k, dim)."""
+        """Return derivatives of the area vectors with respect to the corners, (n, dim, k, dim)."""
         return self._facets.sense[:, None, None, None] * area_vector_rates(x)
 
     def at_nodes(self, of_facets: Array) -> Array:

@@ -86,7 +86,7 @@ class CastRays:
         length: lengths of m, shape (p, q).
         gap: gaps g, shape (p, q).
         weights: weights N_b(eta) of the master nodes, shape (p, q, b).
-        slopes: derivatives of the weights by eta, shape (p, q, b, dim - 1).
+        slopes: derivatives of the weights with respect to eta, shape (p, q, b, dim - 1).
         inverse: inverse of [Y | -n], shape (p, q, dim, dim).
     """
 
@@ -160,8 +160,8 @@ def spins(before: Array, now: Array, sense: Array) -> tuple[Array, Array]:
         sense: signs of the area vectors, shape (n,).
 
     Returns:
-        Angles about the outward normals, shape (n,), and derivatives by the present corners, shape
-        (n, k, dim); zero in 2D.
+        Angles about the outward normals, shape (n,), and their derivatives with respect to the
+        present corners, shape (n, k, dim); zero in 2D.
     """
     n, k, dim = now.shape
     if dim == 2:
@@ -302,7 +302,7 @@ class Facing:
         areas: weights w of the reference configuration, shape (p, q).
         rays: rays at the points.
         along: R_aq (I - n_o n_o^T) Y_o of the last accepted state, shape (p, q, a, dim, dim - 1).
-        spins: derivatives of psi by the corners of both, shape (p, c, dim).
+        spins: derivatives of psi with respect to the corners of both, shape (p, c, dim).
         nodal: values at the vertices.
     """
 
@@ -347,11 +347,11 @@ class Facing:
         return found[..., :-1], found[..., -1]
 
     def slopes(self) -> tuple[Array, Array]:
-        """Return derivatives of `moved` by its arguments.
+        """Return derivatives of `moved` with respect to its arguments.
 
         Returns:
-            Derivatives of places (p, q, dim - 1, c + a, dim) and of gaps (p, q, c + a, dim) by v
-            and m.
+            Derivatives of places, shape (p, q, dim - 1, c + a, dim), and of gaps, shape
+            (p, q, c + a, dim), with respect to v and m.
         """
         rays = self.rays
         by_m = rays.gap[..., None, None] * (rays.inverse @ rays.by_normal)

@@ -1,4 +1,4 @@
-"""Contact problems as systems: the derivative by gamma, and branches with known folds."""
+"""Contact problems as systems: derivatives with respect to gamma, and branches with known folds."""
 
 from mpi4py import MPI
 

@@ -73,7 +73,7 @@ def test_progress_of_branches_names_the_end(capsys):
 
 
 def test_progress_of_a_history_names_the_end(capsys):
-    """The messages of a stopping run: its position and the reason of its end."""
+    """The messages of a stopping run: its position and the reason for its end."""
     evolution = recorded_evolution.pair(COMM, n=2)
     evolution.run([0.0, 1.0, 2.0], stop=lambda _: "enough", progress=True)
     found = [x for x in capsys.readouterr().err.splitlines() if x.startswith("evolution")]
