@@ -3,8 +3,8 @@
 
 Static law: three bodies. The loads are tractions in 36 directions: all around for the first two
 bodies; for the wedge between horizontal and 18 degrees above, where several solutions were found in
-a search all around. Solutions scale with the load, since the gaps are zero, so that the direction
-alone matters. `find_solutions` counts them.
+a search all around. Solutions scale with the load, since the gaps are zero, so that only the
+direction matters. `find_solutions` counts them.
 
 - `triangle`: the right triangle of Ligursky and Renard, clamped on its longest side.
 - `leaning`: a parallelogram of width 1 and height 2, whose top is clamped and shifted by 2.

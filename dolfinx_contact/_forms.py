@@ -55,7 +55,7 @@ def compiled_form(form: ufl.Form, entity_maps: Any = None) -> fem.Form:
 
     Raises:
         ValueError: if values are complex, integrals of one kind have different tags, which DOLFINx
-            does not support, or an integrand that is only defined at the middles of cells is
+            does not support, or an integrand that is only defined at the midpoints of cells is
             evaluated at other points.
     """
     return derived_form("itself", form, lambda: form, entity_maps=entity_maps)
@@ -168,8 +168,8 @@ def _compiled_anew(form: ufl.Form, entity_maps: Any) -> fem.Form:
             )
     if any(is_of_cells(i.integrand()) and not _at_middle(i) for i in form.integrals()):
         raise ValueError(
-            "the stress of a mean dilatation is known at the middles of cells alone, where an "
-            'integral over it has to take it: dx(metadata={"quadrature_degree": 1})'
+            "the stress of a mean dilatation is known only at the midpoints of cells, where an "
+            'integral has to evaluate it: dx(metadata={"quadrature_degree": 1})'
         )
     form = _without_one_point_beside_others(form)
     with _compiler_named(domain.ufl_cargo().comm):

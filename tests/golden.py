@@ -1720,7 +1720,7 @@ def differences(found, kept):
     for part, tolerance in TOLERANCES.items():
         now, before = (dict(lists_in(v.get(part, {}))) for v in (found, kept))
         if set(now) != set(before):
-            words.append(f"{part}: {sorted(set(now) ^ set(before))} in one of them alone")
+            words.append(f"{part}: {sorted(set(now) ^ set(before))} only in one of them")
             continue
         least = _LEAST * max(
             (np.nanmax(np.abs(v), initial=0.0) for v in before.values()), default=0.0

@@ -146,7 +146,7 @@ class Hertz:
         }
 
     def draw(self, file: str | os.PathLike[str], table: ContactTable) -> None:
-        """Draw the pressures of contact points beside the closed form; on this rank alone.
+        """Draw the pressures of contact points beside the closed form; only on this rank.
 
         Arguments as in `compare`; errors as in `draw_curves`.
         """

@@ -9,7 +9,7 @@ COLUMNS = 4
 
 
 def draw_maps(file, x, y, maps, names, *, lines=(), labels=("", "")):
-    """Draw maps over the same axes with one legend; on this rank alone.
+    """Draw maps over the same axes with one legend; only on this rank.
 
     Args:
         file: file of the picture, in any format of matplotlib.

@@ -3,7 +3,7 @@
 
 Every code is run in its own environment (`environments`) by its driver, once with settings that its
 manual, its defaults or its examples give and once tuned; its answer is judged in the environment of
-this package. This program needs Python alone. Times are those of a processor, of one run each, on
+this package. This program needs only Python. Times are those of a processor, of one run each, on
 one thread, and so are their limits.
 
     python3 benchmarks/codes/run.py --output output/codes

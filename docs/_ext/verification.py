@@ -335,7 +335,7 @@ def _mark(module: Module, function: ast.FunctionDef, call: ast.Call) -> Test:
         features = tuple(ast.literal_eval(a) for a in call.args)
         given = {str(k.arg): ast.literal_eval(k.value) for k in call.keywords}
     except ValueError:
-        raise wrong("marks are read without being run: words alone") from None
+        raise wrong("marks are read without being run: only constants") from None
     refuses = ast.unparse(call.func).endswith(".refuses")
     aspects = given.pop("aspects", ())
     kind, _, reference = given.pop("reference", "").partition(": ")

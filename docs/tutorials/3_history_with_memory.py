@@ -93,7 +93,7 @@ assert abs(area / dissipated - 1) < 0.05
 # ## With and without memory
 #
 # Every step of the history has a `state`. `problem.step_from(state)` is the problem of one step
-# that begins there; solving it repeats the next step. The problem alone has the static law: at the
+# that begins there; solving it repeats the next step. The problem itself has the static law: at the
 # same load, on the way back, it does not know the earlier slip to the right. Neither solve changes
 # the history.
 

@@ -157,4 +157,4 @@ titles = [f"gamma = {p.gamma:g}: {system.letters(p.piece)}" for p in ends]
 plot.picture_of_states("states.png", system, ends, titles=titles, scale=2.0)
 
 # `find_solutions` also finds solutions that are not connected with the others; `explore` shows
-# *how* solutions are connected. In large problems without a proof the diagram alone is available.
+# *how* solutions are connected. In large problems without a proof only the diagram is available.

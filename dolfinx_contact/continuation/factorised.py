@@ -212,7 +212,7 @@ class _RowUpdate:
         return self._factor.determinant_sign * float(np.sign(np.linalg.det(self._S)))
 
     def _forget(self) -> None:
-        """Discard the update and use A_0 alone."""
+        """Discard the update and use only A_0."""
         self._V = None
         self._W = []
         self._S = np.eye(0)

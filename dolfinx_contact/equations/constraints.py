@@ -351,7 +351,7 @@ def _removed(s: DiscreteSurface, fixed: Mask) -> Mask:
     objection = ""
     if s.displaced is not None and not fixed[clamped].all():
         objection = (
-            "fix the normal displacement alone at a contact node of a curved obstacle, whose "
+            "fix only the normal displacement at a contact node of a curved obstacle, whose "
             "normal turns in large sliding"
         )
     elif STICK in s.law_at_points.codes and oblique.any():

@@ -4,8 +4,8 @@
 Forces are compared with the largest nodal force (reactions, contact forces, first residual). Gaps
 and slips are compared with the largest displacement. In a body sticking everywhere displacements
 are round-off; the length scale is then the displacement that a contact force would cause at its
-node alone (`held_back`). Thus the test is independent of the user's units, and a small contact row
-cannot hide behind a large force row.
+node if all other nodes were held (`held_back`). Thus the test is independent of the user's units,
+and a small contact row cannot hide behind a large force row.
 
 All maxima are NaN if one of their values is NaN.
 
@@ -191,7 +191,7 @@ def require_solution(problem: Any, hint: str = "") -> None:
 
 
 def held_back(s: DiscreteSurface, found: ContactState, stiffness: Array) -> float:
-    """Largest displacement that the contact force would cause at a node of this rank alone.
+    """Largest displacement of a node of this rank if the contact force moved only this node.
 
     Args:
         s: contact surface.

@@ -97,7 +97,7 @@ class Driven:
         points = interpolation_points(function.function_space)
         domain = function.function_space.mesh
         x = ufl.SpatialCoordinate(domain)
-        # FFCx does not compile expressions of Constants alone.
+        # FFCx does not compile expressions that contain only Constants.
         zero = fem.Constant(domain, 0.0) * (x if self.expression.ufl_shape else x[0])
         self._value = compiled_expression(self.expression + zero, points)
         self._rate = compiled_expression(rate.of_expression(self.expression) + zero, points)

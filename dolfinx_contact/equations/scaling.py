@@ -140,8 +140,8 @@ class Scaling:
     def _measure(self, K: PETSc.Mat, soft: Array) -> None:
         """Compute the typical stiffness, and r and stiffness at the vertices.
 
-        The stiffness of a vertex is that of its node alone divided by its area: a traction divided
-        by it is the displacement that the traction would cause.
+        The stiffness of a vertex is that of its node, with all other nodes held, divided by its
+        area: a traction divided by it is the displacement that the traction would cause.
 
         The automatic r is close to Young's modulus divided by the size of the touching part of the
         body, taken from the diagonal of the stiffness; in a pair, both bodies act in series. With a

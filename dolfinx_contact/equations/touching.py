@@ -34,7 +34,7 @@ def touches_nothing(eq: ContactEquations, state: Evaluation) -> bool:
     """Return whether the present contact is insignificant compared with the load. Collective.
 
     Faces that coincide have gaps of round-off, a few of which are negative. Without pressure these
-    few points do not indicate where the bodies will touch: in a first step held by them alone, the
+    few points do not indicate where the bodies will touch: in a first step held only by them, the
     other points would pass through each other by the whole prescribed motion.
 
     Args:

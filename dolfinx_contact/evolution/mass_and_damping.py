@@ -209,7 +209,7 @@ def _affine_parts(
     if u in coefficients:
         raise ValueError(
             "damping must not depend on the displacement: it refers to the undeformed body; move "
-            "terms in the displacement alone to the bulk form"
+            "terms that contain only the displacement to the bulk form"
         )
     if len(arguments) == 2:
         if velocity in coefficients:

@@ -245,7 +245,7 @@ class Stepper:
             not changed,
             f"the load at the time {time:g} depends on earlier calls: {changed} differs after the "
             f"load of {later:g}. Steps are tried with several lengths, so the load must set "
-            "everything that it changes, from the time alone",
+            "everything that it changes, as a function of the time only",
         )
         return varies
 

@@ -44,7 +44,7 @@ class EvolutionSeries(Observer):
     Fields are complete when the context ends, also after an error, up to the last accepted step;
     files of an earlier series are then removed. `EvolutionRecord` keeps the fields of a killed run.
     With another observer pass ``continuation.Observers(series, other)``; a function calling
-    ``series(step)`` writes the steps alone, without the start.
+    ``series(step)`` writes only the steps, without the start.
 
     Args:
         folder: output folder, created if necessary.
@@ -120,7 +120,7 @@ class EvolutionSeries(Observer):
         """Write a row of the table, and fields if it is their turn. Collective."""
         if self._count is None:
             raise ValueError(
-                "an EvolutionSeries writes in its context alone: with EvolutionSeries(...) as "
+                "an EvolutionSeries writes only in its context: with EvolutionSeries(...) as "
                 "series: evolution.run(times, observer=series)"
             )
         self._table.add(row)

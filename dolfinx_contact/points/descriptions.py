@@ -210,7 +210,7 @@ def _check_surface(a: Arguments) -> None:
     _check_elements(a, degree)
     if a.axisymmetric and isinstance(a.obstacle, RigidBody) and not a.obstacle.held_across_axis:
         raise ValueError(
-            f"{a.name}: {a.obstacle.name} moves along the axis of revolution alone; hold x and rz"
+            f"{a.name}: {a.obstacle.name} moves only along the axis of revolution; hold x and rz"
         )
     Overlap.of(a)
 
@@ -259,7 +259,7 @@ def _check_sliding(a: Arguments, degree: int, what: str) -> None:
         )
     if getattr(a, "axisymmetric", False) and not isinstance(a.law, Frictionless):
         raise ValueError(
-            f"{a.name}: bodies of revolution with sliding='large' take Frictionless() alone, got "
+            f"{a.name}: bodies of revolution with sliding='large' take only Frictionless(), got "
             f"the law {a.law.name}"
         )
     if a.search_distance is not None:

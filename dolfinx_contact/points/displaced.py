@@ -136,7 +136,7 @@ def displaced_points(
     conditions = (
         (
             known_displaced(shape_of(obstacle)),
-            "the obstacle is known in the reference configuration alone: it needs a method at",
+            "the obstacle is known only in the reference configuration: it needs a method at",
         ),
         (not free, "a rigid body that turns freely turns little; hold or prescribe its rotation"),
         (points.method != "mixed", "gaps of mixed contact are averages around nodes; take another"),

@@ -293,7 +293,7 @@ class ScatteredEvaluator:
             g: ufl.as_tensor(part.reshape(g.ufl_shape).tolist()) if g.ufl_shape else part[0]
             for g, part in zip(given, np.split(np.array(list(w)), ends[:-1]), strict=True)
         }
-        # FFCx does not compile expressions of numbers alone: the first column prevents them
+        # FFCx does not compile expressions of numbers only: the first column prevents them
         self._columns = _Columns({name: ufl.replace(e, known) for name, e in every.items()}, w[0])
         self._values = PointValues(self._columns.components, w, domain.comm)
 

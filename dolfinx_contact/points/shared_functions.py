@@ -14,7 +14,7 @@ loop, for example of a body on which two others stand, keeps all of its multipli
 *Held ends.* Where a mortar node p is held and so is the master at its place, as at the end of an
 interface that meets a support, the jump is not an unknown. The dual function psi_p covers the
 adjacent slave facets and may overlap free master nodes. A multiplier of its own would constrain
-these alone, the more strongly the smaller int psi_p N_k is, and have the size of its inverse. It is
+only these, the more strongly the smaller int psi_p N_k is, and have the size of its inverse. It is
 removed. A held node opposite to a free master keeps its multiplier: both still push each other.
 
 The adjacent nodes take the functions of these nodes,

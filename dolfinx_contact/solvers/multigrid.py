@@ -59,7 +59,7 @@ _NEGLIGIBLE = 0.01  # share of the residual on the surface below which it is not
 class Multigrid(LinearSolver):
     """Krylov solves of the uncondensed Jacobian, preconditioned by `SurfaceFilter`.
 
-    The operator (`matrix`) and the filter act on H_x alone, so a bordered system can use them as
+    The operator (`matrix`) and the filter act only on H_x, so a bordered system can use them as
     the leading block of its own operator and preconditioner.
 
     Args:

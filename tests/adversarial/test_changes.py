@@ -48,7 +48,7 @@ def ratio_of(problem):
 
 
 class Searched:
-    """A block under Constants, and all that is computed on its contact points alone."""
+    """A block under Constants, and all that is computed only on its contact points."""
 
     def __init__(self, young, friction, size):
         body = block((2, 1))

@@ -1,6 +1,6 @@
 """Assumption: calls end well, on all ranks, and objects are freed by all ranks together.
 
-Solves fail and observers raise on one rank alone while problems are dropped; every rank gets an
+Solves fail and observers raise only on one rank while problems are dropped; every rank gets an
 error, nothing hangs, and the next problem is solved.
 """
 

@@ -1,8 +1,8 @@
 """Assumption: users know which state, data and memory a question refers to.
 
-States are values that can be taken, put back, stored and compared; a problem alone means the static
-law; questions about a state refer to the data as they are now. A question that has no answer for
-them raises an error giving the residual or naming the way.
+States are values that can be taken, put back, stored and compared; a problem by itself has the
+static law; questions about a state refer to the data as they are now. A question that has no answer
+for them raises an error giving the residual or naming the way.
 """
 
 import pickle

@@ -275,7 +275,7 @@ def test_pair_of_a_face_with_itself_names_self_contact():
 def test_sliding_of_revolution_refuses_friction():
     both = stacked(4, 4, (0.0, 1.0), (0.0, 1.0))
     options = {"slave": 3, "master": 2, "sliding": "large", "axisymmetric": True}
-    with pytest.raises(ValueError, match="take Frictionless"):
+    with pytest.raises(ValueError, match="take only Frictionless"):
         discretise(ContactPair(displacement(both.mesh), both, law=Coulomb(0.3), **options))
 
 

@@ -214,7 +214,7 @@ def test_the_jacobian_of_bonds_passes_taylors_test(cell, method, viscosity):
 
 @pytest.mark.ranks(2)
 def test_field_of_bonds_holds_the_right_half():
-    """Bonded on the right half alone; a static solve begins with that."""
+    """Bonded only on the right half; a static solve begins with that."""
     domain = box(COMM, 4, "quad")
     x = ufl.SpatialCoordinate(domain)
     beta = ufl.conditional(ufl.gt(x[0], 0.4), 0.8, 0.0)

@@ -57,7 +57,7 @@ def means(history):
 
 
 def dragged(problem, force, way, times, **given):
-    """The history under a force of Q times the bound, from the weight alone."""
+    """The history under a force of Q times the bound, from the weight only."""
 
     def load(t):
         force.value[: len(way)] = Q * F * N * (t > 0) * way

@@ -183,7 +183,7 @@ def test_the_jacobian_of_large_sliding_passes_taylors_test(obstacle, cell, law, 
         problem.residual(y, b1, state.statuses)
         b1.axpy(-1.0, b0)
         b1.axpy(-h, Jd)
-        # Rows of the contact alone: the body's are larger.
+        # Only rows of the contact: the body's are larger.
         sizes.append(np.sqrt(COMM.allreduce(np.sum(b1.array_r[n:] ** 2))))
     assert sizes[0] > 0
     np.testing.assert_allclose(np.array(sizes[:2]) / sizes[1:], 4.0, rtol=0.2)

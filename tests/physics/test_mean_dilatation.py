@@ -230,7 +230,7 @@ def test_mean_dilatation_works_in_revolution():
             energy = material.energy(u) * ufl.dx
         ends = [fem.locate_dofs_topological(V.sub(1), 1, facets(domain, 1, z)) for z in (0.0, 0.5)]
         bcs = [fem.dirichletbc(0.0, dofs, V.sub(1)) for dofs in ends]
-        bore = HalfSpace((0.1, 0.0), (1.0, 0.0))  # far away: there for the problem alone
+        bore = HalfSpace((0.1, 0.0), (1.0, 0.0))  # far away: only the problem needs it
         surface = ContactSurface(
             u, facets(domain, 0, INNER), obstacle=bore, law=Coulomb(0.0), axisymmetric=True
         )

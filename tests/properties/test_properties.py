@@ -49,7 +49,7 @@ def test_solutions_do_not_depend_on_axes_and_units(request):
     aspects=("2D", "3D"),
 )
 def test_forces_balance_node_by_node(request):
-    """Equilibrium node by node, resultants, energies, the law: of the displacement alone."""
+    """Equilibrium node by node, resultants, energies, the law, computed from the displacement."""
     examine(balances, request)
 
 

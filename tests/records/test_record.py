@@ -179,7 +179,7 @@ def test_json_and_numpy_are_enough_to_read_a_record(whole):
 
 
 def parsed(data, folder):
-    """The journal in the content of a file, read by this rank alone."""
+    """The journal in the content of a file, read only by this rank."""
     own = folder / f"rank_{COMM.rank}"
     own.mkdir(exist_ok=True)
     (own / FILE_NAME).write_bytes(data)

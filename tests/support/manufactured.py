@@ -529,7 +529,7 @@ FRICTION = 0.4
 
 
 class Turning:
-    """A cube whose slip turns: u = (a(t) + z c(t), z d), affine, so that steps alone are in error.
+    """A cube whose slip turns: u = (a(t) + z c(t), z d), affine, so that only steps are in error.
 
     a is an arc, c the shear against its direction of the size F p/mu, d of the uniform pressure.
     """

@@ -154,7 +154,7 @@ def test_arc_length_passes_klarbrings_end():
     system = element((1.0, 1.0), 3.0, 1.0, (-2.0, 0.0), (0.0, -2.0))
     system.set_parameter(0.0)
     system.problem.solve()
-    control = StepControl(maximum=0.02)  # there is one point alone
+    control = StepControl(maximum=0.02)  # there is only one point
     history = ArcLength(system).run(gamma_range=(0.0, 4.0), control=control)
     assert history.complete
     assert [(s.event, s.before[0], s.after[0]) for s in history.folds] == [

@@ -158,7 +158,7 @@ def test_pictures_of_states_have_their_times_and_statuses_as_titles():
 
 @pytest.mark.ranks(2)
 def test_a_film_of_contact_has_axes_for_all_states(folder):
-    """It has a frame for each state; a state alone is drawn with other axes."""
+    """It has a frame for each state; a single state is drawn with other axes."""
     from PIL import Image, ImageSequence
 
     evolution = pair(COMM, n=2)
@@ -174,7 +174,7 @@ def test_a_film_of_contact_has_axes_for_all_states(folder):
         assert len(frames) == len(history.steps)
         assert {max(f.shape) for f in frames} == {400}
         assert (np.abs(frames[0] - frames[-1]).max(axis=2) > 30).sum() > 100
-        # the labels of the axes, at the left, differ from those of a state alone
+        # the labels of the axes, at the left, differ from those of a single state
         changes = [np.abs(f - frames[0])[30:200, :30].max() for f in (*frames, other)]
         assert max(changes[:-1]) < 60 < changes[-1]
     with pytest.raises(ValueError, match="the size of a film in pixels must be"):

@@ -1,4 +1,4 @@
-"""Laws that are compiled, at points alone: every derivative against differences of the values."""
+"""Laws that are compiled, at single points: every derivative against differences of the values."""
 
 from dataclasses import dataclass, replace
 from functools import cache

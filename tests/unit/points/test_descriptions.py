@@ -209,7 +209,7 @@ def test_a_rigid_body_of_revolution_moves_along_the_axis_only():
         punch(free=["x"], held=["y", "rz"]),
         punch(free=["rz"], held=["y", "x"]),
     ):
-        with pytest.raises(ValueError, match="moves along the axis of revolution alone"):
+        with pytest.raises(ValueError, match="moves only along the axis of revolution"):
             surface(u, axisymmetric=True, obstacle=bad)
         surface(u, obstacle=bad)
     with pytest.raises(ValueError, match="no nonlocal friction"):

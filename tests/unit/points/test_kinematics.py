@@ -243,7 +243,7 @@ def test_forces_do_the_work_of_pressure_and_shear(name):
     slip = jump_rate(at, case.seen)  # its normal part does no work on shear
     areas = s.points.areas
     if name == "wave":
-        # The level set is divided by the size of its gradient, a distance to first order alone.
+        # The level set is divided by the size of its gradient, a distance only to first order.
         assert s.displaced is not None
         gap = -np.sum(at.operator.rate(case.seen) * n, axis=1)
     expected = case.sum(areas * pressure * gap) + case.sum(areas[:, None] * shear * slip)

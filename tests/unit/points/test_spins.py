@@ -114,7 +114,7 @@ def spin(step):
 
 
 def test_a_linear_body_does_not_turn():
-    """A twist of any size is a small one there: its rotation alone gives a warning."""
+    """A twist of any size is a small one there: only its rotation gives a warning."""
     domain = mesh.create_unit_cube(COMM, 2, 2, 2, CELLS["hex"])
     V = fem.functionspace(domain, ("Lagrange", 1, (3,)))
     u = fem.Function(V)

@@ -358,7 +358,7 @@ def exchange_points(proof):
 
 
 def exchange_multipliers(proof):
-    """Shift the multipliers by one step; those of singular pieces alone may remain."""
+    """Shift the multipliers by one step; only those of singular pieces may remain."""
     if any(step["do"] == "exclude" for step in proof.steps):
         proof.vectors.append(proof.vectors.pop(0))
 
