@@ -47,7 +47,7 @@ class Faces:
     """Flat facets: segments, triangles or quadrilaterals.
 
     Attributes:
-        x: corners, of quadrilaterals in tensor order, shape (n, k, dim).
+        x: corners, shape (n, k, dim); those of quadrilaterals are in tensor order.
         normals: outward unit normals, shape (n, dim).
         nodes: global nodes of the displacement, those at the corners first, shape (n, m).
     """
@@ -89,8 +89,8 @@ class Cover:
     Attributes:
         slave: slave facets.
         master: master facets that may oppose some of them.
-        facet: slave facet by piece.
-        other: master facet by piece.
+        facet: slave facet of each piece.
+        other: master facet of each piece.
         pieces: corners in the plane of the slave facet, shape (pieces, dim, dim - 1).
         mine: corners of the slave facet in its plane, shape (pieces, k, dim - 1).
         theirs: corners of the master facet in that plane, shape (pieces, k, dim - 1).
@@ -301,7 +301,7 @@ def _area(x: Array) -> Array:
 
 
 def _centre(polygon: Array) -> Array:
-    """Return centres of area (n, 2), independent of the order and repetition of corners."""
+    """Return centroids (n, 2), which do not depend on order and repetition of the corners."""
     first = polygon[:, :1]
     x = polygon - first
     y = np.roll(x, -1, axis=1)

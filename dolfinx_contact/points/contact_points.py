@@ -326,7 +326,7 @@ class ContactPoints(ABC):
 
         Args:
             opposite: opposing points of the nodes.
-            sections: areas of the section around the vertices.
+            sections: areas around the vertices; those in the section for a body of revolution.
             averaged: areas of the points in the mixed method; None in the others.
         """
         areas = averaged

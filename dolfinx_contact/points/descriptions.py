@@ -110,7 +110,7 @@ def displacement_degree(u: Any) -> int:
 def _check_common(a: Arguments) -> int:
     """Validate the arguments of all descriptions and return the degree of the displacement.
 
-    The law gets its numbers as Constants of the mesh.
+    Numbers in the law become Constants of the mesh.
     """
     degree = displacement_degree(a.u)
     word(a.name, "the name of a contact surface")

@@ -358,9 +358,9 @@ class TrueGaps:
         self._evaluate: Evaluator | None = None
 
     def __call__(self) -> Array | None:
-        """Return distances of the points of this rank (n,), negative inside. Collective.
+        """Return distances of the points of this rank from the obstacle, (n,). Collective.
 
-        None if the obstacle is known in the reference configuration only.
+        They are negative inside it; None if it is known only in the reference configuration.
         """
         if not known_displaced(self._shape):
             return None

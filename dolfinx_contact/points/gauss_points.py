@@ -3,7 +3,7 @@
 
 Between faces that do not match, the points are the Gauss points of the common parts of a slave
 facet and a master facet, where both have smooth bases. Points of whole slave facets fail the patch
-test: with some points per facet, the forces on the master are wrong by several percent.
+test: with a few points per facet, the forces on the master are wrong by several percent.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 """Facets of a surface at any displacement, areas of its vertices, and sizes of its facets.
 
 Facets of degree 2 and quadrilaterals are divided into simplices. To measure the distance from a
-master, its simplices are gathered on every rank, as those of rigid surfaces are, so that one search
+master, its simplices are gathered on every rank, like those of rigid surfaces, so that one search
 serves both.
 """
 

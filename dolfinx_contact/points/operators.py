@@ -194,7 +194,7 @@ class Stencils:
         return weights_matrix(comm, self.points, self.nodes, self.weights, nodes, dim)
 
     def traction_matrix(self, comm: MPI.Comm, nodes: int, dim: int) -> PETSc.Mat:
-        """Return E, from multipliers to points. Collective."""
+        """Return the matrix E, which maps multipliers to tractions at the points. Collective."""
         weights = self.multiplier_weights
         return weights_matrix(comm, self.points, self.multiplier_nodes, weights, nodes, dim)
 

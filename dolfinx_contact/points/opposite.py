@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Facets of another body that a surface may touch: which of their nodes is opposite to which.
+"""Facets of another body that a surface may touch, and the points opposite to its nodes.
 
-The surface whose facets carry the contact points is the *slave*, the facets opposite are the
-*master*. Where both have the same nodes, each at its place or across a gap, jumps are differences
-of two traces, at nodes, at Gauss points and in averages. Otherwise a `mortar` gives the weights of
-the nodes, and Gauss points lie on the common parts of the faces.
+The surface whose facets carry the contact points is the *slave*, the opposite facets are the
+*master*. Where their nodes match, at the same places or across a gap, jumps are differences of two
+traces: at nodes, at Gauss points or averaged. Otherwise a `mortar` gives the weights of the nodes,
+and Gauss points lie on the common parts of the faces.
 
 No rank holds a whole surface: nodes are sent to the ranks in whose bounding boxes the nearest node
-may be, and answers come back.
+may lie, and these send the answers back.
 """
 
 from __future__ import annotations
@@ -143,7 +143,7 @@ class OppositeFacets(Obstacle):
         opposite: opposing points of the nodes of the slave.
 
     Raises:
-        ValueError: on every rank, if the faces do not match where they have to, look the same way,
+        ValueError: on every rank, if the faces do not match where they have to, face the same way,
             or the bodies overlap by more than is allowed, or if a given normal deviates by more
             than 60 degrees from a facet normal of the slave.
     """

@@ -194,7 +194,7 @@ class RigidBody(ReadOnly, Obstacle):
     # -- motions ---------------------------------------------------------------------------------
 
     def moves(self, x: Array) -> Mask:
-        """Return the mask of displacement components at points (n, dim) moved by free motions."""
+        """Return the mask of the displacements that free motions cause at points (n, dim)."""
         arm = np.linalg.norm(x - self.about, axis=1)
         size = float(np.max(arm, initial=0.0)) or 1.0
         found = np.zeros(x.shape, dtype=bool)

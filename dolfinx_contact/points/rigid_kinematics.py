@@ -6,8 +6,8 @@ small, its material point X moves by
 
     Phi(X) q = d + theta x (X - X_0),    q = (d, theta).
 
-In large sliding (`displaced`) it moves to X_0 + d + Q(theta) (X - X_0), where Q is the rotation
-of any angle with the rotation vector theta. For a rate of theta the body turns at the rate
+In large sliding (`displaced`) it moves to X_0 + d + Q(theta) (X - X_0), where Q is the rotation,
+of any angle, with the rotation vector theta. If theta changes at the rate dtheta, the spin is
 
     w = L(theta) dtheta,    L = I + (1 - cos a)/a^2 S + (a - sin a)/a^3 S^2,    a = |theta|,
 

@@ -277,7 +277,7 @@ def nodes_on(V: fem.FunctionSpace, facets: Indices) -> Mask:
 
 
 def at_global_places(comm: MPI.Comm, values: Array, places: Ints) -> Array:
-    """Return values of other ranks. Collective.
+    """Return the values at global places, which any rank may own. Collective.
 
     Args:
         comm: communicator.
@@ -307,7 +307,7 @@ def at_global_places(comm: MPI.Comm, values: Array, places: Ints) -> Array:
 
 
 def sums_at_global_places(comm: MPI.Comm, owned: int, places: Ints, values: Array) -> Array:
-    """Return sums of values at global places, at the places owned by this rank. Collective.
+    """Sum values at global places; return the sums at those owned by this rank. Collective.
 
     Args:
         comm: communicator.

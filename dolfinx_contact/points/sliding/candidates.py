@@ -52,15 +52,15 @@ class Candidates:
 def candidates(
     comm: MPI.Comm, slave: Faces, master: Faces, keys: Ints, depth: float, skin: float
 ) -> Candidates:
-    """Return the facets that normals of the slave may meet, now or within a skin. Collective.
+    """Return the master facets that normals of the slave meet, or nearly meet. Collective.
 
     Args:
         comm: communicator.
         slave: slave facets of this rank.
         master: master facets of this rank and their images.
         keys: keys of the master facets, see `Master.images`.
-        depth: distance before and behind the slave.
-        skin: additional distance.
+        depth: distance in front of the slave and behind it up to which facets are found.
+        skin: additional distance, so that the facets remain valid while bodies move a little.
     """
     middles, radii = master.balls
     depths = np.full(len(slave.x), depth)
@@ -128,7 +128,7 @@ class Master:
         return np.column_stack([signs, senses, self._nodes[facets]]).astype(np.int64)
 
     def _behind(self, mirrors: Array) -> Array:
-        """Return the shifts of images in addition to mirrored positions, shape (m, dim)."""
+        """Return the vectors to be added to mirrored positions of images, shape (m, dim)."""
         return np.where(mirrors < 0, 2.0 * self._planes, 0.0)
 
     def whole(self, slave: int) -> Candidates | None:

@@ -100,7 +100,7 @@ class SlidingFaces:
             dim).
         images: factors of sums around vertices by their mirror images, shape (vertices, dim).
         removed: removed overlaps of the mesh at the local vertices.
-        lost: mask of the facets of one face starting inside the body with nothing in reach.
+        lost: in self-contact, mask of the facets that start inside the body with none in reach.
     """
 
     found: Candidates

@@ -7,7 +7,7 @@ slave has
 
     W_a = sum_q w N_a,    g_a = sum_q w N_a g / W_a,    d_a = sum_q w N_a R_aq d / W_a,
 
-where the slip is the distance, along the surface of the last accepted state, between the two
+where the slip is the vector, in the tangent plane of the last accepted state, between the two
 material points that face each other now,
 
     d = (I - n_o n_o^T) (y_o(eta) - x_o),
@@ -24,12 +24,13 @@ have turned about it since the last state,
 
     psi_a = sum_q w N_a (psi_slave + psi_master)/2 / W_a,
 
-of their facets (`spins`): the slip turns with the bodies, and by half of the relative rotation,
-since d is the chord of the arc that a point has followed, and friction acts along its end.
+where psi_slave and psi_master are the angles of their facets (`spins`). Thus the slip turns with
+the bodies, and by half of their relative rotation: d is the chord of the arc that a point has
+followed, but friction acts along the tangent at its end.
 
 The tractions t of the nodes are nominal; their forces are w N_a t on the slave, and -w N_b(eta) t
 on the master, t = sum_a N_a t_a (Puso and Laursen, CMAME 193, 2004; Poulios and Renard, Comput.
-Struct. 153, 2015). Limits of the parts are not differentiated.
+Struct. 153, 2015). Changes of the boundaries of the common parts are not differentiated.
 
 A node that is barely covered, for example near the edge of the master, knows its gap only at that
 edge. Its law therefore gets the weight s = min(1, W_a / (c A_a)), with its area A_a and a fixed

@@ -84,7 +84,7 @@ class SlidingOperator(Operator):
         return self.facing.moved(both, m[self.faces.corners[self.facing.facet]])
 
     def _means(self, parts: Array) -> Array:
-        """Return weighted means at local vertices of weighted parts at corners (p, a, ...)."""
+        """Return weighted means at the local vertices, from parts at corners (p, a, ...)."""
         sums = self.faces.sums(self.facing.facet, parts)
         return (self.facing.nodal.inverse * sums.T).T
 
@@ -101,7 +101,10 @@ class SlidingOperator(Operator):
         return triplet_matrix(comm, (self.number, nodes), rows, facing.nodes[:, None], values)
 
     def rate(self, v: Array) -> Array:
-        """Return the derivative of the jumps without the turning normals, shape (n, dim)."""
+        """Return the derivative of the jumps along v, without the part due to turning normals.
+
+        Shape (n, dim).
+        """
         facing, faces, nodal = self.facing, self.faces, self.facing.nodal
         both, m = self._parts(v)
         place, gap = self._moved(both, m)
