@@ -49,7 +49,7 @@ Scheme: TypeAlias = Literal["theta", "theta-euler", "modified-theta"]
 
 @dataclass(frozen=True)
 class TimeStep:
-    """Time step of one of the schemes.
+    """Step of a time integration scheme.
 
     Attributes:
         length: duration h of the step.

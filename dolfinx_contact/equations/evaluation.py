@@ -199,7 +199,7 @@ def differs(a: Statuses, b: Statuses) -> list[Mask]:
 
 
 def _turning(n: Array, v: Array) -> Array:
-    """Matrices of dn -> (n x dn) x v = dn (n.v) - n (dn.v), shape (n, dim, dim)."""
+    """Return the matrices of dn -> (n x dn) x v = dn (n.v) - n (dn.v), shape (n, dim, dim)."""
     along = np.sum(n * v, axis=1)[:, None, None]
     return np.asarray(along * np.eye(n.shape[1]) - n[:, :, None] * v[:, None])
 
@@ -442,7 +442,7 @@ class SurfaceTerm:
         return forces
 
     def add_rate(self, at: Evaluation, du: Array, dq: Array, rows: Rows) -> None:
-        """Add the derivative of the term along a motion at fixed tractions and statuses to rows.
+        """Add to rows the derivative of the term along a motion, at fixed tractions and statuses.
 
         Rows of rigid bodies are not changed.
 

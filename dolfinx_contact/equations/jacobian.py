@@ -339,7 +339,7 @@ class _RigidTerms:
         unit: factor from unknowns to multipliers.
         motions: places of the unknowns of the body, -1 if prescribed, shape (k,).
         multipliers: places of the multipliers, -1 if removed, shape (groups, l, dim).
-        at_points: B Phi, motions of the points by unknown, shape (n, dim, k).
+        at_points: B Phi, motions of the points per unknown of the body, shape (n, dim, k).
     """
 
     operator: ConstantOperator

@@ -241,7 +241,7 @@ class ParametricEquations(System):
 
     @property
     def kinks(self) -> str:  # type: ignore[override]
-        """Description of kinks of the bulk in u, which no status represents; "" without any."""
+        """Description of kinks of the bulk form in u, which no status represents; "" if none."""
         text = self.equations.bulk.kinks
         return f"the bulk has kinks in u: {text}" if text else ""
 

@@ -191,7 +191,7 @@ class Scaling:
     # -- loose motions ---------------------------------------------------------------------------
 
     def _jumps_at(self, term: SurfaceTerm) -> Array:
-        """Return the jumps at the points of a surface by each free motion (motions, n, dim)."""
+        """Return the jumps that each free motion causes at the points (motions, n, dim)."""
         s = term.surface
         number = len(self.loose)
         jumps = np.zeros((number + self._bodies.size, s.points.number, s.dim))
@@ -204,8 +204,8 @@ class Scaling:
     def not_held(self, statuses: Statuses, state: Evaluation | None = None) -> str:
         """Return the names of the motions that these statuses do not hold; "" if there are none.
 
-        A slipping point in 3D holds across the direction of its shear, which turns with the motion.
-        With creeping friction every closed point holds.
+        In 3D a slipping point resists motions across its shear, because the shear turns with them.
+        With creeping friction every closed point holds the body.
 
         Args:
             statuses: statuses of the points.

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Weakening bonds, held and released in turn.
+"""Strategy that holds and releases weakening bonds in turn.
 
 If many bonds weaken in one step and slip at the same time, Newton's method cycles between statuses:
-a softening bond pushes its neighbours, and they push it. Here (the alternate minimisation of
-Bourdin, Francfort and Marigo, J. Mech. Phys. Solids 48, 2000)
+a softening bond pushes its neighbours, and they push it. This strategy is the alternate
+minimisation of Bourdin, Francfort and Marigo (J. Mech. Phys. Solids 48, 2000):
 
 1. the strengths of all bonds are held, and contact and friction are solved with them;
 2. each bond gets the strength that the law gives it at that state, if it is smaller;
@@ -71,7 +71,7 @@ def release_bonds(solver: Newton, x: PETSc.Vec, attempt: Attempt) -> bool:
 
 
 def _solve(held: ContactEquations, linear: LinearSolver, x: PETSc.Vec, attempt: Attempt) -> bool:
-    """Solve contact and friction with held bonds. Collective."""
+    """Solve contact and friction while the strengths of the bonds are held. Collective."""
     start = x.copy()
     try:
         for run in (Newton.run, pivot):

@@ -332,8 +332,8 @@ def rigid_body_space(V: fem.FunctionSpace) -> tuple[PETSc.NullSpace, list[PETSc.
     """Rigid motions of the whole body as a PETSc null space, and its vectors. Collective.
 
     For a body of revolution they are the rigid motions of its section: in each cell the
-    circumferential strain is small compared with the others. With the axial translation only, which
-    is the true rigid motion, solves stagnate (measured).
+    circumferential strain is small compared with the others. With only the axial translation, the
+    one true rigid motion, solves stagnate (measured).
     """
     index_map = V.dofmap.index_map
     n = index_map.size_local

@@ -125,7 +125,7 @@ class ConvergenceError(RuntimeError):
 
 
 class FloatingBodyError(ConvergenceError):
-    """Neither Dirichlet data nor contact hold a rigid motion of the body."""
+    """Neither Dirichlet data nor contact prevent a rigid motion of the body."""
 
 
 class LinearSolverError(ArithmeticError):

@@ -59,7 +59,7 @@ class Direct(LinearSolver):
         ksp.setPostSolve(self._measure)
 
     def _measure(self, ksp: PETSc.KSP, b: PETSc.Vec, x: PETSc.Vec) -> None:
-        """Compute the true residual; a KSP tests that of its preconditioned system."""
+        """Compute the true residual, since a KSP tests the preconditioned one."""
         r = b.duplicate()
         self.matrix.mult(x, r)
         r.axpy(-1.0, b)

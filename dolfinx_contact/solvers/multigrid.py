@@ -178,8 +178,8 @@ class Multigrid(LinearSolver):
     def _per_digit(self) -> float:
         """Expected iterations per decimal digit with a new hierarchy.
 
-        At least those of this hierarchy when it was new: nearly incompressible bodies take many
-        iterations with any hierarchy.
+        They are at least those that this hierarchy needed when it was new: nearly incompressible
+        bodies need many iterations with any hierarchy.
         """
         return max(self.hierarchy.interpolation.per_digit, self._measured)
 

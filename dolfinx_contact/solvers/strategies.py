@@ -74,11 +74,12 @@ _SMALLEST = 1e-4  # smallest increment of the load, relative to the first one
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """Starts of a solve, and its extent.
+    """States from which a solve starts, and how much it tries.
 
     Attributes:
         expected: expected statuses, the likeliest first.
-        extrapolated: owned unknowns at which Newton's method begins first; None: none.
+        extrapolated: owned unknowns from which Newton's method starts first; None if there are
+            none.
         brief: whether to try only Newton's method with full steps, from these starts and from the
             state of the caller; for steps that may be shortened.
     """

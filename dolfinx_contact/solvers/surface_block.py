@@ -158,7 +158,7 @@ class SurfaceBlock:
         out.axpy(a, B, structure=_STRUCTURE.SUBSET_NONZERO_PATTERN)
 
     def _held(self, name: str) -> PETSc.Mat:
-        """Return a matrix with Dirichlet rows and columns. Collective."""
+        """Return a matrix after eliminating Dirichlet rows and columns in place. Collective."""
         A = self._made[name]
         A.zeroRowsColumns(self._s.fixed + A.getOwnershipRange()[0], diag=self._operator.diagonal)
         return A
