@@ -196,7 +196,7 @@ def is_value_of(f: fem.Function | fem.Constant, bc: fem.DirichletBC) -> bool:
 
 
 def geometry_dofmap(domain: mesh.Mesh) -> Indices:
-    """Return the local geometry nodes of every local cell (0.11 replaces it by ``dofmaps``)."""
+    """Return the local geometry nodes of every local cell; DOLFINx 0.11 has ``dofmaps`` instead."""
     geometry = domain.geometry
     several = getattr(geometry, "dofmaps", None)
     if several is None:

@@ -301,7 +301,7 @@ def _folder(name: str) -> dict[str, Any]:
 
 
 def point_data(width: int) -> fem.Function:
-    """Return a Function with the data of a point in each cell of a small mesh, in columns."""
+    """Return a Function that holds ``width`` numbers, the data of a point, in each cell."""
     points = mesh.create_interval(MPI.COMM_SELF, _CHUNK, (0.0, 1.0))
     element = basix.ufl.element("DG", "interval", 0, shape=(width,))
     return fem.Function(fem.functionspace(points, element))

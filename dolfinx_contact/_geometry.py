@@ -146,7 +146,7 @@ def by_coordinates(x: Array, ids: Ints | None = None) -> npt.NDArray[np.intp]:
 
 
 def _grouped(values: Array, least: float) -> Ints:
-    """Return ranks in the order of values, equal for values differing by at most ``least``."""
+    """Return the order of each value; neighbours that differ by at most ``least`` are equal."""
     order = np.argsort(values)
     steps = np.diff(values[order]) > least
     places: Ints = np.zeros(len(values), dtype=np.int64)
@@ -187,7 +187,7 @@ class Gathered:
         return np.concatenate(self._comm.allgather(values))[self._order]
 
     def columns(self, values: Mapping[str, npt.NDArray[Any]]) -> dict[str, npt.NDArray[Any]]:
-        """Apply `__call__` to several arrays by name. Collective."""
+        """Return several arrays, by name, at all points from those of this rank. Collective."""
         parts = self._comm.allgather(dict(values))
         return {k: np.concatenate([part[k] for part in parts])[self._order] for k in values}
 

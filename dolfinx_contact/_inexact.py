@@ -49,7 +49,7 @@ class Forcing:
         smallest: smallest tolerance.
         tightest: smallest tolerance while statuses change.
         reserve: part of the remaining reduction to which the last step is solved.
-        near: factor of the target; a step that would end below it is solved to the target.
+        near: multiple of the target; a step that would end below it is solved to the target.
         many: share of the contact points whose change counts as many.
         patience: steps without a new minimum of the residual before the tolerances shrink.
         looks: reduction of the linear residual at which the model is tested first.

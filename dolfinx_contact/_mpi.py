@@ -362,7 +362,7 @@ class SharedValues:
         return rows.reshape(self._size, *shape).copy()
 
     def _rows(self, shape: tuple[int, ...]) -> tuple[la.Vector, Array]:
-        """Return a vector for values of a shape, and its rows, shape (n, entries)."""
+        """Return a vector for values of this shape, and a view of its rows, shape (n, entries)."""
         width = int(np.prod(shape, dtype=int))
         v = self.zeros(width)
         return v, v.array.reshape(self._size, width)

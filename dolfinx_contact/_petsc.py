@@ -275,7 +275,7 @@ def product(A: PETSc.Mat, values: Array) -> Array:
 
 
 def forget_product(A: PETSc.Mat) -> None:
-    """Free the factors stored in a matrix product ``A`` for its recomputation. Collective."""
+    """Free the data that a matrix product ``A`` keeps for its recomputation. Collective."""
     library = ctypes.CDLL(PETSc.__file__)  # petsc4py has no name for it
     error = library.MatProductClear(ctypes.c_void_p(A.handle))
     if error:

@@ -78,11 +78,11 @@ def kinks_of(e: Any, *terminals: Any) -> str:
 
 
 def not_affine(e: Any, *terminals: Any) -> str:
-    """Return the text of the part that is not affine in terminals; "" if there is none.
+    """Describe the part of an expression that is not affine in terminals; "" if there is none.
 
     Args:
         e: UFL expression of any shape, or form.
-        terminals: Functions, Constants, or ``ufl.variable`` objects; jointly.
+        terminals: Functions, Constants, or ``ufl.variable`` objects, which vary together.
     """
     kinks = kinks_of(e, *terminals)
     if kinks or not any(depends_on(derivative(e, t), *terminals) for t in terminals):
@@ -132,7 +132,7 @@ def _contains(e: Any, terminals: tuple[Any, ...]) -> bool:
 
 
 def _is_kink(node: Any, terminals: tuple[Any, ...]) -> bool:
-    """Return whether a node has a kink or jump in terminals."""
+    """Return whether a UFL node has a kink or jump as a function of the terminals."""
     if not isinstance(node, _BRANCHING):
         return False
     conditional = isinstance(node, classes.Conditional)

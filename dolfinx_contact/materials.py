@@ -332,7 +332,7 @@ class Material:
         raise NotImplementedError
 
     def _volume_energy(self, u: fem.Function, dilatation: Any, ratio: Any) -> Any:
-        """Return the part of the stored energy growing with lambda."""
+        """Return the part of the stored energy that grows with lambda."""
         raise ValueError(
             f"the volumetric part of the energy of a {type(self).__name__} is unknown: "
             "use LinearElastic, NeoHookean or CiarletGeymonat"
@@ -462,7 +462,7 @@ class Separable(Elastic):
         raise NotImplementedError
 
     def _volume(self, u: fem.Function, J: Any) -> Any:
-        """Return the part of the energy growing with lambda."""
+        """Return the part of the energy that grows with lambda."""
         raise NotImplementedError
 
 

@@ -40,7 +40,7 @@ def agreed_path(comm: MPI.Comm, path: str | os.PathLike[str], what: str) -> Path
 
     Raises:
         TypeError: on every rank, if it is not a path.
-        ValueError: on every rank, if it differs between ranks.
+        ValueError: on every rank, if the path differs between ranks.
     """
     with everywhere(comm, what):
         found = Path(path)
@@ -53,7 +53,7 @@ def output_folder(comm: MPI.Comm, path: str | os.PathLike[str]) -> Path:
 
     Raises:
         OSError: on every rank, if the folder cannot be made or written to.
-        ValueError: on every rank, if it differs between ranks.
+        ValueError: on every rank, if the path differs between ranks.
     """
     folder = agreed_path(comm, path, "folder")
 

@@ -182,7 +182,7 @@ class Writer:
             raise
 
     def _on_root(self, do: Callable[[], None]) -> None:
-        """Call a function on rank 0; errors name final paths instead of hidden ones. Collective."""
+        """Call a function on rank 0; errors name final paths, not the hidden ones. Collective."""
 
         def done() -> None:
             try:
@@ -256,7 +256,7 @@ def _write_script(part: Path, folder: Path, files: dict[str, str]) -> None:
 
 
 def _require_complete(path: Path) -> None:
-    """Raise ``OSError`` for a truncated file of VTK: DOLFINx does not report a full disk."""
+    """Raise ``OSError`` if a VTK file is truncated, as DOLFINx does not report a full disk."""
     if path.suffix in (".pvd", ".pvtu", ".vtu"):
         with path.open("rb") as file:
             file.seek(max(path.stat().st_size - 32, 0))

@@ -195,7 +195,7 @@ class _Around:
 def _split(
     whole: WholeMesh, cell: basix.CellType, tags: list[int]
 ) -> tuple[WholeMesh, dict[int, int]]:
-    """Return the mesh with a crack, and the tags of the other sides by the tags of the first."""
+    """Return the cracked mesh and, for the tag of each crack, the tag of its other side."""
     values = whole.facet_values
     for tag in tags:
         if tag not in values:

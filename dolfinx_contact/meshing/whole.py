@@ -201,9 +201,9 @@ def join(
         pair = ContactPair(u, body, slave="sole", master="seat", law=Coulomb(0.4))
 
     Args:
-        meshes: meshes of one kind of cells and one dimension, each on all ranks.
-        prefixes: beginnings of the names of the groups of every mesh, so that groups of one name
-            stay apart: ``("upper_", "lower_")``; default: none.
+        meshes: meshes with the same dimension and kind of cells, each on all ranks.
+        prefixes: one prefix per mesh for the names of its groups, which keeps groups of the same
+            name apart: ``("upper_", "lower_")``; default: none.
         cell_tags: cell tags of every mesh; default: its groups of cells; without groups, 1 for the
             cells of the first body, 2 for those of the second, and so on.
         facet_tags: facet tags of every mesh; default: its groups of facets.

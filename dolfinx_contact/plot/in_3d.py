@@ -43,7 +43,7 @@ _servers: list[subprocess.Popen[bytes]] = []
 def draw_3d(
     scene: Scene, visible: Array, limits: tuple[float, float] | None, width: int
 ) -> pv.Plotter:
-    """Draw bodies in 3D; arguments as of `draw_scene`. Actors have names such as ``"body"``."""
+    """Draw bodies in 3D, see `draw_scene`. Actors have names such as ``"body"``."""
     ensure_display()
     plotter = pv.Plotter(off_screen=True, lighting="light kit", border=False)
     plotter.set_background("white")
@@ -237,7 +237,7 @@ def _facets(x: Array, cells: Cells) -> Any:
 
 
 def _solid(x: Array, cells: Cells) -> Any:
-    """Tetrahedra, or hexahedra in tensor order, as a mesh of PyVista."""
+    """Return tetrahedra, or hexahedra in tensor order, as a PyVista mesh."""
     kind = pv.CellType.TETRA if cells.shape[1] == 4 else pv.CellType.HEXAHEDRON
     order = cells if cells.shape[1] == 4 else cells[:, [0, 1, 3, 2, 4, 5, 7, 6]]
     return pv.UnstructuredGrid({kind: order}, x)
@@ -276,7 +276,7 @@ def ensure_display() -> None:
 
 
 def _connects() -> bool:
-    """Return True if the X server that DISPLAY names accepts connections."""
+    """Return whether the X server named by DISPLAY accepts connections."""
     x11 = ctypes.CDLL("libX11.so.6")
     x11.XOpenDisplay.restype = ctypes.c_void_p
     connection = x11.XOpenDisplay(None)

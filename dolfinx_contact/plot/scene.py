@@ -95,7 +95,7 @@ class Scene:
 
     Attributes:
         x: coordinates of the displaced vertices, shape (n, dim).
-        cells: vertices of the cells in 2D and for a section, of the facets of the boundary in 3D.
+        cells: vertices of the cells in 2D or for a section, otherwise of the boundary facets.
         slaves: vertices of the facets of each contact surface.
         masters: vertices of the facets of each opposite surface of a pair.
         obstacles: rigid obstacles.
@@ -104,8 +104,8 @@ class Scene:
         title: title of the picture.
         points: positions of the contact points of tables that are vertices, shape (m, dim).
         letters: letters of their statuses.
-        eye: unit vector from the body to the eye; None for the default.
-        clip: point (None for the middle) and unit normal of a section; None without one.
+        eye: unit vector from the body towards the viewer; None for the default.
+        clip: point (None for the middle) and unit normal of a section; None for no section.
         arrows: points and vectors by name, shape (2, k, dim) each.
         region: opposite corners of the visible box, shape (2, dim); None for everything.
         edges: whether the edges of the cells are drawn; None for the default.
@@ -130,7 +130,7 @@ class Scene:
     unit: str = ""
 
     def with_obstacles_around(self, points: Array) -> Scene:
-        """Return the scene with obstacles as they are drawn around points (n, dim)."""
+        """Return the scene with its obstacles drawn around points (n, dim)."""
         return replace(self, obstacles=[o.around(points) for o in self.obstacles])
 
     def visible_points(self) -> Array:

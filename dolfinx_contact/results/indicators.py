@@ -474,10 +474,10 @@ def _growth(
 ) -> float:
     """Return the fraction of the friction bound at points that closed under the load. Collective.
 
-    Points whose initial gaps differ little close together: the motion before contact is the same
-    for all of them and does not count. Their scale is the compression of the body next to them,
-    since displacements elsewhere may be large. The obstacle may have been moved since the start, as
-    a load or to another place.
+    Points whose initial gaps differ little close together: they share the motion before contact,
+    which does not count. Differences are compared with the compression of the body next to the
+    points, since displacements elsewhere may be large. The obstacle may have been moved since the
+    start, as a load or to another place.
     """
     if contact.kinematics.memory is not None or STICK not in s.law_at_points.codes:
         return 0.0

@@ -220,7 +220,7 @@ class Result:
 
 
 def _shown(vector: Array, largest: float) -> str:
-    """Return components as text, with 0 for round-off of the largest force."""
+    """Return components as text, with 0 for those that are round-off of the largest force."""
     return "(" + ", ".join(as_text(v, largest) for v in vector) + ")"
 
 
