@@ -203,7 +203,7 @@ def cover(
     """Return the covered parts of slave facets. Not collective.
 
     If master facets lie over each other, the nearest count, as many as fit. Slave facets that are
-    hardly covered do not count.
+    barely covered do not count.
 
     Args:
         slave: slave facets of this rank.

@@ -375,7 +375,7 @@ class ContactPoints(ABC):
         self._connect(self._jumps(opposite))
 
     def _connect(self, stencils: Stencils) -> None:
-        """Set B and E; their matrices before are destroyed. Collective."""
+        """Set B and E, and destroy their previous matrices. Collective."""
         self._disconnect()
         self._weights = stencils
         B = stencils.jump_matrix(self.comm, self._owned_nodes, self.dim)

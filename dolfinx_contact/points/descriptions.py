@@ -182,7 +182,7 @@ class Overlap:
         return cls(positive(removed, f"{name}: remove_overlap", must), removed=True)
 
     def exceeded_by(self, gap: float) -> bool:
-        """Return whether the smallest gap is negative by more than is allowed."""
+        """Return whether the smallest gap is negative by more than the allowed overlap."""
         return not gap >= -self.most * (1.0 + _ROUND_OFF)
 
     def require(self, comm: MPI.Comm, gaps: Array, allowed: float, name: str, unless: str) -> None:
@@ -444,7 +444,7 @@ class ContactPair:
     along the surface at that time; under the static law they count from the mesh, so that long
     slips need a history with steps of at most one master facet. Faces need not match and must not
     share nodes. Nodes with nothing within ``search_distance`` are open, and their gap is NaN in
-    tables. Where a node is hardly covered, its traction is partly the mean of its neighbours, so
+    tables. Where a node is barely covered, its traction is partly the mean of its neighbours, so
     that gap and shear in a table need not satisfy the law there. The soft body should be the slave.
     The master face should continue around the edges of a tool; a slave face has one normal per node
     and must not have edges. Tractions are nominal, per area of the mesh.
@@ -469,15 +469,16 @@ class ContactPair:
         normal: direction from the slave to the master, shape (dim,), along which faces oppose each
             other; default: normals of the slave. Use it if both faces are curved and flatten each
             other. Faces that do not match need degree 1 for it; areas are projected along it.
-        interference: whether the bodies may overlap in the mesh, as in a press fit, whose overlap
-            presses them, or the largest overlap, a length; default: an overlap is an error.
+        interference: whether the bodies may overlap in the mesh, as in a press fit, where the
+            overlap presses them together; or the largest overlap, a length. Default: an overlap is
+            an error.
         remove_overlap: length; an overlap up to this value at a slave node is subtracted from its
             gap for good, so that the bodies touch there without stress. A larger one is an error.
         method: see `ContactSurface`.
         multiplier_degree: see `ContactSurface`.
         quadrature_degree: see `ContactSurface`.
         sliding: ``"small"`` or ``"large"``.
-        search_distance: for large sliding, distance before and behind the slave within which a
+        search_distance: for large sliding, distance in front of or behind the slave within which a
             facet counts as opposing, a length; default: a quarter of the size of the smaller face.
             It should exceed the approach of the bodies in one step and be less than their
             thickness.
@@ -534,7 +535,7 @@ class SelfContact:
         tag: tag of the facets, or name of a physical group of a mesh from gmsh.
         direction: direction that selects the slave, shape (dim,), parallel to the planes of
             symmetry; default: last axis.
-        search_distance: distance before and behind a facet within which another one counts as
+        search_distance: distance in front of or behind a facet within which another one counts as
             opposing, a length; default: a quarter of the size of the face.
         interference: see `ContactPair`.
         remove_overlap: see `ContactPair`.

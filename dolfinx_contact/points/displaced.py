@@ -213,9 +213,9 @@ class DisplacedPoints:
     def starts(self, most: float) -> tuple[Array, Array]:
         """Return gaps of the undeformed body on an obstacle that ends. Collective.
 
-        Points below the rim and past it have their height over the rim as their gap, like the face
-        next to them, if this overlap is removed. Points that the obstacle does not hold have it
-        only if the face looks to the obstacle.
+        If an overlap is removed, points below the rim and past it have their height over the rim as
+        their gap, like the face next to them. Points that the obstacle does not hold have it only
+        if the face is turned towards the obstacle.
 
         Args:
             most: largest removed overlap; 0 for none.
@@ -233,7 +233,7 @@ class DisplacedPoints:
     def _started(
         self, x: Array, of_face: Mapping[str, Array], taken: fem.Function | None, most: float
     ) -> Array:
-        """Return gaps at points x (n, dim) after overlaps ``taken`` before; see `starts`."""
+        """Return gaps at points x (n, dim) after removal of the overlaps ``taken``; see `starts`."""
         start = self._whole.starts(x, of_face["width"])
         facing = dot(start.normal, of_face["out"]) > _FACING
         removed = (start.height < 0.0) & (start.height >= -most * (1.0 + _SAME))

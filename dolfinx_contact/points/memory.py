@@ -52,8 +52,8 @@ class Memory:
             that slide over each other; None for others.
         place: displacement of the points at that state in the frame of a curved obstacle that they
             follow, shape (n, dim); None for others.
-        motion: motion of the rigid body at that state, whose frame that is, shape (k,); None if
-            the frame does not turn.
+        motion: motion at that state of the rigid body to which the frame belongs, shape (k,); None
+            if the frame does not turn.
     """
 
     jump: Array

@@ -90,7 +90,7 @@ class Operator(ABC):
         """
 
     def normal_rate(self, v: Array) -> Array | None:
-        """Return the derivative along v of the normals (n, dim); None if only jumps turn them."""
+        """Return the derivative along v of the normals (n, dim); None if only jumps change them."""
         return None
 
     def mean_around(self, tractions: Array) -> Array:

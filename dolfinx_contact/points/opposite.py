@@ -280,8 +280,8 @@ def _gaps(faces: _Sides, opposite: Opposite) -> Array:
 def _matched(faces: _Sides) -> Opposite | None:
     """Return the opposing master node of each slave node; None if faces do not match. Collective.
 
-    It is the nearest node; along a given normal the nearest in the projection along it, of nodes
-    whose normals point against it.
+    It is the nearest node. If a normal is given, it is the nearest in the projection along this
+    normal, among the nodes whose own normals point against it.
     """
     V, name, given = faces.V, faces.name, faces.normal
     comm = V.mesh.comm

@@ -132,9 +132,9 @@ class Master:
         return np.where(mirrors < 0, 2.0 * self._planes, 0.0)
 
     def whole(self, slave: int) -> Candidates | None:
-        """Return every facet of the master for each slave facet; None for too many pairs.
+        """Return candidates that pair every slave facet with every master facet. Collective.
 
-        Images have the nodes of the facets themselves. Collective.
+        None if there are too many pairs. Images have the same nodes as their facets.
 
         Args:
             slave: number of slave facets of this rank.

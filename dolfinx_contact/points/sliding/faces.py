@@ -62,7 +62,7 @@ class SlidingOpposite(Opposite):
     """The other face. Opposing points depend on the state, so nodes and weights are empty.
 
     Attributes:
-        depth: search distance before and behind the slave.
+        depth: search distance in front of the slave and behind it.
         direction: for self-contact, direction along which slave facets lie farther in the mesh,
             shape (dim,); None for two faces.
         across: mask of the components across planes of symmetry, on which normals and slips are
@@ -175,7 +175,7 @@ class SlidingFaces:
 
     @cached_property
     def whole(self) -> Candidates | None:
-        """Every master facet for each slave facet; None for too many pairs."""
+        """Candidates that pair every slave facet with every master facet; None if too many."""
         return self.master.whole(len(self.corners))
 
     @property
@@ -301,7 +301,7 @@ class SlidingFaces:
         self.found = replace(self.found, pairs=self.found.pairs[kept])
 
     def _share_node(self) -> Mask:
-        """Return the mask of the pairs with a common node; images have those on their planes."""
+        """Return the mask of the pairs with a common node, which images share on their planes."""
         i, k = self.found.pairs.T
         same = self.slave_nodes[i][:, :, None] == self.found.nodes[k][:, None]
         off = self._reference[i][:, :, None] - self._found_before[k][:, None]
@@ -309,10 +309,10 @@ class SlidingFaces:
         return (same & near).any(axis=(1, 2))
 
     def _deepest_of_itself(self) -> Array:
-        """Return the overlap of each facet at which its face is met through the body, shape (n,).
+        """Return the overlap of each facet up to which it does not meet the far side of its body.
 
         It is half the thickness T of the body behind it in the mesh, and (d + T)/2 for a facet that
-        starts inside the body at the depth d.
+        starts inside the body at the depth d; shape (n,).
         """
         self._search(self._X, None)
         self.searches = 0

@@ -291,7 +291,7 @@ class Nodal:
 class Facing:
     """Opposing parts p of slave and master, with q quadrature points each.
 
-    Both faces together have c corners at a part: a of the slave facet, and b of the master facet.
+    Each part has c corners: a of its slave facet, and b of its master facet.
 
     Attributes:
         found: candidates.
@@ -331,7 +331,7 @@ class Facing:
 
     @property
     def mass(self) -> Array:
-        """Parts of m_ab, 0 for a = b, shape (p, a, b)."""
+        """Contributions to m_ab, 0 for a = b, shape (p, a, b)."""
         found = self.weighted @ self.basis
         return found * (1.0 - np.eye(found.shape[1]))
 
