@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""MPI: errors on all ranks, comparison of arguments, shared values, and the life of meshes.
+"""MPI: errors on all ranks, comparison of arguments, shared values, and the lifetime of meshes.
 
 A few numbers are sent through MPI's buffers: the lower-case methods of mpi4py pickle arrays, which
-takes twenty times as long, as much as the evaluation of a law at some contact points.
+takes twenty times as long, as much as the evaluation of a law at a few contact points.
 """
 
 from __future__ import annotations

@@ -339,7 +339,7 @@ class ContactProblem(ReadOnly):
             self.signature = zlib.crc32(np.ascontiguousarray(s.points.positions), self.signature)
         #: Kinds of the evolutions run on this problem, shared with the problems of steps.
         self.evolved: list[str] = []
-        #: Names of the warnings that a run has logged; None outside of runs.
+        #: Names of the warnings that a run has logged; None outside runs.
         self._warned: set[str] | None = None
         check_sides(self.equations)
 
@@ -644,7 +644,7 @@ class ContactProblem(ReadOnly):
             yield self.with_memory(state.previous)
 
     def _as_written(self) -> ContactProblem:
-        """The problem under the law that the Functions were written under. Collective.
+        """The problem with the law under which the Functions were written. Collective.
 
         In an observer of an evolution, and after the run, this is the law of the last step, as long
         as the Functions are unchanged. Otherwise it is the law of this problem.

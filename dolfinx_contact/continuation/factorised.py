@@ -115,7 +115,7 @@ class _RowUpdate:
         Returns False if more than ``most`` rows differ from A_0 or S is nearly singular.
         """
         self._forget()
-        # rows that differ outside of the column of gamma
+        # rows that differ outside the column of gamma
         ends, columns, values = matrix.getValuesCSR()
         row_of = np.repeat(np.arange(len(ends) - 1), np.diff(ends))
         change = values - self._base

@@ -90,7 +90,7 @@ class ContactState:
     def off(self) -> Array:
         """Residual of the tractions, shape (n, dim). Collective.
 
-        It is t - tau. At a hardly covered slave node, where the law has the weight c
+        It is t - tau. At a barely covered slave node, where the law has the weight c
         (`Operator.share`), it is c (t - tau) + (1 - c) (t - mean of t around the node).
         """
         operator = self.kinematics.operator
@@ -462,7 +462,7 @@ class SurfaceTerm:
 class RigidTerm(SurfaceTerm):
     """Term of a surface that touches a rigid body. Methods are collective unless noted otherwise.
 
-    It also pushes the body, H_q += Phi^T B^T W t.
+    It also adds the forces on the rigid body, H_q += Phi^T B^T W t.
 
     Attributes:
         bodies: rigid bodies of the problem.
@@ -502,7 +502,7 @@ class RigidTerm(SurfaceTerm):
         return np.stack(fields, axis=2)
 
     def pushes(self, forces: Array, u: Array, q: Array) -> Array:
-        """Return the part of this rank of Phi^T f, forces on rigid bodies. Not collective.
+        """Return this rank's part of Phi^T f, the forces on rigid bodies. Not collective.
 
         On a curved obstacle in large sliding, moments are taken in the displaced position.
 

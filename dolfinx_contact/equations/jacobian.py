@@ -4,9 +4,9 @@ r"""The Jacobian of H: the stiffness of the body, and contact terms that statuse
     J = [ K  0 ] + S,    S = [ 0               -B^T W E        ]
         [ 0  0 ]             [ -E^T W D_j B     E^T W (I - D_t) E ]
 
-S has rows at contact nodes, multipliers and rigid bodies only. Rows and columns of Dirichlet dofs
+S has rows only at contact nodes, multipliers and rigid bodies. Rows and columns of Dirichlet dofs
 are empty; those of removed multipliers have a typical stiffness on the diagonal. The pattern of S
-never changes, so new statuses only cost new numbers. For sliding faces it changes with each search
+never changes, so new statuses change only its values. For sliding faces it changes with each search
 for opposing facets (`sliding`).
 
 With a rigid body the jump is B (u - Phi q), so the contact terms of a surface are bordered by
@@ -21,7 +21,7 @@ of the surface, so the contact rows contain the additional term
 
     -E^T W D_s N (q_j B, q_t E)
 
-outside of the blocks of single points (`_SpreadTerms`). N and the pattern of the product are
+outside the blocks of single points (`_SpreadTerms`). N and the pattern of the product are
 constant.
 """
 

@@ -72,7 +72,7 @@ class Rate:
         return list(extract_constants(derivative(_as_ufl(e), self.gamma))) if present else []
 
     def not_affine(self, e: Any) -> str:
-        """Return the part of a form or expression that is not affine in gamma; "" if all is."""
+        """Describe the part of a form or expression that is not affine in gamma; "" if none."""
         return not_affine(_as_ufl(e), self.gamma)
 
 
@@ -87,7 +87,7 @@ class Driven:
     Attributes:
         function: Function as given.
         expression: expression in UFL.
-        not_affine: part that is not affine in gamma; "" if all is.
+        not_affine: part that is not affine in gamma; "" if there is none.
     """
 
     def __init__(self, function: fem.Function, expression: Any, rate: Rate):
@@ -180,7 +180,7 @@ class RigidRates:
 
     Attributes:
         applies: whether anything depends on gamma.
-        not_affine: part that is not affine in gamma; "" if all is.
+        not_affine: part that is not affine in gamma; "" if there is none.
     """
 
     def __init__(self, bodies: RigidBodies, rate: Rate):

@@ -124,7 +124,7 @@ def _within(eq: ContactEquations, gaps: Sequence[Array], limits: Sequence[float]
 
 
 def _rigid_reach(eq: ContactEquations, term: SurfaceTerm, state: Evaluation) -> float:
-    """Return half the approach of a rigid body to points of a surface by prescribed motions."""
+    """Return half the distance by which prescribed motions move a rigid body towards points."""
     if not isinstance(term, RigidTerm):
         return 0.0
     step = np.where(eq.rigid.fixed, eq.constraints.motions() - state.q, 0.0)
@@ -132,7 +132,7 @@ def _rigid_reach(eq: ContactEquations, term: SurfaceTerm, state: Evaluation) -> 
 
 
 def _closing(eq: ContactEquations, term: SurfaceTerm, state: Evaluation, dq: Array) -> Array:
-    """Return the decrease of gaps of a surface by a motion of rigid bodies (n,). Collective."""
+    """Return the decrease of the gaps (n,) due to a motion dq of rigid bodies. Collective."""
     still = np.zeros(eq.owned_sizes[0])
     step = term.relative_rate(state.u, state.q, still, dq)
     return -state.surfaces[term.number].kinematics.gap_rate(step)

@@ -265,7 +265,7 @@ def _require_complete(path: Path) -> None:
 
 
 def _require_replaceable(new: Path, old: Path) -> None:
-    """Raise ``OSError`` if a file would replace a folder, or a folder foreign files."""
+    """Raise ``OSError`` if a file would replace a folder, or a folder that ADIOS2 did not write."""
     number = 0
     if old.is_dir() and not new.is_dir():
         number = errno.EISDIR

@@ -259,7 +259,7 @@ class Regularised(_AroundFriction):
         if self.speed is None:
             return self.width
         timed = ufl.gt(a.step, 0.0)
-        if self.width is None:  # arbitrary value outside of a step
+        if self.width is None:  # arbitrary value outside a step
             return self.speed * ufl.conditional(timed, a.step, 1.0)
         return ufl.conditional(timed, self.speed * a.step, self.width)
 

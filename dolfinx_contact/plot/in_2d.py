@@ -123,7 +123,7 @@ def _boundary(cells: Cells) -> Cells:
 
 
 def range_of(values: Array) -> tuple[float, float]:
-    """Return the smallest and largest finite value, as different ends of a range of colours."""
+    """Return the smallest and largest finite value as limits of colours, made different."""
     finite = values[np.isfinite(values)]
     low, high = (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 0.0)
     low = 0.0 if abs(low) < 1e-9 * high else low  # no digits of round-off at a bar
@@ -144,7 +144,7 @@ def shade(
 
     Matplotlib interpolates colours, which on coarse meshes are not those of the colour bar. So the
     field is interpolated on a finer mesh. Quadrilaterals are divided at their midpoints, since a
-    diagonal would make a symmetric field unsymmetric.
+    diagonal would make a symmetric field asymmetric.
 
     Args:
         axes: axes.

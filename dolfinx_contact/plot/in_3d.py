@@ -169,7 +169,7 @@ def _clipped(data: Any, planes: Planes) -> Any:
 
 
 def _frame(eye: Array) -> Array:
-    """Return the unit vectors to the right, upwards and to the eye, shape (3, 3)."""
+    """Return the unit vectors to the right, upwards and towards the viewer, shape (3, 3)."""
     up = _UP if abs(eye @ _UP) < 0.99 else np.eye(3)[1]  # seen from above y points upwards
     right = unit(np.cross(up, eye))
     return np.stack([right, np.cross(eye, right), eye])

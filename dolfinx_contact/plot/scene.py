@@ -140,7 +140,7 @@ class Scene:
         return np.concatenate([self.x, *(o.x for o in self.obstacles)])
 
     def shows_edges(self, pixels: float) -> bool:
-        """Return whether the edges of the cells are drawn, with a number of pixels per length."""
+        """Return whether the edges of the cells are drawn, given the pixels per length."""
         return are_distinct(self.x, self.cells, pixels) if self.edges is None else self.edges
 
     def scaled_arrows(self, visible: Array) -> dict[str, Array]:

@@ -495,9 +495,9 @@ def _growth(
 
 
 def _compression(eq: ContactEquations, s: DiscreteSurface, contact: ContactState) -> float:
-    """Return p b/E, a length: mean pressure, extent and modulus of the closed points. Collective.
+    """Return p b/E with mean pressure p, extent b and modulus E of the closed points. Collective.
 
-    The modulus is that of the stiffest vertex of the surface. Round-off of the body size is added.
+    E is the modulus at the stiffest vertex of the surface. Round-off of the body size is added.
     """
     touching = closed(contact.statuses)
     areas = s.points.areas[touching]
@@ -677,7 +677,7 @@ def _behind_plane(eq: ContactEquations, s: DiscreteSurface, state: Evaluation) -
 
 
 def _spin(eq: ContactEquations, s: DiscreteSurface, contact: ContactState) -> float:
-    """Largest rotation of a connected part of the face over the other one in a step. Collective.
+    """Largest rotation in a step of a connected part of a face over the other one. Collective.
 
     Between bodies it is the root mean square of the angles at the points. On obstacles it is the
     rotation of the points about their mean normal, by least squares. Weights are normal forces. The

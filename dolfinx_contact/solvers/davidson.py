@@ -155,7 +155,7 @@ class Davidson:
         return f, w @ self._sum(e.T @ f)
 
     def _ritz(self) -> tuple[Complex, Complex, float]:
-        """Return Ritz values by decreasing modulus, unit vectors, and condition of the first."""
+        """Return Ritz values by decreasing modulus, vectors, and the condition of the first."""
         _, _, e, g = self._parts(self.number)
         H = self._sum(e.T @ g)
 
@@ -174,7 +174,7 @@ class Davidson:
         return self._load(force) - Aw @ self._sum(e.T @ force)
 
     def _load(self, force: Array) -> Array:
-        """E^T f."""
+        """Return E^T f."""
         self._e.array[:] = force
         self._E.multTranspose(self._e, self._w)
         return self._w.array_r.copy()

@@ -246,7 +246,7 @@ class HeldMultigrid:
 
         Args:
             D: matrix with as many rows as the first block, for which `leaves_alone` is true.
-            loads: magnitudes of the random vector beginning a search (`Davidson`).
+            loads: magnitudes of the random vector with which a search begins (`Davidson`).
         """
         first = self._forces.getOwnershipRange()[0]
         rows = PETSc.IS().createStride(self._sizes[0], first, 1, comm=self.comm)

@@ -2,7 +2,7 @@
 """Multigrid hierarchy of the stiffness that is kept when statuses change.
 
 Algebraic multigrid of PETSc (GAMG, or BoomerAMG of hypre) with the rigid motions as near null
-space. The hierarchy is built from the stiffness with the nodes fixed that are closed at that time.
+space. The hierarchy is built from the stiffness with those nodes fixed that are closed then.
 Statuses may change afterwards, because the surface filter corrects the resulting errors at the
 contact nodes. Aggregates of GAMG are plain (`PLAIN`) or smoothed (`SMOOTHED`). Smoothing costs more
 in the set-up and needs fewer iterations.

@@ -437,7 +437,7 @@ class Newton:
     def _first_statuses(self, statuses: Statuses, state: Evaluation) -> Statuses:
         """Return the statuses of the first step, guessed where a body touches nothing.
 
-        From such a body the first step would lead into the obstacle, and the second would hold all
+        For such a body the first step would lead into the obstacle, and the second would hold all
         points that got there. Points that are expected to close therefore stick in the first step.
         Held statuses are not replaced. With a line search, which needs a step of H itself, they are
         only replaced if a body would float.

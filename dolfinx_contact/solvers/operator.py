@@ -76,7 +76,7 @@ class ContactOperator:
         self._terms.add(state, self.contact)
 
     def mult(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
-        """Y = J x."""
+        """Compute y = J x."""
         values = x.array_r
         free = self._x.array
         free[:] = values
@@ -104,7 +104,7 @@ class _Product:
         self._operator = weakref.ref(operator)
 
     def mult(self, _mat: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
-        """Y = J x."""
+        """Compute y = J x."""
         operator = self._operator()
         assert operator is not None
         operator.mult(x, y)

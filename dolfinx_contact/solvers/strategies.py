@@ -8,8 +8,8 @@ slipping point is at the border of stick, and its own state does not determine i
 strategies, in this order and each from the caller's state:
 
 1. Full Newton steps.
-2. Full steps with the automatic augmentation parameter, if the caller forced another one; for
-   surfaces with weakening bonds then all bonds held and released in turn (`bonds`).
+2. Full steps with the automatic augmentation parameter, if the caller forced another one; then, for
+   surfaces with weakening bonds, all bonds are held and released in turn (`bonds`).
 3. Pivoting: the pieces of H are solved successively, and if the number of points with a
    wrong status stops shrinking only one point changes at a time (`pivoting`). For bodies that are
    not linear it comes last but one, because every piece then takes a Newton solve.

@@ -239,7 +239,7 @@ class CondensedBlock(SurfaceBlock):
         self._factorise(self._held("block"))  # also with Dirichlet columns of C
 
     def _multiply(self, name: str, first: str, second: str) -> None:
-        """Compute a product, in the matrix of this name if it exists. Collective."""
+        """Compute a product, reusing the matrix of this name if it exists. Collective."""
         A = self._made[first]
         self._made[name] = A.matMult(self._made[second], self._made.get(name))
 
