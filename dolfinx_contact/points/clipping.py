@@ -63,7 +63,7 @@ class Faces:
 
     @property
     def balls(self) -> tuple[Array, Array]:
-        """Middles (n, dim) of the facets, and radii (n,) of balls around them."""
+        """Midpoints (n, dim) of the facets, and radii (n,) of balls around them."""
         return balls(self.x)
 
 
@@ -202,8 +202,8 @@ def cover(
 ) -> Cover:
     """Return the covered parts of slave facets. Not collective.
 
-    If master facets lie over each other, the nearest count, as many as fit. Slave facets that are
-    barely covered do not count.
+    If master facets lie over each other, the nearest count, up to the area of the slave facet.
+    Slave facets that are barely covered do not count.
 
     Args:
         slave: slave facets of this rank.
@@ -248,7 +248,7 @@ def _axes(faces: Faces) -> Array:
 
 
 def _nearest(facet: Ints, gap: Array, area: Array, size: Array) -> Ints:
-    """Return the pieces that count: of several over each other the nearest, as many as fit.
+    """Return the pieces that count: of layers the nearest ones, up to the area of the facet.
 
     Master parts that overlap slightly, such as adjacent bodies whose meshes do not quite fit, are
     not layers, and all of them count.

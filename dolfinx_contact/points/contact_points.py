@@ -357,7 +357,7 @@ class ContactPoints(ABC):
         return weighted.reshape(-1) if self.E is None else multiplied_transposed(self.E, weighted)
 
     def give(self, given: Mask, idle: Mask) -> Mask:
-        """Give the functions of vertices to those around them, once. Collective.
+        """Give the functions of vertices to the vertices around them, once. Collective.
 
         See `shared_functions`.
 

@@ -524,7 +524,7 @@ class SelfContact:
     along ``direction`` in the mesh is the slave, so that each place counts once. Choose the
     direction so that parts that will meet lie apart along it: for a ring that is pressed flat from
     above, the default makes its upper half the slave. A facet does not oppose itself, facets that
-    share a node with it, facets that look the same way, and facets behind it through the body.
+    share a node with it, facets that face the same way, and facets behind it through the body.
     Where the body is thinner than ``search_distance``, the initial overlap must be less than half
     its thickness T, or less than (d + T)/2 at facets starting at a depth d inside the body.
 

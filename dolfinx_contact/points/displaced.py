@@ -233,7 +233,7 @@ class DisplacedPoints:
     def _started(
         self, x: Array, of_face: Mapping[str, Array], taken: fem.Function | None, most: float
     ) -> Array:
-        """Return gaps at points x (n, dim) after removal of the overlaps ``taken``; see `starts`."""
+        """Return gaps at points x (n, dim) after removing the overlaps ``taken``; see `starts`."""
         start = self._whole.starts(x, of_face["width"])
         facing = dot(start.normal, of_face["out"]) > _FACING
         removed = (start.height < 0.0) & (start.height >= -most * (1.0 + _SAME))
@@ -380,7 +380,7 @@ class TrueGaps:
 
 
 def _slip_along(way: Any, before: Any, normal: Any) -> Any:
-    """Return the slip s in UFL, a vector across the present normal.
+    """Return the slip s in UFL, a vector perpendicular to the present normal.
 
     Args:
         way: chord c from the earlier to the present opposing place.

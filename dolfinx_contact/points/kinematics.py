@@ -109,9 +109,9 @@ class Kinematics:
 
 
 def rotation(o: Array, n: Array) -> Array:
-    """Return the smallest rotations from unit vectors o to n, restricted to vectors across o.
+    """Return the smallest rotations from unit vectors o to n, for vectors perpendicular to o.
 
-    If n = -o, where no rotation is the smallest, vectors across o are unchanged.
+    If n = -o, where no rotation is the smallest, these vectors are unchanged.
     """
     dim = n.shape[-1]
     c = np.maximum(1.0 + dot(n, o), _OPPOSITE)

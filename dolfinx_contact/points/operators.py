@@ -103,7 +103,7 @@ class Operator(ABC):
 
     @abstractmethod
     def transpose_rate(self, tractions: Array, v: Array) -> Array:
-        """Return the derivative along v of the forces of fixed tractions, flat."""
+        """Return the derivative along v of the forces of fixed tractions, as a flat array."""
 
     @abstractmethod
     def scalar_matrix(self, comm: MPI.Comm, nodes: int) -> PETSc.Mat:

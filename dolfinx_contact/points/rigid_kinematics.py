@@ -74,7 +74,7 @@ class RigidKinematics:
         return motion[: self.dim] + arm @ self.rotation(motion).T - arm
 
     def spin(self, motion: Array) -> Array:
-        """Return L (k, k), from rates of the rotation vector to the spin of the body."""
+        """Return L (k, k), which maps rates of the rotation vector to the spin of the body."""
         if self.dim == 2:
             return np.eye(1)
         vector = motion[self.dim :]

@@ -156,15 +156,15 @@ def facets_along_normals(
 ) -> tuple[dict[str, npt.NDArray[Any]], Ints]:
     """Return master facets, of any rank, that the normals of slave facets may meet. Collective.
 
-    A facet counts if it lies at most at a distance before or behind the slave facet along the
-    normal, and across the normal not farther than both facets reach.
+    A facet counts if it lies within a distance in front of or behind the slave facet along the
+    normal and, perpendicular to the normal, not farther than both facets reach.
 
     Args:
         comm: communicator.
         slave: slave facets of this rank.
-        master: middles ``"x"`` of the master facets of this rank, ``"key"`` that identifies a
+        master: midpoints ``"x"`` of the master facets of this rank, ``"key"`` that identifies a
             facet, shape (m, k), and other data.
-        radii: radii of balls around the middles that contain the facets, shape (m,).
+        radii: radii of balls around the midpoints that contain the facets, shape (m,).
         depth: distance along the normal by slave facet, shape (n,).
         skin: additional distance.
 
@@ -216,9 +216,9 @@ def _near_rays(tree: scipy.spatial.cKDTree, q: Columns, radii: Array) -> tuple[I
     number of balls along the rays, not within their length.
 
     Args:
-        tree: middles of the balls of this rank.
-        q: middles ``"x"`` of the rays, directions ``"normal"``, half lengths ``"depth"``, and radii
-            ``"across"`` of the cylinders, to which the radii of the balls are added.
+        tree: centres of the balls of this rank.
+        q: midpoints ``"x"`` of the rays, directions ``"normal"``, half lengths ``"depth"``, and
+            radii ``"across"`` of the cylinders, to which the radii of the balls are added.
         radii: radii of the balls, shape (m,).
     """
     across = q["across"] + float(radii.max())

@@ -153,7 +153,7 @@ class DiscreteSurface(ReadOnly):
         )
 
     def _place_points(self, points_class: type[ContactPoints]) -> None:
-        """Create the contact points, the law there, and the multiplier. Collective."""
+        """Create the contact points, the law at them, and the multiplier. Collective."""
         self.points = points_class(
             self.u.function_space,
             self.submesh,

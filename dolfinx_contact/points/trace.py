@@ -228,7 +228,7 @@ def across_planes(
     planes: Mapping[int, float],
     name: str,
 ) -> Mask:
-    """Return the components across planes of symmetry, shape (local nodes, dim). Collective.
+    """Return the components normal to planes of symmetry, shape (local nodes, dim). Collective.
 
     Args:
         V: Lagrange space.

@@ -65,7 +65,7 @@ class SlidingOpposite(Opposite):
         depth: search distance in front of the slave and behind it.
         direction: for self-contact, direction along which slave facets lie farther in the mesh,
             shape (dim,); None for two faces.
-        across: mask of the components across planes of symmetry, on which normals and slips are
+        across: mask of the components normal to planes of symmetry, on which normals and slips are
             means with their mirror images, shape (local nodes, dim).
         planes: positions of the planes of symmetry by axis. Images of the master lie behind them
             and beyond the axis of bodies of revolution.
@@ -260,7 +260,7 @@ class SlidingFaces:
     def sharpest_edge(self) -> tuple[float, Array]:
         """Return the largest angle in degrees between facet and node normals at edges, and where.
 
-        At an edge the facets around a node lie behind the plane across its normal.
+        At an edge the facets around a node lie behind the plane perpendicular to its normal.
         """
         x = self._reference
         vectors = self._facets.vectors(x)
@@ -442,7 +442,7 @@ class SlidingFaces:
 
 
 def _heights(common: Cover) -> Array:
-    """Return distances of the middles of master facets along the slave normals, by piece."""
+    """Return distances of the midpoints of master facets along the slave normals, by piece."""
     off = common.master.x[common.other].mean(axis=1) - common.slave.x[common.facet].mean(axis=1)
     return dot(off, common.slave.normals[common.facet])
 

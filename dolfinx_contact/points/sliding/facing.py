@@ -145,15 +145,15 @@ def cast(x: Array, m: Array, y: Array, eta: Array) -> CastRays:
 def spins(before: Array, now: Array, sense: Array) -> tuple[Array, Array]:
     r"""Return angles by which facets have turned about their normals, and their derivatives.
 
-    A facet has two vectors a_i across its normal o before, with the reciprocal vectors a^i. The
-    smallest rotation R from o to the present normal n turns these to g_i = R a^i. With the present
-    vectors e_i the facet has been deformed by F = sum_i e_i g_i^T. The rotation in its polar
-    decomposition is about n, by the angle
+    Before, a facet has two vectors a_i perpendicular to its normal o, with the reciprocal vectors
+    a^i. The smallest rotation R from o to the present normal n turns these into g_i = R a^i. With
+    the present vectors e_i the facet has been deformed by F = sum_i e_i g_i^T. The rotation in its
+    polar decomposition is about n, by the angle
 
         tan psi = s / c,    s = n . sum_i g_i x e_i,    c = sum_i g_i . e_i.
 
-    Normal parts of changes of e_i do not count. Where n turns, R turns about it by the part
-    n.(o x dn)/(1 + o.n), and psi is less by that.
+    Normal parts of changes of e_i do not count. Where n turns, R turns about it by the angle
+    n.(o x dn)/(1 + o.n), by which psi is smaller.
 
     Args:
         before: corners of the facets before, shape (n, k, dim).
