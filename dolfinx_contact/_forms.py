@@ -189,7 +189,7 @@ def compiled_expression(e: Any, points: Array, comm: MPI.Comm | None = None) -> 
 
 
 def at_middle(dim: int) -> dict[str, Any]:
-    """Return metadata of a one-point rule at the middle of quadrilaterals or hexahedra.
+    """Return metadata of a one-point rule at the midpoint of quadrilaterals or hexahedra.
 
     A second point nearby has zero weight. FFCx (0.9, 0.11) treats quantities that are constant over
     the points of one rule, such as the Jacobian at a single point, as constant for all rules of an

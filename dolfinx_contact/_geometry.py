@@ -204,7 +204,7 @@ def dot(a: Array, b: Array) -> Array:
 
 
 def tangential(v: Array, n: Array) -> Array:
-    """Return the parts of vectors (..., dim) across unit vectors n (..., dim)."""
+    """Return the parts of vectors (..., dim) perpendicular to unit vectors n (..., dim)."""
     return v - dot(v, n)[..., None] * n
 
 

@@ -273,7 +273,7 @@ _GIVEN = _Words("given")
 
 
 def _comparable(value: Any) -> Any:
-    """Return the value by which an argument is compared, or a sign of its presence."""
+    """Return the value by which an argument is compared, or a marker of its presence."""
     if isinstance(value, np.generic | np.ndarray) and value.dtype != object:
         value = value.tolist()
     if isinstance(value, float):
@@ -449,7 +449,7 @@ def keep(domain: mesh.Mesh) -> None:
 
 
 def _free() -> None:
-    """Free the meshes that are not used otherwise.
+    """Free the meshes that are not used elsewhere.
 
     The garbage collection of Python may run at any point of the loop and call this function again.
     """

@@ -57,7 +57,7 @@ def depends_on(e: Any, *terminals: Any) -> bool:
 
 
 def kinks_of(e: Any, *terminals: Any) -> str:
-    """Return the text of a kink or jump in terminals, for messages; "" if there is none.
+    """Describe a kink or jump in terminals, for messages; "" if there is none.
 
     Args:
         e: UFL expression of any shape, or form.

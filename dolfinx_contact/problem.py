@@ -183,7 +183,7 @@ class ContactProblem(ReadOnly):
 
     Friction opposes the total slip (the static law). `step_from` returns the problem of one step.
     With friction, use `QuasiStatic` if the contact zone grows with the load (Hertz, indentation):
-    in the static law, points count the slip before they touched.
+    in the static law, slip that precedes contact counts as well.
 
     `solve` starts from the present displacement and multipliers and overwrites them with the
     solution. If it fails, they keep their values.

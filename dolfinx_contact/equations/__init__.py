@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The contact problem H(x) = 0: rows, derivatives, measures; what varies is an argument."""
+"""The contact problem H(x) = 0: rows, derivatives, measures; data that vary are arguments."""

@@ -56,7 +56,7 @@ class JacobianSolver:
     Attributes:
         matrix: Jacobian, for SNES.
         corrects: whether `correct` is implemented.
-        is_followed_with: whether a branch is followed with this solver.
+        is_followed_with: whether branches are followed with this solver.
     """
 
     matrix: PETSc.Mat

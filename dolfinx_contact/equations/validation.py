@@ -290,7 +290,7 @@ def check_times(eq: ContactEquations) -> None:
 
 
 def _objection_to_time(s: DiscreteSurface, memory: Memory | None) -> str:
-    """Return the objection to a law whose data are incomplete with a memory. Not collective.
+    """Return the objection to a law whose data are incomplete for a memory. Not collective.
 
     Missing data are those of `Law.lacks`, and the duration of a step for a law that depends on time
     (`CompiledLaw.needs_time`).

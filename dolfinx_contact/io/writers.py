@@ -235,7 +235,7 @@ def _keep_alive(writer: io.VTXWriter) -> None:
 def _write_script(part: Path, folder: Path, files: dict[str, str]) -> None:
     """Write ``paraview.py``, which shows files in its folder. On rank 0.
 
-    Another file of that name is kept, with a warning.
+    A file of that name that is no such script is kept, with a warning.
 
     Args:
         part: folder in which it is written.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Cracks: nodes are doubled along facets inside a body, whose sides may then separate.
+"""Cracks: nodes are duplicated along facets inside a body, whose sides may then separate.
 
 The cells around a node of the crack are connected through facets that do not belong to the crack.
 Each fan of connected cells gets a node of its own: there are two inside a crack, one at its front

@@ -271,7 +271,7 @@ def mesh_from_gmsh(
         ValueError: on every rank, if ``draw`` fails; if the model has no mesh, no physical groups,
             none that holds the body, or lacks one of ``groups``; if groups of cells or of facets
             overlap, the cells are of several kinds, a plane mesh is not in the plane, or arguments
-            differ between ranks. KeyboardInterrupt and SystemExit of ``draw`` pass, on every rank.
+            differ between ranks. KeyboardInterrupt and SystemExit of ``draw`` reach every rank.
     """
     gmsh = optional("gmsh", "gmsh")
     with ExitStack() as session:

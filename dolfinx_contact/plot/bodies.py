@@ -56,8 +56,8 @@ def picture_of_body(
     """Draw the deformed body with its obstacles and the rims of its contact surfaces. Collective.
 
     The rim of a slave surface is thick, that of a master thin. A plane is drawn as a rectangle
-    below the body, and the part around the body of another obstacle that is much larger. Obstacles
-    between the eye and the body are transparent.
+    below the body. Another obstacle that is much larger than the body is drawn only around it.
+    Obstacles between the viewer and the body are transparent.
 
     Args:
         file: ``.png``, ``.pdf`` or ``.svg`` (in 3D the latter two contain an image); None writes
@@ -156,8 +156,8 @@ def picture_of_states(
 
     Args:
         file: picture in any format of matplotlib; None writes nothing.
-        system: system of the points, whose Functions are those of the last point afterwards; or
-            problem of the states.
+        system: system of the points, whose Functions hold the last point afterwards; or problem of
+            the states.
         points: points of branches, or `Solutions.found`; for a problem its states or steps.
         titles: titles of the panels, default gamma or the time, and the numbers of points of each
             status.

@@ -129,8 +129,8 @@ def draw_chart(
     """Draw the solutions over two parameters. Not collective.
 
     Each cell has the colour of its number of solutions, or with ``names`` that of its set of
-    statuses. Cells without a proof of the number are hatched: there are at least so many solutions.
-    Curves of folds are thick, those of events thin, and a dot marks a cusp.
+    statuses. Cells without a proof of the number are hatched: there are at least this many
+    solutions. Curves of folds are thick, those of events thin, and a dot marks a cusp.
 
     Args:
         file: picture in any format of matplotlib; None writes nothing.

@@ -65,7 +65,7 @@ class Look(TypedDict, total=False):
         field: colours of the body: ``"displacement"`` (its magnitude) or a UFL scalar. Values of
             discontinuous fields are averaged at the vertices; values that are not finite are grey.
             The default is the von Mises stress if there is a stress, otherwise no field.
-        view: direction from the body to the eye, in 3D: an axis such as ``"-y"``, or a vector.
+        view: direction from the body to the viewer, in 3D: an axis such as ``"-y"``, or a vector.
         clip: plane of a section, in 3D: its normal (then the plane passes through the middle of the
             bodies or of the region), or a point and a normal. The part on the side of the normal is
             not drawn, and the default view is from that side: x points to the right with ``"-y"``,

@@ -92,7 +92,7 @@ def picture_of_contact(
 
     In 3D there are two maps of the surface, projected along the coordinate axis closest to its mean
     normal where it touches. In 2D the tractions and the friction bound are drawn over the
-    coordinate of a straight surface, and over the length along a curved one; for a law with bonds
+    coordinate of a straight surface, and over the arc length of a curved one; for a law with bonds
     also the frictional part of the shear, to which the bound applies. The shear has the sign of
     `ContactTable.along`: it is along t = (-n_y, n_x), which points to -x below an obstacle. The
     picture is limited to the
@@ -209,7 +209,7 @@ def contact_data(problem: ContactProblem, s: DiscreteSurface) -> Arrays:
 
 
 def _limits(x: Array, data: Arrays, rim: float) -> tuple[float, float]:
-    """Return the limits of an axis: facets with a touching vertex, or all, and surroundings.
+    """Return the limits of an axis: facets with a touching vertex, or all facets, and a margin.
 
     Args:
         x: positions of the vertices, shape (m,).

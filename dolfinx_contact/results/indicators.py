@@ -778,7 +778,7 @@ def _probes(s: DiscreteSurface, box: tuple[Array, Array], spacing: float) -> tup
 
 
 def _between(a: Array, b: Array, spacing: float) -> Array:
-    """Points (n, dim) from a to b at most a spacing apart."""
+    """Return points (n, dim) from a to b, at most one spacing apart."""
     number = int(np.ceil(np.linalg.norm(b - a) / spacing)) + 1
     return np.asarray(np.linspace(a, b, number))
 
@@ -814,7 +814,7 @@ def _across(
     contact: ContactState,
     held: Mask,
 ) -> float:
-    """Fraction of the normal forces acting across the face of the body. Collective."""
+    """Fraction of the normal forces where face and obstacle have other normals. Collective."""
     u = state.u.reshape(-1, s.dim)
     follows = s.displaced is not None or (s.obstacle.flat and not eq.bulk.linear)
     outward = s.points.outward(u if follows else np.zeros_like(u))

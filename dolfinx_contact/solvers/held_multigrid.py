@@ -230,7 +230,7 @@ class HeldMultigrid:
         return motions, forces
 
     def leaves_alone(self, D: PETSc.Mat) -> bool:
-        """Return True if R_o D^T = 0: forces D^T f act on free motions only. Collective."""
+        """Return True if R_o D^T = 0: forces D^T f act only on free motions. Collective."""
         transposed = D.transpose(PETSc.Mat())
         forces = self._own.matMult(transposed)
         off = forces.norm(PETSc.NormType.NORM_INFINITY)

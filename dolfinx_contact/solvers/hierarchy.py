@@ -295,7 +295,7 @@ class _Held:
 
 
 def _held(A: PETSc.Mat, rows: Indices, diagonal: float) -> PETSc.Mat:
-    """Return a matrix-free ``A`` with rows and columns of a scaled identity. Collective."""
+    """Return a matrix-free ``A`` whose held rows and columns are a scaled identity. Collective."""
     made = PETSc.Mat().createPython(A.getSizes(), _Held(rows, diagonal), comm=A.comm)
     made.setUp()
     work = A.createVecRight()

@@ -144,7 +144,7 @@ class SurfaceBlock:
             self._made[name] = _keeping_pattern(A.copy())
 
     def _add(self, name: str, first: str, a: float, second: str) -> None:
-        """Compute A + a B, in the matrix of this name if it exists. Collective."""
+        """Compute A + a B, reusing the matrix of this name if it exists. Collective."""
         A = self._made[first]
         B = self._made[second]
         if name not in self._made:
