@@ -64,7 +64,7 @@ _BESIDE = 1e-3  # facet sizes from a contact point to the place where the body i
 _UNITS = 100.0  # ratio of the sizes of body and obstacle above which units may differ
 _MEASURES = {"cell": "dx", "exterior_facet": "ds", "interior_facet": "dS"}
 _LOCKS = 0.48  # Poisson's ratio from which elements of degree 1 are about a tenth too stiff
-_PLAUSIBLE = 5.0  # friction coefficient above which it may be in percent
+_PERCENT = 5.0, 200.0  # friction coefficients between which they may be in percent
 _TIED = 8  # contact points nearest to an obstacle that are examined, per rank
 
 
@@ -421,15 +421,16 @@ def _held(
         nodes = unique_pre_traversal(integral.integrand())
         if any(isinstance(node, ufl.classes.Grad) for node in nodes):
             continue
-        for number in _ids(integral):
-            if isinstance(number, str):  # the whole boundary
-                continue
-            _, facets = _entities(integral, number, V.mesh)
-            dofs = fem.locate_dofs_topological(V, dim, facets)
-            found, free = V.mesh.comm.allreduce(np.array([len(dofs), (~held[dofs]).sum()]))
-            if found and not free:
-                text = "has no effect: Dirichlet conditions hold all displacements of its facets"
-                yield f"integral over ds({number})", f"an integral over ds({number}) {text}"
+        ids = _ids(integral)
+        if any(isinstance(number, str) for number in ids):  # the whole boundary
+            continue
+        facets = np.concatenate([_entities(integral, number, V.mesh)[1] for number in ids])
+        dofs = fem.locate_dofs_topological(V, dim, facets)
+        found, free = V.mesh.comm.allreduce(np.array([len(dofs), (~held[dofs]).sum()]))
+        if found and not free:
+            name = f"integral over ds({', '.join(map(str, ids))})"
+            text = "has no effect: Dirichlet conditions hold all displacements of its facets"
+            yield name, f"an {name} {text}"
 
 
 def _hourglass(form: ufl.Form, V: fem.FunctionSpace) -> Iterator[_Warning]:
@@ -568,13 +569,14 @@ def _warn_of_dragging(eq: ContactEquations) -> None:
 
 
 def _warn_of_friction(eq: ContactEquations) -> None:
-    """Warn about friction coefficients that are not plausible. Collective."""
+    """Warn about friction coefficients that may be in percent. Collective."""
+    least, largest = _PERCENT
     for s in eq.surfaces:
         fields = s.points.data.fields
         given = [v for name, v in fields.items() if name.split(".")[-1] == "friction"]
         most = maximum(s.comm, np.concatenate(given)) if given else 0.0
         message = f"the friction coefficient is {most:.3g}: if it is in percent, divide it by 100"
-        eq.warn(f"friction of {s.name!r}", message if most > _PLAUSIBLE else "")
+        eq.warn(f"friction of {s.name!r}", message if least < most <= largest else "")
 
 
 # -- data ------------------------------------------------------------------------------------------

@@ -352,17 +352,25 @@ def _apart(eq: ContactEquations, state: Evaluation) -> float | None:
     """
     if any(memory is not None for memory in eq.memory):
         return None
-    several = eq.scaling.parts.number > 1
     _, none = least_scales(eq, 0.0)
     moved, acting, gaps = bool(np.any(np.abs(state.u) > none)), False, []
     for s, contact, held in _contacts(eq, state):
         acting |= bool(np.any(closed(contact.statuses) & ~held) or np.any(contact.answer))
-        if several or not s.between_bodies:
+        if not _within_one_part(eq, s):
             gaps.append(contact.kinematics.gap[~held])
     free = any(len(gap) for gap in gaps)
     moved, acting, free = anywhere(eq.comm, moved, acting, free)
     smallest = minimum(eq.comm, np.nan_to_num(np.concatenate([*gaps, []]), nan=np.inf), np.inf)
     return smallest if moved and free and not acting and abs(smallest) > none else None
+
+
+def _within_one_part(eq: ContactEquations, s: DiscreteSurface) -> bool:
+    """Return whether both faces of a pair belong to one connected part. Collective."""
+    opposite = s.obstacle.opposite
+    if opposite is None:
+        return False
+    part = eq.scaling.parts.of_nodes[opposite.sides[0] | opposite.sides[1]].astype(float)
+    return minimum(eq.comm, part, np.inf) == -minimum(eq.comm, -part, np.inf)
 
 
 def _floating(eq: ContactEquations, state: Evaluation) -> str:

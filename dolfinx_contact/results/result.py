@@ -232,8 +232,8 @@ def collect(
 ) -> Result:
     """Return the result at the solution in the user's Functions. Collective.
 
-    If the contact law is violated, a warning is logged on rank 0. Warnings of the indicators are
-    logged by `log_warnings`.
+    If the contact law is violated, the result has the warning ``law``, which is also logged on
+    rank 0. Warnings of the indicators are logged by `log_warnings`.
 
     Args:
         eq: equations of the contact problem.
@@ -262,12 +262,15 @@ def collect(
     forces = balance(eq, state, tables.values(), supports)
     violated = violation(eq, state, force, length)
     weak = any(s.points.E is not None for s in eq.surfaces)
-    if not weak and not violated <= _LARGEST_VIOLATION and eq.comm.rank == 0:
-        logger.warning(
-            "the law of contact is violated by %.1e of the forces: a law that leaves states "
-            "without a status, or a tolerance snes_rtol that is too large",
-            violated,
+    warnings = dict(eq.warnings)
+    if not weak and not violated <= _LARGEST_VIOLATION:
+        warnings["law"] = (
+            f"the law of contact is violated by {violated:.1e} of the forces: a law that leaves "
+            "states without a status, a tolerance snes_rtol that is too large, or in 3D a contact "
+            "node held in one tangential direction that slips along it"
         )
+        if eq.comm.rank == 0:
+            logger.warning("law: %s", warnings["law"])
     return Result(
         Named(tables),
         list(attempts),
@@ -288,7 +291,7 @@ def collect(
         indicators_of(*at),
         Named(rigid_body_results(eq, state)),
         all(memory is None for memory in eq.memory),
-        dict(eq.warnings),
+        warnings,
     )
 
 

@@ -26,6 +26,7 @@ from dolfinx_contact import (
     HalfSpace,
     LevelSet,
     ParametricContact,
+    RigidBody,
     Sphere,
 )
 from dolfinx_contact.body.cells import smallest_jacobian
@@ -527,3 +528,27 @@ def test_reversed_floor_under_a_round_foot_gives_a_warning(log):
         block(domain=domain, where=lambda d: below, obstacle=floor)
         message = said(log, "wrong side")
         assert ("at (0.5, 0), " in message) == wrong
+
+
+@pytest.mark.ranks(2)
+def test_slip_along_a_held_direction_violates_the_law_and_gives_a_warning(log):
+    """Nodes on two planes of symmetry, and a floor that moves along one of them."""
+    domain = box(COMM, 2, "hex")
+    u = displacement(domain)
+    V = u.function_space
+    top = facets(domain, 2, 1.0)
+    tags = mesh.meshtags(domain, 2, np.sort(top), np.ones(len(top), dtype=np.int32))
+    load = 20.0 * u[2] * ufl.ds(subdomain_data=tags)(1)
+    bcs = [
+        fem.dirichletbc(
+            0.0, fem.locate_dofs_topological(V.sub(i), 2, facets(domain, i, 0.0)), V.sub(i)
+        )
+        for i in (0, 1)
+    ]
+    given = {"x": 0.05, **dict.fromkeys(("y", "z", "rx", "ry", "rz"), 0.0)}
+    floor = RigidBody(HalfSpace((0, 0, 0), (0, 0, 1)), about=(0, 0, 0), motion=given)
+    surface = ContactSurface(u, facets(domain, 2, 0.0), obstacle=floor, law=Coulomb(0.3))
+    energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx + load
+    result = ContactProblem(energy, u, [surface], bcs=bcs).solve()
+    assert "held in one tangential direction" in result.warnings["law"]
+    assert "violated by" in said(log, "the law of contact is violated")
