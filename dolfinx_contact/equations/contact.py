@@ -31,15 +31,16 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from copy import copy
 from dataclasses import replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 from petsc4py import PETSc
 
 import numpy as np
 
-from dolfinx import fem
+from dolfinx import fem, mesh
 
-from dolfinx_contact._arrays import Array
+from dolfinx_contact._arrays import Array, Ints
 from dolfinx_contact._geometry import mesh_mark, node_positions
 from dolfinx_contact._mpi import anywhere, require, total
 from dolfinx_contact._petsc import ProblemOptions, logged
@@ -57,6 +58,7 @@ from dolfinx_contact.equations.evaluation import (
 from dolfinx_contact.equations.scaling import Scaling
 from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.points.surface import DiscreteSurface
+from dolfinx_contact.points.trace import nodes_on
 
 if TYPE_CHECKING:
     from dolfinx_contact.body.moving import MovingBody
@@ -267,6 +269,18 @@ class ContactEquations:
             np.where(term.removed, self.scaling.stiffness * values, term.surface.points.rows(off))
             for term, off, values in zip(self.terms, laws, owned, strict=True)
         ]
+
+    @cached_property
+    def bare_nodes(self) -> Ints:
+        """Owned boundary nodes on no contact surface that are not held, shape (n,). Collective."""
+        V = self.V
+        bare = nodes_on(V, mesh.exterior_facet_indices(V.mesh.topology))
+        for s in self.surfaces:
+            bare &= ~nodes_on(V, s.submesh.parent_facets)
+            if s.between_bodies:
+                bare &= ~s.obstacle.opposite.sides[1]
+        bare &= ~self.constraints.fixed.all(axis=1)
+        return np.flatnonzero(bare[: V.dofmap.index_map.size_local])
 
     # -- data ------------------------------------------------------------------------------------
 

@@ -9,7 +9,9 @@ from mpi4py import MPI
 
 import numpy as np
 
+import ufl
 from dolfinx import fem
+from ufl.algorithms import expand_derivatives, extract_coefficients
 
 from dolfinx_contact._arrays import Array, Indices, Ints, Mask
 from dolfinx_contact._compat import create_facet_submesh
@@ -19,11 +21,11 @@ from dolfinx_contact._ufl import described, refuse_displacement, refuse_other_me
 from dolfinx_contact._validate import ReadOnly
 from dolfinx_contact.body.rigid import parts
 from dolfinx_contact.laws import LawAtPoints, PointData
-from dolfinx_contact.obstacles import Obstacle
+from dolfinx_contact.obstacles import HalfSpace, Obstacle, known_displaced
 from dolfinx_contact.points.contact_points import ContactPoints
 from dolfinx_contact.points.descriptions import Contact, ContactMethod, Overlap, displacement_degree
 from dolfinx_contact.points.displaced import DisplacedPoints, TrueGaps, displaced_points, follows
-from dolfinx_contact.points.evaluation import Evaluator, Given
+from dolfinx_contact.points.evaluation import Evaluator, Given, ScatteredEvaluator
 from dolfinx_contact.points.kinematics import Kinematics, Partner
 from dolfinx_contact.points.memory import Memory, with_memory
 from dolfinx_contact.points.neighbours import LawAmongPoints
@@ -31,8 +33,9 @@ from dolfinx_contact.points.operators import ConstantOperator
 from dolfinx_contact.points.opposite import CURVED_OVERLAP
 from dolfinx_contact.points.placements import AveragedPoints, FacetPoints, NodePoints
 from dolfinx_contact.points.revolution import check_section
-from dolfinx_contact.points.rigid_body import RigidBody
+from dolfinx_contact.points.rigid_body import RigidBody, shape_of
 from dolfinx_contact.points.trace import exterior_facets
+from dolfinx_contact.rigid_surfaces import RigidSurface
 
 __all__ = ["DiscreteSurface"]
 
@@ -372,6 +375,46 @@ class DiscreteSurface(ReadOnly):
         number = self.comm.allreduce(int(at_vertices.max(initial=-1)), op=MPI.MAX) + 1
         at_points = self.points.from_vertices(at_vertices.astype(np.float64))
         return np.rint(at_points).astype(np.int64), number
+
+    def gaps_at(self, x: Array) -> Array | None:
+        """Return gaps at places (n, dim) in the frame of the obstacle. Collective.
+
+        None if the obstacle is not known everywhere.
+        """
+        shape = shape_of(self.obstacle)
+        if isinstance(shape, RigidSurface):
+            return shape.distances(x).distance - shape.rounding
+        if shape.flat:
+            normal, height = self._plane
+            return height - x @ normal
+        if self._gap_anywhere is None:
+            return None
+        self._gap_anywhere.x = x
+        return self._gap_anywhere()["gap"]
+
+    @property
+    def _plane(self) -> tuple[Array, float]:
+        """Normal n of a flat obstacle, and n.x at its points. Collective."""
+        points = self.points
+        n = points.vertex_normals[:1]
+        removed = points.removed_at_vertices
+        gap = points.vertex_gaps[:1] - (0.0 if removed is None else removed.x.array[:1])
+        height = gap + dot(n, self.node_positions[points.vertex_trace_dofs[:1]])
+        first = np.concatenate(self.comm.allgather(np.column_stack([n, height])))[0]
+        return first[:-1], float(first[-1])
+
+    @cached_property
+    def _gap_anywhere(self) -> ScatteredEvaluator | None:
+        shape, domain = shape_of(self.obstacle), self.domain
+        if not known_displaced(shape) or isinstance(shape, HalfSpace):  # of each point
+            return None
+        gap = expand_derivatives(shape.at(domain, ufl.SpatialCoordinate(domain))[0])
+        if extract_coefficients(gap):
+            return None
+        none = np.zeros(0)
+        return ScatteredEvaluator(
+            domain, none.astype(np.int32), np.zeros((0, self.dim)), none, {"gap": gap}
+        )
 
     def displacements(self, u: Array) -> Array:
         """Return displacements of the contact points of this rank, shape (n, dim). Collective.

@@ -19,6 +19,7 @@ position, gap, normal and jump at contact points.
 | `between_points` | depth of an edge, corner, sphere or cylinder in a facet, between its contact points, over the size of the facet, or the radius if that is smaller | 0.2 |
 | `across` | fraction of the normal forces where the normals of body and obstacle are more than 66 degrees apart | 0.02 |
 | `overlap` | initial penetration of closed points into a rigid obstacle, over the smallest extent of the body; not evaluated with interference or remove_overlap, nor after the obstacle has moved | 0.05 |
+| `beside` | depth in a rigid obstacle of boundary nodes that belong to no contact surface and are not held, over the local compression of `growth`; 0 if no point is closed | 0.05 |
 | `growth` | static law: fraction of the friction bound at closed points whose initial gap exceeds the smallest one by more than 1 % of the local compression p b/E (mean pressure p and extent b of the closed points, modulus E of the surface); also with the present gaps to an obstacle that was moved; in large sliding of a pair, gaps end at the search distance | 0.05 |
 | `negative_bound` | own laws: largest negative friction bound of closed points, as a nodal force, over the largest one | 1e-6 |
 | `penetration` | compliant laws: largest -g | 0.1 facets |
@@ -89,6 +90,7 @@ LIMITS = {
     "between_points": 0.2,
     "across": 0.02,
     "overlap": 0.05,
+    "beside": 0.05,
     "growth": 0.05,
     "negative_bound": 1e-6,
     "penetration": 0.1,
@@ -124,6 +126,9 @@ _MESSAGES = {
     "edge, or reverse the obstacle",
     "overlap": "the body starts in the obstacle, by {:.2g} of its smallest extent, and is pushed "
     "out; interference=True allows it, remove_overlap starts without stress",
+    "beside": "boundary that belongs to no contact surface is in the obstacle, by {:.2g} of the "
+    "compression at the contact, and nothing pushes it out; add its facets to the surface, or take "
+    "a RigidSurface that ends before it",
     "growth": "points that came into contact under the load have a fraction of {:.2g} of the "
     "friction bound, and the static law counts their motion before contact as slip; use "
     "QuasiStatic",
@@ -184,6 +189,8 @@ class SurfaceIndicators:
             more than 66 degrees apart.
         overlap: initial penetration of closed points into the obstacle, relative to the smallest
             extent of the body.
+        beside: depth in the obstacle of boundary nodes that belong to no contact surface, relative
+            to the local compression.
         growth: fraction of the friction bound at points that came into contact under the load;
             0 in steps from a state.
         negative_bound: largest negative friction bound of closed points, as a nodal force relative
@@ -203,6 +210,7 @@ class SurfaceIndicators:
     between_points: float = 0.0
     across: float = 0.0
     overlap: float = 0.0
+    beside: float = 0.0
     growth: float = 0.0
     negative_bound: float = 0.0
     penetration: float | None = None
@@ -439,6 +447,7 @@ def surface_indicators(eq: ContactEquations, state: Evaluation) -> dict[str, Sur
                 between_points=_between_points(s, state),
                 across=_across(eq, s, state, contact, held),
                 overlap=_overlap(eq, s, contact),
+                beside=_beside(eq, s, state, contact),
             )
         found[s.name] = small
     return found
@@ -810,6 +819,24 @@ def _overlap(eq: ContactEquations, s: DiscreteSurface, contact: ContactState) ->
     depth = _most(s, _touching(contact, -s.start_gaps))
     low, high = bounding_box(eq.comm, eq.nodes)
     return 0.0 if anywhere(eq.comm, moved)[0] else depth / float(np.min(high - low))
+
+
+def _beside(
+    eq: ContactEquations, s: DiscreteSurface, state: Evaluation, contact: ContactState
+) -> float:
+    """Depth of boundary nodes on no contact surface over the compression. Collective."""
+    compression = _compression(eq, s, contact)
+    if compression == 0.0:
+        return 0.0
+    motion = None if s.rigid_body is None else s.rigid_body.values
+    u = state.u.reshape(-1, s.dim)[: s.owned_nodes]
+    x = eq.nodes[: s.owned_nodes] + s.partner.relative(u, motion)
+    gaps = s.gaps_at(x[eq.bare_nodes])
+    if gaps is None:
+        return 0.0
+    taken = s.points.removed_overlap
+    depth = _most(s, np.nan_to_num(-gaps)) - (0.0 if taken is None else _most(s, taken.x.array))
+    return max(depth, 0.0) / compression
 
 
 # -- sides of the obstacle -----------------------------------------------------------------------

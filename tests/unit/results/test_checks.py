@@ -27,6 +27,7 @@ from dolfinx_contact import (
     LevelSet,
     ParametricContact,
     RigidBody,
+    RigidSurface,
     Sphere,
 )
 from dolfinx_contact.body.cells import smallest_jacobian
@@ -119,6 +120,37 @@ def test_a_cylinder_between_contact_points_gives_a_warning(log):
     (found,) = problem.solve().indicators.surfaces.values()
     assert found.between_points == pytest.approx(0.5, rel=1e-9)
     assert said(log, "between_points of 'contact'")
+
+
+def half(domain):
+    """Facets of the left half of the bottom of a block."""
+    return mesh.locate_entities_boundary(domain, 1, lambda x: np.isclose(x[1], 0) & (x[0] < 0.51))
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize(
+    "obstacle",
+    [
+        HalfSpace((0.0, 0.0), (0.0, 1.0)),
+        Sphere((0.5, -300.0), 300.0),
+        LevelSet(lambda x: x[1] + 1e-5 * ufl.sin(x[0])),
+        RigidSurface([[-1.0, 0.0], [2.0, 0.0]], [[1, 0]]),
+    ],
+)
+def test_a_forgotten_half_of_the_face_in_the_obstacle_gives_a_warning(obstacle, log):
+    """A stiff block sinks by 1e-4: a small part of a facet, and most of the compression."""
+    pressed = dict(n=8, cell="quad", young=2e11, top=(0.0, -1e-4), obstacle=obstacle)
+    assert "beside of 'contact'" not in block(**pressed).solve().warnings
+    result = block(where=half, **pressed).solve()
+    assert result.indicators.surfaces["contact"].beside > 0.4
+    assert "add its facets" in result.warnings["beside of 'contact'"]
+    assert said(log, "beside of 'contact'")
+
+
+def test_boundary_past_the_end_of_the_obstacle_gives_no_warning():
+    """A body hangs over the edge of a plate."""
+    plate = RigidSurface([[-1.0, 0.0], [0.5, 0.0]], [[1, 0]])
+    assert block(n=8, cell="quad", where=half, obstacle=plate).solve().warnings == {}
 
 
 # -- static law ----------------------------------------------------------------------------------
@@ -300,7 +332,7 @@ def test_an_inverted_solution_is_said(log):
     assert result.summary()["min_det_F"] == result.min_det_F
     message = said(log, "inside out")
     assert "det F is -1.3" in message
-    assert list(result.warnings) == ["min_det_F"]
+    assert list(result.warnings) == ["min_det_F", "beside of 'contact'"]
     assert block(n=4, cell="tri").solve().min_det_F is None
 
 
