@@ -20,6 +20,7 @@ position, gap, normal and jump at contact points.
 | `across` | fraction of the normal forces where the normals of body and obstacle are more than 66 degrees apart | 0.02 |
 | `overlap` | initial penetration of closed points into a rigid obstacle, over the smallest extent of the body; not evaluated with interference or remove_overlap, nor after the obstacle has moved | 0.05 |
 | `beside` | depth in a rigid obstacle of boundary nodes that belong to no contact surface and are not held, over the local compression of `growth`; 0 if no point is closed | 0.05 |
+| `facets` | height of the smooth surface over the touched facets of a `RigidSurface` that are wider than those of the body, from the averaged normals; mean with the normal forces as weights, over the local compression | 0.02 |
 | `growth` | static law: fraction of the friction bound at closed points whose initial gap exceeds the smallest one by more than 1 % of the local compression p b/E (mean pressure p and extent b of the closed points, modulus E of the surface); also with the present gaps to an obstacle that was moved; in large sliding of a pair, gaps end at the search distance | 0.05 |
 | `negative_bound` | own laws: largest negative friction bound of closed points, as a nodal force, over the largest one | 1e-6 |
 | `penetration` | compliant laws: largest -g | 0.1 facets |
@@ -91,6 +92,7 @@ LIMITS = {
     "across": 0.02,
     "overlap": 0.05,
     "beside": 0.05,
+    "facets": 0.02,
     "growth": 0.05,
     "negative_bound": 1e-6,
     "penetration": 0.1,
@@ -129,6 +131,9 @@ _MESSAGES = {
     "beside": "boundary that belongs to no contact surface is in the obstacle, by {:.2g} of the "
     "compression at the contact, and nothing pushes it out; add its facets to the surface, or take "
     "a RigidSurface that ends before it",
+    "facets": "the facets of the rigid surface are {:.2g} of the compression away from the smooth "
+    "surface, and the body feels their edges; take a finer triangulation, or a Sphere, Cylinder or "
+    "LevelSet",
     "growth": "points that came into contact under the load have a fraction of {:.2g} of the "
     "friction bound, and the static law counts their motion before contact as slip; use "
     "QuasiStatic",
@@ -191,6 +196,8 @@ class SurfaceIndicators:
             extent of the body.
         beside: depth in the obstacle of boundary nodes that belong to no contact surface, relative
             to the local compression.
+        facets: height of the smooth surface over the facets of a rigid surface, relative to the
+            local compression.
         growth: fraction of the friction bound at points that came into contact under the load;
             0 in steps from a state.
         negative_bound: largest negative friction bound of closed points, as a nodal force relative
@@ -211,6 +218,7 @@ class SurfaceIndicators:
     across: float = 0.0
     overlap: float = 0.0
     beside: float = 0.0
+    facets: float = 0.0
     growth: float = 0.0
     negative_bound: float = 0.0
     penetration: float | None = None
@@ -448,6 +456,7 @@ def surface_indicators(eq: ContactEquations, state: Evaluation) -> dict[str, Sur
                 across=_across(eq, s, state, contact, held),
                 overlap=_overlap(eq, s, contact),
                 beside=_beside(eq, s, state, contact),
+                facets=_facets(eq, s, contact),
             )
         found[s.name] = small
     return found
@@ -837,6 +846,25 @@ def _beside(
     taken = s.points.removed_overlap
     depth = _most(s, np.nan_to_num(-gaps)) - (0.0 if taken is None else _most(s, taken.x.array))
     return max(depth, 0.0) / compression
+
+
+def _facets(eq: ContactEquations, s: DiscreteSurface, contact: ContactState) -> float:
+    """Height of the smooth surface over touched facets over the compression. Collective."""
+    shape = shape_of(s.obstacle)
+    if not isinstance(shape, RigidSurface):
+        return 0.0
+    place = contact.kinematics.place
+    x = s.positions + (0.0 if place is None else place)
+    force = _touching(contact, -dot(contact.traction, contact.data.n)) * s.points.areas
+    force = np.maximum(force, 0.0)
+    touched = np.flatnonzero(force)
+    heights, widths = shape.heights
+    facets = shape.distances(x[touched]).facets
+    wide = widths[facets] > s.points.geometry.facet_size
+    sums = s.comm.allreduce(
+        np.array([force[touched] @ np.where(wide, heights[facets], 0.0), force.sum()])
+    )
+    return float(sums[0] / sums[1] / _compression(eq, s, contact)) if sums[1] > 0 else 0.0
 
 
 # -- sides of the obstacle -----------------------------------------------------------------------

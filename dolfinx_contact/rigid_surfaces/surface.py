@@ -188,6 +188,18 @@ class RigidSurface(ReadOnly, Obstacle):
         areas = np.linalg.norm(area_vectors(self.points[self.cells]), axis=1)
         return float(areas.mean() ** (1 / (self.points.shape[1] - 1)))
 
+    @cached_property
+    def heights(self) -> tuple[Array, Array]:
+        """Heights of the smooth surface over the facets, and widths of these, shape (k,) each.
+
+        They follow from the averaged normals: 0 for flat parts, h^2/(8 R) for chords of a circle.
+        """
+        corners = self.points[self.cells]
+        tilts = self._surface.corner_normals - self._surface.normals[:, None]
+        along = np.ptp(np.einsum("kci,kti->kct", corners, tilts), axis=1).max(axis=1)
+        most = np.linalg.norm(tilts, axis=2).max(axis=1)
+        return along / 4, along / np.maximum(most, np.finfo(float).tiny)
+
     @property
     def edges(self) -> Ints:
         """Sharp edges and rims as pairs of point indices, shape (k, 2); empty in 2D."""

@@ -371,6 +371,24 @@ def test_a_corner_between_points_is_warned_of(caplog):
     assert ("by 0.26 of the facet size" in caplog.text) == (COMM.rank == 0)
 
 
+@pytest.mark.ranks(2)
+def test_facets_that_are_coarse_for_the_contact_give_a_warning():
+    """Chords of a disc are h^2/(8 R) away from it; the faces of a punch are flat."""
+    pressed = dict(n=16, cell="quad", law=Frictionless(), top=(0.0, -0.05))
+    found = {}
+    for number in (40, 240):
+        chords = RigidSurface(*disc(number, 3.0, (0.4, -3.0), 0.02))
+        h = 6.0 * np.sin(np.pi / number)
+        np.testing.assert_allclose(chords.heights, [[h**2 / 24] * number, [h] * number], rtol=0.02)
+        result = blocks.block(obstacle=chords, **pressed).solve()
+        found[number] = result.indicators.surfaces["contact"].facets
+        assert ("facets of 'contact'" in result.warnings) == (number == 40)
+    assert 0.0 < found[240] < 0.03 * found[40]
+    punch = RigidSurface(*brick((0.3, -1.0), (0.72, 0.0)))
+    result = blocks.block(obstacle=punch, **pressed).solve()
+    assert result.indicators.surfaces["contact"].facets == 0.0
+
+
 # -- bad input -------------------------------------------------------------------------------------
 
 
