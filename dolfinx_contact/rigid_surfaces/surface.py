@@ -36,7 +36,8 @@ class RigidSurface(ReadOnly, Obstacle):
     Gaps and normals are evaluated at the closest point of the surface, with exact derivatives. The
     surface moves as the shape of a `RigidBody`. The gap is the exact signed distance from the
     facets, also at edges and corners, where it is the distance from the edge or corner within its
-    normal cone. Facets of a convex curved surface are chords, inside the surface by h^2/(8 R).
+    normal cone. Facets of a convex curved surface are chords, inside the surface by h^2/(8 R)
+    (indicator ``facets``).
 
     *Orientation.* Normals point out of the obstacle, towards the body. Triangles are
     counter-clockwise as seen from the body; segments have the obstacle on their left. A closed
