@@ -69,7 +69,7 @@ def test_the_two_blocks_demo_costs_little_friction(folder, no_pictures):
     rows = (folder / "steps.csv").read_text().splitlines()
     assert len(rows) == 39
     assert rows[0].startswith("step,time,length,open,stick,slip")
-    assert len(list(folder.glob("evolution_contact*"))) == 2
+    assert len(list(folder.glob("evolution_contact*"))) == 1
 
 
 def mindlin(folder, n, steps):

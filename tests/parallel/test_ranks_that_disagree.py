@@ -235,7 +235,9 @@ DISAGREEMENT = {
         "PETSc database differs between ranks",
     ),
     "parameter": (
-        lambda w: parametric(w, fem.Constant(w.domain, differs(0.0, 1.0))),
+        lambda w: parametric(
+            w, g := fem.Constant(w.domain, differs(0.0, 1.0)), driven=[(w.held, vector(g))]
+        ),
         "gamma differs between ranks",
     ),
     "driven": (
@@ -280,7 +282,7 @@ DISAGREEMENT = {
     ),
     "stop answers True": (
         lambda w: followed(w, stop=lambda *_: differs("", True)),
-        "answered True",
+        "returned True",
     ),
     "observer raises": (
         lambda w: followed(w, observer=Telling(on_last(ZeroDivisionError("in the observer")))),
