@@ -6,11 +6,10 @@ import cases.two_blocks
 import numpy as np
 import pytest
 import scipy.linalg
-import scipy.sparse
 from cases._triangle import linear_triangle
 from cases.critical_friction import main as demo
 from support.blocks import restore_statuses
-from support.leaning_bodies import block, in_plane, leaning, on_box
+from support.leaning_bodies import block, in_plane, leaning, on_box, stiffness_of_points
 
 import ufl
 from dolfinx import fem, mesh
@@ -37,26 +36,20 @@ LAME[(100.0, 82.0)] = (1.9010989, 1.73663256, 1.68791278, 1.66953114)
 
 def by_hand(problem, xi=None):
     """All coefficients by a dense condensation onto the contact nodes, on one rank."""
-    V = problem.V
-    dim = V.mesh.geometry.dim
-    n = V.dofmap.index_map.size_local
-    K = problem.equations.bulk.stiffness(problem.u.x.array).getValuesCSR()
-    K = scipy.sparse.csr_matrix((K[2], K[1], K[0])).toarray()
-    free = ~problem.equations.fixed
-    x = V.tabulate_dof_coordinates()
-    nodes = np.flatnonzero(np.isclose(x[:, dim - 1], 0.0) & free.reshape(n, dim).all(axis=1))
-    touching = (dim * nodes[:, None] + np.arange(dim)).ravel()
-    inside = np.setdiff1d(np.flatnonzero(free), touching)
-    S = K[np.ix_(touching, touching)] - K[np.ix_(touching, inside)] @ np.linalg.solve(
-        K[np.ix_(inside, inside)], K[np.ix_(inside, touching)]
-    )
-    m = len(nodes)
-    S = S.reshape(m, dim, m, dim)
+    dim = problem.V.mesh.geometry.dim
+    S, _ = stiffness_of_points(problem)
     xi = np.eye(dim)[0] if xi is None else xi
     tangential = np.einsum("iajb,a,b->ij", S, xi, xi)
     normal = S[:, dim - 1, :, :] @ xi
-    values, vectors = scipy.linalg.eig(tangential, normal)
-    return values, vectors
+    return scipy.linalg.eig(tangential, normal)
+
+
+def one_signed(values, vectors):
+    """The real coefficients of slips of one sign, the smallest first."""
+    real = np.abs(values.imag) < 1e-9 * np.abs(values)
+    signed = real & (np.abs(np.sign(vectors.real).sum(axis=0)) == len(vectors))
+    expected = values[signed].real
+    return expected[np.argsort(np.abs(expected))]
 
 
 @pytest.mark.ranks(2)
@@ -96,11 +89,8 @@ def test_large_mesh_converges():
 def test_critical_friction_agrees_with_an_own_condensation(cell, offset):
     problem = leaning(5, offset=offset, cell=cell)
     values, vectors = by_hand(leaning(5, offset=offset, cell=cell, comm=MPI.COMM_SELF))
-    real = np.abs(values.imag) < 1e-9 * np.abs(values)
-    signed = real & (np.abs(np.sign(vectors.real).sum(axis=0)) == len(vectors))
-    expected = values[signed].real
     found = critical_friction(problem)
-    np.testing.assert_allclose(found.one_signed, expected[np.argsort(np.abs(expected))], rtol=1e-9)
+    np.testing.assert_allclose(found.one_signed, one_signed(values, vectors), rtol=1e-9)
     every = np.sort_complex(np.array(found.one_signed + found.others).round(6))
     np.testing.assert_allclose(every, np.sort_complex(values.round(6)), atol=3e-6)
 
@@ -155,12 +145,9 @@ def test_critical_friction_works_in_any_direction():
     problem = block(4)
     angle = 0.4
     xi = np.array([np.cos(angle), np.sin(angle), 0.0])
-    values, vectors = by_hand(block(4, comm=MPI.COMM_SELF), xi)
-    real = np.abs(values.imag) < 1e-9 * np.abs(values)
-    signed = real & (np.abs(np.sign(vectors.real).sum(axis=0)) == len(vectors))
-    expected = values[signed].real
+    expected = one_signed(*by_hand(block(4, comm=MPI.COMM_SELF), xi))
     found = critical_friction(problem, 3.0 * xi + [0.0, 0.0, 1.0])  # the tangential part counts
-    np.testing.assert_allclose(found.one_signed, expected[np.argsort(np.abs(expected))], rtol=1e-9)
+    np.testing.assert_allclose(found.one_signed, expected, rtol=1e-9)
     reverse = critical_friction(problem, -xi, dense=False).friction
     assert reverse == pytest.approx(-found.friction, rel=1e-9)
 
