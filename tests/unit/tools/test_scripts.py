@@ -13,15 +13,13 @@ import numpy as np
 import pytest
 from cases._case import ScriptParser, number
 from cases._hertz import Hertz
-from support.blocks import block, box, facets
+from support.blocks import block
+from support.histories import dragged
 
 import ufl
 from dolfinx import fem, mesh
 
 from dolfinx_contact import (
-    ContactProblem,
-    ContactSurface,
-    Coulomb,
     HalfSpace,
     ParametricContact,
     io,
@@ -29,7 +27,6 @@ from dolfinx_contact import (
 )
 from dolfinx_contact.continuation import Branch, follow, follower_for, points_at
 from dolfinx_contact.grids import create_grid, graded
-from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.records import BranchRecord, leftmost, rightmost, total
 
 COMM = MPI.COMM_WORLD
@@ -38,19 +35,10 @@ FUNCTIONALS = {"ut": leftmost("ut"), "un": rightmost("un"), "rn": total("rn"), "
 
 def pushed(cell="quad", n=3):
     """A block that is pressed and pushed the more the larger gamma is."""
-    domain = box(COMM, n, cell)
-    dim = domain.geometry.dim
-    V = fem.functionspace(domain, ("Lagrange", 1, (dim,)))
-    u = fem.Function(V)
-    moved = fem.Function(V)
-    gamma = fem.Constant(domain, 0.0)
-    held = fem.locate_dofs_topological(V, dim - 1, facets(domain, dim - 1, 1.0))
-    law = Coulomb(0.3)
+    dim = 2 if cell in ("tri", "quad") else 3
     up = np.eye(dim)[-1]
-    floor = HalfSpace(-0.002 * up, up)
-    surface = ContactSurface(u, facets(domain, dim - 1, 0.0), obstacle=floor, law=law)
-    energy = LinearElastic.from_young(1000.0, 0.3).energy(u) * ufl.dx
-    problem = ContactProblem(energy, u, [surface], bcs=[fem.dirichletbc(moved, held)])
+    problem, moved = dragged(cell, n, obstacle=lambda _: HalfSpace(-0.002 * up, up))
+    gamma = fem.Constant(problem.V.mesh, 0.0)
     way = ufl.as_vector([0.008 * gamma, *[0.0] * (dim - 2), -0.01 * gamma])
     return ParametricContact(problem, gamma, driven=[(moved, way)])
 
