@@ -4,18 +4,13 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from support.blocks import box, facets
+from support import bonds
+from support.bonds import bonded
 from support.histories import put
 from support.own_laws import SlipWeakening
-from support.pairs import displacement, held, stacked
 
-import ufl
-from dolfinx import fem
-
-from dolfinx_contact import ContactPair, ContactProblem, ContactSurface, HalfSpace
 from dolfinx_contact.evolution import QuasiStatic
 from dolfinx_contact.io import write_contact_table
-from dolfinx_contact.materials import LinearElastic
 
 COMM = MPI.COMM_WORLD
 STATIC = 0.4
@@ -28,38 +23,15 @@ def mu(s):
     return KINETIC + (STATIC - KINETIC) * np.exp(-s / D)
 
 
-def dragged(cell="quad", n=2, *, law=LAW, young=1e3, pair=False, method=None):
+def dragged(cell="quad", n=2, *, law=LAW, young=1e3, **given):
     """A block on a floor or on another block, and the Function by which its top moves."""
-    dim = 2 if cell in ("tri", "quad") else 3
-    if pair:
-        both = stacked(dim, cell, n)
-        domain = both.mesh
-        tags = both.facet_tags
-        u = displacement(domain)
-        surface = ContactPair(u, tags, slave=3, master=2, law=law)
-        above = tags.find(4)
-        bcs = [held(u, tags, 1, np.zeros(dim))]
-    else:
-        domain = box(COMM, n, cell)
-        bcs = []
-        u = displacement(domain, 1)
-        floor = HalfSpace(np.zeros(dim), np.eye(dim)[-1])
-        below = facets(domain, dim - 1, 0.0)
-        surface = ContactSurface(u, below, obstacle=floor, law=law, method=method)
-        above = facets(domain, dim - 1, 1.0)
-    V = u.function_space
-    top = fem.Function(V)
-    bcs.append(fem.dirichletbc(top, fem.locate_dofs_topological(V, dim - 1, above)))
-    energy = LinearElastic.from_young(young, 0.3).energy(u) * ufl.dx
-    return ContactProblem(energy, u, [surface], bcs=bcs, petsc_options={"snes_rtol": 1e-10}), top
+    return bonded(cell, n, law=law, young=young, poisson=0.3, snes_rtol=1e-10, **given)
 
 
 def along(top, *corners):
-    """A load from corner to corner, one in each unit of time."""
-    dim = top.function_space.mesh.geometry.dim
-    x = np.zeros((len(corners) + 1, dim))
-    x[1:, 0], x[1:, -1] = np.array(corners).T
-    return lambda t: put(top, [np.interp(t, np.arange(len(x)), v) for v in x.T])
+    """A load from corner to corner, two components each, one in each unit of time."""
+    between = [0.0] * (top.function_space.mesh.geometry.dim - 2)
+    return bonds.along(top, *[(x, *between, y) for x, y in corners])
 
 
 #: Pressed, dragged there and back, lifted, brought back in the air, pressed and dragged again.

@@ -19,6 +19,7 @@ from dolfinx_contact.laws import LawAtPoints, PointData
 from dolfinx_contact.materials import LinearElastic
 from dolfinx_contact.points.memory import Memory, with_memory
 from support.blocks import box, facets
+from support.histories import put
 from support.pairs import displacement, held, stacked
 
 COMM = MPI.COMM_WORLD
@@ -37,11 +38,21 @@ TIGHT = {"snes_rtol": 1e-13}
 
 
 def bonded(
-    cell="quad", n=2, *, law, method=None, degree=1, young=1000.0, pair=False, comm=COMM, **options
+    cell="quad",
+    n=2,
+    *,
+    law,
+    method=None,
+    degree=1,
+    young=1000.0,
+    poisson=0.0,
+    pair=False,
+    comm=COMM,
+    **options,
 ):
-    """A block on a floor or on another block, nu = 0, and the Function by which its top moves."""
+    """A block on a floor or on another block, and the Function by which its top moves."""
     dim = 2 if cell in ("tri", "quad") else 3
-    energy = LinearElastic.from_young(young, 0.0).energy
+    energy = LinearElastic.from_young(young, poisson).energy
     if pair:
         both = stacked(dim, cell, n)
         domain = both.mesh
@@ -64,10 +75,6 @@ def bonded(
     return ContactProblem(
         energy(u) * ufl.dx, u, [surface], bcs=bcs, petsc_options=TIGHT | options
     ), top
-
-
-def put(top, motion):
-    top.x.array[:] = np.tile(motion, len(top.x.array) // len(motion))
 
 
 def along(top, *corners):
