@@ -163,14 +163,7 @@ def test_snes_monitor_prints_the_corrections(options, capfd):
     assert capfd.readouterr().out.count("SNES Function norm") > corrections > 0
 
 
-def test_snes_max_it_limits_the_corrections(options):
-    options["continuation_snes_max_it"] = 1
-    system = circle()
-    with pytest.raises(ValueError, match="no solution near"):
-        follow(system, start(system, [1.1]), 0.0, gamma_range=(-0.5, 0.5))
-
-
-def test_snes_converged_reason_names_the_cause_of_a_failed_correction(options, capfd):
+def test_snes_max_it_limits_the_corrections_and_the_converged_reason_names_it(options, capfd):
     options["continuation_snes_max_it"] = 1
     options["continuation_snes_converged_reason"] = ""
     system = circle()
@@ -273,24 +266,18 @@ def corner(sign):
     return Textbook(1, H, J, c, distances, codes, (0, 1))
 
 
-def test_branch_passes_a_corner_over_gamma():
-    system = corner(1)
-    branch = follow(system, start(system, [1.0]), -1.0, gamma_range=(-1.0, 2.0))
-    assert [s.kind for s in branch.special] == ["event"]
+@pytest.mark.parametrize(
+    ("sign", "gamma", "direction", "kind"),
+    [(1, -1.0, "increasing", "event"), (-1, 1.0, "decreasing", "fold")],
+)
+def test_branch_passes_a_corner_over_gamma_or_turns_back(sign, gamma, direction, kind):
+    system = corner(sign)
+    x = start(system, [1.0])
+    branch = follow(system, x, gamma, gamma_range=(-1.0, 2.0), direction=direction)
+    assert [s.kind for s in branch.special] == [kind]
     assert abs(branch.special[0].gamma) < 1e-12
     x, _ = values(system, branch.points[-1])
-    assert x[0] == pytest.approx(2.0, abs=1e-10)
-
-
-def test_branch_turns_back_at_a_corner():
-    system = corner(-1)
-    branch = follow(
-        system, start(system, [1.0]), 1.0, gamma_range=(-1.0, 2.0), direction="decreasing"
-    )
-    assert [s.kind for s in branch.special] == ["fold"]
-    assert abs(branch.special[0].gamma) < 1e-12
-    x, _ = values(system, branch.points[-1])
-    assert x[0] == pytest.approx(-2.0, abs=1e-10)
+    assert x[0] == pytest.approx(2.0 * sign, abs=1e-10)
 
 
 @pytest.mark.ranks(2)
