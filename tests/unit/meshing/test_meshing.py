@@ -133,16 +133,20 @@ def test_solve_with_names():
     np.testing.assert_allclose(result.tables["below"].rn.sum(), 6.0)
 
 
-def halves():
-    """The square (0, 2) x (0, 1) of two groups, wheel and tyre, that meet at x = 0.5."""
+def side_by_side(names, at):
+    """The square (0, 2) x (0, 1) of two groups that meet at x = ``at``."""
     occ = gmsh.model.occ
-    parts = [occ.addRectangle(0, 0, 0, 0.5, 1), occ.addRectangle(0.5, 0, 0, 1.5, 1)]
+    parts = [occ.addRectangle(0, 0, 0, at, 1), occ.addRectangle(at, 0, 0, 2 - at, 1)]
     occ.fragment([(2, parts[0])], [(2, parts[1])])
     occ.synchronize()
-    for name, part in zip(("wheel", "tyre"), parts, strict=True):
+    for name, part in zip(names, parts, strict=True):
         gmsh.model.addPhysicalGroup(2, [part], name=name)
-    gmsh.model.addPhysicalGroup(1, [1], name="rim")
     gmsh.option.setNumber("Mesh.MeshSizeMax", 0.3)
+
+
+def halves():
+    side_by_side(("wheel", "tyre"), 0.5)
+    gmsh.model.addPhysicalGroup(1, [1], name="rim")
     gmsh.model.mesh.generate(2)
 
 
@@ -175,16 +179,11 @@ def test_names_select_cells():
 
 def halves_with_seam(*, seam):
     """Two halves, and a group of facets: the seam alone, with a side, or the side alone."""
+    side_by_side(("left", "right"), 1)
     occ = gmsh.model.occ
-    parts = [occ.addRectangle(0, 0, 0, 1, 1), occ.addRectangle(1, 0, 0, 1, 1)]
-    occ.fragment([(2, parts[0])], [(2, parts[1])])
-    occ.synchronize()
-    for name, part in zip(("left", "right"), parts, strict=True):
-        gmsh.model.addPhysicalGroup(2, [part], name=name)
     wanted = {"inside": (1,), "both": (0, 1), "outside": (0, 2)}[seam]
     curves = [t for d, t in gmsh.model.getEntities(1) if occ.getCenterOfMass(d, t)[0] in wanted]
     gmsh.model.addPhysicalGroup(1, curves, tag=7, name="seam")
-    gmsh.option.setNumber("Mesh.MeshSizeMax", 0.3)
     gmsh.model.mesh.generate(2)
 
 
