@@ -27,3 +27,10 @@ def read_grid(file, time=-1):
 def number_of_colours(pixels):
     """Return the number of colours; the three channels of a pixel are packed into a number."""
     return len(np.unique(pixels.astype(np.int32) @ np.array([1, 256, 65536], np.int32)))
+
+
+def von_mises(stress):
+    """Von Mises stresses of stresses in rows of nine components."""
+    s = stress.reshape(-1, 3, 3)
+    deviator = s - np.trace(s, axis1=1, axis2=2)[:, None, None] * np.eye(3) / 3
+    return np.sqrt(1.5 * np.sum(deviator**2, axis=(1, 2)))
