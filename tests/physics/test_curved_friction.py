@@ -15,7 +15,7 @@ from support.curved_obstacles import (
     errors_of_differences,
     pressed_and_led,
     remembering,
-    shaken,
+    shaken_and_direction,
 )
 from support.demo_numbers import run
 from support.sliding_bodies import smooth
@@ -192,14 +192,11 @@ def test_the_jacobian_on_curved_obstacles_agrees_with_differences(
     if remembers:
         problem = remembering(problem)
     eq = problem.equations
-    x, v = (shaken(problem, size, seed) for size, seed in ((0.05, 1.0), (1.0, 2.0)))
-    n = eq.owned_sizes[0]
-    v.array[:n][eq.fixed[:n]] = 0.0
+    motions = rates = []
     if turned:
-        rest = n + eq.owned_sizes[1]
-        x.array[rest:] = eq.rigid.here(np.where(eq.rigid.fixed, eq.constraints.motions(), 0.03))
-        v.array[rest:] = eq.rigid.here(np.where(eq.rigid.fixed, 0.0, 1.0))
-    x.array[:n][eq.fixed[:n]] = eq.constraints.displacement()[:n][eq.fixed[:n]]
+        motions = eq.rigid.here(np.where(eq.rigid.fixed, eq.constraints.motions(), 0.03))
+        rates = eq.rigid.here(np.where(eq.rigid.fixed, 0.0, 1.0))
+    x, v = shaken_and_direction(problem, motions, rates)
     errors = errors_of_differences(problem, x, v, (3e-5, 3e-6))
     assert errors[0] < 1e-5
     assert errors[1] < 0.02 * errors[0] + 1e-9

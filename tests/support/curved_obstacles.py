@@ -73,6 +73,26 @@ def shaken(problem, size, seed):
     return x
 
 
+def shaken_and_direction(problem, motions, rates):
+    """Shaken unknowns that satisfy the Dirichlet conditions, and a direction that leaves them.
+
+    Args:
+        problem: contact problem.
+        motions: unknowns of rigid bodies.
+        rates: entries of the direction for rigid bodies.
+    """
+    eq = problem.equations
+    x, v = (shaken(problem, size, seed) for size, seed in ((0.05, 1.0), (1.0, 2.0)))
+    n = eq.owned_sizes[0]
+    fixed = eq.fixed[:n]
+    x.array[:n][fixed] = eq.constraints.displacement()[:n][fixed]
+    v.array[:n][fixed] = 0.0
+    rest = n + eq.owned_sizes[1]
+    x.array[rest:] = motions
+    v.array[rest:] = rates
+    return x, v
+
+
 def ellipse(domain, centre, angle):
     """An ellipse about a centre that has turned by an angle; both may be UFL of Constants."""
 

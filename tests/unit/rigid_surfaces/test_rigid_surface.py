@@ -17,7 +17,7 @@ from support.curved_obstacles import (
     errors_of_differences,
     pressed_and_led,
     remembering,
-    shaken,
+    shaken_and_direction,
 )
 
 import ufl
@@ -201,14 +201,9 @@ def test_the_jacobian_on_rigid_surfaces_agrees_with_differences(kind, given):
     given |= dict(law=Coulomb(0.3), sliding="large", interference="remove_overlap" not in given)
     problem = block(body, cell=cell, n=2, **given)
     problem = remembering(problem)
-    eq = problem.equations
-    x, v = (shaken(problem, size, seed) for size, seed in ((0.05, 1.0), (1.0, 2.0)))
-    n = eq.owned_sizes[0]
-    rest = n + eq.owned_sizes[1]
-    v.array[:n][eq.fixed[:n]] = 0.0
-    v.array[rest:] = 0.0
-    x.array[rest:] = eq.rigid.here(eq.constraints.motions())
-    x.array[:n][eq.fixed[:n]] = eq.constraints.displacement()[:n][eq.fixed[:n]]
+    rigid = problem.equations.rigid
+    motions = rigid.here(problem.equations.constraints.motions())
+    x, v = shaken_and_direction(problem, motions, 0.0)
     errors = errors_of_differences(problem, x, v, (1e-5, 1e-6))
     assert errors[0] < 1e-5
     assert errors[1] < 0.02 * errors[0] + 1e-8
