@@ -9,7 +9,7 @@ from cases._hertz import Hertz
 from cases._round import draw, quarter
 from support.blocks import box, facets, same_tables
 from support.checks import solved_start
-from support.pairs import FLOOR, disc, section, tagged
+from support.pairs import FLOOR, disc, energy_of_revolution, section, tagged
 from support.pairs import held_of_revolution as held
 
 import ufl
@@ -37,6 +37,7 @@ from dolfinx_contact.meshing import join, mesh_from_gmsh
 from dolfinx_contact.problem import discretise
 
 COMM = MPI.COMM_WORLD
+FIT = [(cases.press_fit.YOUNG[k], cases.press_fit.NU[k]) for k in ("hub", "ring")]
 
 STEEL = Axisymmetric(LinearElastic.from_young(1000.0, 0.3))
 KINDS = [
@@ -184,11 +185,7 @@ def stacked(sizes, degree, method, *, cell="tri", law=None, gap=None, cone=0.0):
     both = join(bodies, facet_tags=tags)
     V = fem.functionspace(both.mesh, ("Lagrange", degree, (2,)))
     u = fem.Function(V)
-    dx = ufl.Measure("dx", both.mesh, subdomain_data=both.cell_tags)
-    energy = sum(
-        Axisymmetric(LinearElastic.from_young(E, 0.0)).energy(u) * dx(k)
-        for k, E in ((1, 1000.0), (2, 3000.0))
-    )
+    energy = energy_of_revolution(u, both, (1000.0, 0.0), (3000.0, 0.0))
     bcs = [held(V, 1, both.mesh, 1, z, value) for z, value in ((0.0, 0.0), (2.0, -0.01))]
     given = dict(slave=3, master=2, method=method, axisymmetric=True)
     pair = ContactPair(u, both, law=law or Frictionless(), **given)
@@ -270,11 +267,7 @@ def fitted(n, ratio, method, degree=1):
     both = join(bodies, facet_tags=tags)
     V = fem.functionspace(both.mesh, ("Lagrange", degree, (2,)))
     u = fem.Function(V)
-    dx = ufl.Measure("dx", both.mesh, subdomain_data=both.cell_tags)
-    energy = 0
-    for k, name in ((1, "hub"), (2, "ring")):
-        elastic = LinearElastic.from_young(cases.press_fit.YOUNG[name], cases.press_fit.NU[name])
-        energy += Axisymmetric(elastic).energy(u) * dx(k)
+    energy = energy_of_revolution(u, both, *FIT)
     bcs = [held(V, 1, both.mesh, 1, z, 0.0) for z in (0.0, 10.0)]
     given = dict(slave=2, master=3, method=method, axisymmetric=True)
     pair = ContactPair(u, both, law=Frictionless(), gap=-0.02, interference=True, **given)

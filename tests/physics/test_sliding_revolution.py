@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from support.blocks import CELLS
 from support.mortars import hats, stacked
-from support.pairs import displacement, tagged
+from support.pairs import displacement, energy_of_revolution, tagged
 
 import ufl
 from dolfinx import fem, mesh
@@ -18,10 +18,11 @@ from dolfinx_contact import (
     Frictionless,
 )
 from dolfinx_contact.grids import create_grid
-from dolfinx_contact.materials import Axisymmetric, LinearElastic, NeoHookean
+from dolfinx_contact.materials import Axisymmetric, NeoHookean
 from dolfinx_contact.meshing import join
 
 COMM = MPI.COMM_WORLD
+FIT = [(cases.press_fit.YOUNG[k], cases.press_fit.NU[k]) for k in ("hub", "ring")]
 LARGE = {"law": Frictionless(), "sliding": "large", "axisymmetric": True}
 EXACT = {"snes_rtol": 1e-12}
 
@@ -168,11 +169,7 @@ def fit(n, d):
         bodies.append(body)
     both = join(bodies, facet_tags=tags)
     u = displacement(both.mesh)
-    dx = ufl.Measure("dx", both.mesh, subdomain_data=both.cell_tags)
-    energy = 0
-    for k, name in ((1, "hub"), (2, "ring")):
-        elastic = LinearElastic.from_young(cases.press_fit.YOUNG[name], cases.press_fit.NU[name])
-        energy += Axisymmetric(elastic).energy(u) * dx(k)
+    energy = energy_of_revolution(u, both, *FIT)
     bcs = held(u.function_space, both.facet_tags, [(5, 1, 0.0), (6, 1, 0.0), (1, 0, d)])
     pair = ContactPair(u, both, slave=3, master=2, **LARGE)
     return ContactProblem(energy, u, [pair], bcs=bcs)

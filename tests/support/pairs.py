@@ -144,6 +144,15 @@ def section(n=5, cell="tri", size=1.0):
     return domain
 
 
+def energy_of_revolution(u, both, *moduli):
+    """Elastic energy of parts 1, 2, ..., of Young's modulus and Poisson's ratio of each."""
+    dx = ufl.Measure("dx", both.mesh, subdomain_data=both.cell_tags)
+    return sum(
+        Axisymmetric(LinearElastic.from_young(*pair)).energy(u) * dx(k)
+        for k, pair in enumerate(moduli, 1)
+    )
+
+
 def disc(
     domain, degree=1, method="nodal", *, size=1.0, modulus=1.0, law=None, lid=None, options=None
 ):
