@@ -8,9 +8,17 @@ import pytest
 from scipy.spatial.transform import Rotation
 from support.blocks import CELLS
 from support.checks import solved_start
-from support.mortars import hats, stacked
+from support.mortars import hats, solids, stacked
 from support.pairs import displacement, tagged
-from support.sliding_bodies import TIMES, Bodies, hairpin, of_upper, sliding_history, smooth
+from support.sliding_bodies import (
+    TIMES,
+    Bodies,
+    flat_disc,
+    hairpin,
+    of_upper,
+    sliding_history,
+    smooth,
+)
 
 import basix.ufl
 import ufl
@@ -36,16 +44,7 @@ COMM = MPI.COMM_WORLD
 
 def cubes(n, m, cell, *, offset=0.0):
     """Two cubes on each other, with n and m cells along an edge; tags as `stacked`."""
-    bodies = []
-    tags = []
-    for i, k in enumerate((n, m)):
-        x = np.linspace(0.0, 1.0, k + 1) + i * offset
-        z = np.linspace(i - 1.0, i, max(k // 2, 1) + 1)
-        body = create_grid(COMM, [x, x, z], CELLS[cell])
-        planes = {f"t{2 * i + 1}": (2, i - 1.0), f"t{2 * i + 2}": (2, float(i))}
-        tags.append(tagged(body, **planes))
-        bodies.append(body)
-    return join(bodies, facet_tags=tags)
+    return solids(n, m, (0.0, 1.0), (offset, 1.0 + offset), cell, turn=np.eye(3))
 
 
 def blocks(dim, cell, n=5, m=7):
@@ -590,11 +589,7 @@ def test_self_contact_of_a_u_balances(friction, force, accuracy):
 
 def disc_on_a_block(cell, slave, n=4, law=None):
     """A disc of the radius 1 on a block, and the tags of their faces, 2 and 3."""
-    aside = [np.linspace(-1.0, 1.0, n + 1)] * 2
-    disc = create_grid(COMM, [*aside, [0.0, 0.5]], CELLS[cell])
-    x = disc.geometry.x
-    squares = x[:, :2] ** 2
-    x[:, :2] *= np.sqrt(1.0 - 0.5 * squares[:, ::-1])
+    disc = flat_disc(cell, n)
     wide = [np.linspace(-1.6, 1.6, n + 2)] * 2
     block = create_grid(COMM, [*wide, [-0.5, 0.0]], CELLS[cell])
     tags = [tagged(disc, t2=(2, 0.0), t4=(2, 0.5)), tagged(block, t3=(2, 0.0), t5=(2, -0.5))]

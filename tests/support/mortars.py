@@ -85,7 +85,7 @@ SOLID_BASE = np.array([[0.3, -0.1, 0.02], [0.07, 0.1, -0.03], [0.01, 0.04, -0.5]
 TILT = Rotation.from_rotvec([0.3, -0.5, 0.8]).as_matrix()
 
 
-def solids(below, above, x_below, x_above, cells, *, comm=COMM):
+def solids(below, above, x_below, x_above, cells, *, turn=TILT, comm=COMM):
     """Return `stacked` bodies in 3D, rotated, with the tags 7 and 8 at the sides."""
     bodies = []
     tags = []
@@ -98,7 +98,7 @@ def solids(below, above, x_below, x_above, cells, *, comm=COMM):
         tags.append(tagged(body, **planes, **aside))
         bodies.append(body)
     both = join(bodies, facet_tags=tags)
-    both.mesh.geometry.x[:] = both.mesh.geometry.x @ TILT.T
+    both.mesh.geometry.x[:] = both.mesh.geometry.x @ turn.T
     return both
 
 
@@ -181,13 +181,12 @@ def pressed(comm, dim, degrees, *, law=Coulomb(0.2), unit=1.0, **options):  # no
     """A block with a round face, pressed on another and drawn aside: all statuses."""
     if dim == 2:
         both = stacked(5, 7, (-0.3, 1.3), (0.0, 1.0), "tri", comm=comm)
-        x = both.mesh.geometry.x
     else:
-        both = solids(3, 4, (-0.3, 1.3), (0.0, 1.0), "tet", comm=comm)
-        x = both.mesh.geometry.x @ TILT
+        both = solids(3, 4, (-0.3, 1.3), (0.0, 1.0), "tet", turn=np.eye(3), comm=comm)
+    x = both.mesh.geometry.x
     upper = np.unique(both.mesh.geometry.dofmap[both.cell_tags.find(2)])
     x[upper, dim - 1] += 0.2 * (x[upper, 0] - 0.4) ** 2 * (1 - x[upper, dim - 1])
-    both.mesh.geometry.x[:] = unit * x
+    x[:] = unit * x
     u = displacement(both.mesh, degrees[0])
     pair = pair_of(u, both, degrees, law=law, **options)
     way = unit * np.array([0.015, *[0.0] * (dim - 2), -0.04])

@@ -13,7 +13,9 @@ from dolfinx_contact import (
     ContactProblem,
 )
 from dolfinx_contact.evolution import QuasiStatic
+from dolfinx_contact.grids import create_grid
 from dolfinx_contact.materials import NeoHookean, lame
+from support.blocks import CELLS
 from support.pairs import displacement
 
 COMM = MPI.COMM_WORLD
@@ -49,6 +51,16 @@ class Bodies:
         self.above.x.array[:] = motion(X).reshape(-1)
         if below is not None:
             self.below.x.array[:] = below(X).reshape(-1)
+
+
+def flat_disc(cell, n, comm=COMM):
+    """A disc of radius 1 and height 0.5 above z = 0."""
+    aside = [np.linspace(-1.0, 1.0, n + 1)] * 2
+    disc = create_grid(comm, [*aside, [0.0, 0.5]], CELLS[cell])
+    x = disc.geometry.x
+    squares = x[:, :2] ** 2
+    x[:, :2] *= np.sqrt(1.0 - 0.5 * squares[:, ::-1])
+    return disc
 
 
 def of_upper(both, V):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 from support.blocks import CELLS
+from support.sliding_bodies import flat_disc
 
 import ufl
 from dolfinx import fem, mesh
@@ -21,7 +22,6 @@ from dolfinx_contact import (
     Sphere,
 )
 from dolfinx_contact.evolution import QuasiStatic
-from dolfinx_contact.grids import create_grid
 from dolfinx_contact.materials import LinearElastic, NeoHookean, lame
 
 COMM = MPI.COMM_WORLD
@@ -46,11 +46,7 @@ class Disc:
     """
 
     def __init__(self, obstacle, cell="hex", n=4, law=None, degree=1, comm=COMM, **given):
-        aside = [np.linspace(-1.0, 1.0, n + 1)] * 2
-        domain = create_grid(comm, [*aside, [0.0, 0.5]], CELLS[cell])
-        x = domain.geometry.x
-        squares = x[:, :2] ** 2
-        x[:, :2] *= np.sqrt(1.0 - 0.5 * squares[:, ::-1])
+        domain = flat_disc(cell, n, comm)
         V = fem.functionspace(domain, ("Lagrange", degree, (3,)))
         self.u = fem.Function(V)
         self.top = fem.Function(V)
