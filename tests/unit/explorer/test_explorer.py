@@ -15,8 +15,9 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from support import recorded_evolution, recorded_path
-from support.blocks import block, box, facets
+from support.blocks import block, box
 from support.checks import solved_start
+from support.histories import dragged
 from support.record_bodies import globe, polygon
 from support.recorded_run import moved_block, record
 
@@ -24,9 +25,6 @@ import ufl
 from dolfinx import fem
 
 from dolfinx_contact import (
-    ContactProblem,
-    ContactSurface,
-    Coulomb,
     Frictionless,
     HalfSpace,
     ParametricContact,
@@ -246,17 +244,12 @@ def test_a_page_shows_the_vertices_of_a_rigid_surface(cell, folder):
 
 def record_a_linear_block(folder, route):
     """Record a linear block that is moved down and sideways on a floor."""
-    domain = box(COMM, 4, "quad")
-    V = fem.functionspace(domain, ("Lagrange", 1, (2,)))
-    u, top = fem.Function(V), fem.Function(V)
+    floor = HalfSpace((0.0, -0.002), (0.0, 1.0))
+    problem, top = dragged(obstacle=lambda _: floor, energy=LinearElastic(600.0, 400.0))
+    domain = problem.V.mesh
     gamma = fem.Constant(domain, 0.0)
     x = ufl.SpatialCoordinate(domain)
     move = gamma * ufl.as_vector([0.01, -0.02 * (1.0 + 0.3 * x[0])])
-    held = fem.locate_dofs_topological(V, 1, facets(domain, 1, 1.0))
-    floor = HalfSpace((0.0, -0.002), (0.0, 1.0))
-    surface = ContactSurface(u, facets(domain, 1, 0.0), law=Coulomb(0.3), obstacle=floor)
-    energy = LinearElastic(600.0, 400.0).energy(u) * ufl.dx
-    problem = ContactProblem(energy, u, [surface], bcs=[fem.dirichletbc(top, held)])
     system = ParametricContact(problem, gamma, driven=[(top, move)])
     with BranchRecord(folder, system, {"force": total("rn")}, **KEPT) as kept:
         start = solved_start(system)
