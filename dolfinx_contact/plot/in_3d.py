@@ -66,7 +66,7 @@ def draw_3d(
     pixels = _set_camera(plotter, scene, visible, frame, width)
     _draw_body(plotter, scene, limits, planes, pixels, _AHEAD * size * eye)
     _draw_surfaces(plotter, scene, eye, size, planes)
-    plotter.add_text(scene.title, "upper_edge", color=INK, font_size=13, name="title")
+    plotter.add_text(scene.title, position="upper_edge", color=INK, font_size=13, name="title")
     # translucent facets in the order of their depth, otherwise some look like wedges; other ways
     # of anti-aliasing switch this off
     plotter.renderer.enable_depth_peeling(10)
@@ -96,7 +96,9 @@ def _draw_body(
     every = scene.shows_edges(pixels)
     edges = _clipped(_edges(whole.extract_surface(), every), planes)
     if scene.clip is not None:
-        edges = edges.merge(_clipped(_edges(whole.slice(*planes[0]), every), planes[1:]))
+        normal, point = planes[0]
+        section = whole.slice(normal=normal, origin=point)
+        edges = edges.merge(_clipped(_edges(section, every), planes[1:]))
     if edges.n_points:
         look = dict(opacity=0.3, line_width=1.0) if every else dict(opacity=1.0, line_width=1.5)
         plotter.add_mesh(edges.translate(ahead), color=INK, lighting=False, name="edges", **look)
@@ -124,7 +126,7 @@ def _draw_surfaces(
         if rim.n_points:
             plotter.add_mesh(rim.tube(radius=radius * size), color=INK, name=f"rim {i}")
     words = "\n\nblack: rims of the contact surfaces" if rims else ""  # below the title
-    plotter.add_text(words, "upper_edge", font_size=9, color=INK, name="legend")
+    plotter.add_text(words, position="upper_edge", font_size=9, color=INK, name="legend")
     # obstacles, transparent where they are between the eye and the body
     for i, o in enumerate(scene.obstacles):
         # normals of one sense, whatever the order of the vertices of the facets
@@ -163,8 +165,8 @@ def _edges(facets: Any, every: bool) -> Any:
 
 def _clipped(data: Any, planes: Planes) -> Any:
     """Return a mesh without the parts in front of planes."""
-    for plane in planes:
-        data = data.clip(*plane)
+    for normal, point in planes:
+        data = data.clip(normal=normal, origin=point)
     return data
 
 
@@ -215,7 +217,8 @@ def _set_camera(
     plotter.add_mesh(line, color=INK, line_width=5, name="scale bar")
     left = [window[0] - 40 - length * pixels, 30] / window
     words = f"{length:g} {scene.unit}".strip()
-    plotter.add_text(words, left, viewport=True, font_size=10, color=INK, name="scale")
+    look: dict[str, Any] = dict(viewport=True, font_size=10, color=INK, name="scale")
+    plotter.add_text(words, position=left, **look)
     return float(pixels)
 
 

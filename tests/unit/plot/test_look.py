@@ -200,7 +200,9 @@ def test_a_section_passes_through_the_middle_of_the_body():
     problem = block(n=2, cell="hex", obstacle=Sphere((0.5, 0.5, -0.4), 0.4))
     plotter = plot.picture_of_body(None, problem, clip="z")
     if COMM.rank == 0:
-        body = plotter.actors["body"].mapper.dataset
+        mapper = plotter.actors["body"].mapper
+        mapper.Update()  # before the first rendering
+        body = mapper.dataset
         np.testing.assert_allclose(body.bounds[4:], (0.0, 0.5), atol=1e-9)
         assert plotter.actors["obstacle 0"].mapper.dataset.bounds[4] < -0.79
         plotter.close()
@@ -317,7 +319,9 @@ def test_a_continuous_field_is_exact_at_vertices(cell):
         vertices = np.isclose(3 * points, np.round(3 * points)).all(axis=1)
         at, values = points[vertices, 0], shades.get_array()[vertices]
     else:
-        body = drawing.renderers[0].actors["body"].mapper.dataset
+        mapper = drawing.renderers[0].actors["body"].mapper
+        mapper.Update()  # before the first rendering
+        body = mapper.dataset
         at, values = body.points[:, 0], np.array(body.point_data["field"])
         drawing.close()
     np.testing.assert_allclose(values, np.sin(5 * at), atol=1e-6)
