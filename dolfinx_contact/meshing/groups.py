@@ -83,7 +83,13 @@ def _facet_tags(
             found: Any = group
             if callable(group):
                 found = mesh.locate_entities_boundary(domain, dim, group)
-            indices = np.asarray(found, dtype=np.int64)
+            indices = np.asarray(found)
+            if indices.size and indices.dtype.kind not in "iu":
+                raise ValueError(
+                    f"the group {name!r} must be indices of facets, got values of type "
+                    f"{indices.dtype}; numpy.flatnonzero converts a mask"
+                )
+            indices = indices.astype(np.int64)
             if not ((indices >= 0) & (indices < number)).all():
                 raise ValueError(f"the group {name!r} has indices of facets outside the mesh")
             others = [other for other in tags if (values[indices] == tags[other]).any()]

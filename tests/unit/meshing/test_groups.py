@@ -89,6 +89,7 @@ def test_named_facets_inside_a_body_become_a_crack():
             {"top": at(1.0), "all": lambda x: x[0] < 2.0},
             "the groups 'top' and 'all' have a common facet",
         ),
+        ({"top": np.ones(40, dtype=bool)}, "numpy.flatnonzero converts a mask"),
         ({"top": [0, 10**6]}, "the group 'top' has indices of facets outside the mesh"),
         ({"": at(1.0)}, "the name of a group must be a word"),
         ([at(1.0)], "facets must be a dict, as"),
