@@ -29,7 +29,7 @@ from ufl.domain import extract_unique_domain
 
 from dolfinx_contact._arrays import Array
 from dolfinx_contact._compat import instantiated
-from dolfinx_contact._mpi import everywhere
+from dolfinx_contact._mpi import all_ranks, everywhere
 
 __all__ = [
     "PointValues",
@@ -115,10 +115,7 @@ def derived_form(
     if any(np.iscomplexobj(v) for v in values):
         raise ValueError("a Constant or Function has complex values: give real ones")
     known = _compiled.get(key) if _tags_agree(original) else None
-    here = known is not None
-    if comm.size > 1:
-        here = bool(comm.allreduce(int(here), op=MPI.MIN))
-    if here and known is not None:
+    if all_ranks(comm, known is not None) and known is not None:
         if spaces is None:
             spaces = [a.ufl_function_space() for a in original.arguments()]
         found = instantiated(

@@ -37,6 +37,8 @@ if TYPE_CHECKING:
 __all__ = [
     "Arguments",
     "SharedValues",
+    "all_ranks",
+    "any_rank",
     "anywhere",
     "collective",
     "count_of",
@@ -407,12 +409,22 @@ def count_of(comm: MPI.Comm, mask: npt.ArrayLike) -> int:
     return int(comm.allreduce(int(np.count_nonzero(mask))))
 
 
-def anywhere(comm: MPI.Comm, *here: bool) -> list[bool]:
+def any_rank(comm: MPI.Comm, flags: npt.ArrayLike) -> bool:
+    """Return whether a flag is set on any rank. Collective."""
+    return anywhere(comm, bool(np.any(flags)))[0]
+
+
+def all_ranks(comm: MPI.Comm, flags: npt.ArrayLike) -> bool:
+    """Return whether all flags are set on all ranks. Collective."""
+    return not anywhere(comm, not np.all(flags))[0]
+
+
+def anywhere(comm: MPI.Comm, *flags: bool) -> list[bool]:
     """Return for each of several flags whether it is set on any rank. Collective."""
-    local = np.array(here, dtype=bool)
-    flags = np.empty_like(local)
-    comm.Allreduce(local, flags, op=MPI.LOR)
-    return [bool(flag) for flag in flags]
+    local = np.array(flags, dtype=bool)
+    anywhere_set = np.empty_like(local)
+    comm.Allreduce(local, anywhere_set, op=MPI.LOR)
+    return [bool(flag) for flag in anywhere_set]
 
 
 def _larger(one: MPI.buffer, other: MPI.buffer, _: MPI.Datatype) -> None:

@@ -24,7 +24,7 @@ from dolfinx import fem
 from dolfinx_contact._arrays import Codes
 from dolfinx_contact._compat import is_mesh_of, is_value_of
 from dolfinx_contact._geometry import Gathered
-from dolfinx_contact._mpi import Arguments, anywhere, collective, on_root, require
+from dolfinx_contact._mpi import Arguments, all_ranks, any_rank, collective, on_root, require
 from dolfinx_contact._petsc import destroy
 from dolfinx_contact._ufl import described, refuse_other_mesh
 from dolfinx_contact._validate import ReadOnly, copy_with, instance, listed, number
@@ -191,7 +191,7 @@ class ParametricContact(ReadOnly, ParametricEquations):
         self.equations.read_data()
         # records and observers put the same point several times
         before, at = self._judged
-        if not anywhere(self.comm, piece is not before or gamma != at)[0]:
+        if all_ranks(self.comm, piece is before and gamma == at):
             return
         self._judged = piece, gamma
         found = surface_indicators(self.equations, self.contact(x, gamma, piece))
@@ -312,7 +312,7 @@ class ParametricContact(ReadOnly, ParametricEquations):
         if not self.is_linear:
             return Reduction(self, x, gamma, exact=False)
         mark = self._data_mark()
-        if self._condensed is None or self.comm.allreduce(int(mark != self._condensed_from)):
+        if self._condensed is None or any_rank(self.comm, mark != self._condensed_from):
             # at x = 0, so that round-off of a state does not perturb a degenerate problem
             zero = self.create_vector()
             with super().restored(always=True):

@@ -22,7 +22,8 @@ from dolfinx_contact._arrays import Array
 from dolfinx_contact._geometry import mesh_mark
 from dolfinx_contact._mpi import (
     Arguments,
-    anywhere,
+    all_ranks,
+    any_rank,
     collective,
     everywhere,
     keep,
@@ -462,7 +463,7 @@ class ContactProblem(ReadOnly):
         """Return the last write; None if the unknowns have changed since. Collective."""
         before = self._written.unknowns
         same = before is not None and np.array_equal(before, self._owned_values())
-        return None if anywhere(self.comm, not same)[0] else self._written
+        return self._written if all_ranks(self.comm, same) else None
 
     @contextmanager
     def _unknowns(self) -> Iterator[PETSc.Vec]:
@@ -633,7 +634,7 @@ class ContactProblem(ReadOnly):
 
         Collective.
         """
-        if not anywhere(self.comm, state is not None)[0]:
+        if not any_rank(self.comm, state is not None):
             self.equations.require_same_mesh()
             yield self
             return
@@ -827,7 +828,7 @@ class ContactProblem(ReadOnly):
         """
         trial = trial or Trial()
         same_everywhere(self.comm, expected_statuses=len(trial.expected))
-        if anywhere(self.comm, monitor is not None)[0]:
+        if any_rank(self.comm, monitor is not None):
             monitor = self._on_all_ranks(monitor)
         fits = all([self._have(statuses) for statuses in trial.expected])
         require(self.comm, fits, "the expected statuses are not those of these contact points")

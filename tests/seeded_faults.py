@@ -59,7 +59,7 @@ FAULTS = {
     ),
     "stale stiffness": Fault(
         "body/bulk.py",
-        "self.stiffness_mark += anywhere(self.comm, self._checksums[1] != of_stiffness)[0]",
+        "self.stiffness_mark += any_rank(self.comm, self._checksums[1] != of_stiffness)",
         "pass",
     ),
 }

@@ -44,7 +44,7 @@ from dolfinx_contact._arrays import Array, Ints
 from dolfinx_contact._geometry import plane_tangents
 from dolfinx_contact._mpi import (
     Arguments,
-    anywhere,
+    any_rank,
     collective,
     count_of,
     maximum,
@@ -217,8 +217,7 @@ class _Points:
         self.choices[grazes, 1] = APART
         self.choices[grazes & (slope > 0), 2:] = ALONG, AGAINST
         self.border = count_of(eq.comm, self.choices[:, 1] >= 0)
-        rounds = eq.dim == 3 and bool((grazes & (slope > 0)).any())
-        self.rounds = anywhere(eq.comm, rounds)[0]
+        self.rounds = eq.dim == 3 and any_rank(eq.comm, grazes & (slope > 0))
 
 
 class _Gathered(DenseBody):

@@ -18,6 +18,7 @@ Definiteness is decided by the signs of the pivots of K, up to round-off.
 
 from __future__ import annotations
 
+from dolfinx_contact._mpi import any_rank
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.reduced.held_body import is_positive_definite
 from dolfinx_contact.results.uniqueness import Theory
@@ -60,4 +61,4 @@ def _coefficients(eq: ContactEquations) -> bool | None:
         s.law.bound_kind == "proportional" and bool((known.answers.unit_bound > 0).any())
         for s, known in zip(eq.surfaces, state.surfaces, strict=True)
     )
-    return eq.comm.allreduce(int(mine)) > 0
+    return any_rank(eq.comm, mine)

@@ -26,7 +26,7 @@ from dolfinx import fem, la
 
 from dolfinx_contact._arrays import Array
 from dolfinx_contact._forms import derived_form
-from dolfinx_contact._mpi import SharedValues, anywhere
+from dolfinx_contact._mpi import SharedValues, all_ranks, any_rank
 from dolfinx_contact._petsc import destroy, half_of, product
 from dolfinx_contact._ufl import kinks_of
 from dolfinx_contact.materials import materials_in
@@ -250,11 +250,11 @@ class Bulk(Stiffness):
     def read_data(self) -> None:
         """Read the present values of the Functions and Constants in the forms. Collective."""
         of_data, of_stiffness = self._checksums
-        if not anywhere(self.comm, checksum(self._data) != of_data)[0]:
+        if all_ranks(self.comm, checksum(self._data) == of_data):
             return
         self._update_ghosts()
         self._f = None
-        self.stiffness_mark += anywhere(self.comm, self._checksums[1] != of_stiffness)[0]
+        self.stiffness_mark += any_rank(self.comm, self._checksums[1] != of_stiffness)
 
     def _update_ghosts(self) -> None:
         """Update the ghosts of Functions, and store checksums of all data. Collective."""
@@ -372,7 +372,7 @@ class Bulk(Stiffness):
         mark = self.stiffness_mark, 0 if self.linear else checksum([self.displacement])
         if self._K is None:
             self._K = dolfinx.fem.petsc.create_matrix(self.jacobian_form)
-        elif self._is_current or not anywhere(self.comm, mark != self._K_mark)[0]:
+        elif self._is_current or all_ranks(self.comm, mark == self._K_mark):
             return self._K
         self._K.zeroEntries()
         dolfinx.fem.petsc.assemble_matrix(self._K, self.jacobian_form)

@@ -27,13 +27,13 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
 
 from dolfinx_contact._arrays import Codes
 from dolfinx_contact._inexact import ROUNDS, Forcing, settle
+from dolfinx_contact._mpi import all_ranks
 from dolfinx_contact._petsc import as_raised
 from dolfinx_contact.continuation.bordered import Bordered
 from dolfinx_contact.continuation.krylov import ModelTest
@@ -510,5 +510,5 @@ class _Run:
 
         if settle(evaluate, correct, work.x, work.hx, work.d, ROUNDS):
             b.join(work.x, gamma, y)
-        same = bool(np.array_equal(work.x.array_r, evaluated))
-        return size if b.comm.allreduce(same, op=MPI.LAND) else None
+        same = np.array_equal(work.x.array_r, evaluated)
+        return size if all_ranks(b.comm, same) else None

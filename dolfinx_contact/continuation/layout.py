@@ -9,11 +9,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
 
+from dolfinx_contact._mpi import any_rank
 from dolfinx_contact.continuation.system import Events, Piece, System
 
 __all__ = ["Layout"]
@@ -90,7 +90,7 @@ class Layout:
 
     def anywhere(self, flags: Any) -> bool:
         """Return True if a flag is set on any rank."""
-        return bool(self.comm.allreduce(bool(np.any(flags)), op=MPI.LOR))
+        return any_rank(self.comm, flags)
 
     def largest(self, values: Any) -> float:
         """Return the largest absolute value on all ranks; 0 without values."""

@@ -10,7 +10,7 @@ from typing import Any, TypeAlias, TypeVar
 from mpi4py import MPI
 
 from dolfinx_contact._ending import Ending, Ends
-from dolfinx_contact._mpi import everywhere
+from dolfinx_contact._mpi import any_rank, everywhere
 from dolfinx_contact.continuation.branch import BranchPoint, Diagram, SpecialPoint
 from dolfinx_contact.continuation.parameters import StepControl
 from dolfinx_contact.continuation.system import ResidualScales
@@ -232,7 +232,7 @@ class CollectiveObserver(_Forwarding):
         put: Callable[[], object] = lambda: None,
     ):
         self._comm = comm
-        self._exists = bool(comm.allreduce(int(observer is not None)))
+        self._exists = any_rank(comm, observer is not None)
         self._observer = Observer() if observer is None else as_observer(observer)
         self._put = put
 

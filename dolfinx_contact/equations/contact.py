@@ -42,7 +42,7 @@ from dolfinx import fem, mesh
 
 from dolfinx_contact._arrays import Array, Ints
 from dolfinx_contact._geometry import mesh_mark, node_positions
-from dolfinx_contact._mpi import anywhere, require, total
+from dolfinx_contact._mpi import any_rank, anywhere, require, total
 from dolfinx_contact._petsc import ProblemOptions, logged
 from dolfinx_contact.body.bulk import Bulk
 from dolfinx_contact.body.rigid import bounding_box
@@ -188,7 +188,7 @@ class ContactEquations:
         for term in self.terms:
             term.add_forces(at, rows)
         reactions = rows.body.copy()
-        if anywhere(self.comm, bool(du.any() or dq.any()))[0]:
+        if any_rank(self.comm, du.any() or dq.any()):
             if affine is None:
                 rows.body += self.bulk.rate_at(at.u, du)
             for term in self.terms:
@@ -245,7 +245,7 @@ class ContactEquations:
         pairs = zip(at.surfaces, answers, strict=True)
         laws = [np.zeros_like(s.traction) if rate is None else -rate for s, rate in pairs]
         rows = Rows(body.copy(), laws, np.zeros(self.rigid.size))
-        if anywhere(self.comm, bool(dirichlet.any() or motions.any()))[0]:
+        if any_rank(self.comm, dirichlet.any() or motions.any()):
             rows.body += self.bulk.rate_at(at.u, dirichlet)
             for term in self.terms:
                 term.add_rate(at, dirichlet, motions, rows)

@@ -26,7 +26,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact._arrays import Array
-from dolfinx_contact._mpi import anywhere, largest, maximum, sorted_rows
+from dolfinx_contact._mpi import any_rank, largest, maximum, sorted_rows
 from dolfinx_contact.body.cells import smallest_jacobian
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import ContactState, Evaluation
@@ -301,12 +301,12 @@ def held_across(eq: ContactEquations, state: Evaluation) -> str:
         n = s.points.vertices.dofmap.index_map.size_local
         fixed = np.asarray(held)[s.points.vertex_trace_dofs]
         partly = np.where(np.all(fixed, axis=1)[:, None], False, fixed)
-        if not anywhere(eq.comm, bool(partly.any()))[0]:
+        if not any_rank(eq.comm, partly):
             continue
         touches = s.points.at_vertices(closed(found.statuses).astype(float))[:n]
         normal = s.points.at_vertices(found.data.n)[:n]
         across = np.linalg.norm(np.where(partly[:n], normal, 0.0), axis=1)
-        if anywhere(eq.comm, bool(np.any(across[touches > 0] > _ACROSS)))[0]:
+        if any_rank(eq.comm, across[touches > 0] > _ACROSS):
             return (
                 f"{s.name}: Dirichlet data fix a displacement component of a touching node that "
                 "was tangential to the obstacle and is not where it is now, so that friction and "

@@ -14,7 +14,7 @@ from petsc4py import PETSc
 import numpy as np
 
 from dolfinx_contact._arrays import Array
-from dolfinx_contact._mpi import anywhere, largest, maximum
+from dolfinx_contact._mpi import all_ranks, largest, maximum
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation, RigidTerm, Statuses, SurfaceTerm
 from dolfinx_contact.laws.status import PLUS, STICK, closed
@@ -51,7 +51,7 @@ def touches_nothing(eq: ContactEquations, state: Evaluation) -> bool:
         nothing &= bool(np.all(gap <= max(comes, _TOUCHES * eq.body_size)))
         limit = max(comes, _ROUND_OFF * eq.body_size)
         nothing &= bool(np.all(pressed <= limit * found.data.r[which]))
-    return not anywhere(eq.comm, not nothing)[0]
+    return all_ranks(eq.comm, nothing)
 
 
 def touching(eq: ContactEquations, state: Evaluation) -> Statuses:

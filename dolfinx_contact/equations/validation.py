@@ -25,7 +25,15 @@ from ufl.corealg.traversal import unique_pre_traversal
 
 from dolfinx_contact._arrays import Array, Indices
 from dolfinx_contact._compat import dirichlet_value
-from dolfinx_contact._mpi import anywhere, count_of, maximum, minimum, require, same_everywhere
+from dolfinx_contact._mpi import (
+    all_ranks,
+    anywhere,
+    count_of,
+    maximum,
+    minimum,
+    require,
+    same_everywhere,
+)
 from dolfinx_contact._ufl import refuse_other_condition, refuse_other_mesh
 from dolfinx_contact._validate import count
 from dolfinx_contact._validate import listed as as_list
@@ -189,7 +197,7 @@ def validate(eq: ContactEquations, x0: PETSc.Vec) -> Evaluation | None:
     require(eq.comm, not lost, lost)
     eq.constraints.check_values(eq.surfaces, eq.body_size)
     eq.warn("bcs", eq.constraints.contradiction())
-    if anywhere(eq.comm, not finite)[0]:
+    if not all_ranks(eq.comm, finite):
         place = _not_finite(eq.comm, placed_data(eq)) or _not_finite_law(eq, state)
         place = place or "loads and material data, for NaN"
         raise ValueError(f"the residual is not finite at the start: look at {place}")
@@ -238,7 +246,7 @@ def check_surface(s: DiscreteSurface, memory: Memory | None) -> None:
 def check_obstacle(s: DiscreteSurface) -> None:
     """Raise ``ValueError`` if a gap or normal is not finite, and name the datum. Collective."""
     finite = all(np.isfinite(v).all() for v in (s.points.vertex_gaps, s.points.vertex_normals))
-    if anywhere(s.comm, not finite)[0]:
+    if not all_ranks(s.comm, finite):
         cause = "a contact point is the centre of a sphere, or a level set has no gradient there"
         if place := _not_finite(s.comm, data_of_surface(s)):
             cause = f"look at {place}"

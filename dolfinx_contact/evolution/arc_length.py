@@ -32,7 +32,7 @@ from typing import Any, ClassVar, Literal, TypeAlias
 import numpy as np
 
 from dolfinx_contact._ending import OTHER_CAUSE, Ending
-from dolfinx_contact._mpi import Arguments, anywhere, collective, require
+from dolfinx_contact._mpi import Arguments, any_rank, collective, require
 from dolfinx_contact._validate import instance
 from dolfinx_contact.continuation.arguments import (
     check_rays,
@@ -545,8 +545,8 @@ class ByArcLength(Rule[PathTask]):
         leaves = self._leaves
         if leaves is None:
             return "kink"
-        changed = bool(np.any(point.piece.codes != leaves.piece.codes))
-        if not anywhere(self._stepper.problem.comm, changed)[0]:
+        changed = point.piece.codes != leaves.piece.codes
+        if not any_rank(self._stepper.problem.comm, changed):
             return ""
         return "nonsmooth fold" if self._steps.turned(point.tangent, leaves.tangent) else "kink"
 

@@ -35,7 +35,7 @@ import numpy as np
 
 from dolfinx_contact._arrays import Array
 from dolfinx_contact._ending import Ending
-from dolfinx_contact._mpi import anywhere, largest, total
+from dolfinx_contact._mpi import all_ranks, largest, total
 from dolfinx_contact.continuation import BranchStep, Follower, StepControl
 from dolfinx_contact.continuation.branch import BranchPoint, FoundRays, Ray, SpecialPoint
 from dolfinx_contact.continuation.ray_finder import KinkRays
@@ -334,7 +334,7 @@ class _Search:
             return False
         a, b = start.statuses, end.statuses
         same = a is not None and b is not None and all(map(np.array_equal, a, b))
-        if anywhere(self._comm, not same)[0]:
+        if not all_ranks(self._comm, same):
             return False
         return self._stepper.keeps(self._data, start.time, end.time)
 

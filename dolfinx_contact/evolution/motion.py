@@ -36,15 +36,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal, TypeAlias, get_args
 
-from mpi4py import MPI
-
 import numpy as np
 
 from dolfinx import fem
 
 from dolfinx_contact._arrays import Array, Mask
 from dolfinx_contact._geometry import node_positions
-from dolfinx_contact._mpi import largest, require
+from dolfinx_contact._mpi import all_ranks, largest, require
 from dolfinx_contact._validate import is_number, one_of
 from dolfinx_contact.body.inertia import Mass
 from dolfinx_contact.body.moving import MovingBody, Scheme, TimeStep
@@ -237,7 +235,7 @@ class MotionStepper(Stepper):
         origin = self._body.origin
         flight = origin + step.gain * step.length * a.v
         rows = self._body.forces(step.displacement(flight, origin), a.v)
-        if self.problem.comm.allreduce(int(np.isfinite(rows).all()), op=MPI.MIN):
+        if all_ranks(self.problem.comm, np.isfinite(rows)):
             return np.asarray(flight)
         return step.seen(a.u, origin)
 

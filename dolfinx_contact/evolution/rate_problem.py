@@ -45,6 +45,7 @@ from petsc4py import PETSc
 import numpy as np
 
 from dolfinx_contact._arrays import Array, Codes, Indices
+from dolfinx_contact._mpi import any_rank
 from dolfinx_contact.continuation.branch import FoundRays, Ray
 from dolfinx_contact.continuation.corrector import Corrector
 from dolfinx_contact.continuation.ray_finder import Kink, RayFinder, parity
@@ -153,7 +154,7 @@ class RateProblem:
 
     def _leads_out(self, ray: Ray) -> bool:
         """Return whether a direction crosses no border of its piece."""
-        return not self._any(self._falling(ray).points)
+        return not any_rank(self._comm, len(self._falling(ray).points) > 0)
 
     def _falling(self, ray: Ray) -> _Falling:
         """Return the borders crossed by a direction."""
@@ -205,7 +206,7 @@ class RateProblem:
             if changed and parity(self._corrector, self._y, first, t, ray) < 0:
                 tangent.scale(-1.0)
             falling = self._falling(ray)
-            if not self._any(falling.points):
+            if not any_rank(self._comm, len(falling.points) > 0):
                 return ray
             if one_by_one:
                 falling = self._steepest(falling)
@@ -257,10 +258,6 @@ class RateProblem:
         back = self.back(incoming.piece, incoming.tangent).rays
         onwards = [r for r in rays if not any(self._finder.same(r, b) for b in back)]
         return self._finder.distinct(onwards)
-
-    def _any(self, points: Indices) -> bool:
-        """Return whether any rank has a point."""
-        return bool(self._comm.allreduce(len(points)))
 
 
 def _slopes(present: Events, ahead: Events, behind: Events) -> Array:

@@ -30,7 +30,7 @@ from typing import Any
 import numpy as np
 
 from dolfinx_contact._arrays import Array
-from dolfinx_contact._mpi import anywhere, everywhere, require
+from dolfinx_contact._mpi import all_ranks, anywhere, everywhere, require
 from dolfinx_contact._validate import located
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.data import Constancy, Datum, placed_data
@@ -203,7 +203,7 @@ class Stepper:
         before = [d.values.copy() for d in data]
         self._set(end)
         same = all(np.array_equal(d.values, v) for d, v in zip(data, before, strict=True))
-        return not anywhere(self.problem.comm, not same)[0]
+        return all_ranks(self.problem.comm, same)
 
     def _set(self, time: float) -> None:
         """Set the load at a time. Collective."""

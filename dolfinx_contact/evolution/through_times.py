@@ -45,7 +45,7 @@ import numpy as np
 
 from dolfinx_contact._arrays import Array
 from dolfinx_contact._ending import Ending
-from dolfinx_contact._mpi import anywhere
+from dolfinx_contact._mpi import any_rank
 from dolfinx_contact._validate import listed, one_of, positive
 from dolfinx_contact.body.cells import smallest_jacobian
 from dolfinx_contact.continuation.arguments import check_rays
@@ -416,7 +416,7 @@ class ThroughTimes(Rule[HistoryTask]):
         """Return whether two sets of statuses are equal on all ranks, or unknown. Collective."""
         if a is None or b is None:
             return True
-        return not anywhere(self._comm, any(d.any() for d in differs(a, b)))[0]
+        return not any_rank(self._comm, any(d.any() for d in differs(a, b)))
 
     def _require_unfolded(self, after: AcceptedState) -> None:
         """Raise `ConvergenceError` if the smallest det F falls suddenly in a step. Collective."""
@@ -443,8 +443,8 @@ class ThroughTimes(Rule[HistoryTask]):
     def _closes(self, after: AcceptedState) -> bool:
         """Return whether a point closes in a step. Collective."""
         pairs = zip(self.state.accepted.state.statuses, after.state.statuses, strict=True)
-        here = any(bool((closed(new) & ~closed(old)).any()) for old, new in pairs)
-        return anywhere(self._comm, here)[0]
+        here = any((closed(new) & ~closed(old)).any() for old, new in pairs)
+        return any_rank(self._comm, here)
 
     # -- jumps -----------------------------------------------------------------------------------
 

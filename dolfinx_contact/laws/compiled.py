@@ -24,7 +24,7 @@ from ufl.algorithms.analysis import extract_constants
 from ufl.corealg.traversal import unique_pre_traversal
 
 from dolfinx_contact._forms import PointValues, ScalarList
-from dolfinx_contact._mpi import everywhere
+from dolfinx_contact._mpi import all_ranks, everywhere
 from dolfinx_contact._ufl import depends_on, not_affine
 from dolfinx_contact.laws.answers import Answers, Array, Codes, PointData
 from dolfinx_contact.laws.law import Law, StatusPiece, checked_pieces
@@ -294,7 +294,7 @@ def _compiled(law: Law, dim: int, comm: MPI.Comm) -> CompiledLaw:
     # Derivatives are compiled later on the same ranks, possibly after the mesh has been freed.
     key = kind, dim, tuple(comm.allgather(MPI.COMM_WORLD.rank))
     # Compilation is collective, so either all ranks compile or none does.
-    if not comm.allreduce(int(key in _known), op=MPI.MIN):
+    if not all_ranks(comm, key in _known):
         _known[key] = CompiledLaw(law, dim, comm.Dup())
     return _known[key]
 

@@ -29,7 +29,7 @@ from dolfinx import fem
 from dolfinx_contact._arrays import Array, Indices, Ints, Mask
 from dolfinx_contact._compat import FacetSubmesh, merge_entity_maps
 from dolfinx_contact._geometry import dot, unit
-from dolfinx_contact._mpi import SharedValues, maximum
+from dolfinx_contact._mpi import SharedValues, any_rank, maximum
 from dolfinx_contact.body.bulk import circumference
 from dolfinx_contact.laws import PointData
 from dolfinx_contact.points.descriptions import ContactMethod
@@ -368,7 +368,7 @@ class ContactPoints(ABC):
         Returns:
             Mask of the vertices whose functions could be given away.
         """
-        return self._give(given, idle) if self.comm.allreduce(int(given.any())) else given
+        return self._give(given, idle) if any_rank(self.comm, given) else given
 
     def _set_operators(self, opposite: Opposite | None) -> None:
         """Set the operators of points and opposing points. Collective."""

@@ -19,13 +19,7 @@ from dolfinx_contact import _geometry
 from dolfinx_contact._arrays import Array, Indices, Ints, Mask
 from dolfinx_contact._compat import geometry_dofmap, is_topology_of
 from dolfinx_contact._geometry import dot, node_positions
-from dolfinx_contact._mpi import (
-    SharedValues,
-    anywhere,
-    everywhere,
-    maximum,
-    require,
-)
+from dolfinx_contact._mpi import SharedValues, all_ranks, everywhere, maximum, require
 from dolfinx_contact._validate import count, instance, number, one_of
 from dolfinx_contact.body.cells import midpoints
 from dolfinx_contact.meshing.gmsh import GmshMesh, NamedTags
@@ -289,7 +283,7 @@ def at_global_places(comm: MPI.Comm, values: Array, places: Ints) -> Array:
     """
     first: int = comm.exscan(len(values)) or 0
     mine = (first <= places) & (places < first + len(values))
-    if not anywhere(comm, not mine.all())[0]:
+    if all_ranks(comm, mine):
         return values[places - first]
     shape = values.shape[1:]
     width = int(np.prod(shape, dtype=int))

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dolfinx_contact._mpi import anywhere, require
+from dolfinx_contact._mpi import any_rank, anywhere, require
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.parametric import ParametricEquations
 from dolfinx_contact.laws.cones import is_polyhedral
@@ -27,7 +27,7 @@ def check_reducible(eq: ContactEquations) -> None:
         (r[: s.points.number].any(axis=1) & ~c[: s.points.number])
         for s, r, c in zip(eq.surfaces, eq.constraints.removed, eq.constraints.clamped, strict=True)
     ]
-    guided = eq.comm.allreduce(int(any(part.any() for part in parts)))
+    guided = any_rank(eq.comm, [part.any() for part in parts])
     along = eq.dim == 2 and all(s.method == "nodal" for s in eq.surfaces)
     for ok, what in (
         (known, "the law of Coulomb or Tresca, or frictionless contact"),
@@ -62,7 +62,7 @@ def can_condense(
         and not is_polyhedral(s.law_at_points, s.point_data(memory))
         for s, memory in zip(eq.surfaces, eq.memory, strict=True)
     ]
-    return not anywhere(eq.comm, any(other_laws))[0] and not (held.oblique if partly else held.some)
+    return not any_rank(eq.comm, other_laws) and not (held.oblique if partly else held.some)
 
 
 def obstacle_to_points(system: ParametricEquations) -> str:
@@ -111,7 +111,7 @@ def _obstacle_at_points(system: ParametricEquations) -> str:
 def _share_nodes(eq: ContactEquations) -> bool:
     """Return whether two surfaces have a node in common. Collective."""
     nodes = np.concatenate([s.points.vertex_trace_dofs for s in eq.surfaces])
-    return anywhere(eq.comm, len(np.unique(nodes)) < len(nodes))[0]
+    return any_rank(eq.comm, len(np.unique(nodes)) < len(nodes))
 
 
 class _PartlyHeld(NamedTuple):

@@ -48,7 +48,7 @@ from dolfinx import fem
 
 from dolfinx_contact._arrays import Array, Mask
 from dolfinx_contact._geometry import dot, unit
-from dolfinx_contact._mpi import anywhere, minimum
+from dolfinx_contact._mpi import any_rank, anywhere, minimum
 from dolfinx_contact.body.cells import smallest_jacobian
 from dolfinx_contact.body.rigid import (
     bounding_box,
@@ -397,7 +397,7 @@ def _floating(eq: ContactEquations, state: Evaluation) -> str:
     size = eq.comm.allreduce(float(np.max(np.abs(state.u), initial=0.0)), op=max)
     mobile = scaling.loose.any(axis=(0, 2))
     moved = bool(np.any(np.abs(state.u.reshape(-1, eq.dim)[mobile]) > _ROUND_OFF * size))
-    if not anywhere(eq.comm, moved)[0]:
+    if not any_rank(eq.comm, moved):
         return ""
     least = _ROUND_OFF * round_off_force(eq, size)
     carrying = []
@@ -659,7 +659,7 @@ def _passing(s: DiscreteSurface, contact: ContactState) -> float:
     if s.rigid_body is not None and at.motion is not None:
         after = after @ s.rigid_body.kinematics.rotation(at.motion)
     turned = dot(before, after) < 0.0
-    if not anywhere(s.comm, bool(turned.any()))[0]:
+    if not any_rank(s.comm, turned):
         return 0.0
     first, last = np.maximum(gap, 0.0), np.maximum(at.gap, 0.0)
     part = np.divide(first, first + last, out=np.full_like(first, 0.5), where=first + last > 0)
@@ -827,7 +827,7 @@ def _overlap(eq: ContactEquations, s: DiscreteSurface, contact: ContactState) ->
     moved = not np.array_equal(s.start_gaps, s.points.gaps)
     depth = _most(s, _touching(contact, -s.start_gaps))
     low, high = bounding_box(eq.comm, eq.nodes)
-    return 0.0 if anywhere(eq.comm, moved)[0] else depth / float(np.min(high - low))
+    return 0.0 if any_rank(eq.comm, moved) else depth / float(np.min(high - low))
 
 
 def _beside(

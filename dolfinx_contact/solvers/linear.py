@@ -19,7 +19,7 @@ from petsc4py import PETSc
 
 import numpy as np
 
-from dolfinx_contact._mpi import anywhere
+from dolfinx_contact._mpi import any_rank
 from dolfinx_contact._petsc import DEFAULTS, destroy, logged, reasons_of
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation
@@ -114,7 +114,7 @@ class LinearSolverChoice:
     def __call__(self) -> LinearSolver:
         """Return the solver; ``ValueError`` for an unknown kind."""
         options = self._equations.options.beside_newton()
-        if anywhere(self._equations.comm, options != self._options)[0]:
+        if any_rank(self._equations.comm, options != self._options):
             self._leave()
             self._options = options
         if self._solver is None:

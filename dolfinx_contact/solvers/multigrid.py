@@ -32,7 +32,7 @@ from petsc4py import PETSc
 import numpy as np
 
 from dolfinx_contact._inexact import Forcing
-from dolfinx_contact._mpi import total
+from dolfinx_contact._mpi import any_rank, total
 from dolfinx_contact._petsc import destroy, has_package, logged, reasons_of
 from dolfinx_contact.solvers.closed_points import ClosedPoints
 from dolfinx_contact.solvers.hierarchy import PLAIN, SMOOTHED, Hierarchy
@@ -269,7 +269,7 @@ class Multigrid(LinearSolver):
         """Return whether a hierarchy built now would differ. Collective."""
         moved = ClosedPoints.of(self._equations, state).differs(self._closed)
         other = self._assemblies != self._equations.bulk.assemblies
-        return bool(self.comm.allreduce(int(moved or other)))
+        return any_rank(self.comm, moved or other)
 
     def tighten(self) -> bool:
         return self.forcing.tighten()

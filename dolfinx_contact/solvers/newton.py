@@ -23,7 +23,7 @@ from petsc4py import PETSc
 import numpy as np
 
 from dolfinx_contact._inexact import ROUNDS, settle
-from dolfinx_contact._mpi import anywhere, count_of, everywhere, sorted_rows
+from dolfinx_contact._mpi import all_ranks, any_rank, anywhere, count_of, everywhere, sorted_rows
 from dolfinx_contact._petsc import as_raised, destroy, logged, options_in_database, reason_name
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation, Statuses, differs
@@ -306,7 +306,7 @@ class Newton:
         """Return whether the unknowns are those of the last evaluation, on every rank."""
         memo = self._memo
         same = memo is not None and np.array_equal(x.array_r, memo.unknowns)
-        return not anywhere(self.comm, not same)[0]
+        return all_ranks(self.comm, same)
 
     def _evaluate(self, _snes: PETSc.SNES, x: PETSc.Vec, b: PETSc.Vec) -> None:
         """Write H(x) into ``b``."""
@@ -479,8 +479,8 @@ class Newton:
         This is assumed if it stays small from step to step while no status changes.
         """
         last = [old for old, _ in self._run.history[-2:]]
-        changed = sum(int(c.sum()) for old in last for c in differs(statuses, old))
-        if len(last) < 2 or worst > _SMALL or self.comm.allreduce(changed):
+        changed = any(c.any() for old in last for c in differs(statuses, old))
+        if len(last) < 2 or worst > _SMALL or any_rank(self.comm, changed):
             return ""
         return (
             f"the residual stays at {worst:.2g} while no status changes, which is round-off: "

@@ -23,7 +23,7 @@ from petsc4py import PETSc
 import numpy as np
 
 from dolfinx_contact._arrays import Array, Indices
-from dolfinx_contact._mpi import SharedValues, anywhere
+from dolfinx_contact._mpi import SharedValues, all_ranks
 from dolfinx_contact._petsc import Factor, destroy, triplet_matrix, triplets
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.points.trace import at_global_places, facet_closures, owned_exterior
@@ -185,7 +185,7 @@ class CondensedBlock(SurfaceBlock):
         indptr, columns, values = B.getValuesCSR()
         rows = np.repeat(np.arange(s.nodes), np.diff(indptr))
         kept = np.flatnonzero((values != 0) & s.answered[rows] & ~np.isin(rows, s.fixed))
-        one_each = not anywhere(self._comm, len(np.unique(rows[kept])) < len(kept))[0]
+        one_each = all_ranks(self._comm, len(np.unique(rows[kept])) == len(kept))
         if not one_each:
             kept = kept[:0]
         n = s.nodes
@@ -203,8 +203,8 @@ class CondensedBlock(SurfaceBlock):
         T.multTranspose(ones, number)
         self._alone = number.array_r == 0
         removed = np.concatenate(operator.equations.constraints.removed_multipliers)
-        fits = bool(((number.array_r == 1) | (self._alone & removed)).all())
-        self.applies = one_each and not anywhere(self._comm, not fits)[0]
+        fits = (number.array_r == 1) | (self._alone & removed)
+        self.applies = one_each and all_ranks(self._comm, fits)
         # I - B W: without the rows of dependent dofs, and with their contributions to others.
         identity = PETSc.Mat().createAIJ(((n, None), (n, None)), nnz=(1, 0), comm=self._comm)
         identity.setUp()

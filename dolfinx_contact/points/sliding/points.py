@@ -12,7 +12,7 @@ from dolfinx import fem, mesh
 
 from dolfinx_contact._arrays import Array, Indices, Mask
 from dolfinx_contact._geometry import node_positions, transformed
-from dolfinx_contact._mpi import count_of, keep, maximum, require
+from dolfinx_contact._mpi import all_ranks, count_of, keep, maximum, require
 from dolfinx_contact.body.rigid import diagonal
 from dolfinx_contact.laws import LawAtPoints
 from dolfinx_contact.laws.symbols import before
@@ -285,7 +285,7 @@ class SlidingPoints(NodePoints):
         mine = u[: self._owned_nodes]
         last = self._last
         same = last is not None and last[1] is before and np.array_equal(last[0], mine)
-        if self.comm.allreduce(int(not same)):
+        if not all_ranks(self.comm, same):
             facing = self.faces.at(mine, before, self.geometry.vertex_areas)
             x = self.faces.positions(mine)
             self.known = SlidingOperator(self.faces, facing, self.number, x)
