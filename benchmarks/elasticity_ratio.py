@@ -11,8 +11,8 @@ the tagged facets, and end with the displacement in a Function. In between count
   motions included; conjugate gradients until ||b - K x|| <= 1e-8 ||b||, confirmed (untimed) by a
   product with K;
 - of contact: the same and the contact surface's, by the same routines of DOLFINx; the multigrid
-  set-up; all Newton steps, until every physical measure of the residual is below 1e-8, the tables
-  of the result, and, with ``--nested``, the solves on coarser meshes.
+  set-up; all Newton steps, until every physical measure of the residual is below 1e-8, and the
+  tables of the result.
 
 Meshing and compilation are excluded on both sides. Every run is warm, and the median of three
 counts (`timing.py`): first all settings are timed in turns, then the three fastest of them in turns
@@ -50,7 +50,6 @@ from dolfinx_contact import (
     parse_arguments,
 )
 from dolfinx_contact.materials import LinearElastic
-from dolfinx_contact.nested import prolong
 
 FINALISTS = 3  # settings that run in turns with the contact solve
 CELLS = {"tet": mesh.CellType.tetrahedron, "hex": mesh.CellType.hexahedron}
@@ -83,7 +82,6 @@ def arguments(argv=None, defaults=None, **more):
     parser.add_argument("--poisson", type=float, default=0.3)
     parser.add_argument("--aspect", type=float, default=1.0, help="width over height of the block")
     parser.add_argument("--tolerance", type=float, default=1e-8, help="of both solves")
-    parser.add_argument("--nested", type=int, default=0, help="coarser meshes to solve on first")
     parser.add_argument("--only", choices=["elasticity", "contact"], help="for peak memory alone")
     parser.add_argument(
         "--settings",
@@ -158,45 +156,20 @@ def _problem(args, V, bottom, top):
 BLOCK = Case(block, elasticity, contact_problem)
 
 
-def contact(args, body, coarse=(), case=BLOCK):
-    """The frictional solve from zero, by way of coarser meshes if there are any."""
-    record = _contact(args, body, coarse, case)
+def contact(args, body, case=BLOCK):
+    """The frictional solve from zero."""
+    record = _contact(args, body, case)
     clean(body[0].mesh.comm)  # before the run that is next in turn
     return record
 
 
-def _contact(args, body, coarse, case):
+def _contact(args, body, case):
     timer = Timer(body[0].mesh.comm)
-    before = None
-    levels = []
-
-    def coarse_solves():
-        last = None
-        for part in coarse:
-            problem = case.problem(args, lambda _, function: function(), *part)
-            if last is not None:
-                prolong(last, problem)
-                coarser = last.comm
-                last = None
-                clean(coarser)
-            result = problem.solve()
-            levels.append({"unknowns": result.dofs, "newton_iterations": result.iterations})
-            last = problem
-        return last
-
-    if coarse:
-        before = timer("coarse solves", coarse_solves)
     problem = case.problem(args, timer, *body)
     timer("linear solver", lambda: problem.linear_solver)
-    if before is not None:
-        timer("prolongation", lambda: prolong(before, problem))
-        coarser = before.comm
-        before = None
-        clean(coarser)
     result = timer("solve", problem.solve)
     record = {
         **timer.record,
-        "coarse": levels,
         "linear_solver": problem.linear_solver.name,
         "strategy": result.reason,
         "newton_iterations": result.iterations,
@@ -216,7 +189,7 @@ def _contact(args, body, coarse, case):
 def compile_forms(args, comm, case=BLOCK):
     """Compile all forms on a mesh of some cells."""
     body = case.block(args, 3, comm)
-    contact(args, body, [case.block(args, 2, comm)] if args.nested else [], case)
+    contact(args, body, case)
     for run in case.elasticity(args, *body, args.settings[:1]).values():
         run()
 
@@ -250,8 +223,7 @@ def run(args, n, comm, case=BLOCK):
         finalists = {r["setting"]: runs[r["setting"]] for r in order[:FINALISTS]}
         best = order
     if args.only != "elasticity":
-        coarse = [case.block(args, n // 2**i, comm) for i in range(args.nested, 0, -1)]
-        both = {"contact": lambda: contact(args, body, coarse, case), **finalists}
+        both = {"contact": lambda: contact(args, body, case), **finalists}
         both = in_turns(comm, both, args.repeats)
         record["contact"] = both.pop("contact")
         record["contact_seconds"] = record["contact"]["seconds"]

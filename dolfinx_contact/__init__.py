@@ -20,7 +20,6 @@ if TYPE_CHECKING:
         Regularised,
         Tresca,
     )
-    from dolfinx_contact.nested import solve_nested
     from dolfinx_contact.obstacles import Cylinder, HalfSpace, LevelSet, Sphere
     from dolfinx_contact.parametric import ParametricContact
     from dolfinx_contact.points.descriptions import ContactPair, ContactSurface, SelfContact
@@ -64,7 +63,6 @@ __all__ = [
     "materials",
     "obstacles",
     "parse_arguments",
-    "solve_nested",
 ]
 
 #: Public names by module. A module is loaded when a name is used, so that
@@ -80,7 +78,6 @@ __getattr__ = loads(
             *("NonlocalCoulomb", "NormalCompliance", "Regularised", "Tresca"),
         ),
         "materials": (),
-        "nested": ("solve_nested",),
         "obstacles": ("Cylinder", "HalfSpace", "LevelSet", "Sphere"),
         "parametric": ("ParametricContact",),
         "points.descriptions": ("ContactPair", "ContactSurface", "SelfContact"),

@@ -76,7 +76,6 @@ from dolfinx_contact import (
     RigidSurface,
     Sphere,
     Tresca,
-    solve_nested,
 )
 from dolfinx_contact.algorithms import ALGORITHMS, SemismoothNewton
 from dolfinx_contact.analysis import (
@@ -763,16 +762,6 @@ def questions():
     system.problem.solve()
     found["several solutions"] = [system.problem.uniqueness(proof_seconds=30.0).verdict]
     return {"exact": found}
-
-
-def nested():
-    """A problem solved on a coarse and on a fine mesh."""
-    bodies = [block(n, "tri", motion=oblique(2), options=TIGHT) for n in (2, 4)]
-    results = solve_nested([b.problem for b in bodies])
-    return {
-        "solved": {f"level {i}": state(b.problem) for i, b in enumerate(bodies)},
-        "counts": {f"level {i}": counts(r) for i, r in enumerate(results)},
-    }
 
 
 # -- histories, paths and motions ------------------------------------------------------------------
@@ -1577,7 +1566,6 @@ CASES: dict[str, Callable[[], dict[str, Any]]] = {
     "unstable initial stress": lambda: stressed(-200.0),
     "multigrid": multigrid,
     "pair by multigrid": pair_by_multigrid,
-    "nested meshes": nested,
     "contact nodes that are held": held_at_contact,
     "press fit": press_fit,
     "given gap": with_a_gap,

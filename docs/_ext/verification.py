@@ -78,7 +78,7 @@ FEATURES = {
     ),
     "Pages": ("explorer",),
     "Pictures, films": ("pictures", "stresses", "files for ParaView"),
-    "Large problems": ("multigrid", "nested iteration", "Krylov branches"),
+    "Large problems": ("multigrid", "Krylov branches"),
     "Classical algorithms": (
         *("Tresca's fixed point", "Uzawa", "penalty", "SOR", "Gauss-Seidel"),
         *("projected gradient", "Lemke", "interior point", "point problems in files"),

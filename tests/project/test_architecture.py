@@ -26,7 +26,7 @@ LAYERS = [
     ("results",),
     ("algorithms",),
     ("proofs",),
-    ("problem", "parametric", "nested"),
+    ("problem", "parametric"),
     ("analysis", "evolution"),
     ("io",),
     ("records",),

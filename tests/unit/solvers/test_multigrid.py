@@ -18,7 +18,6 @@ from dolfinx_contact import (
     HalfSpace,
     Sphere,
     Tresca,
-    solve_nested,
 )
 from dolfinx_contact.equations.jacobian import Jacobian
 from dolfinx_contact.materials import NeoHookean
@@ -213,45 +212,6 @@ def test_stagnation_says_what_to_try():
     with pytest.raises(ConvergenceError, match="stagnated after"):
         problem.solve(increments=1)
     assert np.abs(problem.u.x.array).max(initial=0.0) == 0.0
-
-
-@pytest.mark.ranks(2)
-@pytest.mark.parametrize("name", ["tet", "P2", "P2/P2", "mixed", "neo-Hookean"])
-@pytest.mark.verifies(
-    "nested iteration",
-    reference="itself: the fine mesh alone",
-    aspects=(
-        "2D",
-        "3D",
-        "multigrid",
-    ),
-)
-@pytest.mark.verifies(
-    "mixed contact",
-    "hyperelastic bodies",
-    reference="itself: the fine mesh alone",
-    aspects=(
-        "2D",
-        "multigrid",
-    ),
-)
-def test_nested_iteration_reaches_the_same_solution(name):
-    """From the solution on a coarser mesh, not nested: the same solution in no more steps."""
-    options = dict(PROBLEMS[name])
-    n = options.pop("n")
-    levels = [block(**options, n=k, options=AMG) for k in (n, n + 3)]
-    coarse, fine = solve_nested(levels)
-    alone = block(**options, n=n + 3).solve()
-    same(fine.tables["contact"], alone.tables["contact"], 1e-6)
-    assert fine.iterations <= alone.iterations
-    assert coarse.dofs < fine.dofs
-
-
-@pytest.mark.ranks(2)
-def test_nested_problems_must_agree():
-    levels = block(cell="quad", n=4), block(cell="quad", n=4, method="mixed")
-    with pytest.raises(ValueError, match="the same surfaces"):
-        solve_nested(levels)
 
 
 @pytest.mark.ranks(2)
