@@ -8,7 +8,6 @@ with respect to gamma is exact; UFL computes it.
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
@@ -51,8 +50,6 @@ from dolfinx_contact.results.uniqueness import checked_seconds
 from dolfinx_contact.solvers.history import Attempt, ConvergenceError
 
 __all__ = ["ParametricContact"]
-
-logger = logging.getLogger(__name__)
 
 _PROOF_SECONDS = 10.0  # default time limit of proofs
 _MOST_PROVED = 128  # contact points up to which all solutions are proved by default
@@ -155,7 +152,7 @@ class ParametricContact(ReadOnly, ParametricEquations):
         self._condensed_from = 0  # checksum of the data
         self._condensed_at_gamma: Reduction | None = None
         self._obstacle_at_gamma = ""
-        #: Surfaces on which a warning of sliding has been logged.
+        #: Names of the warnings that have been logged.
         self._warned: set[str] = set()
         #: Piece and gamma of the last point whose indicators were evaluated.
         self._judged: tuple[Piece | None, float] = None, 0.0
@@ -196,10 +193,7 @@ class ParametricContact(ReadOnly, ParametricEquations):
         self._judged = piece, gamma
         found = surface_indicators(self.equations, self.contact(x, gamma, piece))
         warnings = Indicators(found).warnings
-        for name, text in warnings.items():
-            if name not in self._warned and self.comm.rank == 0:
-                logger.warning("%s: at gamma = %.6g %s", name, gamma, text)
-        self._warned.update(warnings)
+        self.problem.log_warnings(warnings, self._warned, f"at gamma = {gamma:.6g} ")
 
     def _put(self, x: PETSc.Vec, gamma: float, piece: Piece) -> None:
         """Write a point of a branch into the problem, without warnings. Collective."""
@@ -210,11 +204,11 @@ class ParametricContact(ReadOnly, ParametricEquations):
 
     def solution_from(self, x: PETSc.Vec, gamma: float) -> tuple[PETSc.Vec | None, str]:
         """Solve at gamma from x with `ContactProblem.solve`; see `System`. Collective."""
-        with self.restored(always=True), self.problem.warning_once():
+        with self.restored(always=True):
             self._set(gamma)
             self.problem.read(x)
             try:
-                result = self.problem.solve(progress=False)
+                result, _ = self.problem.solve_step(progress=False)
             except ConvergenceError as error:
                 tried = "; ".join(f"{a.strategy}: {a.reason}" for a in error.attempts)
                 return None, f"solve() found no solution ({tried})"
@@ -231,20 +225,25 @@ class ParametricContact(ReadOnly, ParametricEquations):
     def result_at(self, point: BranchPoint | Solution) -> Result:
         """Return the result at a point; write the point to the Functions. Collective.
 
-        The statuses of the piece of the point are used, even if the point lies on a border.
+        The statuses of the piece of the point are used, even if the point lies on a border. Its
+        warnings are logged unless a point of this system has given the same ones before.
 
         Args:
             point: point of a branch, or one of `Solutions.found`.
         """
+        result = self.collect(point)
+        self.problem.log_warnings(result.warnings, self._warned)
+        return result
+
+    def collect(self, point: BranchPoint | Solution) -> Result:
+        """Like `result_at`, without logging warnings. Collective."""
         x = self._unknowns(point)
         equations = self._equations_at(point.gamma)
         evaluation = equations.evaluate(x, self.statuses_of(point.piece))
         attempt = Attempt("continuation", "a point of a branch", converged=True)
         result = self.problem.collect(x, [attempt], evaluation)
         # a branch may lead out of contact
-        result = replace(result, indicators=replace(result.indicators, apart=None))
-        self.problem.log_warnings(result)
-        return result
+        return replace(result, indicators=replace(result.indicators, apart=None))
 
     def state_at(self, point: BranchPoint | Solution) -> State:
         """Return the state of a point of a branch or of a solution, with its gamma. Collective.

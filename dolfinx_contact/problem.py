@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import logging
 import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -53,7 +54,7 @@ from dolfinx_contact.points.rigid_body import RigidBody
 from dolfinx_contact.points.surface import DiscreteSurface
 from dolfinx_contact.results.balance import forces_at_vertices, support_at_nodes
 from dolfinx_contact.results.indicators import small_sliding_violated
-from dolfinx_contact.results.result import Result, Shown, collect, log_warnings
+from dolfinx_contact.results.result import Result, Shown, collect
 from dolfinx_contact.results.tables import ContactTable, contact_table
 from dolfinx_contact.results.uniqueness import Theory, Uniqueness, check_seconds
 from dolfinx_contact.solvers.history import Attempt, SolveProgress, Step
@@ -68,6 +69,7 @@ if TYPE_CHECKING:
 
 __all__ = ["ContactProblem", "discretise"]
 
+logger = logging.getLogger(__name__)
 
 _INCREMENTS = 8  # of the load, in the strategy of that name
 _ANOTHER = "make another problem"
@@ -340,8 +342,6 @@ class ContactProblem(ReadOnly):
             self.signature = zlib.crc32(np.ascontiguousarray(s.points.positions), self.signature)
         #: Kinds of the evolutions run on this problem, shared with the problems of steps.
         self.evolved: list[str] = []
-        #: Names of the warnings that a run has logged; None outside runs.
-        self._warned: set[str] | None = None
         check_sides(self.equations)
 
     def __repr__(self) -> str:
@@ -801,9 +801,11 @@ class ContactProblem(ReadOnly):
             ConvergenceError: if no strategy converges; the Functions keep their values.
         """
         trial = Trial(tuple(expected))
-        return self.solve_step(
+        result, _ = self.solve_step(
             trial, algorithm=algorithm, monitor=monitor, increments=increments, progress=progress
-        )[0]
+        )
+        self.log_warnings(result.warnings)
+        return result
 
     def solve_step(
         self,
@@ -815,7 +817,9 @@ class ContactProblem(ReadOnly):
         progress: bool | None,
         shown: Shown | None = None,
     ) -> tuple[Result, Evaluation]:
-        """Solve as in `solve`; return also the final evaluation. Collective.
+        """Solve as in `solve`, without logging warnings; return also the final evaluation.
+
+        Collective.
 
         Args:
             trial: strategies of the solver; default: all.
@@ -851,8 +855,6 @@ class ContactProblem(ReadOnly):
                 line.end(result.iterations)
             finally:
                 line.end()
-        if self._warned is None:
-            self.log_warnings(result)
         return result, state
 
     def _have(self, statuses: Statuses) -> bool:
@@ -963,23 +965,23 @@ class ContactProblem(ReadOnly):
         self.read(x, state.statuses)
         return collect(self.equations, state, attempts, shown)
 
-    @contextmanager
-    def warning_once(self) -> Iterator[None]:
-        """Context manager of a run: log each warning of the indicators at most once.
+    def log_warnings(
+        self, warnings: Mapping[str, str], logged: set[str] | None = None, where: str = ""
+    ) -> None:
+        """Log warnings on rank 0. Not collective.
 
-        Solves within the context do not log warnings; `log_warnings` does, for accepted steps.
+        Args:
+            warnings: texts by name. Those about the data are skipped, because they were logged when
+                they were found (`ContactEquations.warn`).
+            logged: names that were logged before, such as those of a run, which are skipped; all
+                names are added. Default: none.
+            where: beginning of the texts; default: none.
         """
-        before = self._warned
-        self._warned = set()
-        try:
-            yield
-        finally:
-            self._warned = before
-
-    def log_warnings(self, result: Result) -> None:
-        """Log the warnings of a result on rank 0, each once per run. Not collective."""
-        if self.comm.rank == 0:
-            log_warnings(result, self._warned)
+        logged = set() if logged is None else logged
+        for name, text in warnings.items():
+            if self.comm.rank == 0 and name not in logged | self.equations.warnings.keys():
+                logger.warning("%s: %s%s", name, where, text)
+        logged.update(warnings)
 
     def destroy(self) -> None:
         """Free matrices and solvers immediately. Collective.

@@ -73,7 +73,8 @@ def _reduced(condensed: Reduction, gamma: float) -> ReducedProblem | None:
         errors = points.S_error, points.p_error
         return ReducedProblem(points.S, points.p, points.friction, points.bound, *errors)
     except ValueError as error:  # S is not positive definite beyond its error
-        logger.info("nothing can be proved: %s", error)
+        if condensed.comm.rank == 0:
+            logger.info("nothing can be proved: %s", error)
         return None
 
 

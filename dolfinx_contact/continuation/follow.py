@@ -403,7 +403,8 @@ class Follower(Walker):
             direction: Direction = "increasing" if slope > 0 else "decreasing"
             new = self.start(b.split(point.y)[0], gamma, direction=direction)
         except ValueError as error:
-            logger.info("no continuation beyond gamma = %g: %s", point.gamma, error)
+            if b.comm.rank == 0:
+                logger.info("no continuation beyond gamma = %g: %s", point.gamma, error)
             return None
         onwards = b.gamma(new.tangent)
         distance = b.length(new.y - point.y)

@@ -347,7 +347,7 @@ class PathStepper(Stepper):
                     f"no step of at least {steps.control.minimum:g} succeeds beyond "
                     f"gamma = {leaves.gamma:.10g}{OTHER_CAUSE}",
                 )
-            result = self.system.result_at(arrival[0])
+            result = self.system.collect(arrival[0])
             evaluation = self.system.problem.evaluate()
             scales = steps.corrector.scales
             if self._weak or self._violation(evaluation, scales) <= _VIOLATION:

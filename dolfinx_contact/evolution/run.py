@@ -206,6 +206,7 @@ class Run(Generic[T, H]):
         self._rule = rule
         self._stop = listeners.stop
         self._history = history
+        self._warned: set[str] = set()  # names of the warnings that this run has logged
         comm = stepper.problem.comm
         self._record = CollectiveObserver(comm, listeners.record, self._put)
         self._observer = CollectiveObserver(comm, listeners.observer, self._put)
@@ -230,8 +231,7 @@ class Run(Generic[T, H]):
             self._observer.begin(rule.task, rule.start)
             self.state = rule.start
             if rule.state.ending is None:
-                with problem.warning_once():
-                    self._take_steps()
+                self._take_steps()
             assert rule.state.ending is not None
             history.end(rule.state.ending, rule.state.reason)
         finally:
@@ -276,7 +276,7 @@ class Run(Generic[T, H]):
         self._record.step(step, self.state)
         self._observer.step(step, self.state)
         self._put()
-        problem.log_warnings(step.result)
+        problem.log_warnings(step.result.warnings, self._warned)
         self._show(step)
 
     def _show(self, step: EvolutionStep) -> None:

@@ -19,7 +19,6 @@ B reproduces linear fields. Across a gap, shear causes a moment that small slidi
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any, Protocol
@@ -53,9 +52,6 @@ __all__ = [
 ]
 
 
-logger = logging.getLogger(__name__)
-
-_LARGEST_IMBALANCE = 1e-6  # largest imbalance without a warning, relative to all forces
 _NO_STRAIN = 1e-9  # strain whose stress is round-off
 _SAME_PLACE = 1e-9  # distance of coinciding nodes, relative to the size of the faces
 
@@ -97,8 +93,6 @@ def balance(
 ) -> Balance:
     """Compute the balance of forces at a state. Collective.
 
-    Logs a warning if the imbalance is above 1e-6.
-
     Args:
         eq: contact problem.
         state: evaluation with reactions.
@@ -125,15 +119,6 @@ def balance(
     left = contact + support + external
     left[_mirrored_axes(eq)] = 0.0
     imbalance = float(np.linalg.norm(left)) / size
-    if not imbalance <= _LARGEST_IMBALANCE and comm.rank == 0:
-        logger.warning(
-            "the forces on the body are out of balance by %.1e of their size: contact %s, support "
-            "%s, external %s; a smaller snes_rtol may be wanted",
-            imbalance,
-            contact,
-            support,
-            external,
-        )
     return Balance(support, _by_condition(eq, reactions), external, imbalance)
 
 

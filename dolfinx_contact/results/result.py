@@ -7,7 +7,6 @@ reactions of Dirichlet data.
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from typing import Any, NoReturn, TypeAlias, TypeVar
@@ -39,14 +38,13 @@ from dolfinx_contact.results.tables import ContactTable, contact_table, violatio
 from dolfinx_contact.results.uniqueness import Uniqueness
 from dolfinx_contact.solvers.history import Attempt, Step
 
-__all__ = ["Named", "Result", "Shown", "collect", "log_warnings"]
-
-logger = logging.getLogger(__name__)
+__all__ = ["Named", "Result", "Shown", "collect"]
 
 #: Function of a solution that returns the equations and the evaluation for tables and indicators.
 Shown: TypeAlias = Callable[[Evaluation], tuple[ContactEquations, Evaluation]]
 
 _LARGEST_VIOLATION = 1e-4  # largest violation without a warning, relative to the largest force
+_LARGEST_IMBALANCE = 1e-6  # largest imbalance without a warning, relative to all forces
 _T = TypeVar("_T")
 
 
@@ -84,7 +82,8 @@ class Result:
         rigid_bodies: motions of the rigid bodies and the forces on them, by name.
         static: whether friction opposes the total slip (the static law); False in a step from a
             state.
-        data_warnings: warnings about the data of the problem, by name.
+        other_warnings: warnings about the data of the problem, the violation of the contact law and
+            the imbalance of forces, by name.
     """
 
     tables: dict[str, ContactTable]
@@ -100,10 +99,10 @@ class Result:
     indicators: Indicators
     rigid_bodies: dict[str, RigidBodyResult]
     static: bool
-    data_warnings: dict[str, str]
+    other_warnings: dict[str, str]
 
     def __str__(self) -> str:
-        """Return law, strategy, numbers of points, forces and error measures as text."""
+        """Return law, strategy, points, forces, error measures and names of warnings as text."""
         counts = ", ".join(f"{n} {kind}" for kind, n in self.counts.items() if n)
         forces = [*self.resultants.values(), self.support, self.external]
         largest = max(float(np.abs(f).max()) for f in forces)
@@ -118,8 +117,9 @@ class Result:
             f"reactions of Dirichlet data: {_shown(self.support, largest)}; "
             f"loads and springs: {_shown(self.external, largest)}",
             f"violation of the law {self.kkt_violation:.1e}, imbalance {self.imbalance:.1e}",
-            *(f"{name}: {text}" for name, text in self.warnings.items()),
         ]
+        if self.warnings:
+            lines.append(f"warnings ({len(self.warnings)}): {', '.join(self.warnings)}")
         return "\n".join(lines)
 
     @property
@@ -162,8 +162,8 @@ class Result:
 
     @property
     def warnings(self) -> dict[str, str]:
-        """Warnings about the data, and messages of indicators above their thresholds, by name."""
-        return self.data_warnings | self.indicators.warnings
+        """Texts of all warnings that apply to the solution and its data, by name."""
+        return self.other_warnings | self.indicators.warnings
 
     @property
     def misfit(self) -> float | None:
@@ -232,9 +232,6 @@ def collect(
 ) -> Result:
     """Return the result at the solution in the user's Functions. Collective.
 
-    If the contact law is violated, the result has the warning ``law``, which is also logged on
-    rank 0. Warnings of the indicators are logged by `log_warnings`.
-
     Args:
         eq: equations of the contact problem.
         state: evaluation at the solution, with reactions.
@@ -269,8 +266,11 @@ def collect(
             "states without a status, a tolerance snes_rtol that is too large, or in 3D a contact "
             "node held in one tangential direction that slips along it"
         )
-        if eq.comm.rank == 0:
-            logger.warning("law: %s", warnings["law"])
+    if not forces.imbalance <= _LARGEST_IMBALANCE:
+        warnings["imbalance"] = (
+            f"the forces on the body are out of balance by {forces.imbalance:.1e} of their size; "
+            "a smaller snes_rtol may be wanted"
+        )
     return Result(
         Named(tables),
         list(attempts),
@@ -309,20 +309,3 @@ def _scales(
     u = eq.comm.allreduce(max(moved, kept), op=max)
     none = least_scales(eq, u)
     return max(force, round_off_force(eq, u), none[0]), max(u, none[1])
-
-
-def log_warnings(result: Result, known: set[str] | None = None) -> None:
-    """Log the indicators above their thresholds, on rank 0.
-
-    Warnings about the data are not logged again (`ContactEquations.warn`).
-
-    Args:
-        result: result of a solve.
-        known: names of the warnings already logged in a run, which are skipped; the names of new
-            warnings are added. None logs all warnings.
-    """
-    for name, text in result.indicators.warnings.items():
-        if known is None or name not in known:
-            logger.warning("%s: %s", name, text)
-        if known is not None:
-            known.add(name)

@@ -174,6 +174,8 @@ def test_static_law_gives_a_warning_where_the_contact_zone_grows(law, sliding, l
         sums = COMM.allreduce(np.array([late.sum(), table.bound.sum()]))
         assert found == pytest.approx(sums[0] / sums[1], rel=1e-6)
         assert "QuasiStatic" in result.warnings["growth of 'contact'"]
+        assert "QuasiStatic" not in str(result)
+        assert str(result).endswith("warnings (1): growth of 'contact'")
     assert bool(said(log, "growth of 'contact'")) == isinstance(law, Coulomb)
     step = problem.step_from(problem.snapshot())
     assert "growth of 'contact'" not in step.solve().warnings
