@@ -11,17 +11,12 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-__all__ = ["hidden_beside", "os_error", "part_of", "sync"]
-
-
-def hidden_beside(file: Path) -> Path:
-    """Return a unique hidden file name in the folder of ``file``, with the same suffix."""
-    return file.with_name(f".{file.stem}.{uuid.uuid4().hex}{file.suffix}")
+__all__ = ["os_error", "part_of", "sync"]
 
 
 @contextmanager
 def part_of(file: Path) -> Iterator[Path]:
-    """Context manager: temporary file in the same folder that replaces ``file`` on exit.
+    """Context manager: hidden file in the same folder that replaces ``file`` on exit.
 
     Not collective.
 
@@ -31,7 +26,7 @@ def part_of(file: Path) -> Iterator[Path]:
     Raises:
         OSError: with the path, if the file cannot be written; an existing file is then unchanged.
     """
-    part = hidden_beside(file)
+    part = file.with_name(f".{file.stem}.{uuid.uuid4().hex}{file.suffix}")
     try:
         yield part
         sync(part)

@@ -9,20 +9,17 @@ from __future__ import annotations
 import shutil
 import sys
 import time
-from typing import Any, TextIO
+from typing import TextIO
 
 from mpi4py import MPI
 
-__all__ = ["Progress", "check_progress"]
+__all__ = ["PROGRESS", "Progress"]
+
+#: Values of ``progress=``; None shows the progress of long computations.
+PROGRESS = (True, False, None)
 
 _PATIENCE = 3.0  # seconds before progress is shown automatically
 _SECONDS = 10.0  # seconds between lines without a terminal
-
-
-def check_progress(progress: Any) -> None:
-    """Raise ``ValueError`` unless ``progress`` is True, False or None. Not collective."""
-    if progress not in (True, False, None):
-        raise ValueError(f"progress must be True, False or None, got {progress!r}")
 
 
 class Progress:

@@ -25,7 +25,6 @@ __all__ = [
     "count",
     "flag",
     "instance",
-    "is_count",
     "is_number",
     "located",
     "nonnegative",
@@ -49,12 +48,6 @@ def is_number(value: Any) -> TypeGuard[float]:
     if isinstance(value, np.ndarray) and value.ndim == 0:
         value = value[()]
     return isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
-
-
-def is_count(value: Any) -> TypeGuard[int]:
-    """Return True for integers larger than 0, but not for bool."""
-    whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
-    return whole and value >= 1
 
 
 def number(value: Any, name: str, must: str = "a finite number", *, text: bool = False) -> float:
@@ -90,8 +83,12 @@ def positive(
     return float(value)
 
 
-def nonnegative(value: Any, name: str, must: str = "a nonnegative number") -> float:
-    """Validate a finite non-negative number; see `number`."""
+def nonnegative(
+    value: Any, name: str, must: str = "a nonnegative number", *, infinite: bool = False
+) -> float:
+    """Validate a non-negative number, finite unless ``infinite``; see `number`."""
+    if infinite and is_number(value) and value == np.inf:
+        return float(value)
     if number(value, name, must) < 0:
         raise ValueError(f"{name} must be {must}, got {value!r}")
     return float(value)

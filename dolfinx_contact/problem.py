@@ -32,9 +32,17 @@ from dolfinx_contact._mpi import (
     same_everywhere,
 )
 from dolfinx_contact._petsc import ProblemOptions, check_options, in_database, require_real, staged
-from dolfinx_contact._progress import check_progress
+from dolfinx_contact._progress import PROGRESS
 from dolfinx_contact._ufl import described
-from dolfinx_contact._validate import ReadOnly, copy_with, instance, is_count, nonnegative, positive
+from dolfinx_contact._validate import (
+    ReadOnly,
+    copy_with,
+    count,
+    instance,
+    nonnegative,
+    one_of,
+    positive,
+)
 from dolfinx_contact.body.bulk import Bulk, weighted
 from dolfinx_contact.body.cells import check_cells
 from dolfinx_contact.equations.contact import ContactEquations
@@ -99,20 +107,11 @@ def _check_step(a: Arguments) -> None:
 
 
 def _check_solve(a: Arguments) -> None:
-    try:
-        a.expected = [list(statuses) for statuses in a.expected]
-    except TypeError:
-        raise ValueError(
-            "expected must be a list of statuses, each a list of arrays, surface by surface; got "
-            f"{a.expected!r}"
-        ) from None
-    if not is_count(a.increments):
-        raise ValueError(f"the number of increments must be 1 or more, got {a.increments!r}")
+    a.expected = [list(statuses) for statuses in a.expected]
+    count(a.increments, "the number of increments")
     if not (isinstance(a.algorithm, str) and a.algorithm == "newton"):
         a.algorithm = _classical().algorithm_named(a.algorithm)
-    if a.monitor is not None and not callable(a.monitor):
-        raise ValueError(f"monitor must be a function of a step, got {a.monitor!r}")
-    check_progress(a.progress)
+    one_of(a.progress, "progress", PROGRESS)
 
 
 def _check(a: Arguments) -> None:

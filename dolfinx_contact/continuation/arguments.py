@@ -12,7 +12,7 @@ from petsc4py import PETSc
 import numpy as np
 
 from dolfinx_contact._mpi import everywhere, same_everywhere
-from dolfinx_contact._progress import check_progress
+from dolfinx_contact._progress import PROGRESS
 from dolfinx_contact._validate import count, instance, one_of, vector
 from dolfinx_contact.continuation.observer import Stop, as_observer, is_observer
 from dolfinx_contact.continuation.parameters import StepControl
@@ -129,7 +129,7 @@ def check_listeners(
     if record is not None and not is_observer(record):
         raise ValueError(f"record must be {of}, got {record!r}")
     check_functions("a step", stop=stop)
-    check_progress(progress)
+    one_of(progress, "progress", PROGRESS)
 
 
 def check_functions(of: str, **functions: Any) -> None:

@@ -13,8 +13,8 @@ from mpi4py import MPI
 import numpy as np
 
 from dolfinx_contact._arrays import Array, Codes
-from dolfinx_contact._progress import Progress, check_progress
-from dolfinx_contact._validate import instance, is_number
+from dolfinx_contact._progress import PROGRESS, Progress
+from dolfinx_contact._validate import instance, nonnegative, one_of
 from dolfinx_contact.laws.status import MINUS, OPEN, STICK, WHERE_OPEN
 from dolfinx_contact.proofs.check_proof import (
     Certificate,
@@ -117,9 +117,8 @@ def prove_solutions(
     instance(reduced, "the reduced problem", ReducedProblem)
     if not isinstance(known, Iterable) or isinstance(known, str):
         raise ValueError(f"known must be a list of statuses, got {known!r}")
-    if not (is_number(proof_seconds) and proof_seconds >= 0):
-        raise ValueError(f"proof_seconds must be a nonnegative number, got {proof_seconds!r}")
-    check_progress(progress)
+    nonnegative(proof_seconds, "proof_seconds", infinite=True)
+    one_of(progress, "progress", PROGRESS)
     starts = _checked(reduced, known)
     shown = Progress(MPI.COMM_SELF, progress)
 

@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from dolfinx_contact._arrays import Array, Codes, Mask
-from dolfinx_contact._validate import is_number
+from dolfinx_contact._validate import nonnegative
 from dolfinx_contact.equations.measures import Measures
 from dolfinx_contact.laws import coulomb
 
@@ -110,9 +110,7 @@ class PointProblem:
         if self.augmentation is not None and not (self.augmentation > 0).all():
             raise ValueError("augmentation must be positive")
         for name in ("force", "length"):
-            value = getattr(self, name)
-            if not is_number(value) or not 0 <= value < np.inf:
-                raise ValueError(f"{name} must be a number that is not negative, got {value!r}")
+            nonnegative(getattr(self, name), name)
         if self.frames is not None:
             away = self.frames @ self.frames.transpose(0, 2, 1) - np.eye(dim)
             if np.abs(away).max() > _ORTHOGONAL:

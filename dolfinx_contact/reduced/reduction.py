@@ -43,7 +43,7 @@ from dolfinx import fem
 
 from dolfinx_contact._arrays import Array, Codes
 from dolfinx_contact._mpi import require, total
-from dolfinx_contact._petsc import Entries, destroy, matrix_of, staged
+from dolfinx_contact._petsc import destroy, staged, triplet_matrix
 from dolfinx_contact.continuation import Piece
 from dolfinx_contact.continuation.affine import AffineSystem
 from dolfinx_contact.equations.contact import ContactEquations
@@ -337,10 +337,8 @@ class Reduction:
 
     def _matrix(self, n: int, rows: Any, columns: Any, values: Array) -> PETSc.Mat:
         """Return a matrix of n rows and the columns of the rigid bodies on this rank."""
-        entries = Entries(rows.reshape(-1), columns.reshape(-1))
-        A = matrix_of(self.comm, (n, self._equations.rigid.owned), entries)
-        entries.add(values.reshape(-1), A)
-        return A
+        shape = n, self._equations.rigid.owned
+        return triplet_matrix(self.comm, shape, rows, columns, values)
 
     def _reactions_to_jumps(self) -> tuple[Array, Array, Array]:
         """Return forces at the points for unit jumps, shape (dim m, dim m). Collective.

@@ -9,7 +9,7 @@ from typing import Literal
 from mpi4py import MPI
 
 from dolfinx_contact._mpi import Arguments, collective
-from dolfinx_contact._validate import is_number
+from dolfinx_contact._validate import nonnegative
 from dolfinx_contact.equations.state import State
 
 __all__ = ["Theory", "Uniqueness", "check_seconds", "checked_seconds"]
@@ -40,10 +40,8 @@ class Uniqueness:
 
 
 def check_seconds(a: Arguments) -> None:
-    """Raise ``ValueError`` unless ``proof_seconds`` is a non-negative number."""
-    if not is_number(a.proof_seconds) or not a.proof_seconds >= 0:
-        raise ValueError(f"seconds for a proof must not be negative, got {a.proof_seconds!r}")
-    a.proof_seconds = float(a.proof_seconds)
+    """Validate ``proof_seconds``, a non-negative number, possibly infinite."""
+    a.proof_seconds = nonnegative(a.proof_seconds, "proof_seconds", infinite=True)
 
 
 @collective("seconds", check_seconds)

@@ -250,7 +250,7 @@ MISUSE = {
         "enough",
         KeyboardInterrupt,
     ),
-    "monitor number": (lambda w: block().solve(monitor=3), "monitor must be a function"),
+    "monitor number": (lambda w: block().solve(monitor=3), "not callable", TypeError),
     # level sets and obstacles
     **{
         f"level set {what}": (
@@ -476,7 +476,7 @@ MISUSE = {
         lambda w: Uzawa(max_iterations=2.5),
         "max_iterations must be a whole number >= 1, got 2.5",
     ),
-    "expected numbers": (lambda w: w.problem.solve(expected=[1, 2]), "expected must be a list"),
+    "expected numbers": (lambda w: w.problem.solve(expected=[1, 2]), "not iterable", TypeError),
     "range of mu": (
         lambda w: contact_family(w.system, fem.Constant(w.V.mesh, 1.0), mu_range=(2.0, 1.0)),
         r"the range .2\.0, 1\.0. of mu is empty",
