@@ -38,9 +38,11 @@ undeformed state.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
+
+from mpi4py import MPI
 
 import numpy as np
 
@@ -48,7 +50,7 @@ from dolfinx import fem
 
 from dolfinx_contact._arrays import Array, Mask
 from dolfinx_contact._geometry import dot, unit
-from dolfinx_contact._mpi import any_rank, anywhere, minimum
+from dolfinx_contact._mpi import any_rank, anywhere, maximum, minimum
 from dolfinx_contact.body.cells import smallest_jacobian
 from dolfinx_contact.body.rigid import (
     bounding_box,
@@ -174,6 +176,15 @@ _ROUND_OFF = 1e-9  # relative excess of a threshold that is not an excess
 _TINY = float(np.finfo(np.float64).tiny)
 
 
+def _exceeding(values: Mapping[str, float | None]) -> dict[str, str]:
+    """Return the messages of the indicators above their thresholds, by name."""
+    return {
+        name: _MESSAGES[name].format(value)
+        for name, value in values.items()
+        if value is not None and value > LIMITS[name] * (1.0 + _ROUND_OFF)
+    }
+
+
 @dataclass(frozen=True)
 class SurfaceIndicators:
     """Indicators of a contact surface; see the table at the top of the module.
@@ -226,14 +237,12 @@ class SurfaceIndicators:
     @property
     def warnings(self) -> dict[str, str]:
         """Return messages by the names of the indicators above their thresholds."""
-        found = {}
-        for name, limit in LIMITS.items():
-            value = getattr(self, name, None)
-            if value is not None and name in _LENGTHS:
-                value /= self.facet
-            if value is not None and value > limit * (1.0 + _ROUND_OFF):
-                found[name] = _MESSAGES[name].format(value)
-        return found
+        values = {**vars(self)}
+        facet = values.pop("facet")
+        for name in _LENGTHS:
+            if values[name] is not None:
+                values[name] /= facet
+        return _exceeding(values)
 
 
 @dataclass(frozen=True)
@@ -263,13 +272,15 @@ class StepIndicators:
     alternation: float = 0.0
 
     @property
-    def warning(self) -> str:
-        """Message if the state may jump in the step, otherwise ""."""
+    def warnings(self) -> dict[str, str]:
+        """Messages of a possible jump and of alternating friction, by name."""
+        found = _exceeding({"alternation": self.alternation})
         jumps = self.speed > LIMITS["speed"] and self.residue > LIMITS["residue"]
-        if self.searched or not jumps:
-            return ""
-        values = self.number, self.start, self.time, self.speed, self.residue
-        return _MESSAGES["jump"].format(*values, _LONGER if self.timed else _LOCATE)
+        if jumps and not self.searched:
+            values = self.number, self.start, self.time, self.speed, self.residue
+            advice = _LONGER if self.timed else _LOCATE
+            found = {"jump": _MESSAGES["jump"].format(*values, advice)} | found
+        return found
 
 
 @dataclass(frozen=True)
@@ -305,18 +316,13 @@ class Indicators:
         found = {}
         if self.min_det_F is not None and not self.min_det_F > LIMITS["min_det_F"]:
             found["min_det_F"] = _MESSAGES["min_det_F"].format(self.min_det_F)
-        for name in ("rotation", "displacement"):
-            value = getattr(self, name)
-            if value is not None and value > LIMITS[name]:
-                found[name] = _MESSAGES[name].format(value)
+        found |= _exceeding({"rotation": self.rotation, "displacement": self.displacement})
         if self.apart is not None:
             found["apart"] = _MESSAGES["apart"].format(self.apart)
         if self.floating:
             found["floating"] = _MESSAGES["floating"].format(self.floating)
-        if self.step is not None and self.step.warning:
-            found["jump"] = self.step.warning
-        if self.step is not None and self.step.alternation > LIMITS["alternation"]:
-            found["alternation"] = _MESSAGES["alternation"].format(self.step.alternation)
+        if self.step is not None:
+            found |= self.step.warnings
         for surface, s in self.surfaces.items():
             found |= {f"{name} of {surface!r}": text for name, text in s.warnings.items()}
         return found
@@ -394,7 +400,7 @@ def _floating(eq: ContactEquations, state: Evaluation) -> str:
     scaling = eq.scaling
     if not len(scaling.loose):
         return ""
-    size = eq.comm.allreduce(float(np.max(np.abs(state.u), initial=0.0)), op=max)
+    size = maximum(eq.comm, np.abs(state.u))
     mobile = scaling.loose.any(axis=(0, 2))
     moved = bool(np.any(np.abs(state.u.reshape(-1, eq.dim)[mobile]) > _ROUND_OFF * size))
     if not any_rank(eq.comm, moved):
@@ -428,38 +434,49 @@ def small_sliding_violated(eq: ContactEquations, state: Evaluation) -> str:
 
 def surface_indicators(eq: ContactEquations, state: Evaluation) -> dict[str, SurfaceIndicators]:
     """Return the indicators of every contact surface, by name. Collective."""
-    found = {}
-    for s, contact, held in _contacts(eq, state):
-        small = _of_small_sliding(eq, s, state, contact, held)
-        depth = _most(s, np.nan_to_num(-contact.kinematics.gap)) if s.law.compliant else None
-        small = replace(
-            small,
-            spin=_spin(eq, s, contact),
-            penetration=depth,
-            growth=_growth(eq, s, state, contact),
-            negative_bound=_negative_bound(eq, s, state, contact),
+    return {
+        s.name: _of_surface(eq, s, state, contact, held)
+        for s, contact, held in _contacts(eq, state)
+    }
+
+
+def _of_surface(
+    eq: ContactEquations,
+    s: DiscreteSurface,
+    state: Evaluation,
+    contact: ContactState,
+    held: Mask,
+) -> SurfaceIndicators:
+    """Return the indicators of a surface; ``held`` is the mask of clamped points. Collective."""
+    found = _of_small_sliding(eq, s, state, contact, held)
+    depth = maximum(s.comm, np.nan_to_num(-contact.kinematics.gap)) if s.law.compliant else None
+    found = replace(
+        found,
+        spin=_spin(eq, s, contact),
+        penetration=depth,
+        growth=_growth(eq, s, contact),
+        negative_bound=_negative_bound(eq, s, state, contact),
+    )
+    if s.slides:
+        passed = contact.kinematics.operator.facets_passed  # type: ignore[attr-defined]
+        return replace(
+            found,
+            slip_in_step=maximum(s.comm, _touching(contact, passed)),
+            approach=_approach(eq, s, state, contact),
+            behind_plane=_behind_plane(eq, s, state) / found.facet,
         )
-        if s.slides:
-            step = _most(s, _touching(contact, contact.kinematics.operator.facets_passed))  # type: ignore[attr-defined]
-            small = replace(
-                small,
-                slip_in_step=step,
-                approach=_approach(eq, s, state, contact),
-                behind_plane=_behind_plane(eq, s, state) / small.facet,
-            )
-        elif not s.between_bodies:
-            small = replace(
-                small,
-                slip_in_step=_slip_over_facets(s, contact),
-                passing=_passing(s, contact),
-                between_points=_between_points(s, state),
-                across=_across(eq, s, state, contact, held),
-                overlap=_overlap(eq, s, contact),
-                beside=_beside(eq, s, state, contact),
-                facets=_facets(eq, s, contact),
-            )
-        found[s.name] = small
-    return found
+    if s.between_bodies:
+        return found
+    return replace(
+        found,
+        slip_in_step=_slip_over_facets(s, contact),
+        passing=_passing(s, contact),
+        between_points=_between_points(s, state),
+        across=_across(eq, s, state, contact, held),
+        overlap=_overlap(eq, s, contact),
+        beside=_beside(eq, s, state, contact),
+        facets=_facets(eq, s, contact),
+    )
 
 
 def _contacts(
@@ -475,11 +492,6 @@ def _contacts(
     return found
 
 
-def _most(s: DiscreteSurface, values: Array) -> float:
-    """Return the largest value on all ranks, at least 0. Collective."""
-    return s.comm.allreduce(float(np.max(values, initial=0.0)), op=max)
-
-
 def _negative_bound(
     eq: ContactEquations, s: DiscreteSurface, state: Evaluation, contact: ContactState
 ) -> float:
@@ -488,16 +500,14 @@ def _negative_bound(
     0 at rest, where all forces are round-off.
     """
     areas = s.points.areas
-    below = _most(s, _touching(contact, np.nan_to_num(-contact.answers.bound)) * areas)
-    largest = _most(s, np.linalg.norm(contact.traction, axis=1) * areas)
-    size = _most(s, np.abs(state.u))
+    below = maximum(s.comm, _touching(contact, np.nan_to_num(-contact.answers.bound)) * areas)
+    largest = maximum(s.comm, np.linalg.norm(contact.traction, axis=1) * areas)
+    size = maximum(s.comm, np.abs(state.u))
     none, _ = least_scales(eq, size)
     return below / max(largest, round_off_force(eq, size)) if below > none else 0.0
 
 
-def _growth(
-    eq: ContactEquations, s: DiscreteSurface, state: Evaluation, contact: ContactState
-) -> float:
+def _growth(eq: ContactEquations, s: DiscreteSurface, contact: ContactState) -> float:
     """Return the fraction of the friction bound at points that closed under the load. Collective.
 
     Points whose initial gaps differ little close together: they share the motion before contact,
@@ -516,8 +526,7 @@ def _growth(
         late &= gaps - minimum(s.comm, gaps, np.inf) > _AT_ONCE * compression
     bound = np.maximum(_touching(contact, np.nan_to_num(contact.answers.bound)), 0.0)
     bound = bound * s.points.areas
-    sums = s.comm.allreduce(np.array([bound[late].sum(), bound.sum()]))
-    return float(sums[0] / sums[1]) if sums[1] > 0 else 0.0
+    return _ratio_of_sums(s.comm, bound[late].sum(), bound.sum())
 
 
 def _compression(eq: ContactEquations, s: DiscreteSurface, contact: ContactState) -> float:
@@ -535,13 +544,24 @@ def _compression(eq: ContactEquations, s: DiscreteSurface, contact: ContactState
     geometry = s.points.geometry
     extent = float(np.linalg.norm(high - low)) + geometry.facet_size
     width = (geometry.vertex_areas / geometry.circumferences) ** (1 / (s.dim - 1))
-    modulus = _most(s, eq.scaling.at_vertices[eq.surfaces.index(s)] * width)
+    modulus = maximum(s.comm, eq.scaling.at_vertices[eq.surfaces.index(s)] * width)
     return float(force / area / modulus * extent) + _ROUND_OFF * eq.body_size
 
 
 def _touching(contact: ContactState, values: Array) -> Array:
     """Return values at closed points, 0 at open points."""
     return np.where(closed(contact.statuses), values, 0.0)
+
+
+def _normal_forces(contact: ContactState, areas: Array) -> Array:
+    """Return the compressive normal forces at closed points; 0 at open points and in tension."""
+    return np.maximum(_touching(contact, -dot(contact.traction, contact.data.n)), 0.0) * areas
+
+
+def _ratio_of_sums(comm: MPI.Comm, part: float, whole: float) -> float:
+    """Return the ratio of two sums over all ranks, 0 if the second one is 0. Collective."""
+    parts, wholes = comm.allreduce(np.array([part, whole]))
+    return float(parts / wholes) if wholes > 0 else 0.0
 
 
 def _angles(a: Array, b: Array) -> Array:
@@ -569,7 +589,7 @@ def _of_small_sliding(
     if true is None:
         return replace(found, misfit=None)
     off = _off(eq.terms[eq.surfaces.index(s)].gaps(state), true, closed(contact.statuses))
-    return replace(found, misfit=_most(s, np.where(held, 0.0, off)))
+    return replace(found, misfit=maximum(s.comm, np.where(held, 0.0, off)))
 
 
 def _off(law: Array, true: Array, is_closed: Mask) -> Array:
@@ -607,7 +627,7 @@ def _of_pair(
     off = np.where(touching & (beyond > _LEFT * found.facet), np.hypot(beyond, true), off)
     # slips of points that are closed or transmit a traction across a gap, as bonds do
     size = np.linalg.norm(contact.traction, axis=1)
-    acting = touching | ((size > _CARRYING * _most(s, size)) & ~held)
+    acting = touching | ((size > _CARRYING * maximum(s.comm, size)) & ~held)
     along = np.linalg.norm(jump - dot(jump, n)[:, None] * n, axis=1)
     area = s.comm.allreduce(float(s.points.areas.sum()))
     width = min(width, max(area ** (1 / (s.dim - 1)), found.facet))
@@ -618,15 +638,13 @@ def _of_pair(
         _angles(n, -after.normal) - _angles(n, -before.normal),
     )
     turn = np.maximum(turn, 0.0)
-    forces = np.where(touching, np.maximum(-dot(contact.traction, n), 0.0), 0.0)
-    forces = forces * s.points.areas
-    squares = s.comm.allreduce(np.array([forces @ turn**2, forces.sum()]))
-    mean = float(np.sqrt(squares[0] / squares[1])) if squares[1] > 0 else 0.0
+    forces = np.where(held, 0.0, _normal_forces(contact, s.points.areas))
+    mean = float(np.sqrt(_ratio_of_sums(s.comm, forces @ turn**2, forces.sum())))
     return replace(
         found,
-        misfit=_most(s, off),
-        slip=_most(s, np.where(acting, along, 0.0)) / width,
-        turn=max(mean, _most(s, _touching(contact, turn)) / 2),
+        misfit=maximum(s.comm, off),
+        slip=maximum(s.comm, np.where(acting, along, 0.0)) / width,
+        turn=max(mean, maximum(s.comm, _touching(contact, turn)) / 2),
     )
 
 
@@ -640,7 +658,7 @@ def _slip_over_facets(s: DiscreteSurface, contact: ContactState) -> float:
         return 0.0
     width = max(s.points.geometry.facet_size, shape.facet_size)
     slips = np.linalg.norm(contact.kinematics.increment, axis=1)
-    return _most(s, _touching(contact, slips)) / width
+    return maximum(s.comm, _touching(contact, slips)) / width
 
 
 def _passing(s: DiscreteSurface, contact: ContactState) -> float:
@@ -665,7 +683,7 @@ def _passing(s: DiscreteSurface, contact: ContactState) -> float:
     part = np.divide(first, first + last, out=np.full_like(first, 0.5), where=first + last > 0)
     middle = start + part[:, None] * (at.place - start)
     turned &= shape.gaps_and_normals(middle)[0] < 0.0
-    return _most(s, np.where(turned, _angles(before, after), 0.0))
+    return maximum(s.comm, np.where(turned, _angles(before, after), 0.0))
 
 
 def _approach(
@@ -685,7 +703,7 @@ def _approach(
     assert absent is not None
     alone = absent & (nodes < n)
     way = (moved[nodes[alone]] - sums[:-1] / sums[-1]) * contact.data.n[alone]
-    return _most(s, way.sum(axis=1)) / opposite.depth
+    return maximum(s.comm, way.sum(axis=1)) / opposite.depth
 
 
 def _behind_plane(eq: ContactEquations, s: DiscreteSurface, state: Evaluation) -> float:
@@ -698,7 +716,7 @@ def _behind_plane(eq: ContactEquations, s: DiscreteSurface, state: Evaluation) -
     depth = 0.0
     for axis, place in opposite.planes.items():
         side = np.sign(s.comm.allreduce(float(np.sum(X[:, axis] - place))))
-        depth = max(depth, _most(s, side * (place - x[:, axis])))
+        depth = max(depth, maximum(s.comm, side * (place - x[:, axis])))
     return depth
 
 
@@ -714,8 +732,7 @@ def _spin(eq: ContactEquations, s: DiscreteSurface, contact: ContactState) -> fl
     if s.dim == 2 or STICK not in s.law_at_points.codes or (small and not s.slides):
         return 0.0
     at = contact.kinematics
-    forces = _touching(contact, -dot(contact.traction, at.data.n) * at.operator.areas)
-    weights = np.maximum(forces, 0.0)[:, None]
+    weights = _normal_forces(contact, at.operator.areas)[:, None]
     part, number = s.parts[0].astype(np.int32), s.parts[1]
 
     def means(values: Array) -> Array:
@@ -744,8 +761,7 @@ def _spin(eq: ContactEquations, s: DiscreteSurface, contact: ContactState) -> fl
 
 def _between_points(s: DiscreteSurface, state: Evaluation) -> float:
     """Depth of the obstacle in a facet, between contact points, over the facet size. Collective."""
-    depth = _deepest(s, state.u.reshape(-1, s.dim))
-    return s.comm.allreduce(depth, op=max)
+    return maximum(s.comm, _deepest(s, state.u.reshape(-1, s.dim)))
 
 
 def _deepest(s: DiscreteSurface, u: Array) -> float:
@@ -825,7 +841,7 @@ def _overlap(eq: ContactEquations, s: DiscreteSurface, contact: ContactState) ->
     if given.interference is not None or given.remove_overlap is not None:
         return 0.0
     moved = not np.array_equal(s.start_gaps, s.points.gaps)
-    depth = _most(s, _touching(contact, -s.start_gaps))
+    depth = maximum(s.comm, _touching(contact, -s.start_gaps))
     low, high = bounding_box(eq.comm, eq.nodes)
     return 0.0 if any_rank(eq.comm, moved) else depth / float(np.min(high - low))
 
@@ -844,7 +860,8 @@ def _beside(
     if gaps is None:
         return 0.0
     taken = s.points.removed_overlap
-    depth = _most(s, np.nan_to_num(-gaps)) - (0.0 if taken is None else _most(s, taken.x.array))
+    removed = 0.0 if taken is None else maximum(s.comm, taken.x.array)
+    depth = maximum(s.comm, np.nan_to_num(-gaps)) - removed
     return max(depth, 0.0) / compression
 
 
@@ -855,16 +872,14 @@ def _facets(eq: ContactEquations, s: DiscreteSurface, contact: ContactState) -> 
         return 0.0
     place = contact.kinematics.place
     x = s.positions + (0.0 if place is None else place)
-    force = _touching(contact, -dot(contact.traction, contact.data.n)) * s.points.areas
-    force = np.maximum(force, 0.0)
+    force = _normal_forces(contact, s.points.areas)
     touched = np.flatnonzero(force)
     heights, widths = shape.heights
     facets = shape.distances(x[touched]).facets
     wide = widths[facets] > s.points.geometry.facet_size
-    sums = s.comm.allreduce(
-        np.array([force[touched] @ np.where(wide, heights[facets], 0.0), force.sum()])
-    )
-    return float(sums[0] / sums[1] / _compression(eq, s, contact)) if sums[1] > 0 else 0.0
+    moments = force[touched] @ np.where(wide, heights[facets], 0.0)
+    height = _ratio_of_sums(s.comm, moments, force.sum())
+    return height / _compression(eq, s, contact) if height else 0.0
 
 
 # -- sides of the obstacle -----------------------------------------------------------------------
@@ -881,9 +896,6 @@ def _across(
     u = state.u.reshape(-1, s.dim)
     follows = s.displaced is not None or (s.obstacle.flat and not eq.bulk.linear)
     outward = s.points.outward(u if follows else np.zeros_like(u))
-    n = contact.data.n
-    force = np.maximum(-dot(contact.traction, n), 0.0) * s.points.areas
-    force = np.where(held, 0.0, _touching(contact, force))
-    aside = dot(n, outward) < _ACROSS
-    sums = s.comm.allreduce(np.array([force[aside].sum(), force.sum()]))
-    return float(sums[0] / sums[1]) if sums[1] > 0 else 0.0
+    force = np.where(held, 0.0, _normal_forces(contact, s.points.areas))
+    aside = dot(contact.data.n, outward) < _ACROSS
+    return _ratio_of_sums(s.comm, force[aside].sum(), force.sum())
