@@ -1169,7 +1169,9 @@ def resumed_branch(make, **how):
     x = started(system, 0.0)
 
     def functionals(system):
-        return {"energy": system.problem.energy, "force": total("rn"), "shear": total("rt")}
+        form = fem.form(system.problem.energy)
+        energy = lambda problem: problem.comm.allreduce(fem.assemble_scalar(form))  # noqa: E731
+        return {"energy": energy, "force": total("rn"), "shear": total("rt")}
 
     with new_folder() as folder:
         with BranchRecord(folder, system, functionals(system), every=2) as kept:

@@ -32,7 +32,7 @@ from dolfinx_contact.continuation import (
 )
 from dolfinx_contact.continuation.arguments import check_listeners, check_steps
 from dolfinx_contact.equations.data import data_within
-from dolfinx_contact.records.functionals import Functional, compiled, functional_forms
+from dolfinx_contact.records.functionals import Functional, evaluators
 from dolfinx_contact.records.journal import Explored, Journal
 from dolfinx_contact.records.manifest import manifest_of, memory_of, values_of
 from dolfinx_contact.records.points import BranchEntries
@@ -53,15 +53,15 @@ class BranchRecord(Record[Journal]):
     A record can only be resumed with the same problem. It stores a manifest: the mesh, the forms
     and their domains of integration, Dirichlet conditions and the expressions that drive them,
     surfaces and laws, the values of all Constants and Functions, the memory of a step, and the
-    forms of the functionals. The manifest is compared once on resumption; an error names the first
+    names of the functionals. The manifest is compared once on resumption; an error names the first
     difference.
 
     Args:
         folder: folder of the record, created if necessary.
         system: contact problem with a parameter whose branches are followed.
-        functionals: functionals by name: scalar UFL forms in the problem's Functions, or functions
-            of the problem that return a real number and are called on every rank. A record must be
-            resumed with the same functionals; functions are compared by name only.
+        functionals: functions of the problem by name that return a real number and are called on
+            every rank. A record must be resumed with the same functionals, which are compared by
+            name only.
         every: number of points between two checkpoints; default: 10. Checkpoints are also written
             at special points and at both ends.
         surface_displacement: whether the displacement of the outer surface is recorded at every
@@ -84,7 +84,7 @@ class BranchRecord(Record[Journal]):
     Example:
         Follow a branch with a record, and read the record::
 
-            push = {"push": ufl.dot(traction, u) * ds}
+            push = {"push": total("rt")}
             with BranchRecord("output/branch", system, push) as record:
                 branch = follow(system, x, 0.0, gamma_range=(0.0, 1.0), record=record)
             table = read_journal("output/branch").to_pandas()  # one row per point
@@ -116,7 +116,7 @@ class BranchRecord(Record[Journal]):
         self.system = system
         self.every = every
         self._functionals = dict(functionals or {})
-        self._entries = BranchEntries(system, compiled(system.problem, self._functionals))
+        self._entries = BranchEntries(system, evaluators(system.problem, self._functionals))
         self._last: tuple[BranchPoint, int] | None = None  # last point, and its number
         super().__init__(
             folder,
@@ -132,7 +132,6 @@ class BranchRecord(Record[Journal]):
         recorded = self.journal.header
         new = manifest_of(system.problem, driven=driven)
         new["parts"]["the functionals"] = list(self._functionals)
-        new["forms"] |= functional_forms(system, self._functionals)
         # data may depend on gamma: compare them at the gamma of the first session
         gamma = float(recorded.get("gamma", system.constant.value))
         with system.restored(always=True):

@@ -16,7 +16,7 @@ from dolfinx_contact.continuation import Branch, BranchPoint, Change, Node, Spec
 from dolfinx_contact.continuation.follow import require_solutions
 from dolfinx_contact.continuation.layout import Layout
 from dolfinx_contact.laws import status
-from dolfinx_contact.records.functionals import Functional, compiled
+from dolfinx_contact.records.functionals import Functional, evaluators
 from dolfinx_contact.records.journal import FORMAT, Entry, Journal, RecordedRun, reread
 from dolfinx_contact.records.states import places
 
@@ -31,7 +31,7 @@ class BranchEntries:
 
     Args:
         system: contact problem with a parameter.
-        functionals: compiled functionals by name (`compiled`); default: none.
+        functionals: functions that evaluate the functionals, by name (`evaluators`); default: none.
 
     Attributes:
         vectors: work vectors for the tangent and the unknowns, by name.
@@ -188,8 +188,8 @@ def journal_of(
         ::
 
             branch = follow(system, x, 0.0, gamma_range=(0.0, 1.0))
-            journal = journal_of(system, [branch], {"force": total("rt"), "energy": problem.energy})
-            draw_diagram("branch.png", journal, ["force", "energy"])
+            journal = journal_of(system, [branch], {"force": total("rt"), "ut": leftmost("ut")})
+            draw_diagram("branch.png", journal, ["force", "ut"])
     """
     with everywhere(system.comm, "journal_of"):
         branches = list(branches)
@@ -199,7 +199,7 @@ def journal_of(
     system.equations.require_same_mesh()
     for branch in branches:
         require_solutions(system, branch)
-    values = compiled(system.problem, functionals or {})
+    values = evaluators(system.problem, functionals or {})
     header = {"functionals": list(values), "points": places(system.problem), "format": FORMAT}
     journal = Journal(header=header)
     entries = BranchEntries(system, values)

@@ -205,17 +205,23 @@ def test_a_branch_stops_at_the_first_force_beyond_a_number(most):
     assert_close(np.sum(table_of(system.problem).rn), forces[-1])
 
 
+def energy_of(problem):
+    """The energy of the body, a function of the problem."""
+    form = fem.form(problem.energy)
+    return lambda problem: problem.comm.allreduce(fem.assemble_scalar(form))
+
+
 def test_a_branch_resumed_with_an_observer_tells_of_right_points(folder):
     def force(problem):
         return float(np.sum(table_of(problem).rn))
 
     _, system, reader = lowered()
-    work = {"energy": system.problem.energy, "force": force}
+    work = {"energy": energy_of(system.problem), "force": force}
     with BranchRecord(folder / "branch", system, work, every=4) as record:
         control = StepControl(maximum=0.06)
         followed(system, reader, max_steps=14, control=control, record=record, route="steps")
     _, system, reader = lowered()
-    work = {"energy": system.problem.energy, "force": force}
+    work = {"energy": energy_of(system.problem), "force": force}
     branch = resume(folder / "branch", system, work, every=4, max_steps=200, observer=reader)
     assert_close(branch.points[-1].gamma, 1.0)
     assert_right(reader)

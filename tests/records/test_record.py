@@ -302,7 +302,7 @@ def test_branch_record_refuses_other_folders_and_functionals(whole, folder):
             journal_of(system, [], {name: recorded_run.force})
     with pytest.raises(ValueError, match="every 1 or more"):
         BranchRecord(folder / "new", system, every=0)
-    with pytest.raises(ValueError, match="neither a UFL form nor a function"):
+    with pytest.raises(ValueError, match="must be a function of the problem"):
         BranchRecord(folder / "new", system, {"one": 1.0})
     assert not (folder / "new").exists()
     COMM.barrier()

@@ -127,7 +127,7 @@ def test_journal_in_memory_is_that_of_a_record(followed, folder):
     assert rows[-1] == journal.summary()["end"]
     with pytest.raises(ValueError, match="must be Branch objects"):
         records.journal_of(system, [3])
-    with pytest.raises(ValueError, match="neither a UFL form nor a function"):
+    with pytest.raises(ValueError, match="must be a function of the problem"):
         records.journal_of(system, [branch], {"wheels": 4})
 
 
