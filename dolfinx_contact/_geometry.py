@@ -41,6 +41,7 @@ __all__ = [
     "transformed",
     "unit",
     "unit_rates",
+    "unit_tangents",
 ]
 
 T = TypeVar("T", bound=np.generic)
@@ -232,6 +233,15 @@ def unit_rates(n: Array, length: Array) -> Array:
 def plane_tangents(n: Array) -> Array:
     """Return the tangents t = (-n_y, n_x) of unit normals in 2D, shape (m, 2)."""
     return np.stack([-n[:, 1], n[:, 0]], axis=1)
+
+
+def unit_tangents(n: Array) -> Array:
+    """Return orthonormal tangents of unit normals as columns, shape (m, dim, dim - 1)."""
+    if n.shape[1] == 2:
+        return plane_tangents(n)[:, :, None]
+    axis = np.eye(3)[np.abs(n).argmin(axis=1)]
+    first = unit(np.cross(n, axis))
+    return np.stack([first, np.cross(n, first)], axis=2)
 
 
 def along_tangent(v: Array, n: Array) -> Array:

@@ -60,10 +60,14 @@ from dolfinx_contact.points.pair import DiscretePair
 from dolfinx_contact.points.revolution import axis_condition
 from dolfinx_contact.points.rigid_body import RigidBody
 from dolfinx_contact.points.surface import DiscreteSurface
-from dolfinx_contact.results.balance import forces_at_vertices, support_at_nodes
 from dolfinx_contact.results.indicators import small_sliding_violated
 from dolfinx_contact.results.result import Result, Shown, collect
-from dolfinx_contact.results.tables import ContactTable, contact_table
+from dolfinx_contact.results.tables import (
+    ContactTable,
+    contact_table,
+    forces_at_vertices,
+    support_at_nodes,
+)
 from dolfinx_contact.results.uniqueness import Theory, Uniqueness, check_seconds
 from dolfinx_contact.solvers.history import Attempt, SolveProgress, Step
 from dolfinx_contact.solvers.linear import LinearSolverChoice

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dolfinx_contact._arrays import Array, Codes, Ints, Mask
-from dolfinx_contact._geometry import Gathered, plane_tangents
+from dolfinx_contact._geometry import Gathered, unit_tangents
 from dolfinx_contact.equations.parametric import ParametricEquations
 from dolfinx_contact.laws import Frictionless, LawAtPoints, PointData
 from dolfinx_contact.laws.cones import cones
@@ -72,7 +72,7 @@ class GatheredPoints:
         self.positions = self._gathered.positions
         ordered: list[Any] = [self.gathered(np.concatenate(c)) for c in zip(*columns, strict=True)]
         which, normals, areas, r, gap, held, slope, bound, reach = ordered
-        self.frames: Array = np.stack([*_tangents(normals), -normals], axis=2)
+        self.frames: Array = np.concatenate([unit_tangents(normals), -normals[:, :, None]], axis=2)
         self._which = which
         self._r = r
         self._held = held.astype(bool)
@@ -122,16 +122,6 @@ class GatheredPoints:
                     known = LawAtPoints(law, 2, len(places), self.comm)
                     groups.append((places, known, data))
         return PointLaws(self.number, self.frames, stiffness / self.areas, groups)
-
-
-def _tangents(normals: Array) -> list[Array]:
-    """Return arrays of unit tangents (m, dim): (-n_y, n_x) in 2D, two orthogonal ones in 3D."""
-    if normals.shape[1] == 2:
-        return [plane_tangents(normals)]
-    away = np.eye(3)[np.abs(normals).argmin(axis=1)]
-    first = np.cross(normals, away)
-    first = np.asarray(first / np.linalg.norm(first, axis=1)[:, None], dtype=np.float64)
-    return [first, np.cross(normals, first)]
 
 
 @dataclass(frozen=True)

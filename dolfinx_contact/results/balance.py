@@ -21,50 +21,33 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
-import basix
-from dolfinx import fem
-
-from dolfinx_contact._arrays import Array, Indices
-from dolfinx_contact._compat import FacetSubmesh
+from dolfinx_contact._arrays import Array
 from dolfinx_contact._geometry import in_space, node_positions
-from dolfinx_contact._mpi import SharedValues, maximum, total
+from dolfinx_contact._mpi import maximum, total
 from dolfinx_contact.body.rigid import bounding_box
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation
 from dolfinx_contact.equations.measures import round_off_force
 from dolfinx_contact.points.surface import DiscreteSurface
-from dolfinx_contact.points.trace import facet_closures
+from dolfinx_contact.results.tables import ContactTable
 
 __all__ = [
     "Balance",
     "PairBalance",
     "RigidBodyResult",
     "balance",
-    "forces_at_vertices",
     "pair_balance",
     "pair_forces",
     "rigid_body_results",
-    "support_at_nodes",
 ]
 
 
 _NO_STRAIN = 1e-9  # strain whose stress is round-off
 _SAME_PLACE = 1e-9  # distance of coinciding nodes, relative to the size of the faces
-
-
-class ContactForces(Protocol):
-    """Table of contact points with forces on the body, shape (n, dim)."""
-
-    @property
-    def force(self) -> Array:
-        """Contact force on the body."""
-
-    def resultant(self, forces: Array) -> Array:
-        """Return the sum of forces at the points."""
 
 
 @dataclass(frozen=True)
@@ -88,7 +71,7 @@ class Balance:
 def balance(
     eq: ContactEquations,
     state: Evaluation,
-    tables: Iterable[ContactForces],
+    tables: Iterable[ContactTable],
     supports: Array,
 ) -> Balance:
     """Compute the balance of forces at a state. Collective.
@@ -149,66 +132,6 @@ def _resultant(eq: ContactEquations, forces: Array) -> Array:
 def _mirrored_axes(eq: ContactEquations) -> list[int]:
     """Return the coordinate axes normal to planes of symmetry with mirror images."""
     return sorted({axis for s in eq.surfaces if s.slides for axis in s.obstacle.opposite.planes})
-
-
-def support_at_nodes(eq: ContactEquations, state: Evaluation) -> Array:
-    """Return the Dirichlet reactions on the body at the local nodes, shape (n, dim). Collective.
-
-    They are 0 in free components.
-    """
-    reaction = fem.Function(eq.V)
-    owned = eq.owned_sizes[0]
-    assert state.reactions is not None
-    reaction.x.array[:owned] = np.where(eq.fixed[:owned], state.reactions, 0.0)
-    reaction.x.scatter_forward()
-    return reaction.x.array.reshape(-1, eq.dim).copy()
-
-
-def forces_at_vertices(
-    V: fem.FunctionSpace,
-    submesh: FacetSubmesh,
-    trace: Indices,
-    forces: Array,
-) -> Array:
-    """Lump nodal forces onto the local vertices of a surface, shape (n, dim). Collective.
-
-    The hat functions of the vertices distribute the force of a node between vertices, so the sum
-    over the surface is preserved.
-
-    Args:
-        V: displacement space.
-        submesh: facets of the surface.
-        trace: nodes of V at the local vertices of the surface.
-        forces: forces at the local nodes of V, shape (n, dim).
-    """
-    if V.ufl_element().degree == 1:
-        return np.asarray(forces[trace])
-    tdim = V.mesh.topology.dim
-    topology = V.mesh.topology
-    index_map = V.dofmap.index_map
-    facets = submesh.parent_facets[: submesh.mesh.topology.index_map(tdim - 1).size_local]
-    to_cells = topology.connectivity(tdim - 1, tdim)
-    nodes = V.dofmap.list[to_cells.array[to_cells.offsets[facets]]]
-    closures = facet_closures(V, facets)
-    # Distribute the force of a node over its facets, on whichever rank they are.
-    at_nodes = SharedValues(index_map)
-    count = at_nodes.sums(closures, np.ones(closures.shape))
-    share = forces / np.maximum(count, 1.0)[:, None]
-    on_facet = (nodes[:, :, None] == closures[:, None, :]).any(axis=2)
-    hats, corners = _hats(V)
-    parts = np.einsum("pv,cp,cpd->cvd", hats, on_facet, share[nodes])
-    return at_nodes.sums(nodes[:, corners], parts)[trace]
-
-
-def _hats(V: fem.FunctionSpace) -> tuple[Array, list[int]]:
-    """Return hat functions of a cell at its nodes (nodes, vertices), and the nodes at vertices."""
-    cell = V.mesh.basix_cell()
-    corners = basix.geometry(cell)
-    linear = basix.create_element(basix.ElementFamily.P, cell, 1)
-    layout = V.dofmap.dof_layout
-    nodes = [int(layout.entity_dofs(0, i)[0]) for i in range(len(corners))]
-    points = V.ufl_element().sub_elements[0].basix_element.points
-    return np.round(linear.tabulate(0, points)[0, :, :, 0], 12), nodes
 
 
 # -- pairs and rigid bodies ------------------------------------------------------------------------

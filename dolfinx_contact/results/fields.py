@@ -24,8 +24,11 @@ from dolfinx_contact.equations.evaluation import Evaluation
 from dolfinx_contact.laws.status import MINUS, PLUS, closed, senses
 from dolfinx_contact.points.evaluation import blocked_space, vertex_function
 from dolfinx_contact.points.surface import DiscreteSurface
-from dolfinx_contact.results.balance import forces_at_vertices, support_at_nodes
-from dolfinx_contact.results.tables import friction_bound
+from dolfinx_contact.results.tables import (
+    forces_at_vertices,
+    friction_bound,
+    support_at_nodes,
+)
 
 __all__ = ["STATUS_CODES", "contact_fields", "vertex_state"]
 

@@ -31,10 +31,14 @@ from dolfinx_contact.results.balance import (
     balance,
     pair_balance,
     rigid_body_results,
-    support_at_nodes,
 )
 from dolfinx_contact.results.indicators import Indicators, indicators_of
-from dolfinx_contact.results.tables import ContactTable, contact_table, violation
+from dolfinx_contact.results.tables import (
+    ContactTable,
+    contact_table,
+    support_at_nodes,
+    violation,
+)
 from dolfinx_contact.results.uniqueness import Uniqueness
 from dolfinx_contact.solvers.history import Attempt, Step
 

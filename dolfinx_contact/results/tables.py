@@ -19,18 +19,30 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx_contact._arrays import Array, Mask
+import basix
+from dolfinx import fem
+
+from dolfinx_contact._arrays import Array, Indices, Mask
+from dolfinx_contact._compat import FacetSubmesh
 from dolfinx_contact._geometry import Gathered, along_tangent, in_space
 from dolfinx_contact._install import optional
+from dolfinx_contact._mpi import SharedValues
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import ContactState, Evaluation
 from dolfinx_contact.laws import status
 from dolfinx_contact.laws.status import STICK, closed, without_damage
 from dolfinx_contact.points.memory import slid_after
 from dolfinx_contact.points.surface import DiscreteSurface
-from dolfinx_contact.results.balance import forces_at_vertices
+from dolfinx_contact.points.trace import facet_closures
 
-__all__ = ["ContactTable", "contact_table", "friction_bound", "violation"]
+__all__ = [
+    "ContactTable",
+    "contact_table",
+    "forces_at_vertices",
+    "friction_bound",
+    "support_at_nodes",
+    "violation",
+]
 
 
 @dataclass(frozen=True)
@@ -379,3 +391,66 @@ def _letters_of_motion(ut: Array, n: Array, least: float) -> npt.NDArray[np.str_
     if ut.shape[1] == 2:
         sliding = np.where(along_tangent(ut, n) > 0, "+", "-")
     return np.where(size > least, sliding, "k")
+
+
+# -- reactions of Dirichlet data ------------------------------------------------------------------
+
+
+def support_at_nodes(eq: ContactEquations, state: Evaluation) -> Array:
+    """Return the Dirichlet reactions on the body at the local nodes, shape (n, dim). Collective.
+
+    They are 0 in free components.
+    """
+    reaction = fem.Function(eq.V)
+    owned = eq.owned_sizes[0]
+    assert state.reactions is not None
+    reaction.x.array[:owned] = np.where(eq.fixed[:owned], state.reactions, 0.0)
+    reaction.x.scatter_forward()
+    return reaction.x.array.reshape(-1, eq.dim).copy()
+
+
+def forces_at_vertices(
+    V: fem.FunctionSpace,
+    submesh: FacetSubmesh,
+    trace: Indices,
+    forces: Array,
+) -> Array:
+    """Lump nodal forces onto the local vertices of a surface, shape (n, dim). Collective.
+
+    The hat functions of the vertices distribute the force of a node between vertices, so the sum
+    over the surface is preserved.
+
+    Args:
+        V: displacement space.
+        submesh: facets of the surface.
+        trace: nodes of V at the local vertices of the surface.
+        forces: forces at the local nodes of V, shape (n, dim).
+    """
+    if V.ufl_element().degree == 1:
+        return np.asarray(forces[trace])
+    tdim = V.mesh.topology.dim
+    topology = V.mesh.topology
+    index_map = V.dofmap.index_map
+    facets = submesh.parent_facets[: submesh.mesh.topology.index_map(tdim - 1).size_local]
+    to_cells = topology.connectivity(tdim - 1, tdim)
+    nodes = V.dofmap.list[to_cells.array[to_cells.offsets[facets]]]
+    closures = facet_closures(V, facets)
+    # Distribute the force of a node over its facets, on whichever rank they are.
+    at_nodes = SharedValues(index_map)
+    count = at_nodes.sums(closures, np.ones(closures.shape))
+    share = forces / np.maximum(count, 1.0)[:, None]
+    on_facet = (nodes[:, :, None] == closures[:, None, :]).any(axis=2)
+    hats, corners = _hats(V)
+    parts = np.einsum("pv,cp,cpd->cvd", hats, on_facet, share[nodes])
+    return at_nodes.sums(nodes[:, corners], parts)[trace]
+
+
+def _hats(V: fem.FunctionSpace) -> tuple[Array, list[int]]:
+    """Return hat functions of a cell at its nodes (nodes, vertices), and the nodes at vertices."""
+    cell = V.mesh.basix_cell()
+    corners = basix.geometry(cell)
+    linear = basix.create_element(basix.ElementFamily.P, cell, 1)
+    layout = V.dofmap.dof_layout
+    nodes = [int(layout.entity_dofs(0, i)[0]) for i in range(len(corners))]
+    points = V.ufl_element().sub_elements[0].basix_element.points
+    return np.round(linear.tabulate(0, points)[0, :, :, 0], 12), nodes

@@ -32,7 +32,7 @@ import numpy as np
 import scipy
 
 from dolfinx_contact._arrays import Array, Ints
-from dolfinx_contact._geometry import area_vectors, dot, plane_tangents, unit
+from dolfinx_contact._geometry import area_vectors, dot, unit, unit_tangents
 
 __all__ = ["corner_normals", "crossed", "without_tips"]
 
@@ -174,7 +174,7 @@ def _along_edges(
     normals = guess.reshape(-1, dim)[first]
     row = np.arange(len(a))[:, None] * np.ones((1, dim - 1), dtype=np.int64)
     for _ in range(2):  # unit vectors turn by slightly more than their tangential increment
-        frames = _tangents(normals)
+        frames = unit_tangents(normals)
         off = -dot(normals[a] + normals[b], edges)
         values, columns = [], []
         for end in (a, b):
@@ -200,15 +200,6 @@ def _edges(corners: Array, fans: Ints) -> tuple[Ints, Ints, Array]:
         ways.append(unit(corners[:, j] - corners[:, i]))
     pairs, first = np.unique(np.concatenate(ends), axis=0, return_index=True)
     return pairs[:, 0], pairs[:, 1], np.concatenate(ways)[first]
-
-
-def _tangents(normals: Array) -> Array:
-    """Return orthonormal tangent vectors for each normal, shape (n, dim, dim - 1)."""
-    if normals.shape[1] == 2:
-        return plane_tangents(normals)[:, :, None]
-    axis = np.eye(3)[np.argmin(np.abs(normals), axis=1)]
-    first = unit(np.cross(normals, axis))
-    return np.stack([first, np.cross(normals, first)], axis=2)
 
 
 def _bends(corners: Array, normals: Array) -> Array:
