@@ -36,7 +36,6 @@ __all__ = [
     "Factor",
     "ProblemOptions",
     "as_raised",
-    "check_options",
     "destroy",
     "forget_product",
     "half_of",
@@ -126,61 +125,52 @@ def in_database(prefix: str) -> dict[str, str]:
     return {k[len(prefix) :]: v for k, v in everything.items() if k.startswith(prefix)}
 
 
-def check_options(prefix: str, options: Mapping[str, Any]) -> None:
-    """Validate options of a problem and those of the database under its prefix. Not collective.
-
-    Raises:
-        ValueError: for a prefix with a dash, names with a dash or the prefix, misspelled names of
-            this package, a tolerance that is not positive, and options that cannot be used here.
-    """
-    if not isinstance(prefix, str) or prefix.startswith("-") or prefix != "".join(prefix.split()):
-        raise ValueError(f"the prefix of PETSc options must be a word without dash, got {prefix!r}")
-    if not isinstance(options, Mapping):
-        raise ValueError(f"petsc_options must be a dictionary, got {type(options).__name__}")
-    for key in options:
-        if not isinstance(key, str) or not key:
-            raise ValueError(f"the names in petsc_options must be words, got {key!r}")
-        if key.startswith("-") or (prefix and key.startswith(prefix)):
-            short = key.lstrip("-").removeprefix(prefix)
-            raise ValueError(
-                f"petsc_options: {key!r} must be given without dash and prefix, as {short!r}"
-            )
-    named = {f"petsc_options: {key}": (key, value) for key, value in options.items()}
-    named |= {f"-{prefix}{key}": (key, value) for key, value in in_database(prefix).items()}
-    for name, (key, value) in named.items():
-        # before the search for misspelled names: snes_atol resembles snes_rtol
-        reasons = [reason for pattern, reason in _NOT_HERE.items() if re.fullmatch(pattern, key)]
-        if reasons:
-            raise ValueError(f"{name} cannot be used: {reasons[0]}")
-        near = get_close_matches(key, _OWN, n=1, cutoff=_NEARLY)
-        if near and key not in _OWN:
-            raise ValueError(f"{name}: there is no such option; did you mean {near[0]}?")
-        if key == "snes_rtol":
-            positive(value, name, text=True)
-        if key == "snes_type":
-            one_of(value, name, _SNES_TYPES)
-
-
 class ProblemOptions:
     """PETSc options of a problem.
 
     Args:
         prefix: prefix of the options.
-        given: options of the user, named without the prefix; options in the database take
-            precedence.
-
-    Attributes:
-        prefix: prefix of the options.
-        given: options of the user.
+        given: options of the user, named without the prefix, which may be changed later; options in
+            the database take precedence.
     """
 
-    def __init__(self, prefix: str, given: dict[str, Any]):
+    def __init__(self, prefix: str, given: Mapping[str, Any]):
         self.prefix = prefix
         self.given = given
 
     def check(self) -> None:
-        """Validate the present options; see `check_options`."""
-        check_options(self.prefix, self.given)
+        """Validate the options given and those of the database under the prefix. Not collective.
+
+        Raises:
+            ValueError: for a prefix with a dash, names with a dash or the prefix, misspelled names
+                of this package, a tolerance that is not positive, and options that cannot be used
+                here.
+        """
+        prefix = self.prefix
+        if prefix.startswith("-") or prefix != "".join(prefix.split()):
+            raise ValueError(
+                f"the prefix of PETSc options must be a word without dash, got {prefix!r}"
+            )
+        for key in self.given:
+            if key.startswith("-") or (prefix and key.startswith(prefix)):
+                short = key.lstrip("-").removeprefix(prefix)
+                raise ValueError(
+                    f"petsc_options: {key!r} must be given without dash and prefix, as {short!r}"
+                )
+        named = {f"petsc_options: {key}": (key, value) for key, value in self.given.items()}
+        named |= {f"-{prefix}{key}": (key, value) for key, value in in_database(prefix).items()}
+        for name, (key, value) in named.items():
+            # before the search for misspelled names: snes_atol resembles snes_rtol
+            for pattern, reason in _NOT_HERE.items():
+                if re.fullmatch(pattern, key):
+                    raise ValueError(f"{name} cannot be used: {reason}")
+            near = get_close_matches(key, _OWN, n=1, cutoff=_NEARLY)
+            if near and key not in _OWN:
+                raise ValueError(f"{name}: there is no such option; did you mean {near[0]}?")
+            if key == "snes_rtol":
+                positive(value, name, text=True)
+            if key == "snes_type":
+                one_of(value, name, _SNES_TYPES)
 
     def value(self, name: str) -> str | None:
         """Return an option from the database or, if missing, of the user; None if unset."""

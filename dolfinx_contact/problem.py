@@ -31,7 +31,7 @@ from dolfinx_contact._mpi import (
     require,
     same_everywhere,
 )
-from dolfinx_contact._petsc import ProblemOptions, check_options, in_database, require_real, staged
+from dolfinx_contact._petsc import ProblemOptions, in_database, require_real, staged
 from dolfinx_contact._progress import PROGRESS
 from dolfinx_contact._ufl import described
 from dolfinx_contact._validate import (
@@ -125,7 +125,7 @@ def _check(a: Arguments) -> None:
     if a.r is not None:
         positive(a.r, "the augmentation parameter r", "positive")
     a.petsc_options = {} if a.petsc_options is None else a.petsc_options
-    check_options(a.petsc_options_prefix, a.petsc_options)
+    ProblemOptions(a.petsc_options_prefix, a.petsc_options).check()
 
 
 def _described(a: Arguments) -> dict[str, Any]:
