@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from dolfinx_contact._arrays import Array, Codes, Ints, Mask
 from dolfinx_contact._geometry import Gathered, unit_tangents
+from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.parametric import ParametricEquations
 from dolfinx_contact.laws import Frictionless, LawAtPoints, PointData
 from dolfinx_contact.laws.cones import cones
@@ -50,40 +51,50 @@ class GatheredPoints:
         self.comm = system.comm
         self.local = np.flatnonzero(~system.clamped)
         self._surfaces = eq.surfaces
-        columns: list[tuple[Any, ...]] = []
-        ids = system._ids[self.local]
-        for number, s in enumerate(eq.surfaces):
-            n = s.points.number
-            held = eq.constraints.fixed_jumps[number][:n].any(axis=1)
-            at_rest = np.zeros((n, eq.dim))
-            answers = s.law_at_points(at_rest, at_rest, s.point_data(eq.memory[number]))
-            given = s.law.bound_kind == "given"
-            slope = np.zeros(n) if given else answers.unit_bound
-            bound = answers.bound * s.points.areas if given else np.zeros(n)
-            data = s.points.data
-            which = np.full(n, number)
-            flat = s.obstacle.flat and not s.between_bodies
-            reach = np.full(n, np.inf if flat else s.points.geometry.facet_size / 2)
-            columns.append(
-                (which, data.n, s.points.areas, data.r, data.gap, held, slope, bound, reach)
-            )
-        self._gathered = Gathered(self.comm, system.positions[self.local], ids)
+        tables = [self._table(eq, number) for number in range(len(eq.surfaces))]
+        self._gathered = Gathered(self.comm, system.positions[self.local], system._ids[self.local])
         self.mine = self._gathered.mine
         self.positions = self._gathered.positions
-        ordered: list[Any] = [self.gathered(np.concatenate(c)) for c in zip(*columns, strict=True)]
-        which, normals, areas, r, gap, held, slope, bound, reach = ordered
-        self.frames: Array = np.concatenate([unit_tangents(normals), -normals[:, :, None]], axis=2)
-        self._which = which
-        self._r = r
-        self._held = held.astype(bool)
-        self.number = len(normals)
-        self.normals = normals
-        self.areas = areas
-        self.augmentation = r * areas
-        self.gap = gap
-        self.reach = reach
-        self.friction, self.bound = (np.where(self._held, 0.0, v) for v in (slope, bound))
+        table = {
+            name: self.gathered(np.concatenate([values[name] for values in tables]))
+            for name in tables[0]
+        }
+        self._which = table["surface"]
+        self._r = table["r"]
+        self._held = table["held"]
+        self.normals = table["normal"]
+        self.areas = table["area"]
+        self.gap = table["gap"]
+        self.reach = table["reach"]
+        self.number = len(self.normals)
+        self.frames: Array = np.concatenate(
+            [unit_tangents(self.normals), -self.normals[:, :, None]], axis=2
+        )
+        self.augmentation = self._r * self.areas
+        self.friction = np.where(self._held, 0.0, table["unit bound"])
+        self.bound = np.where(self._held, 0.0, table["bound"])
         self.guided = bool(self._held.any())
+
+    @staticmethod
+    def _table(eq: ContactEquations, number: int) -> dict[str, npt.NDArray[Any]]:
+        """Return data of the contact points of a surface on this rank, by name."""
+        s = eq.surfaces[number]
+        n = s.points.number
+        at_rest = np.zeros((n, eq.dim))
+        answers = s.law_at_points(at_rest, at_rest, s.point_data(eq.memory[number]))
+        given = s.law.bound_kind == "given"
+        flat = s.obstacle.flat and not s.between_bodies
+        return {
+            "surface": np.full(n, number),
+            "normal": s.points.data.n,
+            "area": s.points.areas,
+            "r": s.points.data.r,
+            "gap": s.points.data.gap,
+            "held": eq.constraints.fixed_jumps[number][:n].any(axis=1),
+            "unit bound": np.zeros(n) if given else answers.unit_bound,
+            "bound": answers.bound * s.points.areas if given else np.zeros(n),
+            "reach": np.full(n, np.inf if flat else s.points.geometry.facet_size / 2),
+        }
 
     def gathered(self, values: npt.NDArray[T]) -> npt.NDArray[T]:
         """Gather the values of all ranks, in the order of the points. Collective."""

@@ -390,20 +390,12 @@ class Reduction:
     def contract(self, x: PETSc.Vec) -> Array:
         """Return the state w = (a, r / ``force_unit``) of all points, (m, 2 dim). Collective."""
         state = self._equations.contact(x)
-        jump = np.concatenate(
-            [
-                found.jump - (s.points.data.gap[:, None] * s.points.data.n)
-                for s, found in zip(self._equations.surfaces, state.surfaces, strict=True)
-            ]
-        )
-        force = np.concatenate(
-            [
-                found.traction * s.points.areas[:, None]
-                for s, found in zip(self._equations.surfaces, state.surfaces, strict=True)
-            ]
-        )
-        parts = [self.points.gathered(v) for v in (jump, force / self.force_unit)]
+        jumps, forces = [], []
+        for s, found in zip(self._equations.surfaces, state.surfaces, strict=True):
+            jumps.append(found.jump - s.points.data.gap[:, None] * s.points.data.n)
+            forces.append(found.traction * s.points.areas[:, None] / self.force_unit)
         T = self.points.frames
+        parts = [self.points.gathered(np.concatenate(v)) for v in (jumps, forces)]
         return np.concatenate([np.einsum("iap,ia->ip", T, v) for v in parts], axis=1)
 
     def expand(self, w: Array, gamma: float, x: PETSc.Vec) -> None:
