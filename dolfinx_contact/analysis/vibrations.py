@@ -31,7 +31,7 @@ from dolfinx import fem
 
 from dolfinx_contact._arrays import Array, Mask
 from dolfinx_contact._forms import compiled_form
-from dolfinx_contact._mpi import everywhere
+from dolfinx_contact._mpi import count_of, everywhere, maximum
 from dolfinx_contact._petsc import destroy
 from dolfinx_contact._validate import nonnegative, positive
 from dolfinx_contact.body.bulk import weighted
@@ -74,12 +74,12 @@ class Body:
     @cached_property
     def unknowns(self) -> int:
         """Number of free displacements on all ranks; collective when first computed."""
-        return int(self.eq.comm.allreduce(int(self.free.sum())))
+        return count_of(self.eq.comm, self.free)
 
     def scale(self, A: PETSc.Mat) -> float:
         """Return the largest ratio of diagonal entries of A and M on all ranks. Collective."""
         a, m = (np.abs(X.getDiagonal().array_r[self.free]) for X in (A, self.M))
-        return float(self.eq.comm.allreduce(float(np.max(a / m, initial=0.0)), op=max))
+        return maximum(self.eq.comm, a / m)
 
     def destroy(self) -> None:
         """Free the matrices."""

@@ -42,7 +42,7 @@ from dolfinx import fem
 
 from dolfinx_contact._arrays import Array, Mask
 from dolfinx_contact._geometry import node_positions
-from dolfinx_contact._mpi import all_ranks, largest, require
+from dolfinx_contact._mpi import all_ranks, largest, minimum, require
 from dolfinx_contact._validate import is_number, one_of
 from dolfinx_contact.body.inertia import Mass
 from dolfinx_contact.body.moving import MovingBody, Scheme, TimeStep
@@ -338,7 +338,7 @@ class MotionStepper(Stepper):
         for s, at in zip(eq.surfaces, motion.surfaces, strict=True):
             if s.law.compliant:
                 continue
-            least = eq.comm.allreduce(float(np.min(at.un, initial=np.inf)), op=min)
+            least = minimum(eq.comm, at.un, np.inf)
             require(
                 eq.comm,
                 least >= -_PENETRATION * eq.body_size,

@@ -45,7 +45,7 @@ from petsc4py import PETSc
 import numpy as np
 
 from dolfinx_contact._arrays import Array, Codes, Indices
-from dolfinx_contact._mpi import any_rank
+from dolfinx_contact._mpi import any_rank, maximum
 from dolfinx_contact.continuation.branch import FoundRays, Ray
 from dolfinx_contact.continuation.corrector import Corrector
 from dolfinx_contact.continuation.ray_finder import Kink, RayFinder, parity
@@ -216,7 +216,7 @@ class RateProblem:
     def _steepest(self, falling: _Falling) -> _Falling:
         """Return the steepest border over all ranks; the first of equally steep ones."""
         rates = falling.rates
-        steepest = self._comm.allreduce(float(np.max(rates, initial=-np.inf)), op=max)
+        steepest = maximum(self._comm, rates, -np.inf)
         order = self._bordered.system.order()[falling.points]
         candidates = [
             (int(order[k]), int(falling.targets[k]), self._comm.rank, int(k))

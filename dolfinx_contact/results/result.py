@@ -14,7 +14,7 @@ from typing import Any, NoReturn, TypeAlias, TypeVar
 import numpy as np
 
 from dolfinx_contact._arrays import Array, as_text
-from dolfinx_contact._mpi import require
+from dolfinx_contact._mpi import maximum, require
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation
 from dolfinx_contact.equations.measures import (
@@ -190,7 +190,7 @@ class Result:
         tables = self.tables.values()
         rt = sum(t.resultant(t.rt) for t in tables)
         counts = self.counts
-
+        bodies = {name: body.summary() for name, body in self.rigid_bodies.items()}
         return {
             "converged": self.converged,
             "newton_iterations": self.iterations,
@@ -202,10 +202,7 @@ class Result:
             "external": self.external.tolist(),
             "force_imbalance": self.imbalance,
             "pairs": {name: pair.summary() for name, pair in self.pairs.items()},
-            "open": counts["open"],
-            "stick": counts["stick"],
-            "slip": counts["slip"],
-            "clamped": counts["clamped"],
+            **counts,
             "kkt_violation": self.kkt_violation,
             "misfit": self.misfit,
             "min_det_F": self.min_det_F,
@@ -214,13 +211,9 @@ class Result:
                 for name, s in self.indicators.surfaces.items()
                 if s.penetration is not None
             },
-            **self._rigid_summary(),
+            **({"rigid_bodies": bodies} if bodies else {}),
             **({} if uniqueness is None else {"unique": uniqueness.verdict}),
         }
-
-    def _rigid_summary(self) -> dict[str, Any]:
-        bodies = {name: body.summary() for name, body in self.rigid_bodies.items()}
-        return {"rigid_bodies": bodies} if bodies else {}
 
 
 def _shown(vector: Array, largest: float) -> str:
@@ -305,11 +298,9 @@ def _scales(
     """Return the force and length scales for the violation of a law. Collective."""
     assert state.reactions is not None
     largest = max(float(np.max(np.abs(t.force), initial=0.0)) for t in tables)
-    reaction = float(np.max(np.abs(state.reactions), initial=0.0))
-    moved = float(np.max(np.abs(state.u), initial=0.0))
     contacts = zip(eq.surfaces, state.surfaces, eq.scaling.at_vertices, strict=True)
-    kept = max(held_back(s, found, stiffness) for s, found, stiffness in contacts)
-    force = max(largest, eq.comm.allreduce(reaction, op=max))
-    u = eq.comm.allreduce(max(moved, kept), op=max)
+    kept = [held_back(s, found, stiffness) for s, found, stiffness in contacts]
+    force = max(largest, maximum(eq.comm, np.abs(state.reactions)))
+    u = max(maximum(eq.comm, np.abs(state.u)), maximum(eq.comm, kept))
     none = least_scales(eq, u)
     return max(force, round_off_force(eq, u), none[0]), max(u, none[1])
