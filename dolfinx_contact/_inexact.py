@@ -26,7 +26,7 @@ the correction is discarded.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from petsc4py import PETSc
 
@@ -66,13 +66,9 @@ class Forcing:
     many: float = 0.02
     patience: int = 8
     looks: float = 0.3
-    _cap: float = field(default=3e-2, init=False)
-    _least: float = field(default=float("inf"), init=False)
-    _waited: int = field(default=0, init=False)
-    _last: float = field(default=0.0, init=False)
-    _eta: float = field(default=0.0, init=False)
-    _tested: bool = field(default=False, init=False)
-    _next: float = field(default=0.0, init=False)
+
+    def __post_init__(self) -> None:
+        self.restart(warm=False)
 
     @classmethod
     def in_motion(cls) -> Forcing:
@@ -81,12 +77,13 @@ class Forcing:
 
     def restart(self, *, warm: bool) -> None:
         """Begin a solve, from a state close to a solution (``warm``) or not."""
-        self._cap = self.warm if warm else self.largest
-        self._last = self._eta = 0.0
-        self._least = float("inf")
-        self._waited = 0
-        self._tested = True
-        self._next = 0.0
+        self._cap = self.warm if warm else self.largest  # largest tolerance at present
+        self._last = 0.0  # residual of the last step
+        self._eta = 0.0  # tolerance of the last step
+        self._least = float("inf")  # smallest residual
+        self._waited = 0  # steps since the smallest residual
+        self._tested = True  # whether linear models are tested
+        self._next = 0.0  # reduction of the linear residual at the next test
 
     def tighten(self) -> bool:
         """Reduce the largest tolerance; return False if it cannot be reduced further."""
