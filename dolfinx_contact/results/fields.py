@@ -17,7 +17,7 @@ import numpy as np
 
 from dolfinx import fem
 
-from dolfinx_contact._arrays import Array, Mask
+from dolfinx_contact._arrays import Array
 from dolfinx_contact._geometry import along_tangent
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation
@@ -55,7 +55,9 @@ def contact_fields(
     state = vertex_state(eq, number, evaluation)
     shares = np.stack([state["open"], 1 - state["open"] - state["slip"], state["slip"]])
     status = np.argmax(np.round(shares, 9), axis=0).astype(float)
-    clamped = _at_vertices(s, eq.constraints.clamped[number])
+    marked = fem.Function(s.points.Q)
+    marked.x.array[:] = np.repeat(eq.constraints.clamped[number].astype(float), s.dim)
+    clamped = _at_vertices(s, marked)[:, 0] > 0.5
     status[clamped] = STATUS_CODES["d"]
     if s.method != "integral":
         for name in ("traction", "pressure", "shear"):
@@ -133,23 +135,12 @@ def _interpolated(
         slip = u - np.sum(u * n, axis=1)[:, None] * n
     else:
         slip = s.points.at_vertices(slip_at_points)
-    return {"un": gap, "ut": slip, "n": n, "traction": _multiplier_at_vertices(s)}
+    return {"un": gap, "ut": slip, "n": n, "traction": _at_vertices(s, s.multiplier)}
 
 
-def _multiplier_at_vertices(s: DiscreteSurface) -> Array:
-    if s.degrees[1] == 1:
-        return s.multiplier.x.array.reshape(-1, s.dim)
+def _at_vertices(s: DiscreteSurface, multiplier: fem.Function) -> Array:
+    """Return the values (n, dim) of a Function of the multiplier space at the local vertices."""
     f = fem.Function(blocked_space(s.points.vertices, s.dim))
-    f.interpolate(s.multiplier)
+    f.interpolate(multiplier)
     f.x.scatter_forward()
     return f.x.array.reshape(-1, s.dim)
-
-
-def _at_vertices(s: DiscreteSurface, marked: Mask) -> Mask:
-    """Return the local vertices among the ``marked`` multiplier nodes."""
-    f = fem.Function(s.points.Q)
-    f.x.array[:] = np.repeat(marked.astype(float), s.dim)
-    vertices = fem.Function(fem.functionspace(s.submesh.mesh, ("Lagrange", 1, (s.dim,))))
-    vertices.interpolate(f)
-    vertices.x.scatter_forward()
-    return np.asarray(vertices.x.array[:: s.dim] > 0.5)

@@ -265,7 +265,7 @@ def contact_table(
         gap[absent] = np.nan
     elif s.method != "integral" and opposite is not None and not opposite.matching:
         gap[opposite.none[s.points.vertex_trace_dofs[:n]]] = np.nan
-    columns = {
+    columns: dict[str, npt.NDArray[Any]] = {
         "x": s.points.positions,
         "area": area,
         "un": gap,
@@ -279,34 +279,23 @@ def contact_table(
         "bound": bound,
         "support": support,
     }
-    columns |= _of_memory(s, found, area, letters)
-    internal = s.law.variables(s.dim)
-    gathered = Gathered(s.comm, s.points.positions, s.points.ids)
-    ordered = gathered.columns(columns)
-    mine = {name: ordered.pop(f"internal.{name}") for name in internal}
-    return ContactTable(s.name, s.dim, **ordered, internal=mine, axisymmetric=s.axisymmetric)
-
-
-def _of_memory(
-    s: DiscreteSurface,
-    found: ContactState,
-    area: Array,
-    letters: npt.NDArray[np.str_],
-) -> dict[str, npt.NDArray[Any]]:
-    """Return the columns of laws with memory: variables, bonds, and slip distance."""
-    internal = {
-        name: found.answers.bond(f"after.{inner}") for name, inner in s.law.variables(s.dim).items()
-    }
-    columns: dict[str, npt.NDArray[Any]] = {
-        f"internal.{k}": values for k, values in internal.items()
-    }
+    # laws with memory: variables, bonds, and slip distance
+    variables = s.law.variables(s.dim).items()
+    internal = {name: found.answers.bond(f"after.{inner}") for name, inner in variables}
     if s.law_at_points.compiled.bonded:
         columns["bond"] = _letters_of_bonds(s, found, internal)
-        force = found.answers.bond("traction") * area[:, None]
-        columns["adhesion"] = np.where((letters == "d")[:, None], 0.0, force)
+        adhesion = found.answers.bond("traction") * area[:, None]
+        columns["adhesion"] = np.where((letters == "d")[:, None], 0.0, adhesion)
     if s.law_at_points.compiled.knows_slip:
         columns["slid"] = slid_after(found.data, found.jump, found.statuses)
-    return columns
+    gathered = Gathered(s.comm, s.points.positions, s.points.ids)
+    return ContactTable(
+        s.name,
+        s.dim,
+        **gathered.columns(columns),
+        internal=gathered.columns(internal),
+        axisymmetric=s.axisymmetric,
+    )
 
 
 def violation(eq: ContactEquations, state: Evaluation, force: float, length: float) -> float:
