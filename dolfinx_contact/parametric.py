@@ -21,7 +21,7 @@ import ufl
 from dolfinx import fem
 
 from dolfinx_contact._arrays import Codes
-from dolfinx_contact._compat import is_mesh_of, is_value_of
+from dolfinx_contact._compat import is_value_of
 from dolfinx_contact._geometry import Gathered
 from dolfinx_contact._mpi import Arguments, all_ranks, any_rank, collective, on_root, require
 from dolfinx_contact._petsc import destroy
@@ -440,21 +440,14 @@ def _checked(problem: ContactProblem, gamma: Any, driven: Any) -> list[tuple[fem
     domain = problem.V.mesh
     if not isinstance(gamma, fem.Constant) or gamma.ufl_shape != ():
         raise ValueError("gamma must be a scalar Constant")
-    if gamma.ufl_domain() != domain.ufl_domain():
-        raise ValueError("gamma is a Constant of another mesh")
+    refuse_other_mesh(gamma, domain, "gamma")
     pairs = []
     for pair in listed(driven, "driven"):
         if not isinstance(pair, tuple | list) or len(pair) != 2:
             raise ValueError("driven must be a list of pairs: a Function and its UFL expression")
         f = instance(pair[0], "a driven Function", fem.Function)
-        if not is_mesh_of(domain, f.function_space):
-            raise ValueError(f"the driven Function {f.name} belongs to another mesh")
-        try:
-            expression = ufl.as_ufl(pair[1])
-        except ValueError:
-            raise ValueError(
-                f"the value of {f.name} must be a UFL expression, got {pair[1]!r}"
-            ) from None
+        refuse_other_mesh(f, domain, f"the driven Function {f.name}")
+        expression = ufl.as_ufl(pair[1])
         if expression.ufl_shape != f.ufl_shape:
             raise ValueError(
                 f"the driven Function {f.name} has shape {f.ufl_shape}, its expression "

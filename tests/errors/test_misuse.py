@@ -331,7 +331,7 @@ MISUSE = {
     "no problem": (lambda w: parametric(w, problem=w.energy), "must be a ContactProblem"),
     "driven of another mesh": (
         lambda w: parametric(w, driven=[(w.v_other, vector(w.gamma))]),
-        "belongs to another mesh",
+        "is a Function of another mesh",
     ),
     "driven of another shape": (
         lambda w: parametric(w, driven=[(w.held, w.gamma)]),
@@ -339,7 +339,7 @@ MISUSE = {
     ),
     "driven by a word": (
         lambda w: parametric(w, driven=[(w.held, "gamma")]),
-        "must be a UFL expression",
+        "can not be converted to any UFL type",
     ),
     "driven nowhere": (
         lambda w: parametric(w, driven=[(fem.Function(w.V), vector(w.gamma))]),
