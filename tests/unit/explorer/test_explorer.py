@@ -450,7 +450,7 @@ def test_explorer_command_writes_a_page(branch, folder, capsys):
         assert capsys.readouterr().out == f"{file}\n"
     for more, message in [
         (["--label", "gamma"], "--label is NAME=VALUE, got 'gamma'"),
-        (["--proof", "x=none.npz"], "--proof is GAMMA=FILE with a number"),
+        (["--proof", "x=none.npz"], "could not convert string to float"),
         (["--proof", "1=none.npz"], "there is no file none.npz"),
         (["--proof", f"1={branch / FILE_NAME}"], "is not a proof: it is not an npz file\n"),
         (["--label", "nothing=x"], "there is no column 'nothing'"),
