@@ -667,11 +667,12 @@ def _passing(s: DiscreteSurface, contact: ContactState) -> float:
     A point comes through if the normal changes by more than a right angle and the place that
     divides its way as the gaps at both ends lies in the obstacle, in the frame of the obstacle.
     """
-    at = contact.kinematics
-    shape, memory = s.displaced, at.memory
-    if shape is None or at.place is None or (memory is not None and memory.place is None):
+    at, shape = contact.kinematics, s.displaced
+    if shape is None or at.place is None:
         return 0.0
-    start = np.zeros_like(at.place) if memory is None or memory.place is None else memory.place
+    start = np.zeros_like(at.place) if at.memory is None else at.memory.place
+    if start is None:
+        return 0.0
     gap, before = shape.gaps_and_normals(start)
     after = at.data.n
     if s.rigid_body is not None and at.motion is not None:
