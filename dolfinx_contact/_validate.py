@@ -7,7 +7,7 @@ collective; `_mpi.collective` raises the error of one rank on every rank.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from copy import copy
 from dataclasses import FrozenInstanceError
@@ -223,8 +223,8 @@ class ReadOnly:
     _listed: ClassVar[tuple[str, ...] | None] = None
     #: Attributes that may be assigned.
     _may_be_set: ClassVar[tuple[str, ...]] = ()
-    #: Advice instead of an assignment, by the name of the attribute; under "" for any other.
-    _instead: ClassVar[Mapping[str, str]] = {}
+    #: Advice instead of an assignment.
+    _advice: ClassVar[str] = "make another one"
 
     def __init_subclass__(cls, **given: Any) -> None:
         super().__init_subclass__(**given)
@@ -253,8 +253,7 @@ class ReadOnly:
             kind = type(self).__name__
             known = hasattr(self, name)
             what = f"{name} of {kind} cannot be set" if known else f"{kind} has no {name}"
-            instead = self._instead.get(name, self._instead.get("", "make another one"))
-            raise AttributeError(f"{what}: {instead}")
+            raise AttributeError(f"{what}: {self._advice}")
         super().__setattr__(name, value)
 
 

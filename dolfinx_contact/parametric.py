@@ -8,10 +8,10 @@ with respect to gamma is exact; UFL computes it.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
-from typing import Any, ClassVar
+from typing import Any
 
 from petsc4py import PETSc
 
@@ -131,10 +131,10 @@ class ParametricContact(ReadOnly, ParametricEquations):
         "statuses_of",
     )
     _may_be_set = ("proof_seconds",)
-    _instead: ClassVar[Mapping[str, str]] = {
-        "": "set_parameter(gamma) sets the parameter; for another one, other driven Functions or "
+    _advice = (
+        "set_parameter(gamma) sets the parameter; for another one, other driven Functions or "
         "another problem make another ParametricContact"
-    }
+    )
 
     @collective("a contact problem with a parameter", _check, compare=_described)
     def __init__(

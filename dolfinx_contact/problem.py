@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from copy import copy
 from dataclasses import dataclass
 from types import ModuleType
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 from petsc4py import PETSc
 
@@ -84,14 +84,6 @@ __all__ = ["ContactProblem", "discretise"]
 logger = logging.getLogger(__name__)
 
 _INCREMENTS = 8  # of the load, in the strategy of that name
-_ANOTHER = "make another problem"
-_CONDITIONS = (
-    "values of Dirichlet conditions are those of their Constants and Functions, which may be "
-    f"changed; for other conditions {_ANOTHER}"
-)
-_SURFACES = f"numbers of a law change as surface.law.friction.value = 0.5; for others {_ANOTHER}"
-
-
 _IN_MOTION = "the state belongs to a motion, whose inertia forces are not part of a static problem"
 _NOT_SOLVED = (
     "solve again if data have changed; after `step.solve()`, ask `step.uniqueness()`, and after a "
@@ -285,12 +277,11 @@ class ContactProblem(ReadOnly):
         "uniqueness",
         "write",
     )
-    _instead: ClassVar[Mapping[str, str]] = {
-        "bcs": _CONDITIONS,
-        "surfaces": _SURFACES,
-        "petsc_options": 'problem.petsc_options["snes_rtol"] = 1e-10 changes one of them',
-        "": "give Constants and Functions and change their values, or " + _ANOTHER,
-    }
+    _advice = (
+        "change values of its Constants and Functions, numbers of laws "
+        "(surface.law.friction.value = 0.5) and single entries of petsc_options; otherwise make "
+        "another problem"
+    )
 
     @collective("a contact problem", _check, compare=_described, local=("surfaces", "bcs"))
     @staged("ContactSetUp")

@@ -25,9 +25,9 @@ must not depend on it.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
@@ -135,9 +135,7 @@ class ArcLength(Runnable[PathTask, PathHistory]):
             back = path.run(gamma_range=(0.0, 1.0), direction="back")
     """
 
-    _instead: ClassVar[Mapping[str, str]] = {
-        "": "make another ArcLength; what may be changed are values of Constants and Functions"
-    }
+    _advice = "change values of Constants and Functions, or make another ArcLength"
     _record = "a records.PathRecord"
 
     def __init__(self, parametric: ParametricContact):

@@ -20,7 +20,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import ClassVar
 
 from dolfinx import fem
 
@@ -63,10 +62,10 @@ class Evolution(Runnable[HistoryTask, History]):
     """
 
     _may_be_set = ("load",)
-    _instead: ClassVar[Mapping[str, str]] = {
-        "": "the load sets values of Constants and Functions in time; for other changes make "
-        "another evolution"
-    }
+    _advice = (
+        "the load sets values of Constants and Functions in time; for other changes make another "
+        "evolution"
+    )
     _record = "a records.EvolutionRecord"
     kept: Mapping[str, fem.Function] = {}
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -79,10 +79,10 @@ class RigidBody(ReadOnly, Obstacle):
     """
 
     _may_be_set = ("values",)
-    _instead: ClassVar[Mapping[str, str]] = {
-        "": "loads and motions that are to change are Constants of the mesh, load={'y': force} "
-        "and force.value = -2.0; else make another rigid body, surface and problem"
-    }
+    _advice = (
+        "loads and motions that are to change are Constants of the mesh, load={'y': force} and "
+        "force.value = -2.0; otherwise make another rigid body, surface and problem"
+    )
 
     def __init__(
         self,

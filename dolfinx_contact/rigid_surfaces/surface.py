@@ -5,10 +5,10 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import cached_property
 from pathlib import Path
-from typing import Any, ClassVar, Self
+from typing import Any, Self
 
 from mpi4py import MPI
 
@@ -99,9 +99,9 @@ class RigidSurface(ReadOnly, Obstacle):
             contact = ContactSurface(u, body, tag="top", obstacle=tool, law=Coulomb(0.3))
     """
 
-    _instead: ClassVar[Mapping[str, str]] = {
-        "": "a RigidBody moves it; for another shape make another RigidSurface, surface and problem"
-    }
+    _advice = (
+        "a RigidBody moves it; for another shape make another RigidSurface, surface and problem"
+    )
 
     def __init__(
         self,
