@@ -93,9 +93,9 @@ def everywhere(comm: MPI.Comm, what: str = "") -> Iterator[None]:
         yield
     except BaseException as error:
         failure = error
-    mine = np.array([int(failure is not None)])
+    fails = np.array([int(failure is not None)])
     failed = np.zeros(1, dtype=int)
-    request = comm.Iallreduce(mine, failed, op=MPI.MAX)
+    request = comm.Iallreduce(fails, failed, op=MPI.MAX)
     end = time.monotonic() + _PATIENCE
     while failure is not None and not request.Test():
         if time.monotonic() > end:
@@ -125,8 +125,8 @@ def _first(comm: MPI.Comm, failure: BaseException | None, what: str) -> BaseExce
             pickle.loads(sent[0])
         except Exception:  # an exception of a user's class need not be picklable
             sent = pickle.dumps(RuntimeError(f"{type(failure).__name__}: {failure}")), note
-    parts = comm.allgather(sent)
-    rank, first = next((i, p) for i, p in enumerate(parts) if p is not None)
+    failures = comm.allgather(sent)
+    rank, first = next((i, f) for i, f in enumerate(failures) if f is not None)
     if rank == comm.rank and failure is not None:
         return failure
     error: BaseException = pickle.loads(first[0])
@@ -169,13 +169,12 @@ def same_everywhere(comm: MPI.Comm, where: str = "", /, **values: Any) -> None:
     """
     if comm.size == 1:
         return
-    mine = {name: repr(v() if callable(v) else v) for name, v in values.items()}
-    everyone = comm.allgather(mine)
-    first = everyone[0]
-    for rank, theirs in enumerate(everyone):
-        for name, value in first.items():
-            if value != theirs.get(name):
-                here, there = _differing_parts(value, str(theirs.get(name)))
+    texts = {name: repr(v() if callable(v) else v) for name, v in values.items()}
+    texts_of_ranks = comm.allgather(texts)
+    for rank, others in enumerate(texts_of_ranks):
+        for name, text in texts_of_ranks[0].items():
+            if text != others.get(name):
+                here, there = _differing_parts(text, str(others.get(name)))
                 raise ValueError(
                     f"{where and f'{where}: '}{name.replace('_', ' ')} differs between ranks: "
                     f"{here} on rank 0, {there} on rank {rank}"
@@ -228,18 +227,18 @@ def collective(
             except TypeError:
                 return function(*args, **kwargs)  # Python's own error names the function
             bound.apply_defaults()
-            given = bound.arguments
-            named = Arguments(**given)
-            comm = next(filter(None, map(_communicator_of, given.values())), None)
+            arguments = bound.arguments
+            named = Arguments(**arguments)
+            comm = next(filter(None, map(_communicator_of, arguments.values())), None)
             if check is not None and comm is not None:
                 with everywhere(comm, what):
                     check(named)
             elif check is not None:  # an argument of the wrong type, which every rank refuses
                 check(named)
-            given.update(vars(named))
+            arguments.update(vars(named))
             if comm is not None and comm.size > 1:
                 skipped = (*_MAY_DIFFER, *local)
-                values = {n: _comparable(v) for n, v in given.items() if n not in skipped}
+                values = {n: _comparable(v) for n, v in arguments.items() if n not in skipped}
                 if compare is not None:
                     values |= compare(named)
                 same_everywhere(comm, **values)
@@ -256,9 +255,9 @@ def _communicator_of(value: Any) -> MPI.Comm | None:
         return value
     for name in _WHERE:
         inner = getattr(value, name, None)
-        found = None if inner is None else _communicator_of(inner)
-        if found is not None:
-            return found
+        comm = None if inner is None else _communicator_of(inner)
+        if comm is not None:
+            return comm
     return _communicator_of(value[0]) if isinstance(value, list | tuple) and value else None
 
 
@@ -294,11 +293,12 @@ def _comparable(value: Any) -> Any:
     if not frozen or isinstance(value, type):
         return _GIVEN
     # Arrays in a dataclass may belong to one rank.
-    found = {f.name: getattr(value, f.name) for f in fields(value)}
-    words = [
-        f"{k}={_GIVEN if isinstance(v, np.ndarray) else _comparable(v)!r}" for k, v in found.items()
+    members = {f.name: getattr(value, f.name) for f in fields(value)}
+    entries = [
+        f"{name}={_GIVEN if isinstance(v, np.ndarray) else _comparable(v)!r}"
+        for name, v in members.items()
     ]
-    return _Words(f"{type(value).__name__}({', '.join(words)})")
+    return _Words(f"{type(value).__name__}({', '.join(entries)})")
 
 
 # -- values ----------------------------------------------------------------------------------------
