@@ -716,7 +716,7 @@ class ContactProblem(ReadOnly):
                 force, area = comm.allreduce(np.array(sums))
                 mean = force / area
         """
-        from dolfinx_contact.results.fields import contact_fields
+        from dolfinx_contact.results.surface_fields import contact_fields
 
         number = self.surfaces.index(self.discrete(surface))
         with self.at(state) as problem:

@@ -6,7 +6,7 @@ from dolfinx_contact.io.fields import write_fields
 from dolfinx_contact.io.files import output_folder, write_summary
 from dolfinx_contact.io.report import Report
 from dolfinx_contact.io.table import write_contact_table, write_rows
-from dolfinx_contact.results.fields import STATUS_CODES
+from dolfinx_contact.results.surface_fields import STATUS_CODES
 
 __all__ = [
     "STATUS_CODES",

@@ -44,8 +44,8 @@ from dolfinx_contact.plot.scene import (
     with_unit,
     words_of,
 )
-from dolfinx_contact.results.fields import contact_fields, vertex_state
 from dolfinx_contact.results.outer_surface import Arrays
+from dolfinx_contact.results.surface_fields import contact_fields, vertex_state
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
