@@ -109,6 +109,7 @@ class Reduction:
         self._scale = eq.scaling.stiffness
         self._nodal = eq.owned_sizes[0]
         self._n = eq.owned_sizes[0] + eq.rigid.owned
+        # residual and rate of the rows of the body at the state
         b = parametric.create_vector()
         c = parametric.create_vector()
         piece = parametric.piece_at(x, gamma)
@@ -116,6 +117,7 @@ class Reduction:
         parametric.parameter_derivative(x, gamma, c, piece)
         self._rest, self._rate = (self._displacements(v) for v in (b, c))
         destroy(b, c)
+        # stiffness at the points, in their frames
         self.points = GatheredPoints(parametric)
         self._m = self.points.number
         self._body = self._held_at_points(parametric.contact(x, gamma, piece).u)
@@ -127,6 +129,7 @@ class Reduction:
         S = np.einsum("iap,iajb,jbq->ipjq", T, schur.reshape(m, d, m, d), T) / k
         self.S: Array = S.reshape(d * m, d * m)
         self.force_unit = k
+        # loads: S a - r = p + gamma q
         none = np.zeros((m, d))
         loads = [self._solve(-load, none) for load in (self._rest, self._rate)]
         rest, rate = (np.einsum("iap,ia->ip", T, f).reshape(-1) / k for _, f, _ in loads)
@@ -137,6 +140,7 @@ class Reduction:
         M.reshape(m, d, m, 2 * d)[np.arange(m), :, np.arange(m), d:] = -np.eye(d)
         self.load: Array = np.einsum("nmk,mk->n", M, self._w) - rest + gamma * rate
         self.rate: Array = -rate
+        # statuses of the points as cones
         if d == 2:
             laws = self.points.laws(k)
             bases, inequalities, exists = laws.cones() if conic else no_cones(m)
