@@ -412,19 +412,15 @@ class Reduction:
         load = -self._rest - (gamma - self._gamma) * self._rate
         du, _, _ = self._solve(load, jumps)
         self._x.copy(x)
-        x.array[: self._nodal] += du[: self._nodal]
-        x.array[x.getLocalSize() - self._equations.rigid.owned :] += du[self._nodal :]
+        self._move(x, du)
+        # tractions at the points of this rank, in the order of the surfaces
+        mine = self.points.mine
         tractions = np.zeros((len(self._parametric.clamped), d))
-        mine = forces[self.points.mine] / self.points.areas[self.points.mine][:, None]
-        tractions[self.points.local] = mine
+        tractions[self.points.local] = forces[mine] / self.points.areas[mine][:, None]
         eq = self._equations
-        first = 0
-        row = self._nodal
-        for s, unit in zip(eq.surfaces, eq.unknowns.units[1:-1], strict=True):
-            n = s.points.number
-            x.array[row : row + d * n] += tractions[first : first + n].reshape(-1) / unit
-            first = first + n
-            row = row + d * n
+        units = np.repeat(eq.unknowns.units[1:-1], [s.points.number for s in eq.surfaces])
+        multipliers = slice(self._nodal, self._nodal + tractions.size)
+        x.array[multipliers] += (tractions / units[:, None]).reshape(-1)
 
     def relax(self, x: PETSc.Vec) -> None:
         """Bring a linear body into equilibrium with the contact forces in ``x``. Collective.
@@ -442,6 +438,10 @@ class Reduction:
         held = np.einsum("iap,ia->ip", T, forces) / self.force_unit
         a = -np.linalg.solve(self.S, held.reshape(-1)).reshape(held.shape)
         du, _, _ = self._solve(load, np.einsum("iap,ip->ia", T, a))
+        self._move(x, du)
+
+    def _move(self, x: PETSc.Vec, du: Array) -> None:
+        """Add owned displacements of the body and motions of rigid bodies to ``x``."""
         x.array[: self._nodal] += du[: self._nodal]
         x.array[x.getLocalSize() - self._equations.rigid.owned :] += du[self._nodal :]
 
