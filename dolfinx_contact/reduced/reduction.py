@@ -331,13 +331,12 @@ class Reduction:
         s = term.surface
         n = s.points.number * s.dim
         if not isinstance(term, RigidTerm):
-            none = np.zeros((n, 0), dtype=np.int64)
+            none = np.zeros(0, dtype=np.int64)
             return self._matrix(n, none, none, none)
-        moved = -term.motions_at_points()
         first = s.constant_operator("the condensed problem").B.getOwnershipRange()[0]
+        rows = first + np.arange(n)[:, None]
         columns = np.arange(term.motion_slice.start, term.motion_slice.stop)
-        rows = np.broadcast_to(first + np.arange(n)[:, None], (n, len(columns)))
-        return self._matrix(n, rows, np.broadcast_to(columns, rows.shape), moved)
+        return self._matrix(n, rows, columns, -term.motions_at_points())
 
     def _matrix(self, n: int, rows: Any, columns: Any, values: Array) -> PETSc.Mat:
         """Return a matrix of n rows and the columns of the rigid bodies on this rank."""
