@@ -63,11 +63,9 @@ from dolfinx_contact._validate import is_number
 __all__ = [
     "Axisymmetric",
     "CiarletGeymonat",
-    "Elastic",
     "LinearElastic",
     "Material",
     "NeoHookean",
-    "Separable",
     "StVenantKirchhoff",
     "lame",
     "materials_in",
@@ -123,12 +121,6 @@ def materials_in(form: ufl.Form) -> list[Material]:
     return list(found.values())
 
 
-def _is_scalar(value: Any) -> bool:
-    """Return whether a value is a number or a UFL scalar."""
-    of_ufl = isinstance(value, ufl.core.expr.Expr) and value.ufl_shape == ()
-    return of_ufl or is_number(value)
-
-
 def present_value(scalar: Any) -> float | None:
     """Return the present value of a number or UFL of Constants; None for any other UFL.
 
@@ -158,20 +150,12 @@ def _check(rule: str, holds: Callable[..., bool], *values: Any) -> None:
         holds: function of the values that evaluates the rule, called if all values are known.
         values: numbers or UFL scalars.
     """
-    if any(isinstance(v, complex) for v in values):
-        raise ValueError(f"{rule}, and real, got {' and '.join(map(repr, values))}")
-    known = [present_value(v) if _is_scalar(v) else np.nan for v in values]
+    scalars = [is_number(v) or getattr(v, "ufl_shape", None) == () for v in values]
+    known = [present_value(v) if s else np.nan for v, s in zip(values, scalars, strict=True)]
     finite = all(v is None or np.isfinite(v) for v in known)
     if not finite or (None not in known and not holds(*known)):
-        shown = [str(k) if _is_scalar(v) else repr(v) for k, v in zip(known, values, strict=True)]
+        shown = [str(k) if s else repr(v) for k, v, s in zip(known, values, scalars, strict=True)]
         raise ValueError(f"{rule}, got {' and '.join(shown)}")
-
-
-def _kind_of(u: Any) -> str:
-    """Describe the kind of an argument for error messages."""
-    if isinstance(u, ufl.Argument):
-        return "a TestFunction" if u.number() == 0 else "a TrialFunction"
-    return type(u).__name__
 
 
 def _require_displacement(u: Any) -> None:
@@ -179,7 +163,7 @@ def _require_displacement(u: Any) -> None:
     if not isinstance(u, fem.Function):
         raise ValueError(
             "a material needs the displacement, a fem.Function, also for a linear body, since "
-            f"residual and stiffness are derived from its energy; got {_kind_of(u)}"
+            f"residual and stiffness are derived from its energy; got {type(u).__name__}"
         )
     if len(u.ufl_shape) != 1:
         raise ValueError(f"the displacement must be a vector Function, got shape {u.ufl_shape}")
@@ -187,15 +171,13 @@ def _require_displacement(u: Any) -> None:
 
 def _constants(u: fem.Function, *values: Any) -> list[Any]:
     """Replace numbers by Constants of the mesh of ``u``."""
-    _require_displacement(u)
     domain = u.function_space.mesh
     return [fem.Constant(domain, float(v)) if is_number(v) else v for v in values]
 
 
-def _gradient(u: fem.Function) -> Any:
-    """Return the deformation gradient, dim x dim."""
-    _require_displacement(u)
-    return ufl.Identity(len(u)) + ufl.grad(u)
+def _deformation(H: Any) -> Any:
+    """Return the deformation gradient F = I + H."""
+    return ufl.Identity(H.ufl_shape[0]) + H
 
 
 def _in_space(A: Any, across: Any) -> Any:
@@ -208,13 +190,20 @@ class Material:
 
     The parameters are read-only. Moduli that change must be Constants; every solve uses their
     present values.
+
+    A subclass defines the stored energy as a function of the displacement gradient H (dim x dim, or
+    3 x 3): either `_energy_of`, or its two parts `_shape_energy` and `_volume_energy`. Stresses are
+    derivatives of the energy.
     """
 
+    #: Whether the body is a body of revolution.
     _of_revolution: ClassVar[bool] = False
+
+    # -- energies and stresses of a body ---------------------------------------------------------
 
     def energy(self, u: fem.Function) -> Any:
         """Return the stored energy per reference volume (per area in 2D), in units of stress."""
-        raise NotImplementedError
+        return self._own(self._law._energy_of(u, self._gradient(u)))
 
     def mean_dilatation_energy(self, u: fem.Function, dx: ufl.Measure = ufl.dx) -> ufl.Form:
         """Return the integrated energy for nearly incompressible quadrilaterals or hexahedra.
@@ -237,11 +226,15 @@ class Material:
                 that grows with lambda does not depend on the change of volume only (plane stress,
                 which does not lock, `StVenantKirchhoff`, and user-defined materials).
         """
-        _require_measure(dx)
+        if not isinstance(dx, ufl.Measure) or dx.integral_type() != "cell":
+            raise ValueError(
+                f"dx must be a cell measure such as ufl.dx or dx(1), got {dx}; for several tags "
+                "use dx((1, 2))"
+            )
         cell = self._cell_volumes(u)
-        volume = self._own(self._volume_energy(u, cell.dilatation, cell.ratio) * cell.share)
-        shape = self._own(self._shape_energy(u, ufl.grad(u)))
-        return shape * dx + volume * dx(metadata=at_middle(len(u)))
+        volume = self._law._volume_energy(u, cell.dilatation, cell.ratio) * cell.share
+        shape = self._law._shape_energy(u, self._gradient(u))
+        return self._own(shape) * dx + self._own(volume) * dx(metadata=at_middle(len(u)))
 
     def mean_dilatation_stress(self, u: fem.Function) -> Any:
         """Return the Cauchy stress, 3 x 3, of `mean_dilatation_energy`.
@@ -254,37 +247,29 @@ class Material:
         Raises:
             ValueError: for the reasons listed in `mean_dilatation_energy`.
         """
+        law = self._law
         cell = self._cell_volumes(u)
-        return self._own(self._mean_stress(u, self._gradient_in_space(u), cell))
-
-    def _cell_volumes(self, u: fem.Function) -> Any:
-        # Imported here, as a static solve does not need it.
-        from dolfinx_contact._cell_volumes import volumes_of
-
-        _require_bilinear(u)
-        return volumes_of(u, revolution=self._of_revolution)
-
-    def _mean_stress(self, u: fem.Function, H: Any, cell: Any) -> Any:
-        H = ufl.variable(H)
+        H = ufl.variable(self._gradient_in_space(u))
         dilatation = ufl.variable(cell.dilatation)
         ratio = ufl.variable(cell.ratio)
-        volume = self._volume_energy(u, dilatation, ratio)
+        volume = law._volume_energy(u, dilatation, ratio)
         pressure = ufl.diff(volume, dilatation) + ufl.diff(volume, ratio)
-        shape = self._pushed_forward(ufl.diff(self._shape_energy(u, H), H), H)
-        return shape + pressure * ufl.Identity(3)
-
-    def _gradient_in_space(self, u: fem.Function) -> Any:
-        """Return the displacement gradient, 3 x 3."""
-        return ufl.grad(u) if len(u) == 3 else _in_space(ufl.grad(u), 0)
-
-    def _pushed_forward(self, P: Any, H: Any) -> Any:
-        """Return the Cauchy stress from the derivative P of an energy with respect to H."""
-        F = ufl.Identity(3) + H
-        return P * F.T / ufl.det(F)
+        shape = law._pushed_forward(ufl.diff(law._shape_energy(u, H), H), H)
+        return self._own(shape + pressure * ufl.Identity(3))
 
     def stress(self, u: fem.Function) -> Any:
         """Return the Cauchy stress, dim x dim."""
-        return self._cauchy(u, _gradient(u))
+        return self._own(self._stress_of(u, self._gradient(u)))
+
+    def full_stress(self, u: fem.Function) -> Any:
+        """Return the 3 x 3 Cauchy stress, in 2D with the out-of-plane stress, for invariants.
+
+        The expression is valid for this material only: for several materials pass one expression
+        per cell tag, ``stress={1: steel.full_stress(u), 2: wood.full_stress(u)}``. For a body with
+        `mean_dilatation_energy`, only the deviatoric part is meaningful, not the pressure. The
+        module docstring shows the stress of a user-defined energy.
+        """
+        return self._own(self._law._stress_of(u, self._gradient_in_space(u)))
 
     def check_moduli(self) -> None:
         """Raise `ValueError` if the moduli do not belong to a stable material. Not collective.
@@ -302,49 +287,67 @@ class Material:
     def __post_init__(self) -> None:
         self.check_moduli()
 
-    def full_stress(self, u: fem.Function) -> Any:
-        """Return the 3 x 3 Cauchy stress, in 2D with the out-of-plane stress, for invariants.
-
-        The expression is valid for this material only: for several materials pass one expression
-        per cell tag, ``stress={1: steel.full_stress(u), 2: wood.full_stress(u)}``. For a body with
-        `mean_dilatation_energy`, only the deviatoric part is meaningful, not the pressure. The
-        module docstring shows the stress of a user-defined energy.
-        """
-        _require_displacement(u)
-        return self.stress(u) if len(u) == 3 else self._cauchy(u, _in_space(_gradient(u), 1.0))
-
-    def _cauchy(self, u: fem.Function, F: Any) -> Any:
-        F = ufl.variable(F)
-        P = ufl.diff(self._stored(u, F), F)
-        return self._own(P * F.T / ufl.det(F))
-
     def _own(self, expression: Any) -> Any:
         """Register an energy or stress, by which a problem finds its material; return it."""
         key = id(expression)
         _materials[key] = weakref.ref(expression, lambda _: _materials.pop(key, None)), self
         return expression
 
-    def _stored(self, u: fem.Function, F: Any) -> Any:
-        raise NotImplementedError
+    def _cell_volumes(self, u: fem.Function) -> Any:
+        # Imported here, as a static solve does not need it.
+        from dolfinx_contact._cell_volumes import volumes_of
+
+        _require_bilinear(u)
+        return volumes_of(u, revolution=self._of_revolution)
+
+    @property
+    def _law(self) -> Material:
+        """Material that defines energy and stress as functions of the displacement gradient."""
+        return self
+
+    def _gradient(self, u: fem.Function) -> Any:
+        """Return the displacement gradient in the energy."""
+        _require_displacement(u)
+        return ufl.grad(u)
+
+    def _gradient_in_space(self, u: fem.Function) -> Any:
+        """Return the displacement gradient, 3 x 3, in stresses."""
+        H = self._gradient(u)
+        return H if len(u) == 3 else _in_space(H, 0)
+
+    # -- the law of the material -----------------------------------------------------------------
+
+    def _energy_of(self, u: fem.Function, H: Any) -> Any:
+        """Return the stored energy for the displacement gradient H."""
+        ratio = ufl.det(_deformation(H))
+        return self._shape_energy(u, H) + self._volume_energy(u, ufl.tr(H), ratio)
 
     def _shape_energy(self, u: fem.Function, H: Any) -> Any:
         """Return the part of the stored energy that remains bounded as lambda grows."""
         raise NotImplementedError
 
     def _volume_energy(self, u: fem.Function, dilatation: Any, ratio: Any) -> Any:
-        """Return the part of the stored energy that grows with lambda."""
+        """Return the part of the stored energy that grows with lambda.
+
+        Args:
+            u: displacement.
+            dilatation: trace of H, or its mean over a cell.
+            ratio: determinant of F, or the ratio of the volumes of a cell.
+        """
         raise ValueError(
             f"the volumetric part of the energy of a {type(self).__name__} is unknown: "
             "use LinearElastic, NeoHookean or CiarletGeymonat"
         )
 
-    def _energy_of(self, u: fem.Function, H: Any) -> Any:
-        """Return the stored energy for the 3 x 3 displacement gradient H."""
-        return self._own(self._stored(u, ufl.Identity(3) + H))
-
     def _stress_of(self, u: fem.Function, H: Any) -> Any:
-        """Return the 3 x 3 Cauchy stress for the displacement gradient H."""
-        return self._cauchy(u, ufl.Identity(3) + H)
+        """Return the Cauchy stress for the displacement gradient H."""
+        H = ufl.variable(H)
+        return self._pushed_forward(ufl.diff(self._energy_of(u, H), H), H)
+
+    def _pushed_forward(self, P: Any, H: Any) -> Any:
+        """Return the Cauchy stress from the derivative P of an energy with respect to H."""
+        F = _deformation(H)
+        return P * F.T / ufl.det(F)
 
 
 @dataclass(frozen=True)
@@ -382,56 +385,40 @@ class LinearElastic(Material):
         """
         return cls(*lame(young, poisson), plane_stress=plane_stress)
 
-    def stress(self, u: fem.Function) -> Any:
-        lmbda, mu = _constants(u, self.lmbda, self.mu)
-        if self.plane_stress:
-            if len(u) != 2:
-                raise ValueError("plane stress needs a 2D mesh")
-            lmbda = 2 * lmbda * mu / (lmbda + 2 * mu)
-        strain = ufl.sym(ufl.grad(u))
-        return self._own(2 * mu * strain + lmbda * ufl.tr(strain) * ufl.Identity(len(u)))
-
     def full_stress(self, u: fem.Function) -> Any:
-        _require_displacement(u)
-        if len(u) == 3:
-            return self.stress(u)
-        (lmbda,) = _constants(u, 0.0 if self.plane_stress else self.lmbda)
-        return _in_space(self.stress(u), lmbda * ufl.div(u))
-
-    def energy(self, u: fem.Function) -> Any:
-        return ufl.inner(self.stress(u), ufl.sym(ufl.grad(u))) / 2
-
-    def _shape_energy(self, u: fem.Function, H: Any) -> Any:
-        if self.plane_stress:
-            raise ValueError("plane stress does not lock: use energy(u)")
-        (mu,) = _constants(u, self.mu)
-        return mu * ufl.inner(ufl.sym(H), ufl.sym(H))
-
-    def _volume_energy(self, u: fem.Function, dilatation: Any, ratio: Any) -> Any:
-        (lmbda,) = _constants(u, self.lmbda)
-        return lmbda / 2 * dilatation**2
-
-    def _pushed_forward(self, P: Any, H: Any) -> Any:
-        return P
+        return (
+            self._own(_in_space(self.stress(u), 0)) if self.plane_stress else super().full_stress(u)
+        )
 
     def _energy_of(self, u: fem.Function, H: Any) -> Any:
         return ufl.inner(self._stress_of(u, H), ufl.sym(H)) / 2
 
     def _stress_of(self, u: fem.Function, H: Any) -> Any:
         lmbda, mu = _constants(u, self.lmbda, self.mu)
-        return self._own(2 * mu * ufl.sym(H) + lmbda * ufl.tr(H) * ufl.Identity(3))
+        if self.plane_stress:
+            if len(u) != 2:
+                raise ValueError("plane stress needs a 2D mesh")
+            lmbda = 2 * lmbda * mu / (lmbda + 2 * mu)
+        strain = ufl.sym(H)
+        return 2 * mu * strain + lmbda * ufl.tr(strain) * ufl.Identity(H.ufl_shape[0])
 
+    def _shape_energy(self, u: fem.Function, H: Any) -> Any:
+        (mu,) = _constants(u, self.mu)
+        return mu * ufl.inner(ufl.sym(H), ufl.sym(H))
 
-class Elastic(Material):
-    """Hyperelastic material with an energy W(F), F = I + grad u; plane strain in 2D."""
+    def _volume_energy(self, u: fem.Function, dilatation: Any, ratio: Any) -> Any:
+        if self.plane_stress:
+            raise ValueError("plane stress does not lock: use energy(u)")
+        (lmbda,) = _constants(u, self.lmbda)
+        return lmbda / 2 * dilatation**2
 
-    def energy(self, u: fem.Function) -> Any:
-        return self._own(self._stored(u, _gradient(u)))
+    def _pushed_forward(self, P: Any, H: Any) -> Any:
+        return P
 
 
 @dataclass(frozen=True)
-class StVenantKirchhoff(Elastic):
-    """St. Venant-Kirchhoff material.
+class StVenantKirchhoff(Material):
+    """St. Venant-Kirchhoff material, in plane strain in 2D.
 
     The energy is W = lambda/2 (tr E)^2 + mu E:E with the Green-Lagrange strain E.
     """
@@ -439,35 +426,15 @@ class StVenantKirchhoff(Elastic):
     lmbda: Any
     mu: Any
 
-    def _stored(self, u: fem.Function, F: Any) -> Any:
+    def _energy_of(self, u: fem.Function, H: Any) -> Any:
         lmbda, mu = _constants(u, self.lmbda, self.mu)
+        F = _deformation(H)
         E = (F.T * F - ufl.Identity(F.ufl_shape[0])) / 2
         return lmbda / 2 * ufl.tr(E) ** 2 + mu * ufl.inner(E, E)
 
 
-class Separable(Elastic):
-    """Hyperelastic material whose energy is a shape energy plus a function of det F."""
-
-    def _stored(self, u: fem.Function, F: Any) -> Any:
-        return self._shape(u, F) + self._volume(u, ufl.det(F))
-
-    def _shape_energy(self, u: fem.Function, H: Any) -> Any:
-        return self._shape(u, ufl.Identity(H.ufl_shape[0]) + H)
-
-    def _volume_energy(self, u: fem.Function, dilatation: Any, ratio: Any) -> Any:
-        return self._volume(u, ratio)
-
-    def _shape(self, u: fem.Function, F: Any) -> Any:
-        """Return the part of the energy that remains bounded as lambda grows."""
-        raise NotImplementedError
-
-    def _volume(self, u: fem.Function, J: Any) -> Any:
-        """Return the part of the energy that grows with lambda."""
-        raise NotImplementedError
-
-
 @dataclass(frozen=True)
-class NeoHookean(Separable):
+class NeoHookean(Material):
     """Compressible neo-Hookean material.
 
     The energy is W = mu/2 (|F|^2 - 3 - 2 ln J) + lambda/2 (ln J)^2, in plane strain with F_33 = 1.
@@ -476,17 +443,18 @@ class NeoHookean(Separable):
     lmbda: Any
     mu: Any
 
-    def _shape(self, u: fem.Function, F: Any) -> Any:
+    def _shape_energy(self, u: fem.Function, H: Any) -> Any:
         (mu,) = _constants(u, self.mu)
+        F = _deformation(H)
         return mu / 2 * (ufl.inner(F, F) - F.ufl_shape[0] - 2 * ufl.ln(ufl.det(F)))
 
-    def _volume(self, u: fem.Function, J: Any) -> Any:
+    def _volume_energy(self, u: fem.Function, dilatation: Any, ratio: Any) -> Any:
         (lmbda,) = _constants(u, self.lmbda)
-        return lmbda / 2 * ufl.ln(J) ** 2
+        return lmbda / 2 * ufl.ln(ratio) ** 2
 
 
 @dataclass(frozen=True)
-class CiarletGeymonat(Separable):
+class CiarletGeymonat(Material):
     """Ciarlet-Geymonat material (Ciarlet, Mathematical Elasticity I, 1988, section 4.10).
 
     The energy is W = a tr C + b ((tr C)^2 - |C|^2)/2 + c det C - d/2 ln det C with b = mu/2 - a,
@@ -505,9 +473,10 @@ class CiarletGeymonat(Separable):
         super().check_moduli()
         _check("a must lie between 0 and mu/2", lambda a, half: 0 < a < half, self.a, self.mu / 2)
 
-    def _shape(self, u: fem.Function, F: Any) -> Any:
+    def _shape_energy(self, u: fem.Function, H: Any) -> Any:
         mu, a = _constants(u, self.mu, self.a)
         b = mu / 2 - a
+        F = _deformation(H)
         out = 3 - F.ufl_shape[0]  # the out-of-plane stretch of plane strain, C_33 = 1
         C = F.T * F
         tr = ufl.tr(C) + out
@@ -515,9 +484,9 @@ class CiarletGeymonat(Separable):
         second = (tr**2 - ufl.inner(C, C) - out) / 2
         return a * (tr - 3) + b * (second - 3) - b * (det - 1) - mu / 2 * ufl.ln(det)
 
-    def _volume(self, u: fem.Function, J: Any) -> Any:
+    def _volume_energy(self, u: fem.Function, dilatation: Any, ratio: Any) -> Any:
         (lmbda,) = _constants(u, self.lmbda)
-        return lmbda / 4 * (J**2 - 1 - ufl.ln(J**2))
+        return lmbda / 4 * (ratio**2 - 1 - ufl.ln(ratio**2))
 
 
 @dataclass(frozen=True)
@@ -544,45 +513,36 @@ class Axisymmetric(Material):
         if getattr(self.material, "plane_stress", False):
             raise ValueError("an axisymmetric body cannot be in plane stress")
 
-    def _shape_energy(self, u: fem.Function, H: Any) -> Any:
-        _require_section(u)
-        return self.material._shape_energy(u, _in_space(H, u[0] / _radius(u)))
-
-    def _volume_energy(self, u: fem.Function, dilatation: Any, ratio: Any) -> Any:
-        return self.material._volume_energy(u, dilatation, ratio)
-
-    def _mean_stress(self, u: fem.Function, H: Any, cell: Any) -> Any:
-        return self.material._mean_stress(u, H, cell)
-
-    def _gradient_in_space(self, u: fem.Function) -> Any:
-        _require_section(u)
-        r = _radius(u)
-        H = ufl.grad(u)
-        on_axis = ufl.lt(r, _ON_AXIS * ufl.CellDiameter(u.function_space.mesh))
-        return _in_space(H, ufl.conditional(on_axis, H[0, 0], u[0] / r))
-
-    def energy(self, u: fem.Function) -> Any:
-        _require_section(u)
-        return self._own(self.material._energy_of(u, _in_space(ufl.grad(u), u[0] / _radius(u))))
-
     def check_moduli(self) -> None:
         self.material.check_moduli()
 
     def stress(self, u: fem.Function) -> Any:
         full = self.full_stress(u)
-        return ufl.as_tensor([[full[i, j] for j in range(2)] for i in range(2)])
+        return self._own(ufl.as_tensor([[full[i, j] for j in range(2)] for i in range(2)]))
 
-    def full_stress(self, u: fem.Function) -> Any:
-        return self._own(self.material._stress_of(u, self._gradient_in_space(u)))
+    @property
+    def _law(self) -> Material:
+        return self.material
+
+    def _gradient(self, u: fem.Function) -> Any:
+        return _in_space(ufl.grad(u), u[0] / _radius(u))
+
+    def _gradient_in_space(self, u: fem.Function) -> Any:
+        r = _radius(u)
+        H = ufl.grad(u)
+        on_axis = ufl.lt(r, _ON_AXIS * ufl.CellDiameter(u.function_space.mesh))
+        return _in_space(H, ufl.conditional(on_axis, H[0, 0], u[0] / r))
 
 
-def _require_measure(dx: Any) -> None:
-    """Raise `ValueError` if ``dx`` is not a cell measure."""
-    if not isinstance(dx, ufl.Measure) or dx.integral_type() != "cell":
-        raise ValueError(
-            f"dx must be a cell measure such as ufl.dx or dx(1), got {dx}; for several tags use "
-            "dx((1, 2))"
-        )
+_ON_AXIS = 1e-8  # distance from the axis, in cell sizes, below which u_r / r is du_r / dr
+
+
+def _radius(u: Any) -> Any:
+    """Return the radius; raise `ValueError` unless ``u`` is the displacement of a section."""
+    _require_displacement(u)
+    if len(u) != 2:
+        raise ValueError("an axisymmetric body requires a 2D mesh of its cross-section")
+    return ufl.SpatialCoordinate(u.function_space.mesh)[0]
 
 
 def _require_bilinear(u: Any) -> None:
@@ -601,17 +561,3 @@ def _require_bilinear(u: Any) -> None:
             f"{element} on {'' if straight else 'curved '}{cell}s. On other cells use u of degree "
             "2 and energy(u), which do not lock"
         )
-
-
-_ON_AXIS = 1e-8  # distance from the axis, in cell sizes, below which u_r / r is du_r / dr
-
-
-def _require_section(u: Any) -> None:
-    """Raise `ValueError` if ``u`` is not the 2D displacement of a cross-section."""
-    _require_displacement(u)
-    if len(u) != 2:
-        raise ValueError("an axisymmetric body requires a 2D mesh of its cross-section")
-
-
-def _radius(u: fem.Function) -> Any:
-    return ufl.SpatialCoordinate(u.function_space.mesh)[0]
