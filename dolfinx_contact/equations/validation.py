@@ -279,7 +279,7 @@ def _objection_to_fields(s: DiscreteSurface) -> str:
         what = f"{name} of {s.law.name}"
         if not np.isfinite(values).all():
             return f"NaN in the {what}"
-        sign = s.law.signs.get(name, "any")
+        sign = s.law.sign(name)
         if not obeys(sign, values).all():
             return f"{wrong.get(sign, 'negative')} {what}"
     for x in s.law.internal:

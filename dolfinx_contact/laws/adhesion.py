@@ -31,12 +31,13 @@ statuses, whereas equations solved point by point have no solution there.
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar
 
 import ufl
 
+from dolfinx_contact._validate import flag, one_of
 from dolfinx_contact.laws.compliant import NormalCompliance
 from dolfinx_contact.laws.damage import DamageStep, least_energy
 from dolfinx_contact.laws.friction import Coulomb, Frictionless
@@ -58,7 +59,6 @@ __all__ = ["RCCM"]
 _STEP = "rate", "length", "rest"  # data of the previous step, used by the second order
 _CLOSED = Internal("closed", hidden=True)
 _ORIGIN = Internal("origin", vector=True, hidden=True)
-_STIFFNESS = "stiffness"  # field of a compliant surface
 
 
 @constant_law
@@ -97,6 +97,7 @@ class RCCM(Law):
     order: int = 1
     recovers: bool = False
     contact: NormalCompliance | None = None
+    options = ("order", "recovers")
     needs_time = ("viscosity",)
     signs: ClassVar[Mapping[str, Sign]] = {
         "normal": "nonnegative",
@@ -106,14 +107,11 @@ class RCCM(Law):
         "viscosity": "nonnegative",
         "beta": "fraction",
         "broken": "fraction",
-        _STIFFNESS: "positive",
     }
 
     def __post_init__(self) -> None:
-        if isinstance(self.order, bool) or self.order not in (1, 2):
-            raise ValueError(f"the order of RCCM in time must be 1 or 2, got {self.order!r}")
-        if not isinstance(self.recovers, bool):
-            raise ValueError(f"recovers of RCCM must be True or False, got {self.recovers!r}")
+        one_of(self.order, "the order of RCCM in time", (1, 2))
+        flag(self.recovers, "recovers of RCCM")
         soft = self.contact
         alone = isinstance(soft, NormalCompliance) and (
             isinstance(soft.friction, Frictionless) and soft.tangential is None
@@ -128,24 +126,6 @@ class RCCM(Law):
     @property
     def compliant(self) -> bool:  # type: ignore[override]
         return self.contact is not None
-
-    @property
-    def kind(self) -> Hashable | None:
-        soft = None if self.contact is None else self.contact.kind
-        return super().kind, int(self.order), self.recovers, soft
-
-    @property
-    def given(self) -> dict[str, Scalar]:
-        mine = {name: getattr(self, name) for name in self.signs if name != _STIFFNESS}
-        return mine if self.contact is None else mine | {_STIFFNESS: self.contact.stiffness}
-
-    def having(self, symbols: Mapping[str, Any]) -> Self:
-        own = dict(symbols)
-        contact = self.contact
-        if contact is not None:
-            stiffness = own.pop(_STIFFNESS, contact.stiffness)
-            contact = replace(contact, stiffness=stiffness)
-        return replace(self, contact=contact, **own)
 
     @property
     def internal(self) -> tuple[Internal, ...]:  # type: ignore[override]

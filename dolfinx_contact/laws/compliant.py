@@ -22,15 +22,15 @@ fails from a zero initial guess. Then decrease the width step by step, or trace 
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar
 
 import numpy as np
 
 import ufl
 
-from dolfinx_contact._validate import is_number
+from dolfinx_contact._validate import is_number, one_of
 from dolfinx_contact.laws.friction import FrictionLaw, Frictionless
 from dolfinx_contact.laws.law import (
     Border,
@@ -45,37 +45,22 @@ from dolfinx_contact.laws.status import MINUS, PLUS, STICK
 
 __all__ = ["NormalCompliance", "Regularised"]
 
-_INSIDE = "friction."  # prefix of the field names of the wrapped law
 _TINY = 1e-100
 _SATURATED = 20.0  # slip/eps beyond which tanh is 1 to round-off, and its derivative overflows
 _SERIES = 1e-6  # (slip/eps)^2 below which a series replaces a quotient
 
 
 class _AroundFriction(FrictionLaw):
-    """Law that wraps another law, `friction`, and includes its fields."""
+    """Law that wraps another law, `friction`; its first option is part of its name."""
 
     friction: FrictionLaw
     bound_kind = None
-    #: Scalar fields of this class that may vary in space.
-    own: ClassVar[tuple[str, ...]]
     #: Fields for which the shear depends only on the slip of the current step.
     in_steps: ClassVar[tuple[str, ...]]
 
     @property
-    def _number(self) -> Hashable:
-        """Exponent or shape of the law, which is part of its name and kind."""
-        raise NotImplementedError
-
-    @property
     def name(self) -> str:
-        return f"{type(self).__name__}({self._number}) of {self.friction.name}"
-
-    @property
-    def kind(self) -> Hashable | None:
-        inside = self.friction.kind
-        mine = super().kind
-        present = tuple(k for k in self.own if getattr(self, k) is not None)
-        return None if inside is None else (mine, present, self._number, inside)
+        return f"{type(self).__name__}({getattr(self, self.options[0])}) of {self.friction.name}"
 
     @property
     def needs_pressure(self) -> bool:  # type: ignore[override]
@@ -83,51 +68,22 @@ class _AroundFriction(FrictionLaw):
 
     @property
     def needs_time(self) -> tuple[str, ...]:  # type: ignore[override]
-        inside = (_INSIDE + name for name in self.friction.needs_time)
+        inside = (f"friction.{name}" for name in self.friction.needs_time)
         return (*(k for k in self.in_steps if getattr(self, k) is not None), *inside)
 
     @property
     def creeps(self) -> bool:  # type: ignore[override]
         return self.friction.creeps
 
-    def lacks(self, *, history: bool) -> str:
-        return self.friction.lacks(history=history)
-
     @property
     def averaging(self) -> Kernel | None:
         return self.friction.averaging
 
-    @property
-    def signs(self) -> Mapping[str, Sign]:  # type: ignore[override]
-        mine: dict[str, Sign] = dict.fromkeys(self.own, "positive")
-        return mine | {_INSIDE + k: sign for k, sign in self.friction.signs.items()}
-
-    @property
-    def given(self) -> dict[str, Scalar]:
-        mine = {k: getattr(self, k) for k in self.own}
-        inside = {_INSIDE + k: v for k, v in self.friction.given.items()}
-        return {k: v for k, v in {**mine, **inside}.items() if v is not None}
-
-    def having(self, symbols: Mapping[str, Any]) -> Self:
-        inside = {k.removeprefix(_INSIDE): v for k, v in symbols.items() if k.startswith(_INSIDE)}
-        mine = {k: v for k, v in symbols.items() if not k.startswith(_INSIDE)}
-        friction = self.friction.having(inside)
-        return replace(self, friction=friction, **mine)  # type: ignore[type-var]
+    def lacks(self, *, history: bool) -> str:
+        return self.friction.lacks(history=history)
 
     def bound(self, a: ContactPoint, p: Any) -> Any:
         return self.friction.bound(a, p)
-
-    def grips(self, a: ContactPoint) -> Any | None:
-        return self.friction.grips(a)
-
-    def holds(self, a: ContactPoint) -> Any | None:
-        return self.friction.holds(a)
-
-    def shears(self, a: ContactPoint) -> Mapping[int, StatusPiece]:
-        return self.friction.shears(a)
-
-    def entered(self, a: ContactPoint) -> Mapping[int, Any]:
-        return self.friction.entered(a)
 
 
 @constant_law
@@ -156,15 +112,16 @@ class NormalCompliance(_AroundFriction):
     exponent: float = 1.0
     friction: FrictionLaw = field(default_factory=Frictionless)
     tangential: Scalar | None = None
-    own = ("stiffness", "tangential")
+    options = ("exponent",)
     in_steps = ("tangential",)
     compliant = True
+    signs: ClassVar[Mapping[str, Sign]] = {"stiffness": "positive", "tangential": "positive"}
 
     def __post_init__(self) -> None:
         m = self.exponent
-        number = is_number(m)
-        if not (number and np.isfinite(m) and m >= 1):
+        if not (is_number(m) and 1 <= m < np.inf):
             raise ValueError(f"the exponent of NormalCompliance must be at least 1, got {m!r}")
+        object.__setattr__(self, "exponent", float(m))
         if not isinstance(self.friction, FrictionLaw) or self.friction.compliant:
             raise ValueError(
                 "friction of NormalCompliance must be a friction law such as Coulomb(0.3), got "
@@ -172,23 +129,19 @@ class NormalCompliance(_AroundFriction):
             )
         super().__post_init__()
 
-    @property
-    def _number(self) -> Hashable:
-        return float(self.exponent)
-
     def lacks(self, *, history: bool) -> str:
         if history and self.tangential is not None:
             return "a memory of the stretch of its tangential springs: omit tangential"
         return super().lacks(history=history)
 
     def pieces(self, a: ContactPoint) -> Mapping[int, StatusPiece]:
-        return super().pieces(self.with_pressure(a))
+        return self.friction.pieces(self.with_pressure(a))
 
     def with_pressure(self, a: ContactPoint) -> ContactPoint:
         """Return the contact point with pressure and shear of the springs."""
         C = self.stiffness
         C_t = self.tangential
-        m = float(self.exponent)
+        m = self.exponent
         shear = None if C_t is None else C_t / (C_t + a.r) * a.s
         if m == 1:
             return replace(a, pressure=C / (C + a.r) * a.p, shear=shear)
@@ -225,15 +178,13 @@ class Regularised(_AroundFriction):
     width: Scalar | None = None
     shape: str = "tanh"
     speed: Scalar | None = None
-    own = ("width", "speed")
+    options = ("shape",)
     in_steps = ("width", "speed")
     creeps = True
+    signs: ClassVar[Mapping[str, Sign]] = {"width": "positive", "speed": "positive"}
 
     def __post_init__(self) -> None:
-        if not isinstance(self.shape, str) or self.shape not in _SHAPES:
-            raise ValueError(
-                f"the shape of Regularised must be one of {', '.join(_SHAPES)}, got {self.shape!r}"
-            )
+        one_of(self.shape, "the shape of Regularised", _SHAPES)
         if self.width is None and self.speed is None:
             raise ValueError("Regularised needs a width, or a speed, or both")
         if not isinstance(self.friction, FrictionLaw) or self.friction.bound_kind is None:
@@ -242,10 +193,6 @@ class Regularised(_AroundFriction):
                 f"{self.friction!r}; use NormalCompliance(..., friction=Regularised(...))"
             )
         super().__post_init__()
-
-    @property
-    def _number(self) -> Hashable:
-        return self.shape
 
     def lacks(self, *, history: bool) -> str:
         if history and self.speed is None:

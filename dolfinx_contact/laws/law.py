@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass, replace
-from typing import Any, ClassVar, Literal, NamedTuple, NoReturn, Self, TypeAlias, get_args
+from typing import Any, ClassVar, Literal, NamedTuple, Self, TypeAlias, get_args
 
 import numpy as np
 
@@ -126,11 +126,6 @@ class ContactPoint:
     slid_before: Any = 0.0
     kept: Mapping[str, Any] = field(default_factory=dict)
     solved: Mapping[Hashable, tuple[Any, ...]] = field(default_factory=dict)
-
-    def __getattr__(self, name: str) -> NoReturn:
-        properties = [key for key, v in vars(type(self)).items() if isinstance(v, property)]
-        known = ", ".join(sorted([*(f.name for f in fields(self)), *properties]))
-        raise AttributeError(f"a contact point has no {name!r}; it has {known}")
 
     @property
     def t(self) -> Any:
@@ -286,8 +281,9 @@ class Law:
 
     Fields are numbers, Constants, Functions or UFL expressions on the mesh of the body; their
     values may change between solves (``surface.law.friction.value = 0.2``). In `pieces` they are
-    symbols for the values at a point. Laws of one class are compiled once, so that only fields may
-    vary between points or between solves. Pressure and shear of a point are *augmented* by r; at
+    symbols for the values at a point. Other fields are named in `options` or are laws themselves.
+    Laws of one class with the same options are compiled once, so that only fields may vary between
+    points or between solves. Pressure and shear of a point are *augmented* by r; at
     states that satisfy the law, the required traction must not depend on r.
 
     Raises:
@@ -298,6 +294,8 @@ class Law:
     needs_pressure: bool = True
     #: Admissible sign of each field, by name; default: any number.
     signs: ClassVar[Mapping[str, Sign]] = {}
+    #: Names of the fields that are no values at points, such as an exponent or a flag.
+    options: ClassVar[tuple[str, ...]] = ()
     #: Dependence of `bound` on the pressure for unilateral contact with isotropic friction (a zero
     #: bound counts as proportional); None for any other law.
     bound_kind: BoundKind | None = None
@@ -311,16 +309,12 @@ class Law:
     needs_time: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        self._check_fields()
-
-    def _check_fields(self) -> None:
-        """Raise `ValueError` unless all fields are scalars of the required signs."""
         hiding = sorted(set(self.given) & set(dir(Law)))
         if hiding:
             kind = type(self).__name__  # the field ``name`` of a law may shadow the property
             raise ValueError(f"fields of {kind} must not have the names of methods: {hiding}")
         for k, v in self.given.items():
-            _check_scalar(v, f"{k} of {self.name}", self.signs.get(k, "any"))
+            _check_scalar(v, f"{k} of {self.name}", self.sign(k))
 
     def pieces(self, a: ContactPoint) -> Mapping[int, StatusPiece]:
         """Return the smooth pieces of the law, by status code (`laws.status`).
@@ -360,8 +354,11 @@ class Law:
     @property
     def kind(self) -> Hashable | None:
         """Return the cache key, equal for laws differing only in `given`; None: no sharing."""
-        cls: Any = type(self)
-        return cls if "__dataclass_fields__" in vars(cls) else None
+        inside = [law.kind for law in self._laws.values()]
+        if "__dataclass_fields__" not in vars(type(self)) or None in inside:
+            return None
+        options = [getattr(self, name) for name in self.options]
+        return (type(self), *options, *self.given, *inside)
 
     def unknowns(self, dim: int) -> Mapping[Hashable, int]:
         """Return the number of unknowns of each system of `equations`, by its key."""
@@ -396,15 +393,42 @@ class Law:
         return self.weakening is not None and all(x.is_field for x in self.internal)
 
     @property
+    def _laws(self) -> dict[str, Law]:
+        """Fields that are laws, by name."""
+        known = fields(self) if is_dataclass(self) else ()
+        values = {f.name: getattr(self, f.name) for f in known}
+        return {name: v for name, v in values.items() if isinstance(v, Law)}
+
+    @property
     def given(self) -> dict[str, Scalar]:
-        """Fields of the law, by name."""
-        if not is_dataclass(self):
-            return {}
-        return {f.name: getattr(self, f.name) for f in fields(self)}
+        """Scalar fields by name, followed by those of inner laws, such as ``friction.threshold``.
+
+        Fields without a value whose default is None are omitted.
+        """
+        found = {}
+        for f in fields(self) if is_dataclass(self) else ():
+            value = getattr(self, f.name)
+            omitted = value is None and f.default is None
+            if not (f.name in self.options or omitted or isinstance(value, Law)):
+                found[f.name] = value
+        for name, law in self._laws.items():
+            found |= {f"{name}.{k}": v for k, v in law.given.items()}
+        return found
+
+    def sign(self, name: str) -> Sign:
+        """Return the admissible sign of a field of `given`."""
+        own, _, inner = name.partition(".")
+        law = self._laws.get(own)
+        return self.signs.get(name, "any") if law is None else law.sign(inner)
 
     def having(self, symbols: Mapping[str, Any]) -> Self:
-        """Return a copy of this law with other field values."""
-        return replace(self, **symbols) if symbols else self  # type: ignore[type-var]
+        """Return a copy of this law with other values of the fields in `given`."""
+        changed: dict[str, Any] = {k: v for k, v in symbols.items() if "." not in k}
+        for name, law in self._laws.items():
+            start = f"{name}."
+            inside = {k.removeprefix(start): v for k, v in symbols.items() if k.startswith(start)}
+            changed[name] = law.having(inside)
+        return replace(self, **changed) if changed else self  # type: ignore[type-var]
 
     def bind(self, domain: mesh.Mesh) -> Self:
         """Return a copy with numbers replaced by Constants of ``domain``. Not collective.
@@ -412,7 +436,7 @@ class Law:
         Raises:
             ValueError: if a field is not admissible or belongs to another mesh.
         """
-        self._check_fields()  # again, because a law may define its own __post_init__
+        Law.__post_init__(self)  # again, because a law may define its own
         coefficients = {}
         for k, v in self.given.items():
             coefficients[k] = fem.Constant(domain, float(v)) if is_number(v) else v

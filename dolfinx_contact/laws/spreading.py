@@ -25,7 +25,7 @@ import numpy.typing as npt
 
 import ufl
 
-from dolfinx_contact._validate import is_number
+from dolfinx_contact._validate import flag, one_of, positive
 from dolfinx_contact.laws.friction import FrictionLaw
 from dolfinx_contact.laws.law import ContactPoint, Kernel, Scalar, Sign, constant_law
 
@@ -85,35 +85,24 @@ class NonlocalCoulomb(FrictionLaw):
     needs_pressure = False
     signs: ClassVar[Mapping[str, Sign]] = {"friction": "nonnegative"}
 
+    options = ("radius", "kernel", "normalised")
+
     def __post_init__(self) -> None:
-        rho = self.radius
-        number = is_number(rho)
-        if not (number and np.isfinite(rho) and rho > 0):
-            raise ValueError(
-                f"the radius of NonlocalCoulomb must be a finite and positive number, got {rho!r}"
-            )
-        if not isinstance(self.kernel, str) or self.kernel not in KERNELS:
-            raise ValueError(
-                f"the kernel of NonlocalCoulomb must be one of {', '.join(KERNELS)}, got "
-                f"{self.kernel!r}"
-            )
-        if not isinstance(self.normalised, bool):
-            raise ValueError(
-                f"normalised of NonlocalCoulomb must be True or False, got {self.normalised!r}"
-            )
+        radius = positive(
+            self.radius, "the radius of NonlocalCoulomb", "a finite and positive number"
+        )
+        object.__setattr__(self, "radius", radius)
+        one_of(self.kernel, "the kernel of NonlocalCoulomb", KERNELS)
+        flag(self.normalised, "normalised of NonlocalCoulomb")
         super().__post_init__()
 
     @property
     def name(self) -> str:
-        return f"NonlocalCoulomb({float(self.radius):g}, {self.kernel})"
-
-    @property
-    def given(self) -> dict[str, Scalar]:
-        return {"friction": self.friction}
+        return f"NonlocalCoulomb({self.radius:g}, {self.kernel})"
 
     @property
     def averaging(self) -> Kernel:
-        return Kernel(self.kernel, float(self.radius), self.normalised)
+        return Kernel(self.kernel, self.radius, self.normalised)
 
     def bound(self, a: ContactPoint, p: Any) -> Any:
         return self.friction * a.around

@@ -65,7 +65,7 @@ def test_rccm_refuses_numbers_out_of_range(arguments, message):
     ("arguments", "message"),
     [
         *(
-            ({"order": order}, "order of RCCM in time must be 1 or 2")
+            ({"order": order}, "order of RCCM in time must be one of 1, 2")
             for order in (0, 3, 1.5, None, True)
         ),
         ({"recovers": 1}, "recovers of RCCM must be True or False"),
@@ -285,7 +285,7 @@ def test_own_law_refuses_data_that_are_not_its_fields():
         (lambda a, p: np.exp(-a.slid) * p, "the law Own must be UFL: use ufl.exp"),
         (lambda a, p: math.exp(-a.slid) * p, "the law Own must be UFL: use ufl.exp"),
         (lambda a, p: max(p, 0.0), "the law Own must be UFL: .*ufl.max_value"),
-        (lambda a, p: a.slip * p, "no 'slip'; it has around, .*slid, slid_before, "),
+        (lambda a, p: a.slip * p, "no attribute 'slip'"),
     ],
 )
 def test_own_law_refuses_other_functions_and_names(bound, message):
