@@ -149,7 +149,7 @@ class ContactState:
         """Derivative of the answer along a step of the jumps, shape (n, dim). Collective."""
         rate = np.einsum("nij,nj->ni", self.by_jump, step)
         if self.answers.spreading is not None:
-            around = self.answers.spreading(np.sum(self.spread_by[0] * step, axis=1))
+            around = self.answers.spreading.average(np.sum(self.spread_by[0] * step, axis=1))
             rate += self.by_around * around[:, None]
         return rate
 

@@ -37,9 +37,8 @@ from dolfinx_contact._install import loads
 
 if TYPE_CHECKING:
     from dolfinx_contact.laws.adhesion import RCCM
-    from dolfinx_contact.laws.answers import Answers, HeldAnswers, PointData
+    from dolfinx_contact.laws.answers import Answers, HeldAnswers, LawAtPoints, PointData, Spreading
     from dolfinx_contact.laws.cohesive import BilinearCohesive, MaxwellLayer
-    from dolfinx_contact.laws.compiled import LawAtPoints
     from dolfinx_contact.laws.compliant import NormalCompliance, Regularised
     from dolfinx_contact.laws.friction import Coulomb, FrictionLaw, Frictionless, Tresca
     from dolfinx_contact.laws.interface import Interface, InterfaceState, Rates
@@ -82,6 +81,7 @@ __all__ = [
     "PointData",
     "Rates",
     "Regularised",
+    "Spreading",
     "StatusPiece",
     "Tresca",
 ]
@@ -91,9 +91,8 @@ __getattr__ = loads(
     __name__,
     {
         "adhesion": ("RCCM",),
-        "answers": ("Answers", "HeldAnswers", "PointData"),
+        "answers": ("Answers", "HeldAnswers", "LawAtPoints", "PointData", "Spreading"),
         "cohesive": ("BilinearCohesive", "MaxwellLayer"),
-        "compiled": ("LawAtPoints",),
         "compliant": ("NormalCompliance", "Regularised"),
         "friction": ("Coulomb", "FrictionLaw", "Frictionless", "Tresca"),
         "interface": ("Interface", "InterfaceState", "Rates"),

@@ -1,34 +1,25 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Evaluation of a law at contact points: tractions and borders for every status."""
+"""Laws at contact points: tractions and borders for every status, and their derivatives."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Protocol
+
+from mpi4py import MPI
 
 import numpy as np
-import numpy.typing as npt
 
+from dolfinx_contact._arrays import Array, Codes, Mask
+from dolfinx_contact._forms import PointValues
+from dolfinx_contact.laws.compiled import CompiledLaw, compiled_law
+from dolfinx_contact.laws.law import Law
 from dolfinx_contact.laws.status import DAMAGING
 
-__all__ = ["Answers", "Borders", "Columns", "HeldAnswers", "PointData", "Spreading"]
+__all__ = ["Answers", "Borders", "HeldAnswers", "LawAtPoints", "PointData", "Spreading"]
 
-Array = npt.NDArray[np.float64]
-Codes = npt.NDArray[np.int8]
 _ABSENT = -np.finfo(np.float64).max  # distance for a status that does not exist
-
-
-class Columns(Protocol):
-    """Indices of the columns in the values of a compiled law (`compiled.CompiledLaw`)."""
-
-    dim: int
-    codes: tuple[int, ...]
-    rows: npt.NDArray[np.int64]
-    places: dict[str, list[list[int]]]
-    borders: list[list[tuple[int, int | None, int]]]
-    exists: list[int | None]
 
 
 @dataclass(frozen=True)
@@ -68,19 +59,21 @@ class Borders:
     target: Codes
 
 
-class Spreading(Protocol):
-    """Averaging operator N over neighbouring points, for a nonlocal law (protocol).
+@dataclass(frozen=True)
+class Spreading:
+    """Average of the pressure over neighbouring points, for a nonlocal law.
 
     Attributes:
-        by_jump, by_traction: derivatives of the averaged quantity with respect to jump and
+        average: function mapping values (n,) at the points of this rank to averages. Collective.
+        around: averaged pressures, shape (n,).
+        by_jump, by_traction: derivatives of the pressures at the points with respect to jump and
             traction, shape (n, dim) each.
     """
 
+    average: Callable[[Array], Array]
+    around: Array
     by_jump: Array
     by_traction: Array
-
-    def __call__(self, values: Array) -> Array:
-        """Return N v for the values v (n,) at the points of this rank. Collective."""
 
 
 class Answers:
@@ -100,7 +93,7 @@ class Answers:
 
     def __init__(
         self,
-        law: Columns,
+        law: CompiledLaw,
         values: Array,
         spreading: Spreading | None = None,
         turning: Callable[[Codes], Array] | None = None,
@@ -142,7 +135,7 @@ class Answers:
         worst = least[np.arange(len(least)), first]
         return np.array(self._law.codes, dtype=np.int8)[first], worst
 
-    def _borders(self, code: int) -> tuple[Array, npt.NDArray[np.bool_], list[int]]:
+    def _borders(self, code: int) -> tuple[Array, Mask, list[int]]:
         """Return border distances of a status, a mask of its existence, and target statuses."""
         law = self._law
         row = law.rows[code]
@@ -168,13 +161,13 @@ class Answers:
                 target[mine, : len(targets)] = targets
         return Borders(distance, target)
 
-    def may_be(self, code: int) -> npt.NDArray[np.bool_]:
+    def may_be(self, code: int) -> Mask:
         """Return the mask of the points at which a status exists, shape (n,)."""
         if code not in self._law.codes:
             return np.zeros(len(self._values), dtype=bool)
         return self._borders(code)[1]
 
-    def holds(self, codes: Codes) -> npt.NDArray[np.bool_]:
+    def holds(self, codes: Codes) -> Mask:
         """Return the mask of the points within the borders of their statuses, shape (n,)."""
         can = np.zeros(len(self._values), dtype=bool)
         for code in np.unique(codes):
@@ -186,7 +179,7 @@ class Answers:
         """Return distances to all borders of a status, ignoring their conditions (n, borders)."""
         return self._values[:, [c for c, _, _ in self._law.borders[self._law.rows[code]]]]
 
-    def exists(self) -> npt.NDArray[np.bool_]:
+    def exists(self) -> Mask:
         """Return the mask of existing statuses (n, statuses), in the order of their codes."""
         return np.stack([self._borders(code)[1] for code in self._law.codes], axis=1)
 
@@ -251,9 +244,131 @@ class HeldAnswers(Answers):
     def __init__(self, answers: Answers):
         super().__init__(answers._law, answers._values, answers.spreading, answers._turning)
 
-    def _borders(self, code: int) -> tuple[Array, npt.NDArray[np.bool_], list[int]]:
+    def _borders(self, code: int) -> tuple[Array, Mask, list[int]]:
         distance, exists, targets = super()._borders(code)
         if code >= DAMAGING:
             return distance, np.zeros_like(exists), targets
         changes = np.array(targets, dtype=np.int64) >= DAMAGING
         return np.where(changes, np.inf, distance), exists, targets
+
+
+class LawAtPoints:
+    """Law at the contact points of this rank. Only construction is collective.
+
+    Args:
+        law: law; its field values are passed with the data of the points.
+        dim: dimension, 2 or 3.
+        number: number of points.
+        comm: communicator of the ranks compiling together.
+
+    Attributes:
+        codes: status codes; if several statuses are admissible, the first one is used.
+    """
+
+    def __init__(self, law: Law, dim: int, number: int, comm: MPI.Comm):
+        self.law = law
+        self.dim = dim
+        self.number = number
+        self.compiled = compiled_law(law, dim, comm)
+        self.codes = self.compiled.codes
+
+    def __call__(
+        self, jump: Array, traction: Array, data: PointData, codes: Codes | None = None
+    ) -> Answers:
+        """Evaluate the law at jumps and tractions (n, dim); ``codes`` fixes the statuses."""
+        turn, moved = data.turn, data.moved
+        found = self._evaluate(self.compiled.values, jump, traction, data)
+        if turn is None or moved is None:
+            return Answers(self.compiled, found)
+
+        def turning(codes: Codes) -> Array:
+            return self._by_given(jump, traction, data, codes, turn, moved)[0]
+
+        return Answers(self.compiled, found, turning=turning)
+
+    def _evaluate(
+        self, values: PointValues, jump: Array, traction: Array, data: PointData
+    ) -> Array:
+        fields = [data.fields[name][:, None] for name in self.compiled.names]
+        given = [data.n, data.gap[:, None], data.r[:, None], *fields]
+        return self.compiled.evaluate(values, np.concatenate([jump, traction, *given], axis=1))
+
+    def slopes(self, code: int, jump: Array, traction: Array, data: PointData) -> Array:
+        """Return the derivatives of the border distances of a status, shape (n, borders, 2 dim).
+
+        Args:
+            code: status code.
+            jump: jumps, shape (n, dim); derivatives with respect to the jump come first.
+            traction: tractions, shape (n, dim).
+            data: data of the points.
+        """
+        slopes, places = self.compiled.slopes
+        values = self._evaluate(slopes, jump, traction, data)
+        mine = values[:, places[self.compiled.rows[code]]]
+        return mine.reshape(self.number, len(mine.T) // (2 * self.dim), 2 * self.dim)
+
+    def rate(
+        self,
+        jump: Array,
+        traction: Array,
+        data: PointData,
+        rates: PointData,
+        codes: Codes,
+        moved: Array | None = None,
+    ) -> Array:
+        """Return the rate of the answer (n, dim) at fixed tractions, for given rates of the data.
+
+        Args:
+            jump: jumps, shape (n, dim).
+            traction: tractions, shape (n, dim).
+            data: data of the points.
+            rates: rates of normals, gaps and fields; the rate of r is ignored.
+            codes: status codes, shape (n,).
+            moved: rates of the jumps, shape (n, dim); default: None (constant jumps).
+        """
+        normal = rates.n[:, :, None]
+        # A gap acts like a negative jump along the normal.
+        by = -rates.gap[:, None] * data.n
+        by = (by if moved is None else by + moved)[:, :, None]
+        rate, by_field = self._by_given(jump, traction, data, codes, normal, by)
+        for name, slope in by_field.items():
+            if name in rates.fields:  # fields in memory are constant
+                rate[:, :, 0] += slope * rates.fields[name][:, None]
+        return rate[:, :, 0]
+
+    def _by_given(
+        self,
+        jump: Array,
+        traction: Array,
+        data: PointData,
+        codes: Codes,
+        normal: Array,
+        moved: Array,
+    ) -> tuple[Array, dict[str, Array]]:
+        """Return the derivatives of the answers with respect to k parameters and each field.
+
+        Args:
+            jump: jumps, shape (n, dim).
+            traction: tractions, shape (n, dim).
+            data: data of the points.
+            codes: status codes, shape (n,).
+            normal: derivatives of the normals with respect to the parameters, shape (n, dim, k).
+            moved: derivatives of the jumps with respect to the parameters, shape (n, dim, k).
+
+        Returns:
+            Derivatives with respect to the parameters, shape (n, dim, k), and to each field, by
+            name, shape (n, dim).
+        """
+        compiled, by_normal, by_field = self.compiled.sensitivities
+        values = self._evaluate(compiled, jump, traction, data)
+        mine = np.arange(len(codes))
+        d = self.dim
+
+        def chosen(places: list[list[int]], *shape: int) -> Array:
+            every = np.stack([values[:, k] for k in places], axis=1)
+            return every[mine, self.compiled.rows[codes]].reshape(-1, *shape)
+
+        held = self(jump, traction, replace(data, turn=None), codes).by_jump(codes)
+        found = chosen(by_normal, d, d) @ normal + held @ moved
+        names = zip(self.compiled.names, by_field, strict=True)
+        return found, {name: chosen(places, d) for name, places in names}

@@ -23,18 +23,31 @@ from ufl.algorithms import extract_coefficients
 from ufl.algorithms.analysis import extract_constants
 from ufl.corealg.traversal import unique_pre_traversal
 
+from dolfinx_contact._arrays import Array
 from dolfinx_contact._forms import PointValues, ScalarList
 from dolfinx_contact._mpi import all_ranks, everywhere
 from dolfinx_contact._ufl import depends_on, not_affine
-from dolfinx_contact.laws.answers import Answers, Array, Codes, PointData
 from dolfinx_contact.laws.law import Law, StatusPiece, checked_pieces
 from dolfinx_contact.laws.roots import Roots
 from dolfinx_contact.laws.symbols import SLID, Symbols, from_memory, known_step
 
-__all__ = ["CompiledLaw", "LawAtPoints"]
+__all__ = ["CompiledLaw", "compiled_law"]
 
 #: Errors of numpy, math and UFL about UFL in place of numbers.
 _NOT_UFL = "ufunc", "__float__", "cannot be evaluated as bool"
+
+
+def _columns(flat: ScalarList, piece: StatusPiece) -> list[tuple[int, int | None, int]]:
+    """Return the columns of distance and condition and the target of each border of a status."""
+    found = []
+    for border in piece.borders:
+        where = None if border.where is None else flat.add(_number(border.where))[0]
+        found.append((flat.add(border.distance)[0], where, border.target))
+    return found
+
+
+def _number(condition: Any) -> Any:
+    return ufl.conditional(condition, 1.0, 0.0)
 
 
 class _Written:
@@ -160,18 +173,12 @@ class CompiledLaw:
             written = _Written(law, symbols)
         self.names = symbols.names
         self.remembers = bool(memory)
-        self._w = symbols.w
-        self._fields = symbols.fields
-        self._jump = symbols.jump
-        self._traction = symbols.traction
-        self._n = symbols.n
-        self._pieces = written.pieces
-        self._pressure = written.pressure
-        bond = written.bond
+        self._symbols = symbols
+        self._written = written
         self.kept = [name for name in kept if name in self.names]
-        self.bonded: bool = bool(bond)
+        self.bonded: bool = bool(written.bond)
         self.knows_slip: bool = SLID in self.names
-        self.codes = tuple(self._pieces)
+        self.codes = tuple(written.pieces)
         self.rows: npt.NDArray[np.int64] = np.zeros(max(self.codes) + 1, dtype=np.int64)
         self.rows[list(self.codes)] = np.arange(len(self.codes))
         flat = ScalarList()
@@ -179,40 +186,43 @@ class CompiledLaw:
         self.places: dict[str, list[list[int]]] = {name: [] for name in known}
         self.borders: list[list[tuple[int, int | None, int]]] = []
         self.exists: list[int | None] = []
-        for piece in self._pieces.values():
+        for piece in self._written.pieces.values():
             self.places["answer"].append(flat.add(piece.answer))
-            self.places["by_jump"].append(flat.add(ufl.diff(piece.answer, self._jump)))
-            self.places["by_traction"].append(flat.add(ufl.diff(piece.answer, self._traction)))
+            self.places["by_jump"].append(flat.add(ufl.diff(piece.answer, symbols.jump)))
+            self.places["by_traction"].append(flat.add(ufl.diff(piece.answer, symbols.traction)))
             if not local:
-                slope = ufl.diff(piece.answer, self._fields[-1])
+                slope = ufl.diff(piece.answer, symbols.fields[-1])
                 self.places["by_around"].append(flat.add(slope))
             self.borders.append(_columns(flat, piece))
             self.exists.append(None if piece.exists is None else flat.add(_number(piece.exists))[0])
         for name, bound in written.bounds.items():
             self.places[name] = [] if bound is None else [flat.add(bound)]
-        self.places |= {f"bond.{name}": [flat.add(e)] for name, e in bond.items()}
-        q = self._pressure
+        self.places |= {f"bond.{name}": [flat.add(e)] for name, e in written.bond.items()}
+        q = written.pressure
         if q is not None:
-            slopes = (ufl.diff(q, by) for by in (self._jump, self._traction))
+            slopes = (ufl.diff(q, by) for by in (symbols.jump, symbols.traction))
             self.places["pressure"] = [flat.add(e) for e in (q, *slopes)]
-        self.values = PointValues(flat.components, self._w, comm)
-        roots = written.equations
+        self.values = self._values(flat)
         self._needs: dict[float, bool] = {}
-        self._roots = Roots(roots, symbols.solved, self._w, comm) if roots else None
-        self._step = symbols.step
-        self._expressions = written.scalars
+        roots = written.equations
+        self._roots = Roots(roots, symbols.solved, symbols.w, comm) if roots else None
+
+    def _values(self, flat: ScalarList) -> PointValues:
+        """Return compiled scalars of the law. Collective."""
+        return PointValues(flat.components, self._symbols.w, self._comm)
 
     def needs_time(self, step: float) -> bool:
         """Return whether the law depends on the duration of a step of the given sign.
 
         Conditions on the duration are resolved first (`known_step`).
         """
-        if self._step is None:
+        symbol = self._symbols.step
+        if symbol is None:
             return False
         if step not in self._needs:
-            expressions = [known_step(ufl.as_ufl(e), self._step, step) for e in self._expressions]
-            nodes = set(unique_pre_traversal(ufl.as_vector(expressions)))
-            self._needs[step] = self._step in nodes
+            scalars = self._written.scalars
+            expressions = [known_step(ufl.as_ufl(e), symbol, step) for e in scalars]
+            self._needs[step] = symbol in set(unique_pre_traversal(ufl.as_vector(expressions)))
         return self._needs[step]
 
     @property
@@ -229,8 +239,9 @@ class CompiledLaw:
         """
         if self._roots is not None:
             return False
-        moving = self._jump, self._traction, self._w[3 * self.dim]
-        for piece in self._pieces.values():
+        at = self._symbols
+        moving = at.jump, at.traction, at.w[3 * self.dim]
+        for piece in self._written.pieces.values():
             values = [piece.answer, *(b.distance for b in piece.borders)]
             if any(not_affine(ufl.as_ufl(e), *moving) for e in values):
                 return False
@@ -246,26 +257,27 @@ class CompiledLaw:
         """
         flat = ScalarList()
         places = []
-        for piece in self._pieces.values():
+        for piece in self._written.pieces.values():
             places.append(
                 [
                     k
                     for border in piece.borders
-                    for by in (self._jump, self._traction)
+                    for by in (self._symbols.jump, self._symbols.traction)
                     for k in flat.add(ufl.diff(border.distance, by))
                 ]
             )
-        return PointValues(flat.components, self._w, self._comm), places
+        return self._values(flat), places
 
     @cached_property
     def sensitivities(self) -> tuple[PointValues, list[list[int]], list[list[list[int]]]]:
         """Derivatives of the answers with respect to normal and fields, compiled on first use."""
         flat = ScalarList()
-        by_normal = [flat.add(ufl.diff(p.answer, self._n)) for p in self._pieces.values()]
+        answers = [piece.answer for piece in self._written.pieces.values()]
+        by_normal = [flat.add(ufl.diff(answer, self._symbols.n)) for answer in answers]
         by_field = [
-            [flat.add(ufl.diff(p.answer, f)) for p in self._pieces.values()] for f in self._fields
+            [flat.add(ufl.diff(answer, f)) for answer in answers] for f in self._symbols.fields
         ]
-        return PointValues(flat.components, self._w, self._comm), by_normal, by_field
+        return self._values(flat), by_normal, by_field
 
     @cached_property
     def pressure_sensitivities(self) -> PointValues:
@@ -274,9 +286,9 @@ class CompiledLaw:
         They are compiled on first use.
         """
         flat = ScalarList()
-        for by in (self._n, *self._fields[:-1]):
-            flat.add(ufl.diff(self._pressure, by))
-        return PointValues(flat.components, self._w, self._comm)
+        for by in (self._symbols.n, *self._symbols.fields[:-1]):
+            flat.add(ufl.diff(self._written.pressure, by))
+        return self._values(flat)
 
     def evaluate(self, values: PointValues, columns: Array) -> Array:
         """Return values (n, width) at points with data ``columns`` (n, columns). Not collective."""
@@ -286,7 +298,7 @@ class CompiledLaw:
 _known: dict[tuple[Hashable, ...], CompiledLaw] = {}
 
 
-def _compiled(law: Law, dim: int, comm: MPI.Comm) -> CompiledLaw:
+def compiled_law(law: Law, dim: int, comm: MPI.Comm) -> CompiledLaw:
     """Return the compiled law, cached for all laws of the same kind. Collective."""
     kind = law.kind
     if kind is None:
@@ -297,140 +309,3 @@ def _compiled(law: Law, dim: int, comm: MPI.Comm) -> CompiledLaw:
     if not all_ranks(comm, key in _known):
         _known[key] = CompiledLaw(law, dim, comm.Dup())
     return _known[key]
-
-
-class LawAtPoints:
-    """Law at the contact points of this rank. Only construction is collective.
-
-    Args:
-        law: law; its field values are passed with the data of the points.
-        dim: dimension, 2 or 3.
-        number: number of points.
-        comm: communicator of the ranks compiling together.
-
-    Attributes:
-        codes: status codes; if several statuses are admissible, the first one is used.
-    """
-
-    def __init__(self, law: Law, dim: int, number: int, comm: MPI.Comm):
-        self.law = law
-        self.dim = dim
-        self.number = number
-        self.compiled = _compiled(law, dim, comm)
-        self.codes = self.compiled.codes
-
-    def __call__(
-        self, jump: Array, traction: Array, data: PointData, codes: Codes | None = None
-    ) -> Answers:
-        """Evaluate the law at jumps and tractions (n, dim); ``codes`` fixes the statuses."""
-        turn = data.turn
-        moved = data.moved
-        values = self.compiled.values
-        found = self._evaluate(values, jump, traction, data)
-        if turn is None or moved is None:
-            return Answers(self.compiled, found)
-
-        def turning(codes: Codes) -> Array:
-            return self._by_given(jump, traction, data, codes, turn, moved)[0]
-
-        return Answers(self.compiled, found, turning=turning)
-
-    def _evaluate(
-        self, values: PointValues, jump: Array, traction: Array, data: PointData
-    ) -> Array:
-        fields = [data.fields[name][:, None] for name in self.compiled.names]
-        given = [data.n, data.gap[:, None], data.r[:, None], *fields]
-        return self.compiled.evaluate(values, np.concatenate([jump, traction, *given], axis=1))
-
-    def slopes(self, code: int, jump: Array, traction: Array, data: PointData) -> Array:
-        """Return the derivatives of the border distances of a status, shape (n, borders, 2 dim).
-
-        Args:
-            code: status code.
-            jump: jumps, shape (n, dim); derivatives with respect to the jump come first.
-            traction: tractions, shape (n, dim).
-            data: data of the points.
-        """
-        slopes, places = self.compiled.slopes
-        values = self._evaluate(slopes, jump, traction, data)
-        mine = values[:, places[self.compiled.rows[code]]]
-        return mine.reshape(self.number, len(mine.T) // (2 * self.dim), 2 * self.dim)
-
-    def rate(
-        self,
-        jump: Array,
-        traction: Array,
-        data: PointData,
-        rates: PointData,
-        codes: Codes,
-        moved: Array | None = None,
-    ) -> Array:
-        """Return the rate of the answer (n, dim) at fixed tractions, for given rates of the data.
-
-        Args:
-            jump: jumps, shape (n, dim).
-            traction: tractions, shape (n, dim).
-            data: data of the points.
-            rates: rates of normals, gaps and fields; the rate of r is ignored.
-            codes: status codes, shape (n,).
-            moved: rates of the jumps, shape (n, dim); default: None (constant jumps).
-        """
-        normal = rates.n[:, :, None]
-        # A gap acts like a negative jump along the normal.
-        by = -rates.gap[:, None] * data.n
-        by = (by if moved is None else by + moved)[:, :, None]
-        rate, by_field = self._by_given(jump, traction, data, codes, normal, by)
-        for name, slope in by_field.items():
-            if name in rates.fields:  # fields in memory are constant
-                rate[:, :, 0] += slope * rates.fields[name][:, None]
-        return rate[:, :, 0]
-
-    def _by_given(
-        self,
-        jump: Array,
-        traction: Array,
-        data: PointData,
-        codes: Codes,
-        normal: Array,
-        moved: Array,
-    ) -> tuple[Array, dict[str, Array]]:
-        """Return the derivatives of the answers with respect to k parameters and each field.
-
-        Args:
-            jump: jumps, shape (n, dim).
-            traction: tractions, shape (n, dim).
-            data: data of the points.
-            codes: status codes, shape (n,).
-            normal: derivatives of the normals with respect to the parameters, shape (n, dim, k).
-            moved: derivatives of the jumps with respect to the parameters, shape (n, dim, k).
-
-        Returns:
-            Derivatives with respect to the parameters, shape (n, dim, k), and to each field, by
-            name, shape (n, dim).
-        """
-        compiled, by_normal, by_field = self.compiled.sensitivities
-        values = self._evaluate(compiled, jump, traction, data)
-        mine = np.arange(len(codes))
-        d = self.dim
-
-        def chosen(places: list[list[int]], *shape: int) -> Array:
-            every = np.stack([values[:, k] for k in places], axis=1)
-            return every[mine, self.compiled.rows[codes]].reshape(-1, *shape)
-
-        held = self(jump, traction, replace(data, turn=None), codes).by_jump(codes)
-        found = chosen(by_normal, d, d) @ normal + held @ moved
-        names = zip(self.compiled.names, by_field, strict=True)
-        return found, {name: chosen(places, d) for name, places in names}
-
-
-def _columns(flat: ScalarList, piece: StatusPiece) -> list[tuple[int, int | None, int]]:
-    """Return the columns of distance and condition and the target of each border of a status."""
-    found = []
-    for border in piece.borders:
-        where = None if border.where is None else flat.add(_number(border.where))[0]
-        found.append((flat.add(border.distance)[0], where, border.target))
-    return found
-
-
-def _number(condition: Any) -> Any:
-    return ufl.conditional(condition, 1.0, 0.0)

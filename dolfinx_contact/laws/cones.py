@@ -13,14 +13,11 @@ from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
-import numpy.typing as npt
 
-from dolfinx_contact.laws.answers import PointData
-from dolfinx_contact.laws.compiled import LawAtPoints
+from dolfinx_contact._arrays import Array, Mask
+from dolfinx_contact.laws.answers import LawAtPoints, PointData
 
-__all__ = ["cones", "is_polyhedral", "no_cones"]
-
-Array = npt.NDArray[np.float64]
+__all__ = ["cones", "is_polyhedral"]
 
 _ROUND_OFF = 1e-9
 _STATUSES = 4
@@ -45,7 +42,7 @@ def is_polyhedral(law: LawAtPoints, data: PointData) -> bool:
 
 def cones(
     law: LawAtPoints, data: PointData, frames: Array, scale: Array
-) -> tuple[Array, Array, npt.NDArray[np.bool_]]:
+) -> tuple[Array, Array, Mask]:
     """Return the cones {B z : C B z >= 0} of the statuses of n points.
 
     Args:
@@ -87,13 +84,7 @@ def cones(
     return B, C, exists
 
 
-def no_cones(n: int) -> tuple[Array, Array, npt.NDArray[np.bool_]]:
-    """Return the arrays of `cones` for n points without any status."""
-    shape = n, _STATUSES
-    return np.zeros((*shape, 4, 2)), np.zeros((*shape, 3, 4)), np.zeros(shape, dtype=bool)
-
-
-def _plane(rows: Array, used: npt.NDArray[np.bool_]) -> tuple[Array, list[int]]:
+def _plane(rows: Array, used: Mask) -> tuple[Array, list[int]]:
     """Return bases (n, 4, 2) of the planes ``rows`` w = 0, and the two free coordinates."""
     best = -1.0
     chosen = (0, 1)
@@ -115,7 +106,7 @@ def _plane(rows: Array, used: npt.NDArray[np.bool_]) -> tuple[Array, list[int]]:
     return B, free
 
 
-def _bounds(slopes: Array, free: list[int], there: npt.NDArray[np.bool_]) -> Array:
+def _bounds(slopes: Array, free: list[int], there: Mask) -> Array:
     """Return inequalities (n, 3, 4) of the free coordinates, without redundant ones."""
     n, borders, _ = slopes.shape
     size = np.abs(slopes).max(axis=2, initial=0.0)

@@ -7,7 +7,7 @@ their areas. No rank holds more of the surface than lies around its own points.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from petsc4py import PETSc
 
@@ -16,7 +16,7 @@ import numpy as np
 from dolfinx_contact._arrays import Array, Codes
 from dolfinx_contact._geometry import dot
 from dolfinx_contact._petsc import triplet_matrix
-from dolfinx_contact.laws import Answers, Kernel, Law, LawAtPoints, PointData
+from dolfinx_contact.laws import Answers, Kernel, Law, LawAtPoints, PointData, Spreading
 from dolfinx_contact.laws.spreading import KERNELS, whole
 from dolfinx_contact.laws.status import closed
 from dolfinx_contact.laws.symbols import AROUND
@@ -66,19 +66,6 @@ class Neighbours:
         return multiplied(self.matrix, values[:, None])[:, 0]
 
 
-@dataclass(eq=False)
-class _Spread:
-    """Contributions of points to those around them; see `laws.answers.Spreading`."""
-
-    neighbours: Neighbours
-    around: Array
-    by_jump: Array
-    by_traction: Array
-
-    def __call__(self, values: Array) -> Array:
-        return self.neighbours(values)
-
-
 class LawAmongPoints(LawAtPoints):
     """A nonlocal law on the contact points of a surface. Collective, like its methods.
 
@@ -105,7 +92,7 @@ class LawAmongPoints(LawAtPoints):
         around = self.neighbours(np.where(acts, q, 0.0))
         slopes = (np.where(acts[:, None], d, 0.0) for d in (by_jump, by_traction))
         values = self._evaluate(self.compiled.values, jump, traction, _with(data, around))
-        return Answers(self.compiled, values, _Spread(self.neighbours, around, *slopes))
+        return Answers(self.compiled, values, Spreading(self.neighbours, around, *slopes))
 
     def rate(
         self,
@@ -117,7 +104,7 @@ class LawAmongPoints(LawAtPoints):
         moved: Array | None = None,
     ) -> Array:
         spread = self(jump, traction, data, codes).spreading
-        assert isinstance(spread, _Spread)
+        assert spread is not None
         around = _with(data, spread.around)
         changes = self._evaluate(self.compiled.pressure_sensitivities, jump, traction, around)
         # fields in the memory do not change

@@ -50,7 +50,6 @@ from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import RigidTerm, SurfaceTerm
 from dolfinx_contact.equations.measures import Scales
 from dolfinx_contact.equations.parametric import ParametricEquations
-from dolfinx_contact.laws.cones import no_cones
 from dolfinx_contact.reduced.gathered import GatheredPoints
 from dolfinx_contact.reduced.held_body import ROUND_OFF, HeldBody, HeldField, with_dirichlet_rows
 from dolfinx_contact.reduced.point_problem import PointProblem
@@ -143,7 +142,8 @@ class Reduction:
         # statuses of the points as cones
         if d == 2:
             laws = self.points.laws(k)
-            bases, inequalities, exists = laws.cones() if conic else no_cones(m)
+            polyhedral = laws if conic else replace(laws, groups=[])
+            bases, inequalities, exists = polyhedral.cones()
             cones = bases, inequalities
             self.system = AffineSystem(M, self.load, self.rate, *cones, laws.classify, exists)
 
