@@ -33,13 +33,12 @@ from typing import Any
 
 import ufl
 
-from dolfinx_contact.laws.interface_point import InterfacePoint, InterfaceState, Rates
+from dolfinx_contact.laws.interface_point import InterfacePoint, InterfaceState, Potentials, Rates
 from dolfinx_contact.laws.law import (
     Bond,
     Border,
     ContactPoint,
     Equations,
-    Law,
     StatusPiece,
 )
 from dolfinx_contact.laws.status import BROKEN, DAMAGING, OPEN, PLUS, WHERE_OPEN
@@ -47,7 +46,7 @@ from dolfinx_contact.laws.status import BROKEN, DAMAGING, OPEN, PLUS, WHERE_OPEN
 __all__ = ["Interface", "InterfaceState", "Rates"]
 
 
-class Interface(Law):
+class Interface(Potentials):
     """Contact law defined by an energy and a dissipation potential (abstract).
 
     A subclass is a frozen dataclass with the parameters as fields (`Law`). Fields listed in
@@ -77,22 +76,6 @@ class Interface(Law):
                     reached = a * b / (b - state["damage"] * (b - a))
                     return self.stiffness / 2 * reached**2 * rates["damage"]
     """
-
-    def energy(self, state: InterfaceState) -> Any:
-        """Return the surface energy Psi, UFL energy per area."""
-        return 0.0
-
-    def dissipation(self, rates: Rates, state: InterfaceState) -> Any:
-        """Return the potential Phi, UFL power per area; only rates are differentiated."""
-        return 0.0
-
-    def cost(self, start: InterfaceState, end: InterfaceState) -> Any:
-        """Return the energy dissipated by the variables between two states, UFL energy per area.
-
-        If the result is None, dPhi/da' is integrated between the two values of the variables by the
-        four-point Gauss rule. This is inaccurate if dPhi/da' grows by a large factor within a step.
-        """
-        return None
 
     def broken(self, state: InterfaceState) -> Any:
         """Return the UFL condition for a broken interface; default: final value reached."""
@@ -151,7 +134,7 @@ class Interface(Law):
         return replace(a, pressure=self._now(a).pressure)
 
     def bond(self, a: ContactPoint) -> Bond | None:
-        if not self.internal and type(self).energy is Interface.energy:
+        if not self.internal and type(self).energy is Potentials.energy:
             return None
         now = self._now(a)
         after = dict[str, Any]()

@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -18,10 +18,10 @@ from ufl.corealg.multifunction import MultiFunction
 
 from dolfinx_contact._ufl import depends_on
 from dolfinx_contact.laws.friction import FrictionLaw
-from dolfinx_contact.laws.law import ContactPoint, Internal, Scalar, StatusPiece
+from dolfinx_contact.laws.law import ContactPoint, Internal, Law, Scalar, StatusPiece
 from dolfinx_contact.laws.symbols import variable
 
-__all__ = ["InterfacePoint", "InterfaceState", "Rates"]
+__all__ = ["InterfacePoint", "InterfaceState", "Potentials", "Rates"]
 
 
 @dataclass(frozen=True)
@@ -77,20 +77,24 @@ _SHORTEST = 1e-60
 _NO_PACE = 1e-290
 
 
-class Potentials(Protocol):
-    """Energy and dissipation of an interface (protocol)."""
-
-    internal: tuple[Internal, ...]
-    needs_pressure: bool
+class Potentials(Law):
+    """Law with an energy and a potential of dissipation (abstract)."""
 
     def energy(self, state: InterfaceState) -> Any:
-        """Return the surface energy Psi."""
+        """Return the surface energy Psi, UFL energy per area."""
+        return 0.0
 
     def dissipation(self, rates: Rates, state: InterfaceState) -> Any:
-        """Return the potential of dissipation Phi."""
+        """Return the potential Phi, UFL power per area; only rates are differentiated."""
+        return 0.0
 
     def cost(self, start: InterfaceState, end: InterfaceState) -> Any:
-        """Return the integral of dPhi/da' . da between two states, or None."""
+        """Return the energy dissipated by the variables between two states, UFL energy per area.
+
+        If the result is None, dPhi/da' is integrated between the two values of the variables by the
+        four-point Gauss rule. This is inaccurate if dPhi/da' grows by a large factor within a step.
+        """
+        return None
 
 
 class InterfacePoint:

@@ -8,19 +8,16 @@ from collections.abc import Hashable, Mapping
 from mpi4py import MPI
 
 import numpy as np
-import numpy.typing as npt
 
 import ufl
 from dolfinx import fem
 
+from dolfinx_contact._arrays import Array, Ints, Mask
 from dolfinx_contact._forms import PointValues, ScalarList
 from dolfinx_contact.laws.law import Equations
 from dolfinx_contact.laws.symbols import Solved
 
 __all__ = ["Roots"]
-
-Array = npt.NDArray[np.float64]
-Marks = npt.NDArray[np.bool_]
 
 _MOST_STEPS = 100
 _MOST_CUTS = 30
@@ -54,8 +51,9 @@ class Roots:
         """Append the columns of the solutions to ``columns`` (n, k). Not collective."""
         full = np.zeros((len(columns), self._width))
         full[:, : columns.shape[1]] = columns
-        for root in self._each:
-            root(full)
+        with np.errstate(all="ignore"):  # a failed solution is NaN
+            for root in self._each:
+                root(full)
         return full
 
 
@@ -114,8 +112,7 @@ class _Root:
         """Return F (m, n) and its Jacobian matrix (m, n, n) at z."""
         n = self._n
         full[:, self._first : self._first + n] = z
-        with np.errstate(all="ignore"):
-            found = self._system(full)
+        found = self._system(full)
         return found[:, :n], found[:, n:].reshape(len(full), n, n)
 
     def _held(self, full: Array, start: Array, value: Array) -> Array:
@@ -130,8 +127,7 @@ class _Root:
         """Return the solution with the first unknown restricted to [start, end]."""
         J = self._at(full, z)[1][:, 0, 0]
         F = self._at(full, start)[0][:, 0]
-        with np.errstate(all="ignore"):
-            step = np.abs(F / J)
+        step = np.abs(F / J)
         good = np.isfinite(step) & (step > 0)
         short = 1e-3 * (1.0 + np.abs(start[:, 0]))
         away = np.where(good, step, short)
@@ -196,7 +192,7 @@ class _Root:
         F, J = self._system_at(full, z, held)
         for _ in range(_MOST_STEPS):
             inverse = _inverse(J)
-            step = -_times(inverse, F)
+            step = -np.einsum("pij,pj->pi", inverse, F)
             size = np.abs(z[active]) + np.abs(z[active] - start[active])
             ready = np.all(np.abs(step) <= _ENOUGH * size, axis=1)
             failed = ~np.isfinite(step).all(axis=1)
@@ -217,11 +213,11 @@ class _Root:
                 cut = _cut(z[active, 0], step[:, 0], *ends)
             F = np.zeros((len(active), n))
             J = np.zeros((len(active), n, n))
-            left: npt.NDArray[np.int64] = np.arange(len(active))
+            left: Ints = np.arange(len(active))
             for _ in range(_MOST_CUTS):
                 trial = z[active[left]] + cut[left, None] * step[left]
                 F[left], J[left] = self._system_at(full[active[left]], trial, held)
-                next_ = np.abs(_times(inverse[left], F[left])) / scale[left]
+                next_ = np.abs(np.einsum("pij,pj->pi", inverse[left], F[left])) / scale[left]
                 good = np.max(next_, axis=1) <= (1.0 - cut[left] / 2) * measure[left]
                 left = left[~good]
                 if not len(left):
@@ -245,26 +241,18 @@ class _Root:
 
 def _cut(z: Array, step: Array, start: Array, end: Array) -> Array:
     """Return step factors keeping the first unknown between start and end."""
-    with np.errstate(all="ignore"):
-        parts = [
-            np.where(step * (e - z) > 0, _TO_THE_END * (e - z) / step, np.inf) for e in (start, end)
-        ]
-        return np.fmin(1.0, np.fmin(*parts))
-
-
-def _times(matrices: Array, vectors: Array) -> Array:
-    with np.errstate(all="ignore"):
-        return np.asarray(np.einsum("pij,pj->pi", matrices, vectors))
+    parts = [
+        np.where(step * (e - z) > 0, _TO_THE_END * (e - z) / step, np.inf) for e in (start, end)
+    ]
+    return np.fmin(1.0, np.fmin(*parts))
 
 
 def _inverse(J: Array) -> Array:
     """Return the inverses of matrices (m, n, n); NaN for singular matrices."""
+    if J.shape[1] == 1:
+        return np.where(J == 0.0, np.nan, 1.0 / J)
     found = np.full_like(J, np.nan)
-    with np.errstate(all="ignore"):
-        if J.shape[1] == 1:
-            found[:] = np.where(J == 0.0, np.nan, 1.0 / J)
-            return found
-        good: Marks = np.asarray(np.isfinite(J).all(axis=(1, 2)))
-        good[good] = np.abs(np.linalg.det(J[good])) > 0
-        found[good] = np.linalg.inv(J[good])
+    good: Mask = np.asarray(np.isfinite(J).all(axis=(1, 2)))
+    good[good] = np.abs(np.linalg.det(J[good])) > 0
+    found[good] = np.linalg.inv(J[good])
     return found
