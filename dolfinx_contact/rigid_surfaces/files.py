@@ -16,9 +16,6 @@ __all__ = ["facets_in"]
 
 
 _HEAD = 84  # bytes before the facets of a binary STL file: header (80) and number of facets
-#: Keywords of a facet in an ASCII STL file, with "" in place of a number.
-_WORDS = ("facet", "normal", *3 * [""], "outer", "loop")
-_WORDS += (*3 * ["vertex", *3 * [""]], "endloop", "endfacet")
 _FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("more", "<u2")])
 #: Local nodes of the facets of linear gmsh elements: lines, triangles, halves of quadrilaterals.
 _PARTS = {1: [[0, 1]], 2: [[0, 1, 2]], 3: [[0, 1, 2], [0, 2, 3]]}
@@ -80,14 +77,9 @@ def _of_text(path: Path, text: str) -> Array:
     lines = [line.split() for line in text.lower().splitlines() if line.strip()]
     if lines[-1][0] != "endsolid":
         raise ValueError(f"{path} is truncated: an ASCII STL file ends with 'endsolid'")
-    # The names of solids are free text.
-    words = [w for line in lines if line[0] not in ("solid", "endsolid") for w in line]
     try:
-        facets = np.array(words, dtype=str).reshape(-1, len(_WORDS))
-        numbers = np.array([word == "" for word in _WORDS])
-        if (facets[:, ~numbers] != np.array(_WORDS)[~numbers]).any():
-            raise ValueError("keywords differ")
-        return facets[:, numbers].astype(np.float64)[:, 3:].reshape(-1, 3, 3)
+        corners = [line[1:] for line in lines if line[0] == "vertex"]
+        return np.array(corners, dtype=np.float64).reshape(-1, 3, 3)
     except ValueError as error:
         raise ValueError(f"{path} is not a complete ASCII STL file: {error}") from None
 
@@ -106,12 +98,12 @@ def _of_gmsh(path: Path, group: str | int | None) -> tuple[Array, Ints]:
         dim, entities = _entities(model, path, group)
         found: list[Ints] = [np.zeros((0, dim + 1), dtype=np.int64)]
         for entity in entities:
-            for kind in model.mesh.getElementTypes(dim, entity):
+            kinds, _, nodes = model.mesh.getElements(dim, entity)
+            for kind, flat in zip(kinds, nodes, strict=True):
                 if kind not in _PARTS:
                     name = model.mesh.getElementProperties(kind)[0]
                     where = f"{path}: the group {group!r}"
                     raise ValueError(f"{where} has curved or unsupported elements ({name})")
-                flat = model.mesh.getElementsByType(kind, entity)[1]
                 each = np.asarray(flat, dtype=np.int64).reshape(-1, 1 + np.max(_PARTS[kind]))
                 found += [each[:, part] for part in _PARTS[kind]]
         tags, places, _ = model.mesh.getNodes()
@@ -133,12 +125,15 @@ def _entities(model: Any, path: Path, group: str | int | None) -> tuple[int, lis
     if group is None:
         dim = 2 if any(len(model.mesh.getElements(2, e)[0]) for _, e in model.getEntities(2)) else 1
         return dim, [e for _, e in model.getEntities(dim)]
-    known = [(d, tag, model.getPhysicalName(d, tag)) for d, tag in model.getPhysicalGroups()]
-    known = [g for g in known if g[0] in (1, 2)]
+    known = [
+        (d, tag, model.getPhysicalName(d, tag))
+        for d in (1, 2)
+        for _, tag in model.getPhysicalGroups(d)
+    ]
     found = [g for g in known if group in g[1:]]
     if len(found) != 1:
         listed = ", ".join(f"{tag} ({name!r}, {d}D)" for d, tag, name in known) or "none"
         which = "no group" if not found else f"{len(found)} groups"
         raise ValueError(f"{path}: {which} {group!r} of curves or surfaces; there are: {listed}")
-    ((dim, tag, _),) = found
-    return int(dim), [int(e) for e in model.getEntitiesForPhysicalGroup(dim, tag)]
+    dim, tag, _ = found[0]
+    return dim, list(model.getEntitiesForPhysicalGroup(dim, tag))
