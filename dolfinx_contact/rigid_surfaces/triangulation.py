@@ -16,7 +16,8 @@ import numpy as np
 import scipy
 
 from dolfinx_contact._arrays import Array, Ints, Mask
-from dolfinx_contact._geometry import connected_parts, dot, listed_pairs, tangential, unit
+from dolfinx_contact._geometry import balls, connected_parts, dot, listed_pairs, unit
+from dolfinx_contact.rigid_surfaces.closest import closest_on
 from dolfinx_contact.rigid_surfaces.normals import corner_normals, crossed, without_tips
 
 __all__ = ["Triangulation", "merged", "triangulated"]
@@ -199,7 +200,7 @@ def triangulated(
     point_rims = np.zeros(len(points), dtype=bool)
     point_rims[ridges.nodes[ridges.rims.ravel()]] = True
     fans = without_tips(corners, ridges.fans(cells, ~at_crease))
-    _check_torn(points, cells, ridges, point_rims, name)
+    _check_torn(points, cells, ridges, name)
     # normals
     ridge_normals = np.zeros((count, cells.shape[1]))
     np.add.at(ridge_normals, ridges.numbers, normals[:, None])
@@ -261,15 +262,8 @@ def _check_sides(points: Array, cells: Ints, ridges: _Ridges, name: str, *, inwa
         )
 
 
-def _check_torn(points: Array, cells: Ints, ridges: _Ridges, rims: Mask, name: str) -> None:
+def _check_torn(points: Array, cells: Ints, ridges: _Ridges, name: str) -> None:
     """Raise ``ValueError`` if facets do not meet: rim points on or near other rim facets."""
-    on = _points_on_rims(points, cells, ridges)
-    if len(on):
-        raise ValueError(
-            f"{name}: the surface is torn: {len(np.unique(on))} points of rims are on the "
-            f"{'segments' if ridges.dim == 2 else 'edges of facets'} of others, the first at "
-            f"{_at(points[on[:1]])}; join them in the program that created the surface"
-        )
     fans = ridges.fans(cells, np.ones(len(ridges.first), dtype=bool))
     several = np.flatnonzero(_fans_of_points(cells, fans) > 1)
     if len(several):
@@ -277,40 +271,34 @@ def _check_torn(points: Array, cells: Ints, ridges: _Ridges, rims: Mask, name: s
             f"{name}: parts of the surface touch only at {len(several)} points, the first at "
             f"{_at(points[several[:1]])}"
         )
-    ends = np.flatnonzero(rims)
-    if len(ends) < 2:
-        return
-    away = scipy.spatial.cKDTree(points[ends]).query(points[ends], k=2)[0][:, 1]
-    near = ends[away < _SLIT * _shortest_edges(points, cells)[ends]]
-    if len(near):
-        raise ValueError(
-            f"{name}: the surface is torn: {len(near)} rim points coincide with "
-            f"others, or within {_SLIT:g} of an edge of these, the first at "
-            f"{_at(points[near[:1]])}; join them in the program that created the surface, or those "
-            f"that coincide by {_REPAIR}"
-        )
-
-
-def _points_on_rims(points: Array, cells: Ints, ridges: _Ridges) -> Ints:
-    """Return points of rims lying inside rim edges, or in 2D inside segments."""
     rims = np.flatnonzero(ridges.rims.ravel())
     ends = np.unique(ridges.nodes[rims])
     if not len(ends):
-        return ends
+        return
+    # other edges of rims (in 2D other segments) near the points of rims
     edges = ridges.nodes[rims] if ridges.dim == 3 else cells
-    way = points[edges[:, 1]] - points[edges[:, 0]]
-    length = np.linalg.norm(way, axis=1)
-    middles = points[edges[:, :2]].mean(axis=1)
+    corners = points[edges]
+    middles, radii = balls(corners)
+    shortest = _shortest_edges(points, cells)
     tree = scipy.spatial.cKDTree(points[ends])
-    edge, number = listed_pairs(tree.query_ball_point(middles, (0.5 + _ON_EDGE) * length))
-    point, direction = ends[number], unit(way)[edge]
-    offset = points[point] - points[edges[edge, 0]]
-    along = dot(offset, direction)
-    apart = np.linalg.norm(tangential(offset, direction), axis=1)
-    size = np.minimum(_shortest_edges(points, cells)[point], length[edge])
-    on = (apart < _ON_EDGE * size) & (np.minimum(along, length[edge] - along) > _SLIT * size)
-    on &= (point[:, None] != edges[edge]).all(axis=1)
-    return point[on]
+    edge, number = listed_pairs(
+        tree.query_ball_point(middles, radii + _SLIT * shortest[ends].max())
+    )
+    point = ends[number]
+    parts = closest_on(points[point], corners[edge])
+    apart = np.linalg.norm(points[point] - np.einsum("pk,pki->pi", parts, corners[edge]), axis=1)
+    length = 2.0 * radii[edge]
+    inside = parts.min(axis=1) * length > _SLIT * shortest[point]
+    most = _ON_EDGE * np.minimum(shortest[point], length)
+    near = apart < np.where(inside, most, _SLIT * shortest[point])
+    torn = np.unique(point[near & (point[:, None] != edges[edge]).all(axis=1)])
+    if len(torn):
+        raise ValueError(
+            f"{name}: the surface is torn: {len(torn)} rim points coincide with others, are within "
+            f"{_SLIT:g} of an edge of these, or are on the edges of other facets, the first at "
+            f"{_at(points[torn[:1]])}; join them in the program that created the surface, or those "
+            f"that coincide by {_REPAIR}"
+        )
 
 
 def _shortest_edges(points: Array, cells: Ints) -> Array:
