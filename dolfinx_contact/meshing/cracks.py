@@ -21,7 +21,7 @@ from dolfinx_contact._arrays import Ints, Mask
 from dolfinx_contact._geometry import area_vectors, by_coordinates, connected_parts
 from dolfinx_contact._mpi import Arguments, collective, keep, on_root
 from dolfinx_contact._validate import listed
-from dolfinx_contact.meshing.gmsh import GmshMesh, NamedTags
+from dolfinx_contact.meshing.gmsh import GmshMesh, NamedTags, named_mesh
 from dolfinx_contact.meshing.whole import WholeMesh, check_tags, distributed, gathered
 
 __all__ = ["crack"]
@@ -90,12 +90,11 @@ def crack(
             mesh or to other entities.
     """
     domain = _mesh_of(body)
-    names = body.names if isinstance(body, GmshMesh) else {}
-    known = body._named_facets.names if isinstance(body, GmshMesh) else {}
-    of_cells = body._named_cells.names if isinstance(body, GmshMesh) else {}
+    known, of_cells = dict[str, int](), dict[str, int]()
+    if isinstance(body, GmshMesh):
+        known, of_cells = body._named_facets.names, body._named_cells.names
     keep(domain)
     comm = domain.comm
-    tdim = domain.topology.dim
     tags = {g: known[g] if isinstance(g, str) else int(g) for g in groups}
     whole = gathered(domain, cell_tags, facet_tags)
     cell = domain.basix_cell()
@@ -115,9 +114,7 @@ def crack(
     taken = sorted(known.keys() & sides.keys())
     if taken:
         raise ValueError(f"the crack names its sides {', '.join(taken)}: rename these groups")
-    names = names | {name: (tdim - 1, t) for name, t in sides.items()}
-    named = NamedTags(cells, of_cells), NamedTags(facets, known | sides)
-    return GmshMesh(new, *named, names)
+    return named_mesh(new, NamedTags(cells, of_cells), NamedTags(facets, known | sides))
 
 
 def _mesh_of(body: GmshMesh | mesh.Mesh) -> mesh.Mesh:

@@ -32,6 +32,7 @@ __all__ = [
     "draw_polygon",
     "empty_model",
     "mesh_from_gmsh",
+    "named_mesh",
     "read_mesh",
 ]
 
@@ -72,8 +73,9 @@ class GmshMesh(NamedTuple):
         mesh: mesh of the body.
         cell_tags: groups of cells.
         facet_tags: groups of facets, possibly empty.
-        names: dimension and tag by group name. If a group of cells and a group of facets have the
-            same name, the entry belongs to the facets; the tags, `dx` and `ds` know both.
+        names: dimension and tag by name, of groups of cells and facets. If a group of cells and a
+            group of facets have the same name, the entry belongs to the facets; the tags, `dx` and
+            `ds` know both.
 
     Example:
         Parts of the boundary by their names::
@@ -194,6 +196,12 @@ class GmshMesh(NamedTuple):
     @property
     def _named_facets(self) -> NamedTags:
         return _named(self.facet_tags, self.names)
+
+
+def named_mesh(domain: mesh.Mesh, cells: NamedTags, facets: NamedTags) -> GmshMesh:
+    """Return a mesh with named groups of cells and facets."""
+    names = {name: (t.dim, tag) for t in (cells, facets) for name, tag in t.names.items()}
+    return GmshMesh(domain, cells, facets, names)
 
 
 def _named(tags: mesh.MeshTags, names: Mapping[str, tuple[int, int]]) -> NamedTags:
@@ -354,27 +362,20 @@ def _fill(model: Any, draw: Callable[[], Any], dim: int | None, wanted: list[str
 
 def _distribute(comm: MPI.Comm, model: Any) -> GmshMesh:
     """Return the mesh of a model on rank 0. Collective."""
-    names: dict[str, tuple[int, int]] = {}
-    of_cells: dict[str, int] = {}
-    of_facets: dict[str, int] = {}
+    named: list[dict[str, int]] = []
     body = 0
     if comm.rank == 0:
-        found = model.getPhysicalGroups()
-        body = max(d for d, _ in found)
-        found.sort(key=lambda group: group[0] == body - 1)  # of two with one name take the facets
-        names = {model.getPhysicalName(*group): (group[0], group[1]) for group in found}
-        names.pop("", None)
-        of_cells, of_facets = (_names_of(model, d) for d in (body, body - 1))
+        body = max(d for d, _ in model.getPhysicalGroups())
+        named = [_names_of(model, d) for d in (body, body - 1)]
         model.mesh.renumberNodes()  # DOLFINx requires numbers without holes
-    names, of_cells, of_facets, body = comm.bcast((names, of_cells, of_facets, body))
+    named, body = comm.bcast((named, body))
     domain, cell_tags, facet_tags = gmsh_io.model_to_mesh(model, comm, 0, gdim=body)[:3]
     keep(domain)
     if facet_tags is None:
         domain.topology.create_entities(body - 1)
         none = np.empty(0, dtype=np.int32)
         facet_tags = mesh.meshtags(domain, body - 1, none, none)
-    named = NamedTags(cell_tags, of_cells), NamedTags(facet_tags, of_facets)
-    return GmshMesh(domain, *named, names)
+    return named_mesh(domain, NamedTags(cell_tags, named[0]), NamedTags(facet_tags, named[1]))
 
 
 def _warn_of_lost_names(model: Any) -> None:

@@ -27,7 +27,7 @@ from dolfinx_contact._compat import (
 )
 from dolfinx_contact._mpi import Arguments, collective, keep, require
 from dolfinx_contact._validate import listed
-from dolfinx_contact.meshing.gmsh import GmshMesh, NamedTags
+from dolfinx_contact.meshing.gmsh import GmshMesh, NamedTags, named_mesh
 
 __all__ = ["WholeMesh", "check_tags", "distributed", "gathered", "join"]
 
@@ -237,9 +237,7 @@ def join(
     of_cells, of_facets = comm.bcast(merged)
     element = bodies[0].ufl_domain().ufl_coordinate_element()
     domain, cells, facets = distributed(comm, whole, element)
-    by_name = {name: (cells.dim, tag) for name, tag in of_cells.items()}
-    by_name |= {name: (facets.dim, tag) for name, tag in of_facets.items()}
-    return GmshMesh(domain, NamedTags(cells, of_cells), NamedTags(facets, of_facets), by_name)
+    return named_mesh(domain, NamedTags(cells, of_cells), NamedTags(facets, of_facets))
 
 
 def _joined(
