@@ -73,7 +73,7 @@ def weighted(form: ufl.Form, *, axisymmetric: bool) -> ufl.Form:
 
 
 class Stiffness:
-    """Stiffness matrix of a body, which may be stored by half for products.
+    """Residual and stiffness of a body; the matrix may be stored by half for products.
 
     Attributes:
         linear: whether the stiffness does not depend on the displacement.
@@ -98,6 +98,23 @@ class Stiffness:
         if self._half is None:
             self._half = half_of(self._K)
         return self._half
+
+    def rows(self, u: Array) -> Array:
+        """Return the owned entries of the residual at ``u``. Collective.
+
+        For a linear body they are a product with the cached stiffness, which is cheaper than
+        assembly.
+        """
+        rows = self.affine_residual(u)
+        return self.residual_at(u) if rows is None else rows
+
+    def residual_at(self, u: Array) -> Array:
+        """Return the owned entries of the residual, always by assembly. Collective."""
+        raise NotImplementedError
+
+    def affine_residual(self, u: Array) -> Array | None:
+        """Return the owned entries of the residual by the cached stiffness, if it is up to date."""
+        raise NotImplementedError
 
     def _forget_half(self) -> None:
         destroy(self._half)
@@ -289,28 +306,13 @@ class Bulk(Stiffness):
         """Return the owned entries of the residual, always by assembly. Collective."""
         return self.assembled(self.residual_form, u)
 
-    def local_rows(self, u: Array) -> Array:
-        """Return the contributions of this rank to the residual, shape (n, dim). Collective.
-
-        The sum over all ranks is the residual. For a linear body the contributions are products
-        with the cached stiffness, which is cheaper than assembly.
-        """
-        rows = self.affine_residual(u)
-        # Unlike owned rows, the local contributions of all ranks add up without double counting.
-        rows = self._local(self.residual_form, u).array.copy() if rows is None else rows
-        return np.asarray(rows).reshape(-1, self._V.dofmap.index_map_bs)
-
     def assembled(self, form: fem.Form, u: Array) -> Array:
         """Return the owned entries of the vector of a linear form in `displacement`. Collective."""
-        b = self._local(form, u)
-        b.scatter_reverse(la.InsertMode.add)
-        return b.array[: self._owned].copy()
-
-    def _local(self, form: fem.Form, u: Array) -> la.Vector:
         self.displacement.x.array[:] = u
         b = self._rows.zeros(self._V.dofmap.index_map_bs)
         fem.assemble_vector(b.array, form)
-        return b
+        b.scatter_reverse(la.InsertMode.add)
+        return b.array[: self._owned].copy()
 
     def rate_at(self, u: Array, step: Array) -> Array:
         """Return the owned entries of K(u) d for a step d of the Dirichlet data. Collective.

@@ -96,9 +96,9 @@ def inertia_error(
     """
     comm = V.mesh.comm
     n = V.dofmap.index_map.size_local
-    modes = Parts(V, axisymmetric=axisymmetric).motions()
-    held = np.where(fixed[None, :n], modes[:, :n], 0.0).reshape(len(modes), -1)
-    modes = combine(comm.allreduce(held @ held.T), modes)
+    parts = Parts(V, axisymmetric=axisymmetric)
+    modes = parts.motions()
+    modes = combine(parts.held(modes, fixed), modes)
     if not len(modes):
         return 0.0
     rows = modes[:, :n].reshape(len(modes), -1)

@@ -127,7 +127,6 @@ class MovingBody(Stiffness):
         self.functions = body.functions
         self.constants = body.constants
         self.displacement = body.displacement
-        self.residual_form = body.residual_form
         self.jacobian_constants = body.jacobian_constants
         self.kinks = body.kinks
         self.materials = body.materials
@@ -190,8 +189,7 @@ class MovingBody(Stiffness):
 
     def forces(self, u: Array, v: Array) -> Array:
         """Return the owned values of R(u) + C v with the current loads. Collective."""
-        inner = self.body.affine_residual(u)
-        inner = self.body.residual_at(u) if inner is None else inner
+        inner = self.body.rows(u)
         return inner if self.damping is None else inner + product(self.damping, v)
 
     def load(self) -> Array:
@@ -229,12 +227,6 @@ class MovingBody(Stiffness):
             at = self._rows(self._origin, f + self.body.times(self._origin))
             self._start = f, self._of, at
         return self._start[2] + product(self.for_products, w - self._origin)
-
-    def local_rows(self, w: Array) -> Array:
-        """Return the contributions of this rank to the rows, shape (n, dim). Collective."""
-        rows = self.affine_residual(w)
-        rows = self.residual_at(w) if rows is None else rows
-        return rows.reshape(-1, self.displacement.function_space.dofmap.index_map_bs)
 
     def assembled(self, form: fem.Form, w: Array) -> Array:
         """Return the owned derivative of the rows for a linear form dR/dparameter. Collective."""

@@ -158,13 +158,22 @@ class Parts:
         """
         modes = self.motions()
         owned = self._owned(modes)
-        held = np.where(fixed[: self._n].reshape(-1), owned, 0.0)
-        by_data = total(self.comm, held @ held.T)
+        by_data = self.held(modes, fixed)
         if not len(loose(by_data)):
             return modes[:0]
         scale = K.norm(PETSc.NormType.NORM_INFINITY)
         resisting = np.array([product(K, mode) for mode in owned]) / scale
         return combine(by_data + total(self.comm, resisting @ resisting.T), modes)
+
+    def held(self, motions: Array, fixed: Mask) -> Array:
+        """Return the Gram matrix of the components of motions with Dirichlet conditions.
+
+        Args:
+            motions: motions at the local nodes, shape (motions, nodes, dim).
+            fixed: mask of components with Dirichlet conditions, shape (local nodes, dim).
+        """
+        held = self._owned(np.where(fixed, motions, 0.0))
+        return total(self.comm, held @ held.T)
 
     def describe(self, free: Array) -> str:
         """Return the names of the rigid motions that contribute to ``free``."""

@@ -250,8 +250,8 @@ def forces_at(eq: ContactEquations, state: Evaluation) -> Forces:
     assert state.pushes is not None
     n = eq.owned_sizes[0]
     u = state.u[:n].copy()
-    rows = _rows(eq, state.u)
-    load = -_rows(eq, np.zeros_like(state.u))
+    rows = eq.bulk.rows(state.u)
+    load = -eq.bulk.rows(np.zeros_like(state.u))
     energy = eq.bulk.energy_at(state.u)
     if energy is not None:
         energy += float(eq.comm.allreduce(float(np.dot(load, u))))
@@ -307,12 +307,6 @@ def _at_surface(s: DiscreteSurface, contact: ContactState) -> SurfaceForces:
 def _covered(s: DiscreteSurface, contact: ContactState) -> Array:
     """Return the fraction of the area of each point that faces an opposing point, shape (n,)."""
     return np.minimum(contact.kinematics.operator.areas / s.points.areas, 1.0)
-
-
-def _rows(eq: ContactEquations, u: Array) -> Array:
-    """Return the owned rows of the residual of the body without contact. Collective."""
-    rows = eq.bulk.affine_residual(u)
-    return np.array(eq.bulk.residual_at(u) if rows is None else rows)
 
 
 # -- in motion ------------------------------------------------------------------------------------

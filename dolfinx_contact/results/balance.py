@@ -86,7 +86,7 @@ def balance(
     n = eq.V.dofmap.index_map.size_local
     reactions = supports[:n]
     support = _resultant(eq, reactions)
-    external = _resultant(eq, -eq.bulk.local_rows(state.u))
+    external = _resultant(eq, -eq.bulk.rows(state.u).reshape(-1, eq.dim))
     contact = np.zeros_like(support)
     size = 0.0
     for s, t in zip(eq.surfaces, tables, strict=True):
