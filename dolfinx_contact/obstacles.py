@@ -82,7 +82,7 @@ def _components(value: Any, what: str, *, zero: bool = True) -> Any:
     return value
 
 
-def _vector(domain: mesh.Mesh, value: Any, what: str) -> Any:
+def _vector(domain: mesh.Mesh, value: Any, what: str, *, uniform: bool = True) -> Any:
     """Return ``value`` as a UFL vector of the dimension of the mesh; numbers become a Constant."""
     dim = domain.geometry.dim
     found = _components(value, what)
@@ -91,12 +91,14 @@ def _vector(domain: mesh.Mesh, value: Any, what: str) -> Any:
     if not isinstance(found, ufl.core.expr.Expr):
         return fem.Constant(domain, found)
     refuse_other_mesh(found, domain, what)
+    if uniform:
+        _require_uniform(found, what)
     return found
 
 
-def _direction(domain: mesh.Mesh, value: Any, what: str) -> Any:
+def _direction(domain: mesh.Mesh, value: Any, what: str, *, uniform: bool = True) -> Any:
     """Return ``value`` as a UFL unit vector."""
-    direction = _vector(domain, value, what)
+    direction = _vector(domain, value, what, uniform=uniform)
     if direction is not value and isinstance(direction, fem.Constant):
         direction.value /= np.linalg.norm(direction.value)
         return direction
@@ -316,8 +318,8 @@ class HalfSpace(Obstacle):
         return type(self).at is HalfSpace.at and is_uniform(self.point) and is_uniform(self.normal)
 
     def at(self, domain: mesh.Mesh, x: Any) -> tuple[Any, Any]:
-        normal = _direction(domain, self.normal, "the normal of the half-space")
-        point = _vector(domain, self.point, "the point of the half-space")
+        normal = _direction(domain, self.normal, "the normal of the half-space", uniform=False)
+        point = _vector(domain, self.point, "the point of the half-space", uniform=False)
         return ufl.dot(x - point, normal), -normal
 
 
@@ -345,7 +347,6 @@ class Sphere(Obstacle):
         _check_radius(self.radius)
 
     def at(self, domain: mesh.Mesh, x: Any) -> tuple[Any, Any]:
-        _require_uniform(self.centre, "the centre of the sphere")
         centre = _vector(domain, self.centre, "the centre of the sphere")
         return _distance(domain, x - centre, self.radius)
 
@@ -369,17 +370,15 @@ class Cylinder(Obstacle):
     radius: float | fem.Constant
 
     def __post_init__(self) -> None:
-        _components(self.point, "the point of the axis")
+        _components(self.point, "the point of the axis of the cylinder")
         _components(self.axis, "the axis of the cylinder", zero=False)
         _check_radius(self.radius)
 
     def at(self, domain: mesh.Mesh, x: Any) -> tuple[Any, Any]:
         if domain.geometry.dim != 3:
             raise ValueError("a Cylinder needs a 3D mesh; in 2D a Sphere is a disc")
-        for value, what in ((self.point, "the point of the axis"), (self.axis, "the axis")):
-            _require_uniform(value, f"{what} of the cylinder")
         axis = _direction(domain, self.axis, "the axis of the cylinder")
-        d = x - _vector(domain, self.point, "the point of the axis")
+        d = x - _vector(domain, self.point, "the point of the axis of the cylinder")
         return _distance(domain, d - ufl.dot(d, axis) * axis, self.radius)
 
 
