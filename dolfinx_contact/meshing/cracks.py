@@ -11,6 +11,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -19,10 +20,10 @@ from dolfinx import mesh
 
 from dolfinx_contact._arrays import Ints, Mask
 from dolfinx_contact._geometry import area_vectors, by_coordinates, connected_parts
-from dolfinx_contact._mpi import Arguments, collective, keep, on_root
+from dolfinx_contact._mpi import Arguments, collective, on_root
 from dolfinx_contact._validate import listed
 from dolfinx_contact.meshing.gmsh import GmshMesh, NamedTags, named_mesh
-from dolfinx_contact.meshing.whole import WholeMesh, check_tags, distributed, gathered
+from dolfinx_contact.meshing.whole import WholeMesh, distributed, gathered, tagged
 
 __all__ = ["crack"]
 
@@ -30,20 +31,14 @@ logger = logging.getLogger(__name__)
 
 
 def _check(a: Arguments) -> None:
-    known: dict[str, int] = {}
-    if isinstance(a.body, GmshMesh):
-        _, a.cell_tags, a.facet_tags, _ = a.body
-        known = a.body._named_facets.names
-    elif not isinstance(a.body, mesh.Mesh):
-        raise ValueError(f"a mesh to crack is needed, got {a.body!r}")
-    domain = _mesh_of(a.body)
-    tdim = domain.topology.dim
-    a.groups = _listed(a.groups)
-    if a.facet_tags is None:
+    a.body = tagged(a.body, a.cell_tags, a.facet_tags, "the mesh of a crack")
+    a.groups = listed(a.groups, "groups")
+    kinds = str | int | np.integer
+    if not a.groups or not all(isinstance(g, kinds) and g is not True for g in a.groups):
+        raise ValueError(f"a crack needs names or tags of groups, got {a.groups!r}")
+    if a.body.facet_tags is None:
         raise ValueError("a crack needs MeshTags of facets")
-    check_tags(domain, a.facet_tags, tdim - 1, "the facet_tags of a crack")
-    if a.cell_tags is not None:
-        check_tags(domain, a.cell_tags, tdim, "the cell_tags of a crack")
+    known = a.body.names[1]
     for g in a.groups:
         if isinstance(g, str) and g not in known:
             raise ValueError(f"no group of facets is named {g!r}; names: {sorted(known)}")
@@ -89,16 +84,13 @@ def crack(
             group can be doubled, the cells are curved, or tags are missing or belong to another
             mesh or to other entities.
     """
-    domain = _mesh_of(body)
-    known, of_cells = dict[str, int](), dict[str, int]()
-    if isinstance(body, GmshMesh):
-        known, of_cells = body._named_facets.names, body._named_cells.names
-    keep(domain)
+    given: Any = body
+    domain = given.mesh
+    of_cells, known = given.names
     comm = domain.comm
     tags = {g: known[g] if isinstance(g, str) else int(g) for g in groups}
-    whole = gathered(domain, cell_tags, facet_tags)
+    whole = gathered(given)
     cell = domain.basix_cell()
-
     result: list[WholeMesh] = []
 
     def split() -> dict[int, int]:
@@ -115,19 +107,6 @@ def crack(
     if taken:
         raise ValueError(f"the crack names its sides {', '.join(taken)}: rename these groups")
     return named_mesh(new, NamedTags(cells, of_cells), NamedTags(facets, known | sides))
-
-
-def _mesh_of(body: GmshMesh | mesh.Mesh) -> mesh.Mesh:
-    return body.mesh if isinstance(body, GmshMesh) else body
-
-
-def _listed(groups: Iterable[int | str]) -> list[int | str]:
-    """Return names and tags of groups, or raise ``ValueError``."""
-    chosen = listed(groups, "groups")
-    kinds = str | int | np.integer
-    if not chosen or not all(isinstance(g, kinds) and g is not True for g in chosen):
-        raise ValueError(f"a crack needs names or tags of groups, got {chosen!r}")
-    return chosen
 
 
 class _Around:

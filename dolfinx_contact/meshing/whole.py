@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 from mpi4py import MPI
 
@@ -29,7 +29,7 @@ from dolfinx_contact._mpi import Arguments, collective, keep, require
 from dolfinx_contact._validate import listed
 from dolfinx_contact.meshing.gmsh import GmshMesh, NamedTags, named_mesh
 
-__all__ = ["WholeMesh", "check_tags", "distributed", "gathered", "join"]
+__all__ = ["TaggedMesh", "WholeMesh", "distributed", "gathered", "join", "tagged"]
 
 
 @dataclass(frozen=True)
@@ -53,14 +53,63 @@ class WholeMesh:
     facet_values: Indices
 
 
-def gathered(
-    domain: mesh.Mesh, cell_tags: mesh.MeshTags | None, facet_tags: mesh.MeshTags | None
-) -> WholeMesh | None:
+class TaggedMesh(NamedTuple):
+    """A mesh and its tags.
+
+    Attributes:
+        mesh: mesh.
+        cell_tags: tags of cells; None without.
+        facet_tags: tags of facets; None without.
+    """
+
+    mesh: mesh.Mesh
+    cell_tags: mesh.MeshTags | None
+    facet_tags: mesh.MeshTags | None
+
+    @property
+    def names(self) -> tuple[dict[str, int], dict[str, int]]:
+        """Tags of the groups of cells and of facets, by name."""
+        cells, facets = (dict(getattr(tags, "names", {})) for tags in self[1:])
+        return cells, facets
+
+
+def tagged(body: Any, cell_tags: Any, facet_tags: Any, what: str) -> TaggedMesh:
+    """Return a mesh and its tags, which may be groups. Not collective.
+
+    Args:
+        body: mesh, or mesh with groups.
+        cell_tags: tags of cells; None: groups of the mesh, if it has any.
+        facet_tags: tags of facets; None: groups of the mesh, if it has any.
+        what: name of the mesh in messages.
+
+    Raises:
+        ValueError: if tags are not MeshTags of the cells or facets of this mesh.
+    """
+    if isinstance(body, GmshMesh):
+        cell_tags = cell_tags or body._named_cells
+        facet_tags = facet_tags or body._named_facets
+        body = body.mesh
+    if not isinstance(body, mesh.Mesh):
+        raise ValueError(f"{what} must be a mesh, with or without groups, got {body!r}")
+    tdim = body.topology.dim
+    for kind, dim, tags in (("cells", tdim, cell_tags), ("facets", tdim - 1, facet_tags)):
+        fits = isinstance(tags, mesh.MeshTags) and tags.dim == dim
+        if not (tags is None or (fits and is_topology_of(body, tags))):
+            raise ValueError(
+                f"tags of {kind} of {what} must be MeshTags of the {kind} of this mesh, got "
+                f"{tags!r}{f' of dimension {tags.dim}' if hasattr(tags, 'dim') else ''}"
+            )
+    return TaggedMesh(body, cell_tags, facet_tags)
+
+
+def gathered(body: TaggedMesh) -> WholeMesh | None:
     """Return a mesh on rank 0, None on other ranks. Collective.
 
     Raises:
         ValueError: on every rank, if the cells are curved.
     """
+    domain, cell_tags, facet_tags = body
+    keep(domain)
     comm = domain.comm
     tdim = domain.topology.dim
     degree = domain.ufl_domain().ufl_coordinate_element().degree
@@ -100,25 +149,6 @@ def gathered(
     )
 
 
-def check_tags(domain: mesh.Mesh, tags: Any, dim: int, what: str) -> None:
-    """Raise ``ValueError`` unless tags are MeshTags of entities of a mesh. Not collective.
-
-    Args:
-        domain: mesh.
-        tags: tags to validate.
-        dim: dimension of the entities.
-        what: name of the tags in the message.
-    """
-    if not isinstance(tags, mesh.MeshTags | NamedTags):
-        raise ValueError(f"{what} must be MeshTags, got {tags!r}")
-    if tags.dim != dim:
-        names = {domain.topology.dim: "cells", domain.topology.dim - 1: "facets"}
-        found = names.get(tags.dim, f"entities of dimension {tags.dim}")
-        raise ValueError(f"{what} must be tags of {names[dim]}, and are tags of {found}")
-    if not is_topology_of(domain, tags):
-        raise ValueError(f"{what} belong to another mesh")
-
-
 def _tagged(tags: mesh.MeshTags | None, owned: int) -> tuple[Indices, Indices]:
     """Return the owned entities with a tag, and their tags."""
     if tags is None:
@@ -155,31 +185,22 @@ def distributed(
 
 
 def _check(a: Arguments) -> None:
-    given = a.meshes
-    bodies: list[Any] = list(given) if isinstance(given, list | tuple) else []
-    if bodies and all(isinstance(m, GmshMesh) for m in bodies):
-        a.cell_tags = a.cell_tags or [m._named_cells for m in bodies]
-        a.facet_tags = a.facet_tags or [m._named_facets for m in bodies]
-        bodies = [m.mesh for m in bodies]
-    if not bodies or not all(isinstance(m, mesh.Mesh) for m in bodies):
-        raise ValueError(
-            f"a list of meshes is needed, all with groups (see name_groups) or none, got {given!r}"
-        )
-    kinds = {(m.basix_cell(), m.geometry.dim) for m in bodies}
+    bodies = listed(a.meshes, "meshes")
+    if not bodies:
+        raise ValueError("a list of meshes is needed, got an empty one")
+    given: dict[str, list[Any]] = {}
+    for what in ("cell_tags", "facet_tags", "prefixes"):
+        default = [""] if what == "prefixes" else [None]
+        values = getattr(a, what)
+        given[what] = default * len(bodies) if values is None else listed(values, what)
+        if len(given[what]) != len(bodies):
+            raise ValueError(f"{len(bodies)} meshes need as many {what}, got {values}")
+    tags = zip(bodies, given["cell_tags"], given["facet_tags"], strict=True)
+    a.meshes = [tagged(*parts, f"mesh {i}") for i, parts in enumerate(tags, 1)]
+    a.prefixes = given["prefixes"]
+    kinds = {(m.mesh.basix_cell(), m.mesh.geometry.dim) for m in a.meshes}
     if len(kinds) > 1:
         raise ValueError(f"meshes of different kinds cannot be joined: {sorted(map(str, kinds))}")
-    tdim = bodies[0].topology.dim
-    for what, dim, tags in (("cell", tdim, a.cell_tags), ("facet", tdim - 1, a.facet_tags)):
-        if tags is None:
-            continue
-        if len(listed(tags, f"{what}_tags")) != len(bodies):
-            raise ValueError(f"{len(bodies)} meshes need as many tags, got {len(tags)}")
-        for i, (m, t) in enumerate(zip(bodies, tags, strict=True), 1):
-            check_tags(m, t, dim, f"the {what}_tags of mesh {i}")
-    a.meshes = bodies
-    a.prefixes = listed(a.prefixes or [""] * len(bodies), "prefixes")
-    if len(a.prefixes) != len(bodies):
-        raise ValueError(f"{len(bodies)} meshes need as many prefixes, got {a.prefixes}")
 
 
 @collective("joining meshes", _check)
@@ -204,8 +225,8 @@ def join(
         meshes: meshes with the same dimension and kind of cells, each on all ranks.
         prefixes: one prefix per mesh for the names of its groups, which keeps groups of the same
             name apart: ``("upper_", "lower_")``; default: none.
-        cell_tags: cell tags of every mesh; default: its groups of cells; without groups, 1 for the
-            cells of the first body, 2 for those of the second, and so on.
+        cell_tags: cell tags of every mesh; default: its groups of cells; for a mesh without groups,
+            1 for the cells of the first body, 2 for those of the second, and so on.
         facet_tags: facet tags of every mesh; default: its groups of facets.
 
     Raises:
@@ -213,29 +234,26 @@ def join(
             tags or prefixes are missing, or tags belong to another mesh or to other entities.
     """
     bodies: Sequence[Any] = meshes
-    comm = bodies[0].comm
+    comm = bodies[0].mesh.comm
     parts = []
-    for i, body in enumerate(bodies):
-        keep(body)
-        facets = None if facet_tags is None else facet_tags[i]
-        part = gathered(body, None if cell_tags is None else cell_tags[i], facets)
-        if part is not None and cell_tags is None:
-            values = np.full(len(part.cells), i + 1, dtype=np.int32)
-            every = np.arange(len(part.cells))
-            part = replace(part, tagged_cells=every, cell_values=values)
+    for number, body in enumerate(bodies, 1):
+        part = gathered(body)
+        if part is not None and body.cell_tags is None:
+            values = np.full(len(part.cells), number, dtype=np.int32)
+            part = replace(part, tagged_cells=np.arange(len(part.cells)), cell_values=values)
         parts.append(part)
     names = [
         [
-            {prefix + name: tag for name, tag in getattr(tags, "names", {}).items()}
-            for tags, prefix in zip(given or [None] * len(bodies), prefixes or (), strict=True)
+            {prefix + name: tag for name, tag in body.names[kind].items()}
+            for body, prefix in zip(bodies, prefixes or (), strict=True)
         ]
-        for given in (cell_tags, facet_tags)
+        for kind in (0, 1)
     ]
     whole, merged = None, None
     if comm.rank == 0:
         whole, merged = _joined([p for p in parts if p is not None], *names)
     of_cells, of_facets = comm.bcast(merged)
-    element = bodies[0].ufl_domain().ufl_coordinate_element()
+    element = bodies[0].mesh.ufl_domain().ufl_coordinate_element()
     domain, cells, facets = distributed(comm, whole, element)
     return named_mesh(domain, NamedTags(cells, of_cells), NamedTags(facets, of_facets))
 
