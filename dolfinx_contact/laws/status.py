@@ -50,62 +50,54 @@ class _State(NamedTuple):
     """Table row: state of contact and friction, with letters and colours for each bond state.
 
     Attributes:
-        is_open: whether the point is open.
-        friction: `OPEN` (no friction), stick, or slip.
+        code: status code of an unchanged bond.
         dims: dimensions in which the state exists. Slip in 3D has no sign; its code is `PLUS`.
         words: description of the state.
         looks: letter and colour for each state in `_BONDS`.
     """
 
-    is_open: bool
-    friction: int
+    code: int
     dims: tuple[int, ...]
     words: str
     looks: tuple[str, str, str]
 
-    def number(self, bond: int) -> int:
-        """Return the status code for a state of the bond."""
-        acts = self.friction != OPEN
-        return self.friction + (WHERE_OPEN if self.is_open and acts else 0) + bond
 
-
+_HELD, _ALONG, _BACK = (code + WHERE_OPEN for code in (STICK, PLUS, MINUS))
 #: Contact x friction x bond. A closed point without friction has no separate row: it slips with
 #: zero bound and has the code `PLUS`.
 _TABLE = (
-    _State(True, OPEN, (2, 3), "open", ("o #dfe4ea", "a #f0c9dd", "b #c3cbd3")),
-    _State(False, STICK, (2, 3), "stick", ("k #0072B2", "q #CC79A7", "h #5b9bc4")),
-    _State(False, PLUS, (2,), "slip, $u_t > 0$", ("+ #009E73", "r #8f5573", "x #58b799")),
-    _State(False, MINUS, (2,), "slip, $u_t < 0$", ("- #E69F00", "l #b3688f", "y #edc15e")),
-    _State(False, PLUS, (3,), "slip", ("s #E69F00", "c #b3688f", "z #58b799")),
-    _State(True, STICK, (2, 3), "open, held by friction", ("K #56B4E9", "Q #e3b5cf", "H #a9c6d6")),
-    _State(True, PLUS, (2,), "open, rubbing, $u_t > 0$", ("P #99d8c7", "R #e3b5cf", "X #a9c6d6")),
-    _State(True, MINUS, (2,), "open, rubbing, $u_t < 0$", ("M #f5d999", "L #e3b5cf", "Y #a9c6d6")),
-    _State(True, PLUS, (3,), "open, rubbing", ("S #f5d999", "C #e3b5cf", "Z #a9c6d6")),
+    _State(OPEN, (2, 3), "open", ("o #dfe4ea", "a #f0c9dd", "b #c3cbd3")),
+    _State(STICK, (2, 3), "stick", ("k #0072B2", "q #CC79A7", "h #5b9bc4")),
+    _State(PLUS, (2,), "slip, $u_t > 0$", ("+ #009E73", "r #8f5573", "x #58b799")),
+    _State(MINUS, (2,), "slip, $u_t < 0$", ("- #E69F00", "l #b3688f", "y #edc15e")),
+    _State(PLUS, (3,), "slip", ("s #E69F00", "c #b3688f", "z #58b799")),
+    _State(_HELD, (2, 3), "open, held by friction", ("K #56B4E9", "Q #e3b5cf", "H #a9c6d6")),
+    _State(_ALONG, (2,), "open, rubbing, $u_t > 0$", ("P #99d8c7", "R #e3b5cf", "X #a9c6d6")),
+    _State(_BACK, (2,), "open, rubbing, $u_t < 0$", ("M #f5d999", "L #e3b5cf", "Y #a9c6d6")),
+    _State(_ALONG, (3,), "open, rubbing", ("S #f5d999", "C #e3b5cf", "Z #a9c6d6")),
 )
 _CLAMPED = "d"  # point with Dirichlet conditions
 
 
 class _Row(NamedTuple):
-    """Status with its code, letter, name, colour, and the kind counted in tables."""
+    """Status with its code, letter, colour, name, and the kind counted in tables."""
 
-    number: int
+    code: int
     letter: str
-    name: str
     colour: str
+    name: str
     kind: str
 
 
 def _rows(dim: int) -> list[_Row]:
     """Return all statuses in 2D or 3D."""
+    states = [state for state in _TABLE if dim in state.dims]
     found = []
     for place, (bond, behind) in enumerate(_BONDS.items()):
-        for doing in _TABLE:
-            if dim not in doing.dims:
-                continue
-            letter, colour = doing.looks[place].split()
-            kind = doing.words.partition(",")[0]
-            name = doing.words + behind
-            found.append(_Row(doing.number(bond), letter, name, colour, kind))
+        for state in states:
+            letter, colour = state.looks[place].split()
+            kind = state.words.partition(",")[0]
+            found.append(_Row(state.code + bond, letter, colour, state.words + behind, kind))
     return found
 
 
@@ -124,9 +116,9 @@ KINDS = {
 
 def letters(dim: int) -> npt.NDArray[np.str_]:
     """Return the letters by status code, with blanks for unused codes."""
-    found = np.full(1 + max([row.number for row in _ROWS[dim]]), " ")
+    found = np.full(1 + max([row.code for row in _ROWS[dim]]), " ")
     for row in _ROWS[dim]:
-        found[row.number] = row.letter
+        found[row.code] = row.letter
     return found
 
 

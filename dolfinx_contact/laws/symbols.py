@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import ufl
 from ufl.algorithms import expand_derivatives
-from ufl.classes import EQ, GE, GT, LE, LT, NE, AndCondition, NotCondition, OrCondition, Variable
+from ufl.classes import EQ, GE, GT, LE, LT, NE, NotCondition, OrCondition, Variable
 from ufl.corealg.map_dag import map_expr_dag
 from ufl.corealg.multifunction import MultiFunction
 from ufl.corealg.traversal import unique_pre_traversal
@@ -225,23 +225,20 @@ class _Decided(MultiFunction):  # type: ignore[misc]
 
     def _answer(self, c: Any) -> bool | None:
         """Return the value of a condition; None if it depends on other data."""
-        if isinstance(c, NotCondition):
-            inside = self._answer(c.ufl_operands[0])
-            return None if inside is None else not inside
-        if isinstance(c, AndCondition | OrCondition):
-            decides = isinstance(c, OrCondition)
-            both = [self._answer(part) for part in c.ufl_operands]
-            if decides in both:
-                return decides
-            return None if None in both else not decides
         compare = _COMPARED.get(type(c))
-        if compare is None:
-            return None
-        left, right = (self._number(part) for part in c.ufl_operands)
-        if left is None or right is None:
-            return None
-        # A negative step can only be compared with nonnegative numbers.
-        return compare(left, right) if max(left, right) >= 0 else None
+        if compare is not None:
+            left, right = (self._number(part) for part in c.ufl_operands)
+            if left is None or right is None:
+                return None
+            # A negative step can only be compared with nonnegative numbers.
+            return compare(left, right) if max(left, right) >= 0 else None
+        answers = [self._answer(part) for part in c.ufl_operands]
+        if isinstance(c, NotCondition):
+            return None if answers[0] is None else not answers[0]
+        decides = isinstance(c, OrCondition)
+        if decides in answers:
+            return decides
+        return None if None in answers else not decides
 
     def _number(self, e: Any) -> float | None:
         if e == self._symbol:
