@@ -7,7 +7,6 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
-import scipy
 
 from dolfinx import fem, la
 
@@ -42,15 +41,11 @@ def parts(V: fem.FunctionSpace) -> Indices:
     owned = index_map.size_local
     size = index_map.size_local + index_map.num_ghosts
     cells = V.dofmap.list
-    number, nodes = cells.shape
-    # Graph of nodes, then cells; a cell is connected to its nodes.
-    starts = np.concatenate([np.zeros(size, dtype=np.int32), nodes * np.arange(number + 1)])
-    rows = np.ones(cells.size), cells.reshape(-1), starts.astype(np.int32)
-    graph = scipy.sparse.csr_array(rows, shape=(size + number, size + number))
-    count, mine = scipy.sparse.csgraph.connected_components(graph, directed=False)
-    mine = mine[:size]
+    owners = np.repeat(size + np.arange(len(cells)), cells.shape[1])
+    mine = connected_parts(size + len(cells), cells.reshape(-1), owners)[:size]
     if comm.size == 1:
-        return np.asarray(mine, dtype=np.int32)
+        return mine.astype(np.int32)
+    count = int(mine.max(initial=-1)) + 1
     counts = comm.allgather(count)
     mine = mine + sum(counts[: comm.rank])
     owners = la.vector(index_map, 1)

@@ -9,8 +9,8 @@ Friction increases as bonds break:
     b beta' = -(w - (C_N [u_n]^2 + C_T |[u_t]|^2) beta)^-,
 
 with Signorini's conditions on the pressure p, which does not include adhesion. Broken bonds do not
-heal. Time integration has first or second order (`damage`); for b = 0 it is exact as long as the
-jumps grow. The status records whether a bond is being damaged (`status.DAMAGING`).
+heal. Time integration has first or second order (`DamageStep`); for b = 0 it is exact as long as
+the jumps grow. The status records whether a bond is being damaged (`status.DAMAGING`).
 
 *Recoverable* bonds grow at closed points: b beta' = w - E beta with E = C_N [u_n]^2 + C_T |[u_t]|^2
 and 0 <= beta <= 1. Growth is restricted to points that were closed at the start of the step,
@@ -39,7 +39,6 @@ import ufl
 
 from dolfinx_contact._validate import flag, one_of
 from dolfinx_contact.laws.compliant import NormalCompliance
-from dolfinx_contact.laws.damage import DamageStep, least_energy
 from dolfinx_contact.laws.friction import Coulomb, Frictionless
 from dolfinx_contact.laws.law import (
     Bond,
@@ -54,9 +53,12 @@ from dolfinx_contact.laws.law import (
 )
 from dolfinx_contact.laws.status import DAMAGING, OPEN, PLUS
 
-__all__ = ["RCCM"]
+__all__ = ["RCCM", "DamageStep"]
 
 _STEP = "rate", "length", "rest"  # data of the previous step, used by the second order
+_LEAST = 0.25  # energy relative to w, below which no bond of intensity at most 1 is damaged
+_TINY = 1e-100
+_LONGEST = 2.0  # ratio of consecutive steps; BDF2 is stable up to 1 + sqrt(2)
 _CLOSED = Internal("closed", hidden=True)
 _ORIGIN = Internal("origin", vector=True, hidden=True)
 
@@ -156,7 +158,7 @@ class RCCM(Law):
             after |= {
                 ".rate": ufl.conditional(moves, lost / time, 0.0),
                 ".length": ufl.conditional(moves, a.step, 0.0),
-                ".rest": ufl.conditional(held, beta, self.work / least_energy(energy, self.work)),
+                ".rest": ufl.conditional(held, beta, self.work / _least_energy(energy, self.work)),
             }
         spent = self.work * lost + resisted
         if self.recovers:
@@ -273,3 +275,98 @@ class RCCM(Law):
 
 def _along(v: Any, n: Any) -> Any:
     return v - ufl.dot(v, n) * n
+
+
+class DamageStep:
+    r"""Time step of the bond intensity beta in UFL, for a given spring energy.
+
+    The law is b beta' = -(w - E beta)^-, where E is twice the spring energy per area of an intact
+    bond. If the bond recovers, b beta' = w - E beta up to beta = 1. A step from beta_n satisfies
+
+        b (s - beta)/tau = E beta - w   as long as beta < c,   otherwise beta = c,
+
+    where s, tau and the *cap* c depend on the memory only. A step thus has a single kink in E,
+    where beta reaches c.
+
+    - First order (implicit Euler): s = beta_n and tau = dt.
+    - Second order (BDF2, the two-step backward differentiation formula; Hairer, Norsett and
+      Wanner, Solving Ordinary Differential Equations I, section III.5): with r_n = (beta_n-1 -
+      beta_n)/dt_n, x = dt/dt_n and a = x/(1 + 2 x), s = beta_n - a dt r_n and tau = (1 - a) dt.
+      The formula is L-stable, so its order does not depend on b. x is limited to 2, because the
+      formula is unstable for longer steps; the order is then lower.
+
+    The cap is beta_n, or 1 if the bond may recover. With the two-step formula a bond could weaken
+    further after the load has stopped, by the excess over w/E_n; c = max(s, min(beta_n, w/E_n))
+    prevents this.
+
+    Args:
+        beta: intensity at the start of the step.
+        work: work of decohesion w, energy per area.
+        viscosity: viscosity b >= 0.
+        step: duration dt; negative for a step without viscosity (static problem).
+        before: "rate" r_n, "length" dt_n and "rest" min(beta_n, w/E_n) of the previous step, for
+            the second order; default: None (first order).
+        recovers: UFL condition under which beta may grow; default: None (beta never grows).
+
+    Attributes:
+        cap: upper bound c of the intensity in the step.
+    """
+
+    def __init__(
+        self,
+        beta: Any,
+        work: Any,
+        viscosity: Any,
+        step: Any,
+        before: dict[str, Any] | None = None,
+        recovers: Any | None = None,
+    ):
+        self._work = work
+        self._viscosity = viscosity
+        self._viscous = ufl.And(ufl.gt(viscosity, 0.0), ufl.ge(step, 0.0))
+        most = beta if recovers is None else ufl.conditional(recovers, 1.0, beta)
+        self._start = beta
+        self._time = step
+        self.cap = most
+        if before is not None:
+            length = before["length"]
+            known = ufl.And(ufl.gt(length, 0.0), ufl.gt(step, 0.0))
+            ratio = step / ufl.conditional(known, length, 1.0)
+            x = ufl.conditional(ufl.lt(ratio, _LONGEST), ratio, _LONGEST)
+            a = ufl.conditional(known, x / (1.0 + 2.0 * x), 0.0)
+            start = beta - a * step * before["rate"]
+            self._start = ufl.conditional(ufl.lt(start, most), start, most)
+            self._time = (1.0 - a) * step
+            rest = before["rest"]
+            cap = ufl.conditional(ufl.gt(self._start, rest), self._start, rest)
+            self.cap = cap if recovers is None else ufl.conditional(recovers, 1.0, cap)
+
+    def slack(self, energy: Any) -> Any:
+        """Return (w - E c - b (c - s)/tau)/w, which is nonnegative if beta equals the cap."""
+        free = 1.0 - self.cap * energy / self._work
+        if self.cap is self._start:
+            return free
+        missing = self.cap - self._start
+        pace = _positive(missing, _TINY) / _positive(self._time, _TINY)
+        acts = ufl.And(self._viscous, ufl.gt(missing, 0.0))
+        return free - ufl.conditional(acts, self._viscosity * pace / self._work, 0.0)
+
+    def intensity(self, energy: Any) -> Any:
+        """Return the damaged intensity, the solution of b (s - beta)/tau = E beta - w."""
+        w = self._work
+        b = ufl.conditional(ufl.gt(self._viscosity, 0.0), self._viscosity, 1.0)
+        slow = (b * self._start + self._time * w) / (b + self._time * energy)
+        return ufl.conditional(self._viscous, slow, w / _least_energy(energy, w))
+
+    def now(self, energy: Any) -> Any:
+        """Return the intensity at the end of the step, for the spring energy E = ``energy``."""
+        return ufl.conditional(ufl.lt(self.slack(energy), 0.0), self.intensity(energy), self.cap)
+
+
+def _least_energy(energy: Any, work: Any) -> Any:
+    """Return the spring energy E, bounded from below to avoid division by zero."""
+    return ufl.conditional(ufl.gt(energy, _LEAST * work), energy, _LEAST * work)
+
+
+def _positive(value: Any, least: float) -> Any:
+    return ufl.conditional(ufl.gt(value, least), value, least)

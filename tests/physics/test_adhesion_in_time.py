@@ -8,7 +8,7 @@ from support.bonds import Point
 import ufl
 
 from dolfinx_contact import RCCM
-from dolfinx_contact.laws.damage import DamageStep
+from dolfinx_contact.laws.adhesion import DamageStep
 
 C = 100.0
 W = 1.0
