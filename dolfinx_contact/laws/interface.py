@@ -28,7 +28,6 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Iterator, Mapping
 from dataclasses import replace
-from itertools import product
 from typing import Any
 
 import ufl
@@ -84,7 +83,7 @@ class Interface(Potentials):
             return None
         return ufl.le(x.sense * (x.end - state[x.name]), 0.0)
 
-    def unknowns(self, dim: int) -> Mapping[Hashable, int]:
+    def unknowns(self, dim: int) -> Mapping[tuple[bool, int], int]:
         if sum(x.change != "any" for x in self.internal) > 1:
             raise ValueError(f"{self.name}: only one variable may be monotone")
         smooth = sum(dim if x.vector else 1 for x in self.internal if x is not self.weakening)
@@ -95,10 +94,8 @@ class Interface(Potentials):
         self._check_time(a)
         found = dict[Hashable, Equations]()
         x = self.weakening
-        for is_open, family in product((True, False), self._families):
+        for is_open, family in self.unknowns(a.dim):
             side = self._side(a, is_open, family, level=0)
-            if not side.unknown:
-                continue
             start = [s for v in side.unknown for s in _scalars(side.start[v.name])]
             residual = [f for v in side.unknown for f in _scalars(side.driven(v.name))]
             for v in side.unknown:
@@ -116,7 +113,7 @@ class Interface(Potentials):
         for is_open in (True, False):
             sides = {f: self._side(a, is_open, f) for f in self._families}
             for family, side in sides.items():
-                for code, piece in side.contact.items():
+                for code, piece in side.pieces(side.soft).items():
                     if (code == OPEN or code > WHERE_OPEN) != is_open:
                         continue
                     borders = [Border(d, k + family, where) for d, k, where in piece.borders]
@@ -240,23 +237,18 @@ class Interface(Potentials):
     ) -> list[Border]:
         """Return the borders to other families of statuses."""
         x = self.weakening
-        found = list[Border]()
         if x is None:
-            return found
+            return []
+        # family beyond the border, distance to the border, and condition
         scale = sides[OPEN].scale(x.name)
         can = self._can_change
         rests = scale * self._slack(sides[OPEN])
-        if family == OPEN:
-            found += _borders(sides[DAMAGING], rests, code, DAMAGING, can)
-        elif family == DAMAGING:
-            found += _borders(sides[OPEN], -rests, code, OPEN, None)
-        if x.end is not None and family != OPEN:
+        ways = {OPEN: [(DAMAGING, rests, can)], DAMAGING: [(OPEN, -rests, None)]}
+        if x.end is not None:
             goes = scale * self._slack(sides[BROKEN])
-            if family == DAMAGING:
-                found += _borders(sides[BROKEN], goes, code, BROKEN, None)
-            else:
-                found += _borders(sides[DAMAGING], -goes, code, DAMAGING, can)
-        return found
+            ways[DAMAGING].append((BROKEN, goes, None))
+            ways[BROKEN] = [(DAMAGING, -goes, can)]
+        return [b for way in ways[family] for b in _borders(sides[way[0]], code, *way)]
 
 
 def _chosen(condition: Any, yes: Any, no: Any) -> Any:
@@ -279,13 +271,13 @@ def _both(one: Any, other: Any) -> Any:
 
 
 def _borders(
-    side: InterfacePoint, distance: Any, code: int, family: int, where: Any
+    side: InterfacePoint, code: int, family: int, distance: Any, where: Any
 ) -> Iterator[Border]:
     """Yield the borders to the status with the same contact and friction in another family.
 
     If friction is zero, the target status is slip.
     """
-    grips = None if code in (OPEN, PLUS, PLUS + WHERE_OPEN) else side.grips
+    grips = None if code in (OPEN, PLUS, PLUS + WHERE_OPEN) else side.grips(side.soft)
     yield Border(distance, code + family, _both(where, grips))
     if grips is not None:
         slips = PLUS + (WHERE_OPEN if code > WHERE_OPEN else 0)

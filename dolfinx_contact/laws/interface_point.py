@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -18,7 +18,7 @@ from ufl.corealg.multifunction import MultiFunction
 
 from dolfinx_contact._ufl import depends_on
 from dolfinx_contact.laws.friction import FrictionLaw
-from dolfinx_contact.laws.law import ContactPoint, Internal, Law, Scalar, StatusPiece
+from dolfinx_contact.laws.law import ContactPoint, Internal, Law
 from dolfinx_contact.laws.symbols import variable
 
 __all__ = ["InterfacePoint", "InterfaceState", "Potentials", "Rates"]
@@ -97,8 +97,10 @@ class Potentials(Law):
         return None
 
 
-class InterfacePoint:
+class InterfacePoint(FrictionLaw):
     """Interface at a point, for given values of its variables.
+
+    Its pieces are those of contact and friction at `soft`, without the traction of the energy.
 
     Args:
         law: law with its fields at the point.
@@ -125,6 +127,7 @@ class InterfacePoint:
     ):
         self._law = law
         self._a = a
+        self.needs_pressure = law.needs_pressure
         self.start = dict(start)
         self.unknown = list(unknown)
         self._is_open = is_open
@@ -258,7 +261,7 @@ class InterfacePoint:
 
     @property
     def _slips(self) -> bool:
-        return not (self._is_open and self._law.needs_pressure)
+        return not (self._is_open and self.needs_pressure)
 
     def resisted(self, name: str) -> Any:
         """Return the resistance dPhi/da' of a variable."""
@@ -277,12 +280,6 @@ class InterfacePoint:
         """Return dPhi/d|[u_t]'|, the radius of the friction disc, a traction."""
         phi, rates = self._potential(ufl.as_ufl(pressure), ufl.as_ufl(speed))
         return _slope(phi, rates[""])
-
-    @property
-    def _viscous(self) -> bool:
-        """Whether the radius of the friction disc depends on the speed."""
-        phi, rates = self._potential(ufl.as_ufl(1.0), self.speed)
-        return depends_on(_slope(phi, rates[""]), rates[""])
 
     @property
     def knows_speed(self) -> bool:
@@ -310,64 +307,25 @@ class InterfacePoint:
         return replace(a, traction=a.traction - pull * n, shear=a.s + self._along - spring * a.u_t)
 
     @cached_property
-    def _friction(self) -> _Friction:
-        viscous = self._viscous
-        presses = self._law.needs_pressure
-        free = bool(self._is_open) and not presses
-        return _Friction(self.resistance, self.speed, self._pace, viscous, presses, free)
+    def _viscous(self) -> bool:
+        """Whether the radius of the friction disc depends on the speed."""
+        phi, rates = self._potential(ufl.as_ufl(1.0), self.speed)
+        return depends_on(_slope(phi, rates[""]), rates[""])
 
-    @property
-    def contact(self) -> Mapping[int, StatusPiece]:
-        """Pieces of contact and friction, without the traction of the energy."""
-        return self._friction.pieces(self.soft)
-
-    @property
-    def grips(self) -> Any:
-        """UFL condition under which friction acts; None: always."""
-        return self._friction.grips(self._a)
-
-
-@dataclass(frozen=True)
-class _Friction(FrictionLaw):
-    """Friction derived from a potential.
-
-    Attributes:
-        resistance: function of pressure and speed returning the radius of the friction disc.
-        speed: slip speed.
-        pace: ratio of slip speed to slip distance.
-        viscous: whether the radius depends on the slip speed.
-        presses: whether friction acts at closed points only.
-        free: whether the point is open and subject to friction.
-    """
-
-    resistance: Callable[[Any, Any], Any]
-    speed: Any
-    pace: Any
-    viscous: bool
-    presses: bool
-    free: bool
-
-    @property
-    def given(self) -> dict[str, Scalar]:
-        return {}  # the radius consists of symbols and is not validated
-
-    @property
-    def needs_pressure(self) -> bool:  # type: ignore[override]
-        return self.presses
-
-    def _pressure(self, p: Any) -> Any:
-        return ufl.as_ufl(0.0) if self.free else p
+    def _pressing(self, p: Any) -> Any:
+        """Return the pressure p, which is zero at an open point with friction."""
+        return ufl.as_ufl(0.0) if self._is_open and not self.needs_pressure else p
 
     def bound(self, a: ContactPoint, p: Any) -> Any:
-        return self.resistance(self._pressure(p), self.speed)
+        return self.resistance(self._pressing(p), self.speed)
 
     def disc(self, a: ContactPoint, slid: Any) -> Any:
-        return self.resistance(self._pressure(a.p), slid * self.pace)
+        return self.resistance(self._pressing(a.p), slid * self._pace)
 
     def grips(self, a: ContactPoint) -> Any:
-        if self.viscous:
+        if self._viscous:
             return None
-        return ufl.gt(self.resistance(self._pressure(1.0), ufl.as_ufl(0.0)), 0.0)
+        return ufl.gt(self.resistance(self._pressing(1.0), ufl.as_ufl(0.0)), 0.0)
 
 
 class _Signed(MultiFunction):  # type: ignore[misc]

@@ -360,7 +360,7 @@ class Law:
         options = [getattr(self, name) for name in self.options]
         return (type(self), *options, *self.given, *inside)
 
-    def unknowns(self, dim: int) -> Mapping[Hashable, int]:
+    def unknowns(self, dim: int) -> Mapping[Any, int]:
         """Return the number of unknowns of each system of `equations`, by its key."""
         return {}
 
