@@ -20,7 +20,7 @@ from dolfinx import mesh
 from dolfinx_contact._arrays import Array, Ints
 from dolfinx_contact._geometry import area_vectors, dot, unit
 from dolfinx_contact._mpi import Arguments, collective, on_root
-from dolfinx_contact._validate import ReadOnly, copy_with, is_number, positive, word
+from dolfinx_contact._validate import ReadOnly, copy_with, nonnegative, number, positive, word
 from dolfinx_contact.obstacles import Measured, Obstacle, Outline, Start
 from dolfinx_contact.rigid_surfaces.closest import ClosestFacets
 from dolfinx_contact.rigid_surfaces.distance import Distances, distances_from
@@ -114,10 +114,9 @@ class RigidSurface(ReadOnly, Obstacle):
         name: str = "rigid surface",
     ):
         word(name, "the name of a rigid surface")
-        for what, value, most in (("crease", crease, 180.0), ("rounding", rounding, np.inf)):
-            if not (is_number(value) and np.isfinite(value) and 0 <= value <= most):
-                limit = f" to {most:g} degrees" if np.isfinite(most) else ""
-                raise ValueError(f"{name}: {what} must be a number from 0{limit}, got {value!r}")
+        if not 0 <= number(crease, f"{name}: crease") <= 180:
+            raise ValueError(f"{name}: crease must be from 0 to 180 degrees, got {crease!r}")
+        nonnegative(rounding, f"{name}: rounding")
         x, facets = _arrays(points, cells, name)
         found = triangulated(x, facets, np.radians(crease), name)
         if reverse:
@@ -284,11 +283,8 @@ def _read(comm: MPI.Comm, path: Path, group: str | int | None, scale: float) -> 
 
 def _arrays(points: npt.ArrayLike, cells: npt.ArrayLike, name: str) -> tuple[Array, Ints]:
     """Return validated copies of points and facets; raise ``ValueError`` if they are invalid."""
-    try:
-        x = np.array(points, dtype=np.float64)
-        facets = np.array(cells)
-    except (TypeError, ValueError):
-        x, facets = np.empty(0), np.empty(0)
+    x = np.array(points, dtype=np.float64)
+    facets = np.array(cells)
     if x.ndim != 2 or x.shape[1] not in (2, 3) or not np.isfinite(x).all():
         raise ValueError(f"{name}: points must be a finite array (m, 2) or (m, 3)")
     fits = facets.ndim == 2 and len(facets) and facets.shape[1] == x.shape[1]

@@ -220,13 +220,6 @@ def triangulated(
 
 def _check_facets(points: Array, cells: Ints, name: str) -> None:
     """Raise ``ValueError`` for facets that are degenerate or repeated."""
-    ordered = np.sort(cells, axis=1)
-    same = (ordered[:, 1:] == ordered[:, :-1]).any(axis=1)
-    if same.any():
-        raise ValueError(
-            f"{name}: {same.sum()} facets have two coincident corners, the first at "
-            f"{_at(points[cells[same][0]])}; remove them, for example by {_REPAIR}"
-        )
     corners = points[cells]
     area = np.linalg.norm(crossed(corners), axis=1)
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
@@ -234,9 +227,10 @@ def _check_facets(points: Array, cells: Ints, name: str) -> None:
     if flat.any():
         raise ValueError(
             f"{name}: {flat.sum()} facets have no area, the first at {_at(corners[flat][0])}; "
-            "repair the surface in the program that created it"
+            f"remove those with two coincident corners, for example by {_REPAIR}, and repair "
+            "others in the program that created the surface"
         )
-    twice = len(cells) - len(np.unique(ordered, axis=0))
+    twice = len(cells) - len(np.unique(np.sort(cells, axis=1), axis=0))
     if twice:
         raise ValueError(f"{name}: {twice} facets are repeated; remove them")
 
