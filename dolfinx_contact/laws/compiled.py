@@ -29,7 +29,7 @@ from dolfinx_contact._mpi import all_ranks, everywhere
 from dolfinx_contact._ufl import depends_on, not_affine
 from dolfinx_contact.laws.law import Law, StatusPiece, checked_pieces
 from dolfinx_contact.laws.roots import Roots
-from dolfinx_contact.laws.symbols import SLID, Symbols, from_memory, known_step
+from dolfinx_contact.laws.symbols import SLID, Symbols, known_step
 
 __all__ = ["CompiledLaw", "compiled_law"]
 
@@ -143,56 +143,52 @@ class CompiledLaw:
         comm: communicator of the ranks compiling together.
 
     Attributes:
-        names: names of all fields: fields of the law, used fields of the memory
-            (`symbols.from_memory`), and `AROUND` for a nonlocal law.
+        names: names of all fields: fields of the law, used data in memory, and `AROUND` for a
+            nonlocal law.
         codes: status codes of the law.
         rows: index of each status code in `codes`.
         places: columns of the values, by quantity and status.
         borders: columns of distance and condition, and target status, by status and border.
         exists: column of the existence condition of each status; None for unconditional ones.
-        remembers: whether the law uses fields of the memory (`symbols.from_memory`).
-        kept: used fields of the memory that are not fields of the law.
+        remembers: whether the law uses data in memory that are not fields of the law.
+        kept: internal variables among these data.
         bonded: whether the law has a bond (`Law.bond`).
         knows_slip: whether the law depends on the slip distance.
     """
 
     def __init__(self, law: Law, dim: int, comm: MPI.Comm):
-        local = law.averaging is None
         self.dim = dim
         self._comm = comm
         # Evaluate the code of the user before compilation, which is collective.
         with everywhere(comm, f"the law {type(law).__name__}"):
-            kept = [name for name in law.memory(dim) if name not in law.given]
-            given = dim, law.given, kept, law.unknowns(dim)
-            every = Symbols(*given, from_memory(dim, kept), local=local)
+            every = Symbols(law, dim)
             with _ufl_alone(law):
                 scalars = _Written(law, every).scalars
             _refuse_other_data(law, scalars, every.w)
             memory = every.used(scalars)
-            symbols = Symbols(*given, memory, local=local)
+            symbols = Symbols(law, dim, memory)
             written = _Written(law, symbols)
         self.names = symbols.names
         self.remembers = bool(memory)
         self._symbols = symbols
         self._written = written
-        self.kept = [name for name in kept if name in self.names]
+        self.kept = [name for name in law.memory(dim) if name in memory]
         self.bonded: bool = bool(written.bond)
         self.knows_slip: bool = SLID in self.names
         self.codes = tuple(written.pieces)
         self.rows: npt.NDArray[np.int64] = np.zeros(max(self.codes) + 1, dtype=np.int64)
         self.rows[list(self.codes)] = np.arange(len(self.codes))
         flat = ScalarList()
-        known = "answer", "by_jump", "by_traction", "by_around"
-        self.places: dict[str, list[list[int]]] = {name: [] for name in known}
+        by = {"by_jump": symbols.jump, "by_traction": symbols.traction}
+        if written.pressure is not None:
+            by["by_around"] = symbols.fields[-1]
+        self.places: dict[str, list[list[int]]] = {name: [] for name in ("answer", *by)}
         self.borders: list[list[tuple[int, int | None, int]]] = []
         self.exists: list[int | None] = []
-        for piece in self._written.pieces.values():
+        for piece in written.pieces.values():
             self.places["answer"].append(flat.add(piece.answer))
-            self.places["by_jump"].append(flat.add(ufl.diff(piece.answer, symbols.jump)))
-            self.places["by_traction"].append(flat.add(ufl.diff(piece.answer, symbols.traction)))
-            if not local:
-                slope = ufl.diff(piece.answer, symbols.fields[-1])
-                self.places["by_around"].append(flat.add(slope))
+            for name, symbol in by.items():
+                self.places[name].append(flat.add(ufl.diff(piece.answer, symbol)))
             self.borders.append(_columns(flat, piece))
             self.exists.append(None if piece.exists is None else flat.add(_number(piece.exists))[0])
         for name, bound in written.bounds.items():
@@ -200,7 +196,7 @@ class CompiledLaw:
         self.places |= {f"bond.{name}": [flat.add(e)] for name, e in written.bond.items()}
         q = written.pressure
         if q is not None:
-            slopes = (ufl.diff(q, by) for by in (symbols.jump, symbols.traction))
+            slopes = (ufl.diff(q, by[name]) for name in ("by_jump", "by_traction"))
             self.places["pressure"] = [flat.add(e) for e in (q, *slopes)]
         self.values = self._values(flat)
         self._needs: dict[float, bool] = {}

@@ -6,7 +6,7 @@ For laws depending on time, `known_step` evaluates conditions on the duration of
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterable, Mapping
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from operator import eq, ge, gt, le, lt, ne
 from typing import Any, NamedTuple
@@ -19,7 +19,7 @@ from ufl.corealg.multifunction import MultiFunction
 from ufl.corealg.traversal import unique_pre_traversal
 
 from dolfinx_contact._forms import point_data
-from dolfinx_contact.laws.law import ContactPoint, Equations
+from dolfinx_contact.laws.law import ContactPoint, Equations, Law
 
 __all__ = [
     "AROUND",
@@ -28,7 +28,6 @@ __all__ = [
     "Solved",
     "Symbols",
     "before",
-    "from_memory",
     "known_step",
     "variable",
 ]
@@ -61,16 +60,6 @@ def before(dim: int) -> list[str]:
     return [f".before_{i}" for i in range(dim)]
 
 
-def from_memory(dim: int, kept: Iterable[str] = ()) -> list[str]:
-    """Return the names of all data in memory, except fields of the law.
-
-    Args:
-        dim: dimension, 2 or 3.
-        kept: names of additional data in memory (`Law.memory`).
-    """
-    return [*before(dim), STEP, SLID, *kept]
-
-
 def variable(e: Any, number: int) -> Any:
     """Return ``e`` as a UFL variable for differentiation.
 
@@ -84,15 +73,14 @@ class Symbols:
     """Symbols for jump, traction, normal, gap, augmentation parameter and named fields.
 
     Args:
+        law: law; its field values are not used.
         dim: dimension, 2 or 3.
-        given: names of the fields of the law.
-        kept: names of additional data in memory.
-        unknowns: number of unknowns of each system of equations (`Law.unknowns`).
-        memory: names of the data in memory that are used (`from_memory`).
-        local: whether the law is local; if False, the last field is `AROUND`.
+        memory: names of the data in memory that are used, without fields of the law; default: None
+            (all).
 
     Attributes:
-        names: names of all fields, in the order of their columns.
+        names: names of all fields, in the order of their columns: fields of the law, data in
+            memory, and `AROUND` for a nonlocal law.
         w: Function with the values of all data, one cell per point.
         jump, traction, n: UFL vectors.
         fields: UFL scalars, by name (`names`).
@@ -100,20 +88,14 @@ class Symbols:
             row-major order; stored in the last columns.
     """
 
-    def __init__(
-        self,
-        dim: int,
-        given: Iterable[str],
-        kept: Iterable[str],
-        unknowns: Mapping[Hashable, int],
-        memory: Iterable[str],
-        *,
-        local: bool,
-    ):
+    def __init__(self, law: Law, dim: int, memory: Sequence[str] | None = None):
         self._dim = dim
-        self._given = list(given)
-        self._kept = list(kept)
-        self.names = [*self._given, *memory, *([] if local else [AROUND])]
+        self._given = list(law.given)
+        self._kept = [name for name in law.memory(dim) if name not in self._given]
+        self._memory = [*before(dim), STEP, SLID, *self._kept]
+        around = [] if law.averaging is None else [AROUND]
+        self.names = [*self._given, *(self._memory if memory is None else memory), *around]
+        unknowns = law.unknowns(dim)
         first = 3 * dim + 2 + len(self.names)
         width = first + sum(n + n * n for n in unknowns.values())
         self.w = w = point_data(width)
@@ -181,7 +163,7 @@ class Symbols:
         found = {name for name, symbol in self._known.items() if symbol in nodes}
         jump = before(self._dim)
         found |= set(jump) if found & set(jump) else set()
-        return [name for name in from_memory(self._dim, self._kept) if name in found]
+        return [name for name in self._memory if name in found]
 
 
 # -- laws at a known duration of the step ----------------------------------------------------------
