@@ -99,7 +99,7 @@ def midpoints(domain: mesh.Mesh, cells: npt.NDArray[Any]) -> Array:
 
 
 def vertex_moments(domain: mesh.Mesh) -> tuple[Array, Array, Array]:
-    """Return centroids (dim, n), volumes (n,) and mean square distances to the centroid (n,).
+    """Return centroids (n, dim), volumes (n,) and mean square distances to the centroid (n,).
 
     The values belong to the owned cells. Each cell is replaced by the simplex or parallelepiped
     spanned by the edges at its first vertex.
@@ -107,17 +107,13 @@ def vertex_moments(domain: mesh.Mesh) -> tuple[Array, Array, Array]:
     dim = domain.geometry.dim
     n = domain.topology.index_map(dim).size_local
     corners = len(basix.geometry(domain.basix_cell()))
-    nodes = geometry_dofmap(domain)[:n, :corners]
-    columns = np.ascontiguousarray(domain.geometry.x[:, :dim].T)
-    ends = np.arange(1, dim + 1) if _is_simplex(domain) else 2 ** np.arange(dim)
-    share = corners * (dim + 2 if _is_simplex(domain) else 3)
-    middle, volume, spread = np.empty((dim, n)), np.empty(n), np.empty(n)
-    for part in chunks(n):
-        x = columns[:, np.ascontiguousarray(nodes[part].T)]
-        middle[:, part] = x.mean(axis=1)
-        volume[part] = np.abs(determinants((x[:, ends] - x[:, :1]).transpose(2, 0, 1)))
-        x -= middle[:, None, part]
-        spread[part] = np.einsum("ikn,ikn->n", x, x) / share
+    simplex = _is_simplex(domain)
+    ends = np.arange(1, dim + 1) if simplex else 2 ** np.arange(dim)
+    x = domain.geometry.x[geometry_dofmap(domain)[:n, :corners], :dim]
+    middle = x.mean(axis=1)
+    volume = np.abs(determinants(x[:, ends] - x[:, :1]))
+    away = x - middle[:, None]
+    spread = np.einsum("nki,nki->n", away, away) / (corners * (dim + 2 if simplex else 3))
     return middle, volume, spread
 
 

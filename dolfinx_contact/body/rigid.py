@@ -97,10 +97,10 @@ class Parts:
         n = domain.topology.index_map(domain.topology.dim).size_local
         middle, volume, spread = vertex_moments(domain)
         p = self.of_nodes[self.V.dofmap.list[:n, 0]]
-        sums = self.sums(np.column_stack([volume, *(volume * middle)]), p)
+        sums = self.sums(np.column_stack([volume, volume[:, None] * middle]), p)
         size = sums[:, 0]
-        middle -= (sums[:, 1:].T / size)[:, p]
-        about = volume * (spread + np.einsum("in,in->n", middle, middle))
+        away = middle - (sums[:, 1:] / size[:, None])[p]
+        about = volume * (spread + dot(away, away))
         return np.asarray(np.sqrt(12.0 * self.sums(about, p) / size))
 
     def sums(self, values: Array, part: Indices | None = None) -> Array:

@@ -20,9 +20,9 @@ from dolfinx import mesh
 
 from dolfinx_contact._arrays import Ints, Mask
 from dolfinx_contact._geometry import area_vectors, by_coordinates, connected_parts
-from dolfinx_contact._mpi import Arguments, collective, on_root
+from dolfinx_contact._mpi import Arguments, collective, everywhere
 from dolfinx_contact._validate import listed
-from dolfinx_contact.meshing.gmsh import GmshMesh, NamedTags, named_mesh
+from dolfinx_contact.meshing.gmsh import GmshMesh
 from dolfinx_contact.meshing.whole import WholeMesh, distributed, gathered, tagged
 
 __all__ = ["crack"]
@@ -42,6 +42,9 @@ def _check(a: Arguments) -> None:
     for g in a.groups:
         if isinstance(g, str) and g not in known:
             raise ValueError(f"no group of facets is named {g!r}; names: {sorted(known)}")
+    taken = sorted(known.keys() & {f"{g}_opposite" for g in a.groups})
+    if taken:
+        raise ValueError(f"the crack names its sides {', '.join(taken)}: rename these groups")
 
 
 @collective("a crack", _check)
@@ -86,27 +89,10 @@ def crack(
     """
     given: Any = body
     domain = given.mesh
-    of_cells, known = given.names
-    comm = domain.comm
-    tags = {g: known[g] if isinstance(g, str) else int(g) for g in groups}
     whole = gathered(given)
-    cell = domain.basix_cell()
-    result: list[WholeMesh] = []
-
-    def split() -> dict[int, int]:
-        assert whole is not None
-        new, others = _split(whole, cell, list(dict.fromkeys(tags.values())))
-        result.append(new)
-        return others
-
-    others = on_root(comm, split)
-    element = domain.ufl_domain().ufl_coordinate_element()
-    new, cells, facets = distributed(comm, result[0] if result else None, element)
-    sides = {f"{g}_opposite": others[t] for g, t in tags.items()}
-    taken = sorted(known.keys() & sides.keys())
-    if taken:
-        raise ValueError(f"the crack names its sides {', '.join(taken)}: rename these groups")
-    return named_mesh(new, NamedTags(cells, of_cells), NamedTags(facets, known | sides))
+    with everywhere(domain.comm, "a crack"):
+        cracked = None if whole is None else _split(whole, domain.basix_cell(), groups)
+    return distributed(domain.comm, cracked, domain.ufl_domain().ufl_coordinate_element())
 
 
 class _Around:
@@ -168,11 +154,12 @@ class _Around:
         return node[copies], several
 
 
-def _split(
-    whole: WholeMesh, cell: basix.CellType, tags: list[int]
-) -> tuple[WholeMesh, dict[int, int]]:
-    """Return the cracked mesh and, for the tag of each crack, the tag of its other side."""
+def _split(whole: WholeMesh, cell: basix.CellType, groups: Iterable[int | str]) -> WholeMesh:
+    """Return the cracked mesh, with a group for the other side of each crack."""
     values = whole.facet_values
+    known = whole.facet_names
+    named = {g: known[g] if isinstance(g, str) else int(g) for g in groups}
+    tags = list(dict.fromkeys(named.values()))
     for tag in tags:
         if tag not in values:
             raise ValueError(
@@ -208,14 +195,14 @@ def _split(
         )
         rows.append(nodes)
         given.append(np.where(is_first, tag, other).astype(np.int32))
-    new = replace(
+    return replace(
         whole,
         cells=cells,
         x=np.concatenate([whole.x, whole.x[copied]]),
         facets=np.concatenate(rows),
         facet_values=np.concatenate(given),
+        facet_names=known | {f"{g}_opposite": others[tag] for g, tag in named.items()},
     )
-    return new, others
 
 
 def _check_groups(whole: WholeMesh, tags: list[int], opens: Mask) -> None:

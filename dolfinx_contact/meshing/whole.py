@@ -8,7 +8,7 @@ ranks.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields
 from typing import Any, NamedTuple
 
 from mpi4py import MPI
@@ -34,23 +34,27 @@ __all__ = ["TaggedMesh", "WholeMesh", "distributed", "gathered", "join", "tagged
 
 @dataclass(frozen=True)
 class WholeMesh:
-    """A mesh and its tags.
+    """A mesh and its groups.
 
     Attributes:
         cells: nodes of the cells in the order of DOLFINx, shape (cells, k).
         x: coordinates, shape (nodes, dim).
         tagged_cells: numbers of the cells with a tag.
         cell_values: tags of these cells.
+        cell_names: tags of groups of cells, by name.
         facets: nodes of the facets with a tag, shape (facets, k).
         facet_values: tags of these facets.
+        facet_names: tags of groups of facets, by name.
     """
 
     cells: Ints
     x: Array
     tagged_cells: Ints
     cell_values: Indices
+    cell_names: dict[str, int]
     facets: Ints
     facet_values: Indices
+    facet_names: dict[str, int]
 
 
 class TaggedMesh(NamedTuple):
@@ -67,10 +71,9 @@ class TaggedMesh(NamedTuple):
     facet_tags: mesh.MeshTags | None
 
     @property
-    def names(self) -> tuple[dict[str, int], dict[str, int]]:
+    def names(self) -> list[dict[str, int]]:
         """Tags of the groups of cells and of facets, by name."""
-        cells, facets = (dict(getattr(tags, "names", {})) for tags in self[1:])
-        return cells, facets
+        return [dict(getattr(tags, "names", {})) for tags in (self.cell_tags, self.facet_tags)]
 
 
 def tagged(body: Any, cell_tags: Any, facet_tags: Any, what: str) -> TaggedMesh:
@@ -102,8 +105,12 @@ def tagged(body: Any, cell_tags: Any, facet_tags: Any, what: str) -> TaggedMesh:
     return TaggedMesh(body, cell_tags, facet_tags)
 
 
-def gathered(body: TaggedMesh) -> WholeMesh | None:
+def gathered(body: TaggedMesh, tag: int | None = None) -> WholeMesh | None:
     """Return a mesh on rank 0, None on other ranks. Collective.
+
+    Args:
+        body: mesh and its tags.
+        tag: tag of all cells of a mesh without tags of cells; default: none.
 
     Raises:
         ValueError: on every rank, if the cells are curved.
@@ -122,6 +129,8 @@ def gathered(body: TaggedMesh) -> WholeMesh | None:
     except RuntimeError:  # a submesh has none
         index = (comm.exscan(n) or 0) + np.arange(n)
     cells, values = _tagged(cell_tags, n)
+    if cell_tags is None and tag is not None:
+        cells, values = np.arange(n, dtype=np.int32), np.full(n, tag, dtype=np.int32)
     number = 0 if facet_tags is None else domain.topology.index_map(tdim - 1).size_local
     facets, facet_values = _tagged(facet_tags, number)
     corners = np.empty((0, len(basix.topology(domain.basix_cell())[-2][0])), dtype=np.int64)
@@ -135,17 +144,20 @@ def gathered(body: TaggedMesh) -> WholeMesh | None:
     )
     if parts is None:
         return None
-    index, all_cells, numbers, all_x, tagged, values, corners, facet_values = (
+    index, all_cells, numbers, all_x, with_tag, values, corners, facet_values = (
         np.concatenate(column) for column in zip(*parts, strict=True)
     )
     order, places = np.argsort(index), np.argsort(numbers)
+    cell_names, facet_names = body.names
     return WholeMesh(
         np.searchsorted(numbers[places], all_cells[order]),
         all_x[places],
-        np.searchsorted(index[order], tagged),
+        np.searchsorted(index[order], with_tag),
         values,
+        cell_names,
         np.searchsorted(numbers[places], corners),
         facet_values,
+        facet_names,
     )
 
 
@@ -157,31 +169,28 @@ def _tagged(tags: mesh.MeshTags | None, owned: int) -> tuple[Indices, Indices]:
     return tags.indices[mine], tags.values[mine].astype(np.int32)
 
 
-def distributed(
-    comm: MPI.Comm, whole: WholeMesh | None, element: Any
-) -> tuple[mesh.Mesh, mesh.MeshTags, mesh.MeshTags]:
-    """Return the distributed mesh, with tags of cells and facets. Collective.
+def distributed(comm: MPI.Comm, whole: WholeMesh | None, element: Any) -> GmshMesh:
+    """Return the distributed mesh with its groups. Collective.
 
     Args:
         comm: communicator.
         whole: mesh on rank 0; None on other ranks.
         element: UFL coordinate element.
     """
-    shape = comm.bcast(
-        None if whole is None else (whole.cells.shape[1], whole.x.shape[1], whole.facets.shape[1])
-    )
-    if whole is None:
-        none = np.empty(0, dtype=np.int64)
-        tags = none.astype(np.int32)
-        cells = none.reshape(0, shape[0])
-        facets = none.reshape(0, shape[2])
-        whole = WholeMesh(cells, np.empty((0, shape[1])), none, tags, facets, tags)
+    empty = None
+    if whole is not None:
+        none = {f.name: getattr(whole, f.name) for f in fields(whole)}
+        empty = WholeMesh(**{k: v if isinstance(v, dict) else v[:0] for k, v in none.items()})
+    empty = comm.bcast(empty)
+    whole = empty if whole is None else whole
     domain = create_mesh(comm, whole.cells, whole.x, element)
     keep(domain)
     tdim = domain.topology.dim
-    cell_tags = tags_of_entities(domain, tdim, whole.cells[whole.tagged_cells], whole.cell_values)
-    facet_tags = tags_of_entities(domain, tdim - 1, whole.facets, whole.facet_values)
-    return domain, cell_tags, facet_tags
+    cells = tags_of_entities(domain, tdim, whole.cells[whole.tagged_cells], whole.cell_values)
+    facets = tags_of_entities(domain, tdim - 1, whole.facets, whole.facet_values)
+    return named_mesh(
+        domain, NamedTags(cells, whole.cell_names), NamedTags(facets, whole.facet_names)
+    )
 
 
 def _check(a: Arguments) -> None:
@@ -234,70 +243,55 @@ def join(
             tags or prefixes are missing, or tags belong to another mesh or to other entities.
     """
     bodies: Sequence[Any] = meshes
-    comm = bodies[0].mesh.comm
-    parts = []
-    for number, body in enumerate(bodies, 1):
-        part = gathered(body)
-        if part is not None and body.cell_tags is None:
-            values = np.full(len(part.cells), number, dtype=np.int32)
-            part = replace(part, tagged_cells=np.arange(len(part.cells)), cell_values=values)
-        parts.append(part)
-    names = [
-        [
-            {prefix + name: tag for name, tag in body.names[kind].items()}
-            for body, prefix in zip(bodies, prefixes or (), strict=True)
-        ]
-        for kind in (0, 1)
-    ]
-    whole, merged = None, None
-    if comm.rank == 0:
-        whole, merged = _joined([p for p in parts if p is not None], *names)
-    of_cells, of_facets = comm.bcast(merged)
+    parts = [gathered(body, tag=i) for i, body in enumerate(bodies, 1)]
+    whole = _joined([p for p in parts if p is not None], prefixes or ())
     element = bodies[0].mesh.ufl_domain().ufl_coordinate_element()
-    domain, cells, facets = distributed(comm, whole, element)
-    return named_mesh(domain, NamedTags(cells, of_cells), NamedTags(facets, of_facets))
+    return distributed(bodies[0].mesh.comm, whole, element)
 
 
-def _joined(
-    parts: Sequence[WholeMesh],
-    names_of_cells: Sequence[Mapping[str, int]],
-    names_of_facets: Sequence[Mapping[str, int]],
-) -> tuple[WholeMesh, tuple[dict[str, int], dict[str, int]]]:
-    """Return the mesh of all parts, and its tags of cells and of facets by name."""
+def _joined(parts: Sequence[WholeMesh], prefixes: Sequence[str]) -> WholeMesh | None:
+    """Return the mesh of all parts; None without any.
+
+    Args:
+        parts: meshes of the parts.
+        prefixes: prefix of the names of the groups of every part.
+    """
+    if not parts:
+        return None
     nodes = np.cumsum([0, *(len(p.x) for p in parts)])
     cells = np.cumsum([0, *(len(p.cells) for p in parts)])
-    cell_values, of_cells = _merged([p.cell_values for p in parts], names_of_cells)
-    facet_values, of_facets = _merged([p.facet_values for p in parts], names_of_facets)
-    whole = WholeMesh(
-        np.concatenate([p.cells + a for p, a in zip(parts, nodes, strict=False)]),
-        np.concatenate([p.x for p in parts]),
-        np.concatenate([p.tagged_cells + a for p, a in zip(parts, cells, strict=False)]),
-        cell_values,
-        np.concatenate([p.facets + a for p, a in zip(parts, nodes, strict=False)]),
-        facet_values,
+    shifted = [
+        (p.cells + node, p.x, p.tagged_cells + cell, p.facets + node)
+        for p, node, cell in zip(parts, nodes, cells, strict=False)
+    ]
+    all_cells, x, tagged_cells, facets = (
+        np.concatenate(column) for column in zip(*shifted, strict=True)
     )
-    return whole, (of_cells, of_facets)
+    of_cells = _merged([(p.cell_values, p.cell_names) for p in parts], prefixes)
+    of_facets = _merged([(p.facet_values, p.facet_names) for p in parts], prefixes)
+    return WholeMesh(all_cells, x, tagged_cells, *of_cells, facets, *of_facets)
 
 
 def _merged(
-    values: Sequence[Indices], names: Sequence[Mapping[str, int]]
+    parts: Sequence[tuple[Indices, Mapping[str, int]]], prefixes: Sequence[str]
 ) -> tuple[Indices, dict[str, int]]:
     """Return the tags of the entities of all parts, and the tags by name.
 
     Args:
-        values: tags of the entities of every part.
-        names: tags by name of every part.
+        parts: tags of the entities, and tags by name, of every part.
+        prefixes: prefix of the names of every part.
     """
-    unnamed = [np.setdiff1d(v, list(own.values())) for v, own in zip(values, names, strict=True)]
+    unnamed = [np.setdiff1d(values, list(names.values())) for values, names in parts]
     taken = set(np.concatenate(unnamed).tolist())
     tags: dict[str, int] = {}
     merged = []
-    for old, own in zip(values, names, strict=True):
+    for (old, names), prefix in zip(parts, prefixes, strict=True):
         new = old.copy()
-        for name, tag in own.items():
-            if name not in tags:
-                tags[name] = max(taken) + 1 if tag in taken else tag
-                taken.add(tags[name])
-            new[old == tag] = tags[name]
+        for name, tag in names.items():
+            full = prefix + name
+            if full not in tags:
+                tags[full] = max(taken) + 1 if tag in taken else tag
+                taken.add(tags[full])
+            new[old == tag] = tags[full]
         merged.append(new)
     return np.concatenate(merged), tags

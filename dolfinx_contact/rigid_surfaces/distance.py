@@ -34,7 +34,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dolfinx_contact._arrays import Array, Ints, Mask
-from dolfinx_contact._geometry import dot, tangential, unit
+from dolfinx_contact._geometry import dot, tangential, unit, unit_rates
 from dolfinx_contact.rigid_surfaces.closest import ClosestFacets
 from dolfinx_contact.rigid_surfaces.triangulation import Features, Triangulation
 
@@ -192,8 +192,7 @@ def _interpolated(
     # On an edge only the coordinates of its two ends change; at a corner all are constant.
     held = np.where((on.zeros == 0)[:, None, None], np.eye(corners.shape[2]), _outer(on.along))
     slopes = np.where((parts == 0.0)[..., None], 0.0, slopes @ held)
-    change = np.einsum("nki,nkj->nij", of_corners, slopes) / size[:, None, None]
-    return mean, change - mean[:, :, None] * np.einsum("ni,nij->nj", mean, change)[:, None]
+    return mean, unit_rates(mean, size) @ np.einsum("nki,nkj->nij", of_corners, slopes)
 
 
 def _slopes(corners: Array) -> Array:
