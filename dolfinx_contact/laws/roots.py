@@ -94,13 +94,12 @@ class _Root:
             z = self._solved(full, start, start)
         else:
             z = self._held(full, start, start[:, 0])
-            moves = self._sense * self._at(full, z)[0][:, 0] < 0
+            moves = self._force(full, z) < 0
             if self._ends:
                 some = full[moves]
                 last = self._held(some, start[moves], end[moves])
-                goes = self._sense * self._at(some, last)[0][:, 0] > 0
                 z[moves] = last
-                moves[moves] = goes
+                moves[moves] = self._force(some, last) > 0
             z[moves] = self._between(full[moves], z[moves], start[moves], end[moves])
         inverse = _inverse(self._at(full, z)[1])
         full[:, first : first + n] = z
@@ -115,6 +114,10 @@ class _Root:
         found = self._system(full)
         return found[:, :n], found[:, n:].reshape(len(full), n, n)
 
+    def _force(self, full: Array, z: Array) -> Array:
+        """Return the first residual at z, negative if a monotone first unknown must change."""
+        return self._sense * self._at(full, z)[0][:, 0]
+
     def _held(self, full: Array, start: Array, value: Array) -> Array:
         """Return the solution for a prescribed first unknown."""
         z = start.copy()
@@ -126,8 +129,7 @@ class _Root:
     def _between(self, full: Array, z: Array, start: Array, end: Array) -> Array:
         """Return the solution with the first unknown restricted to [start, end]."""
         J = self._at(full, z)[1][:, 0, 0]
-        F = self._at(full, start)[0][:, 0]
-        step = np.abs(F / J)
+        step = np.abs(self._force(full, start) / J)
         good = np.isfinite(step) & (step > 0)
         short = 1e-3 * (1.0 + np.abs(start[:, 0]))
         away = np.where(good, step, short)
@@ -155,21 +157,17 @@ class _Root:
         if not self._ends:
             high = first.copy()
             for _ in range(_MOST_GROWN):
-                short = self._sense * self._first_force(full, start, high) < 0
+                short = self._force(full, self._held(full, start, high)) < 0
                 if not short.any():
                     break
                 low[short] = high[short]
                 high[short] += 2.0 * (high[short] - start[short, 0])
         for _ in range(_MOST_HALVED):
             middle = low + (high - low) / 2
-            short = self._sense * self._first_force(full, start, middle) < 0
+            short = self._force(full, self._held(full, start, middle)) < 0
             low = np.where(short, middle, low)
             high = np.where(short, high, middle)
         return self._held(full, start, high)
-
-    def _first_force(self, full: Array, start: Array, value: Array) -> Array:
-        """Return the residual of the first equation for a prescribed first unknown."""
-        return self._at(full, self._held(full, start, value))[0][:, 0]
 
     def _solved(
         self,
