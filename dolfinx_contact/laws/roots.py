@@ -128,15 +128,14 @@ class _Root:
 
     def _between(self, full: Array, z: Array, start: Array, end: Array) -> Array:
         """Return the solution with the first unknown restricted to [start, end]."""
-        J = self._at(full, z)[1][:, 0, 0]
-        step = np.abs(self._force(full, start) / J)
-        good = np.isfinite(step) & (step > 0)
-        short = 1e-3 * (1.0 + np.abs(start[:, 0]))
-        away = np.where(good, step, short)
-        far = start[:, 0] + self._sense * away
-        middle = (start[:, 0] + end) / 2
         begin = z.copy()
-        begin[:, 0] = middle if self._ends else far
+        if self._ends:
+            begin[:, 0] = (start[:, 0] + end) / 2
+        else:  # as far as one step of Newton's method
+            step = np.abs(self._force(full, start) / self._at(full, z)[1][:, 0, 0])
+            good = np.isfinite(step) & (step > 0)
+            away = np.where(good, step, 1e-3 * (1.0 + np.abs(start[:, 0])))
+            begin[:, 0] = start[:, 0] + self._sense * away
         found = self._solved(full, begin, start, end=end)
         lost = ~np.isfinite(found).all(axis=1)
         if lost.any():
