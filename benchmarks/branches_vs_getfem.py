@@ -24,9 +24,9 @@ from cases._triangle import linear_triangle
 from getfem_side import GetFEM
 
 from dolfinx_contact.continuation import StepControl, explore
+from dolfinx_contact.continuation.cone_rays import outgoing
 from dolfinx_contact.continuation.follow import follower_for
 from dolfinx_contact.continuation.observer import Observer
-from dolfinx_contact.continuation.rays import outgoing
 from dolfinx_contact.reduced.reduction import Reduction
 
 LOAD = (26.0, 7.5)

@@ -29,7 +29,7 @@ from dolfinx_contact._ufl import described, refuse_other_mesh
 from dolfinx_contact._validate import ReadOnly, copy_with, instance, listed, number
 from dolfinx_contact.continuation import BranchPoint, Piece
 from dolfinx_contact.continuation.affine import AffineSystem
-from dolfinx_contact.continuation.solutions import Solution
+from dolfinx_contact.continuation.several_solutions import Solution
 from dolfinx_contact.continuation.system import Condensed, Proof, RayProof
 from dolfinx_contact.equations.data import Datum, data_within, placed_data
 from dolfinx_contact.equations.parametric import ParametricEquations
@@ -47,7 +47,7 @@ from dolfinx_contact.results.indicators import (
 )
 from dolfinx_contact.results.result import Result
 from dolfinx_contact.results.uniqueness import checked_seconds
-from dolfinx_contact.solvers.history import Attempt, ConvergenceError
+from dolfinx_contact.solvers.attempts import Attempt, ConvergenceError
 
 __all__ = ["ParametricContact"]
 

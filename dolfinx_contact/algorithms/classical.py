@@ -32,7 +32,7 @@ from dolfinx_contact.equations.measures import diverged
 from dolfinx_contact.equations.parametric import ParametricEquations
 from dolfinx_contact.reduced.reduction import Reduction, scaled, scales_at
 from dolfinx_contact.reduced.scope import can_condense
-from dolfinx_contact.solvers.history import (
+from dolfinx_contact.solvers.attempts import (
     Attempt,
     ConvergenceError,
     SolveProgress,

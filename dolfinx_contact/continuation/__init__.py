@@ -23,9 +23,14 @@ from dolfinx_contact.continuation.observer import (
     Stop,
     Task,
 )
-from dolfinx_contact.continuation.parameters import Direction, Kinks, StepControl
 from dolfinx_contact.continuation.pivoting import Pivoting
-from dolfinx_contact.continuation.solutions import Continuum, Solution, Solutions, find_solutions
+from dolfinx_contact.continuation.several_solutions import (
+    Continuum,
+    Solution,
+    Solutions,
+    find_solutions,
+)
+from dolfinx_contact.continuation.step_control import Direction, Kinks, StepControl
 from dolfinx_contact.continuation.steps import Locate
 from dolfinx_contact.continuation.system import (
     Condensed,

@@ -15,7 +15,7 @@ from dolfinx_contact._mpi import everywhere, same_everywhere
 from dolfinx_contact._progress import PROGRESS
 from dolfinx_contact._validate import count, instance, one_of, vector
 from dolfinx_contact.continuation.observer import Stop, as_observer, is_observer
-from dolfinx_contact.continuation.parameters import StepControl
+from dolfinx_contact.continuation.step_control import StepControl
 from dolfinx_contact.continuation.system import System
 
 __all__ = [

@@ -37,7 +37,7 @@ from dolfinx_contact._mpi import all_ranks
 from dolfinx_contact._petsc import as_raised
 from dolfinx_contact.continuation.bordered import Bordered
 from dolfinx_contact.continuation.krylov import ModelTest
-from dolfinx_contact.continuation.parameters import StepControl
+from dolfinx_contact.continuation.step_control import StepControl
 from dolfinx_contact.continuation.system import Piece, ResidualScales
 
 __all__ = ["Corrector"]

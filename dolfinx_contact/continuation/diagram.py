@@ -47,8 +47,8 @@ from dolfinx_contact.continuation.observer import (
     Observers,
     Stop,
 )
-from dolfinx_contact.continuation.parameters import StepControl
 from dolfinx_contact.continuation.pivoting import Pivoting
+from dolfinx_contact.continuation.step_control import StepControl
 from dolfinx_contact.continuation.system import System
 from dolfinx_contact.continuation.walk import leaves_range
 

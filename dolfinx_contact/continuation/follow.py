@@ -47,9 +47,9 @@ from dolfinx_contact.continuation.observer import (
     Stepping,
     Stop,
 )
-from dolfinx_contact.continuation.parameters import Direction, StepControl, sign_of
 from dolfinx_contact.continuation.pivoting import Pivoting
 from dolfinx_contact.continuation.ray_finder import KinkRays, reach_of_events
+from dolfinx_contact.continuation.step_control import Direction, StepControl, sign_of
 from dolfinx_contact.continuation.steps import (
     BatchedSteps,
     ExactSteps,

@@ -12,7 +12,7 @@ from mpi4py import MPI
 from dolfinx_contact._ending import Ending, Ends
 from dolfinx_contact._mpi import any_rank, everywhere
 from dolfinx_contact.continuation.branch import BranchPoint, Diagram, SpecialPoint
-from dolfinx_contact.continuation.parameters import StepControl
+from dolfinx_contact.continuation.step_control import StepControl
 from dolfinx_contact.continuation.system import ResidualScales
 
 __all__ = [

@@ -4,7 +4,7 @@
 On a piece the state is affine in gamma. The smallest ratio determines the first point that changes
 its status. A change of status costs the inverse of a dense matrix of the size of the condensed
 problem. Pivoting requires no predictor, no Newton iteration and no step length. If several points
-change simultaneously, the branch continues along a ray of the tangent cone (`rays.py`).
+change simultaneously, the branch continues along a ray of the tangent cone (`cone_rays.py`).
 """
 
 from __future__ import annotations
@@ -36,9 +36,15 @@ from dolfinx_contact.continuation.branch import (
     SpecialPoint,
     kind_of_kink,
 )
+from dolfinx_contact.continuation.cone_rays import (
+    AffineRay,
+    Rays,
+    neighbours,
+    outgoing,
+    same_direction,
+)
 from dolfinx_contact.continuation.observer import Stepping
-from dolfinx_contact.continuation.parameters import StepControl
-from dolfinx_contact.continuation.rays import AffineRay, Rays, neighbours, outgoing, same_direction
+from dolfinx_contact.continuation.step_control import StepControl
 from dolfinx_contact.continuation.system import Condensed, System
 from dolfinx_contact.continuation.walk import Next, Walker
 

@@ -4,7 +4,8 @@ r"""Outgoing rays of a nonsmooth point, at which several pieces of H meet.
 A piece has an outgoing ray if its tangent, in one of its two senses, stays inside the piece. Three
 methods find rays:
 
-- *by the tangent cone*, where the system can be condensed onto few points (`rays.py`): all rays;
+- *by the tangent cone*, where the system can be condensed onto few points (`cone_rays.py`): all
+  rays;
 - *by enumeration*: every combination of statuses of the kinked points (points at a border) is
   tried. All rays are found if H has a derivative on every piece; the number of pieces must be
   small;
@@ -33,8 +34,8 @@ import numpy as np
 from dolfinx_contact._arrays import Array, Indices
 from dolfinx_contact.continuation.bordered import Bordered
 from dolfinx_contact.continuation.branch import Change, FoundRays, Ray
+from dolfinx_contact.continuation.cone_rays import distinct, outgoing
 from dolfinx_contact.continuation.corrector import Corrector
-from dolfinx_contact.continuation.rays import distinct, outgoing
 from dolfinx_contact.continuation.system import Events, Piece, matched_distances
 
 __all__ = [

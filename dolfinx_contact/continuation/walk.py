@@ -29,7 +29,7 @@ from dolfinx_contact.continuation.observer import (
     Stop,
     Task,
 )
-from dolfinx_contact.continuation.parameters import Direction, StepControl, sign_of
+from dolfinx_contact.continuation.step_control import Direction, StepControl, sign_of
 from dolfinx_contact.continuation.system import System
 
 __all__ = ["Next", "Walker", "leaves_range", "require_way"]

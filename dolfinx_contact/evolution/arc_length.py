@@ -45,7 +45,7 @@ from dolfinx_contact.continuation.bordered import Bordered
 from dolfinx_contact.continuation.branch import BranchPoint, FoundRays, Ray, SpecialPoint
 from dolfinx_contact.continuation.corrector import Corrector
 from dolfinx_contact.continuation.observer import Observer, ObserverLike, Stop
-from dolfinx_contact.continuation.parameters import StepControl
+from dolfinx_contact.continuation.step_control import StepControl
 from dolfinx_contact.continuation.system import ResidualScales
 from dolfinx_contact.continuation.walk import require_way
 from dolfinx_contact.equations.evaluation import Evaluation

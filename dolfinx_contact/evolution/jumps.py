@@ -46,7 +46,7 @@ from dolfinx_contact.evolution.rate_problem import loaded
 from dolfinx_contact.evolution.step import AcceptedState, Stepper
 from dolfinx_contact.laws.status import letters
 from dolfinx_contact.solvers import ConvergenceError
-from dolfinx_contact.solvers.following import Loaded
+from dolfinx_contact.solvers.load_following import Loaded
 
 __all__ = ["MOVED", "UNKNOWNS", "Found", "StateChanges", "changes", "find_jump", "where_it_changes"]
 

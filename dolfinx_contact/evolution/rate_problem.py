@@ -28,9 +28,9 @@ is not counted.
 
     H(x, gamma; m_n) = 0,        0 <= gamma <= 1.
 
-The rate problem at gamma = 0 is a problem of polyhedral cones (`continuation.rays`). Several rays
-with growing gamma may exist: with large friction a point can stick or slip under the same rate of
-the load (Klarbring, Ing.-Arch. 60, 1990). If all pieces were tried and no such ray exists, the
+The rate problem at gamma = 0 is a problem of polyhedral cones (`continuation.cone_rays`). Several
+rays with growing gamma may exist: with large friction a point can stick or slip under the same rate
+of the load (Klarbring, Ing.-Arch. 60, 1990). If all pieces were tried and no such ray exists, the
 state jumps (`jumps`).
 """
 
@@ -47,15 +47,15 @@ import numpy as np
 from dolfinx_contact._arrays import Array, Codes, Indices
 from dolfinx_contact._mpi import any_rank, maximum
 from dolfinx_contact.continuation.branch import FoundRays, Ray
+from dolfinx_contact.continuation.cone_rays import outgoing
 from dolfinx_contact.continuation.corrector import Corrector
 from dolfinx_contact.continuation.ray_finder import Kink, RayFinder, parity
-from dolfinx_contact.continuation.rays import outgoing
 from dolfinx_contact.continuation.system import Events, Piece, matched_distances
 from dolfinx_contact.equations.evaluation import Statuses
 from dolfinx_contact.problem import ContactProblem
 from dolfinx_contact.reduced.reduction import Reduction
 from dolfinx_contact.reduced.scope import can_condense
-from dolfinx_contact.solvers.following import Loaded
+from dolfinx_contact.solvers.load_following import Loaded
 
 __all__ = ["RateProblem", "loaded", "rays_of_step"]
 

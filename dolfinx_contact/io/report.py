@@ -9,7 +9,7 @@ from mpi4py import MPI
 
 if TYPE_CHECKING:
     from dolfinx_contact.results.result import Result
-    from dolfinx_contact.solvers.history import Step
+    from dolfinx_contact.solvers.attempts import Step
 
 __all__ = ["Report"]
 

@@ -22,7 +22,7 @@ from dolfinx import fem
 from dolfinx_contact._ending import Ending, Ends
 from dolfinx_contact._mpi import everywhere, require, same_everywhere
 from dolfinx_contact.continuation.observer import ObserverLike, Stop
-from dolfinx_contact.continuation.parameters import StepControl
+from dolfinx_contact.continuation.step_control import StepControl
 from dolfinx_contact.equations.state import State
 from dolfinx_contact.evolution import (
     ArcLength,

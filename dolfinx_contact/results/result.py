@@ -40,7 +40,7 @@ from dolfinx_contact.results.tables import (
     violation,
 )
 from dolfinx_contact.results.uniqueness import Uniqueness
-from dolfinx_contact.solvers.history import Attempt, Step
+from dolfinx_contact.solvers.attempts import Attempt, Step
 
 __all__ = ["Named", "Result", "Shown", "collect"]
 

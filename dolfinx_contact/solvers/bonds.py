@@ -24,9 +24,9 @@ import numpy as np
 from dolfinx_contact._arrays import Array
 from dolfinx_contact._mpi import maximum
 from dolfinx_contact.equations.contact import ContactEquations
-from dolfinx_contact.solvers.history import Attempt
+from dolfinx_contact.solvers.attempts import Attempt
+from dolfinx_contact.solvers.block_pivoting import pivot
 from dolfinx_contact.solvers.newton import LinearSolver, Newton
-from dolfinx_contact.solvers.pivoting import pivot
 
 __all__ = ["release_bonds"]
 

@@ -3,9 +3,9 @@
 
 A Newton step from an iterate x:
 
-1. Assemble the contact terms S of the Jacobian at the statuses of x (`operator`), and factorise the
-   block of the contact surface (`surface_block`), in nodal contact with condensed multipliers. The
-   stiffness of a linear body is kept.
+1. Assemble the contact terms S of the Jacobian at the statuses of x (`matrix_free`), and factorise
+   the block of the contact surface (`surface_block`), in nodal contact with condensed multipliers.
+   The stiffness of a linear body is kept.
 2. Use the present multigrid hierarchy of the stiffness (`hierarchy`). It is built with the closed
    nodes held and the closed points of pairs joined by springs (`closed_points`). It outlives
    changes of status, because the exact surface solve corrects the contact nodes.
@@ -36,14 +36,14 @@ from dolfinx_contact._mpi import any_rank, total
 from dolfinx_contact._petsc import destroy, has_package, logged, reasons_of
 from dolfinx_contact.solvers.closed_points import ClosedPoints
 from dolfinx_contact.solvers.hierarchy import PLAIN, SMOOTHED, Hierarchy
+from dolfinx_contact.solvers.matrix_free import ContactOperator
 from dolfinx_contact.solvers.newton import LinearSolver
-from dolfinx_contact.solvers.operator import ContactOperator
 from dolfinx_contact.solvers.surface_filter import SurfaceFilter
 
 if TYPE_CHECKING:
     from dolfinx_contact.equations.contact import ContactEquations
     from dolfinx_contact.equations.evaluation import Evaluation
-    from dolfinx_contact.solvers.history import Step
+    from dolfinx_contact.solvers.attempts import Step
 
 __all__ = ["Multigrid"]
 

@@ -30,7 +30,7 @@ from dolfinx_contact.equations.evaluation import Evaluation, Statuses, differs
 from dolfinx_contact.equations.jacobian import JacobianSolver
 from dolfinx_contact.equations.measures import Measures, Scales, without_normal
 from dolfinx_contact.equations.touching import touches_nothing, touching
-from dolfinx_contact.solvers.history import Attempt, FloatingBodyError, LinearSolverError, Step
+from dolfinx_contact.solvers.attempts import Attempt, FloatingBodyError, LinearSolverError, Step
 
 __all__ = ["LinearSolver", "Newton"]
 

@@ -10,16 +10,16 @@ strategies, in this order and each from the caller's state:
 1. Full Newton steps.
 2. Full steps with the automatic augmentation parameter, if the caller forced another one; then, for
    surfaces with weakening bonds, all bonds are held and released in turn (`bonds`).
-3. Pivoting: the pieces of H are solved successively, and if the number of points with a
-   wrong status stops shrinking only one point changes at a time (`pivoting`). For bodies that are
+3. Pivoting: the pieces of H are solved successively, and if the number of points with a wrong
+   status stops shrinking only one point changes at a time (`block_pivoting`). For bodies that are
    not linear it comes last but one, because every piece then takes a Newton solve.
 4. A backtracking line search on the norm of H.
 5. Lemke's method on the reduced problem (`classical`), which terminates in a solution for any
    friction: in 2D, for linear bodies held by Dirichlet data with contact at nodes.
 6. The load in increments that shrink and grow; before the line search for bodies that are not
    linear.
-7. The branch of solutions under a growing load, followed through its folds (`following`); not if a
-   rigid motion is free under the full load and under increments.
+7. The branch of solutions under a growing load, followed through its folds (`load_following`); not
+   if a rigid motion is free under the full load and under increments.
 
 The modules of the other strategies are loaded when full steps fail.
 
@@ -48,7 +48,7 @@ from dolfinx_contact.equations.evaluation import Evaluation, Statuses
 from dolfinx_contact.equations.measures import diverged, inverted
 from dolfinx_contact.equations.touching import bring_together
 from dolfinx_contact.equations.validation import validate
-from dolfinx_contact.solvers.history import (
+from dolfinx_contact.solvers.attempts import (
     Attempt,
     ConvergenceError,
     FloatingBodyError,
@@ -291,9 +291,9 @@ def strategies(
     yield _Strategy("full steps", partial(Newton.run, start=start), is_newton=True)
     if trial.brief:
         return
+    from dolfinx_contact.solvers.block_pivoting import pivot
     from dolfinx_contact.solvers.bonds import release_bonds
-    from dolfinx_contact.solvers.following import follow_load
-    from dolfinx_contact.solvers.pivoting import pivot
+    from dolfinx_contact.solvers.load_following import follow_load
 
     # In the integral method r is part of the discretisation, and a forced r is kept.
     weak = any([s.points.E is not None for s in eq.surfaces])

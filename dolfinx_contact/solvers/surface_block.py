@@ -27,8 +27,8 @@ from dolfinx_contact._mpi import SharedValues, all_ranks
 from dolfinx_contact._petsc import Factor, destroy, triplet_matrix, triplets
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.points.trace import at_global_places, facet_closures, owned_exterior
-from dolfinx_contact.solvers.history import LinearSolverError
-from dolfinx_contact.solvers.operator import ContactOperator
+from dolfinx_contact.solvers.attempts import LinearSolverError
+from dolfinx_contact.solvers.matrix_free import ContactOperator
 
 __all__ = ["CondensedBlock", "SurfaceBlock", "SurfaceSet"]
 

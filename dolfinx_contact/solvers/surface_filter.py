@@ -21,7 +21,7 @@ import numpy as np
 from dolfinx_contact._arrays import Array
 from dolfinx_contact._mpi import total
 from dolfinx_contact._petsc import destroy, logged
-from dolfinx_contact.solvers.operator import ContactOperator
+from dolfinx_contact.solvers.matrix_free import ContactOperator
 from dolfinx_contact.solvers.surface_block import CondensedBlock, SurfaceBlock, SurfaceSet
 
 __all__ = ["SurfaceFilter"]

@@ -44,7 +44,7 @@ from dolfinx_contact.materials import (
     lame,
 )
 from dolfinx_contact.problem import discretise
-from dolfinx_contact.solvers.history import FloatingBodyError
+from dolfinx_contact.solvers.attempts import FloatingBodyError
 
 # Every case runs on two ranks, because the errors must be the same on both.
 pytestmark = pytest.mark.ranks(2, every_case=True)

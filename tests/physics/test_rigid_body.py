@@ -28,7 +28,7 @@ from dolfinx_contact import (
 from dolfinx_contact.algorithms.classical import start_by_lemke
 from dolfinx_contact.continuation import find_solutions, follow
 from dolfinx_contact.obstacles import Obstacle
-from dolfinx_contact.solvers.history import Attempt, FloatingBodyError
+from dolfinx_contact.solvers.attempts import Attempt, FloatingBodyError
 
 COMM = MPI.COMM_WORLD
 

@@ -15,9 +15,9 @@ import pytest
 from support.textbook import coulomb_system
 
 from dolfinx_contact.continuation import Ending, Piece, System
+from dolfinx_contact.continuation.cone_rays import AffineRay, outgoing
 from dolfinx_contact.continuation.observer import Observer
 from dolfinx_contact.continuation.pivoting import Pivoting
-from dolfinx_contact.continuation.rays import AffineRay, outgoing
 from dolfinx_contact.laws.status import MINUS, OPEN, PLUS, STICK
 
 # Rows that vanish and rows that are not negative, by status.

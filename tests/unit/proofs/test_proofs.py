@@ -28,7 +28,7 @@ from dolfinx_contact import (
     Tresca,
 )
 from dolfinx_contact.continuation import find_solutions
-from dolfinx_contact.continuation.rays import outgoing
+from dolfinx_contact.continuation.cone_rays import outgoing
 from dolfinx_contact.materials import LinearElastic, NeoHookean, lame
 from dolfinx_contact.proofs import ReducedProblem, check
 from dolfinx_contact.proofs.rays import apex_problem, prove_rays

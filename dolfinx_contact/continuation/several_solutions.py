@@ -2,8 +2,7 @@
 r"""Search for several solutions at one gamma, on the same or on different branches.
 
 1. If the pieces are affine cones, a solution at gamma is a ray of the cones under the total load.
-   `rays.py` computes the rays by enumeration, which proves completeness, or by
-   unfolding.
+   `cone_rays.py` computes the rays by enumeration, which proves completeness, or by unfolding.
 2. If there are too many pieces, or affine pieces that are not cones, the system may provide a proof
    (`System.prove`).
 3. Otherwise computed solutions x_k are deflated (Farrell, Birkisson and Funke, SIAM J. Sci. Comput.
@@ -39,11 +38,11 @@ from dolfinx_contact.continuation.arguments import (
 )
 from dolfinx_contact.continuation.bordered import Bordered
 from dolfinx_contact.continuation.branch import BranchPoint
-from dolfinx_contact.continuation.layout import Layout
-from dolfinx_contact.continuation.rays import (
+from dolfinx_contact.continuation.cone_rays import (
     MOST_PIECES,
     outgoing,
 )
+from dolfinx_contact.continuation.layout import Layout
 from dolfinx_contact.continuation.system import (
     Condensed,
     Piece,

@@ -24,7 +24,7 @@ from dolfinx_contact._mpi import count_of
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import differs
 from dolfinx_contact.laws.status import MINUS, PLUS, STICK, senses
-from dolfinx_contact.solvers.history import Attempt
+from dolfinx_contact.solvers.attempts import Attempt
 from dolfinx_contact.solvers.newton import Newton
 
 __all__ = ["pivot"]
