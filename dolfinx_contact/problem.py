@@ -985,5 +985,5 @@ class ContactProblem(ReadOnly):
         parallel objects collectively. `destroy` is useful for many problems on several ranks, each
         with its own mesh.
         """
-        self._linear.destroy()
+        self._linear.release()
         self.equations.bulk.destroy()

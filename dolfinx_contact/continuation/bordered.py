@@ -59,6 +59,7 @@ class Bordered(Layout):
         self.x_scale_is_new = False
         self.sense = 1.0
         self._w = system.create_vector()
+        system.begin_solves()
         P = system.preconditioner
         self.solver = Factorised(self, prefix) if P is None else Krylov(self, prefix, P)
 
@@ -115,5 +116,6 @@ class Bordered(Layout):
             self.x_scale_is_new = True
 
     def destroy(self) -> None:
-        """Free the linear solver."""
+        """Free the linear solver, and release the solver of the system."""
         self.solver.destroy()
+        self.system.end_solves()

@@ -213,7 +213,17 @@ class System:
         """
         raise NotImplementedError
 
-    # -- optional help for iterative solves ------------------------------------------------------
+    # -- optional help for linear solves ---------------------------------------------------------
+
+    def begin_solves(self) -> None:
+        """Called before a branch is followed; default: do nothing.
+
+        Until `end_solves`, `matrix` and `preconditioner` must remain the same objects. A contact
+        problem shares its linear solver with the branch.
+        """
+
+    def end_solves(self) -> None:
+        """Called when a branch has been followed; default: do nothing."""
 
     def correct(
         self,

@@ -28,7 +28,7 @@ constant.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Self
 
 from petsc4py import PETSc
 
@@ -53,15 +53,31 @@ __all__ = ["ContactTerms", "Jacobian", "JacobianSolver"]
 class JacobianSolver:
     """Linear solver of a contact problem: its Jacobian and preconditioner. Methods are collective.
 
+    The problem owns the solver. A branch that is followed with it is another owner until it ends.
+    The last owner that releases the solver frees it.
+
     Attributes:
         matrix: Jacobian, for SNES.
         corrects: whether `correct` is implemented.
-        is_followed_with: whether branches are followed with this solver.
     """
 
     matrix: PETSc.Mat
     corrects = False
-    is_followed_with = False
+    _owners = 1
+
+    def shared(self) -> Self:
+        """Return the solver for one more owner, who must `release` it."""
+        self._owners += 1
+        return self
+
+    def release(self) -> None:
+        """End one ownership; the last owner frees the solver."""
+        self._owners -= 1
+        if self._owners == 0:
+            self.destroy()
+
+    def destroy(self) -> None:
+        """Free the PETSc objects, for all owners."""
 
     @property
     def preconditioner(self) -> Preconditioner | None:

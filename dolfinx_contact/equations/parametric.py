@@ -86,8 +86,9 @@ class ParametricEquations(System):
         self.constant = gamma
         self.comm = equations.comm
         self._linear = linear
-        #: Linear solver of the present branch.
-        self._solver: JacobianSolver | None = None
+        #: Linear solvers of the branches that are being followed, the present one last; shared with
+        #: the copies of this system that have another memory.
+        self._solvers: list[JacobianSolver] = []
         rate = Rate(gamma)
         self._body_rate = rate.of_form(equations.bulk.residual)
         self._driven = [Driven(f, expression, rate) for f, expression in driven]
@@ -245,16 +246,20 @@ class ParametricEquations(System):
         text = self.equations.bulk.kinks
         return f"the bulk has kinks in u: {text}" if text else ""
 
-    @property
-    def preconditioner(self) -> Preconditioner | None:  # type: ignore[override]
-        """Preconditioner of the linear solver; None if it is direct. Collective."""
-        self._solver = self._linear()
-        self._solver.is_followed_with = True
-        return self._solver.preconditioner
+    def begin_solves(self) -> None:
+        self._solvers.append(self._linear().shared())
+
+    def end_solves(self) -> None:
+        self._solvers.pop().release()
 
     @property
     def _jacobian_solver(self) -> JacobianSolver:
-        return self._linear() if self._solver is None else self._solver
+        return self._solvers[-1] if self._solvers else self._linear()
+
+    @property
+    def preconditioner(self) -> Preconditioner | None:  # type: ignore[override]
+        """Preconditioner of the linear solver; None if it is direct. Collective."""
+        return self._jacobian_solver.preconditioner
 
     @property
     def matrix(self) -> PETSc.Mat:  # type: ignore[override]

@@ -20,7 +20,7 @@ from petsc4py import PETSc
 import numpy as np
 
 from dolfinx_contact._mpi import any_rank
-from dolfinx_contact._petsc import DEFAULTS, destroy, logged, reasons_of
+from dolfinx_contact._petsc import DEFAULTS, logged, reasons_of
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation
 from dolfinx_contact.equations.jacobian import Jacobian
@@ -99,8 +99,8 @@ class Direct(LinearSolver):
 class LinearSolverChoice:
     """Linear solver of a problem, created when it is first needed. Collective.
 
-    It is created again if options other than those of SNES have changed. The previous one is freed
-    unless a branch is followed with it.
+    It is created again if options other than those of SNES have changed. The previous one is then
+    released; a branch that is followed with it keeps it until it ends.
 
     Args:
         equations: contact problem.
@@ -115,7 +115,7 @@ class LinearSolverChoice:
         """Return the solver; ``ValueError`` for an unknown kind."""
         options = self._equations.options.beside_newton()
         if any_rank(self._equations.comm, options != self._options):
-            self._leave()
+            self.release()
             self._options = options
         if self._solver is None:
             self._solver = self._create()
@@ -159,19 +159,14 @@ class LinearSolverChoice:
             log("a direct solver needs about %.2g GB; %.2g GB are free", needed, free)
         if needed > free:
             return False
-        self._leave()
+        self.release()
         self._solver = Direct(eq)
         return True
 
-    def _leave(self) -> None:
-        """Free the solver unless a branch is followed with it."""
-        if self._solver is not None and self._solver.is_followed_with:
-            self._solver = None
-        self.destroy()
-
-    def destroy(self) -> None:
-        """Free the solver."""
-        destroy(self._solver)
+    def release(self) -> None:
+        """Release the solver; the next call creates another one."""
+        if self._solver is not None:
+            self._solver.release()
         self._solver = None
 
 

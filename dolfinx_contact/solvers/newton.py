@@ -104,9 +104,6 @@ class LinearSolver(JacobianSolver):
         """Tighten the tolerances, and return whether this was possible; statuses may cycle."""
         return False
 
-    def destroy(self) -> None:
-        """Free the PETSc objects."""
-
 
 @dataclass(eq=False)
 class _Run:

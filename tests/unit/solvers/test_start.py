@@ -9,6 +9,8 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from support.blocks import block, box, facets, same_tables
+from support.checks import solved_start
+from support.recorded_run import moved_block
 
 import ufl
 from dolfinx import fem
@@ -20,6 +22,7 @@ from dolfinx_contact import (
     HalfSpace,
     Sphere,
 )
+from dolfinx_contact.continuation import follow
 from dolfinx_contact.materials import LinearElastic, NeoHookean
 
 COMM = MPI.COMM_WORLD
@@ -87,6 +90,29 @@ def test_a_problem_goes_on_after_its_objects_were_freed():
     problem.solve()
     problem.destroy()
     assert problem.solve().converged
+
+
+@pytest.mark.ranks(2)
+@pytest.mark.parametrize(("solver", "other"), [("direct", "amg"), ("amg", "direct")])
+def test_a_branch_keeps_its_linear_solver_until_it_ends(solver, other):
+    """An observer changes the options; the previous solver is freed when the branch has ended."""
+    system, _ = moved_block(COMM)
+    problem = system.problem
+    problem.petsc_options["linear_solver"] = solver
+    x = solved_start(system)
+    matrices = []
+
+    def change(step):
+        if step.index == 1:
+            matrices.append(problem.linear_solver.matrix)
+            problem.petsc_options["linear_solver"] = other
+            assert problem.linear_solver.name == other
+        if step.index == 2:
+            assert matrices[0].handle
+
+    follow(system, x, 0.0, gamma_range=(0.0, 1.0), max_steps=2, observer=change)
+    assert not matrices[0].handle
+    assert problem.linear_solver.name == other
 
 
 def test_log_view_on_the_command_line_of_a_script(tmp_path):
