@@ -70,8 +70,7 @@ from dolfinx_contact.results.tables import (
 )
 from dolfinx_contact.results.uniqueness import Theory, Uniqueness, check_seconds
 from dolfinx_contact.solvers.attempts import Attempt, SolveProgress, Step
-from dolfinx_contact.solvers.linear import LinearSolverChoice
-from dolfinx_contact.solvers.newton import LinearSolver
+from dolfinx_contact.solvers.linear import LinearSolver, LinearSolverChoice
 from dolfinx_contact.solvers.strategies import Trial, solve
 
 if TYPE_CHECKING:

@@ -26,7 +26,8 @@ from dolfinx_contact._mpi import maximum
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.solvers.attempts import Attempt
 from dolfinx_contact.solvers.block_pivoting import pivot
-from dolfinx_contact.solvers.newton import LinearSolver, Newton
+from dolfinx_contact.solvers.linear import LinearSolver
+from dolfinx_contact.solvers.newton import Newton
 
 __all__ = ["release_bonds"]
 

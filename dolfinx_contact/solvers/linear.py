@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Linear solvers of Newton's method: the direct solver, and the choice between it and multigrid.
+"""Linear solvers of Newton's method: their interface, the direct solver, and the choice of one.
 
-`Direct` is any KSP and PC on the assembled Jacobian, by default MUMPS; the other solver is
-`multigrid.Multigrid`. The option ``linear_solver`` is auto, direct or amg. auto chooses direct in
-three cases: up to 10^5 unknowns in 2D or 5 10^3 in 3D; with rigid bodies; with a ``ksp_type`` or
-``pc_type`` of the user. Otherwise it chooses amg. If multigrid stagnates, the direct solver takes
-over if the free memory suffices.
+`AssembledSolver`, called direct, is any KSP and PC on the assembled Jacobian, by default MUMPS. The
+other solver, amg, is `multigrid.Multigrid`. The option ``linear_solver`` is auto, direct or amg.
+auto chooses direct in three cases: up to 10^5 unknowns in 2D or 5 10^3 in 3D; with rigid bodies;
+with a ``ksp_type`` or ``pc_type`` of the user. Otherwise it chooses amg. If multigrid stagnates,
+the direct solver takes over if the free memory suffices.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -23,10 +24,10 @@ from dolfinx_contact._mpi import any_rank
 from dolfinx_contact._petsc import DEFAULTS, logged, reasons_of
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation
-from dolfinx_contact.equations.jacobian import Jacobian
-from dolfinx_contact.solvers.newton import LinearSolver
+from dolfinx_contact.equations.jacobian import Jacobian, JacobianSolver
+from dolfinx_contact.solvers.attempts import Step
 
-__all__ = ["Direct", "LinearSolverChoice"]
+__all__ = ["AssembledSolver", "LinearSolver", "LinearSolverChoice"]
 
 logger = logging.getLogger(__name__)
 
@@ -39,8 +40,66 @@ _LARGEST_DIRECT = {2: 100_000, 3: 5_000}
 _DIRECT_MEMORY = {2: (6.5e-7, 1.1), 3: (3.8e-7, 4 / 3)}
 
 
-class Direct(LinearSolver):
-    """A KSP on the assembled Jacobian, by default MUMPS."""
+class LinearSolver(JacobianSolver):
+    """Interface of the linear solvers of Newton's method.
+
+    Attributes:
+        name: ``direct`` or ``amg``.
+        defaults: PETSc options of the KSP.
+        reduction: reduction of the residual by the last solve; 0 if unknown.
+        iterates_on_request: whether the user's options replace the factorisation by iterations.
+    """
+
+    name: str
+    reduction = 0.0
+    iterates_on_request = False
+    defaults: dict[str, Any]
+
+    def attach(self, ksp: PETSc.KSP, remainder: Callable[[PETSc.Vec], float]) -> None:
+        """Prepare a KSP before it reads its options.
+
+        Args:
+            ksp: linear solver of SNES.
+            remainder: function of a correction returning the norm of H after it, in the rows of
+                the contact conditions; collective.
+        """
+
+    def prepare(
+        self, ksp: PETSc.KSP, step: Step, target: float, state: Evaluation, *, warm: bool
+    ) -> None:
+        """Set tolerances and preconditioner for the step from an iterate. Collective.
+
+        Args:
+            ksp: linear solver of SNES.
+            step: iterate.
+            target: relative residual at which Newton's method ends.
+            state: evaluation at the iterate.
+            warm: whether Newton's method began from a state in contact.
+        """
+
+    def retry(self, ksp: PETSc.KSP, state: Evaluation) -> bool:
+        """Return whether another preconditioner is available after a failed solve. Collective."""
+        return False
+
+    def explain(self, ksp: PETSc.KSP) -> str:
+        """Return the reason for a failed linear solve as text. Collective."""
+        raise NotImplementedError
+
+    def inaccuracy(self, ksp: PETSc.KSP) -> str:
+        """Return a message about an inaccurate solve that PETSc accepted, or "". Collective."""
+        return ""
+
+    def tighten(self) -> bool:
+        """Tighten the tolerances, and return whether this was possible; statuses may cycle."""
+        return False
+
+
+class AssembledSolver(LinearSolver):
+    """KSP on the assembled Jacobian, by default MUMPS.
+
+    Args:
+        equations: contact problem.
+    """
 
     name = "direct"
     defaults = DEFAULTS
@@ -50,10 +109,11 @@ class Direct(LinearSolver):
         self._jacobian = Jacobian(equations)
         self.matrix = self._jacobian.matrix
         self._residual = 0.0  # relative residual of the last solve
-        self.is_iterative = (equations.options.value("pc_type") or "lu") not in ("lu", "cholesky")
-        if self.is_iterative:
+        pc = equations.options.value("pc_type") or "lu"
+        self.iterates_on_request = pc not in ("lu", "cholesky")
+        if self.iterates_on_request:
             factor = ("pc_factor_mat_solver_type", "mat_mumps_icntl_14")
-            self.defaults = {k: v for k, v in Direct.defaults.items() if k not in factor}
+            self.defaults = {k: v for k, v in DEFAULTS.items() if k not in factor}
 
     def attach(self, ksp: PETSc.KSP, remainder: Callable[[PETSc.Vec], float]) -> None:
         ksp.setPostSolve(self._measure)
@@ -141,7 +201,7 @@ class LinearSolverChoice:
             words = "%d unknowns, linear solver %s (the direct one takes about %.2g GB)"
             logger.info(words, size, kind, _gigabytes(size, eq.dim))
         if kind == "direct":
-            return Direct(eq)
+            return AssembledSolver(eq)
         from dolfinx_contact.solvers.multigrid import Multigrid  # for large problems only
 
         return Multigrid(eq)
@@ -160,7 +220,7 @@ class LinearSolverChoice:
         if needed > free:
             return False
         self.release()
-        self._solver = Direct(eq)
+        self._solver = AssembledSolver(eq)
         return True
 
     def release(self) -> None:

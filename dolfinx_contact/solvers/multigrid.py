@@ -36,8 +36,8 @@ from dolfinx_contact._mpi import any_rank, total
 from dolfinx_contact._petsc import destroy, has_package, logged, reasons_of
 from dolfinx_contact.solvers.closed_points import ClosedPoints
 from dolfinx_contact.solvers.hierarchy import PLAIN, SMOOTHED, Hierarchy
+from dolfinx_contact.solvers.linear import LinearSolver
 from dolfinx_contact.solvers.matrix_free import ContactOperator
-from dolfinx_contact.solvers.newton import LinearSolver
 from dolfinx_contact.solvers.surface_filter import SurfaceFilter
 
 if TYPE_CHECKING:

@@ -27,12 +27,12 @@ from dolfinx_contact._mpi import all_ranks, any_rank, anywhere, count_of, everyw
 from dolfinx_contact._petsc import as_raised, destroy, logged, options_in_database, reason_name
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation, Statuses, differs
-from dolfinx_contact.equations.jacobian import JacobianSolver
 from dolfinx_contact.equations.measures import Measures, Scales, without_normal
 from dolfinx_contact.equations.touching import touches_nothing, touching
 from dolfinx_contact.solvers.attempts import Attempt, FloatingBodyError, LinearSolverError, Step
+from dolfinx_contact.solvers.linear import LinearSolver
 
-__all__ = ["LinearSolver", "Newton"]
+__all__ = ["Newton"]
 
 logger = logging.getLogger(__name__)
 
@@ -49,60 +49,6 @@ _TOO_MANY_STEPS = int(PETSc.SNES.ConvergedReason.DIVERGED_MAX_IT)
 _STOPPED = int(PETSc.SNES.ConvergedReason.DIVERGED_LOCAL_MIN)
 _LINEAR = int(PETSc.SNES.ConvergedReason.DIVERGED_LINEAR_SOLVE)
 _NOT_A_NUMBER = -4  # DIVERGED_FNORM_NAN, since PETSc 3.24 DIVERGED_FUNCTION_NANORINF
-
-
-class LinearSolver(JacobianSolver):
-    """Interface of the linear solvers of Newton's method.
-
-    Attributes:
-        name: ``direct`` or ``amg``.
-        defaults: PETSc options of the KSP.
-        reduction: reduction of the residual by the last solve; 0 if unknown.
-        is_iterative: whether the user's options choose an iterative method.
-    """
-
-    name: str
-    reduction = 0.0
-    is_iterative = False
-    defaults: dict[str, Any]
-
-    def attach(self, ksp: PETSc.KSP, remainder: Callable[[PETSc.Vec], float]) -> None:
-        """Prepare a KSP before it reads its options.
-
-        Args:
-            ksp: linear solver of SNES.
-            remainder: function of a correction returning the norm of H after it, in the rows of
-                the contact conditions; collective.
-        """
-
-    def prepare(
-        self, ksp: PETSc.KSP, step: Step, target: float, state: Evaluation, *, warm: bool
-    ) -> None:
-        """Set tolerances and preconditioner for the step from an iterate. Collective.
-
-        Args:
-            ksp: linear solver of SNES.
-            step: iterate.
-            target: relative residual at which Newton's method ends.
-            state: evaluation at the iterate.
-            warm: whether Newton's method began from a state in contact.
-        """
-
-    def retry(self, ksp: PETSc.KSP, state: Evaluation) -> bool:
-        """Return whether another preconditioner is available after a failed solve. Collective."""
-        return False
-
-    def explain(self, ksp: PETSc.KSP) -> str:
-        """Return the reason for a failed linear solve as text. Collective."""
-        raise NotImplementedError
-
-    def inaccuracy(self, ksp: PETSc.KSP) -> str:
-        """Return a message about an inaccurate solve that PETSc accepted, or "". Collective."""
-        return ""
-
-    def tighten(self) -> bool:
-        """Tighten the tolerances, and return whether this was possible; statuses may cycle."""
-        return False
 
 
 @dataclass(eq=False)

@@ -164,7 +164,7 @@ def solve(
                 inverting = attempt
                 x.copy(turned)
         progress.clear()
-        failed = attempt.linear_solver_failed and linear().is_iterative
+        failed = attempt.linear_solver_failed and linear().iterates_on_request
         if failed:
             break  # systems of other strategies are like these
         if equations.comm.rank == 0:
