@@ -6,8 +6,9 @@ the Jacobian is an element of the generalised Jacobian of H. The only exception 
 from a body touching nothing, which uses guessed statuses. Convergence is judged block by block
 (`measures`). Full steps returning to earlier statuses are stopped as a cycle.
 
-SNES requests residual, Jacobian and convergence in separate calls. They share the evaluation at the
-unknowns of the call (`Newton._evaluate`), which is repeated only if the unknowns differ.
+SNES requests residual, Jacobian and convergence in separate calls, each for given unknowns. Every
+call takes the evaluation at its unknowns from `_Run.at`, which evaluates H once for equal values.
+Hence no call depends on the calls before it.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from petsc4py import PETSc
 import numpy as np
 
 from dolfinx_contact._inexact import ROUNDS, settle
-from dolfinx_contact._mpi import all_ranks, any_rank, anywhere, count_of, everywhere, sorted_rows
+from dolfinx_contact._mpi import any_rank, anywhere, count_of, sorted_rows
 from dolfinx_contact._petsc import as_raised, destroy, logged, options_in_database, reason_name
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation, Statuses, differs
@@ -56,7 +57,9 @@ class _Run:
     """Arguments and progress of one run of Newton's method.
 
     Attributes:
+        equations: contact problem.
         attempt: attempt recording the iterates.
+        latest: latest evaluation of H; None before the first one.
         held: statuses with which H is evaluated; None: those determined by the unknowns.
         most: number of steps after which the run ends; None: only at a solution.
         history: statuses and residual of the iterates.
@@ -65,13 +68,30 @@ class _Run:
         floating: error about a free rigid motion, which ended the run.
     """
 
+    equations: ContactEquations
     attempt: Attempt
-    held: Statuses | None = None
-    most: int | None = None
+    latest: Evaluation | None
+    held: Statuses | None
+    most: int | None
     history: list[tuple[Statuses, float]] = field(default_factory=list)
     guess: Statuses | None = None
     warm: bool = False
     floating: FloatingBodyError | None = None
+
+    def known(self, x: PETSc.Vec) -> Evaluation | None:
+        """Return the latest evaluation if ``x`` are its unknowns; otherwise None. Collective."""
+        latest = self.latest
+        same = latest is not None and np.array_equal(x.array_r, latest.unknowns)
+        return None if anywhere(self.equations.comm, not same)[0] else latest
+
+    def at(self, x: PETSc.Vec) -> Evaluation:
+        """Return the evaluation of H at ``x``; H is evaluated if it is not known. Collective."""
+        state = self.known(x)
+        if state is None:
+            with logged("ContactResidual"):
+                state = self.latest = self.equations.evaluate(x, self.held)
+            self.attempt.evaluations += 1
+        return state
 
 
 class Newton:
@@ -105,13 +125,10 @@ class Newton:
         options = equations.options
         defaults = {**_DEFAULTS, **linear.defaults, "snes_linesearch_type": line_search}
         self.options = {**defaults, **options.given}
-        with everywhere(self.comm, "PETSc options"):
-            options.check()
         #: Vectors for the unknowns, H and the correction after a step of an iterative solver.
         number = 3 if linear.corrects else 0
         self._after = [equations.unknowns.create_vector() for _ in range(number)]
         self._run: _Run
-        self._memo: Evaluation | None = None
         self._create()
 
     def _create(self) -> None:
@@ -123,7 +140,7 @@ class Newton:
         """
         prefix = self.equations.options.prefix
         self.snes, self.b = PETSc.SNES().create(self.comm), self.equations.unknowns.create_vector()
-        self.snes.setFunction(self._evaluate, self.b)
+        self.snes.setFunction(lambda _snes, x, b: self._residual(x, b), self.b)
         self.snes.setJacobian(self._jacobian, self.linear.matrix)
         self.snes.setConvergenceTest(self._test)
         self.snes.setOptionsPrefix(prefix)
@@ -139,15 +156,11 @@ class Newton:
                 f"with the linear solver {self.linear.name} only newtonls goes"
             )
 
-    def _discard(self) -> None:
-        destroy(self.snes, self.b)
-
     def __enter__(self) -> Newton:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._discard()
-        destroy(*self._after)
+        destroy(self.snes, self.b, *self._after)
 
     @property
     def tolerance(self) -> float:
@@ -181,8 +194,7 @@ class Newton:
         Raises:
             FloatingBodyError: if a rigid motion is free.
         """
-        self._run = run = _Run(attempt, held, most)
-        self._memo = start
+        self._run = run = _Run(self.equations, attempt, start, held, most)
         attempt.state = None
         attempt.linear_solver_failed = False
         attempt.evaluations += start is not None
@@ -195,11 +207,11 @@ class Newton:
             y.copy(x)
             reason = self.snes.getConvergedReason()
             # Only H with its own statuses is the state of the result.
-            if reason > 0 and held is None and self._is_known(x):
-                attempt.state = self._memo
+            if reason > 0 and held is None:
+                attempt.state = run.known(x)
         except LinearSolverError as error:
             attempt.reason = str(error)
-            self._discard()  # PETSc objects remain locked after an error
+            destroy(self.snes, self.b)  # PETSc objects remain locked after an error
             self._create()
             return False
         finally:
@@ -234,38 +246,26 @@ class Newton:
             useless = again > 0 and self.snes.getIterationNumber() == 0
             if self.snes.getConvergedReason() != _LINEAR or useless:
                 return
-            assert self._memo is not None
-            if not self.linear.retry(self.snes.getKSP(), self._memo):
+            if not self.linear.retry(self.snes.getKSP(), self._run.at(y)):
                 return
             failure = self._explain()
             if self.comm.rank == 0:
                 logger.info("%s; repeated with a new preconditioner", failure)
-            self._memo = None
             self.snes.solve(None, y)
 
     # -- evaluation ------------------------------------------------------------------------------
 
-    def _is_known(self, x: PETSc.Vec) -> bool:
-        """Return whether the unknowns are those of the last evaluation, on every rank."""
-        memo = self._memo
-        same = memo is not None and np.array_equal(x.array_r, memo.unknowns)
-        return all_ranks(self.comm, same)
-
-    def _evaluate(self, _snes: PETSc.SNES, x: PETSc.Vec, b: PETSc.Vec) -> None:
+    def _residual(self, x: PETSc.Vec, b: PETSc.Vec) -> None:
         """Write H(x) into ``b``."""
-        if not self._is_known(x):
-            with logged("ContactResidual"):
-                self._memo = self.equations.evaluate(x, self._run.held)
-            self._run.attempt.evaluations += 1
-        assert self._memo is not None
-        b.array[:] = np.concatenate(self._memo.rows)
+        b.array[:] = np.concatenate(self._run.at(x).rows)
 
     def _jacobian(self, _snes: PETSc.SNES, x: PETSc.Vec, _A: PETSc.Mat, _P: PETSc.Mat) -> None:
         run = self._run
         guess, run.guess = run.guess, None
-        state = self._memo
-        if state is None or guess is not None or not self._is_known(x):
-            state = self.equations.contact(x, run.held if guess is None else guess)
+        if guess is not None:
+            state = self.equations.contact(x, guess)
+        else:
+            state = run.known(x) or self.equations.contact(x, run.held)
         before = self.linear.matrix
         self.linear.update(state)
         matrix = self.linear.matrix
@@ -276,25 +276,21 @@ class Newton:
 
     def _settle(self, x: PETSc.Vec, step: PETSc.Vec) -> None:
         """Correct the contact unknowns after the full step x - step; see `settle`."""
+        run = self._run
         after, b, d = self._after
         after.waxpy(-1.0, step, x)
-        rounds = ROUNDS if self._run.warm else 1
 
-        def evaluate(x: PETSc.Vec, b: PETSc.Vec) -> None:
-            self._memo = None
-            self._evaluate(self.snes, x, b)
-
-        def correct(_x: PETSc.Vec, b: PETSc.Vec, d: PETSc.Vec) -> bool:
-            state = self._memo
-            assert state is not None
+        def correct(x: PETSc.Vec, b: PETSc.Vec, d: PETSc.Vec) -> bool:
+            state = run.at(x)
             return not self._is_solved(state) and self.linear.correct(state, b, d)
 
-        if settle(evaluate, correct, after, b, d, rounds):
+        if settle(self._residual, correct, after, b, d, ROUNDS if run.warm else 1):
             step.waxpy(-1.0, after, x)
-        if self._is_known(after):  # the last correction was accepted
-            assert self._memo is not None
-            after.waxpy(-1.0, step, x)  # as the line search will
-            self._memo = replace(self._memo, unknowns=after.array_r.copy())
+        state = run.known(after)
+        # The line search computes x - step, which differs from the evaluated state by round-off.
+        after.waxpy(-1.0, step, x)
+        if state is not None:
+            run.latest = replace(state, unknowns=after.array_r.copy())
 
     def _remainder(self, correction: PETSc.Vec) -> float:
         """Return the norm of H after a full step, in the rows of the contact conditions."""
@@ -311,11 +307,10 @@ class Newton:
 
     # -- convergence -----------------------------------------------------------------------------
 
-    def _test(self, _snes: PETSc.SNES, it: int, _norms: tuple[float, float, float]) -> int:
+    def _test(self, snes: PETSc.SNES, it: int, _norms: tuple[float, float, float]) -> int:
         """Record an iterate; return 0 to continue or the reason to stop."""
         run = self._run
-        state = self._memo
-        assert state is not None
+        state = run.at(snes.getSolution())
         measures = self._measure(state)
         statuses = state.statuses
         self._record(it, measures, statuses)
@@ -445,7 +440,8 @@ class Newton:
         if reason == reasons.DIVERGED_MAX_IT:
             return f"no convergence in {steps} iterations{because}"
         if reason == _NOT_A_NUMBER:
-            lost = "" if self._memo is None else without_normal(self.equations, self._memo)
+            latest = self._run.latest
+            lost = "" if latest is None else without_normal(self.equations, latest)
             return lost or "the residual is not a number"
         return reason_name(reasons, reason)
 

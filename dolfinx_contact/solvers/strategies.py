@@ -36,12 +36,14 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass
 from functools import partial
+from typing import TypeAlias
 
 from petsc4py import PETSc
 
 import numpy as np
 
 from dolfinx_contact._arrays import Array
+from dolfinx_contact._mpi import everywhere
 from dolfinx_contact._petsc import staged
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation, Statuses
@@ -64,11 +66,8 @@ logger = logging.getLogger(__name__)
 
 _EXTRAPOLATED = "extrapolation"
 _EXPECTED = "expected statuses"
-_BONDS = "bonds released in turn"
 _INCREMENTS = "load increments"
 _FOLLOWING = "load following"
-#: Budgets of the strategies, in Newton steps.
-_LIMITS = {_BONDS: 2000.0, "pivoting": 500.0, "line search": 80.0, _INCREMENTS: 400.0}
 _SMALLEST = 1e-4  # smallest increment of the load, relative to the first one
 
 
@@ -127,6 +126,8 @@ def solve(
         progress.step(step)
 
     start = validate(equations, x0)
+    with everywhere(equations.comm, "PETSc options"):
+        equations.options.check()
     bring_together(equations, x0)
     attempts: list[Attempt] = []
     floating: set[str] = set()  # strategies in which a rigid motion was free
@@ -143,7 +144,7 @@ def solve(
         if name == _FOLLOWING and _INCREMENTS in floating and attempts[0].strategy in floating:
             continue  # its branch begins where nothing holds the body
         # run the strategy from the start
-        attempt = Attempt(name, limit=_LIMITS.get(name, math.inf))
+        attempt = Attempt(name, limit=strategy.limit)
         attempts.append(attempt)
         progress.strategy = name
         x0.copy(x)
@@ -228,24 +229,30 @@ def _diagnosis(eq: ContactEquations, attempts: list[Attempt], *, failed: bool) -
 # -- strategies ------------------------------------------------------------------------------------
 
 
+#: Function of Newton's method, unknowns and attempt that changes the unknowns and returns whether
+#: they are a solution. `Newton.run` is one of them.
+_Method: TypeAlias = Callable[[Newton, PETSc.Vec, Attempt], bool]
+
+
 @dataclass(frozen=True, eq=False)
 class _Strategy:
-    """Strategy of a solve.
+    """Strategy of a solve: a function, and how it is called.
 
     Attributes:
         name: name of the strategy.
-        run: function of Newton's method, unknowns and attempt that changes the unknowns and returns
-            whether they are a solution.
+        run: its function.
         line_search: line search of PETSc.
         is_newton: whether it is Newton's method, which may continue with the direct solver.
         automatic: whether the automatic augmentation parameter replaces a forced one.
+        limit: cost in Newton steps at which it gives up; default: none.
     """
 
     name: str
-    run: Callable[[Newton, PETSc.Vec, Attempt], bool]
+    run: _Method
     line_search: str = "none"
     is_newton: bool = False
     automatic: bool = False
+    limit: float = math.inf
 
     def solve(
         self,
@@ -301,10 +308,10 @@ def strategies(
     if eq.forced_r is not None and not weak:
         yield made("full steps with the automatic r", Newton.run, is_newton=True)
     if any([s.law.weakens for s in eq.surfaces]):
-        yield made(_BONDS, release_bonds)
-    pivoting = made("pivoting", pivot)
-    line_search = made("line search", Newton.run, "bt", is_newton=True)
-    loading = made(_INCREMENTS, partial(raise_load, increments=increments))
+        yield made("bonds released in turn", release_bonds, limit=2000.0)
+    pivoting = made("pivoting", pivot, limit=500.0)
+    line_search = made("line search", Newton.run, "bt", is_newton=True, limit=80.0)
+    loading = made(_INCREMENTS, partial(raise_load, increments=increments), limit=400.0)
     following = made(_FOLLOWING, follow_load)
     if not eq.linear:
         yield from (loading, line_search, pivoting, following)
