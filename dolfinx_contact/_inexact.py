@@ -120,20 +120,20 @@ class Forcing:
         self._next = self.looks if self._tested else 0.0
         return self._eta
 
-    def is_due(self, reduction: float) -> bool:
-        """Return whether the model is to be tested at this reduction of the linear residual."""
-        return reduction <= self._next
-
-    def suffices(self, reduction: float, remainder: float) -> bool:
-        """Return whether a solve may end; otherwise schedule the next test.
+    def suffices(self, reduction: float, remainder: Callable[[], float]) -> bool:
+        """Return whether a solve may end; the linear model is tested only now and then. Collective.
 
         Args:
             reduction: ratio of the linear residual to H at the beginning of the step.
-            remainder: ratio of the remainder of the linear model to the same H.
+            remainder: function returning the ratio of the remainder of the linear model to the
+                same H.
         """
-        if remainder >= reduction:
+        if reduction > self._next:
+            return False
+        left = remainder()
+        if left >= reduction:
             return True
-        self._next = min(max(remainder, _SOON * reduction), reduction / _FURTHER)
+        self._next = min(max(left, _SOON * reduction), reduction / _FURTHER)
         return False
 
 

@@ -36,7 +36,6 @@ from dolfinx_contact._inexact import ROUNDS, Forcing, settle
 from dolfinx_contact._mpi import all_ranks
 from dolfinx_contact._petsc import as_raised
 from dolfinx_contact.continuation.bordered import Bordered
-from dolfinx_contact.continuation.krylov import ModelTest
 from dolfinx_contact.continuation.step_control import StepControl
 from dolfinx_contact.continuation.system import Piece, ResidualScales
 
@@ -474,7 +473,7 @@ class _Run:
         if self._before == 0.0:
             self._rule.restart(warm=True)
         rtol = self._rule.tolerance(self._error, tolerance, changed)
-        return {"rtol": rtol, "model": ModelTest(self._rule, partial(self._remainder, y))}
+        return {"rtol": rtol, "model": (self._rule, partial(self._remainder, y))}
 
     def _remainder(self, y: PETSc.Vec, step: PETSc.Vec) -> float:
         """Return the norm of the cheap nonlinear rows of H at ``y - step``."""

@@ -27,6 +27,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable
 from types import SimpleNamespace
+from typing import TypeAlias
 
 from petsc4py import PETSc
 
@@ -51,31 +52,10 @@ _DEFAULTS = {"ksp_type": "fgmres", "ksp_gmres_restart": 200, "ksp_max_it": 200}
 _NEAR = 0.5  # largest |A v - c| / |c| of a v from a tangent; measured for v = P^-1 c: 0.15
 
 
-class ModelTest:
-    """Criterion to end a linear solve once its residual is below the error of linearisation.
-
-    Args:
-        forcing: rule for the relative tolerance of linear solves.
-        remainder: function returning the norm of H after a correction, in the rows in which the
-            linear model is inexact.
-    """
-
-    def __init__(self, forcing: Forcing, remainder: Callable[[PETSc.Vec], float]):
-        self._forcing = forcing
-        self._remainder = remainder
-
-    def __call__(self, norm: float, size: float, solution: Callable[[], PETSc.Vec]) -> bool:
-        """Return True if an iterate is accurate enough. Collective.
-
-        Args:
-            norm: norm of the residual.
-            size: norm of the right-hand side in the rows of H.
-            solution: function returning the iterate.
-        """
-        reduction = norm / size
-        if not self._forcing.is_due(reduction):
-            return False
-        return self._forcing.suffices(reduction, self._remainder(solution()) / size)
+#: Rule by which a linear solve ends when its residual is below the error of linearisation, and
+#: function of a correction returning the norm of H after it, in the rows in which the linear model
+#: is inexact.
+ModelTest: TypeAlias = tuple[Forcing, Callable[[PETSc.Vec], float]]
 
 
 class Krylov:
@@ -114,7 +94,7 @@ class Krylov:
         self.ksp.getPC().setType(PETSc.PC.Type.PYTHON)
         self.ksp.getPC().setPythonContext(SimpleNamespace(apply=self.apply))
         self.ksp.addConvergenceTest(self._test)
-        #: Test, size of the right-hand side and first iterate of the running solve.
+        #: Model test, size of the right-hand side and first iterate of the running solve.
         self._asked: tuple[ModelTest, float, PETSc.Vec] | None = None
         self._most = self.ksp.getTolerances()[3]
         self._regular = False
@@ -202,7 +182,7 @@ class Krylov:
             out: receives the solution.
             rtol: sufficient relative residual.
             near: initial guess; default: the result of the block elimination.
-            model: test that may end the solve earlier.
+            model: test that may end the solve earlier; default: none.
         """
         if not self._regular:
             return False
@@ -251,8 +231,12 @@ class Krylov:
         """Convergence test called by PETSc. Collective."""
         if self._asked is None:
             return 0
-        model, size, start = self._asked
-        done = model(norm, size, lambda: start + ksp.buildSolution(self._work))
+        (forcing, remainder), size, start = self._asked
+
+        def left() -> float:
+            return remainder(start + ksp.buildSolution(self._work)) / size
+
+        done = forcing.suffices(norm / size, left)
         return int(PETSc.KSP.ConvergedReason.CONVERGED_ITS) if done else 0
 
     def probe(self, rhs: PETSc.Vec, out: PETSc.Vec) -> bool:

@@ -125,11 +125,13 @@ class Multigrid(LinearSolver):
             event.end()
 
         def test(ksp: PETSc.KSP, iteration: int, norm: float) -> int:
-            due = start > 0 and self.forcing.is_due(norm / start)
-            if not (due and _knows_residual(ksp)):
+            if not (start > 0 and _knows_residual(ksp)):
                 return 0
-            correction = ksp.buildSolution(self._correction)
-            enough = self.forcing.suffices(norm / start, remainder(correction) / start)
+
+            def left() -> float:
+                return remainder(ksp.buildSolution(self._correction)) / start
+
+            enough = self.forcing.suffices(norm / start, left)
             return int(PETSc.KSP.ConvergedReason.CONVERGED_ITS) if enough else 0
 
         ksp.setInitialGuessNonzero(False)
