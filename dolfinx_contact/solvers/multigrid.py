@@ -25,6 +25,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 from petsc4py import PETSc
@@ -32,7 +33,7 @@ from petsc4py import PETSc
 import numpy as np
 
 from dolfinx_contact._inexact import Forcing
-from dolfinx_contact._mpi import any_rank, total
+from dolfinx_contact._mpi import any_rank
 from dolfinx_contact._petsc import destroy, has_package, logged, reasons_of
 from dolfinx_contact.solvers.closed_points import ClosedPoints
 from dolfinx_contact.solvers.hierarchy import PLAIN, SMOOTHED, Hierarchy
@@ -140,7 +141,7 @@ class Multigrid(LinearSolver):
         ksp.addConvergenceTest(test)
         pc = ksp.getPC()
         pc.setType(PETSc.PC.Type.PYTHON)
-        pc.setPythonContext(self.filter)
+        pc.setPythonContext(SimpleNamespace(apply=lambda _pc, r, z: self.filter.apply(r, z)))
 
     # -- preconditioner of bordered systems ------------------------------------------------------
 
@@ -150,7 +151,7 @@ class Multigrid(LinearSolver):
 
     def apply(self, r: PETSc.Vec, z: PETSc.Vec) -> None:
         """Write P^-1 r into ``z``, with P of the last `update`. Collective."""
-        self.filter.apply(None, r, z)
+        self.filter.apply(r, z)
 
     def apply_exact(self, r: PETSc.Vec, z: PETSc.Vec) -> None:
         """Solve the rows of r on the surface for its unknowns, with the body held. Collective."""
@@ -164,7 +165,8 @@ class Multigrid(LinearSolver):
         P eliminates the surface exactly. On the remaining unknowns it is a multigrid cycle, which
         is symmetric and positive definite, so the sign is that of the surface block.
         """
-        return self.filter.determinant_sign()
+        assert self.filter.block is not None
+        return self.filter.block.factor.determinant_sign
 
     def age(self, iterations: int, digits: float) -> None:
         """Record the iterations of a solve beyond those of a new hierarchy, for `update`."""
@@ -243,11 +245,7 @@ class Multigrid(LinearSolver):
         ksp.setTolerances(rtol=self.forcing.tolerance(step.measures.worst, target, changed))
 
     def correct(self, state: Evaluation, residual: PETSc.Vec, correction: PETSc.Vec) -> bool:
-        s = self.filter.surface.local
-        on_surface = residual.array_r[s]
-        squares = np.array([np.sum(on_surface**2), np.sum(residual.array_r**2)])
-        part, whole = total(self.comm, squares)
-        if not part > _NEGLIGIBLE**2 * whole:  # also if it is NaN
+        if not self.filter.is_on_surface(residual, _NEGLIGIBLE):
             return False
         with logged("ContactJacobian"):
             self.operator.update_contact(state)
@@ -297,8 +295,7 @@ class Multigrid(LinearSolver):
         return self.hierarchy.builds
 
     def destroy(self) -> None:
-        self.filter.release()
-        destroy(self.hierarchy, self.operator, self._correction)
+        destroy(self.filter, self.hierarchy, self.operator, self._correction)
 
 
 def _knows_residual(ksp: PETSc.KSP) -> bool:

@@ -47,6 +47,8 @@ class SurfaceSet:
         fixed: positions in s with Dirichlet data.
         of_all: index set of s in the numbering of all unknowns.
         of_body: index set of the displacement dofs of s in the numbering of the stiffness.
+        displacements: index set of the displacement dofs of s in the numbering of all unknowns.
+        multipliers: index set of the multipliers in the numbering of all unknowns.
     """
 
     def __init__(self, operator: ContactOperator):

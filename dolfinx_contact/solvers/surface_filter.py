@@ -30,7 +30,7 @@ _NEGLIGIBLE = 1e-8  # share of a residual on the surface that needs no solve bef
 
 
 class SurfaceFilter:
-    """Context of a PETSc PC of type python for a `ContactOperator`.
+    """Preconditioner of a `ContactOperator`.
 
     Args:
         operator: Jacobian.
@@ -91,17 +91,15 @@ class SurfaceFilter:
 
     # -- application -----------------------------------------------------------------------------
 
-    def apply(self, _pc: PETSc.PC | None, r: PETSc.Vec, z: PETSc.Vec) -> None:
-        """Apply the preconditioner to ``r`` and write the result into ``z``."""
+    def apply(self, r: PETSc.Vec, z: PETSc.Vec) -> None:
+        """Apply the preconditioner to ``r`` and write the result into ``z``. Collective."""
         A = self.operator
         n = self.operator.size
         s = self.surface.local
         t = self._t
         r.copy(t)
         z.set(0.0)
-        squares = np.array([np.sum(r.array_r[s] ** 2), np.sum(r.array_r**2)])
-        on_surface, whole = total(self.comm, squares)
-        if on_surface > _NEGLIGIBLE**2 * whole:
+        if self.is_on_surface(r, _NEGLIGIBLE):
             z.array[s] += self.solve(t.array_r[s])
             A.mult(z, self._e)
             t.axpy(-1.0, self._e)
@@ -129,10 +127,16 @@ class SurfaceFilter:
         rest[self.surface.fixed] = 0.0
         z.array[s] += self.solve(rest)
 
-    def determinant_sign(self) -> float:
-        """Sign of the determinant of the surface block, up to a constant factor. Collective."""
-        assert self.block is not None
-        return self.block.factor.determinant_sign
+    def is_on_surface(self, r: PETSc.Vec, share: float) -> bool:
+        """Return whether the norm of ``r`` on the surface exceeds a share of its norm. Collective.
+
+        Args:
+            r: residual; for NaN the result is False.
+            share: share of the norm.
+        """
+        squares = np.array([np.sum(r.array_r[self.surface.local] ** 2), np.sum(r.array_r**2)])
+        on_surface, whole = total(self.comm, squares)
+        return bool(on_surface > share**2 * whole)
 
     def solve(self, residual: Array) -> Array:
         """Return the unknowns on s for a residual on s, local parts. Collective."""
@@ -140,7 +144,7 @@ class SurfaceFilter:
         with logged("ContactSurface"):
             return self.block.solve(residual)
 
-    def release(self) -> None:
-        """Free the PETSc objects; a PC calls the method `destroy` of its context."""
+    def destroy(self) -> None:
+        """Free the PETSc objects."""
         destroy(self._columns, self._t, self._e, self._tu, self._zu, self._rows)
         destroy(self.surface, self.block)
