@@ -24,7 +24,7 @@ shear f at contact points that stay closed: one solve with the stiffness of the 
 largest eigenvalues of T are the smallest coefficients. If only these are computed, a second search,
 from another start and outside the first subspace, determines the size up to which all coefficients
 are known. SLEPc is used with a factorisation. With multigrid, Davidson's method
-(`solvers.davidson`) takes one cycle per step, whereas SLEPc would need about twenty for each solve.
+(`davidson`) takes one cycle per step, whereas SLEPc would need about twenty for each solve.
 """
 
 from __future__ import annotations
@@ -45,6 +45,8 @@ from dolfinx_contact._install import optional
 from dolfinx_contact._mpi import Arguments, collective
 from dolfinx_contact._petsc import destroy, staged
 from dolfinx_contact._validate import count, one_of
+from dolfinx_contact.analysis.davidson import Davidson
+from dolfinx_contact.analysis.held_multigrid import HeldMultigrid, have_own_nodes
 from dolfinx_contact.analysis.rows import (
     Problem,
     matrix_of_product,
@@ -57,8 +59,6 @@ from dolfinx_contact.analysis.slip_modes import SlipModes
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.measures import require_solution
 from dolfinx_contact.reduced.held_body import HeldBody, HeldField, columns_of, with_dirichlet_rows
-from dolfinx_contact.solvers.davidson import Davidson
-from dolfinx_contact.solvers.held_multigrid import HeldMultigrid, have_own_nodes
 
 __all__ = [
     "CriticalFriction",

@@ -33,9 +33,9 @@ import numpy.typing as npt
 
 from dolfinx_contact._arrays import Array
 from dolfinx_contact._petsc import destroy, options_in_database, product, reasons_of, stacked
+from dolfinx_contact.analysis.davidson import Davidson
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.reduced.held_body import with_dirichlet_rows
-from dolfinx_contact.solvers.davidson import Davidson
 from dolfinx_contact.solvers.hierarchy import Hierarchy
 
 if TYPE_CHECKING:
