@@ -19,6 +19,7 @@ from dolfinx_contact.continuation.step_control import StepControl
 from dolfinx_contact.continuation.system import System
 
 __all__ = [
+    "ROUND_OFF",
     "check_functions",
     "check_listeners",
     "check_rays",
@@ -26,7 +27,6 @@ __all__ = [
     "check_steps",
     "check_system",
     "checked_range",
-    "leads_out",
     "reason_to_stop",
     "require_smooth",
     "samples_of",
@@ -35,7 +35,7 @@ __all__ = [
 _SHORTEST = 1e-150  # length of ranges of gamma whose squares are normal numbers
 _LONGEST = 1e150
 _SAMPLES = 33  # values of a range at which the data are validated
-_ROUND_OFF = 1e-12  # relative length below which a range of gamma is a point
+ROUND_OFF = 1e-12  # relative length below which a range of gamma is a point
 
 
 def samples_of(low: float, high: float) -> list[float]:
@@ -72,16 +72,9 @@ def checked_range(
     if not all(low <= gamma <= high for gamma in starts):
         which = ", ".join(f"{gamma:g}" for gamma in starts)
         raise ValueError(f"{parameter} = {which} must lie in the range [{low}, {high}]")
-    if not max(_SHORTEST, _ROUND_OFF * max(-low, high)) < high - low < _LONGEST:
+    if not max(_SHORTEST, ROUND_OFF * max(-low, high)) < high - low < _LONGEST:
         raise ValueError(f"{name} [{low}, {high}] is too short or too long to be computed with")
     return low, high
-
-
-def leads_out(gamma: float, rate: float, gamma_range: tuple[float, float]) -> bool:
-    """Return True if gamma is at the end of its range, up to round-off, and leaves the range."""
-    low, high = gamma_range
-    near = max(_ROUND_OFF * (high - low), 4 * float(np.spacing(max(-low, high))))
-    return high - gamma <= near if rate > 0 else rate < 0 and gamma - low <= near
 
 
 def check_states(system: System, states: Sequence[Any], what: str) -> None:

@@ -21,7 +21,7 @@ import numpy as np
 from dolfinx_contact.continuation.factorised import Factorised
 from dolfinx_contact.continuation.krylov import Krylov
 from dolfinx_contact.continuation.layout import Layout
-from dolfinx_contact.continuation.system import Piece, System
+from dolfinx_contact.continuation.system import System
 
 __all__ = ["Bordered"]
 
@@ -80,11 +80,6 @@ class Bordered(Layout):
     def length(self, y: PETSc.Vec) -> float:
         """Return the length of a vector."""
         return float(np.sqrt(self.inner(y, y)))
-
-    def orientation_at(self, y: PETSc.Vec, t: PETSc.Vec, piece: Piece) -> float:
-        """Return the sign of det [grad H; t^T] of a piece at a state; 0 if it is singular."""
-        self.solver.assemble(y, self.dual(t), piece)
-        return self.solver.determinant_sign()
 
     def set_scale(self, t: PETSc.Vec, y: PETSc.Vec) -> None:
         """Set `x_scale` from the first tangent ``t`` at ``y`` that moves x.

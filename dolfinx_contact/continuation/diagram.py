@@ -44,7 +44,6 @@ from dolfinx_contact.continuation.observer import (
     CollectiveObserver,
     Observer,
     ObserverLike,
-    Observers,
     Stop,
 )
 from dolfinx_contact.continuation.pivoting import Pivoting
@@ -153,7 +152,7 @@ class _Explorer:
         self.listeners = listeners
         self.diagram = Diagram()
         observers = (listeners["record"], listeners["observer"])
-        self._observers = Observers(*(CollectiveObserver(self.comm, o) for o in observers))
+        self._observers = CollectiveObserver(self.comm, lambda: None, *observers)
         #: Starts of branches that do not begin at a node.
         self._waiting: list[BranchPoint] = []
         #: Whether all rays are known at the kinks that are not nodes.

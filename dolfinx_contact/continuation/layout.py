@@ -13,7 +13,7 @@ from petsc4py import PETSc
 
 import numpy as np
 
-from dolfinx_contact._mpi import any_rank
+from dolfinx_contact._mpi import any_rank, maximum, minimum
 from dolfinx_contact.continuation.system import Events, Piece, System
 
 __all__ = ["Layout"]
@@ -94,11 +94,11 @@ class Layout:
 
     def largest(self, values: Any) -> float:
         """Return the largest absolute value on all ranks; 0 without values."""
-        return float(self.comm.allreduce(float(np.max(np.abs(values), initial=0.0)), op=max))
+        return maximum(self.comm, np.abs(values))
 
     def least(self, values: Any) -> float:
         """Return the smallest value on all ranks; infinity without values."""
-        return float(self.comm.allreduce(float(np.min(values, initial=np.inf)), op=min))
+        return minimum(self.comm, values, np.inf)
 
     def is_same_piece(self, a: Piece, c: Piece) -> bool:
         """Return True if two pieces have the same statuses on all ranks."""

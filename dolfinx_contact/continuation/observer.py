@@ -10,7 +10,7 @@ from typing import Any, TypeAlias, TypeVar
 from mpi4py import MPI
 
 from dolfinx_contact._ending import Ending, Ends
-from dolfinx_contact._mpi import any_rank, everywhere
+from dolfinx_contact._mpi import everywhere
 from dolfinx_contact.continuation.branch import BranchPoint, Diagram, SpecialPoint
 from dolfinx_contact.continuation.step_control import StepControl
 from dolfinx_contact.continuation.system import ResidualScales
@@ -214,31 +214,33 @@ class Observers(_Forwarding):
 
 
 class CollectiveObserver(_Forwarding):
-    """Wrapper of an observer that raises its errors on all ranks.
+    """Observers of the user, called in the given order; their errors are raised on all ranks.
 
     The accepted state is put into the problem before every call, so that an observer that writes to
     the Functions cannot disturb other observers.
 
     Args:
         comm: communicator.
-        observer: observer of the user; None on ranks without one.
         put: function that puts the accepted state into the problem.
+        observers: observers; None on ranks without one.
     """
 
     def __init__(
         self,
         comm: MPI.Comm,
-        observer: ObserverLike[Any] | None,
-        put: Callable[[], object] = lambda: None,
+        put: Callable[[], object],
+        *observers: ObserverLike[Any] | None,
     ):
         self._comm = comm
-        self._exists = any_rank(comm, observer is not None)
-        self._observer = Observer() if observer is None else as_observer(observer)
         self._put = put
+        self._observers = [
+            Observer() if o is None else as_observer(o)
+            for o in observers
+            if comm.allreduce(int(o is not None))
+        ]
 
     def _forward(self, method: str, *what: Any) -> None:
-        if not self._exists:
-            return
-        self._put()
-        with everywhere(self._comm, "an observer"):
-            getattr(self._observer, method)(*what)
+        for observer in self._observers:
+            self._put()
+            with everywhere(self._comm, "an observer"):
+                getattr(observer, method)(*what)

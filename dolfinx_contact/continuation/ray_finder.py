@@ -417,8 +417,11 @@ def parity(corrector: Corrector, y: PETSc.Vec, piece: Piece, t: PETSc.Vec, ray: 
     J = [grad H; t^T] is evaluated with the incoming tangent (J_0) and with the outgoing ray (J_1).
     """
     b = corrector.bordered
-    after = b.orientation_at(y, ray.tangent, ray.piece)
-    return int(after * b.orientation_at(y, t, piece))
+    signs = []
+    for row, on in ((ray.tangent, ray.piece), (t, piece)):
+        b.solver.assemble(y, b.dual(row), on)
+        signs.append(b.solver.determinant_sign())
+    return int(signs[0] * signs[1])
 
 
 def _slopes(b: Bordered, y: PETSc.Vec, piece: Piece, t: PETSc.Vec) -> tuple[Events, Array]:

@@ -12,11 +12,13 @@ from typing import TypeAlias
 
 from petsc4py import PETSc
 
+import numpy as np
+
 from dolfinx_contact._arrays import as_text
 from dolfinx_contact._ending import Ending
 from dolfinx_contact._petsc import staged
 from dolfinx_contact._progress import Progress
-from dolfinx_contact.continuation.arguments import leads_out, reason_to_stop
+from dolfinx_contact.continuation.arguments import ROUND_OFF, reason_to_stop
 from dolfinx_contact.continuation.bordered import Bordered
 from dolfinx_contact.continuation.branch import Branch, BranchPoint, FoundRays, Ray, SpecialPoint
 from dolfinx_contact.continuation.observer import (
@@ -24,7 +26,6 @@ from dolfinx_contact.continuation.observer import (
     CollectiveObserver,
     Observer,
     ObserverLike,
-    Observers,
     Stepping,
     Stop,
     Task,
@@ -45,9 +46,12 @@ _ALONG = 1e-6  # relative rate that counts as zero at an end of the range of gam
 
 def leaves_range(bordered: Bordered, start: BranchPoint, gamma_range: tuple[float, float]) -> bool:
     """Return True if gamma leaves its range immediately on a branch from ``start``. Collective."""
+    low, high = gamma_range
     rate = bordered.gamma(start.tangent)
-    moves = abs(rate) > _ALONG * bordered.gamma_scale
-    return moves and leads_out(start.gamma, rate, gamma_range)
+    if not abs(rate) > _ALONG * bordered.gamma_scale:
+        return False
+    near = max(ROUND_OFF * (high - low), 4 * float(np.spacing(max(-low, high))))
+    return (high - start.gamma if rate > 0 else start.gamma - low) <= near
 
 
 def require_way(bordered: Bordered, start: BranchPoint, gamma_range: tuple[float, float]) -> None:
@@ -252,10 +256,7 @@ class Walker(ABC):
             last = branch.points[-1]
             self.system.put(*b.split(last.y), last.piece)
 
-        observers = Observers(
-            CollectiveObserver(b.comm, record, put),
-            CollectiveObserver(b.comm, observer, put),
-        )
+        observers = CollectiveObserver(b.comm, put, record, observer)
         line = Progress(b.comm, progress)
         # the start
         task = Task(gamma_range, b.gamma_scale, self.control, max_steps, to_node, branch_id)

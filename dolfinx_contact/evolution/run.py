@@ -208,8 +208,7 @@ class Run(Generic[T, H]):
         self._history = history
         self._warned: set[str] = set()  # names of the warnings that this run has logged
         comm = stepper.problem.comm
-        self._record = CollectiveObserver(comm, listeners.record, self._put)
-        self._observer = CollectiveObserver(comm, listeners.observer, self._put)
+        self._observers = CollectiveObserver(comm, self._put, listeners.record, listeners.observer)
         self._progress = Progress(comm, listeners.progress)
 
     def go(self) -> H:
@@ -227,8 +226,7 @@ class Run(Generic[T, H]):
             problem = self._stepper.problem
             tables = {s.name: problem.table(s) for s in problem.surfaces}
             history.begin(rule.start.number, tables)
-            self._record.begin(rule.task, rule.start)
-            self._observer.begin(rule.task, rule.start)
+            self._observers.begin(rule.task, rule.start)
             self.state = rule.start
             if rule.state.ending is None:
                 self._take_steps()
@@ -238,9 +236,8 @@ class Run(Generic[T, H]):
             self._put()
             number = len(history.steps)
             self._progress.close(f"{rule.what}: {number} {rule.units}, {history.reason}")
-        self._record.end(history)
         try:
-            self._observer.end(history)
+            self._observers.end(history)
         finally:
             self._put()
         return history
@@ -273,8 +270,7 @@ class Run(Generic[T, H]):
             if reason:
                 rule.end(Ending.STOPPED, reason)
                 self.state = rule.state
-        self._record.step(step, self.state)
-        self._observer.step(step, self.state)
+        self._observers.step(step, self.state)
         self._put()
         problem.log_warnings(step.result.warnings, self._warned)
         self._show(step)
