@@ -48,7 +48,7 @@ from dolfinx_contact.continuation.observer import (
     Stop,
 )
 from dolfinx_contact.continuation.pivoting import Pivoting
-from dolfinx_contact.continuation.ray_finder import KinkRays, reach_of_events
+from dolfinx_contact.continuation.ray_finder import KinkRayFinder, reach_of_events
 from dolfinx_contact.continuation.step_control import Direction, StepControl, sign_of
 from dolfinx_contact.continuation.steps import (
     BatchedSteps,
@@ -214,7 +214,7 @@ class Follower(Walker):
         self.control = control
         self.bordered = Bordered(system, gamma_scale=gamma_scale)
         self.corrector = Corrector(self.bordered, control)
-        self.next_step = control.initial
+        self.first_step = self.next_step = control.initial
         kinks = control.kinks or ("batched" if system.has_many_pieces else "exact")
         if locate is not None and kinks != "batched":
             raise ValueError(f"kinks={kinks!r} leaves nothing to locate: use kinks='batched'")
@@ -289,11 +289,11 @@ class Follower(Walker):
         )
         return FoundRays(tuple(map(self._steps.rescaled, points)), found.complete, found.method)
 
-    def _finder(self, point: BranchPoint) -> KinkRays:
+    def _finder(self, point: BranchPoint) -> KinkRayFinder:
         """Return the search for rays at the start or end of a branch."""
         y, piece = point.y, point.piece
         tolerance = AT_BORDER * reach_of_events(self.bordered, y, piece, point.tangent)
-        return KinkRays(self.corrector, y, piece, tolerance, idle=True)
+        return KinkRayFinder(self.corrector, y, piece, tolerance, idle=True)
 
     def branch_off(self, special: SpecialPoint, ray: Ray) -> BranchPoint:
         """Return a point from which to trace one of the other rays of a special point.

@@ -69,7 +69,7 @@ class Pivoting(Walker):
         self.condensed = condensed
         self.control = StepControl()
         self.bordered = Bordered(system, gamma_scale=gamma_scale)
-        self.next_step = 0.0  # steps end at vertices
+        self.first_step = self.next_step = 0.0  # steps end at vertices
         self.largest_distance = 0.0
         self._recent: list[AffinePiece] = []
         self._prove = partial(system.prove_rays, condensed)
@@ -137,12 +137,6 @@ class Pivoting(Walker):
         self.largest_distance = stepping.largest_distance
 
     def _walk(
-        self, branch: Branch, origin: BranchPoint, gamma_range: tuple[float, float]
-    ) -> Iterator[Next]:
-        self.next_step = 0.0
-        return self._segments(branch, origin, gamma_range)
-
-    def _segments(
         self, branch: Branch, origin: BranchPoint, gamma_range: tuple[float, float]
     ) -> Iterator[Next]:
         low, high = gamma_range

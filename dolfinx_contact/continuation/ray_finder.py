@@ -13,8 +13,8 @@ methods find rays:
   statuses. One ray is found, for any number of pieces.
 
 The caller of `RayFinder` defines the criterion for a ray to stay inside its piece. Along a branch
-the distances to the borders must grow (`KinkRays`, which combines the methods for the start of a
-branch and for a kink). In the rate problem of an evolution the distances must not decrease
+the distances to the borders must grow (`KinkRayFinder`, which combines the methods for the start of
+a branch and for a kink). In the rate problem of an evolution the distances must not decrease
 (`evolution.rate_problem`).
 """
 
@@ -41,7 +41,7 @@ from dolfinx_contact.continuation.system import Events, Piece, matched_distances
 __all__ = [
     "Crossing",
     "Kink",
-    "KinkRays",
+    "KinkRayFinder",
     "RayFinder",
     "parity",
     "reach_of_events",
@@ -255,7 +255,7 @@ class RayFinder:
         return distinct(rays, self.same)
 
 
-class KinkRays(RayFinder):
+class KinkRayFinder(RayFinder):
     """Search for outgoing rays of a kink, along which the distances to borders grow.
 
     Args:

@@ -6,9 +6,9 @@ the equation of the corrector and in the treatment of kinks:
 
 - *Exact* (`ExactSteps`): a step is corrected on one piece. If an event has become negative, the
   first event is located to round-off, and the branch continues on the piece beyond
-  (`KinkRays.cross`). If the distance of an event is zero at the start, grows along the tangent and
-  is negative at the end, it must vanish in between, for example if a point sticks briefly; then the
-  step is shortened.
+  (`KinkRayFinder.cross`). If the distance of an event is zero at the start, grows along the tangent
+  and is negative at the end, it must vanish in between, for example if a point sticks briefly; then
+  the step is shortened.
 - *Batched* (`BatchedSteps`): a step is corrected on H itself and may pass any number of kinks. In
   3D hundreds of points change their status one by one, so locating each is too expensive. The step
   is accepted if the branch is monotone: gamma changes by as much as its rates predict, tangents and
@@ -45,7 +45,7 @@ from dolfinx_contact.continuation.branch import (
 )
 from dolfinx_contact.continuation.corrector import Corrector
 from dolfinx_contact.continuation.locate import AT_BORDER, Locator
-from dolfinx_contact.continuation.ray_finder import KinkRays
+from dolfinx_contact.continuation.ray_finder import KinkRayFinder
 from dolfinx_contact.continuation.system import (
     Piece,
     ResidualScales,
@@ -256,7 +256,7 @@ class ExactSteps(Locator):
         special = self.smooth_points(point, kink)
         incoming = Ray(point.piece, tangent)
         tolerance = AT_BORDER * self.unit(y, point.piece)
-        crossing = KinkRays(self.corrector, y, point.piece, tolerance).cross(tangent)
+        crossing = KinkRayFinder(self.corrector, y, point.piece, tolerance).cross(tangent)
         onwards, *others = crossing.rays or (None,)
         # Reject a ray on the old piece directly after the start: on a singular piece the computed
         # direction is not necessarily a tangent.

@@ -71,12 +71,14 @@ class Walker(ABC):
         system: system H.
         bordered: bordered system.
         control: step lengths.
+        first_step: length of the first step of a branch; 0 if steps have no prescribed length.
         next_step: length of the next step.
     """
 
     system: System
     bordered: Bordered
     control: StepControl
+    first_step: float
     next_step: float
 
     # -- where branches start --------------------------------------------------------------------
@@ -245,11 +247,10 @@ class Walker(ABC):
         branch = Branch([start])
         work = b.solver.factorisations, b.solver.solves
         first = 0
-        self.next_step = self.control.initial
+        self.next_step = self.first_step
         if stepping is not None:
             first = stepping.index
             self._resume(stepping)
-        # before the start is recorded: its next step depends on the treatment of kinks
         steps = self._walk(branch, origin or start, gamma_range)
 
         def put() -> None:

@@ -38,7 +38,7 @@ from dolfinx_contact._ending import Ending
 from dolfinx_contact._mpi import all_ranks, largest, total
 from dolfinx_contact.continuation import BranchStep, Follower, StepControl
 from dolfinx_contact.continuation.branch import BranchPoint, FoundRays, Ray, SpecialPoint
-from dolfinx_contact.continuation.ray_finder import KinkRays
+from dolfinx_contact.continuation.ray_finder import KinkRayFinder
 from dolfinx_contact.equations.data import Datum, data_of_surface
 from dolfinx_contact.equations.evaluation import Statuses
 from dolfinx_contact.evolution.energy import Forces
@@ -490,7 +490,7 @@ def _rays_at_turn(follower: Follower, turn: SpecialPoint) -> FoundRays[Ray]:
     else:
         incoming = turn.incoming or turn.onwards
         tolerance = _AT_BORDER * b.largest(b.events(turn.y, incoming.piece).distance)
-        finder = KinkRays(follower.corrector, turn.y, incoming.piece, tolerance)
+        finder = KinkRayFinder(follower.corrector, turn.y, incoming.piece, tolerance)
         found = finder.enumerated(incoming.piece, finder.kinks, incoming.tangent, most=_MOST_PIECES)
         if not found.complete:
             return found
