@@ -48,7 +48,7 @@ from dolfinx_contact.continuation.observer import (
     Stop,
 )
 from dolfinx_contact.continuation.pivoting import Pivoting
-from dolfinx_contact.continuation.ray_finder import KinkRayFinder, reach_of_events
+from dolfinx_contact.continuation.ray_finder import KinkRayFinder
 from dolfinx_contact.continuation.step_control import Direction, StepControl, sign_of
 from dolfinx_contact.continuation.steps import (
     BatchedSteps,
@@ -291,9 +291,11 @@ class Follower(Walker):
 
     def _finder(self, point: BranchPoint) -> KinkRayFinder:
         """Return the search for rays at the start or end of a branch."""
-        y, piece = point.y, point.piece
-        tolerance = AT_BORDER * reach_of_events(self.bordered, y, piece, point.tangent)
-        return KinkRayFinder(self.corrector, y, piece, tolerance, idle=True)
+        b = self.bordered
+        events, rates = b.events_along(point.y, point.piece, point.tangent)
+        # at a start without load all distances vanish, but the rates do not
+        tolerance = AT_BORDER * max(b.largest(events.distance), b.largest(rates))
+        return KinkRayFinder(self.corrector, point.y, point.piece, tolerance, idle=True)
 
     def branch_off(self, special: SpecialPoint, ray: Ray) -> BranchPoint:
         """Return a point from which to trace one of the other rays of a special point.

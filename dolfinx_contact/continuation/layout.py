@@ -13,10 +13,13 @@ from petsc4py import PETSc
 
 import numpy as np
 
+from dolfinx_contact._arrays import Array
 from dolfinx_contact._mpi import any_rank, maximum, minimum
-from dolfinx_contact.continuation.system import Events, Piece, System
+from dolfinx_contact.continuation.system import Events, Piece, System, matched_distances
 
-__all__ = ["Layout"]
+__all__ = ["PROBE", "Layout"]
+
+PROBE = 1e-6  # length of finite differences
 
 
 class Layout:
@@ -73,6 +76,12 @@ class Layout:
     def events(self, y: PETSc.Vec, piece: Piece) -> Events:
         """Return the distances to the borders of a piece."""
         return self.system.events(*self.split(y), piece)
+
+    def events_along(self, y: PETSc.Vec, piece: Piece, t: PETSc.Vec) -> tuple[Events, Array]:
+        """Return the distances to the borders of a piece, and their rates along ``t``."""
+        events = self.events(y, piece)
+        ahead = matched_distances(events, self.events(self.moved(y, PROBE, t), piece))
+        return events, np.asarray((ahead - events.distance) / PROBE, dtype=np.float64)
 
     def piece_at(self, y: PETSc.Vec) -> Piece:
         """Return the piece determined by ``y``."""

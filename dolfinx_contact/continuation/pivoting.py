@@ -46,13 +46,11 @@ from dolfinx_contact.continuation.cone_rays import (
 from dolfinx_contact.continuation.observer import Stepping
 from dolfinx_contact.continuation.step_control import StepControl
 from dolfinx_contact.continuation.system import Condensed, System
-from dolfinx_contact.continuation.walk import Next, Walker
+from dolfinx_contact.continuation.walk import CONSTANT, Next, Walker
 
 __all__ = ["Pivoting"]
 
 logger = logging.getLogger(__name__)
-
-_CONSTANT = 1e-9  # rate of gamma along a unit tangent, relative to its scale, that counts as zero
 
 
 class Pivoting(Walker):
@@ -318,7 +316,7 @@ class Pivoting(Walker):
         codes: Codes = self.condensed.codes(point.piece)
         w = self.condensed.contract(b.split(point.y)[0])
         rate = b.gamma(point.tangent)
-        if abs(rate) > _CONSTANT * b.gamma_scale:
+        if abs(rate) > CONSTANT * b.gamma_scale:
             sense = float(np.sign(rate))
             piece = self._piece(codes)
             if piece is not None:

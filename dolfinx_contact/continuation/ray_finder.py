@@ -31,12 +31,12 @@ from petsc4py import PETSc
 
 import numpy as np
 
-from dolfinx_contact._arrays import Array, Indices
-from dolfinx_contact.continuation.bordered import Bordered
+from dolfinx_contact._arrays import Indices
 from dolfinx_contact.continuation.branch import Change, FoundRays, Ray
 from dolfinx_contact.continuation.cone_rays import distinct, outgoing
 from dolfinx_contact.continuation.corrector import Corrector
-from dolfinx_contact.continuation.system import Events, Piece, matched_distances
+from dolfinx_contact.continuation.layout import PROBE
+from dolfinx_contact.continuation.system import Piece
 
 __all__ = [
     "Crossing",
@@ -44,7 +44,6 @@ __all__ = [
     "KinkRayFinder",
     "RayFinder",
     "parity",
-    "reach_of_events",
 ]
 
 logger = logging.getLogger(__name__)
@@ -53,7 +52,6 @@ _MOST_PIECES = 1024  # largest number of pieces to enumerate
 _LENGTHS = (1e-3, 1e-2, 1e-4, 1e-5)  # changes of gamma at which H itself is solved
 _SAME = 1e-6  # relative distance of tangents of one ray
 _STILL = 1e-12  # change of x along a unit tangent, relative to x, that is round-off
-_PROBE = 1e-6  # length of finite differences along a tangent
 _BENT = 1e-3  # relative nonlinearity of a row without a derivative
 _LED = "one step of Newton's method on H"
 _ALONG = 0.9  # smallest cosine between a ray and the chord to the solution of H that defines it
@@ -236,7 +234,7 @@ class RayFinder:
         for status in sorted({s for k in kinks for s in k.statuses}):
             uniform = piece.with_codes(points, [status] * len(points))
             rows = []
-            for state in (x, *(b.moved(x, _PROBE, change) for change in changes)):
+            for state in (x, *(b.moved(x, PROBE, change) for change in changes)):
                 b.system.residual(state, gamma, out, uniform)
                 rows.append(out.array_r.copy())
             base, first, second, total = rows
@@ -389,26 +387,17 @@ class KinkRayFinder(RayFinder):
     def _stays_inside(self, ray: Ray) -> bool:
         """Return True if the distances of the kinked points grow along a ray."""
         b = self._bordered
-        events, slope = _slopes(b, self._y, ray.piece, ray.tangent)
+        events, slope = b.events_along(self._y, ray.piece, ray.tangent)
         chosen = np.isin(events.point, self._own_points(self.kinks))
         rate = b.largest(slope)
         least = 1e-7 * rate
         # Distances count as zero up to a hundredth of their change along the probe, and round-off.
         # An event at its border must grow; the other events must be inside.
-        border = max(1e-2 * rate * _PROBE, 1e-11 * b.largest(events.distance))
+        border = max(1e-2 * rate * PROBE, 1e-11 * b.largest(events.distance))
         at_border = chosen & (np.abs(events.distance) <= border)
         if b.anywhere(np.where(at_border, slope < -least, chosen & (events.distance < 0))):
             return False
         return self._idle or b.anywhere(at_border & (np.abs(slope) > least))
-
-
-def reach_of_events(b: Bordered, y: PETSc.Vec, piece: Piece, t: PETSc.Vec) -> float:
-    """Return the unit of event distances: the largest distance or rate along ``t``. Collective.
-
-    At a start without load all distances vanish, but the rates do not.
-    """
-    events, slope = _slopes(b, y, piece, t)
-    return max(b.largest(events.distance), b.largest(slope))
 
 
 def parity(corrector: Corrector, y: PETSc.Vec, piece: Piece, t: PETSc.Vec, ray: Ray) -> int:
@@ -422,10 +411,3 @@ def parity(corrector: Corrector, y: PETSc.Vec, piece: Piece, t: PETSc.Vec, ray: 
         b.solver.assemble(y, b.dual(row), on)
         signs.append(b.solver.determinant_sign())
     return int(signs[0] * signs[1])
-
-
-def _slopes(b: Bordered, y: PETSc.Vec, piece: Piece, t: PETSc.Vec) -> tuple[Events, Array]:
-    """Return the events of a piece at ``y``, and the rates of their distances along ``t``."""
-    events = b.events(y, piece)
-    beyond = matched_distances(events, b.events(b.moved(y, _PROBE, t), piece))
-    return events, np.asarray((beyond - events.distance) / _PROBE, dtype=np.float64)

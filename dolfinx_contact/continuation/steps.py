@@ -64,7 +64,6 @@ Corrected: TypeAlias = tuple[PETSc.Vec, ResidualScales]
 #: The next point, the special points on the way to it, and the length of the step after it.
 Advance: TypeAlias = tuple[BranchPoint, list[SpecialPoint], float]
 
-_PROBE = 1e-6  # length of finite differences along a tangent
 _IDLE = 1e-7  # negligible rate of an event, relative to the largest rate
 _NO_STEP = 1e-9  # length of a step that is round-off
 _SHARE = 0.5  # largest relative deviation of the advance from the length of a step
@@ -233,14 +232,10 @@ class ExactSteps(Locator):
         """Return True if a distance is zero at ``point``, grows, and is negative at ``y_high``."""
         b = self.bordered
         border = AT_BORDER * self.unit(point.y, point.piece)
-        probe = b.moved(point.y, _PROBE, point.tangent)
-        low, high, ahead = (b.events(y, point.piece) for y in (point.y, y_high, probe))
-        before = matched_distances(high, low, np.full_like(high.distance, np.inf))
-        exists = np.isfinite(before)
-        growth = matched_distances(high, ahead, before)
-        slope = np.subtract(growth, before, out=np.zeros_like(before), where=exists) / _PROBE
-        twice = (high.distance < -border) & (np.abs(before) <= border)
-        return b.anywhere(twice & (slope > _IDLE * b.largest(slope)))
+        low, rate = b.events_along(point.y, point.piece, point.tangent)
+        beyond = matched_distances(low, b.events(y_high, point.piece))
+        twice = (beyond < -border) & (np.abs(low.distance) <= border)
+        return b.anywhere(twice & (rate > _IDLE * b.largest(rate)))
 
     def _to_the_border(self, point: BranchPoint, h: float, y_high: PETSc.Vec) -> Advance | None:
         """Go to the first event before ``y_high`` and cross it; None if that fails."""

@@ -33,14 +33,14 @@ from dolfinx_contact.continuation.observer import (
 from dolfinx_contact.continuation.step_control import Direction, StepControl, sign_of
 from dolfinx_contact.continuation.system import System
 
-__all__ = ["Next", "Walker", "leaves_range", "require_way"]
+__all__ = ["CONSTANT", "Next", "Walker", "leaves_range", "require_way"]
 
 logger = logging.getLogger(__name__)
 
 #: A point and the special points before it.
 Next: TypeAlias = tuple[BranchPoint, list[SpecialPoint]]
 
-_CONSTANT = 1e-9  # rate of gamma along a unit tangent, relative to its scale, that counts as zero
+CONSTANT = 1e-9  # rate of gamma along a unit tangent, relative to its scale, that counts as zero
 _ALONG = 1e-6  # relative rate that counts as zero at an end of the range of gamma
 
 
@@ -148,7 +148,7 @@ class Walker(ABC):
 
         If no such ray exists, return the rays along which gamma is constant.
         """
-        least = _CONSTANT * self.bordered.gamma_scale
+        least = CONSTANT * self.bordered.gamma_scale
         rates = [(p, sign * self.bordered.gamma(p.tangent)) for p in outgoing.rays]
         changing = [p for p, rate in rates if rate > least]
         return changing or [p for p, rate in rates if abs(rate) <= least]
