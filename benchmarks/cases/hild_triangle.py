@@ -83,8 +83,8 @@ def diagram(lame, friction, length, size):
         piece = affine.piece(status)
         if piece is None:  # a singular one holds solutions on a line alone
             continue
-        (s_0,), (s_1,) = piece.slack_coefficients
-        s_0 = np.where(np.isfinite(s_0), s_0, 0.0)  # infinite where no inequality is
+        slacks = [affine.slacks(status, w)[0] for w in piece.coefficients]
+        s_0, s_1 = (np.where(np.isfinite(s), s, 0.0) for s in slacks)  # inf: no inequality
         slack = f1[:, None, None] * s_1 + f2[:, None] * s_0
         holds = (slack >= 0).all(axis=2)
         sets = np.char.add(sets, np.where(holds, letter, ""))

@@ -194,17 +194,6 @@ class AffinePiece:
         w = np.matmul(B, z.reshape(s.points, -1, 2))
         return w[:, :, 0], w[:, :, 1]
 
-    @cached_property
-    def slack_coefficients(self) -> tuple[Array, Array]:
-        """Coefficients s_0 and s_1 of the slacks C w = s_0 + gamma s_1, shape (m, e) each.
-
-        s_0 is infinite in padded rows.
-        """
-        w_0, w_1 = self.coefficients
-        C = self.system.of_codes(self.system.inequalities, self.codes)
-        s_0, s_1 = (np.matmul(C, w[:, :, None])[:, :, 0] for w in (w_0, w_1))
-        return np.where(np.any(C != 0, axis=2), s_0, np.inf), s_1
-
     def at(self, gamma: float) -> Array:
         """Return the state at ``gamma``, shape (m, k)."""
         w_0, w_1 = self.coefficients

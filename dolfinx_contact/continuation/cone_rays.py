@@ -372,20 +372,17 @@ def _far_end(piece: AffinePiece, gamma: float, sense: float) -> AffineRay | None
     unfolded = piece.system
     for _ in range(50 * unfolded.points):
         direction = sense * piece.coefficients[1]
-        s_0, s_1 = piece.slack_coefficients
-        slack = s_0 + gamma * s_1
-        rate = sense * s_1
-        falling = (rate < -TOLERANCE * largest(direction)) & np.isfinite(slack)
-        if not falling.any():
+        length = unfolded.step(piece.codes, piece.at(gamma), direction)
+        if not np.isfinite(length):
             return AffineRay(piece.codes, direction, sense)
-        length = float((np.maximum(slack[falling], 0.0) / -rate[falling]).min())
         gamma += sense * length
         w = piece.at(gamma)
         tolerance = TOLERANCE * largest(w)
-        (kinked,) = np.nonzero((np.abs(s_0 + gamma * s_1) <= tolerance).any(axis=1))
+        at_border = np.abs(unfolded.slacks(piece.codes, w)) <= tolerance
+        kinked = np.flatnonzero(at_border.any(axis=1))
         if len(kinked) != 1:
             return None
-        (i,) = map(int, kinked)
+        i = int(kinked[0])
         beyond = neighbours(piece, w, i, unfolded.statuses_at(w, tolerance)[i], tolerance)
         if len(beyond) != 1:
             return None
