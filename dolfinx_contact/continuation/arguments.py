@@ -20,7 +20,6 @@ from dolfinx_contact.continuation.system import System
 
 __all__ = [
     "ROUND_OFF",
-    "check_functions",
     "check_listeners",
     "check_rays",
     "check_states",
@@ -121,20 +120,9 @@ def check_listeners(
         as_observer(observer)
     if record is not None and not is_observer(record):
         raise ValueError(f"record must be {of}, got {record!r}")
-    check_functions("a step", stop=stop)
+    if stop is not None and not callable(stop):
+        raise ValueError(f"stop must be a function of a step, got {stop!r}")
     one_of(progress, "progress", PROGRESS)
-
-
-def check_functions(of: str, **functions: Any) -> None:
-    """Raise `ValueError` unless all arguments are functions or None.
-
-    Args:
-        of: description of the parameter of the functions, for the message.
-        functions: arguments by name.
-    """
-    for name, function in functions.items():
-        if function is not None and not callable(function):
-            raise ValueError(f"{name} must be a function of {of}, got {function!r}")
 
 
 def check_rays(rays: Any) -> None:

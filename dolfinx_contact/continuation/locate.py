@@ -21,7 +21,7 @@ import numpy as np
 from dolfinx_contact.continuation.bifurcation import BifurcationTest
 from dolfinx_contact.continuation.branch import BranchPoint, Ray, SpecialPoint
 from dolfinx_contact.continuation.corrector import Corrector
-from dolfinx_contact.continuation.system import Events, Piece, System, fractions_to_borders
+from dolfinx_contact.continuation.system import Events, Piece, fractions_to_borders
 
 __all__ = ["AT_BORDER", "Locator"]
 
@@ -79,11 +79,6 @@ class Locator:
         self.bordered = corrector.bordered
         self.test = BifurcationTest(self.bordered)
         self.largest_distance = 0.0
-
-    @property
-    def system(self) -> System:
-        """System H."""
-        return self.bordered.system
 
     # -- events ----------------------------------------------------------------------------------
 

@@ -434,33 +434,29 @@ class FoundState(Protocol):
         """Variables w of the points, shape (m, k)."""
 
 
-class Proof(Protocol):
-    """Result of a proof about the solutions at one gamma."""
+class ProvedSearch(Protocol):
+    """Result of a search that may prove that it has found everything."""
 
     @property
     def verdict(self) -> str:
-        """Verdict of the proof; "complete" if other solutions are excluded."""
+        """Verdict; "complete" if other solutions or rays are excluded."""
+
+    @property
+    def method(self) -> str:
+        """Description of the method."""
+
+
+class Proof(ProvedSearch, Protocol):
+    """Result of a proof about the solutions at one gamma."""
 
     @property
     def solutions(self) -> Sequence[FoundState]:
         """Solutions whose existence is proved."""
 
-    @property
-    def method(self) -> str:
-        """Description of the method."""
 
-
-class RayProof(Protocol):
+class RayProof(ProvedSearch, Protocol):
     """Result of a proof about the rays of a point."""
-
-    @property
-    def verdict(self) -> str:
-        """Verdict of the proof; "complete" if other rays are excluded."""
 
     @property
     def rays(self) -> Sequence[tuple[Codes, float]]:
         """Statuses, shape (m,), and dgamma, 1 or -1, of the rays whose existence is proved."""
-
-    @property
-    def method(self) -> str:
-        """Description of the method."""

@@ -77,7 +77,7 @@ class LinearSolver(JacobianSolver):
             warm: whether Newton's method began from a state in contact.
         """
 
-    def retry(self, ksp: PETSc.KSP, state: Evaluation) -> bool:
+    def retry(self, state: Evaluation) -> bool:
         """Return whether another preconditioner is available after a failed solve. Collective."""
         return False
 

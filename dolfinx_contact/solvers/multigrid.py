@@ -274,7 +274,7 @@ class Multigrid(LinearSolver):
     def tighten(self) -> bool:
         return self.forcing.tighten()
 
-    def retry(self, ksp: PETSc.KSP, state: Evaluation) -> bool:
+    def retry(self, state: Evaluation) -> bool:
         if not (self._smooth() or self._is_stale(state)):
             return False
         self.build(state)

@@ -246,7 +246,7 @@ class Newton:
             useless = again > 0 and self.snes.getIterationNumber() == 0
             if self.snes.getConvergedReason() != _LINEAR or useless:
                 return
-            if not self.linear.retry(self.snes.getKSP(), self._run.at(y)):
+            if not self.linear.retry(self._run.at(y)):
                 return
             failure = self._explain()
             if self.comm.rank == 0:
