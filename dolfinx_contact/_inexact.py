@@ -148,8 +148,8 @@ def settle(
     b: PETSc.Vec,
     d: PETSc.Vec,
     rounds: int,
-) -> bool:
-    """Correct ``x`` in place and return whether it has changed. Collective.
+) -> tuple[bool, bool]:
+    """Correct ``x`` in place. Collective.
 
     Args:
         evaluate: function of (x, b) that writes H(x) into b.
@@ -159,8 +159,13 @@ def settle(
         b: vector for residuals.
         d: vector for corrections.
         rounds: largest number of corrections.
+
+    Returns:
+        Whether ``x`` has changed, and whether H was evaluated last at ``x``, not at a state that
+        was rejected.
     """
     changed = False
+    at_x = True
     trial = x.duplicate()
     evaluate(x, b)
     for _ in range(rounds):
@@ -169,9 +174,10 @@ def settle(
         size = b.norm()
         trial.waxpy(-1.0, d, x)
         evaluate(trial, b)
-        if not b.norm() < _GROWTH * size:  # also if it is NaN
+        at_x = bool(b.norm() < _GROWTH * size)  # False for NaN
+        if not at_x:
             break
         trial.copy(x)
         changed = True
     trial.destroy()
-    return changed
+    return changed, at_x

@@ -33,7 +33,6 @@ import numpy as np
 
 from dolfinx_contact._arrays import Codes
 from dolfinx_contact._inexact import ROUNDS, Forcing, settle
-from dolfinx_contact._mpi import all_ranks
 from dolfinx_contact._petsc import as_raised
 from dolfinx_contact.continuation.bordered import Bordered
 from dolfinx_contact.continuation.step_control import StepControl
@@ -492,12 +491,10 @@ class _Run:
         x, gamma = b.split(y)
         x.copy(work.x)
         size = 0.0
-        evaluated = np.zeros(0)  # state of the last evaluation of H
 
         def evaluate(x: PETSc.Vec, hx: PETSc.Vec) -> None:
-            nonlocal size, evaluated
+            nonlocal size
             size = self._size(x, gamma, hx)
-            evaluated = x.array_r.copy()
 
         def correct(x: PETSc.Vec, hx: PETSc.Vec, d: PETSc.Vec) -> bool:
             try:
@@ -507,7 +504,7 @@ class _Run:
                     logger.debug("no correction: %s", error)
                 return False
 
-        if settle(evaluate, correct, work.x, work.hx, work.d, ROUNDS):
+        changed, evaluated = settle(evaluate, correct, work.x, work.hx, work.d, ROUNDS)
+        if changed:
             b.join(work.x, gamma, y)
-        same = np.array_equal(work.x.array_r, evaluated)
-        return size if all_ranks(b.comm, same) else None
+        return size if evaluated else None

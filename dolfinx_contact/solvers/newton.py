@@ -284,12 +284,14 @@ class Newton:
             state = run.at(x)
             return not self._is_solved(state) and self.linear.correct(state, b, d)
 
-        if settle(self._residual, correct, after, b, d, ROUNDS if run.warm else 1):
+        rounds = ROUNDS if run.warm else 1
+        changed, evaluated = settle(self._residual, correct, after, b, d, rounds)
+        if changed:
             step.waxpy(-1.0, after, x)
-        state = run.known(after)
-        # The line search computes x - step, which differs from the evaluated state by round-off.
-        after.waxpy(-1.0, step, x)
-        if state is not None:
+        if evaluated:
+            # The line search computes x - step, which differs from this state by round-off.
+            state = run.at(after)
+            after.waxpy(-1.0, step, x)
             run.latest = replace(state, unknowns=after.array_r.copy())
 
     def _remainder(self, correction: PETSc.Vec) -> float:
