@@ -226,7 +226,7 @@ class Corrector:
             near = self._extrapolated(y, start, towards, row) if direction is towards else None
             solver.assemble(y, row, piece, along=near)
             t = b.vector()
-            if factorise and not solver.factorise():
+            if factorise and not solver.prepare():
                 continue
             if not solver.solve(self.last_unit, t, rtol=rtol, near=near):
                 continue

@@ -49,7 +49,7 @@ from dolfinx_contact.continuation.observer import (
 from dolfinx_contact.continuation.pivoting import Pivoting
 from dolfinx_contact.continuation.step_control import StepControl
 from dolfinx_contact.continuation.system import System
-from dolfinx_contact.continuation.walk import leaves_range
+from dolfinx_contact.continuation.tracing import leaves_range
 
 __all__ = ["explore"]
 

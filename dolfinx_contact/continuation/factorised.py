@@ -278,7 +278,7 @@ class Factorised:
         self._is_current = False
         self._is_updated = None
 
-    def factorise(self) -> bool:
+    def prepare(self) -> bool:
         """Prepare for solves; False if J is singular."""
         return self._is_current or self._has_few_changes() or self._factorise()
 

@@ -61,7 +61,7 @@ from dolfinx_contact.continuation.system import (
     ResidualScales,
     System,
 )
-from dolfinx_contact.continuation.walk import Next, Walker
+from dolfinx_contact.continuation.tracing import Next, Tracer
 
 __all__ = ["Follower", "Route", "follow", "follower_for", "points_at", "require_solutions"]
 
@@ -191,7 +191,7 @@ def follower_for(
     return Follower(system, control or StepControl(), gamma_scale=gamma_scale)
 
 
-class Follower(Walker):
+class Follower(Tracer):
     """Predictor-corrector tracing of the branches of one system. All methods are collective.
 
     Args:
@@ -344,7 +344,7 @@ class Follower(Walker):
         self._steps.largest_distance = stepping.largest_distance
         self.corrector.scales = stepping.scales
 
-    def _walk(
+    def _trace(
         self, branch: Branch, origin: BranchPoint, gamma_range: tuple[float, float]
     ) -> Iterator[Next]:
         low, high = gamma_range

@@ -162,7 +162,7 @@ class Krylov:
 
     # -- solves ----------------------------------------------------------------------------------
 
-    def factorise(self) -> bool:
+    def prepare(self) -> bool:
         """Return True if J is regular."""
         return self._regular
 

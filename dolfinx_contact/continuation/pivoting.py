@@ -46,14 +46,14 @@ from dolfinx_contact.continuation.cone_rays import (
 from dolfinx_contact.continuation.observer import Stepping
 from dolfinx_contact.continuation.step_control import StepControl
 from dolfinx_contact.continuation.system import Condensed, System
-from dolfinx_contact.continuation.walk import CONSTANT, Next, Walker
+from dolfinx_contact.continuation.tracing import CONSTANT, Next, Tracer
 
 __all__ = ["Pivoting"]
 
 logger = logging.getLogger(__name__)
 
 
-class Pivoting(Walker):
+class Pivoting(Tracer):
     """Tracing of the branches of a system with affine pieces; the counterpart of `Follower`.
 
     Args:
@@ -134,7 +134,7 @@ class Pivoting(Walker):
         super()._resume(stepping)
         self.largest_distance = stepping.largest_distance
 
-    def _walk(
+    def _trace(
         self, branch: Branch, origin: BranchPoint, gamma_range: tuple[float, float]
     ) -> Iterator[Next]:
         low, high = gamma_range

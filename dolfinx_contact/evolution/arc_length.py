@@ -47,7 +47,7 @@ from dolfinx_contact.continuation.corrector import Corrector
 from dolfinx_contact.continuation.observer import Observer, ObserverLike, Stop
 from dolfinx_contact.continuation.step_control import StepControl
 from dolfinx_contact.continuation.system import ResidualScales
-from dolfinx_contact.continuation.walk import require_way
+from dolfinx_contact.continuation.tracing import require_in_range
 from dolfinx_contact.equations.evaluation import Evaluation
 from dolfinx_contact.equations.state import State
 from dolfinx_contact.equations.validation import check_times
@@ -431,7 +431,7 @@ class ByArcLength(Rule[PathTask]):
                 directions = rates.onwards(point.piece, point.tangent, every=task.rays)
         self._leave(point, directions)
         if self._leaves is not None:
-            require_way(steps.bordered, self._leaves, task.gamma_range)
+            require_in_range(steps.bordered, self._leaves, task.gamma_range)
 
     def _start_point(self, sense: float) -> BranchPoint:
         """Return the start as a branch point, with the rate of the load as its tangent.

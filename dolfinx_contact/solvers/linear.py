@@ -206,7 +206,7 @@ class LinearSolverChoice:
 
         return Multigrid(eq)
 
-    def direct_instead(self) -> bool:
+    def fall_back_to_direct(self) -> bool:
         """Replace multigrid by the direct solver if the user chose neither and memory allows it."""
         eq = self._equations
         given = (eq.options.value("linear_solver") or "auto") != "auto"

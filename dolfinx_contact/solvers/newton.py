@@ -82,7 +82,7 @@ class _Run:
         """Return the latest evaluation if ``x`` are its unknowns; otherwise None. Collective."""
         latest = self.latest
         same = latest is not None and np.array_equal(x.array_r, latest.unknowns)
-        return None if anywhere(self.equations.comm, not same)[0] else latest
+        return None if any_rank(self.equations.comm, not same) else latest
 
     def at(self, x: PETSc.Vec) -> Evaluation:
         """Return the evaluation of H at ``x``; H is evaluated if it is not known. Collective."""

@@ -269,7 +269,7 @@ class _Strategy:
                 with Newton(eq, linear(), self.line_search, monitor) as solver:
                     done = run(solver, x, attempt)
                 failed = self.is_newton and attempt.linear_solver_failed
-                if not (failed and linear.direct_instead()):
+                if not (failed and linear.fall_back_to_direct()):
                     break
                 run = Newton.run
         if self.automatic:

@@ -42,7 +42,7 @@ class SurfaceSet:
     Attributes:
         local: local indices of s.
         nodes: number of displacement dofs in s.
-        answered: mask of the displacement dofs on the slave side, which may have a multiplier of
+        on_slave: mask of the displacement dofs on the slave side, which may have a multiplier of
             their own.
         fixed: positions in s with Dirichlet data.
         of_all: index set of s in the numbering of all unknowns.
@@ -56,7 +56,7 @@ class SurfaceSet:
         self.comm = operator.comm
         dofs = _contact_dofs(eq)
         surfaces = _contact_dofs(eq, opposite=False)
-        self.answered = np.isin(dofs, surfaces)
+        self.on_slave = np.isin(dofs, surfaces)
         rest = np.arange(operator.size, sum(eq.owned_sizes), dtype=np.int32)
         self.local = np.concatenate([dofs, rest])
         self.nodes = len(dofs)
@@ -186,7 +186,7 @@ class CondensedBlock(SurfaceBlock):
         B = operator.contact.createSubMatrix(s.displacements, s.multipliers)
         indptr, columns, values = B.getValuesCSR()
         rows = np.repeat(np.arange(s.nodes), np.diff(indptr))
-        kept = np.flatnonzero((values != 0) & s.answered[rows] & ~np.isin(rows, s.fixed))
+        kept = np.flatnonzero((values != 0) & s.on_slave[rows] & ~np.isin(rows, s.fixed))
         one_each = all_ranks(self._comm, len(np.unique(rows[kept])) == len(kept))
         if not one_each:
             kept = kept[:0]

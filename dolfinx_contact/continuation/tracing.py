@@ -33,7 +33,7 @@ from dolfinx_contact.continuation.observer import (
 from dolfinx_contact.continuation.step_control import Direction, StepControl, sign_of
 from dolfinx_contact.continuation.system import System
 
-__all__ = ["CONSTANT", "Next", "Walker", "leaves_range", "require_way"]
+__all__ = ["CONSTANT", "Next", "Tracer", "leaves_range", "require_in_range"]
 
 logger = logging.getLogger(__name__)
 
@@ -54,7 +54,9 @@ def leaves_range(bordered: Bordered, start: BranchPoint, gamma_range: tuple[floa
     return (high - start.gamma if rate > 0 else start.gamma - low) <= near
 
 
-def require_way(bordered: Bordered, start: BranchPoint, gamma_range: tuple[float, float]) -> None:
+def require_in_range(
+    bordered: Bordered, start: BranchPoint, gamma_range: tuple[float, float]
+) -> None:
     """Raise ``ValueError`` if a branch leaves the range of gamma immediately. Collective."""
     if leaves_range(bordered, start, gamma_range):
         low, high = gamma_range
@@ -64,7 +66,7 @@ def require_way(bordered: Bordered, start: BranchPoint, gamma_range: tuple[float
         )
 
 
-class Walker(ABC):
+class Tracer(ABC):
     """Base class for tracing branches of one system. All methods are collective.
 
     Attributes:
@@ -180,7 +182,7 @@ class Walker(ABC):
     # -- along a branch --------------------------------------------------------------------------
 
     @abstractmethod
-    def _walk(
+    def _trace(
         self, branch: Branch, origin: BranchPoint, gamma_range: tuple[float, float]
     ) -> Iterator[Next]:
         """Trace a branch, yielding its points. Record the ending of the branch where it ends.
@@ -243,7 +245,7 @@ class Walker(ABC):
             ValueError: on every rank, if gamma leaves its range immediately.
         """
         b = self.bordered
-        require_way(b, start, gamma_range)
+        require_in_range(b, start, gamma_range)
         branch = Branch([start])
         work = b.solver.factorisations, b.solver.solves
         first = 0
@@ -251,7 +253,7 @@ class Walker(ABC):
         if stepping is not None:
             first = stepping.index
             self._resume(stepping)
-        steps = self._walk(branch, origin or start, gamma_range)
+        steps = self._trace(branch, origin or start, gamma_range)
 
         def put() -> None:
             last = branch.points[-1]
