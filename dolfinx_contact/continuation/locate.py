@@ -82,14 +82,14 @@ class Locator:
 
     # -- events ----------------------------------------------------------------------------------
 
-    def unit(self, y: PETSc.Vec, piece: Piece) -> float:
+    def unit(self, events: Events) -> float:
         """Return the largest event distance so far, the unit of distances.
 
-        The distances at the present point are not sufficient: all of them may vanish.
-        """
-        return self._unit(self.bordered.events(y, piece))
+        The present distances are not sufficient: all of them may vanish.
 
-    def _unit(self, events: Events) -> float:
+        Args:
+            events: distances at the present point.
+        """
         largest = self.bordered.largest(events.distance)
         self.largest_distance = max(self.largest_distance, largest)
         return self.largest_distance or 1.0
@@ -97,7 +97,7 @@ class Locator:
     def is_outside(self, point: BranchPoint) -> bool:
         """Return True if a point lies beyond a border of its piece by more than round-off."""
         events = self.bordered.events(point.y, point.piece)
-        return self.bordered.least(events.distance) < -AT_BORDER * self._unit(events)
+        return self.bordered.least(events.distance) < -AT_BORDER * self.unit(events)
 
     def first_event(self, point: BranchPoint, y_high: PETSc.Vec) -> Place | None:
         """Locate the first event between two points of a piece.
@@ -119,7 +119,7 @@ class Locator:
                 return None
             events = b.events(y, piece)
             least = b.least(events.distance)
-            unit = self._unit(events)
+            unit = self.unit(events)
             if abs(least) <= 1e-13 * unit or high.s - low.s <= 1e-15 * end:
                 break
             low, high = _shrunk(low, high, _End(s, y, events), beyond=least < 0)

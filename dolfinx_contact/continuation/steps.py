@@ -231,8 +231,8 @@ class ExactSteps(Locator):
     def _there_and_back(self, point: BranchPoint, y_high: PETSc.Vec) -> bool:
         """Return True if a distance is zero at ``point``, grows, and is negative at ``y_high``."""
         b = self.bordered
-        border = AT_BORDER * self.unit(point.y, point.piece)
         low, rate = b.events_along(point.y, point.piece, point.tangent)
+        border = AT_BORDER * self.unit(low)
         beyond = matched_distances(low, b.events(y_high, point.piece))
         twice = (beyond < -border) & (np.abs(low.distance) <= border)
         return b.anywhere(twice & (rate > _IDLE * b.largest(rate)))
@@ -250,7 +250,7 @@ class ExactSteps(Locator):
         tangent, gamma = kink.tangent, kink.gamma
         special = self.smooth_points(point, kink)
         incoming = Ray(point.piece, tangent)
-        tolerance = AT_BORDER * self.unit(y, point.piece)
+        tolerance = AT_BORDER * self.unit(b.events(y, point.piece))
         crossing = KinkRayFinder(self.corrector, y, point.piece, tolerance).cross(tangent)
         onwards, *others = crossing.rays or (None,)
         # Reject a ray on the old piece directly after the start: on a singular piece the computed

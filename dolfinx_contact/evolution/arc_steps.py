@@ -86,7 +86,7 @@ class ArcSteps(ExactSteps):
 
     def rate_problem(self, y: PETSc.Vec, piece: Piece) -> RateProblem:
         """Return the rate problem at a state, with the present memory. Collective."""
-        unit = self.unit(y, piece)
+        unit = self.unit(self.bordered.events(y, piece))
         return RateProblem(self.corrector, y, _AT_BORDER * unit, _BEYOND * unit)
 
     def leave(self, point: BranchPoint, ray: Ray) -> BranchPoint:
@@ -109,8 +109,8 @@ class ArcSteps(ExactSteps):
         Returns:
             End of the step; None if no step of at least the shortest length succeeds.
         """
-        distances = self.bordered.events(point.y, point.piece).distance
-        at_border = np.abs(distances) <= _AT_BORDER * self.unit(point.y, point.piece)
+        events = self.bordered.events(point.y, point.piece)
+        at_border = np.abs(events.distance) <= _AT_BORDER * self.unit(events)
         while h >= self.control.minimum:
             arrival = self._step_of(point, h, at_border, gamma_range)
             if arrival is not None:
@@ -141,8 +141,8 @@ class ArcSteps(ExactSteps):
             return None
         next_h = self._next_length(h, new)
         # the first border of the piece
-        distances = self.bordered.events(new.y, new.piece).distance
-        beyond = distances < -_BEYOND * self.unit(new.y, new.piece)
+        events = self.bordered.events(new.y, new.piece)
+        beyond = events.distance < -_BEYOND * self.unit(events)
         if self.bordered.anywhere(beyond):
             if self.bordered.anywhere(beyond & at_border):
                 return None
@@ -199,7 +199,8 @@ class ArcSteps(ExactSteps):
         growth = [(distances(p, _PROBE) - distances(p, -_PROBE)) / (2 * _PROBE) for p in ends]
         inside, _ = _cubic(at_ends, growth, length)
         dips = (growth[0] < 0) & (growth[1] > 0) & (np.minimum(*at_ends) >= 0)
-        dips &= inside.min(axis=0) < -_BEYOND * self.unit(new.y, new.piece)
+        unit = self.unit(b.events(new.y, new.piece))
+        dips &= inside.min(axis=0) < -_BEYOND * unit
         return b.anywhere(dips)
 
     def _at_end(self, point: BranchPoint, new: BranchPoint, gamma: float) -> BranchPoint:
