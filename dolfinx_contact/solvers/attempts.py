@@ -68,6 +68,7 @@ class Attempt:
         limit: cost at which the strategy gives up.
         evaluations: number of residual evaluations.
         linear_solver_failed: whether it ended because PETSc did not solve a linear system.
+        floats: whether it ended because a rigid motion of the body was free.
         state: evaluation at the solution, until the result is made; None if it must be repeated.
         series: further values reported by an algorithm, by name, one per iterate unless the
             algorithm states otherwise.
@@ -81,6 +82,7 @@ class Attempt:
     limit: float = math.inf
     evaluations: int = 0
     linear_solver_failed: bool = False
+    floats: bool = False
     state: Evaluation | None = None
     series: dict[str, list[float]] = field(default_factory=dict)
 

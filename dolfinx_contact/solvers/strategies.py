@@ -130,7 +130,6 @@ def solve(
         equations.options.check()
     bring_together(equations, x0)
     attempts: list[Attempt] = []
-    floating: set[str] = set()  # strategies in which a rigid motion was free
     x = x0.duplicate()
     # the last solution in which the body is turned inside out, and its attempt
     turned = x0.duplicate()
@@ -138,11 +137,8 @@ def solve(
     failed = False  # whether an iterative solver chosen by options failed
     for strategy in strategies(equations, trial, increments, start):
         name = strategy.name
-        # skip strategies that would fail for the same reason
-        if inverting and name != _INCREMENTS and inverting.strategy != _EXTRAPOLATED:
+        if _would_fail(name, attempts, inverting):
             continue
-        if name == _FOLLOWING and _INCREMENTS in floating and attempts[0].strategy in floating:
-            continue  # its branch begins where nothing holds the body
         # run the strategy from the start
         attempt = Attempt(name, limit=strategy.limit)
         attempts.append(attempt)
@@ -152,7 +148,7 @@ def solve(
             attempt.converged = strategy.solve(equations, linear, notify, x, attempt)
         except FloatingBodyError as error:
             attempt.reason = str(error)
-            floating.add(name)
+            attempt.floats = True
         # refuse a body that has drifted away, and inverted cells
         if attempt.converged:
             drift = diverged(equations, x)
@@ -175,9 +171,25 @@ def solve(
         # No other solution was found; the result contains a warning.
         attempts.append(Attempt(inverting.strategy, inverting.reason, converged=True))
         return turned, attempts
-    if attempts[0].strategy in floating:
+    if attempts[0].floats:
         raise FloatingBodyError(attempts[0].reason, attempts)
     raise ConvergenceError(_diagnosis(equations, attempts, failed=failed), attempts)
+
+
+def _would_fail(name: str, attempts: Sequence[Attempt], inverting: Attempt | None) -> bool:
+    """Return whether a strategy would fail for the reason of an earlier one.
+
+    Args:
+        name: name of the strategy.
+        attempts: attempts of the strategies before it.
+        inverting: attempt whose solution turns the body inside out; None if there is none.
+    """
+    if name == _FOLLOWING:  # its branch begins where nothing holds the body
+        increments = any(a.floats for a in attempts if a.strategy == _INCREMENTS)
+        if increments and attempts[0].floats:
+            return True
+    inverted_again = inverting is not None and inverting.strategy != _EXTRAPOLATED
+    return inverted_again and name != _INCREMENTS
 
 
 def _listed(places: Sequence[Sequence[float]]) -> str:
