@@ -108,7 +108,7 @@ class Constraints:
         crossing: list[Mask] = [np.zeros_like(s.points.vertex_gaps, dtype=bool) for s in surfaces]
         crossed: Mask = np.zeros(len(self.fixed), dtype=bool)
         if any(s.between_bodies for s in surfaces):
-            faces = [(s.points, s.obstacle.opposite) for s in surfaces]
+            faces = [(s.points.facets, s.obstacle.opposite) for s in surfaces]
             crossing, crossed = crossings(V, faces, self.fixed)
         for s, vertices in zip(surfaces, crossing, strict=True):
             s.hold(self.fixed, vertices)

@@ -141,7 +141,7 @@ class SurfaceRates:
             self._evaluators = s.points.evaluators(rates, offset)
         else:
             seen = {"seen": rate.of_expression(s.displaced.seen)}
-            self._evaluators = s.points.evaluator({**rates.at_points, **seen}), None
+            self._evaluate = s.points.evaluator({**rates.at_points, **seen})
 
     def __call__(self, state: ContactState) -> Array | None:
         """Return the derivative at fixed unknowns, shape (n, dim); None if it vanishes. Collective.
@@ -157,7 +157,7 @@ class SurfaceRates:
         moved = None
         if s.displaced is not None:
             assert at.place is not None
-            rates, moved = s.displaced.rates(self._evaluators[0], at.place, at.memory, at.frame)
+            rates, moved = s.displaced.rates(self._evaluate, at.place, at.memory, at.frame)
         else:
             rates, aside = s.points.rates(self._evaluators)
             if at.memory is not None:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,10 +18,12 @@ import basix
 
 from dolfinx_contact._arrays import Array, Ints, Mask
 from dolfinx_contact._geometry import area_vectors, balls, dot, tangential, unit
+from dolfinx_contact.points.operators import NodeWeights
 
 __all__ = [
     "Cover",
     "Faces",
+    "LinearBasis",
     "QuadratureRule",
     "basis",
     "cover",
@@ -109,11 +112,11 @@ class Cover:
         shapes = self.pieces[chosen], self.mine[chosen], self.theirs[chosen]
         return Cover(self.slave, self.master, *facets, *shapes)
 
-    def places(self) -> tuple[Ints, Ints, Array]:
+    def places(self) -> tuple[Ints, NodeWeights]:
         """Return the opposing points of slave corners, one for each piece at the corner.
 
         Returns:
-            Global slave nodes (n,), master nodes (n, k), and their weights of degree 1.
+            Global slave nodes (n,), and master nodes (n, k) with their weights of degree 1.
         """
         apart = np.linalg.norm(self.pieces[:, :, None] - self.mine[:, None], axis=3)
         size = np.ptp(self.mine, axis=1).max(axis=1)
@@ -121,7 +124,7 @@ class Cover:
         at = _reference(self.theirs[piece], self.mine[piece, corner][:, None])[:, 0]
         k = self.master.corners
         theirs = self.master.nodes[self.other[piece], :k]
-        return self.slave.nodes[self.facet[piece], corner], theirs, basis(at, k, 1)
+        return self.slave.nodes[self.facet[piece], corner], NodeWeights(theirs, basis(at, k, 1))
 
     def rule(self, degree: int) -> QuadratureRule:
         """Return quadrature points, exact for products of bases on parallelograms.
@@ -167,10 +170,22 @@ def basis(x: Array, corners: int, degree: int) -> Array:
     return tabulated(_element(corners, degree), x)[0]
 
 
-def linear_basis(x: Array, corners: int) -> tuple[Array, Array]:
-    """Return the basis of degree 1 (..., k) and its derivatives (..., k, dim - 1) at places."""
+class LinearBasis(NamedTuple):
+    """The Lagrange basis of degree 1 at places.
+
+    Attributes:
+        values: values, shape (..., k).
+        slopes: derivatives with respect to the reference coordinates, shape (..., k, dim - 1).
+    """
+
+    values: Array
+    slopes: Array
+
+
+def linear_basis(x: Array, corners: int) -> LinearBasis:
+    """Return the basis of degree 1 of facets with 2, 3 or 4 corners at places (..., dim - 1)."""
     table = tabulated(_element(corners, 1), x, 1)
-    return table[0], np.moveaxis(table[1:], 0, -1)
+    return LinearBasis(table[0], np.moveaxis(table[1:], 0, -1))
 
 
 def tangents(corners: Array, slopes: Array) -> Array:

@@ -2,14 +2,14 @@
 """Contact points of a surface: three discretisations of the same law.
 
 - ``"nodal"``: the points are the mesh nodes of the surface (vertex rule, P1 displacement). The
-  conditions hold node by node (`placements`).
+  conditions hold node by node (`NodePoints`).
 - ``"integral"``: the points are Gauss points of facets, or of the common parts of two faces that do
-  not match; P1 or P2 displacement. The conditions hold weakly (`placements`).
+  not match; P1 or P2 displacement. The conditions hold weakly (`FacetPoints`).
 - ``"mixed"``: the points are the vertices, and the multiplier is continuous and linear on every
   facet; P1 or P2 displacement. The conditions hold at every vertex for the means of gap and slip
   with the hat function of the vertex as weight (Hild, Int. J. Appl. Math. Comput. Sci. 12, 2002,
   section 2; Hild and Laborde, Appl. Numer. Math. 41, 2002). B is the inverse of the lumped mass
-  times the integrals of hat functions and displacements (`placements`).
+  times the integrals of hat functions and displacements (`AveragedPoints`).
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 from petsc4py import PETSc
 
@@ -30,6 +30,7 @@ from dolfinx_contact._arrays import Array, Indices, Ints, Mask
 from dolfinx_contact._compat import FacetSubmesh, merge_entity_maps
 from dolfinx_contact._geometry import dot, unit
 from dolfinx_contact._mpi import SharedValues, any_rank, maximum
+from dolfinx_contact._petsc import destroy, product
 from dolfinx_contact.body.bulk import circumference
 from dolfinx_contact.laws import PointData
 from dolfinx_contact.points.descriptions import ContactMethod
@@ -46,15 +47,39 @@ from dolfinx_contact.points.gauss_points import CommonGaussPoints, GaussPoints
 from dolfinx_contact.points.geometry import SurfaceFacets, SurfaceGeometry
 from dolfinx_contact.points.operators import (
     ConstantOperator,
+    NodeWeights,
     Operator,
     Stencils,
     multiplied,
     multiplied_transposed,
+    own_nodes,
+    rows_of,
+    scaled_rows,
 )
 from dolfinx_contact.points.opposite import Opposite
-from dolfinx_contact.points.trace import trace_dofs
+from dolfinx_contact.points.shared_functions import receiving_vertices, shared
+from dolfinx_contact.points.trace import point_ids, trace_dofs
 
-__all__ = ["ContactPoints"]
+__all__ = ["AveragedPoints", "ContactPoints", "Degrees", "Evaluators", "FacetPoints", "NodePoints"]
+
+
+class Degrees(NamedTuple):
+    """Polynomial degrees of displacement and multiplier."""
+
+    displacement: int
+    multiplier: int
+
+
+class Evaluators(NamedTuple):
+    """Evaluators of the data of a surface, or of their rates.
+
+    Attributes:
+        at_points: evaluator at the points.
+        average: evaluator of the ``offset`` that the mixed method averages; None in the others.
+    """
+
+    at_points: Evaluator
+    average: Evaluator | None = None
 
 
 class ContactPoints(ABC):
@@ -92,7 +117,6 @@ class ContactPoints(ABC):
         exchange: exchange of values at the points and their ghosts between ranks.
         vertex_gaps: gaps at the local vertices.
         vertex_normals: normals at the local vertices, shape (vertices, dim).
-        vertex_ids: keys of the vertices.
         operator: B, from displacements to jumps at the points.
         E: matrix from multipliers to tractions at the points; None for the identity.
     """
@@ -112,7 +136,6 @@ class ContactPoints(ABC):
     geometry: SurfaceGeometry
     vertex_gaps: Array
     vertex_normals: Array
-    vertex_ids: Ints
     operator: Operator
     #: Gauss points of the integral and the mixed method; None in the nodal method.
     _gauss: GaussPoints | None = None
@@ -126,7 +149,7 @@ class ContactPoints(ABC):
         self,
         V: fem.FunctionSpace,
         submesh: FacetSubmesh,
-        degrees: tuple[int, int],
+        degrees: Degrees,
         rule_degree: int,
         given: Given,
         opposite: Opposite | None = None,
@@ -136,7 +159,6 @@ class ContactPoints(ABC):
         self._V = V
         self.submesh = submesh
         self.given = given
-        self._degrees = degrees
         domain, facets = V.mesh, submesh.parent_facets
         self.comm = domain.comm
         self.dim = domain.geometry.dim
@@ -149,8 +171,9 @@ class ContactPoints(ABC):
         self.facets = SurfaceFacets(V, submesh, self.vertices, self.vertex_trace_dofs)
         self.Q = blocked_space(self.vertices, self.dim)
         self.trace_dofs = self.vertex_trace_dofs
-        if degrees[1] > 1:
-            self.Q = fem.functionspace(submesh.mesh, ("Lagrange", degrees[1], (self.dim,)))
+        if degrees.multiplier > 1:
+            Q = ("Lagrange", degrees.multiplier, (self.dim,))
+            self.Q = fem.functionspace(submesh.mesh, Q)
             self.trace_dofs = trace_dofs(V, self.Q, facets)
         self._at_nodes = measure_of(domain, facets, 1, "vertex")
         self._exact_degree = 2 * max(degrees) + axisymmetric
@@ -160,7 +183,7 @@ class ContactPoints(ABC):
         self._place(rule_degree, opposite)
         self.exchange = SharedValues(self.space.dofmap.index_map)
         self.number_everywhere: int = self.comm.allreduce(self.number)
-        self._evaluate, self._average = self.evaluators(given, given.gap * given.normal)
+        self._evaluators = self.evaluators(given, given.gap * given.normal)
         self.geometry = self._measure(opposite)
         self._set_operators(opposite)
         self.r: Array = np.ones(len(self.geometry.vertex_areas))
@@ -170,7 +193,7 @@ class ContactPoints(ABC):
 
     @abstractmethod
     def _place(self, rule_degree: int, opposite: Opposite | None) -> None:
-        """Set `space`, `number`, `ids` and `vertex_ids`. Collective."""
+        """Set `space`, `number` and `ids`. Collective."""
 
     @abstractmethod
     def _measure(self, opposite: Opposite | None) -> SurfaceGeometry:
@@ -212,10 +235,17 @@ class ContactPoints(ABC):
             return np.arange(len(self.facets.corners), dtype=np.int32)
         return np.unique(self._gauss.cells)
 
-    def evaluators(self, given: Given, offset: Any) -> tuple[Evaluator, Evaluator | None]:
-        """Return evaluators of ``given`` at the points, and of ``offset`` in the mixed method."""
+    def evaluators(self, given: Given, offset: Any) -> Evaluators:
+        """Return evaluators of ``given`` and of ``offset``, the product of gap and normal."""
         expressions = {"x": ufl.SpatialCoordinate(self._V.mesh), **given.at_points}
-        return self.evaluator(expressions), None
+        return Evaluators(self.evaluator(expressions))
+
+    def vertex_evaluator(self, expressions: Mapping[str, Any]) -> PointEvaluator:
+        """Return an evaluator of UFL on the body at the local vertices, by the vertex rule.
+
+        The rule also gives the values on the axis of a body of revolution.
+        """
+        return PointEvaluator(self.vertices, self._at_nodes, expressions, self._maps)
 
     def remove_overlap(self, gaps: Array, vertex_gaps: Array) -> None:
         """Subtract overlaps from all later gaps, in addition to earlier ones. Collective.
@@ -241,7 +271,7 @@ class ContactPoints(ABC):
 
     def update(self) -> None:
         """Evaluate the data. Collective."""
-        values = self._evaluate()
+        values = self._evaluators.at_points()
         at_vertices = self._given_at_vertices(values)
         self.vertex_gaps = at_vertices["gap"]
         self.vertex_normals = at_vertices["normal"]
@@ -253,7 +283,7 @@ class ContactPoints(ABC):
         self.positions = mine["x"]
         self.gaps = gap
         self.aside = np.zeros_like(normal)
-        offset = self._averaged(self._average, gap[:, None] * normal, normal)
+        offset = self._averaged(self._evaluators.average, gap[:, None] * normal, normal)
         if offset is not None:
             gap = dot(offset, normal)
             self.aside = offset - gap[:, None] * normal
@@ -263,14 +293,14 @@ class ContactPoints(ABC):
         """Return values at the points of this rank. Collective."""
         return {name: v[: self.number] for name, v in evaluate().items()}
 
-    def rates(self, evaluators: tuple[Evaluator, Evaluator | None]) -> tuple[PointData, Array]:
+    def rates(self, evaluators: Evaluators) -> tuple[PointData, Array]:
         """Return rates of data and of `aside` from the evaluators of rates. Collective."""
-        values = self.own(evaluators[0])
+        values = self.own(evaluators.at_points)
         n = self.data.n
         gap, normal = values["gap"], values["normal"]
         aside = np.zeros_like(n)
-        product = gap[:, None] * n + self.gaps[:, None] * normal
-        offset = self._averaged(evaluators[1], product, normal)
+        change = gap[:, None] * n + self.gaps[:, None] * normal
+        offset = self._averaged(evaluators.average, change, normal)
         if offset is not None:
             now = self.data.gap[:, None] * n + self.aside
             gap = dot(offset, n) + dot(now, normal)
@@ -349,7 +379,7 @@ class ContactPoints(ABC):
         """Return T = E l at the points (n, dim) for the owned multipliers. Collective."""
         if self.E is None:
             return multipliers.reshape(-1, self.dim).copy()
-        return multiplied(self.E, multipliers.reshape(-1, 1)).reshape(-1, self.dim)
+        return product(self.E, multipliers.reshape(-1)).reshape(-1, self.dim)
 
     def rows(self, values: Array) -> Array:
         """Return E^T W of values at the points (n, dim): owned contact rows. Collective."""
@@ -375,8 +405,7 @@ class ContactPoints(ABC):
         self._connect(self._jumps(opposite))
 
     def _connect(self, stencils: Stencils) -> None:
-        """Set B and E, and destroy their previous matrices. Collective."""
-        self._disconnect()
+        """Set B and E. Collective."""
         self._weights = stencils
         B = stencils.jump_matrix(self.comm, self._owned_nodes, self.dim)
         self.operator = ConstantOperator(stencils, self.areas, B)
@@ -384,14 +413,166 @@ class ContactPoints(ABC):
             nodes = self.Q.dofmap.index_map.size_local
             self.E = stencils.traction_matrix(self.comm, nodes, self.dim)
 
-    def destroy(self) -> None:
-        """Free the matrices."""
-        self._disconnect()
+    def _reconnect(self, stencils: Stencils) -> None:
+        """Replace B and E. Collective."""
+        assert isinstance(self.operator, ConstantOperator)
+        destroy(self.operator.B, self.E)
+        self._connect(stencils)
 
-    def _disconnect(self) -> None:
-        """Free B and E, and the matrix of shared functions."""
-        if hasattr(self, "operator"):
-            self.operator.destroy()
-        for A in (self.E, self._shared):
-            if A is not None:
-                A.destroy()
+
+class NodePoints(ContactPoints):
+    """Mesh nodes of a surface with the vertex rule."""
+
+    method: ClassVar[ContactMethod] = "nodal"
+
+    def _place(self, rule_degree: int, opposite: Opposite | None) -> None:
+        self.space = self.vertices
+        self.number = int(self.vertices.dofmap.index_map.size_local)
+        self.ids = point_ids(self.vertices)
+
+    def _measure(self, opposite: Opposite | None) -> SurfaceGeometry:
+        geometry = self._geometry(opposite, self._evaluators.at_points.areas)
+        self.areas = geometry.vertex_areas[: self.number].copy()
+        return geometry
+
+    def evaluator(self, expressions: Mapping[str, Any]) -> Evaluator:
+        return self.vertex_evaluator(expressions)
+
+    def _given_at_vertices(self, values: Mapping[str, Array]) -> Mapping[str, Array]:
+        return values
+
+    def from_vertices(self, values: Array) -> Array:
+        return values[: self.number]
+
+    def at_vertices(self, values: Array) -> Array:
+        return self.exchange.from_owners(values)
+
+    def _jumps(self, opposite: Opposite | None) -> Stencils:
+        nodes = self.trace_dofs[: self.number]
+        here = self._each_alone(own_nodes(self._V, nodes))
+        return here if opposite is None else here.minus(self._each_alone(opposite.at(nodes)))
+
+    def _each_alone(self, rows: NodeWeights) -> Stencils:
+        """Return the stencils of points that are multiplier nodes."""
+        n = self.number
+        mine = np.arange(n, dtype=np.int64)[:, None]
+        return Stencils(
+            points=mine,
+            nodes=rows.nodes,
+            weights=rows.weights[:, None, :],
+            multiplier_nodes=self.Q.dofmap.index_map.local_range[0] + mine,
+            multiplier_weights=np.ones((n, 1, 1)),
+            identity=True,
+        )
+
+    def _give(self, given: Mask, idle: Mask) -> Mask:
+        D, self.areas, given = shared(self.vertices, given, idle, self.areas)
+        self.geometry.vertex_areas = self.exchange.from_owners(self.areas)
+        plain = self._weights.jump_matrix(self.comm, self._owned_nodes, 1)
+        means = self._each_alone(rows_of(D.matMult(plain)))
+        plain.destroy()
+        self._reconnect(means)
+        self._shared = D
+        self.update()
+        return given
+
+
+class AveragedPoints(NodePoints):
+    """Vertices in the mixed method, at which jumps and gaps are weighted means.
+
+    The weights are the hat functions of the multiplier, integrated over the surface by Gauss
+    points.
+    """
+
+    method: ClassVar[ContactMethod] = "mixed"
+    _gauss: GaussPoints
+
+    def _place(self, rule_degree: int, opposite: Opposite | None) -> None:
+        super()._place(rule_degree, opposite)
+        self._gauss = self._gauss_points(rule_degree, opposite)
+
+    def evaluators(self, given: Given, offset: Any) -> Evaluators:
+        average = self._gauss.evaluator({"offset": offset})
+        return super().evaluators(given, offset)._replace(average=average)
+
+    def _measure(self, opposite: Opposite | None) -> SurfaceGeometry:
+        assert self._evaluators.average is not None
+        areas = self._evaluators.average.areas[: self._gauss.number]
+        self._at_gauss = self._gauss.jumps(self.Q, opposite)
+        hats = self._at_gauss.traction_matrix(self.comm, self.number, 1)
+        #: Matrix of the weighted means, from Gauss points to the owned vertices.
+        self._means = hats.transpose(PETSc.Mat())
+        hats.destroy()
+        points = self._means.createVecs(side="right")
+        points.array[:] = areas
+        self._means.diagonalScale(None, points)
+        points.destroy()
+        self.areas = scaled_rows(self._means)
+        if opposite is not None and opposite.areas is not None:
+            # vertices of uncovered facets have no traction, so that any area serves
+            whole = opposite.areas[self.vertex_trace_dofs[: self.number]]
+            self.areas = np.where(self.areas > 0.0, self.areas, whole)
+        averaged = self.exchange.from_owners(self.areas)
+        return self._geometry(opposite, self._evaluators.at_points.areas, averaged)
+
+    def _jumps(self, opposite: Opposite | None) -> Stencils:
+        at_gauss = self._at_gauss.jump_matrix(self.comm, self._owned_nodes, 1)
+        rows = rows_of(self._means.matMult(at_gauss))
+        at_gauss.destroy()
+        return self._each_alone(rows)
+
+    def _averaged(self, average: Evaluator | None, offset: Array, normal: Array) -> Array | None:
+        assert average is not None
+        means = multiplied(self._means, average()["offset"][: self._gauss.number])
+        if self.removed_overlap is not None:
+            means = means + self.removed_overlap.x.array[: self.number, None] * normal
+        return means if self._shared is None else super()._averaged(None, means, normal)
+
+
+class FacetPoints(ContactPoints):
+    """Gauss points of facets, or of the common parts of two faces that do not match."""
+
+    method: ClassVar[ContactMethod] = "integral"
+    _gauss: GaussPoints
+
+    def _place(self, rule_degree: int, opposite: Opposite | None) -> None:
+        self._gauss = self._gauss_points(rule_degree, opposite)
+        self.space = self._gauss.space
+        self.number = self._gauss.number
+        self.ids = point_ids(self.vertices, self._gauss.cells, self._gauss.numbers)
+
+    def _measure(self, opposite: Opposite | None) -> SurfaceGeometry:
+        self.areas = self._evaluators.at_points.areas[: self.number].copy()
+        self._of_vertices = self.vertex_evaluator(self.given.at_points)
+        return self._geometry(opposite, self._of_vertices.areas)
+
+    def evaluator(self, expressions: Mapping[str, Any]) -> Evaluator:
+        return self._gauss.evaluator(expressions)
+
+    def _given_at_vertices(self, values: Mapping[str, Array]) -> Mapping[str, Array]:
+        return self._of_vertices()
+
+    def from_vertices(self, values: Array) -> Array:
+        return self._gauss.from_vertices(values)
+
+    def at_vertices(self, values: Array) -> Array:
+        return self._gauss.at_vertices(values, self.areas)
+
+    def _jumps(self, opposite: Opposite | None) -> Stencils:
+        return self._gauss.jumps(self.Q, opposite)
+
+    def _give(self, given: Mask, idle: Mask) -> Mask:
+        # tractions are sums of functions of degree 1, which are given away
+        receivers, given = receiving_vertices(self.vertices, given, idle)
+        corners = self.Q.dofmap.list[self._gauss.cells]
+        of_corners = self._weights.multiplier_weights
+        weights = of_corners[..., None] * receivers.weights[corners][:, None]
+        groups, p, k, n = weights.shape
+        self._reconnect(
+            replace(
+                self._weights,
+                multiplier_nodes=receivers.nodes[corners].reshape(groups, k * n),
+                multiplier_weights=weights.reshape(groups, p, k * n),
+            )
+        )
+        return given

@@ -27,6 +27,7 @@ from dolfinx_contact._validate import (
     count,
     flag,
     instance,
+    number,
     one_of,
     positive,
     read_only,
@@ -38,7 +39,7 @@ from dolfinx_contact.laws import Frictionless, Law
 from dolfinx_contact.meshing import GmshMesh
 from dolfinx_contact.obstacles import Obstacle, has_ufl
 from dolfinx_contact.points.rigid_body import RigidBody
-from dolfinx_contact.points.trace import checked_planes, exterior_facets
+from dolfinx_contact.points.trace import exterior_facets
 
 __all__ = [
     "Contact",
@@ -219,7 +220,7 @@ def _check_pair(a: Arguments) -> None:
     degree = _check_common(a)
     dim = a.u.function_space.mesh.geometry.dim
     large = a.sliding == "large"
-    a.symmetry = checked_planes(a.symmetry, dim, a.name) or None
+    a.symmetry = _planes(a.symmetry, dim, a.name) or None
     Overlap.of(a)
     # arguments that exclude each other
     present = {name for name, value in vars(a).items() if value is not None}
@@ -272,10 +273,24 @@ def _unit(value: Any, dim: int, name: str) -> Array:
     return v / np.linalg.norm(v)
 
 
+def _planes(symmetry: Any, dim: int, name: str) -> dict[int, float]:
+    """Return planes of symmetry by axis, or raise ``ValueError``. Not collective."""
+    if symmetry is None:
+        return {}
+    instance(symmetry, f"{name}: symmetry", dict, "planes by their axis, as {0: 0.0} for x = 0")
+    what = f"{name}: an axis of symmetry"
+    return {
+        one_of(int(count(axis, what, 0)), what, range(dim)): number(
+            symmetry[axis], f"{name}: a plane of symmetry"
+        )
+        for axis in sorted(symmetry, key=str)
+    }
+
+
 def _check_self(a: Arguments) -> None:
     _check_sliding(a, _check_common(a), "self-contact")
     dim = a.u.function_space.mesh.geometry.dim
-    a.symmetry = checked_planes(a.symmetry, dim, a.name)
+    a.symmetry = _planes(a.symmetry, dim, a.name)
     Overlap.of(a)
     direction = np.eye(dim)[-1] if a.direction is None else a.direction
     a.direction = _unit(direction, dim, f"{a.name}: the direction")

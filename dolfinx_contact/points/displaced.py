@@ -57,7 +57,6 @@ import ufl
 from dolfinx import fem, mesh
 
 from dolfinx_contact._arrays import Array
-from dolfinx_contact._compat import merge_entity_maps
 from dolfinx_contact._geometry import dot, node_positions, transformed
 from dolfinx_contact._mpi import maximum, require
 from dolfinx_contact.laws import LawAtPoints, PointData
@@ -69,13 +68,12 @@ from dolfinx_contact.points.descriptions import SlidingKind
 from dolfinx_contact.points.evaluation import (
     Evaluator,
     Given,
-    PointEvaluator,
     blocked_space,
     fields_of,
-    measure_of,
 )
-from dolfinx_contact.points.kinematics import rotation
+from dolfinx_contact.points.kinematics import Kinematics, rotation
 from dolfinx_contact.points.memory import Memory
+from dolfinx_contact.points.operators import Operator
 from dolfinx_contact.points.rigid_body import RigidBody, shape_of
 
 __all__ = ["DisplacedPoints", "TrueGaps", "displaced_points", "follows"]
@@ -225,7 +223,7 @@ class DisplacedPoints:
         """
         points = self._points
         given = {"width": points.geometry.facet_widths, "out": ufl.FacetNormal(self._domain)}
-        here, there = points.own(points.evaluator(given)), self._evaluator_at_vertices(given)()
+        here, there = points.own(points.evaluator(given)), points.vertex_evaluator(given)()
         x = node_positions(points.vertices)[:, : points.dim]
         gaps = self._started(points.positions, here, points.removed_overlap, most)
         return gaps, self._started(x, there, points.removed_at_vertices, most)
@@ -247,15 +245,22 @@ class DisplacedPoints:
         for f, values in ((self._moved, place), (self._moved_before, there)):
             f.x.array[:] = self._points.exchange.from_owners(values).reshape(-1)
 
-    def at(
-        self, place: Array, memory: Memory | None, frame: Array | None
-    ) -> tuple[PointData, Array, Array]:
-        """Return data of the law, its jump, and the part of the slip that memory hides from it.
+    def kinematics(
+        self,
+        operator: Operator,
+        place: Array,
+        motion: Array | None,
+        frame: Array | None,
+        memory: Memory | None,
+    ) -> Kinematics:
+        """Return the jumps at displaced points and the data of the law, without its memory.
 
         Args:
+            operator: B.
             place: displacements of the points, shape (n, dim).
-            memory: memory at the last accepted state.
+            motion: motion of the rigid body with which the frame turns; None if it does not turn.
             frame: rotation Q, shape (dim, dim); None for the identity.
+            memory: memory at the last accepted state.
         """
         self._place(place, None if memory is None else memory.place)
         found = self._points.own(self._evaluate)
@@ -275,7 +280,8 @@ class DisplacedPoints:
         turn, moved = (Q @ found[name] @ Q.T for name in ("turn", "moved"))
         plain = self._points.data
         none = np.zeros(self._points.number)
-        return PointData(normal, none, plain.r, plain.fields, turn, moved), seen, reference
+        data = PointData(normal, none, plain.r, plain.fields, turn, moved)
+        return Kinematics(operator, seen, reference, data, place, frame, motion, memory)
 
     def rates(
         self, evaluate: Evaluator, place: Array, memory: Memory | None, frame: Array | None
@@ -320,16 +326,11 @@ class DisplacedPoints:
             x = ufl.SpatialCoordinate(self._domain) + moved
             gap, normal = self._shape(removed).at(self._domain, x)
             given = {"gap": gap + _removed(removed), "normal": normal}
-            self._at_vertices = moved, self._evaluator_at_vertices(given)
+            self._at_vertices = moved, points.vertex_evaluator(given)
         moved, evaluate = self._at_vertices
         moved.x.array[:] = place.reshape(-1)
         values = evaluate()
         return values["gap"], values["normal"]
-
-    def _evaluator_at_vertices(self, expressions: dict[str, Any]) -> PointEvaluator:
-        submesh = self._points.submesh
-        ds = measure_of(self._domain, submesh.parent_facets, 1, "vertex")
-        return PointEvaluator(self._points.vertices, ds, expressions, merge_entity_maps([submesh]))
 
 
 def _removed(overlap: fem.Function | None) -> Any:

@@ -8,8 +8,9 @@ test: with a few points per facet, the forces on the master are wrong by several
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -29,7 +30,7 @@ from dolfinx_contact.points.evaluation import (
     measure_of,
     point_space,
 )
-from dolfinx_contact.points.operators import Stencils, Trace, trace_of
+from dolfinx_contact.points.operators import NodeWeights, Stencils, own_nodes
 from dolfinx_contact.points.opposite import Common, Opposite
 from dolfinx_contact.points.trace import cells_of, trace_dofs
 
@@ -132,31 +133,35 @@ class GaussPoints:
 
     def jumps(self, Q: fem.FunctionSpace, opposite: Opposite | None) -> Stencils:
         """Return the stencils of jumps, and of multipliers in the space Q. Collective."""
-        here = self._stencils(Q, trace_of(self._V))
+        here = self._stencils(Q, partial(own_nodes, self._V))
         return here if opposite is None else here.minus(self._opposing(Q, here, opposite))
 
     def _opposing(self, Q: fem.FunctionSpace, here: Stencils, opposite: Opposite) -> Stencils:
         """Return the stencils of the positions opposite to the points. Collective."""
         return self._stencils(Q, opposite.at)
 
-    def _stencils(self, Q: fem.FunctionSpace, trace: Trace) -> Stencils:
-        """Return the stencils of the displacement of a trace. Collective."""
+    def _stencils(self, Q: fem.FunctionSpace, trace: Callable[[Indices], NodeWeights]) -> Stencils:
+        """Return the stencils of a displacement. Collective.
+
+        Args:
+            Q: space of the multiplier.
+            trace: function from local nodes of the slave to nodes with weights that displace them.
+        """
         degree = self._V.ufl_element().degree
         U = self._vertices
         if degree > 1:
             U = fem.functionspace(self._submesh.mesh, ("Lagrange", degree))
         at = trace_dofs(self._V, U, self._submesh.parent_facets)[U.dofmap.list[self.cells]]
-        nodes, shares = trace(at)  # (groups, basis functions, nodes of each)
-        mine = Q.dofmap.list[self.cells]
-        weights = self._table(U)[..., None] * shares[:, None]
+        displacing = trace(at)  # (groups, basis functions, nodes of each)
+        weights = self._table(U)[..., None] * displacing.weights[:, None]
         groups, p, k, width = weights.shape
         return Stencils(
-            self.numbers,
-            nodes.reshape(groups, k * width),
-            weights.reshape(groups, p, k * width),
-            global_numbers(Q.dofmap.index_map, mine),
-            self._table(Q),
-            False,
+            points=self.numbers,
+            nodes=displacing.nodes.reshape(groups, k * width),
+            weights=weights.reshape(groups, p, k * width),
+            multiplier_nodes=global_numbers(Q.dofmap.index_map, Q.dofmap.list[self.cells]),
+            multiplier_weights=self._table(Q),
+            identity=False,
         )
 
 

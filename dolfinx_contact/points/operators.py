@@ -19,9 +19,8 @@ proofs) takes it from `DiscreteSurface.constant_operator`, which refuses any oth
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -33,34 +32,20 @@ from dolfinx import fem
 from dolfinx_contact._arrays import Array, Indices, Ints, Mask
 from dolfinx_contact._geometry import global_numbers
 from dolfinx_contact._mpi import SharedValues
-from dolfinx_contact._petsc import triplet_matrix
+from dolfinx_contact._petsc import product, triplet_matrix
 
 __all__ = [
     "ConstantOperator",
+    "NodeWeights",
     "Operator",
     "Stencils",
-    "Trace",
     "multiplied",
     "multiplied_transposed",
+    "own_nodes",
     "rows_of",
     "rows_with_ghosts",
     "scaled_rows",
-    "trace_of",
 ]
-
-
-#: Function from local nodes of the displacement to global nodes and their weights (..., k).
-Trace = Callable[[Indices], tuple[Ints, Array]]
-
-
-def trace_of(V: fem.FunctionSpace) -> Trace:
-    """Return the trace of the body itself: every node, with weight 1."""
-
-    def trace(nodes: Indices) -> tuple[Ints, Array]:
-        numbers = global_numbers(V.dofmap.index_map, nodes[..., None])
-        return numbers, np.ones(numbers.shape)
-
-    return trace
 
 
 class Operator(ABC):
@@ -117,10 +102,6 @@ class Operator(ABC):
             Matrix from a scalar at the nodes to one at the points.
         """
 
-    @abstractmethod
-    def destroy(self) -> None:
-        """Free the matrices."""
-
 
 @dataclass(frozen=True, eq=False)
 class ConstantOperator(Operator):
@@ -137,7 +118,7 @@ class ConstantOperator(Operator):
     B: PETSc.Mat
 
     def apply(self, v: Array) -> Array:
-        return multiplied(self.B, v.reshape(-1, 1)).reshape(-1, v.shape[1])
+        return product(self.B, v.reshape(-1)).reshape(-1, v.shape[1])
 
     def rate(self, v: Array) -> Array:
         return self.apply(v)
@@ -150,9 +131,6 @@ class ConstantOperator(Operator):
 
     def scalar_matrix(self, comm: MPI.Comm, nodes: int) -> PETSc.Mat:
         return self.stencils.jump_matrix(comm, nodes, 1)
-
-    def destroy(self) -> None:
-        self.B.destroy()
 
 
 @dataclass(frozen=True)
@@ -191,30 +169,42 @@ class Stencils:
             nodes: number of displacement nodes owned by this rank.
             dim: number of components; 1 for the matrix b of weights.
         """
-        return weights_matrix(comm, self.points, self.nodes, self.weights, nodes, dim)
+        return self._matrix(comm, self.nodes, self.weights, nodes, dim)
 
     def traction_matrix(self, comm: MPI.Comm, nodes: int, dim: int) -> PETSc.Mat:
         """Return the matrix E, which maps multipliers to tractions at the points. Collective."""
-        weights = self.multiplier_weights
-        return weights_matrix(comm, self.points, self.multiplier_nodes, weights, nodes, dim)
+        return self._matrix(comm, self.multiplier_nodes, self.multiplier_weights, nodes, dim)
+
+    def _matrix(
+        self, comm: MPI.Comm, nodes: Ints, weights: Array, owned_nodes: int, dim: int
+    ) -> PETSc.Mat:
+        """Return the matrix weights (x) I, from vectors at nodes to the points. Collective."""
+        n = int(self.points.size)
+        along = np.arange(dim)
+        rows = (comm.exscan(dim * n) or 0) + dim * self.points[:, :, None, None] + along
+        columns = dim * nodes[:, None, :, None] + along
+        return triplet_matrix(comm, (dim * n, dim * owned_nodes), rows, columns, weights[..., None])
 
 
-def weights_matrix(
-    comm: MPI.Comm,
-    points: Ints,
-    nodes: Ints,
-    weights: Array,
-    owned_nodes: int,
-    dim: int,
-) -> PETSc.Mat:
-    """Return the matrix weights (x) I, from vectors at nodes to vectors at points. Collective."""
-    n = int(points.size)
-    first = comm.exscan(dim * n) or 0
-    along = np.arange(dim)
-    rows = first + dim * points[:, :, None, None] + along
-    columns = dim * nodes[:, None, :, None] + along
-    shape = dim * n, dim * owned_nodes
-    return triplet_matrix(comm, shape, rows, columns, weights[..., None])
+# -- weighted sums of nodal values ----------------------------------------------------------------
+
+
+class NodeWeights(NamedTuple):
+    """Weighted sums of nodal values.
+
+    Attributes:
+        nodes: global nodes, shape (..., k).
+        weights: their weights, shape (..., k); nodes of weight 0 are copies of any node.
+    """
+
+    nodes: Ints
+    weights: Array
+
+
+def own_nodes(V: fem.FunctionSpace, nodes: Indices) -> NodeWeights:
+    """Return local nodes with the weight 1: the trace of the body itself."""
+    numbers = global_numbers(V.dofmap.index_map, nodes[..., None])
+    return NodeWeights(numbers, np.ones(numbers.shape))
 
 
 def scaled_rows(A: PETSc.Mat) -> Array:
@@ -227,11 +217,8 @@ def scaled_rows(A: PETSc.Mat) -> Array:
     return sums
 
 
-def rows_of(A: PETSc.Mat) -> tuple[Ints, Array]:
-    """Return nodes and weights (n, k) of the rows of a matrix, which is destroyed.
-
-    Nodes of weight 0 are copies of any node.
-    """
+def rows_of(A: PETSc.Mat) -> NodeWeights:
+    """Return nodes and weights (n, k) of the rows of a matrix, which is destroyed."""
     indptr, columns, values = A.getValuesCSR()
     A.destroy()
     counts = np.diff(indptr)
@@ -239,31 +226,21 @@ def rows_of(A: PETSc.Mat) -> tuple[Ints, Array]:
     place = indptr[:-1, None] + np.clip(counts[:, None] - 1, 0, np.arange(width))
     nodes = np.append(columns, 0)[place].astype(np.int64)
     held = np.arange(width) < counts[:, None]
-    return nodes, np.where(held, np.append(values, 0.0)[place], 0.0)
+    return NodeWeights(nodes, np.where(held, np.append(values, 0.0)[place], 0.0))
 
 
-def rows_with_ghosts(
-    comm: MPI.Comm, index_map: Any, nodes: Ints, weights: Array
-) -> tuple[Ints, Array]:
+def rows_with_ghosts(comm: MPI.Comm, index_map: Any, owned: NodeWeights) -> NodeWeights:
     """Return nodes and weights of all local rows from the owned rows. Collective."""
-    width = comm.allreduce(nodes.shape[1], op=max)
-    rows = np.zeros((index_map.size_local, 2 * width))
-    rows[:, : nodes.shape[1]] = nodes
-    rows[:, width : width + nodes.shape[1]] = weights
-    rows = SharedValues(index_map).from_owners(rows)
-    return rows[:, :width].astype(np.int64), rows[:, width:].copy()
+    k = owned.nodes.shape[1]
+    padding = (0, 0), (0, comm.allreduce(k, op=max) - k)
+    rows = np.stack([np.pad(part, padding) for part in owned], axis=2, dtype=np.float64)
+    nodes, weights = np.moveaxis(SharedValues(index_map).from_owners(rows), 2, 0)
+    return NodeWeights(nodes.astype(np.int64), weights.copy())
 
 
 def multiplied(A: PETSc.Mat, values: Array) -> Array:
     """Return A times every column of values (n, k). Collective."""
-    x, y = A.createVecs()
-    found = np.empty((y.getLocalSize(), values.shape[1]))
-    for i, column in enumerate(values.T):
-        x.array[:] = column
-        A.mult(x, y)
-        found[:, i] = y.array_r
-    x.destroy(), y.destroy()
-    return found
+    return np.stack([product(A, column) for column in values.T], axis=1)
 
 
 def multiplied_transposed(A: PETSc.Mat, values: Array) -> Array:

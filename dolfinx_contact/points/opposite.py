@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -40,7 +40,7 @@ from dolfinx_contact.points.clipping import Cover, Faces, cover
 from dolfinx_contact.points.descriptions import ContactPair, Overlap
 from dolfinx_contact.points.evaluation import at_nodes
 from dolfinx_contact.points.mortar import between, coupling
-from dolfinx_contact.points.operators import rows_of, rows_with_ghosts, scaled_rows
+from dolfinx_contact.points.operators import NodeWeights, rows_of, rows_with_ghosts, scaled_rows
 from dolfinx_contact.points.revolution import mirrored
 from dolfinx_contact.points.search import around, faces_of, nearest, opposing_facets
 from dolfinx_contact.points.trace import (
@@ -51,7 +51,7 @@ from dolfinx_contact.points.trace import (
     unit_field,
 )
 
-__all__ = ["CURVED_OVERLAP", "Common", "Opposite", "OppositeFacets"]
+__all__ = ["CURVED_OVERLAP", "Common", "Opposite", "OppositeFacets", "Sides"]
 
 
 # relative to the size of a facet
@@ -63,6 +63,13 @@ _ROUND_OFF = 1e-9  # gap that is round-off
 _FACING = 0.5  # smallest cosine between the normals of a given surface and of the slave
 _ASLANT = 0.5  # smallest cosine between a given normal and the normal of a facet
 _FAR = 10.0  # sizes of the mesh, the gap of a node that has nothing opposite
+
+
+class Sides(NamedTuple):
+    """Masks of the local nodes on slave and master."""
+
+    slave: Mask
+    master: Mask
 
 
 @dataclass(frozen=True)
@@ -89,7 +96,7 @@ class Opposite:
         weights: their weights, shape (m, k); nodes of weight 0 are copies of any node.
         none: mask of the local nodes without an opposing point, or opposite to themselves.
         areas: covered areas of the local nodes at corners of facets; None if faces match.
-        sides: masks of the local nodes on slave and master.
+        sides: local nodes on slave and master.
         master_facets: local master facets, ghosts included.
         common: common parts of the faces; None if they match.
     """
@@ -98,7 +105,7 @@ class Opposite:
     weights: Array
     none: Mask
     areas: Array | None
-    sides: tuple[Mask, Mask]
+    sides: Sides
     master_facets: Indices
     common: Common | None = None
 
@@ -107,10 +114,10 @@ class Opposite:
         """Whether every node has one opposing node."""
         return self.common is None
 
-    def at(self, nodes: Indices) -> tuple[Ints, Array]:
+    def at(self, nodes: Indices) -> NodeWeights:
         """Return nodes and weights (..., k) opposite to local nodes of the slave."""
-        rows = np.cumsum(self.sides[0])[nodes] - 1
-        return self.nodes[rows], self.weights[rows]
+        rows = np.cumsum(self.sides.slave)[nodes] - 1
+        return NodeWeights(self.nodes[rows], self.weights[rows])
 
     def values(self, comm: MPI.Comm, values: Array, *, sizes: bool = False) -> Array:
         """Return values opposite to the local nodes, 0 off the slave. Collective.
@@ -120,7 +127,7 @@ class Opposite:
             values: values at the owned nodes, shape (n, ...).
             sizes: whether the absolute values of the weights are used.
         """
-        slave = self.sides[0]
+        slave = self.sides.slave
         found = np.zeros((len(slave), *values.shape[1:]))
         every = at_global_places(comm, values, self.nodes)
         weights = np.abs(self.weights) if sizes else self.weights
@@ -151,7 +158,7 @@ class OppositeFacets(Obstacle):
     opposite: Opposite
 
     def __init__(self, pair: ContactPair, slave: Indices, master: Indices):
-        faces = _Sides(pair, slave, master)
+        faces = _Faces(pair, slave, master)
         V, name, normal = faces.V, faces.name, faces.normal
         domain, comm = V.mesh, V.mesh.comm
         W = fem.functionspace(domain, ("Lagrange", 1))
@@ -190,7 +197,7 @@ class OppositeFacets(Obstacle):
 
 
 @dataclass(frozen=True)
-class _Sides:
+class _Faces:
     """Slave and master. Properties are collective.
 
     Attributes:
@@ -219,9 +226,9 @@ class _Sides:
         return None if self.pair.normal is None else np.asarray(self.pair.normal)
 
     @cached_property
-    def nodes(self) -> tuple[Mask, Mask]:
-        """Masks of the local nodes on slave and master."""
-        return nodes_on(self.V, self.slave), nodes_on(self.V, self.master)
+    def sides(self) -> Sides:
+        """Local nodes on slave and master."""
+        return Sides(nodes_on(self.V, self.slave), nodes_on(self.V, self.master))
 
     @cached_property
     def facets(self) -> Faces:
@@ -249,7 +256,7 @@ class _Sides:
 
 
 def _to_surface(
-    W: fem.FunctionSpace, surface: Obstacle, normals: Array, faces: _Sides
+    W: fem.FunctionSpace, surface: Obstacle, normals: Array, faces: _Faces
 ) -> tuple[Array, Array]:
     """Return gaps and normals of a given surface at the slave nodes, zero elsewhere. Collective."""
     gaps, shape = at_nodes(W, surface)
@@ -266,7 +273,7 @@ def _to_surface(
     return gaps, np.where(on_slave[:, None], shape, 0.0)
 
 
-def _gaps(faces: _Sides, opposite: Opposite) -> Array:
+def _gaps(faces: _Faces, opposite: Opposite) -> Array:
     """Return gaps at local nodes along the normals; large without an opposing point. Collective."""
     V, x = faces.V, faces.x
     there = opposite.values(V.mesh.comm, x[: V.dofmap.index_map.size_local])
@@ -277,7 +284,7 @@ def _gaps(faces: _Sides, opposite: Opposite) -> Array:
     return gaps
 
 
-def _matched(faces: _Sides) -> Opposite | None:
+def _matched(faces: _Faces) -> Opposite | None:
     """Return the opposing master node of each slave node; None if faces do not match. Collective.
 
     It is the nearest node. If a normal is given, it is the nearest in the projection along this
@@ -288,12 +295,12 @@ def _matched(faces: _Sides) -> Opposite | None:
     index_map = V.dofmap.index_map
     x = faces.x
     theirs = outward_normals(V, faces.master)
-    against = faces.nodes[1]
+    against = faces.sides.master
     if given is not None:
         x = tangential(x, given)
         against = against & (theirs @ given < 0)
     on_master = np.flatnonzero(against[: index_map.size_local])
-    mine = np.flatnonzero(faces.nodes[0])
+    mine = np.flatnonzero(faces.sides.slave)
     first = index_map.local_range[0]
     known = {"x": x[on_master], "normal": theirs[on_master], "node": first + on_master}
     found = nearest(comm, known, x[mine])
@@ -325,11 +332,17 @@ def _matched(faces: _Sides) -> Opposite | None:
     )
     none = np.zeros(len(x), dtype=bool)
     none[mine] = itself
-    weights = np.ones((len(mine), 1))
-    return Opposite(nodes[:, None], weights, none, None, faces.nodes, faces.master)
+    return Opposite(
+        nodes=nodes[:, None],
+        weights=np.ones((len(mine), 1)),
+        none=none,
+        areas=None,
+        sides=faces.sides,
+        master_facets=faces.master,
+    )
 
 
-def _facets_differ(faces: _Sides) -> bool:
+def _facets_differ(faces: _Faces) -> bool:
     """Return whether a facet and the nearest master facet have different areas. Collective.
 
     Nodes of finer facets lie between the nodes that have an opposing node.
@@ -349,7 +362,7 @@ def _facets_differ(faces: _Sides) -> bool:
     return bool(count_of(faces.V.mesh.comm, off))
 
 
-def _mortar(faces: _Sides) -> Opposite:
+def _mortar(faces: _Faces) -> Opposite:
     """Return the weights of a mortar; see `mortar`. Collective.
 
     For degree 2 these are the weights at the corners of facets; nodes between them have means.
@@ -361,7 +374,7 @@ def _mortar(faces: _Sides) -> Opposite:
     degree = V.ufl_element().degree
     curved = V.mesh.ufl_domain().ufl_coordinate_element().degree > 1
     require(comm, not curved, f"{name}: cells are curved where faces do not match")
-    shared = count_of(comm, (faces.nodes[0] & faces.nodes[1])[:n])
+    shared = count_of(comm, (faces.sides.slave & faces.sides.master)[:n])
     require(comm, shared == 0, f"{name}: slave and master touch at {shared} nodes of the mesh")
     facets = owned_facets(V.mesh, faces.slave)
     mine = faces.facets
@@ -381,29 +394,35 @@ def _mortar(faces: _Sides) -> Opposite:
     # without an opposing point there is no traction, and any area serves
     areas = np.where(sums > 0, sums, size ** (V.mesh.geometry.dim - 1))
 
-    def opposite(rows: Ints, columns: Ints, values: Array, common: Common | None) -> Opposite:
-        A = triplet_matrix(comm, (n, n), rows, columns, values)
-        if degree > 1 and common is not None:
-            A = between(comm, A, mine.nodes[marked], mine.corners)
-        means = _means(V, A, faces.nodes[0])
-        return Opposite(*means, areas, faces.nodes, faces.master, common)
-
-    nodes, others, shares = common.places()
-    places = opposite(nodes[:, None], others, shares, None)
-    return opposite(found.slave, found.master, found.values, Common(facets, common, places))
+    means = triplet_matrix(comm, (n, n), found.slave, found.master, found.values)
+    if degree > 1:
+        means = between(comm, means, mine.nodes[marked], mine.corners)
+    nodes, there = common.places()
+    places = triplet_matrix(comm, (n, n), nodes[:, None], there.nodes, there.weights)
+    at_places = _by_rows(faces, places, areas)
+    return _by_rows(faces, means, areas, Common(facets, common, at_places))
 
 
-def _means(V: fem.FunctionSpace, A: PETSc.Mat, on_slave: Mask) -> tuple[Ints, Array, Mask]:
-    """Return the rows of a matrix as weighted means, as in `Opposite`. Collective.
+def _by_rows(faces: _Faces, A: PETSc.Mat, areas: Array, common: Common | None = None) -> Opposite:
+    """Return opposing points with the rows of a matrix as weights. Collective.
 
     The matrix is destroyed. Its row sums are the areas, except for round-off.
     """
-    index_map = V.dofmap.index_map
+    comm, index_map = faces.V.mesh.comm, faces.V.dofmap.index_map
+    slave = faces.sides.slave
     # a node without an opposing point is opposite to itself, and has no jump
     alone = scaled_rows(A) == 0
-    nodes, weights = rows_of(A)
-    nodes[alone, 0] = index_map.local_range[0] + np.flatnonzero(alone)
-    weights[alone, 0] = 1.0
-    nodes, weights = rows_with_ghosts(V.mesh.comm, index_map, nodes, weights)
+    rows = rows_of(A)
+    rows.nodes[alone, 0] = index_map.local_range[0] + np.flatnonzero(alone)
+    rows.weights[alone, 0] = 1.0
+    rows = rows_with_ghosts(comm, index_map, rows)
     none = SharedValues(index_map).from_owners(alone.astype(np.float64)) > 0
-    return nodes[on_slave], weights[on_slave], on_slave & none
+    return Opposite(
+        nodes=rows.nodes[slave],
+        weights=rows.weights[slave],
+        none=slave & none,
+        areas=areas,
+        sides=faces.sides,
+        master_facets=faces.master,
+        common=common,
+    )

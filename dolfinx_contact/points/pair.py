@@ -69,13 +69,13 @@ class DiscretePair(DiscreteSurface):
         trace = self.points.vertex_trace_dofs
         require(
             self.comm,
-            self.degrees[1] == 1 or not crossing.any(),
-            f"{self.name}: crosses other pairs, where a multiplier of degree {self.degrees[1]} is "
-            "not unique; take multiplier_degree=1",
+            self.degrees.multiplier == 1 or not crossing.any(),
+            f"{self.name}: crosses other pairs, where a multiplier of degree "
+            f"{self.degrees.multiplier} is not unique; take multiplier_degree=1",
         )
         matching = self._apart.matching
         given = crossing
-        if self.method != "integral" and self.degrees[0] == 1 and not matching:
+        if self.method != "integral" and self.degrees.displacement == 1 and not matching:
             given = crossing | held_in_place(V, self._apart, fixed)[trace]
         idle = np.all(resting(V, self._apart, fixed)[trace], axis=1)
         given = self.points.give(given, idle & ~given)

@@ -42,8 +42,8 @@ from dolfinx_contact._arrays import Array, Ints, Mask
 from dolfinx_contact._geometry import global_numbers
 from dolfinx_contact._mpi import SharedValues
 from dolfinx_contact._petsc import triplet_matrix
-from dolfinx_contact.points.contact_points import ContactPoints
-from dolfinx_contact.points.operators import rows_of, rows_with_ghosts, scaled_rows
+from dolfinx_contact.points.geometry import SurfaceFacets
+from dolfinx_contact.points.operators import NodeWeights, rows_of, rows_with_ghosts, scaled_rows
 from dolfinx_contact.points.opposite import Opposite
 from dolfinx_contact.points.trace import at_global_places, sums_at_global_places
 
@@ -54,15 +54,15 @@ _MOVES = 1e-6  # weight that is not round-off
 
 def crossings(
     V: fem.FunctionSpace,
-    surfaces: Sequence[tuple[ContactPoints, Opposite | None]],
+    surfaces: Sequence[tuple[SurfaceFacets, Opposite | None]],
     fixed: Mask,
 ) -> tuple[list[Mask], Mask]:
     """Return the places at which jumps of pairs form loops. Collective.
 
     Args:
         V: displacement space.
-        surfaces: contact points and opposing points of the surfaces of one problem; only pairs
-            whose faces match are considered.
+        surfaces: facets and opposing points of the surfaces of one problem; only pairs whose faces
+            match are considered.
         fixed: mask of the components fixed by Dirichlet data, shape (local nodes, dim).
 
     Returns:
@@ -71,15 +71,14 @@ def crossings(
     """
     comm = V.mesh.comm
     nodes_of = V.dofmap.index_map
-    maps = [points.vertices.dofmap.index_map for points, _ in surfaces]
     # edges: surface, vertex, and nodes at both ends of the jump there
     parts: list[Ints] = [np.zeros((0, 4), dtype=np.int64)]
-    for i, (points, opposite) in enumerate(surfaces):
+    for i, (facets, opposite) in enumerate(surfaces):
         if opposite is None or not opposite.matching:
             continue
-        nodes = points.vertex_trace_dofs[: maps[i].size_local]
+        nodes = facets.trace[: facets.exchange.index_map.size_local]
         moving = ~resting(V, opposite, fixed)[nodes].all(axis=1)
-        ends = global_numbers(nodes_of, nodes), opposite.at(nodes)[0][:, 0]
+        ends = global_numbers(nodes_of, nodes), opposite.at(nodes).nodes[:, 0]
         columns = [np.full(len(nodes), i), np.arange(len(nodes)), *ends]
         parts.append(np.column_stack(columns)[moving])
     edges = np.concatenate(parts)
@@ -87,9 +86,9 @@ def crossings(
     # few are left, since nodes of one pair have one jump
     edges = edges[several.all(axis=1)]
     edges = edges[_in_loops(comm.allgather(edges[:, 2:]), comm.rank)]
-    marks = []
-    for i, index_map in enumerate(maps):
-        marks.append(SharedValues(index_map).marked(edges[edges[:, 0] == i, 1]))
+    marks = [
+        facets.exchange.marked(edges[edges[:, 0] == i, 1]) for i, (facets, _) in enumerate(surfaces)
+    ]
     counts = SharedValues(nodes_of).from_owners(_counts(V, edges[:, 2:]))
     return marks, counts > 0
 
@@ -152,7 +151,7 @@ def held_in_place(V: fem.FunctionSpace, opposite: Opposite, fixed: Mask) -> Mask
     held: Mask = np.asarray(fixed.all(axis=1))
     free = (~held[: V.dofmap.index_map.size_local]).astype(float)
     here, around = (of.values(V.mesh.comm, free, sizes=True) for of in (places, opposite))
-    fixed_here = opposite.sides[0] & held & ~places.none & (here <= _MOVES)
+    fixed_here = opposite.sides.slave & held & ~places.none & (here <= _MOVES)
     return fixed_here & (around > _MOVES)
 
 
@@ -160,10 +159,13 @@ def in_place(opposite: Opposite, nodes: Mask) -> Opposite:
     """Return opposing points, at marked local nodes those at their own places. Not collective."""
     assert opposite.common is not None
     places = opposite.common.places
-    chosen = nodes[opposite.sides[0]][:, None]
+    chosen = nodes[opposite.sides.slave][:, None]
     weights = np.where(chosen, 0.0, opposite.weights), np.where(chosen, places.weights, 0.0)
-    found = replace(opposite, nodes=np.concatenate([opposite.nodes, places.nodes], axis=1))
-    return replace(found, weights=np.concatenate(weights, axis=1))
+    return replace(
+        opposite,
+        nodes=np.concatenate([opposite.nodes, places.nodes], axis=1),
+        weights=np.concatenate(weights, axis=1),
+    )
 
 
 # -- functions that other nodes take ---------------------------------------------------------------
@@ -189,11 +191,11 @@ def shared(
         functions of the owned vertices, shape (n,); and the mask of the vertices whose basis
         function could be distributed.
     """
-    nodes, shares, given = receiving_vertices(vertices, given, idle)
+    receivers, given = receiving_vertices(vertices, given, idle)
     n = len(areas)
     own = vertices.dofmap.index_map.local_range[0] + np.arange(n, dtype=np.int64)
-    rows = np.column_stack([nodes[:n], own])
-    weights = areas[:, None] * np.column_stack([shares[:n], given[:n]])
+    rows = np.column_stack([receivers.nodes[:n], own])
+    weights = areas[:, None] * np.column_stack([receivers.weights[:n], given[:n]])
     vertex, place = np.nonzero(weights)
     entries = rows[vertex, place], own[vertex], weights[vertex, place]
     means = triplet_matrix(vertices.mesh.comm, (n, n), *entries)
@@ -202,7 +204,7 @@ def shared(
 
 def receiving_vertices(
     vertices: fem.FunctionSpace, given: Mask, idle: Mask
-) -> tuple[Ints, Array, Mask]:
+) -> tuple[NodeWeights, Mask]:
     """Return the vertices to which the basis functions of removed vertices are added. Collective.
 
     Args:
@@ -212,8 +214,8 @@ def receiving_vertices(
         idle: mask of the local vertices that receive no basis function.
 
     Returns:
-        Global indices of the receiving vertices and their shares, shape (n, k) each, padded with
-        shares of 0; and the mask of the vertices whose basis function could be distributed.
+        Receiving vertices and their shares, shape (n, k) each, padded with shares of 0; and the
+        mask of the vertices whose basis function could be distributed.
     """
     index_map = vertices.dofmap.index_map
     exchange = SharedValues(index_map)
@@ -240,7 +242,7 @@ def receiving_vertices(
     own = _diagonal(vertices, (given & ~known)[:n])
     shares.axpy(1.0, own)
     own.destroy()
-    return *rows_with_ghosts(comm, index_map, *rows_of(shares)), given & known
+    return rows_with_ghosts(comm, index_map, rows_of(shares)), given & known
 
 
 def _diagonal(vertices: fem.FunctionSpace, marked: Mask) -> PETSc.Mat:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cached_property
 
 from mpi4py import MPI
@@ -22,7 +23,13 @@ from dolfinx_contact._validate import ReadOnly
 from dolfinx_contact.body.rigid import parts
 from dolfinx_contact.laws import LawAtPoints, PointData
 from dolfinx_contact.obstacles import HalfSpace, Obstacle, known_displaced
-from dolfinx_contact.points.contact_points import ContactPoints
+from dolfinx_contact.points.contact_points import (
+    AveragedPoints,
+    ContactPoints,
+    Degrees,
+    FacetPoints,
+    NodePoints,
+)
 from dolfinx_contact.points.descriptions import Contact, ContactMethod, Overlap, displacement_degree
 from dolfinx_contact.points.displaced import DisplacedPoints, TrueGaps, displaced_points, follows
 from dolfinx_contact.points.evaluation import Evaluator, Given, ScatteredEvaluator
@@ -31,7 +38,6 @@ from dolfinx_contact.points.memory import Memory, with_memory
 from dolfinx_contact.points.neighbours import LawAmongPoints
 from dolfinx_contact.points.operators import ConstantOperator
 from dolfinx_contact.points.opposite import CURVED_OVERLAP
-from dolfinx_contact.points.placements import AveragedPoints, FacetPoints, NodePoints
 from dolfinx_contact.points.revolution import check_section
 from dolfinx_contact.points.rigid_body import RigidBody, shape_of
 from dolfinx_contact.points.trace import exterior_facets
@@ -108,7 +114,7 @@ class DiscreteSurface(ReadOnly):
         self.dim = domain.geometry.dim
         self.comm = domain.comm
         self.owned_nodes = int(u.function_space.dofmap.index_map.size_local)
-        self.degrees = (displacement_degree(u), contact.multiplier_degree)
+        self.degrees = Degrees(displacement_degree(u), contact.multiplier_degree)
         self.axisymmetric = contact.axisymmetric
         self.law = contact.law
         self.obstacle: Obstacle = obstacle or getattr(contact, "obstacle")  # noqa: B009
@@ -314,11 +320,11 @@ class DiscreteSurface(ReadOnly):
         operator = self.points.operator
         seen = operator.apply(self.partner.relative(u[: self.owned_nodes], motion))
         if self.displaced is not None:
+            turning = motion if self.partner.turns else None
             frame = self.partner.rotation(motion)
-            data, jump, reference = self.displaced.at(seen, memory, frame)
-            data = with_memory(self.law_at_points.compiled, memory, data)
-            turning = None if frame is None else motion
-            return Kinematics(operator, jump, reference, data, seen, frame, turning, memory)
+            found = self.displaced.kinematics(operator, seen, turning, frame, memory)
+            data = with_memory(self.law_at_points.compiled, memory, found.data)
+            return replace(found, data=data)
         n = self.points.data.n
         reference = np.zeros_like(n) if memory is None else memory.reference(n)
         jump = seen - self.points.aside - reference

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 from mpi4py import MPI
@@ -19,16 +18,19 @@ from dolfinx_contact import _geometry
 from dolfinx_contact._arrays import Array, Indices, Ints, Mask
 from dolfinx_contact._compat import geometry_dofmap, is_topology_of
 from dolfinx_contact._geometry import dot, node_positions
-from dolfinx_contact._mpi import SharedValues, all_ranks, everywhere, maximum, require
-from dolfinx_contact._validate import count, instance, number, one_of
+from dolfinx_contact._mpi import (
+    SharedValues,
+    all_ranks,
+    everywhere,
+    require,
+)
+from dolfinx_contact._validate import count
 from dolfinx_contact.body.cells import midpoints
 from dolfinx_contact.meshing.gmsh import GmshMesh, NamedTags
 
 __all__ = [
-    "across_planes",
     "at_global_places",
     "cells_of",
-    "checked_planes",
     "exterior_facets",
     "facet_closures",
     "facet_normals",
@@ -43,9 +45,6 @@ __all__ = [
     "unit_field",
     "vertex_numbers",
 ]
-
-
-_ON_PLANE = 1e-9  # distance from a plane of symmetry, relative to the largest coordinate
 
 
 def owned_facets(domain: mesh.Mesh, facets: Indices) -> Indices:
@@ -201,63 +200,6 @@ def rounded(x: Array) -> Array:
     return np.round(x / size, 9) * size + 0.0
 
 
-def checked_planes(symmetry: Any, dim: int, name: str) -> dict[int, float]:
-    """Return planes of symmetry by axis, or raise ``ValueError``. Not collective."""
-    if symmetry is None:
-        return {}
-    instance(symmetry, f"{name}: symmetry", dict, "planes by their axis, as {0: 0.0} for x = 0")
-    what = f"{name}: an axis of symmetry"
-    return {
-        one_of(int(count(axis, what, 0)), what, range(dim)): number(
-            symmetry[axis], f"{name}: a plane of symmetry"
-        )
-        for axis in sorted(symmetry, key=str)
-    }
-
-
-def across_planes(
-    V: fem.FunctionSpace,
-    slave: Mask,
-    master: Mask,
-    planes: Mapping[int, float],
-    name: str,
-) -> Mask:
-    """Return the components normal to planes of symmetry, shape (local nodes, dim). Collective.
-
-    Args:
-        V: Lagrange space.
-        slave: mask of the local nodes on the face ending at the planes.
-        master: mask of the local nodes on the other face, which has images behind them.
-        planes: positions of the planes of symmetry by axis.
-        name: name of the surface for messages.
-
-    Raises:
-        ValueError: on every rank, if no node of the slave lies on a plane, or both faces together
-            lie on both sides of it.
-    """
-    comm = V.mesh.comm
-    x = node_positions(V)[:, : V.mesh.geometry.dim]
-    owned = V.dofmap.index_map.size_local
-    across: Mask = np.zeros(x.shape, dtype=bool)
-    size = maximum(comm, np.abs(x))
-    for axis, place in planes.items():
-        off = x[:, axis] - place
-        near = np.abs(off) <= _ON_PLANE * size
-        across[:, axis] = near & (slave | master)
-        sides = [near, ~near & (off < 0), ~near & (off > 0)]
-        counts = np.array([[int((on & c)[:owned].sum()) for c in sides] for on in (slave, master)])
-        (there, below, above), (_, under, over) = comm.allreduce(counts)
-        require(
-            comm,
-            there > 0 and not (below + under and above + over),
-            f"{name}: the face must end at the symmetry plane {'xyz'[axis]} = {place:g}: {there} "
-            f"nodes lie on it, {below} below and {above} above. Both faces lie on one side of it, "
-            f"since the master has images behind it: {under} of its nodes are below and {over} "
-            "above",
-        )
-    return across
-
-
 def unit_field(domain: mesh.Mesh, vectors: Array) -> tuple[fem.Function, Any]:
     """Return a linear vector Function with values (vertices, dim), and its direction in UFL."""
     field = fem.Function(fem.functionspace(domain, ("Lagrange", 1, (domain.geometry.dim,))))
@@ -339,10 +281,8 @@ def vertex_numbers(vertices: fem.FunctionSpace) -> Ints:
 
 
 def point_ids(
-    vertices: fem.FunctionSpace,
-    cells: Indices | None = None,
-    numbers: Ints | None = None,
-) -> tuple[Ints, Ints]:
+    vertices: fem.FunctionSpace, cells: Indices | None = None, numbers: Ints | None = None
+) -> Ints:
     """Return keys distinguishing contact points at one place, on any number of ranks.
 
     Args:
@@ -351,15 +291,14 @@ def point_ids(
         numbers: numbers of the Gauss points of these facets, shape (n, k).
 
     Returns:
-        Keys of the points of this rank and of all local vertices, shape (n, k) each: the input
-        number of a vertex followed by zeros, or the sorted numbers of the facet of a Gauss point.
+        Keys of the points of this rank, shape (n, k): the input number of a vertex followed by
+        zeros, or the sorted numbers of the facet of a Gauss point.
     """
     corners = vertices.dofmap.list
     vertex = vertex_numbers(vertices)
-    of_vertices: Ints = np.zeros((len(vertex), corners.shape[1]), dtype=np.int64)
-    of_vertices[:, 0] = vertex
     if cells is None or numbers is None:
-        return of_vertices[: vertices.dofmap.index_map.size_local], of_vertices
-    of_points: Ints = np.zeros((numbers.size, corners.shape[1]), dtype=np.int64)
-    of_points[numbers] = np.sort(vertex[corners[cells]], axis=1)[:, None]
-    return of_points, of_vertices
+        owned = vertex[: vertices.dofmap.index_map.size_local, None]
+        return np.pad(owned, ((0, 0), (0, corners.shape[1] - 1)))
+    ids: Ints = np.zeros((numbers.size, corners.shape[1]), dtype=np.int64)
+    ids[numbers] = np.sort(vertex[corners[cells]], axis=1)[:, None]
+    return ids

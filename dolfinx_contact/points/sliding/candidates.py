@@ -7,19 +7,17 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import product
 
-from mpi4py import MPI
-
 import numpy as np
 
 from dolfinx import fem
 
 from dolfinx_contact._arrays import Array, Indices, Ints
-from dolfinx_contact._geometry import area_vectors, dot, unit
+from dolfinx_contact._geometry import area_vectors, balls, dot, unit
 from dolfinx_contact.points.clipping import Faces
 from dolfinx_contact.points.search import faces_of, facets_along_normals
 from dolfinx_contact.points.trace import at_global_places
 
-__all__ = ["Candidates", "Master", "candidates"]
+__all__ = ["Candidates", "Master"]
 
 
 #: Pairs of facets up to which the Jacobian has entries for all of them, so that its pattern does
@@ -47,26 +45,6 @@ class Candidates:
     def faces(self, x: Array) -> Faces:
         """Return the master facets at positions of their corners, shape (n, b, dim)."""
         return Faces(x, unit(self.senses[:, None] * area_vectors(x)), self.nodes)
-
-
-def candidates(
-    comm: MPI.Comm, slave: Faces, master: Faces, keys: Ints, depth: float, skin: float
-) -> Candidates:
-    """Return the master facets that normals of the slave meet, or nearly meet. Collective.
-
-    Args:
-        comm: communicator.
-        slave: slave facets of this rank.
-        master: master facets of this rank and their images.
-        keys: keys of the master facets, see `Master.images`.
-        depth: distance in front of the slave and behind it up to which facets are found.
-        skin: additional distance, so that the facets remain valid while bodies move a little.
-    """
-    middles, radii = master.balls
-    depths = np.full(len(slave.x), depth)
-    known = {"x": middles, "key": keys}
-    found, pairs = facets_along_normals(comm, slave, known, radii, depths, skin)
-    return _candidates(found["key"], pairs, middles.shape[1])
 
 
 def _candidates(keys: Ints, pairs: Ints, dim: int) -> Candidates:
@@ -102,27 +80,30 @@ class Master:
         #: Signs of the axes of the facets themselves and of their images, shape (m, dim).
         self._mirrors: Array = np.array(list(product(*signs)))
 
-    def images(self, x: Array, reach: float) -> tuple[Faces, Ints]:
-        """Return facets and images lying behind planes by less than a distance.
+    def candidates(self, slave: Faces, x: Array, depth: float, skin: float = 0.0) -> Candidates:
+        """Return the facets and images that normals of the slave meet. Collective.
 
         Args:
-            x: positions of the corners, shape (n, b, dim).
-            reach: the distance.
-
-        Returns:
-            Facets, and their keys: signs of the axes, -1 if mirrored, sense, and nodes, in columns.
+            slave: slave facets of this rank.
+            x: positions of the corners of the master, shape (n, b, dim).
+            depth: distance in front of the slave and behind it up to which facets are found.
+            skin: additional distance, so that the facets remain valid while bodies move a little.
         """
-        parts = []
+        places, keys = [], []
         for mirror in self._mirrors:
-            far = np.abs(x - self._planes).min(axis=1)[:, mirror < 0] > reach
+            # images that are too far behind their planes are left out
+            far = np.abs(x - self._planes).min(axis=1)[:, mirror < 0] > depth + skin
             near = np.flatnonzero(~far.any(axis=1))
-            parts.append((mirror * x[near] + self._behind(mirror), self._keys(near, mirror)))
-        places, keys = (np.concatenate(p) for p in zip(*parts, strict=True))
-        normals = unit(keys[:, self._dim, None] * area_vectors(places))
-        return Faces(places, normals, keys[:, self._dim + 1 :]), keys
+            places.append(mirror * x[near] + self._behind(mirror))
+            keys.append(self._keys(near, mirror))
+        middles, radii = balls(np.concatenate(places))
+        known = {"x": middles, "key": np.concatenate(keys)}
+        depths = np.full(len(slave.x), depth)
+        found, pairs = facets_along_normals(self._V.mesh.comm, slave, known, radii, depths, skin)
+        return _candidates(found["key"], pairs, self._dim)
 
     def _keys(self, facets: Ints, mirror: Array) -> Ints:
-        """Return the keys of images of facets; see `images`."""
+        """Return signs of the axes, -1 if mirrored, senses and nodes of images, in columns."""
         signs = np.broadcast_to(mirror, (len(facets), self._dim))
         senses = np.prod(mirror) * self._sense[facets]
         return np.column_stack([signs, senses, self._nodes[facets]]).astype(np.int64)

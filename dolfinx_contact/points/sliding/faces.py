@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 from mpi4py import MPI
 
@@ -36,7 +37,7 @@ from dolfinx_contact.points.geometry import SurfaceFacets
 from dolfinx_contact.points.kinematics import rotation
 from dolfinx_contact.points.opposite import Opposite
 from dolfinx_contact.points.revolution import on_axis
-from dolfinx_contact.points.sliding.candidates import Candidates, Master, candidates
+from dolfinx_contact.points.sliding.candidates import Candidates, Master
 from dolfinx_contact.points.sliding.facing import Facing, Nodal, cast, spins
 from dolfinx_contact.points.trace import sums_at_global_places
 
@@ -79,6 +80,53 @@ class SlidingOpposite(Opposite):
     @property
     def matching(self) -> bool:
         return False
+
+
+class _Corners(NamedTuple):
+    """Both faces at a displacement.
+
+    Attributes:
+        slave: corners of the slave facets, shape (n, k, dim).
+        master: corners of the candidates, shape (m, b, dim).
+        vectors: sums m of area vectors around the local vertices, shape (vertices, dim).
+    """
+
+    slave: Array
+    master: Array
+    vectors: Array
+
+
+class _Pieces(NamedTuple):
+    """Common parts p of slave and master facets, with q quadrature points each.
+
+    Attributes:
+        facet: slave facets, shape (p,).
+        master: master facets among the candidates, shape (p,).
+        basis: basis of the slave corners at the points, shape (p, q, k).
+        weights: weights of the reference configuration, shape (p, q).
+        places: reference coordinates in the master facets along the slave normals, shape
+            (p, q, dim - 1).
+    """
+
+    facet: Ints
+    master: Ints
+    basis: Array
+    weights: Array
+    places: Array
+
+
+class _Searched(NamedTuple):
+    """Positions at a search, from which the distance to the next one is measured.
+
+    Attributes:
+        slave: corners of the slave facets, shape (n, k, dim).
+        master: corners of the master facets of this rank, shape (n, b, dim).
+        normals: unit normals of the slave facets, shape (n, dim).
+    """
+
+    slave: Array
+    master: Array
+    normals: Array
 
 
 class SlidingFaces:
@@ -140,7 +188,7 @@ class SlidingFaces:
         self._skin, largest = map(float, self.comm.allreduce(sizes, op=np.maximum))
         self._no_gap = _ROUND_OFF * largest
         self.searches = 0
-        self._then: tuple[Array, Array, Array]  # corners and slave normals at the last search
+        self._searched: _Searched  # positions at the last search
         self._found_before: Array  # corners of the candidates in the mesh
         self.removed: Array = np.zeros(len(trace))
         self.lost: Mask = np.zeros(len(self.corners), dtype=bool)
@@ -213,19 +261,17 @@ class SlidingFaces:
             direction: for self-contact, direction of the slave; None for all pairs of facets.
         """
         slave = self._slave(self._facets.at_corners(x))
-        now = slave.x, x[self.master.places], slave.normals
+        now = _Searched(slave.x, x[self.master.places], slave.normals)
         if self.searches:
-            off = [_largest(v - then) for v, then in zip(now, self._then, strict=True)]
-            far = self.comm.allreduce(np.array(off), op=np.maximum)
-            if far @ [1.0, 1.0, self._depth] <= self._skin:
+            off = [_largest(v - then) for v, then in zip(now, self._searched, strict=True)]
+            far = _Searched(*self.comm.allreduce(np.array(off), op=np.maximum))
+            if far.slave + far.master + self._depth * far.normals <= self._skin:
                 return
         finite = all(bool(np.isfinite(v).all()) for v in now)
         require(self.comm, finite, "positions of a contact pair are not finite")
-        self._then = now
+        self._searched = now
         with logged("ContactSearch"):
-            depth, skin = self._depth, self._skin
-            sought = self.master.images(now[1], depth + skin)
-            self.found = candidates(self.comm, slave, *sought, depth, skin)
+            self.found = self.master.candidates(slave, now.master, self._depth, self._skin)
             self._found_before = self.master.positions(self._X, self.found)
             if direction is not None:
                 self._select_slave(direction)
@@ -251,8 +297,7 @@ class SlidingFaces:
             far: distance up to which facets are searched.
         """
         slave = self._slave(self._reference)
-        sought = self.master.images(self._X[self.master.places], far)
-        found = candidates(self.comm, slave, *sought, far, 0.0)
+        found = self.master.candidates(slave, self._X[self.master.places], far)
         master = found.faces(self.master.positions(self._X, found))
         common = cover(slave, master, found.pairs, far, farthest=far, least=_LEAST_COVER)
         return maximum(self.comm, -_heights(common))
@@ -353,80 +398,112 @@ class SlidingFaces:
             areas: areas of the local vertices in the reference configuration.
         """
         self._search(self._X + self.nodes.from_owners(u), self._direction)
-        mine, theirs, m = self._placed(u)
-        old, old_theirs, old_m = self._placed(np.zeros_like(u) if before is None else before)
-        # common parts of the facets, with quadrature points
+        now = self._placed(u)
+        then = self._placed(np.zeros_like(u) if before is None else before)
+        pieces = self._pieces(now)
+        facet, master, shape = pieces.facet, pieces.master, pieces.basis
+        at = self.corners[facet]
+        # rays along averaged normals
+        starts, normals = shape @ now.slave[facet], shape @ now.vectors[at]
+        rays = cast(starts, normals, now.master[master], pieces.places)
+        # slips since the last accepted state
+        normals_then = unit(then.vectors)
+        turn = rotation(unit(shape @ then.vectors[at])[:, :, None], normals_then[at][:, None])
+        way = rays.weights @ then.master[master] - shape @ then.slave[facet]
+        slip = transformed(turn, way[:, :, None])
+        along = turn @ tangents(then.master[master], rays.slopes)[:, :, None]
+        # spins since then; normals of the master look the other way
+        mine = spins(then.slave, now.slave, self._facets.sense)
+        theirs = spins(then.master, now.master, self.found.senses)
+        spin = 0.5 * (mine.angle[facet] - theirs.angle[master])
+        apart = mine.angle[facet] + theirs.angle[master]
+        by_corners = [0.5 * mine.by_corners[facet], -0.5 * theirs.by_corners[master]]
+        # sums around the nodes
+        weighted = (pieces.weights[..., None] * shape).transpose(0, 2, 1)
+        weight = weighted.sum(axis=2)
+        between = weighted @ shape * (1.0 - np.eye(shape.shape[2]))
+        parts = {
+            "weight": weight,
+            "around": between.sum(axis=2),
+            "gap": transformed(weighted, rays.gap),
+            "slip": np.einsum("paq,pqad->pad", weighted, slip),
+            "spin": weight * spin[:, None],
+            "apart": weight * apart[:, None],
+        }
+        sums = {name: self.sums(facet, part) for name, part in parts.items()}
+        nodal = self._nodal(sums, now.vectors, normals_then, areas)
+        return Facing(
+            found=self.found,
+            facet=facet,
+            master=master,
+            nodes=np.concatenate([self.slave_nodes[facet], self.found.nodes[master]], axis=1),
+            signs=self._signs(master),
+            basis=shape,
+            areas=pieces.weights,
+            rays=rays,
+            along=along,
+            spins=np.concatenate(by_corners, axis=1),
+            nodal=nodal,
+        )
+
+    def _placed(self, u: Array) -> _Corners:
+        """Return both faces at a displacement."""
+        slave = self.positions(u)
+        master = self._found_before + self.master.vectors(u, self.found)
+        return _Corners(slave, master, self.at_nodes(self._facets.vectors(slave)))
+
+    def _pieces(self, now: _Corners) -> _Pieces:
+        """Return the common parts of the facets with quadrature points."""
         limits = {} if self._direction is None else {"steep": _STEEP_ITSELF}
-        common = self._covered(mine, theirs, self.found.pairs, self._deepest, **limits)
+        common = self._covered(now.slave, now.master, self.found.pairs, self._deepest, **limits)
+        facet = common.facet
         rule = common.rule(_DEGREES[self.dim])
-        facet, master = common.facet, common.other
-        shape, slopes = linear_basis(rule.mine, self.corners.shape[1])
-        stretch = self._measure(self._reference[facet], slopes) / self._measure(mine[facet], slopes)
+        basis = linear_basis(rule.mine, self.corners.shape[1])
+        reference = self._reference[facet]
+        stretch = self._measure(reference, basis.slopes)
+        stretch /= self._measure(now.slave[facet], basis.slopes)
         weights = rule.weights * stretch
         if self._axisymmetric:
-            weights *= 2 * np.pi * (shape @ self._reference[facet])[..., 0]
-        # rays along averaged normals
-        at = self.corners[facet]
-        rays = cast(shape @ mine[facet], shape @ m[at], theirs[master], rule.theirs)
-        # slips since the last accepted state
-        old_normals = unit(old_m)
-        turn = rotation(unit(shape @ old_m[at])[:, :, None], old_normals[at][:, None])
-        way = rays.weights @ old_theirs[master] - shape @ old[facet]
-        slip = transformed(turn, way[:, :, None])
-        along = turn @ tangents(old_theirs[master], rays.slopes)[:, :, None]
-        # spins since then; normals of the master look the other way
-        spun, by_mine = spins(old, mine, self._facets.sense)
-        theirs_spun, by_theirs = spins(old_theirs, theirs, self.found.senses)
-        spun, theirs_spun = spun[facet], -theirs_spun[master]
-        both_spun = np.stack([0.5 * (spun + theirs_spun), spun - theirs_spun], axis=1)
-        by_corners = np.concatenate([0.5 * by_mine[facet], -0.5 * by_theirs[master]], axis=1)
-        # sums around the nodes
-        weighted = (weights[..., None] * shape).transpose(0, 2, 1)
-        weight = weighted.sum(axis=2, keepdims=True)
-        between = weighted @ shape * (1.0 - np.eye(shape.shape[2]))
-        sums = (
-            weight,
-            between.sum(axis=2, keepdims=True),
-            weighted @ rays.gap[..., None],
-            np.einsum("paq,pqad->pad", weighted, slip),
-            weight * both_spun[:, None],
-        )
-        sums_at_nodes = self.sums(facet, np.concatenate(sums, axis=2))
-        nodal = self._nodal(sums_at_nodes, m, old_normals, areas)
-        nodes = np.concatenate([self.slave_nodes[facet], self.found.nodes[master]], axis=1)
-        signs = np.ones((*nodes.shape, self.dim))
-        signs[:, shape.shape[2] :] = self.found.mirrors[master][:, None]
-        corners = self.found, facet, master, nodes, signs
-        return Facing(*corners, shape, weights, rays, along, by_corners, nodal)
+            weights *= 2 * np.pi * (basis.values @ reference)[..., 0]
+        return _Pieces(facet, common.other, basis.values, weights, rule.theirs)
 
-    def _nodal(self, sums: Array, m: Array, before: Array, areas: Array) -> Nodal:
+    def _signs(self, master: Ints) -> Array:
+        """Return -1 for the components of corners of pieces that are mirror images, otherwise 1."""
+        mirrors = self.found.mirrors[master][:, None]
+        mine, theirs = self.corners.shape[1], self.found.nodes.shape[1]
+        signs = np.repeat(mirrors, mine + theirs, axis=1)
+        signs[:, :mine] = 1.0
+        return signs
+
+    def _nodal(self, sums: Mapping[str, Array], m: Array, before: Array, areas: Array) -> Nodal:
         """Return the values at the local vertices.
 
         Args:
-            sums: sums at the vertices of w, m_ab, w g, w d and of w times both spins, in columns.
+            sums: sums at the vertices of w, m_ab, w g, w d and of w times both spins.
             m: sums of area vectors around the vertices, shape (n, dim).
             before: unit normals of the last accepted state, shape (n, dim).
             areas: areas of the vertices in the reference configuration, shape (n,).
         """
-        weight, around = sums[:, 0], sums[:, 1]
-        weight = np.where(weight > _LEAST_WEIGHT * areas, weight, 0.0)
-        means = ratio(np.ones_like(weight), weight)[:, None] * sums[:, 2:]
+        covered = sums["weight"] > _LEAST_WEIGHT * areas
+        weight = np.where(covered, sums["weight"], 0.0)
+        around = np.where(covered, sums["around"], 0.0)
+        inverse = ratio(np.ones_like(weight), weight)
         # faces on each other in the mesh do not touch yet, whatever the sign of round-off
-        gap = np.where(np.abs(means[:, 0]) <= self._no_gap, 0.0, means[:, 0])
-        gap = np.where(weight > 0, gap + self.removed, self._depth)
-        around = np.where(weight > 0, around, 0.0)
-        share = np.where(around > 0, np.minimum(weight / (_SHARE * areas), 1.0), 1.0)
-        slip = self.kept * means[:, 1:-2]
-        spin, apart = self.free_to_spin * means[:, -2:].T
+        gap = inverse * sums["gap"]
+        gap = np.where(np.abs(gap) <= self._no_gap, 0.0, gap) + self.removed
         length = np.linalg.norm(m, axis=1)
-        n = m / length[:, None]
-        return Nodal(weight, share, around, gap, slip, n, length, before, spin, apart)
-
-    def _placed(self, u: Array) -> tuple[Array, Array, Array]:
-        """Return the corners of slave and candidates at a displacement, and nodal vectors m."""
-        slave = self.positions(u)
-        master = self._found_before + self.master.vectors(u, self.found)
-        return slave, master, self.at_nodes(self._facets.vectors(slave))
+        return Nodal(
+            weight=weight,
+            share=np.where(around > 0, np.minimum(weight / (_SHARE * areas), 1.0), 1.0),
+            around=around,
+            gap=np.where(covered, gap, self._depth),
+            slip=self.kept * (inverse[:, None] * sums["slip"]),
+            normal=m / length[:, None],
+            length=length,
+            before=before,
+            spin=self.free_to_spin * (inverse * sums["spin"]),
+            apart=self.free_to_spin * (inverse * sums["apart"]),
+        )
 
     def _measure(self, x: Array, slopes: Array) -> Array:
         """Return area ratios (p, q) of facets (p, k, dim) and the reference facet.

@@ -52,6 +52,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import count
+from typing import NamedTuple
 
 import numpy as np
 
@@ -71,7 +72,7 @@ from dolfinx_contact.points.clipping import linear_basis, tangents
 from dolfinx_contact.points.kinematics import rotation
 from dolfinx_contact.points.sliding.candidates import Candidates
 
-__all__ = ["CastRays", "Facing", "Nodal", "cast", "spins"]
+__all__ = ["CastRays", "Facing", "Nodal", "RayRates", "Spins", "cast", "spins"]
 
 
 _STEPS = 25
@@ -131,18 +132,37 @@ def cast(x: Array, m: Array, y: Array, eta: Array) -> CastRays:
     place = np.concatenate([eta, np.zeros((*eta.shape[:-1], 1))], axis=-1)  # eta and g
     largest = np.inf
     for steps in count():
-        weights, slopes = linear_basis(place[..., :-1], y.shape[1])
-        matrix = np.concatenate([tangents(y, slopes), -n[..., None]], axis=-1)
+        basis = linear_basis(place[..., :-1], y.shape[1])
+        matrix = np.concatenate([tangents(y, basis.slopes), -n[..., None]], axis=-1)
         if largest <= _FOUND or steps == _STEPS:
             break
-        off = x + place[..., -1:] * n - weights @ y
+        off = x + place[..., -1:] * n - basis.values @ y
         step = np.linalg.solve(matrix, off[..., None])[..., 0]
         place += step
         largest = np.max(np.abs(step[..., :-1]), initial=0.0)
-    return CastRays(n, length, place[..., -1], weights, slopes, np.linalg.inv(matrix))
+    return CastRays(
+        normal=n,
+        length=length,
+        gap=place[..., -1],
+        weights=basis.values,
+        slopes=basis.slopes,
+        inverse=np.linalg.inv(matrix),
+    )
 
 
-def spins(before: Array, now: Array, sense: Array) -> tuple[Array, Array]:
+class Spins(NamedTuple):
+    """Angles by which facets have turned about their outward normals; zero in 2D.
+
+    Attributes:
+        angle: angles, shape (n,).
+        by_corners: derivatives with respect to the present corners, shape (n, k, dim).
+    """
+
+    angle: Array
+    by_corners: Array
+
+
+def spins(before: Array, now: Array, sense: Array) -> Spins:
     r"""Return angles by which facets have turned about their normals, and their derivatives.
 
     Before, a facet has two vectors a_i perpendicular to its normal o, with the reciprocal vectors
@@ -159,14 +179,10 @@ def spins(before: Array, now: Array, sense: Array) -> tuple[Array, Array]:
         before: corners of the facets before, shape (n, k, dim).
         now: present corners, shape (n, k, dim).
         sense: signs of the area vectors, shape (n,).
-
-    Returns:
-        Angles about the outward normals, shape (n,), and their derivatives with respect to the
-        present corners, shape (n, k, dim); zero in 2D.
     """
     n, k, dim = now.shape
     if dim == 2:
-        return np.zeros(n), np.zeros((n, k, dim))
+        return Spins(np.zeros(n), np.zeros((n, k, dim)))
     m = sense[:, None] * area_vectors(now)
     length = np.linalg.norm(m, axis=1, keepdims=True)
     normal = m / length
@@ -188,7 +204,7 @@ def spins(before: Array, now: Array, sense: Array) -> tuple[Array, Array]:
     by_normal = np.cross(o, normal) / (1.0 + dot(o, normal))[:, None]
     rates = sense[:, None, None, None] * area_vector_rates(now)
     by_corners += np.einsum("ni,nikj->nkj", by_normal / length, rates)
-    return np.arctan2(s, c), by_corners
+    return Spins(np.arctan2(s, c), by_corners)
 
 
 @dataclass(frozen=True, eq=False)
@@ -287,6 +303,18 @@ class Nodal:
         return self._spun @ (turned + n[:, :, None] * slip[:, None])
 
 
+class RayRates(NamedTuple):
+    """Changes of the rays, or their derivatives, shape (p, q, ...).
+
+    Attributes:
+        place: changes of the places eta, shape (p, q, dim - 1, ...).
+        gap: changes of the gaps, shape (p, q, ...).
+    """
+
+    place: Array
+    gap: Array
+
+
 @dataclass(frozen=True, eq=False)
 class Facing:
     """Opposing parts p of slave and master, with q quadrature points each.
@@ -335,8 +363,8 @@ class Facing:
         found = self.weighted @ self.basis
         return found * (1.0 - np.eye(found.shape[1]))
 
-    def moved(self, v: Array, m: Array) -> tuple[Array, Array]:
-        """Return changes of places (p, q, dim - 1) and gaps (p, q).
+    def moved(self, v: Array, m: Array) -> RayRates:
+        """Return the changes of the rays.
 
         Args:
             v: displacements of the corners of both facets, shape (p, c, dim).
@@ -345,18 +373,13 @@ class Facing:
         rays = self.rays
         turned = rays.gap[..., None] * transformed(rays.by_normal, self.basis @ m)
         found = transformed(rays.inverse, self.jumps @ v + turned)
-        return found[..., :-1], found[..., -1]
+        return RayRates(found[..., :-1], found[..., -1])
 
-    def slopes(self) -> tuple[Array, Array]:
-        """Return derivatives of `moved` with respect to its arguments.
-
-        Returns:
-            Derivatives of places, shape (p, q, dim - 1, c + a, dim), and of gaps, shape
-            (p, q, c + a, dim), with respect to v and m.
-        """
+    def slopes(self) -> RayRates:
+        """Return the derivatives of `moved` with respect to v and m, (p, q, ..., c + a, dim)."""
         rays = self.rays
         by_m = rays.gap[..., None, None] * (rays.inverse @ rays.by_normal)
         parts = (rays.inverse, self.jumps), (by_m, self.basis)
         every = [by[..., :, None, :] * weights[..., None, :, None] for by, weights in parts]
         both = np.concatenate(every, axis=3)
-        return both[..., :-1, :, :], both[..., -1, :, :]
+        return RayRates(both[..., :-1, :, :], both[..., -1, :, :])

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -16,9 +17,21 @@ from dolfinx_contact._geometry import ratio, transformed
 from dolfinx_contact._petsc import triplet_matrix
 from dolfinx_contact.points.operators import Operator
 from dolfinx_contact.points.sliding.faces import SlidingFaces
-from dolfinx_contact.points.sliding.facing import Facing
+from dolfinx_contact.points.sliding.facing import Facing, RayRates
 
 __all__ = ["SlidingOperator"]
+
+
+class _Change(NamedTuple):
+    """Change of both faces.
+
+    Attributes:
+        corners: displacements of the corners of both facets at p parts, shape (p, c, dim).
+        vectors: changes of the sums m of area vectors around vertices, shape (vertices, dim).
+    """
+
+    corners: Array
+    vectors: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,17 +84,18 @@ class SlidingOperator(Operator):
         alive = self.faces.vertices.from_owners(alive)
         return alive[self.faces.corners[self.facing.facet]]
 
-    def _parts(self, v: Array) -> tuple[Array, Array]:
-        """Return displacements at the corners of both faces, and changes of nodal vectors m."""
+    def _change(self, v: Array) -> _Change:
+        """Return the change of both faces along a displacement."""
         faces, facing = self.faces, self.facing
         mine = faces.of_slave(v)
         theirs = faces.master.vectors(v, facing.found)
         m = faces.at_nodes(np.einsum("nikj,nkj->ni", faces.normal_rates(self.x), mine))
-        return np.concatenate([mine[facing.facet], theirs[facing.master]], axis=1), m
+        return _Change(np.concatenate([mine[facing.facet], theirs[facing.master]], axis=1), m)
 
-    def _moved(self, both: Array, m: Array) -> tuple[Array, Array]:
-        """Return changes of places and gaps at the points; see `Facing.moved`."""
-        return self.facing.moved(both, m[self.faces.corners[self.facing.facet]])
+    def _moved(self, change: _Change) -> RayRates:
+        """Return the changes of the rays; see `Facing.moved`."""
+        m = change.vectors[self.faces.corners[self.facing.facet]]
+        return self.facing.moved(change.corners, m)
 
     def _means(self, parts: Array) -> Array:
         """Return weighted means at the local vertices, from parts at corners (p, a, ...)."""
@@ -90,8 +104,8 @@ class SlidingOperator(Operator):
 
     def apply(self, v: Array) -> Array:
         facing = self.facing
-        both, _ = self._parts(v)
-        return self._means(facing.weighted @ (facing.jumps @ both))[: self.number]
+        corners = self._change(v).corners
+        return self._means(facing.weighted @ (facing.jumps @ corners))[: self.number]
 
     def scalar_matrix(self, comm: MPI.Comm, nodes: int) -> PETSc.Mat:
         facing, faces = self.facing, self.faces
@@ -106,19 +120,21 @@ class SlidingOperator(Operator):
         Shape (n, dim).
         """
         facing, faces, nodal = self.facing, self.faces, self.facing.nodal
-        both, m = self._parts(v)
-        place, gap = self._moved(both, m)
-        gaps = self._means(transformed(facing.weighted, gap))
-        slip = np.einsum("paq,pqadi,pqi->pad", facing.weighted, facing.along, place, optimize=True)
+        change = self._change(v)
+        rays = self._moved(change)
+        gaps = self._means(transformed(facing.weighted, rays.gap))
+        slip = np.einsum(
+            "paq,pqadi,pqi->pad", facing.weighted, facing.along, rays.place, optimize=True
+        )
         slips = transformed(nodal.rotation, faces.kept * self._means(slip))
-        turned = transformed(nodal.by_turning, transformed(nodal.by_normal, m))
-        spun = np.sum(facing.spins * both, axis=(1, 2))[:, None]
+        turned = transformed(nodal.by_turning, transformed(nodal.by_normal, change.vectors))
+        spun = np.sum(facing.spins * change.corners, axis=(1, 2))[:, None]
         spun = faces.free_to_spin * self._means(facing.weighted.sum(axis=2) * spun)
         slips = slips + turned + spun[:, None] * nodal.by_spin
         return (slips - gaps[:, None] * nodal.normal)[: self.number]
 
     def normal_rate(self, v: Array) -> Array:
-        return transformed(self.facing.nodal.by_normal, self._parts(v)[1])[: self.number]
+        return transformed(self.facing.nodal.by_normal, self._change(v).vectors)[: self.number]
 
     def at_quadrature(self, tractions: Array) -> Array:
         """Return tractions times areas at the points (p, q, dim) from those at the owned points."""
@@ -130,11 +146,7 @@ class SlidingOperator(Operator):
 
     def transpose_rate(self, tractions: Array, v: Array) -> Array:
         slopes = self.facing.rays.slopes
-        place, _ = self._moved(*self._parts(v))
-        moving = transformed(slopes, place)
+        moving = transformed(slopes, self._moved(self._change(v)).place)
         forces = np.zeros(self.facing.signs.shape)
         forces[:, -slopes.shape[2] :] -= moving.transpose(0, 2, 1) @ self.at_quadrature(tractions)
         return self.faces.forces(self.facing, forces)
-
-    def destroy(self) -> None:
-        """Do nothing: the operator has no matrices."""

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, ClassVar
 
@@ -17,17 +18,16 @@ from dolfinx_contact.body.rigid import diagonal
 from dolfinx_contact.laws import LawAtPoints
 from dolfinx_contact.laws.symbols import before
 from dolfinx_contact.obstacles import Obstacle
+from dolfinx_contact.points.contact_points import NodePoints
 from dolfinx_contact.points.descriptions import ContactMethod, ContactPair, SelfContact
 from dolfinx_contact.points.kinematics import Kinematics
 from dolfinx_contact.points.memory import Memory, with_memory
-from dolfinx_contact.points.opposite import Opposite
+from dolfinx_contact.points.opposite import Opposite, Sides
 from dolfinx_contact.points.pair import facets_of_sides
-from dolfinx_contact.points.placements import NodePoints
 from dolfinx_contact.points.sliding.faces import SlidingFaces, SlidingOpposite
 from dolfinx_contact.points.sliding.operator import SlidingOperator
 from dolfinx_contact.points.surface import DiscreteSurface
 from dolfinx_contact.points.trace import (
-    across_planes,
     exterior_facets,
     nodes_on,
     outward_normals,
@@ -40,6 +40,7 @@ __all__ = ["SlidingPair", "SlidingPoints"]
 _OVERLAP = 1e-3  # overlap of chords of curved faces, relative to a facet
 _ALONG = 0.1  # smallest component of a normal along the planes of symmetry of its node
 _SHARP = 35.0  # degrees between the normals of a node and of a facet, beyond which it is an edge
+_ON_PLANE = 1e-9  # distance from a plane of symmetry, relative to the largest coordinate
 _IN_PLACE = 1e-9  # distance of nodes from their plane of symmetry, relative to the body
 _REACH = 0.25  # default search distance, relative to the size of the smaller face
 
@@ -196,9 +197,9 @@ class SlidingFacets(Obstacle):
         direction = np.asarray(contact.direction) if isinstance(contact, SelfContact) else None
         comm = V.mesh.comm
         dim = V.mesh.geometry.dim
-        sides = nodes_on(V, slave), nodes_on(V, master)
+        sides = Sides(nodes_on(V, slave), nodes_on(V, master))
         n = V.dofmap.index_map.size_local
-        shared = count_of(comm, (sides[0] & sides[1])[:n])
+        shared = count_of(comm, (sides.slave & sides.master)[:n])
         words = f"{name}: slave and master share {shared} nodes of the mesh"
         require(comm, shared == 0 or direction is not None, words)
         if depth is None:
@@ -207,11 +208,11 @@ class SlidingFacets(Obstacle):
         self.opposite = SlidingOpposite(
             nodes=np.zeros((1, 1), dtype=np.int64),
             weights=np.zeros((1, 1)),
-            none=np.zeros(len(sides[0]), dtype=bool),
+            none=np.zeros(len(sides.slave), dtype=bool),
             areas=None,
             sides=sides,
             master_facets=master,
-            across=across_planes(V, *sides, planes, name),
+            across=_across_planes(V, sides, planes, name),
             planes=planes,
             depth=depth,
             direction=direction,
@@ -219,7 +220,7 @@ class SlidingFacets(Obstacle):
         # normals, without their parts across planes of symmetry
         normals = outward_normals(V, slave)
         normals[self.opposite.across] = 0.0
-        left = np.linalg.norm(normals[sides[0]], axis=1)
+        left = np.linalg.norm(normals[sides.slave], axis=1)
         count = count_of(comm, left < _ALONG)
         require(
             comm,
@@ -236,6 +237,45 @@ class SlidingFacets(Obstacle):
 
     def on(self, domain: mesh.Mesh) -> tuple[Any, Any]:
         return fem.Constant(domain, 0.0), self._normal
+
+
+def _across_planes(
+    V: fem.FunctionSpace, sides: Sides, planes: Mapping[int, float], name: str
+) -> Mask:
+    """Return the components normal to planes of symmetry, shape (local nodes, dim). Collective.
+
+    Args:
+        V: Lagrange space.
+        sides: local nodes on the slave, which ends at the planes, and on the master, which has
+            images behind them.
+        planes: positions of the planes of symmetry by axis.
+        name: name of the surface for messages.
+
+    Raises:
+        ValueError: on every rank, if no node of the slave lies on a plane, or both faces together
+            lie on both sides of it.
+    """
+    comm = V.mesh.comm
+    x = node_positions(V)[:, : V.mesh.geometry.dim]
+    owned = V.dofmap.index_map.size_local
+    across: Mask = np.zeros(x.shape, dtype=bool)
+    size = maximum(comm, np.abs(x))
+    for axis, place in planes.items():
+        off = x[:, axis] - place
+        near = np.abs(off) <= _ON_PLANE * size
+        across[:, axis] = near & (sides.slave | sides.master)
+        parts = [near, ~near & (off < 0), ~near & (off > 0)]
+        counts = np.array([[int((on & c)[:owned].sum()) for c in parts] for on in sides])
+        (there, below, above), (_, under, over) = comm.allreduce(counts)
+        require(
+            comm,
+            there > 0 and not (below + under and above + over),
+            f"{name}: the face must end at the symmetry plane {'xyz'[axis]} = {place:g}: {there} "
+            f"nodes lie on it, {below} below and {above} above. Both faces lie on one side of it, "
+            f"since the master has images behind it: {under} of its nodes are below and {over} "
+            "above",
+        )
+    return across
 
 
 class SlidingPoints(NodePoints):
