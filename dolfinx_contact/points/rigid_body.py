@@ -2,7 +2,17 @@
 r"""Rigid bodies as contact partners: obstacles moved by forces, moments or prescribed motions.
 
 A rigid body has a few unknowns, a displacement d and a rotation theta about a reference point X_0.
-See `rigid_kinematics` for the motion of its points. Rotations are prescribed in large sliding.
+If both are small, its material point X moves by
+
+    Phi(X) q = d + theta x (X - X_0),    q = (d, theta).
+
+In large sliding (`displaced`), where rotations are prescribed, it moves to
+X_0 + d + Q(theta) (X - X_0), where Q is the rotation, of any angle, with the rotation vector theta.
+If theta changes at the rate dtheta, the spin is
+
+    w = L(theta) dtheta,    L = I + (1 - cos a)/a^2 S + (a - sin a)/a^3 S^2,    a = |theta|,
+
+with S v = theta x v, and L = 1 in 2D (Simo and Vu-Quoc, CMAME 58, 1986, section 3).
 
 Jumps B (u - Phi q) are relative to the rigid body. The tractions t at the contact points balance
 the loads F on it, F = Phi^T B^T W t, in the components of q that are not prescribed (Wriggers,
@@ -12,11 +22,13 @@ Computational Contact Mechanics, 2006, section 5.1).
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+import scipy
 
 import ufl
 from dolfinx import mesh
@@ -27,13 +39,104 @@ from dolfinx_contact._arrays import Array, Mask
 from dolfinx_contact._ufl import refuse_other_mesh
 from dolfinx_contact._validate import ReadOnly, listed, scalar, vector, word
 from dolfinx_contact.obstacles import Obstacle, Outline, has_ufl, is_uniform
-from dolfinx_contact.points.rigid_kinematics import RigidKinematics
 
-__all__ = ["COMPONENTS", "RigidBody", "number", "shape_of"]
+__all__ = ["COMPONENTS", "Partner", "RigidBody", "RigidKinematics", "number", "shape_of"]
 
-
+_SMALL_ANGLE = 1e-4  # angle up to which L is a series
+_TOLERANCE = 1e-9  # displacement by a unit motion below which a point does not move
 #: Names of the components of a rigid motion, by dimension.
 COMPONENTS = {2: ("x", "y", "rz"), 3: ("x", "y", "z", "rx", "ry", "rz")}
+
+
+@dataclass(frozen=True, eq=False)
+class RigidKinematics:
+    """Motions of a rigid body about a reference point.
+
+    Motions are arrays (k,) of the displacement and the rotation, k = 3 in 2D and 6 in 3D.
+
+    Attributes:
+        about: reference point, shape (dim,).
+    """
+
+    about: Array
+
+    @property
+    def dim(self) -> int:
+        """Dimension, 2 or 3."""
+        return len(self.about)
+
+    # -- motions of any size ---------------------------------------------------------------------
+
+    def rotation(self, motion: Array) -> Array:
+        """Return the rotation Q (dim, dim) of a motion (k,), or of each motion (n, k)."""
+        angles = motion[..., self.dim :]
+        vector = np.zeros((*angles.shape[:-1], 3))
+        if not vector.size:
+            return np.zeros((0, self.dim, self.dim))
+        vector[..., 3 - angles.shape[-1] :] = angles
+        turned = scipy.spatial.transform.Rotation.from_rotvec(vector).as_matrix()
+        return turned[..., : self.dim, : self.dim]
+
+    def seen(self, x: Array, motion: Array) -> Array:
+        """Return positions (n, dim) in the frame of the moved body.
+
+        Args:
+            x: positions in space, shape (n, dim).
+            motion: motion of the body, shape (k,), or one for each point, shape (n, k).
+        """
+        arm = x - self.about - motion[..., : self.dim]
+        return self.about + (arm[:, None] @ self.rotation(motion))[:, 0]
+
+    def carried(self, x: Array, motion: Array) -> Array:
+        """Return displacements (n, dim) of material points x by a motion of any size."""
+        arm = x - self.about
+        return motion[: self.dim] + arm @ self.rotation(motion).T - arm
+
+    def spin(self, motion: Array) -> Array:
+        """Return L (k, k), which maps rates of the rotation vector to the spin of the body."""
+        if self.dim == 2:
+            return np.eye(1)
+        vector = motion[self.dim :]
+        angle = float(np.linalg.norm(vector))
+        S = np.cross(np.eye(3), vector)
+        if angle < _SMALL_ANGLE:
+            return np.eye(3) + S / 2 + S @ S / 6
+        first = (1 - np.cos(angle)) / angle**2
+        second = (angle - np.sin(angle)) / angle**3
+        return np.eye(3) + first * S + second * S @ S
+
+    def velocity(self, x: Array, motion: Array, rate: Array) -> Array:
+        """Return velocities (n, dim) of the material points at x for a rate of the motion (k,)."""
+        turning = self.spin(motion) @ rate[self.dim :]
+        arm = x - self.about - motion[: self.dim]
+        return rate[: self.dim] + self.crossed(turning, arm)
+
+    def crossed(self, turning: Array, v: Array) -> Array:
+        """Return the products w x v of a spin w with vectors v, shape (n, dim)."""
+        if self.dim == 2:
+            return turning * np.stack([-v[:, 1], v[:, 0]], axis=1)
+        return np.asarray(np.cross(turning, v))
+
+    # -- small motions and forces ----------------------------------------------------------------
+
+    def field(self, x: Array, motion: Array) -> Array:
+        """Return Phi q, displacements (n, dim) at points (n, dim) by a small motion q."""
+        return motion[: self.dim] + self.crossed(motion[self.dim :], x - self.about)
+
+    def resultant(self, x: Array, forces: Array, moved: Array | None = None) -> Array:
+        """Return Phi^T f, the resultant force and the moment about the reference point, (k,).
+
+        Args:
+            x: points of action, shape (n, dim).
+            forces: forces, shape (n, dim).
+            moved: displacement of the reference point, shape (dim,); None for zero.
+        """
+        arm = x - (self.about if moved is None else self.about + moved)
+        if self.dim == 2:
+            moments: Array = (arm[:, 0] * forces[:, 1] - arm[:, 1] * forces[:, 0])[:, None]
+        else:
+            moments = np.asarray(np.cross(arm, forces), dtype=np.float64)
+        return np.concatenate([forces.sum(axis=0), moments.sum(axis=0)])
 
 
 class RigidBody(ReadOnly, Obstacle):
@@ -214,7 +317,60 @@ class RigidBody(ReadOnly, Obstacle):
         return f"{self.name} about {self.about.tolist()}, {given}, held {self.fixed.tolist()}"
 
 
-_TOLERANCE = 1e-9  # displacement by a unit motion below which a point does not move
+@dataclass(frozen=True, eq=False)
+class Partner:
+    """Obstacle of a surface as the frame of reference of its displacements.
+
+    Attributes:
+        body: rigid body; None if the obstacle is not a rigid body.
+        x: positions of the local nodes of the displacement, shape (nodes, dim).
+        turns: whether the surface follows a rigid body that rotates by any angle.
+    """
+
+    body: RigidBody | None
+    x: Array
+    turns: bool
+
+    def relative(self, u: Array, motion: Array | None) -> Array:
+        """Return displacements relative to the rigid body; unchanged without one.
+
+        Args:
+            u: displacement at the first local nodes, shape (n, dim).
+            motion: motion of the rigid body, shape (k,).
+        """
+        if self.body is None:
+            return u
+        assert motion is not None
+        x = self.x[: len(u)]
+        rigid = self.body.kinematics
+        return rigid.seen(x + u, motion) - x if self.turns else u - rigid.field(x, motion)
+
+    def relative_rate(self, u: Array, motion: Array, du: Array, change: Array) -> Array:
+        """Return the derivative of `relative`, rotated with the body.
+
+        Args:
+            u: displacement at the first local nodes, shape (n, dim).
+            motion: motion of the rigid body, shape (k,).
+            du: direction of the displacement, shape (n, dim).
+            change: direction of the motion, shape (k,).
+        """
+        if self.body is None or not self.turns:
+            return self.relative(du, change)
+        x = self.x[: len(u)] + u
+        return du - self.body.kinematics.velocity(x, motion, change)
+
+    def rotation(self, motion: Array | None) -> Array | None:
+        """Return the rotation of the frame, shape (dim, dim); None if it does not rotate."""
+        if self.body is None or motion is None or not self.turns:
+            return None
+        return self.body.kinematics.rotation(motion)
+
+    def dragged(self, x: Array) -> Array:
+        """Return present displacements of the rigid body at points (n, dim); 0 without one."""
+        if self.body is None:
+            return np.zeros_like(x)
+        rigid, motion = self.body.kinematics, self.body.values
+        return rigid.carried(x, motion) if self.turns else rigid.field(x, motion)
 
 
 def shape_of(obstacle: Obstacle) -> Obstacle:
