@@ -230,7 +230,7 @@ def known_displaced(obstacle: Obstacle) -> bool:
 class Measured(ufl.Coefficient):  # type: ignore[misc]
     """Numerically computed gap and normal at a UFL point, as UFL functions of the point.
 
-    An evaluator (`points.evaluation`) measures them at the position x_0 of each contact point, and
+    An evaluator (`points.evaluators`) measures them at the position x_0 of each contact point, and
 
         gap = g + dg.(x - x_0),    normal = n + dn (x - x_0),
 

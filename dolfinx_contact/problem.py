@@ -152,7 +152,7 @@ def discretise(contact: Contact, *, linear: bool = True) -> DiscreteSurface:
         return DiscreteSurface(contact, linear=linear)
     if isinstance(contact, ContactPair) and contact.sliding != "large":
         return DiscretePair(contact)
-    from dolfinx_contact.points.sliding.points import SlidingPair
+    from dolfinx_contact.points.sliding_pair import SlidingPair
 
     return SlidingPair(contact)
 

@@ -50,7 +50,7 @@ FAULTS = {
         "outer = np.dot(after.outer, du)",
     ),
     "weight of a contact point": Fault(
-        "points/evaluation.py", "self._integrals()[:, 0].copy()", "1.01 * self._integrals()[:, 0]"
+        "points/evaluators.py", "self._integrals()[:, 0].copy()", "1.01 * self._integrals()[:, 0]"
     ),
     "stale load": Fault(
         "body/bulk.py",

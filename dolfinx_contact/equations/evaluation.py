@@ -2,7 +2,7 @@
 r"""The terms of contact surfaces and rigid bodies in H, and the values found by one evaluation.
 
 Contact points have areas W, jumps j(u, q) and tractions t = E l of the multipliers l; the law
-answers tau. B maps displacements to jumps (`points.operators`). A surface adds
+answers tau. B maps displacements to jumps (`points.jump_operators`). A surface adds
 
     H_u += -B^T W t,    H_l = E^T W (t - tau(j, t; statuses)),
 

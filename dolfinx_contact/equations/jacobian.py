@@ -38,8 +38,8 @@ from dolfinx_contact._arrays import Array, Ints
 from dolfinx_contact._petsc import Entries, destroy, matrix_of, triplets
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import ContactState, Evaluation, RigidTerm
+from dolfinx_contact.points.jump_operators import ConstantOperator
 from dolfinx_contact.points.neighbours import LawAmongPoints
-from dolfinx_contact.points.operators import ConstantOperator
 from dolfinx_contact.points.surface import DiscreteSurface
 from dolfinx_contact.points.trace import at_global_places
 

@@ -25,7 +25,7 @@ from dolfinx_contact._compat import interpolation_points
 from dolfinx_contact._forms import compiled_expression, compiled_form
 from dolfinx_contact._ufl import derivative, not_affine
 from dolfinx_contact.equations.evaluation import ContactState, RigidBodies
-from dolfinx_contact.points.evaluation import Given
+from dolfinx_contact.points.evaluators import Given
 from dolfinx_contact.points.rigid_body import number
 from dolfinx_contact.points.surface import DiscreteSurface
 

@@ -23,9 +23,8 @@ from dolfinx_contact._geometry import ratio, transformed
 from dolfinx_contact._petsc import Entries, triplets
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import ContactState
-from dolfinx_contact.points.sliding.facing import Facing
-from dolfinx_contact.points.sliding.operator import SlidingOperator
-from dolfinx_contact.points.sliding.points import SlidingPoints
+from dolfinx_contact.points.sliding_kinematics import Facing
+from dolfinx_contact.points.sliding_pair import SlidingOperator, SlidingPoints
 
 __all__ = ["Numbering", "SlidingTerms"]
 
@@ -156,7 +155,7 @@ class SlidingTerms:
     def _values(
         self, state: ContactState, operator: SlidingOperator, first: Ints
     ) -> tuple[list[Array], list[Array]]:
-        """Return the values of the blocks; see `points.sliding.facing.Facing` for a, b and c.
+        """Return the values of the blocks; see `points.sliding_kinematics.Facing` for a, b and c.
 
         Args:
             state: state.

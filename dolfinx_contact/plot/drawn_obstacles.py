@@ -24,7 +24,7 @@ from ufl.algorithms.analysis import extract_constants, extract_type
 
 from dolfinx_contact._geometry import unit
 from dolfinx_contact.obstacles import known_displaced
-from dolfinx_contact.points.evaluation import ScatteredEvaluator
+from dolfinx_contact.points.evaluators import ScatteredEvaluator
 from dolfinx_contact.points.rigid_body import shape_of
 
 if TYPE_CHECKING:

@@ -18,7 +18,7 @@ import basix
 
 from dolfinx_contact._arrays import Array, Ints, Mask
 from dolfinx_contact._geometry import area_vectors, balls, dot, tangential, unit
-from dolfinx_contact.points.operators import NodeWeights
+from dolfinx_contact.points.jump_operators import NodeWeights
 
 __all__ = [
     "Cover",

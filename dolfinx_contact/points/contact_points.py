@@ -34,7 +34,7 @@ from dolfinx_contact._petsc import destroy, product
 from dolfinx_contact.body.bulk import circumference
 from dolfinx_contact.laws import PointData
 from dolfinx_contact.points.descriptions import ContactMethod
-from dolfinx_contact.points.evaluation import (
+from dolfinx_contact.points.evaluators import (
     Evaluator,
     Given,
     PointEvaluator,
@@ -44,8 +44,7 @@ from dolfinx_contact.points.evaluation import (
     point_space,
 )
 from dolfinx_contact.points.gauss_points import CommonGaussPoints, GaussPoints
-from dolfinx_contact.points.geometry import SurfaceFacets, SurfaceGeometry
-from dolfinx_contact.points.operators import (
+from dolfinx_contact.points.jump_operators import (
     ConstantOperator,
     NodeWeights,
     Operator,
@@ -58,6 +57,7 @@ from dolfinx_contact.points.operators import (
 )
 from dolfinx_contact.points.opposite import Opposite
 from dolfinx_contact.points.shared_functions import receiving_vertices, shared
+from dolfinx_contact.points.surface_geometry import SurfaceFacets, SurfaceGeometry
 from dolfinx_contact.points.trace import point_ids, trace_dofs
 
 __all__ = ["AveragedPoints", "ContactPoints", "Degrees", "Evaluators", "FacetPoints", "NodePoints"]
@@ -122,7 +122,7 @@ class ContactPoints(ABC):
     """
 
     method: ClassVar[ContactMethod]
-    #: Whether the face slides over another face by any distance (`sliding`).
+    #: Whether the face slides over another face by any distance (`sliding_pair`).
     slides: ClassVar[bool] = False
 
     number: int

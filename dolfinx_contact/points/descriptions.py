@@ -455,10 +455,10 @@ class ContactPair:
 
     **Large sliding**: at every state each slave facet is cut by the opposing master facets along
     averaged normals of the displaced slave; gaps and slips at its nodes are weighted means
-    (`points.sliding.facing`). Slips are increments since the last accepted state of an evolution
-    along the surface at that time; under the static law they count from the mesh, so that long
-    slips need a history with steps of at most one master facet. Faces need not match and must not
-    share nodes. Nodes with nothing within ``search_distance`` are open, and their gap is NaN in
+    (`points.sliding_kinematics`). Slips are increments since the last accepted state of an
+    evolution along the surface at that time; under the static law they count from the mesh, so that
+    long slips need a history with steps of at most one master facet. Faces need not match and must
+    not share nodes. Nodes with nothing within ``search_distance`` are open, and their gap is NaN in
     tables. Where a node is barely covered, its traction is partly the mean of its neighbours, so
     that gap and shear in a table need not satisfy the law there. The soft body should be the slave.
     The master face should continue around the edges of a tool; a slave face has one normal per node

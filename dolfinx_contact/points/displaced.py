@@ -65,15 +65,15 @@ from dolfinx_contact.laws.symbols import before
 from dolfinx_contact.obstacles import Obstacle, known_displaced
 from dolfinx_contact.points.contact_points import ContactPoints
 from dolfinx_contact.points.descriptions import SlidingKind
-from dolfinx_contact.points.evaluation import (
+from dolfinx_contact.points.evaluators import (
     Evaluator,
     Given,
     blocked_space,
     fields_of,
 )
+from dolfinx_contact.points.jump_operators import Operator
 from dolfinx_contact.points.kinematics import Kinematics, rotation
 from dolfinx_contact.points.memory import Memory
-from dolfinx_contact.points.operators import Operator
 from dolfinx_contact.points.rigid_body import RigidBody, shape_of
 
 __all__ = ["DisplacedPoints", "TrueGaps", "displaced_points", "follows"]

@@ -23,14 +23,14 @@ from dolfinx_contact._compat import FacetSubmesh
 from dolfinx_contact._geometry import global_numbers, ratio, transformed
 from dolfinx_contact._mpi import SharedValues
 from dolfinx_contact.points.clipping import basis, tabulated
-from dolfinx_contact.points.evaluation import (
+from dolfinx_contact.points.evaluators import (
     Evaluator,
     PointEvaluator,
     ScatteredEvaluator,
     measure_of,
     point_space,
 )
-from dolfinx_contact.points.operators import NodeWeights, Stencils, own_nodes
+from dolfinx_contact.points.jump_operators import NodeWeights, Stencils, own_nodes
 from dolfinx_contact.points.opposite import Common, Opposite
 from dolfinx_contact.points.trace import cells_of, trace_dofs
 

@@ -6,8 +6,8 @@ With the jump j in the law, the normal n and the initial gap g_0,
     gap = g_0 - j.n,    slip = j - (j.n) n.
 
 On a curved obstacle j and n may follow the displacement of the points (`points.displaced`). Along a
-displacement v, with the change dx of the points (`points.operators`), dj = (dj/dx) dx, or dx where
-normals do not turn, and dn = (dn/dx) dx,
+displacement v, with the change dx of the points (`points.jump_operators`), dj = (dj/dx) dx, or dx
+where normals do not turn, and dn = (dn/dx) dx,
 
     d gap = -(dj.n + j.dn).
 
@@ -24,8 +24,8 @@ import numpy as np
 from dolfinx_contact._arrays import Array
 from dolfinx_contact._geometry import dot, tangential
 from dolfinx_contact.laws import PointData
+from dolfinx_contact.points.jump_operators import Operator
 from dolfinx_contact.points.memory import Memory
-from dolfinx_contact.points.operators import Operator
 
 __all__ = ["Kinematics", "rotation"]
 

@@ -26,7 +26,7 @@ import numpy as np
 from dolfinx_contact._arrays import Array, Ints
 from dolfinx_contact._petsc import triplet_matrix
 from dolfinx_contact.points.clipping import Cover, basis, nodal_points
-from dolfinx_contact.points.operators import scaled_rows
+from dolfinx_contact.points.jump_operators import scaled_rows
 
 __all__ = ["Coupling", "between", "coupling"]
 

@@ -21,8 +21,8 @@ from dolfinx_contact.laws.spreading import KERNELS, whole
 from dolfinx_contact.laws.status import closed
 from dolfinx_contact.laws.symbols import AROUND
 from dolfinx_contact.points.contact_points import ContactPoints
-from dolfinx_contact.points.operators import multiplied
-from dolfinx_contact.points.search import around
+from dolfinx_contact.points.jump_operators import multiplied
+from dolfinx_contact.points.spatial_search import around
 
 __all__ = ["LawAmongPoints", "Neighbours"]
 

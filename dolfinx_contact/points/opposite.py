@@ -38,11 +38,16 @@ from dolfinx_contact.body.rigid import diagonal
 from dolfinx_contact.obstacles import Obstacle
 from dolfinx_contact.points.clipping import Cover, Faces, cover
 from dolfinx_contact.points.descriptions import ContactPair, Overlap
-from dolfinx_contact.points.evaluation import at_nodes
+from dolfinx_contact.points.evaluators import at_nodes
+from dolfinx_contact.points.jump_operators import (
+    NodeWeights,
+    rows_of,
+    rows_with_ghosts,
+    scaled_rows,
+)
 from dolfinx_contact.points.mortar import between, coupling
-from dolfinx_contact.points.operators import NodeWeights, rows_of, rows_with_ghosts, scaled_rows
 from dolfinx_contact.points.revolution import mirrored
-from dolfinx_contact.points.search import around, faces_of, nearest, opposing_facets
+from dolfinx_contact.points.spatial_search import around, faces_of, nearest, opposing_facets
 from dolfinx_contact.points.trace import (
     at_global_places,
     nodes_on,

@@ -42,9 +42,14 @@ from dolfinx_contact._arrays import Array, Ints, Mask
 from dolfinx_contact._geometry import global_numbers
 from dolfinx_contact._mpi import SharedValues
 from dolfinx_contact._petsc import triplet_matrix
-from dolfinx_contact.points.geometry import SurfaceFacets
-from dolfinx_contact.points.operators import NodeWeights, rows_of, rows_with_ghosts, scaled_rows
+from dolfinx_contact.points.jump_operators import (
+    NodeWeights,
+    rows_of,
+    rows_with_ghosts,
+    scaled_rows,
+)
 from dolfinx_contact.points.opposite import Opposite
+from dolfinx_contact.points.surface_geometry import SurfaceFacets
 from dolfinx_contact.points.trace import at_global_places, sums_at_global_places
 
 __all__ = ["crossings", "held_in_place", "in_place", "receiving_vertices", "resting", "shared"]

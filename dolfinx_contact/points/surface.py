@@ -32,11 +32,11 @@ from dolfinx_contact.points.contact_points import (
 )
 from dolfinx_contact.points.descriptions import Contact, ContactMethod, Overlap, displacement_degree
 from dolfinx_contact.points.displaced import DisplacedPoints, TrueGaps, displaced_points, follows
-from dolfinx_contact.points.evaluation import Evaluator, Given, ScatteredEvaluator
+from dolfinx_contact.points.evaluators import Evaluator, Given, ScatteredEvaluator
+from dolfinx_contact.points.jump_operators import ConstantOperator
 from dolfinx_contact.points.kinematics import Kinematics
 from dolfinx_contact.points.memory import Memory, with_memory
 from dolfinx_contact.points.neighbours import LawAmongPoints
-from dolfinx_contact.points.operators import ConstantOperator
 from dolfinx_contact.points.opposite import CURVED_OVERLAP
 from dolfinx_contact.points.revolution import check_section
 from dolfinx_contact.points.rigid_body import Partner, RigidBody, shape_of

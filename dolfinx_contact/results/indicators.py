@@ -61,9 +61,9 @@ from dolfinx_contact.equations.evaluation import ContactState, Evaluation
 from dolfinx_contact.equations.measures import least_scales, round_off_force
 from dolfinx_contact.laws.status import OPEN, STICK, closed
 from dolfinx_contact.obstacles import Cylinder, Sphere, is_uniform
-from dolfinx_contact.points.geometry import distance_from_face, simplices_of
 from dolfinx_contact.points.rigid_body import shape_of
 from dolfinx_contact.points.surface import DiscreteSurface
+from dolfinx_contact.points.surface_geometry import distance_from_face, simplices_of
 from dolfinx_contact.results.tables import ContactTable
 from dolfinx_contact.rigid_surfaces import RigidSurface
 from dolfinx_contact.rigid_surfaces.closest import ClosestFacets

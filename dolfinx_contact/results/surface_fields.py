@@ -22,7 +22,7 @@ from dolfinx_contact._geometry import along_tangent
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation
 from dolfinx_contact.laws.status import MINUS, PLUS, closed, senses
-from dolfinx_contact.points.evaluation import blocked_space, vertex_function
+from dolfinx_contact.points.evaluators import blocked_space, vertex_function
 from dolfinx_contact.points.surface import DiscreteSurface
 from dolfinx_contact.results.tables import (
     forces_at_vertices,

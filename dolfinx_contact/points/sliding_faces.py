@@ -3,7 +3,7 @@
 
 A rank has the slave facets that it owns, and the master facets that may oppose these. The search
 for these candidates is repeated when nodes have moved, or normals turned, so far that others may
-oppose (`candidates`).
+oppose (`sliding_master`).
 """
 
 from __future__ import annotations
@@ -33,12 +33,12 @@ from dolfinx_contact._mpi import SharedValues, maximum, require
 from dolfinx_contact._petsc import logged
 from dolfinx_contact.body.cells import cells_around
 from dolfinx_contact.points.clipping import Cover, Faces, cover, linear_basis, tangents
-from dolfinx_contact.points.geometry import SurfaceFacets
 from dolfinx_contact.points.kinematics import rotation
 from dolfinx_contact.points.opposite import Opposite
 from dolfinx_contact.points.revolution import on_axis
-from dolfinx_contact.points.sliding.candidates import Candidates, Master
-from dolfinx_contact.points.sliding.facing import Facing, Nodal, cast, spins
+from dolfinx_contact.points.sliding_kinematics import Facing, Nodal, cast, spins
+from dolfinx_contact.points.sliding_master import Candidates, Master
+from dolfinx_contact.points.surface_geometry import SurfaceFacets
 from dolfinx_contact.points.trace import sums_at_global_places
 
 __all__ = ["SlidingFaces", "SlidingOpposite"]

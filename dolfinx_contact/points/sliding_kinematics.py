@@ -70,7 +70,7 @@ from dolfinx_contact._geometry import (
 )
 from dolfinx_contact.points.clipping import linear_basis, tangents
 from dolfinx_contact.points.kinematics import rotation
-from dolfinx_contact.points.sliding.candidates import Candidates
+from dolfinx_contact.points.sliding_master import Candidates
 
 __all__ = ["CastRays", "Facing", "Nodal", "RayRates", "Spins", "cast", "spins"]
 

@@ -14,7 +14,7 @@ from dolfinx import fem
 from dolfinx_contact._arrays import Array, Indices, Ints
 from dolfinx_contact._geometry import area_vectors, balls, dot, unit
 from dolfinx_contact.points.clipping import Faces
-from dolfinx_contact.points.search import faces_of, facets_along_normals
+from dolfinx_contact.points.spatial_search import faces_of, facets_along_normals
 from dolfinx_contact.points.trace import at_global_places
 
 __all__ = ["Candidates", "Master"]
