@@ -169,7 +169,7 @@ class SlidingTerms:
         at = faces.corners[facing.facet]
 
         def at_corners(values: Array) -> Array:
-            return faces.vertices.from_owners(values)[at]
+            return faces.vertex_exchange.from_owners(values)[at]
 
         def of_pairs(parts: Array) -> Array:
             return np.add.reduceat(parts, first, axis=0) if len(first) else parts

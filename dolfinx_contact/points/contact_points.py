@@ -435,8 +435,7 @@ class NodePoints(ContactPoints):
         self.areas = geometry.vertex_areas[: self.number].copy()
         return geometry
 
-    def evaluator(self, expressions: Mapping[str, Any]) -> Evaluator:
-        return self.vertex_evaluator(expressions)
+    evaluator = ContactPoints.vertex_evaluator
 
     def _given_at_vertices(self, values: Mapping[str, Array]) -> Mapping[str, Array]:
         return values

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache, cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -185,6 +185,13 @@ def vertex_function(vertices: fem.FunctionSpace, name: str, values: Array) -> fe
     return f
 
 
+class DataOf(NamedTuple):
+    """Functions and Constants in an expression."""
+
+    functions: list[Any]
+    constants: list[Any]
+
+
 @dataclass(frozen=True)
 class Given:
     """Data of a surface in UFL on the body.
@@ -206,20 +213,15 @@ class Given:
         return {"gap": self.gap, "normal": self.normal, **fields}
 
     @cached_property
-    def data(self) -> dict[str, tuple[list[Any], list[Any]]]:
+    def data(self) -> dict[str, DataOf]:
         """Functions and Constants by the names of `at_points`."""
         given = {name: ufl.as_ufl(e) for name, e in self.at_points.items()}
-        return {k: (extract_coefficients(e), extract_constants(e)) for k, e in given.items()}
-
-    @property
-    def constants(self) -> list[Any]:
-        """Constants in all data; repeated if they occur in several places."""
-        return [c for _, constants in self.data.values() for c in constants]
+        return {k: DataOf(extract_coefficients(e), extract_constants(e)) for k, e in given.items()}
 
     @cached_property
     def _arrays(self) -> list[Any]:
         """Functions with arrays of values, each once, in the same order on every rank."""
-        every = {f for functions, _ in self.data.values() for f in functions}
+        every = {f for data in self.data.values() for f in data.functions}
         return sorted((f for f in every if isinstance(f, fem.Function)), key=lambda f: f.count())
 
     def scatter(self) -> None:
@@ -229,7 +231,8 @@ class Given:
 
     def checksum(self) -> int:
         """Return a checksum of the values on this rank."""
-        return checksum([*self._arrays, *self.constants])
+        constants = [c for data in self.data.values() for c in data.constants]
+        return checksum([*self._arrays, *constants])
 
 
 def fields_of(values: Mapping[str, Array]) -> dict[str, Array]:

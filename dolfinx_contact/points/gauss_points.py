@@ -126,10 +126,10 @@ class GaussPoints:
         columns = [np.ones(self.number), values.reshape(self.number, width)]
         weighted = areas[:, None] * np.column_stack(columns)
         parts = self._hats.transpose(0, 2, 1) @ weighted[self.numbers]
-        whole, *sums = self._sums.sums(self.corners, parts).T
+        sums = self._sums.sums(self.corners, parts)
         # on partly covered faces some vertices have no point
-        means = np.reshape([ratio(s, whole) for s in sums], (width, len(whole)))
-        return means.T.reshape(-1, *values.shape[1:])
+        whole = np.broadcast_to(sums[:, :1], (len(sums), width))
+        return ratio(sums[:, 1:], whole).reshape(len(sums), *values.shape[1:])
 
     def jumps(self, Q: fem.FunctionSpace, opposite: Opposite | None) -> Stencils:
         """Return the stencils of jumps, and of multipliers in the space Q. Collective."""

@@ -32,7 +32,7 @@ from dolfinx_contact._geometry import (
 from dolfinx_contact._mpi import SharedValues, maximum, require
 from dolfinx_contact._petsc import logged
 from dolfinx_contact.body.cells import cells_around
-from dolfinx_contact.points.clipping import Cover, Faces, cover, linear_basis, tangents
+from dolfinx_contact.points.clipping import Cover, cover, linear_basis, tangents
 from dolfinx_contact.points.kinematics import rotation
 from dolfinx_contact.points.opposite import Opposite
 from dolfinx_contact.points.revolution import on_axis
@@ -139,9 +139,9 @@ class SlidingFaces:
         axisymmetric: whether the bodies are bodies of revolution.
 
     Attributes:
-        nodes: exchange of values at the local nodes of `V` between ranks.
-        vertices: exchange of values at the local vertices between ranks.
+        vertex_exchange: exchange of values at the local vertices between ranks.
         corners: local vertices of the slave facets of this rank, shape (n, k).
+        slave_nodes: global nodes of the displacement at these corners, shape (n, k).
         found: candidates of the last search.
         searches: number of searches.
         kept: 1, or 0 for vector components that cancel with their mirror image, shape (vertices,
@@ -169,8 +169,8 @@ class SlidingFaces:
         self._direction = opposite.direction
         # nodes and mirror images
         trace, across = slave.trace, opposite.across
-        self.nodes = SharedValues(V.dofmap.index_map)
-        self.vertices = slave.exchange
+        self._node_exchange = SharedValues(V.dofmap.index_map)
+        self.vertex_exchange = slave.exchange
         self.kept: Array = np.where(across[trace], 0.0, 1.0)
         self.images: Array = self.kept * 2.0 ** across[trace].sum(axis=1, keepdims=True)
         if axisymmetric:
@@ -178,13 +178,13 @@ class SlidingFaces:
         # slave and master in the mesh
         self._facets = slave
         self.corners = slave.corners
+        self.slave_nodes = slave.nodes
         self._X = node_positions(V)[:, : self.dim].copy()
         self._reference = slave.reference
         axis = {0: 0.0} if axisymmetric else {}
         self.master = Master(V, opposite.master_facets, axis | dict(opposite.planes))
-        size = float(np.max(np.ptp(self._reference, axis=1), initial=0.0))
         largest = float(np.max(np.abs(self._X), initial=0.0))
-        sizes = np.array([max(size, self.master.size), largest])
+        sizes = np.array([max(slave.size, self.master.size), largest])
         self._skin, largest = map(float, self.comm.allreduce(sizes, op=np.maximum))
         self._no_gap = _ROUND_OFF * largest
         self.searches = 0
@@ -201,25 +201,20 @@ class SlidingFaces:
 
     def of_slave(self, values: Array) -> Array:
         """Return values of the owned nodes (n, dim) at the corners of the slave (n, k, dim)."""
-        return self._facets.at_corners(self.nodes.from_owners(values))
+        return self._facets.at_corners(self._node_exchange.from_owners(values))
 
     def sums(self, facet: Ints, values: Array) -> Array:
         """Return sums at the local vertices (n, ...) of values of facet corners (p, k, ...)."""
-        return self.vertices.sums(self.corners[facet], values)
+        return self.vertex_exchange.sums(self.corners[facet], values)
 
     def positions(self, u: Array) -> Array:
         """Return the corners of the slave facets at a displacement, shape (n, k, dim)."""
-        return self._facets.at_corners(self._X + self.nodes.from_owners(u))
-
-    @cached_property
-    def slave_nodes(self) -> Ints:
-        """Global nodes of the displacement at the corners of the slave facets, shape (n, k)."""
-        return global_numbers(self._V.dofmap.index_map, self._facets.trace[self.corners])
+        return self._facets.at_corners(self._X + self._node_exchange.from_owners(u))
 
     @property
     def slave_vertices(self) -> Ints:
         """Global vertices at the corners of the slave facets, shape (n, k)."""
-        return global_numbers(self.vertices.index_map, self.corners)
+        return global_numbers(self.vertex_exchange.index_map, self.corners)
 
     @cached_property
     def whole(self) -> Candidates | None:
@@ -260,7 +255,7 @@ class SlidingFaces:
             x: positions of the local nodes.
             direction: for self-contact, direction of the slave; None for all pairs of facets.
         """
-        slave = self._slave(self._facets.at_corners(x))
+        slave = self._facets.faces(self._facets.at_corners(x))
         now = _Searched(slave.x, x[self.master.places], slave.normals)
         if self.searches:
             off = [_largest(v - then) for v, then in zip(now, self._searched, strict=True)]
@@ -277,16 +272,11 @@ class SlidingFaces:
                 self._select_slave(direction)
         self.searches += 1
 
-    def _slave(self, x: Array) -> Faces:
-        """Return the slave facets of this rank with their corners at given positions."""
-        none = np.zeros((len(x), 0), dtype=np.int64)
-        return Faces(x, unit(self._facets.vectors(x)), none)
-
     def _covered(
         self, slave: Array, master: Array, pairs: Ints, deepest: float | Array, **limits: float
     ) -> Cover:
         """Return opposing parts of slave and candidates, with their corners at given positions."""
-        mine, theirs = self._slave(slave), self.found.faces(master)
+        mine, theirs = self._facets.faces(slave), self.found.faces(master)
         limits = {"farthest": self._depth, "steep": _STEEP} | limits
         return cover(mine, theirs, pairs, deepest, least=_LEAST_COVER, **limits)
 
@@ -296,7 +286,7 @@ class SlidingFaces:
         Args:
             far: distance up to which facets are searched.
         """
-        slave = self._slave(self._reference)
+        slave = self._facets.faces(self._reference)
         found = self.master.candidates(slave, self._X[self.master.places], far)
         master = found.faces(self.master.positions(self._X, found))
         common = cover(slave, master, found.pairs, far, farthest=far, least=_LEAST_COVER)
@@ -332,7 +322,7 @@ class SlidingFaces:
         """
         i, k = self.found.pairs.T
         corners = self._found_before
-        mine, theirs = self._slave(self._reference), self.found.faces(corners)
+        mine, theirs = self._facets.faces(self._reference), self.found.faces(corners)
         facing = dot(mine.normals[i], theirs.normals[k]) < -_STEEP_ITSELF
         way = self._reference.mean(axis=1)[i] - corners.mean(axis=1)[k]
         near = np.linalg.norm(way, axis=1) < _NEAR * self._skin
@@ -397,7 +387,7 @@ class SlidingFaces:
             before: displacement of the owned nodes at the last accepted state; None for the mesh.
             areas: areas of the local vertices in the reference configuration.
         """
-        self._search(self._X + self.nodes.from_owners(u), self._direction)
+        self._search(self._X + self._node_exchange.from_owners(u), self._direction)
         now = self._placed(u)
         then = self._placed(np.zeros_like(u) if before is None else before)
         pieces = self._pieces(now)
@@ -449,7 +439,7 @@ class SlidingFaces:
     def _placed(self, u: Array) -> _Corners:
         """Return both faces at a displacement."""
         slave = self.positions(u)
-        master = self._found_before + self.master.vectors(u, self.found)
+        master = self._found_before + self.master.at_candidates(u, self.found)
         return _Corners(slave, master, self.at_nodes(self._facets.vectors(slave)))
 
     def _pieces(self, now: _Corners) -> _Pieces:

@@ -12,10 +12,11 @@ import numpy as np
 from dolfinx import fem
 
 from dolfinx_contact._arrays import Array, Indices, Ints
-from dolfinx_contact._geometry import area_vectors, balls, dot, unit
+from dolfinx_contact._geometry import area_vectors, balls, unit
 from dolfinx_contact.points.clipping import Faces
-from dolfinx_contact.points.spatial_search import faces_of, facets_along_normals
-from dolfinx_contact.points.trace import at_global_places
+from dolfinx_contact.points.spatial_search import facets_along_normals
+from dolfinx_contact.points.surface_geometry import MovingFacets
+from dolfinx_contact.points.trace import at_global_places, facet_closures, owned_facets
 
 __all__ = ["Candidates", "Master"]
 
@@ -53,28 +54,19 @@ def _candidates(keys: Ints, pairs: Ints, dim: int) -> Candidates:
     return Candidates(keys[:, dim + 1 :], signs[:, dim], signs[:, :dim], pairs)
 
 
-class Master:
+class Master(MovingFacets):
     """Master facets owned by this rank, and their images behind planes of symmetry.
 
     Args:
-        V: displacement space.
+        V: displacement space of degree 1.
         facets: local facets of the master, ghosts included.
         planes: positions of the planes by axis, and of the axis of a body of revolution.
-
-    Attributes:
-        places: local nodes of `V` at the corners, shape (n, b).
-        size: size of the largest facet.
     """
 
     def __init__(self, V: fem.FunctionSpace, facets: Indices, planes: Mapping[int, float]):
-        self._V = V
+        owned = owned_facets(V.mesh, facets)
+        super().__init__(V, owned, facet_closures(V, owned))
         self._dim = V.mesh.geometry.dim
-        faces = faces_of(V, facets)
-        self._nodes = faces.nodes
-        local = V.dofmap.index_map.global_to_local(faces.nodes.reshape(-1))
-        self.places = local.reshape(faces.nodes.shape)
-        self._sense = np.sign(dot(area_vectors(faces.x), faces.normals))
-        self.size = float(np.max(np.ptp(faces.x, axis=1), initial=0.0))
         self._planes: Array = np.array([planes.get(i, 0.0) for i in range(self._dim)])
         signs = [[1.0, -1.0] if axis in planes else [1.0] for axis in range(self._dim)]
         #: Signs of the axes of the facets themselves and of their images, shape (m, dim).
@@ -105,8 +97,8 @@ class Master:
     def _keys(self, facets: Ints, mirror: Array) -> Ints:
         """Return signs of the axes, -1 if mirrored, senses and nodes of images, in columns."""
         signs = np.broadcast_to(mirror, (len(facets), self._dim))
-        senses = np.prod(mirror) * self._sense[facets]
-        return np.column_stack([signs, senses, self._nodes[facets]]).astype(np.int64)
+        senses = np.prod(mirror) * self.sense[facets]
+        return np.column_stack([signs, senses, self.nodes[facets]]).astype(np.int64)
 
     def _behind(self, mirrors: Array) -> Array:
         """Return the vectors to be added to mirrored positions of images, shape (m, dim)."""
@@ -121,16 +113,16 @@ class Master:
             slave: number of slave facets of this rank.
         """
         comm = self._V.mesh.comm
-        counts = comm.allreduce(np.array([slave, len(self._nodes)]))
+        counts = comm.allreduce(np.array([slave, len(self.nodes)]))
         if counts.prod() > _FEW_PAIRS:
             return None
-        every = np.arange(len(self._nodes))
+        every = np.arange(len(self.nodes))
         parts = comm.allgather(self._keys(every, np.ones(self._dim)))
         facets = np.unique(np.concatenate(parts), axis=0)
         pairs = np.indices((slave, len(facets))).reshape(2, -1).T
         return _candidates(facets, pairs.astype(np.int64), self._dim)
 
-    def vectors(self, values: Array, found: Candidates) -> Array:
+    def at_candidates(self, values: Array, found: Candidates) -> Array:
         """Return vectors of the owned nodes at the corners of candidates (m, b, dim). Collective.
 
         Args:
@@ -143,4 +135,4 @@ class Master:
 
     def positions(self, x: Array, found: Candidates) -> Array:
         """Return positions of the corners of candidates, shape (m, b, dim). Collective."""
-        return self.vectors(x, found) + self._behind(found.mirrors)[:, None]
+        return self.at_candidates(x, found) + self._behind(found.mirrors)[:, None]

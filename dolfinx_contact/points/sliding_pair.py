@@ -402,14 +402,14 @@ class SlidingOperator(Operator):
     def _at_corners(self, tractions: Array) -> Array:
         """Return tractions at corners of pieces (p, a, dim) from those at the owned points."""
         alive = np.where(self.absent[:, None], 0.0, tractions)
-        alive = self.faces.vertices.from_owners(alive)
+        alive = self.faces.vertex_exchange.from_owners(alive)
         return alive[self.faces.corners[self.facing.facet]]
 
     def _change(self, v: Array) -> _Change:
         """Return the change of both faces along a displacement."""
         faces, facing = self.faces, self.facing
         mine = faces.of_slave(v)
-        theirs = faces.master.vectors(v, facing.found)
+        theirs = faces.master.at_candidates(v, facing.found)
         m = faces.at_nodes(np.einsum("nikj,nkj->ni", faces.normal_rates(self.x), mine))
         return _Change(np.concatenate([mine[facing.facet], theirs[facing.master]], axis=1), m)
 

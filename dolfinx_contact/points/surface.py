@@ -202,7 +202,7 @@ class DiscreteSurface(ReadOnly):
         self.given = Given(*self.obstacle.on(self.domain), self.law.given)
         for key, e in self.given.at_points.items():
             what = f"{self.name}: the {'law' if key.startswith(':') else 'obstacle'}"
-            refuse_displacement(self.u, what, *self.given.data[key][0])
+            refuse_displacement(self.u, what, *self.given.data[key].functions)
             if key != "normal":
                 refuse_other_mesh(e, self.domain, what)
 
@@ -275,7 +275,8 @@ class DiscreteSurface(ReadOnly):
         """Return the position of the obstacle if it is a Constant, else all its Constants."""
         if self._anchor is not None:
             return np.array(self._anchor.value)
-        constants = [*self.given.data["gap"][1], *self.given.data["normal"][1]]
+        data = self.given.data
+        constants = [*data["gap"].constants, *data["normal"].constants]
         return np.array([v for c in constants for v in np.ravel(c.value)])
 
     def check_gaps(self) -> None:

@@ -21,12 +21,20 @@ from dolfinx import fem
 from dolfinx_contact._arrays import Array, Indices, Ints
 from dolfinx_contact._compat import FacetSubmesh
 from dolfinx_contact._forms import compiled_form
-from dolfinx_contact._geometry import area_vectors, dot, node_positions, tangential, unit
+from dolfinx_contact._geometry import (
+    area_vectors,
+    dot,
+    global_numbers,
+    node_positions,
+    tangential,
+    unit,
+)
 from dolfinx_contact._mpi import SharedValues
+from dolfinx_contact.points.clipping import Faces
 from dolfinx_contact.points.trace import facet_closures, facet_normals, owned_facets
 from dolfinx_contact.rigid_surfaces.closest import ClosestFacets
 
-__all__ = ["SurfaceFacets", "SurfaceGeometry", "distance_from_face", "simplices_of"]
+__all__ = ["MovingFacets", "SurfaceFacets", "SurfaceGeometry", "distance_from_face", "simplices_of"]
 
 #: Simplices of the nodes of a facet, by dimension and number of nodes, in the order of Basix.
 _SIMPLICES: dict[tuple[int, int], Any] = {
@@ -39,8 +47,59 @@ _SIMPLICES: dict[tuple[int, int], Any] = {
 }
 
 
-class SurfaceFacets:
-    """Facets of a surface owned by this rank, with their geometry at any displacement.
+class MovingFacets:
+    """Facets of a body owned by this rank, with their geometry at any displacement.
+
+    Args:
+        V: displacement space.
+        facets: local facets owned by this rank.
+        places: local nodes of `V` at the corners of the facets, shape (n, k).
+
+    Attributes:
+        places: local nodes of `V` at the corners, shape (n, k).
+    """
+
+    def __init__(self, V: fem.FunctionSpace, facets: Indices, places: Indices):
+        self._V = V
+        self._facets = facets
+        self.places = places
+
+    def at_corners(self, values: Array) -> Array:
+        """Return values at the corners (n, k, dim) from those at the local nodes (nodes, dim)."""
+        return values[self.places]
+
+    @cached_property
+    def nodes(self) -> Ints:
+        """Global nodes of the displacement at the corners, shape (n, k)."""
+        return global_numbers(self._V.dofmap.index_map, self.places)
+
+    @cached_property
+    def reference(self) -> Array:
+        """Positions of the corners in the mesh, shape (n, k, dim)."""
+        return self.at_corners(_positions(self._V))
+
+    @property
+    def size(self) -> float:
+        """Largest extent of a facet along an axis, a length."""
+        return float(np.max(np.ptp(self.reference, axis=1), initial=0.0))
+
+    @cached_property
+    def sense(self) -> Array:
+        """Signs of the area vectors of the corners, 1 if they point outward, shape (n,)."""
+        outward = facet_normals(self._V.mesh, self._facets)
+        return np.sign(dot(area_vectors(self.reference), outward))
+
+    def vectors(self, x: Array) -> Array:
+        """Return outward area vectors (n, dim) for positions of the corners (n, k, dim)."""
+        return self.sense[:, None] * area_vectors(x)
+
+    def faces(self, x: Array) -> Faces:
+        """Return the facets with their corners at given positions, shape (n, k, dim)."""
+        return Faces(x, unit(self.vectors(x)), self.nodes)
+
+
+class SurfaceFacets(MovingFacets):
+    """Facets of a surface owned by this rank.
 
     Args:
         V: displacement space.
@@ -61,31 +120,11 @@ class SurfaceFacets:
         vertices: fem.FunctionSpace,
         trace: Indices,
     ):
-        self._V = V
         owned = submesh.mesh.topology.index_map(submesh.mesh.topology.dim).size_local
-        self._facets = submesh.parent_facets[:owned]
         self.trace = trace
         self.corners: Ints = vertices.dofmap.list[:owned].astype(np.int64)
         self.exchange = SharedValues(vertices.dofmap.index_map)
-
-    def at_corners(self, values: Array) -> Array:
-        """Return values at the corners (n, k, dim) from those at the local nodes (nodes, dim)."""
-        return values[self.trace[self.corners]]
-
-    @cached_property
-    def reference(self) -> Array:
-        """Positions of the corners in the mesh, shape (n, k, dim)."""
-        return self.at_corners(_positions(self._V))
-
-    @cached_property
-    def sense(self) -> Array:
-        """Signs of the area vectors of the corners, 1 if they point outward, shape (n,)."""
-        outward = facet_normals(self._V.mesh, self._facets)
-        return np.sign(dot(area_vectors(self.reference), outward))
-
-    def vectors(self, x: Array) -> Array:
-        """Return outward area vectors (n, dim) for positions of the corners (n, k, dim)."""
-        return self.sense[:, None] * area_vectors(x)
+        super().__init__(V, submesh.parent_facets[:owned], trace[self.corners])
 
     def around_vertices(self, of_facets: Array) -> Array:
         """Return sums of facet vectors (n, dim) around the local vertices. Collective."""
