@@ -76,13 +76,13 @@ class QuadratureRule:
 
     Attributes:
         weights: quadrature weights, shape (pieces, points).
-        mine: reference coordinates in the slave facets, shape (pieces, points, dim - 1).
-        theirs: reference coordinates in the master facets, shape (pieces, points, dim - 1).
+        on_slave: reference coordinates in the slave facets, shape (pieces, points, dim - 1).
+        on_master: reference coordinates in the master facets, shape (pieces, points, dim - 1).
     """
 
     weights: Array
-    mine: Array
-    theirs: Array
+    on_slave: Array
+    on_master: Array
 
 
 @dataclass(frozen=True)
@@ -95,8 +95,8 @@ class Cover:
         facet: slave facet of each piece.
         other: master facet of each piece.
         pieces: corners in the plane of the slave facet, shape (pieces, dim, dim - 1).
-        mine: corners of the slave facet in its plane, shape (pieces, k, dim - 1).
-        theirs: corners of the master facet in that plane, shape (pieces, k, dim - 1).
+        slave_x: corners of the slave facet in its plane, shape (pieces, k, dim - 1).
+        master_x: corners of the master facet in that plane, shape (pieces, k, dim - 1).
     """
 
     slave: Faces
@@ -104,12 +104,12 @@ class Cover:
     facet: Ints
     other: Ints
     pieces: Array
-    mine: Array
-    theirs: Array
+    slave_x: Array
+    master_x: Array
 
     def __getitem__(self, chosen: Ints) -> Cover:
         facets = self.facet[chosen], self.other[chosen]
-        shapes = self.pieces[chosen], self.mine[chosen], self.theirs[chosen]
+        shapes = self.pieces[chosen], self.slave_x[chosen], self.master_x[chosen]
         return Cover(self.slave, self.master, *facets, *shapes)
 
     def places(self) -> tuple[Ints, NodeWeights]:
@@ -118,13 +118,13 @@ class Cover:
         Returns:
             Global slave nodes (n,), and master nodes (n, k) with their weights of degree 1.
         """
-        apart = np.linalg.norm(self.pieces[:, :, None] - self.mine[:, None], axis=3)
-        size = np.ptp(self.mine, axis=1).max(axis=1)
+        apart = np.linalg.norm(self.pieces[:, :, None] - self.slave_x[:, None], axis=3)
+        size = np.ptp(self.slave_x, axis=1).max(axis=1)
         piece, corner = np.nonzero(apart.min(axis=1) <= _SLIVER * size[:, None])
-        at = _reference(self.theirs[piece], self.mine[piece, corner][:, None])[:, 0]
+        at = _reference(self.master_x[piece], self.slave_x[piece, corner][:, None])[:, 0]
         k = self.master.corners
-        theirs = self.master.nodes[self.other[piece], :k]
-        return self.slave.nodes[self.facet[piece], corner], NodeWeights(theirs, basis(at, k, 1))
+        nodes = self.master.nodes[self.other[piece], :k]
+        return self.slave.nodes[self.facet[piece], corner], NodeWeights(nodes, basis(at, k, 1))
 
     def rule(self, degree: int) -> QuadratureRule:
         """Return quadrature points, exact for products of bases on parallelograms.
@@ -134,11 +134,11 @@ class Cover:
         """
         dim = self.pieces.shape[1]
         flat = {2: basix.CellType.interval, 3: basix.CellType.triangle}[dim]
-        total = 2 * degree if 4 in (self.mine.shape[1], self.theirs.shape[1]) else degree
+        total = 2 * degree if 4 in (self.slave.corners, self.master.corners) else degree
         points, weights = basix.make_quadrature(flat, total)
         x = basis(points, dim, 1) @ self.pieces
         sizes = np.abs(np.linalg.det(self.pieces[:, 1:] - self.pieces[:, :1]))
-        places = _reference(self.mine, x), _reference(self.theirs, x)
+        places = _reference(self.slave_x, x), _reference(self.master_x, x)
         return QuadratureRule(sizes[:, None] * weights, *places)
 
 
@@ -234,18 +234,26 @@ def cover(
     # common parts in the planes of the slave facets
     centres = slave.x.mean(axis=1, keepdims=True)
     axes = _axes(slave)
-    mine = (slave.x[i] - centres[i]) @ axes[i]
-    theirs = (master.x[k] - centres[i]) @ axes[i]
+    slave_x = (slave.x[i] - centres[i]) @ axes[i]
+    master_x = (master.x[k] - centres[i]) @ axes[i]
     size = np.linalg.norm(area_vectors(slave.x), axis=1)
     divided = _segments if slave.x.shape[2] == 2 else _polygons
-    pair, pieces = divided(mine, theirs, size[i])
-    found = Cover(slave, master, i[pair], k[pair], pieces, mine[pair], theirs[pair])
+    pair, pieces = divided(slave_x, master_x, size[i])
+    found = Cover(
+        slave=slave,
+        master=master,
+        facet=i[pair],
+        other=k[pair],
+        pieces=pieces,
+        slave_x=slave_x[pair],
+        master_x=master_x[pair],
+    )
     # mean gaps of the pieces
     rule = found.rule(1)
     area = rule.weights.sum(axis=1)
     offset = master.x[found.other] - centres[found.facet]
     heights = offset @ slave.normals[found.facet][:, :, None]
-    gaps = basis(rule.theirs, master.corners, 1) @ heights
+    gaps = basis(rule.on_master, master.corners, 1) @ heights
     gap = dot(rule.weights, gaps[..., 0]) / area
     limit = np.broadcast_to(deepest, (len(slave.x),))[found.facet]
     kept = np.flatnonzero((gap > -limit) & (gap < farthest))
@@ -279,18 +287,18 @@ def _nearest(facet: Ints, gap: Array, area: Array, size: Array) -> Ints:
     return np.flatnonzero(kept)
 
 
-def _segments(mine: Array, theirs: Array, size: Array) -> tuple[Ints, Array]:
+def _segments(slave: Array, master: Array, size: Array) -> tuple[Ints, Array]:
     """Return common parts of pairs of segments: numbers of the pairs, ends (parts, 2, 1)."""
-    low = np.maximum(mine.min(axis=1), theirs.min(axis=1))[:, 0]
-    high = np.minimum(mine.max(axis=1), theirs.max(axis=1))[:, 0]
+    low = np.maximum(slave.min(axis=1), master.min(axis=1))[:, 0]
+    high = np.minimum(slave.max(axis=1), master.max(axis=1))[:, 0]
     pair = np.flatnonzero(high - low > _SLIVER * size)
     return pair, np.stack([low[pair], high[pair]], axis=1)[:, :, None]
 
 
-def _polygons(mine: Array, theirs: Array, size: Array) -> tuple[Ints, Array]:
+def _polygons(slave: Array, master: Array, size: Array) -> tuple[Ints, Array]:
     """Return common parts of pairs of polygons, as triangles around their centres."""
-    clip = _anticlockwise(mine[:, _LOOP[mine.shape[1]]])
-    polygon = _anticlockwise(theirs[:, _LOOP[theirs.shape[1]]])
+    clip = _anticlockwise(slave[:, _LOOP[slave.shape[1]]])
+    polygon = _anticlockwise(master[:, _LOOP[master.shape[1]]])
     ends = np.roll(clip, -1, axis=1)
     for edge in range(clip.shape[1]):
         polygon = _cut(polygon, clip[:, edge], ends[:, edge])

@@ -185,7 +185,7 @@ class CommonGaussPoints(GaussPoints):
         slave = cover.slave
         self._rule_on_pieces = rule = cover.rule(degree)
         pieces, p = rule.weights.shape
-        hats = basis(rule.mine, slave.corners, 1)
+        hats = basis(rule.on_slave, slave.corners, 1)
         self._positions = (hats @ slave.x[cover.facet]).reshape(-1, dim)
         self._areas: Array = rule.weights.reshape(-1)
         if self._weight is not None:
@@ -213,5 +213,5 @@ class CommonGaussPoints(GaussPoints):
     def _opposing(self, Q: fem.FunctionSpace, here: Stencils, opposite: Opposite) -> Stencils:
         cover = self._common.cover
         degree = int(self._V.ufl_element().degree)
-        weights = basis(self._rule_on_pieces.theirs, cover.master.corners, degree)
+        weights = basis(self._rule_on_pieces.on_master, cover.master.corners, degree)
         return replace(here, nodes=cover.master.nodes[cover.other], weights=weights)

@@ -58,8 +58,8 @@ def coupling(cover: Cover, degree: int, *, axisymmetric: bool) -> Coupling:
     """
     i, corners = cover.facet, cover.slave.corners
     rule = cover.rule(1 + degree + axisymmetric)
-    mine = basis(rule.mine, corners, 1)
-    theirs = basis(rule.theirs, cover.master.corners, degree)
+    mine = basis(rule.on_slave, corners, 1)
+    theirs = basis(rule.on_master, cover.master.corners, degree)
     weighted = (rule.weights[..., None] * mine).transpose(0, 2, 1)
     if axisymmetric:
         weighted *= 2 * np.pi * (mine @ cover.slave.x[i, :, :1]).transpose(0, 2, 1)

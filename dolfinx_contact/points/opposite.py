@@ -163,7 +163,7 @@ class OppositeFacets(Obstacle):
     opposite: Opposite
 
     def __init__(self, pair: ContactPair, slave: Indices, master: Indices):
-        faces = _Faces(pair, slave, master)
+        faces = _BothFaces(pair, slave, master)
         V, name, normal = faces.V, faces.name, faces.normal
         domain, comm = V.mesh, V.mesh.comm
         W = fem.functionspace(domain, ("Lagrange", 1))
@@ -202,7 +202,7 @@ class OppositeFacets(Obstacle):
 
 
 @dataclass(frozen=True)
-class _Faces:
+class _BothFaces:
     """Slave and master. Properties are collective.
 
     Attributes:
@@ -261,7 +261,7 @@ class _Faces:
 
 
 def _to_surface(
-    W: fem.FunctionSpace, surface: Obstacle, normals: Array, faces: _Faces
+    W: fem.FunctionSpace, surface: Obstacle, normals: Array, faces: _BothFaces
 ) -> tuple[Array, Array]:
     """Return gaps and normals of a given surface at the slave nodes, zero elsewhere. Collective."""
     gaps, shape = at_nodes(W, surface)
@@ -278,7 +278,7 @@ def _to_surface(
     return gaps, np.where(on_slave[:, None], shape, 0.0)
 
 
-def _gaps(faces: _Faces, opposite: Opposite) -> Array:
+def _gaps(faces: _BothFaces, opposite: Opposite) -> Array:
     """Return gaps at local nodes along the normals; large without an opposing point. Collective."""
     V, x = faces.V, faces.x
     there = opposite.values(V.mesh.comm, x[: V.dofmap.index_map.size_local])
@@ -289,7 +289,7 @@ def _gaps(faces: _Faces, opposite: Opposite) -> Array:
     return gaps
 
 
-def _matched(faces: _Faces) -> Opposite | None:
+def _matched(faces: _BothFaces) -> Opposite | None:
     """Return the opposing master node of each slave node; None if faces do not match. Collective.
 
     It is the nearest node. If a normal is given, it is the nearest in the projection along this
@@ -347,7 +347,7 @@ def _matched(faces: _Faces) -> Opposite | None:
     )
 
 
-def _facets_differ(faces: _Faces) -> bool:
+def _facets_differ(faces: _BothFaces) -> bool:
     """Return whether a facet and the nearest master facet have different areas. Collective.
 
     Nodes of finer facets lie between the nodes that have an opposing node.
@@ -367,7 +367,7 @@ def _facets_differ(faces: _Faces) -> bool:
     return bool(count_of(faces.V.mesh.comm, off))
 
 
-def _mortar(faces: _Faces) -> Opposite:
+def _mortar(faces: _BothFaces) -> Opposite:
     """Return the weights of a mortar; see `mortar`. Collective.
 
     For degree 2 these are the weights at the corners of facets; nodes between them have means.
@@ -408,7 +408,9 @@ def _mortar(faces: _Faces) -> Opposite:
     return _by_rows(faces, means, areas, Common(facets, common, at_places))
 
 
-def _by_rows(faces: _Faces, A: PETSc.Mat, areas: Array, common: Common | None = None) -> Opposite:
+def _by_rows(
+    faces: _BothFaces, A: PETSc.Mat, areas: Array, common: Common | None = None
+) -> Opposite:
     """Return opposing points with the rows of a matrix as weights. Collective.
 
     The matrix is destroyed. Its row sums are the areas, except for round-off.

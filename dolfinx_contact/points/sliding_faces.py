@@ -448,14 +448,14 @@ class SlidingFaces:
         common = self._covered(now.slave, now.master, self.found.pairs, self._deepest, **limits)
         facet = common.facet
         rule = common.rule(_DEGREES[self.dim])
-        basis = linear_basis(rule.mine, self.corners.shape[1])
+        basis = linear_basis(rule.on_slave, self.corners.shape[1])
         reference = self._reference[facet]
         stretch = self._measure(reference, basis.slopes)
         stretch /= self._measure(now.slave[facet], basis.slopes)
         weights = rule.weights * stretch
         if self._axisymmetric:
             weights *= 2 * np.pi * (basis.values @ reference)[..., 0]
-        return _Pieces(facet, common.other, basis.values, weights, rule.theirs)
+        return _Pieces(facet, common.other, basis.values, weights, rule.on_master)
 
     def _signs(self, master: Ints) -> Array:
         """Return -1 for the components of corners of pieces that are mirror images, otherwise 1."""
