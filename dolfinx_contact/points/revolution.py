@@ -15,6 +15,7 @@ from dolfinx import fem, mesh
 from dolfinx_contact._arrays import Array, Indices, Mask
 from dolfinx_contact._geometry import node_positions
 from dolfinx_contact._mpi import maximum, minimum, require
+from dolfinx_contact.points.trace import owned_facets
 
 __all__ = ["axis_condition", "check_section", "mirrored", "on_axis"]
 
@@ -45,10 +46,10 @@ def check_section(domain: mesh.Mesh, facets: Indices, name: str) -> None:
         smallest >= -_NEAR * largest,
         f"{name}: an axisymmetric body is meshed in x >= 0, the mesh reaches to x = {smallest:.3g}",
     )
-    mine = facets[facets < domain.topology.index_map(1).size_local]
+    owned = owned_facets(domain, facets)
     count = 0
-    if len(mine):  # DOLFINx divides by their number
-        ends = mesh.entities_to_geometry(domain, 1, mine)[:, :2]
+    if len(owned):  # DOLFINx divides by their number
+        ends = mesh.entities_to_geometry(domain, 1, owned)[:, :2]
         count = int((np.abs(r[ends]) <= _NEAR * largest).all(axis=1).sum())
     count = comm.allreduce(count)
     require(comm, count == 0, f"{name}: {count} facets lie on the axis, and have no area")

@@ -81,9 +81,6 @@ class SlidingPair(DiscreteSurface):
         if self._overlap.removed:
             self.points.remove_overlap_of_mesh()
 
-    def check_gaps(self) -> None:
-        """Do nothing: gaps are always computed."""
-
     def hold(self, fixed: Mask, crossing: Mask) -> None:
         """Raise ``ValueError`` if nodes can leave their planes of symmetry. Collective."""
         free = (self.points.opposite.across & ~fixed)[: self.owned_nodes]
