@@ -39,7 +39,7 @@ from dolfinx_contact.laws.status import OPEN
 from dolfinx_contact.points.memory import Memory
 from dolfinx_contact.problem import ContactProblem
 from dolfinx_contact.reduced.reduction import Reduction
-from dolfinx_contact.reduced.scope import can_condense, obstacle_to_points
+from dolfinx_contact.reduced.scope import can_condense, why_not_reducible
 from dolfinx_contact.results.indicators import (
     Indicators,
     small_sliding_violated,
@@ -151,7 +151,7 @@ class ParametricContact(ReadOnly, ParametricEquations):
         self._condensed: Reduction | None = None
         self._condensed_from = 0  # checksum of the data
         self._condensed_at_gamma: Reduction | None = None
-        self._obstacle_at_gamma = ""
+        self._reason_at_gamma = ""
         #: Names of the warnings that have been logged.
         self._warned: set[str] = set()
         #: Piece and gamma of the last point whose indicators were evaluated.
@@ -306,7 +306,7 @@ class ParametricContact(ReadOnly, ParametricEquations):
         if not conic and not (self.is_linear and self._held_laws):
             return self._condensed_at(gamma)
         cones = can_condense(self)
-        if not cones and (conic or obstacle_to_points(self)):
+        if not cones and (conic or why_not_reducible(self)):
             return None
         if not self.is_linear:
             return Reduction(self, x, gamma, exact=False)
@@ -334,8 +334,8 @@ class ParametricContact(ReadOnly, ParametricEquations):
             self._set(gamma)
             constant = fem.Constant(eq.V.mesh, 0.0)
             fixed = ParametricEquations(eq, constant, lambda: self.problem.linear_solver)
-            self._obstacle_at_gamma = obstacle_to_points(fixed)
-            if not self._obstacle_at_gamma:
+            self._reason_at_gamma = why_not_reducible(fixed)
+            if not self._reason_at_gamma:
                 x = fixed.create_vector()
                 self._condensed_at_gamma = Reduction(fixed, x, 0.0, exact=True, conic=False)
         return self._condensed_at_gamma
@@ -348,33 +348,33 @@ class ParametricContact(ReadOnly, ParametricEquations):
     def prove(self, condensed: Condensed, gamma: float, seconds: float) -> Proof | None:
         """Compute all solutions at gamma, with a proof. Collective.
 
-        The result is None if no certificate applies (`analysis.body_proofs.obstacle_to_proof`) or
+        The result is None if no certificate applies (`analysis.body_proofs.why_not_provable`) or
         the problem has more than 128 contact points.
         """
-        from dolfinx_contact.analysis.body_proofs import obstacle_to_proof, proved
+        from dolfinx_contact.analysis.body_proofs import proved, why_not_provable
 
         assert isinstance(condensed, Reduction)
-        if condensed.points.number > _MOST_PROVED or obstacle_to_proof(self.equations, condensed):
+        if condensed.points.number > _MOST_PROVED or why_not_provable(self.equations, condensed):
             return None
         return on_root(self.comm, lambda: proved(condensed, gamma, seconds))
 
-    def obstacle_to_proof(self) -> str:
+    def why_not_provable(self) -> str:
         """Return the reason why no proof is available in 3D; "" otherwise. Collective."""
-        from dolfinx_contact.analysis.body_proofs import obstacle_to_proof
+        from dolfinx_contact.analysis.body_proofs import why_not_provable
 
         if self.equations.dim == 2:
             return ""
         if self.kinks:
             return self.kinks
-        condensed, obstacle = self._condensed, obstacle_to_points(self)
+        condensed, obstacle = self._condensed, why_not_reducible(self)
         if self.equations.linear and not (self.is_linear and self._held_laws):
             # a proof concerns one value of gamma
-            condensed, obstacle = self._condensed_at_gamma, self._obstacle_at_gamma
+            condensed, obstacle = self._condensed_at_gamma, self._reason_at_gamma
         if obstacle:
             return obstacle
         if condensed is not None and condensed.points.number > _MOST_PROVED:
             return f"there are more than {_MOST_PROVED} contact points"
-        return obstacle_to_proof(self.equations, condensed)
+        return why_not_provable(self.equations, condensed)
 
     def prove_rays(
         self,

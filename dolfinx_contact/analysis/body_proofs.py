@@ -26,14 +26,14 @@ from dolfinx_contact.proofs.only_solution import is_only
 from dolfinx_contact.proofs.rays import ProvedRays, apex_problem, prove_rays
 from dolfinx_contact.proofs.solutions import ProvedSolutions, prove_solutions
 from dolfinx_contact.reduced.reduction import Reduction
-from dolfinx_contact.reduced.scope import obstacle_to_points
+from dolfinx_contact.reduced.scope import why_not_reducible
 from dolfinx_contact.results.uniqueness import Uniqueness
 
 __all__ = [
-    "obstacle_to_proof",
     "proved",
     "proved_rays",
     "uniqueness",
+    "why_not_provable",
 ]
 
 
@@ -46,7 +46,7 @@ _EFFORT = 60  # iterations of a search for weights in 3D
 _ENOUGH = 1.0 + 1e-6  # factor at which this search ends
 
 
-def obstacle_to_proof(equations: ContactEquations, condensed: Reduction | None) -> str:
+def why_not_provable(equations: ContactEquations, condensed: Reduction | None) -> str:
     """Return the reason why nothing can be proved about a problem; "" if proofs are possible.
 
     Args:
@@ -84,7 +84,7 @@ def proved(condensed: Reduction, gamma: float, seconds: float) -> ProvedSolution
     Returns None if the factorisation errors are too large for a proof.
 
     Args:
-        condensed: exact reduction for which `obstacle_to_proof` is empty.
+        condensed: exact reduction for which `why_not_provable` is empty.
         gamma: load parameter.
         seconds: time limit of the proof.
     """
@@ -153,10 +153,10 @@ def uniqueness(
     condensed: Reduction | None = None
     answer: Uniqueness | None = None
     try:
-        fits = not obstacle_to_points(system)
+        fits = not why_not_reducible(system)
         if fits and (plane or _is_provable_in_space(equations)):
             condensed = Reduction(system, x, 0.0, exact=True, conic=False)
-        obstacle = obstacle_to_proof(equations, condensed)
+        obstacle = why_not_provable(equations, condensed)
         if condensed is not None and not obstacle:
             given = condensed.codes(system.piece_at(x, 0.0)) if plane else condensed.contract(x)
             answer = _among_points(condensed, x, given, seconds, state_at)

@@ -18,7 +18,7 @@ from dolfinx import fem
 from dolfinx_contact._arrays import Array, Codes
 from dolfinx_contact._mpi import Arguments, collective, on_root, require
 from dolfinx_contact._validate import located
-from dolfinx_contact.analysis.body_proofs import obstacle_to_proof
+from dolfinx_contact.analysis.body_proofs import why_not_provable
 from dolfinx_contact.analysis.curve_search import follow_events
 from dolfinx_contact.analysis.event_curves import EventCurves
 from dolfinx_contact.analysis.family import ContactFamily
@@ -109,7 +109,7 @@ def _condensed(
         nothing = system.create_vector()
         condensed = Reduction(system, nothing, 0.0, exact=True) if fits else None
         nothing.destroy()
-        obstacle = obstacle_to_proof(eq, condensed)
+        obstacle = why_not_provable(eq, condensed)
         if condensed is not None:
             condensed.destroy()
         require(system.comm, not obstacle, f"two parameters: {obstacle}")

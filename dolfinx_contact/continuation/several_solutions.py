@@ -208,7 +208,7 @@ def find_solutions(
     if proved is not None:
         method = f"{method}, {proved.method}"
     elif proof_seconds > 0 and not deflation:
-        obstacle = system.obstacle_to_proof()
+        obstacle = system.why_not_provable()
         method = f"{method}; nothing is proved: {obstacle}" if obstacle else method
     proof = None if proved is None else proved.proof
     return _validated(system, Solutions(gamma, found, False, method, proof=proof))

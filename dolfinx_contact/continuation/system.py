@@ -287,7 +287,7 @@ class System:
         """
         return None
 
-    def obstacle_to_proof(self) -> str:
+    def why_not_provable(self) -> str:
         """Return the reason why `prove` is not available; default: "" for an unknown reason."""
         return ""
 

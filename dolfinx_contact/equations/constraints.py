@@ -33,7 +33,7 @@ from dolfinx_contact.points.shared_functions import crossings, resting
 from dolfinx_contact.points.surface import DiscreteSurface
 from dolfinx_contact.points.trace import facet_closures, rounded
 
-__all__ = ["Constraints", "Ramp", "check_overlap"]
+__all__ = ["Constraints", "Ramp", "require_no_common_facets"]
 
 logger = logging.getLogger(__name__)
 
@@ -364,7 +364,7 @@ def _removed(s: DiscreteSurface, fixed: Mask) -> Mask:
     return np.where(oblique[:, None], False, fixed) | clamped[:, None]
 
 
-def check_overlap(surfaces: Sequence[DiscreteSurface]) -> None:
+def require_no_common_facets(surfaces: Sequence[DiscreteSurface]) -> None:
     """Raise ``ValueError`` if two surfaces have facets in common. Collective."""
     for a, b in combinations(surfaces, 2):
         facets = np.intersect1d(a.submesh.parent_facets, b.submesh.parent_facets)

@@ -46,7 +46,7 @@ from dolfinx_contact._mpi import any_rank, anywhere, require, total
 from dolfinx_contact._petsc import ProblemOptions, logged
 from dolfinx_contact.body.bulk import Bulk
 from dolfinx_contact.body.rigid import bounding_box
-from dolfinx_contact.equations.constraints import Constraints, Ramp, check_overlap
+from dolfinx_contact.equations.constraints import Constraints, Ramp, require_no_common_facets
 from dolfinx_contact.equations.evaluation import (
     Evaluation,
     RigidBodies,
@@ -118,7 +118,7 @@ class ContactEquations:
         self.nodes = node_positions(V)[:, : self.dim]
         low, high = bounding_box(self.comm, V.mesh.geometry.x)
         self.body_size = float(np.linalg.norm(high - low))
-        check_overlap(self.surfaces)
+        require_no_common_facets(self.surfaces)
         self.axisymmetric = self.surfaces[0].axisymmetric
         self.linear = bulk.linear and all(s.linear for s in self.surfaces)
         self.rigid = RigidBodies(V, self.surfaces, self.body_size)

@@ -13,7 +13,7 @@ from dolfinx_contact.equations.parametric import ParametricEquations
 from dolfinx_contact.laws.cones import is_polyhedral
 from dolfinx_contact.laws.status import STICK
 
-__all__ = ["can_condense", "check_reducible", "obstacle_to_points"]
+__all__ = ["can_condense", "check_reducible", "why_not_reducible"]
 
 _MOST_POINTS = 1024
 
@@ -65,7 +65,7 @@ def can_condense(
     return not any_rank(eq.comm, other_laws) and not (held.oblique if partly else held.some)
 
 
-def obstacle_to_points(system: ParametricEquations) -> str:
+def why_not_reducible(system: ParametricEquations) -> str:
     """Return the reason why a problem cannot be reduced; "" if it can. Collective.
 
     Args:

@@ -41,7 +41,7 @@ class SurfaceSet:
 
     Attributes:
         local: local indices of s.
-        nodes: number of displacement dofs in s.
+        displacement_count: number of displacement dofs in s.
         on_slave: mask of the displacement dofs on the slave side, which may have a multiplier of
             their own.
         fixed: positions in s with Dirichlet data.
@@ -59,7 +59,7 @@ class SurfaceSet:
         self.on_slave = np.isin(dofs, surfaces)
         rest = np.arange(operator.size, sum(eq.owned_sizes), dtype=np.int32)
         self.local = np.concatenate([dofs, rest])
-        self.nodes = len(dofs)
+        self.displacement_count = len(dofs)
         self.fixed = np.flatnonzero(np.isin(dofs, operator.fixed)).astype(np.int32)
         first = operator.first
         first_u = operator.stiffness.getOwnershipRange()[0]
@@ -101,7 +101,7 @@ class SurfaceBlock:
         """Set the stiffness of the contact nodes, in the numbering of s. Collective."""
         rows, columns, values = triplets(square)
         n = len(self._s.local)
-        places = (self._comm.exscan(n) or 0) + np.arange(self._s.nodes)
+        places = (self._comm.exscan(n) or 0) + np.arange(self._s.displacement_count)
         rows = places[rows - square.getOwnershipRange()[0]]
         columns = at_global_places(self._comm, places.astype(np.float64), columns).astype(np.int64)
         whole = triplet_matrix(self._comm, (n, n), rows, columns, values)
@@ -185,13 +185,13 @@ class CondensedBlock(SurfaceBlock):
         super().__init__(operator, s, prefix)
         B = operator.contact.createSubMatrix(s.displacements, s.multipliers)
         indptr, columns, values = B.getValuesCSR()
-        rows = np.repeat(np.arange(s.nodes), np.diff(indptr))
+        rows = np.repeat(np.arange(s.displacement_count), np.diff(indptr))
         kept = np.flatnonzero((values != 0) & s.on_slave[rows] & ~np.isin(rows, s.fixed))
         one_each = all_ranks(self._comm, len(np.unique(rows[kept])) == len(kept))
         if not one_each:
             kept = kept[:0]
-        n = s.nodes
-        m = len(s.local) - s.nodes
+        n = s.displacement_count
+        m = len(s.local) - s.displacement_count
         starts = np.searchsorted(rows[kept], np.arange(n + 1)).astype(np.int32)
         T, inverse = (
             PETSc.Mat().createAIJ(
@@ -250,7 +250,7 @@ class CondensedBlock(SurfaceBlock):
         made = self._made
         r_l, r_c = made["T"].createVecs()
         b = r_c.duplicate()
-        n = self._s.nodes
+        n = self._s.displacement_count
         r_c.array[:], r_l.array[:] = residual[:n], residual[n:]
         made["E"].mult(r_c, b)
         made["T"].multAdd(r_l, b, b)

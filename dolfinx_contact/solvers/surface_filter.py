@@ -122,7 +122,7 @@ class SurfaceFilter:
         rest -= t.array_r[s]
         Kz = self._rows.createVecLeft()
         self._rows.mult(self._zu, Kz)
-        rest[: self.surface.nodes] -= Kz.array_r
+        rest[: self.surface.displacement_count] -= Kz.array_r
         Kz.destroy()
         rest[self.surface.fixed] = 0.0
         z.array[s] += self.solve(rest)
