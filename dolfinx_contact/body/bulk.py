@@ -139,7 +139,6 @@ class Bulk(Stiffness):
             written.
 
     Attributes:
-        energy: UFL energy in ``displacement``; None if ``form`` is a residual.
         residual: UFL residual in ``displacement``.
         is_energy: whether the form is an energy.
         displacement: Function in the forms, which is set to the displacement of each evaluation.
@@ -207,11 +206,6 @@ class Bulk(Stiffness):
         """User's form in terms of `displacement`."""
         form, u = self._given
         return ufl.replace(form, {u: self.displacement})
-
-    @property
-    def energy(self) -> ufl.Form | None:
-        """UFL energy in `displacement`; None if the form of the user is a residual."""
-        return self._form if self.is_energy else None
 
     @cached_property
     def residual(self) -> ufl.Form:

@@ -24,7 +24,7 @@ from dolfinx import fem, mesh
 from dolfinx_contact._arrays import Array, Indices
 from dolfinx_contact._compat import gmsh_io
 from dolfinx_contact._install import optional
-from dolfinx_contact._mpi import Arguments, collective, everywhere, keep, require
+from dolfinx_contact._mpi import Arguments, collective, everywhere, keep, largest, require
 
 __all__ = [
     "GmshMesh",
@@ -134,11 +134,9 @@ class GmshMesh(NamedTuple):
         if len(facets):  # DOLFINx divides by their number
             self.mesh.topology.create_connectivity(dim, self.mesh.topology.dim)
             x = self.mesh.geometry.x[mesh.entities_to_geometry(self.mesh, dim, facets).ravel()]
-        comm = self.mesh.comm
-        limits = np.empty((2, 3))
-        comm.Allreduce(x.min(axis=0, initial=np.inf), limits[0], op=MPI.MIN)
-        comm.Allreduce(x.max(axis=0, initial=-np.inf), limits[1], op=MPI.MAX)
-        return limits
+        ends = np.stack([-x.min(axis=0, initial=np.inf), x.max(axis=0, initial=-np.inf)])
+        opposite, high = largest(self.mesh.comm, ends)
+        return np.stack([-opposite, high])
 
     @collective("dofs of a group", _check_space)
     def dofs(self, V: Any, name: str) -> Any:
