@@ -125,17 +125,18 @@ class Parts:
         """
         dim = self._dim
         x = node_positions(self.V)[:, :dim]
-        low, high = self.boxes(x[: self._n])
-        size = np.linalg.norm(high - low, axis=1)
-        p, node = self.of_nodes, np.arange(len(x))
-        here = (x - ((low + high) / 2)[p]) / size[p, None]
         axes = [(0, 1)] if dim == 2 else [(1, 2), (2, 0), (0, 1)]
         modes = np.zeros((self.number, dim + len(axes), len(x), dim))
-        for i in range(dim):
-            modes[p, i, node, i] = 1.0
-        for k, (i, j) in enumerate(axes):
-            modes[p, dim + k, node, i] = -here[:, j]
-            modes[p, dim + k, node, j] = here[:, i]
+        for p in range(self.number):
+            inside = self.of_nodes == p
+            here = x[inside]
+            low, high = bounding_box(self.comm, here)
+            here = (here - (low + high) / 2) / np.linalg.norm(high - low)
+            for i in range(dim):
+                modes[p, i, inside, i] = 1.0
+            for k, (i, j) in enumerate(axes):
+                modes[p, dim + k, inside, i] = -here[:, j]
+                modes[p, dim + k, inside, j] = here[:, i]
         if self.axisymmetric:
             modes = modes[:, 1:2]
         return modes.reshape(self.number * modes.shape[1], len(x), dim)
@@ -223,24 +224,12 @@ class Parts:
             (parts,), and its extents along the coordinate axes, shape (parts, dim).
         """
         dim = self._dim
-        low, high = self.boxes(np.hstack([u.reshape(-1, dim)[: self._n], nodes[: self._n]]))
-        ranges = high - low
+        values = np.hstack([u.reshape(-1, dim)[: self._n], nodes[: self._n]])
+        ends = np.full((2, self.number, 2 * dim), -np.inf)
+        np.maximum.at(ends[0], self.of_owned, values)
+        np.maximum.at(ends[1], self.of_owned, -values)
+        ranges = np.sum(largest(self.comm, ends), axis=0)
         return ranges[:, :dim].max(axis=1), ranges[:, dim:]
-
-    def boxes(self, values: Array) -> tuple[Array, Array]:
-        """Return the smallest and largest values at the nodes of every part.
-
-        Args:
-            values: values at the owned nodes, shape (n, k).
-
-        Returns:
-            Smallest and largest values, shape (number, k) each.
-        """
-        ends = np.full((2, self.number, values.shape[1]), -np.inf)
-        np.maximum.at(ends[0], self.of_owned, -values)
-        np.maximum.at(ends[1], self.of_owned, values)
-        opposite, high = largest(self.comm, ends)
-        return -opposite, high
 
 
 def sums_of_parts(comm: MPI.Comm, number: int, part: Indices, values: Array) -> Array:
