@@ -204,13 +204,10 @@ def _edges(corners: Array, fans: Ints) -> tuple[Ints, Ints, Array]:
 
 def _bends(corners: Array, normals: Array) -> Array:
     """Return the largest rotation of the normals per length along the edges of each facet (k,)."""
-    dim = corners.shape[1]
-    found = np.zeros(len(corners))
-    for i, j in _SIDES[dim]:
-        turn = np.linalg.norm(normals[:, j] - normals[:, i], axis=1)
-        length = np.linalg.norm(corners[:, j] - corners[:, i], axis=1)
-        found = np.maximum(found, turn / length)
-    return found
+    i, j = np.transpose(_SIDES[corners.shape[1]])
+    turn = np.linalg.norm(normals[:, j] - normals[:, i], axis=2)
+    length = np.linalg.norm(corners[:, j] - corners[:, i], axis=2)
+    return np.asarray((turn / length).max(axis=1))
 
 
 def _most(values: Array, groups: Ints) -> Array:
