@@ -108,6 +108,27 @@ class Answers:
         return self._values[np.arange(len(codes))[:, None], columns].reshape(-1, *shape)
 
     @cached_property
+    def _table(self) -> tuple[Array, Codes, Mask]:
+        """Borders of every status: distances (n, statuses, borders), targets, existing statuses.
+
+        Distances are infinite without a border. Targets have the shape (statuses, borders), the
+        mask of existing statuses has the shape (n, statuses).
+        """
+        law = self._law
+        shape = len(law.codes), max(map(len, law.borders))
+        distance = np.full((len(self._values), *shape), np.inf)
+        target = np.zeros(shape, dtype=np.int8)
+        exists = np.ones((len(self._values), len(law.codes)), dtype=bool)
+        for i, (columns, place) in enumerate(zip(law.borders, law.exists, strict=True)):
+            for k, (column, where, beyond) in enumerate(columns):
+                acts = True if where is None else self._values[:, where] > 0
+                distance[:, i, k] = np.where(acts, self._values[:, column], np.inf)
+                target[i, k] = beyond
+            if place is not None:
+                exists[:, i] = self._values[:, place] > 0
+        return distance, target, exists
+
+    @cached_property
     def required(self) -> Codes:
         """Statuses required by jumps and tractions, shape (n,)."""
         return self._nearest[0]
@@ -123,11 +144,8 @@ class Answers:
     @cached_property
     def _nearest(self) -> tuple[Codes, Array]:
         """Statuses, and the distance of each point to the nearest border of its status."""
-        least = np.empty((len(self._values), len(self._law.codes)))
-        for i, code in enumerate(self._law.codes):
-            distance, exists, _ = self._borders(code)
-            nearest = distance.min(axis=1, initial=np.inf)
-            least[:, i] = np.where(exists, nearest, _ABSENT)
+        distance, _, exists = self._table
+        least = np.where(exists, distance.min(axis=2, initial=np.inf), _ABSENT)
         least[np.isnan(least)] = -np.inf  # smaller than for absent statuses
         # Choose the first status within all of its borders, otherwise the nearest one.
         beyond = least >= 0
@@ -135,53 +153,31 @@ class Answers:
         worst = least[np.arange(len(least)), first]
         return np.array(self._law.codes, dtype=np.int8)[first], worst
 
-    def _borders(self, code: int) -> tuple[Array, Mask, list[int]]:
-        """Return border distances of a status, a mask of its existence, and target statuses."""
-        law = self._law
-        row = law.rows[code]
-        columns = law.borders[row]
-        distance = self._values[:, [c for c, _, _ in columns]]
-        for i, (_, w, _) in enumerate(columns):
-            if w is not None:
-                distance[~(self._values[:, w] > 0), i] = np.inf
-        place = law.exists[row]
-        exists = np.ones(len(distance), bool) if place is None else self._values[:, place] > 0
-        return distance, exists, [target for _, _, target in columns]
-
     def borders(self, codes: Codes) -> Borders:
         """Return the distances of the points to the borders of the statuses ``codes``."""
-        width = max([len(columns) for columns in self._law.borders])
-        distance = np.full((len(codes), width), np.inf)
-        target = np.zeros((len(codes), width), dtype=np.int8)
-        for code in self._law.codes:
-            mine = codes == code
-            if mine.any():
-                found, _, targets = self._borders(code)
-                distance[mine, : len(targets)] = found[mine]
-                target[mine, : len(targets)] = targets
-        return Borders(distance, target)
+        rows = self._law.rows[codes]
+        distance, target, _ = self._table
+        return Borders(distance[np.arange(len(codes)), rows], target[rows])
 
     def may_be(self, code: int) -> Mask:
         """Return the mask of the points at which a status exists, shape (n,)."""
         if code not in self._law.codes:
             return np.zeros(len(self._values), dtype=bool)
-        return self._borders(code)[1]
+        return self.exists[:, self._law.rows[code]]
 
     def holds(self, codes: Codes) -> Mask:
         """Return the mask of the points within the borders of their statuses, shape (n,)."""
-        can = np.zeros(len(self._values), dtype=bool)
-        for code in np.unique(codes):
-            mine = codes == code
-            can[mine] = self.may_be(int(code))[mine]
+        can = self.exists[np.arange(len(codes)), self._law.rows[codes]]
         return can & (np.min(self.borders(codes).distance, axis=1, initial=np.inf) >= 0)
 
     def every_distance(self, code: int) -> Array:
         """Return distances to all borders of a status, ignoring their conditions (n, borders)."""
         return self._values[:, [c for c, _, _ in self._law.borders[self._law.rows[code]]]]
 
+    @property
     def exists(self) -> Mask:
-        """Return the mask of existing statuses (n, statuses), in the order of their codes."""
-        return np.stack([self._borders(code)[1] for code in self._law.codes], axis=1)
+        """Mask of existing statuses (n, statuses), in the order of their codes."""
+        return self._table[2]
 
     def traction(self, codes: Codes) -> Array:
         """Return the traction tau required by the law, shape (n, dim)."""
@@ -244,12 +240,12 @@ class HeldAnswers(Answers):
     def __init__(self, answers: Answers):
         super().__init__(answers._law, answers._values, answers.spreading, answers._turning)
 
-    def _borders(self, code: int) -> tuple[Array, Mask, list[int]]:
-        distance, exists, targets = super()._borders(code)
-        if code >= DAMAGING:
-            return distance, np.zeros_like(exists), targets
-        changes = np.array(targets, dtype=np.int64) >= DAMAGING
-        return np.where(changes, np.inf, distance), exists, targets
+    @cached_property
+    def _table(self) -> tuple[Array, Codes, Mask]:
+        distance, target, exists = super()._table
+        damaging = np.array(self._law.codes) >= DAMAGING
+        distance[:, ~damaging[:, None] & (target >= DAMAGING)] = np.inf
+        return distance, target, exists & ~damaging
 
 
 class LawAtPoints:

@@ -63,13 +63,12 @@ def cones(
     exists = np.zeros((n, _STATUSES), dtype=bool)
     nothing = np.zeros((n, 2))
     answers = law(nothing, nothing, data)
-    there = answers.exists()
     lengths = np.zeros((n, 4, 4))  # maps w to (j, t)
     lengths[:, :2, :2] = frames
     lengths[:, 2:, 2:] = frames * scale[:, None, None]
     for i, code in enumerate(law.codes):
         codes = np.full(n, code, dtype=np.int8)
-        exists[:, code] = there[:, i]
+        exists[:, code] = answers.exists[:, i]
         by_jump = answers.by_jump(codes)
         by_traction = answers.by_traction(codes)
         rows = np.concatenate([-by_jump, np.eye(2) - by_traction], axis=2) @ lengths
