@@ -299,9 +299,6 @@ def draw_polygon(
         size: size of the cells.
         sides: numbers of the sides by group name; side 0 leads from corner 0 to corner 1.
 
-    Raises:
-        ValueError: if there are fewer than three corners, or no such side.
-
     Example:
         ::
 
@@ -310,8 +307,6 @@ def draw_polygon(
             body = mesh_from_gmsh(comm, lambda: draw_polygon(square, 0.1, sides))
     """
     model = optional("gmsh", "gmsh").model
-    if len(corners) < 3 or not all(0 <= i < len(corners) for ids in sides.values() for i in ids):
-        raise ValueError(f"{len(corners)} corners do not make a polygon with these sides: {sides}")
     points = [model.geo.addPoint(x, y, 0, size) for x, y in corners]
     ends = [*points[1:], points[0]]
     lines = [model.geo.addLine(a, b) for a, b in zip(points, ends, strict=True)]

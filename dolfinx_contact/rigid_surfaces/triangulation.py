@@ -96,6 +96,7 @@ class _Ridges:
         name: name of the surface for messages.
 
     Attributes:
+        what: name of the ridges in messages.
         numbers: indices of the ridges opposite to the corners of facets, shape (k, dim).
         nodes: points of the ridges, in the orientation of the facet, shape (k dim, dim - 1).
         signs: orientations of the ridges in their facets, shape (k dim,).
@@ -106,6 +107,7 @@ class _Ridges:
 
     def __init__(self, cells: Ints, name: str):
         k, self.dim = cells.shape
+        self.what = "points" if self.dim == 2 else "edges"
         if self.dim == 2:
             self.nodes = cells[:, [1, 0]].reshape(-1, 1)
             self.signs = np.tile([1, -1], k)
@@ -117,9 +119,8 @@ class _Ridges:
         counts = np.bincount(numbers)
         if counts.max(initial=0) > 2:
             raise ValueError(
-                f"{name} is not a manifold: {np.sum(counts > 2)} "
-                f"{'points' if self.dim == 2 else 'edges'} have more than two facets (up to "
-                f"{counts.max()})"
+                f"{name} is not a manifold: {np.sum(counts > 2)} {self.what} have more than two "
+                f"facets (up to {counts.max()})"
             )
         order = np.argsort(numbers, kind="stable")
         starts = (np.cumsum(counts) - counts)[counts == 2]
@@ -239,11 +240,11 @@ def _check_sides(points: Array, cells: Ints, ridges: _Ridges, name: str, *, inwa
     """Raise `ValueError` if orientations are inconsistent or a closed part has inward normals."""
     unlike = ridges.alike
     if unlike.any():
-        flip = f"flip facets, for example by {_REPAIR}" if ridges.dim == 3 else "flip segments"
         raise ValueError(
-            f"{name}: the facets at {unlike.sum()} of {len(unlike)} "
-            f"{'points' if ridges.dim == 2 else 'edges'} between two are oriented inconsistently, "
-            f"first at {_at(points[ridges.nodes[ridges.first[unlike][0]]])}; {flip}"
+            f"{name}: the facets at {unlike.sum()} of {len(unlike)} {ridges.what} between two are "
+            f"oriented inconsistently, first at "
+            f"{_at(points[ridges.nodes[ridges.first[unlike][0]]])}; flip facets, for example by "
+            f"{_REPAIR}"
         )
     part = connected_parts(len(cells), *ridges.facets)
     volume = np.bincount(part, _volumes(points, cells))
