@@ -196,10 +196,7 @@ class _Root:
             z[active[failed]] = np.nan
             z[active[ready]] += step[ready]
             go = ~(ready | failed)
-            active = active[go]
-            step = step[go]
-            inverse = inverse[go]
-            size = size[go]
+            active, step, inverse, size = (v[go] for v in (active, step, inverse, size))
             if not len(active):
                 return z
             scale = size + np.abs(step) + np.finfo(float).tiny

@@ -89,18 +89,16 @@ def distances_from(
     corners = surface.points[surface.cells[facets]]
     on = _Places(surface, facets, parts)
     away = x - feet
-    flat = surface.normals[facets]
     length = np.linalg.norm(away, axis=1)
     inside_facet = on.zeros == 0
     far: Mask = ~inside_facet & (length > _ON * surface.size)
     outside = dot(away, on.side)
     sign = np.where((outside >= 0) | on.rim, 1.0, -1.0)
-    distance = np.where(inside_facet, dot(away, flat), sign * length)
+    distance = np.where(inside_facet, outside, sign * length)
     safe = np.where(far, sign * length, 1.0)
     slope = np.where(far[:, None], away / safe[:, None], on.side)
-    eye = np.eye(x.shape[1])
-    bent: Array = eye - _outer(slope) - _outer(on.along)
-    bent = np.where(far[:, None, None], bent / safe[:, None, None], 0.0)
+    bent = unit_rates(slope, safe) - _outer(on.along) / safe[:, None, None]
+    bent = np.where(far[:, None, None], bent, 0.0)
     mean, mean_turn = _interpolated(surface, facets, parts, corners, on)
     sharp = (on.crease | on.rim) & ~inside_facet
     normal = np.where(sharp[:, None], slope, mean)
