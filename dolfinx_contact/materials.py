@@ -552,7 +552,7 @@ def _require_bilinear(u: Any) -> None:
     element = u.function_space.ufl_element()
     cell = domain.basix_cell().name
     needed = basix.ufl.element("P", cell, 1, shape=(domain.topology.dim,))
-    solid = cell in ("quadrilateral", "hexahedron") and domain.geometry.dim == domain.topology.dim
+    solid = cell in ("quadrilateral", "hexahedron")
     straight = domain.ufl_domain().ufl_coordinate_element().degree == 1
     if not solid or not straight or element != needed:
         raise ValueError(
