@@ -174,11 +174,9 @@ class Interface(Potentials):
                 values[v.name] = start[v.name] if family == OPEN else last
             else:
                 unknown.append(v)
-        numbers = list(a.solved.get((is_open, family), ()))
+        numbers = iter(a.solved.get((is_open, family), ()))
         for v in unknown:
-            n = a.dim if v.vector else 1
-            mine = numbers[:n]
-            numbers = numbers[n:]
+            mine = [next(numbers) for _ in range(a.dim if v.vector else 1)]
             values[v.name] = ufl.as_vector(mine) if v.vector else mine[0]
         opening = -a.u_n if is_open else ufl.as_ufl(0.0)
         return InterfacePoint(self, a, opening, values, start, unknown, is_open, level)
