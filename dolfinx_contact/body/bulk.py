@@ -178,7 +178,6 @@ class Bulk(Stiffness):
         self.constants = list(form.constants())
         self.residual_form = self._derived("residual", lambda: self.residual, 1)
         self.jacobian_form = self._derived("Jacobian", lambda: self._derivative, 2)
-        self._energy_form: fem.Form | None = None
         coefficients, self.jacobian_constants = self._given_in_derivative()
         # The derivative of an energy with jumps does not contain the jumps, so the form itself is
         # classified as well.
@@ -290,9 +289,11 @@ class Bulk(Stiffness):
             return work
         return self._assembled_energy(np.zeros_like(u)) + work
 
+    @cached_property
+    def _energy_form(self) -> fem.Form:
+        return self._derived("energy", lambda: self._form, 0)
+
     def _assembled_energy(self, u: Array) -> float:
-        if self._energy_form is None:
-            self._energy_form = self._derived("energy", lambda: self._form, 0)
         self.displacement.x.array[:] = u
         return float(self.comm.allreduce(float(np.real(fem.assemble_scalar(self._energy_form)))))
 
