@@ -37,7 +37,7 @@ from dolfinx_contact._install import loads
 
 if TYPE_CHECKING:
     from dolfinx_contact.laws.adhesion import RCCM
-    from dolfinx_contact.laws.answers import Answers, HeldAnswers, LawAtPoints, PointData, Spreading
+    from dolfinx_contact.laws.answers import Answers, HeldAnswers, LawAtPoints, PointData
     from dolfinx_contact.laws.cohesive import BilinearCohesive, MaxwellLayer
     from dolfinx_contact.laws.compliant import NormalCompliance, Regularised
     from dolfinx_contact.laws.friction import Coulomb, FrictionLaw, Frictionless, Tresca
@@ -81,7 +81,6 @@ __all__ = [
     "PointData",
     "Rates",
     "Regularised",
-    "Spreading",
     "StatusPiece",
     "Tresca",
 ]
@@ -91,7 +90,7 @@ __getattr__ = loads(
     __name__,
     {
         "adhesion": ("RCCM",),
-        "answers": ("Answers", "HeldAnswers", "LawAtPoints", "PointData", "Spreading"),
+        "answers": ("Answers", "HeldAnswers", "LawAtPoints", "PointData"),
         "cohesive": ("BilinearCohesive", "MaxwellLayer"),
         "compliant": ("NormalCompliance", "Regularised"),
         "friction": ("Coulomb", "FrictionLaw", "Frictionless", "Tresca"),

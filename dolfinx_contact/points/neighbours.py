@@ -16,7 +16,8 @@ import numpy as np
 from dolfinx_contact._arrays import Array, Codes
 from dolfinx_contact._geometry import dot
 from dolfinx_contact._petsc import triplet_matrix
-from dolfinx_contact.laws import Answers, Kernel, Law, LawAtPoints, PointData, Spreading
+from dolfinx_contact.laws import Answers, Kernel, Law, LawAtPoints, PointData
+from dolfinx_contact.laws.answers import Spreading
 from dolfinx_contact.laws.spreading import KERNELS, whole
 from dolfinx_contact.laws.status import closed
 from dolfinx_contact.laws.symbols import AROUND
