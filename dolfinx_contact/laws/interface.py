@@ -193,10 +193,8 @@ class Interface(Potentials):
     def _now(self, a: ContactPoint) -> InterfacePoint:
         """Return the interface at the current state."""
         is_open = ufl.lt(a.u_n, 0.0)
-        values = dict[str, Any]()
-        both = [self._values(a, side) for side in (True, False)]
-        for x in self.internal:
-            values[x.name] = _chosen(is_open, *(known[x.name] for known in both))
+        known = [self._values(a, side) for side in (True, False)]
+        values = {x.name: _chosen(is_open, *(k[x.name] for k in known)) for x in self.internal}
         opening = ufl.conditional(is_open, -a.u_n, 0.0)
         return InterfacePoint(self, a, opening, values, self._starts(a), [], None, 2)
 

@@ -95,18 +95,6 @@ class GmshMesh(NamedTuple):
     facet_tags: mesh.MeshTags
     names: dict[str, tuple[int, int]]
 
-    def __repr__(self) -> str:
-        topology = self.mesh.topology
-        cells = topology.index_map(topology.dim).size_global
-        groups = ", ".join(
-            f"{name!r} ({'cells' if dim == topology.dim else 'facets'}, tag {tag})"
-            for name, (dim, tag) in self.names.items()
-        )
-        return (
-            f"<GmshMesh: {cells} cells ({topology.cell_name()}) in {self.mesh.geometry.dim}D; "
-            f"groups: {groups or 'without names'}>"
-        )
-
     def tag(self, name: str) -> int:
         """Return the tag of the group ``name``, or raise ``ValueError``."""
         if name not in self.names:

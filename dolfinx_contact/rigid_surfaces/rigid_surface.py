@@ -138,14 +138,8 @@ class RigidSurface(ReadOnly, Obstacle):
         self.mark = hashlib.sha256(content).hexdigest()[:32]
 
     def __repr__(self) -> str:
-        low, high = (
-            ", ".join(f"{c:.4g}" for c in end)
-            for end in (self.points.min(axis=0), self.points.max(axis=0))
-        )
         kind = "closed" if self.closed else "open"
-        return (
-            f"<RigidSurface {self.name!r}: {len(self.cells)} facets, {kind}, ({low}) to ({high})>"
-        )
+        return f"<RigidSurface {self.name!r}: {len(self.cells)} facets, {kind}>"
 
     @classmethod
     def read(
