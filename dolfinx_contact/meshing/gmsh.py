@@ -365,7 +365,7 @@ def _warn_of_lost_names(model: Any) -> None:
     gmsh drops a name that it is given twice in one dimension, as for the arcs of a circle.
     """
     for dim in range(1, 4):
-        tags = {int(tag): model.getPhysicalName(d, tag) for d, tag in model.getPhysicalGroups(dim)}
+        tags = _groups(model, dim)
         unnamed = sorted(tag for tag, name in tags.items() if not name)
         if 0 < len(unnamed) < len(tags):
             logger.warning(
@@ -376,11 +376,14 @@ def _warn_of_lost_names(model: Any) -> None:
             )
 
 
+def _groups(model: Any, dim: int) -> dict[int, str]:
+    """Return the names of the groups of a dimension, "" without a name, by tag. On rank 0."""
+    return {int(tag): model.getPhysicalName(d, tag) for d, tag in model.getPhysicalGroups(dim)}
+
+
 def _names_of(model: Any, dim: int) -> dict[str, int]:
     """Return the tags of the named groups of a dimension. On rank 0."""
-    names = {model.getPhysicalName(*group): int(group[1]) for group in model.getPhysicalGroups(dim)}
-    names.pop("", None)
-    return names
+    return {name: tag for tag, name in _groups(model, dim).items() if name}
 
 
 def _objections(model: Any, dim: int | None, wanted: list[str]) -> Iterator[str]:

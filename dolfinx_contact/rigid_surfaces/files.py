@@ -46,8 +46,6 @@ def facets_in(path: Path, group: str | int | None) -> tuple[Array, Ints]:
     corners = _of_stl(path)
     if not len(corners):
         raise ValueError(f"{path} has no facets")
-    if not np.isfinite(corners).all():
-        raise ValueError(f"{path} has coordinates that are not finite")
     return corners.reshape(-1, 3), np.arange(3 * len(corners), dtype=np.int64).reshape(-1, 3)
 
 
