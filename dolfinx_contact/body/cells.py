@@ -20,11 +20,11 @@ from dolfinx_contact._compat import geometry_dofmap
 from dolfinx_contact._mpi import require
 
 __all__ = [
+    "basis",
     "cells_around",
     "check_cells",
     "chunks",
     "determinants",
-    "gradients",
     "is_affine",
     "midpoints",
     "reference_points",
@@ -155,11 +155,16 @@ def reference_points(cell: basix.CellType, degree: int, *, vertices: bool = True
     return np.vstack([corners, points])
 
 
-def gradients(element: Any, points: Array) -> Array:
-    """Return the gradients of a blocked Lagrange basis at points, shape (nodes, points * dim)."""
-    scalar = element.sub_elements[0].basix_element
-    table = scalar.tabulate(1, points)[1:, :, :, 0]
-    return np.ascontiguousarray(table.transpose(2, 1, 0).reshape(table.shape[2], -1))
+def basis(element: Any, points: Array) -> tuple[Array, Array]:
+    """Return values (nodes, points) and gradients (nodes, points * dim) of a Lagrange basis.
+
+    Args:
+        element: blocked Lagrange element.
+        points: points of the reference cell, shape (points, dim).
+    """
+    table = element.sub_elements[0].basix_element.tabulate(1, points)[..., 0]
+    slopes = table[1:].transpose(2, 1, 0)
+    return table[0].T, np.ascontiguousarray(slopes.reshape(len(slopes), -1))
 
 
 def determinants(J: Array) -> Array:
@@ -188,7 +193,7 @@ def _jacobians(domain: mesh.Mesh) -> Iterator[tuple[slice, Array, Array]]:
     x = domain.geometry.x[:, :dim]
     degree = 0 if is_affine(domain) else 2 * domain.ufl_domain().ufl_coordinate_element().degree
     points = reference_points(domain.basix_cell(), degree)
-    table = gradients(domain.ufl_domain().ufl_coordinate_element(), points)
+    _, table = basis(domain.ufl_domain().ufl_coordinate_element(), points)
     for part in chunks(domain.topology.index_map(dim).size_local):
         corners = x[nodes[part]]
         J = _gradients_of(corners, table)
@@ -201,7 +206,7 @@ def _gradients_of(values: Array, table: Array) -> Array:
 
     Args:
         values: values at the nodes of the cells, shape (n, nodes, dim).
-        table: gradients of the basis (`gradients`).
+        table: gradients of the basis (`basis`).
     """
     n, nodes, dim = values.shape
     flat = np.ascontiguousarray(values.transpose(0, 2, 1)).reshape(-1, nodes) @ table
@@ -237,8 +242,7 @@ def smallest_jacobian(
     x = domain.geometry.x[:, :dim]
     fields = (geometry_dofmap(domain), x), (V.dofmap.list, u.reshape(-1, dim))
     elements = domain.ufl_domain().ufl_coordinate_element(), V.ufl_element()
-    tables = [gradients(element, points) for element in elements]
-    shapes = [_values(element, points) for element in elements]
+    shapes, tables = zip(*(basis(element, points) for element in elements), strict=True)
     values = np.empty(n)
     for part in chunks(n):
         cells = [f[nodes[part]] for nodes, f in fields]
@@ -261,9 +265,3 @@ def _least(domain: mesh.Mesh, values: Array) -> tuple[float, Array]:
     tolerance = 1e-9 * abs(smallest) if np.isfinite(smallest) else 0.0
     cells = np.flatnonzero((values <= smallest + tolerance) | np.isnan(values))
     return float(smallest), _first(domain, cells)[1]
-
-
-def _values(element: Any, points: Array) -> Array:
-    """Return values of a blocked Lagrange basis at reference points, shape (nodes, points)."""
-    table = element.sub_elements[0].basix_element.tabulate(0, points)
-    return np.asarray(table[0, :, :, 0].T)
