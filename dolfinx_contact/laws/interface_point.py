@@ -182,7 +182,7 @@ class InterfacePoint(FrictionLaw):
         still = InterfaceState(closed, at_rest, a.n, rest.values)
         force = _slope(ufl.as_ufl(law.energy(still)), rest.values[name])
         own = _slope(self.energy, self.values[name])
-        level = abs(self.resisted(name)) + abs(force) + abs(own - force)
+        level = abs(self._slopes[name]) + abs(force) + abs(own - force)
         return ufl.conditional(ufl.gt(level, 0.0), ufl.sqrt(a.r / level), 0.0)
 
     # -- the dissipation -------------------------------------------------------------------------
@@ -211,7 +211,7 @@ class InterfacePoint(FrictionLaw):
         reaction = ufl.as_ufl(0.0) if isinstance(ufl.as_ufl(pressure), Zero) else reaction
         inner = self.values
         if share < 1.0:
-            inner = {name: self._part(name, share) for name in inner}
+            inner = {k: (1.0 - share) * self.start[k] + share * v for k, v in inner.items()}
         state = replace(self.state, internal=inner, pressure=pressure, reaction=reaction)
         known = {
             name: (v - self.start[name]) * self._pace if name in self._moves else v * 0.0
@@ -225,13 +225,9 @@ class InterfacePoint(FrictionLaw):
 
     @cached_property
     def _slopes(self) -> dict[str, Any]:
-        """Derivatives dPhi/da', by name of the variable."""
+        """Resistances dPhi/da', by name of the variable."""
         phi, rates = self._potential(self.pressure, self._own_speed)
         return {name: _slope(phi, rate) for name, rate in rates.items() if name}
-
-    def _part(self, name: str, share: float) -> Any:
-        """Return the value of a variable after the fraction ``share`` of the step."""
-        return (1.0 - share) * self.start[name] + share * self.values[name]
 
     @property
     def spent(self) -> Any:
@@ -257,19 +253,12 @@ class InterfacePoint(FrictionLaw):
 
     @property
     def _own_speed(self) -> Any:
-        return self.speed if self._slips else ufl.as_ufl(0.0)
-
-    @property
-    def _slips(self) -> bool:
-        return not (self._is_open and self.needs_pressure)
-
-    def resisted(self, name: str) -> Any:
-        """Return the resistance dPhi/da' of a variable."""
-        return self._slopes[name]
+        """Slip speed; 0 at an open point without friction."""
+        return ufl.as_ufl(0.0) if self._is_open and self.needs_pressure else self.speed
 
     def driven(self, name: str) -> Any:
         """Return dPsi/da + dPhi/da' of a variable, which is zero while the variable changes."""
-        return _slope(self.energy, self.values[name]) + self.resisted(name)
+        return _slope(self.energy, self.values[name]) + self._slopes[name]
 
     def determines(self, name: str) -> bool:
         """Return whether `driven` determines a variable: it depends on this or other unknowns."""
