@@ -113,6 +113,7 @@ class MovingBody(Stiffness):
         mass: mass matrix M.
         damping: damping matrix C; None for no damping.
         step: current time step.
+        origin: displacement w_0 of the step, array of all local values including ghosts.
         linear, kinks, is_energy, functions, constants, displacement, jacobian_constants,
             assemblies: attributes of the body without inertia; see `Bulk`.
     """
@@ -134,7 +135,7 @@ class MovingBody(Stiffness):
         self._owned = mass.getLocalSize()[0]
         self.step = step
         zeros = np.zeros_like(body.displacement.x.array)
-        self._origin = zeros
+        self.origin = zeros
         self._given = zeros[: self._owned]
         self.reach = 0.0
         self._of: tuple[int, TimeStep] | None = None
@@ -163,25 +164,20 @@ class MovingBody(Stiffness):
             rows: owned values of R(u) + C v at the start of the step.
         """
         self.step = step
-        self._origin = step.origin(u, v)
+        self.origin = step.origin(u, v)
         self._start = None
         before = product(self.mass, v) / step.length
         self._given = (1.0 - step.theta) * rows - before
-        self.reach = float(np.max(np.abs(self._origin), initial=0.0))
+        self.reach = float(np.max(np.abs(self.origin), initial=0.0))
 
     @property
     def residual(self) -> ufl.Form:
         """UFL residual of the body without inertia."""
         return self.body.residual
 
-    @property
-    def origin(self) -> Array:
-        """Displacement w_0 of the step, array of all local values including ghosts."""
-        return self._origin
-
     def _rows(self, w: Array, inner: Array) -> Array:
         """Return the rows of the step from the residual R at u_1. Collective."""
-        v = self.step.velocity(w, self._origin)
+        v = self.step.velocity(w, self.origin)
         rows = self.step.theta * inner + product(self.mass, v) / self.step.length
         if self.damping is not None:
             rows += self.step.theta * product(self.damping, v)
@@ -195,7 +191,7 @@ class MovingBody(Stiffness):
     def load(self) -> Array:
         """Return the owned values of the current loads, -R(0). Collective."""
         f = self.body.affine_load()
-        return -(self.body.residual_at(np.zeros_like(self._origin)) if f is None else f)
+        return -(self.body.residual_at(np.zeros_like(self.origin)) if f is None else f)
 
     # -- interface of a Bulk ---------------------------------------------------------------------
 
@@ -205,11 +201,11 @@ class MovingBody(Stiffness):
 
     def energy_at(self, w: Array) -> float | None:
         """Return the user's energy at u_1; None if the form is a residual. Collective."""
-        return self.body.energy_at(self.step.displacement(w, self._origin))
+        return self.body.energy_at(self.step.displacement(w, self.origin))
 
     def residual_at(self, w: Array) -> Array:
         """Return the owned rows of the step, with R by assembly. Collective."""
-        return self._rows(w, self.body.residual_at(self.step.displacement(w, self._origin)))
+        return self._rows(w, self.body.residual_at(self.step.displacement(w, self.origin)))
 
     def affine_residual(self, w: Array) -> Array | None:
         """Return owned rows of the step if the stiffness is up to date, otherwise None. Collective.
@@ -224,13 +220,13 @@ class MovingBody(Stiffness):
             self.stiffness(w)
         assert self._of is not None
         if self._start is None or self._start[0] is not f or self._start[1] != self._of:
-            at = self._rows(self._origin, f + self.body.times(self._origin))
+            at = self._rows(self.origin, f + self.body.times(self.origin))
             self._start = f, self._of, at
-        return self._start[2] + product(self.for_products, w - self._origin)
+        return self._start[2] + product(self.for_products, w - self.origin)
 
     def assembled(self, form: fem.Form, w: Array) -> Array:
         """Return the owned derivative of the rows for a linear form dR/dparameter. Collective."""
-        u = self.step.displacement(w, self._origin)
+        u = self.step.displacement(w, self.origin)
         return np.asarray(self.step.theta * self.body.assembled(form, u))
 
     def rate_at(self, w: Array, step: Array) -> Array:
@@ -240,7 +236,7 @@ class MovingBody(Stiffness):
     def stiffness(self, w: Array) -> PETSc.Mat:
         """Return the derivative of the rows with respect to w; see `Bulk.stiffness`. Collective."""
         step = self.step
-        K = self.body.stiffness(step.displacement(w, self._origin))
+        K = self.body.stiffness(step.displacement(w, self.origin))
         of = self.body.assemblies, step
         if self._K is not None and of == self._of:
             return self._K
