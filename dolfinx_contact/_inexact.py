@@ -121,7 +121,7 @@ class Forcing:
         return self._eta
 
     def suffices(self, reduction: float, remainder: Callable[[], float]) -> bool:
-        """Return whether a solve may end; the linear model is tested only now and then. Collective.
+        """Return whether a solve may end, testing the linear model when it is due. Collective.
 
         Args:
             reduction: ratio of the linear residual to H at the beginning of the step.

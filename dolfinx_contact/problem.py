@@ -70,7 +70,8 @@ from dolfinx_contact.results.tables import (
 )
 from dolfinx_contact.results.uniqueness import Theory, Uniqueness, check_seconds
 from dolfinx_contact.solvers.attempts import Attempt, SolveProgress, Step
-from dolfinx_contact.solvers.linear import LinearSolver, LinearSolverChoice
+from dolfinx_contact.solvers.linear import LinearSolverChoice
+from dolfinx_contact.solvers.newton import LinearSolver
 from dolfinx_contact.solvers.strategies import Trial, solve
 
 if TYPE_CHECKING:
@@ -650,7 +651,7 @@ class ContactProblem(ReadOnly):
 
     @property
     def linear_solver(self) -> LinearSolver:
-        """Linear solver of the Newton steps; it lasts as long as the problem. Collective."""
+        """Linear solver of the Newton steps; other options of it create another one. Collective."""
         return self._linear()
 
     def table(

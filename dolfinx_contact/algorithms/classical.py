@@ -38,7 +38,7 @@ from dolfinx_contact.solvers.attempts import (
     SolveProgress,
     Step,
 )
-from dolfinx_contact.solvers.linear import LinearSolver
+from dolfinx_contact.solvers.newton import LinearSolver
 
 __all__ = ["algorithm_named", "solve_by", "start_by_lemke"]
 

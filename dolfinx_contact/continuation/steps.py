@@ -110,16 +110,14 @@ class ExactSteps(Locator):
 
     def step(self, point: BranchPoint, h: float) -> Advance | None:
         """Take a step of at most the length ``h``; None if no step of at least h_min succeeds."""
-        attempt = 0
         while h >= self.control.minimum:
-            result = self._attempt(point, h, attempt)
+            result = self._attempt(point, h)
             if not isinstance(result, float):
                 return result
             h = result
-            attempt += 1
         return self._over_kink(point)
 
-    def _attempt(self, point: BranchPoint, h: float, attempt: int) -> Advance | float:
+    def _attempt(self, point: BranchPoint, h: float) -> Advance | float:
         """Try a step of length ``h``; return the length of the next attempt if it fails."""
         shorter = h * self.control.decrease
         corrected = self.corrected_step(point, h, point.piece)
@@ -367,7 +365,7 @@ class _StepsOnH(ExactSteps):
         #: State of a point of the branch, and the sign of det [grad H; t^T] there.
         self._oriented: tuple[PETSc.Vec, float] | None = None
 
-    def _attempt(self, point: BranchPoint, h: float, attempt: int) -> Advance | float:
+    def _attempt(self, point: BranchPoint, h: float) -> Advance | float:
         trial = self._trial(point, h)
         new = trial.new
         if new is not None and not trial.changes:
@@ -440,17 +438,24 @@ class BatchedSteps(_StepsOnH):
     def __init__(self, corrector: Corrector, locate: Locate | None):
         super().__init__(corrector)
         self._locate = locate
+        self._attempts = 0  # number of trial lengths of this step
         self._exact = False  # whether the kinks of this step are crossed exactly
         #: Length of the step that was refused first, to resume beyond the kink.
         self._refused = 0.0
 
-    def _attempt(self, point: BranchPoint, h: float, attempt: int) -> Advance | float:
-        self._exact = attempt >= _MOST_ATTEMPTS or (self._exact and attempt > 0)
+    def step(self, point: BranchPoint, h: float) -> Advance | None:
+        self._attempts = 0
+        self._exact = False
+        return super().step(point, h)
+
+    def _attempt(self, point: BranchPoint, h: float) -> Advance | float:
+        self._exact = self._exact or self._attempts >= _MOST_ATTEMPTS
+        self._attempts += 1
         if not self._exact:
-            result = super()._attempt(point, h, attempt)
+            result = super()._attempt(point, h)
             if not self._exact:
                 return result
-        crossed = ExactSteps._attempt(self, point, h, attempt)
+        crossed = ExactSteps._attempt(self, point, h)
         if not isinstance(crossed, float) and any(not s.smooth for s in crossed[1]):
             new, special, h = crossed
             crossed = new, special, max(h, self._refused)

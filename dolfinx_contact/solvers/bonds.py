@@ -26,8 +26,7 @@ from dolfinx_contact._mpi import maximum
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.solvers.attempts import Attempt
 from dolfinx_contact.solvers.block_pivoting import pivot
-from dolfinx_contact.solvers.linear import LinearSolver
-from dolfinx_contact.solvers.newton import Newton
+from dolfinx_contact.solvers.newton import LinearSolver, Newton
 
 __all__ = ["release_bonds"]
 
@@ -77,7 +76,7 @@ def _solve(held: ContactEquations, linear: LinearSolver, x: PETSc.Vec, attempt: 
     try:
         for run in (Newton.run, pivot):
             with Newton(held, linear, "none", None) as solver:
-                solver.snes.setTolerances(rtol=max(solver.tolerance, _HELD_RESIDUAL))
+                solver.tolerance = max(solver.tolerance, _HELD_RESIDUAL)
                 if run(solver, x, attempt):
                     return True
             start.copy(x)

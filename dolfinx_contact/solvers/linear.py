@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Linear solvers of Newton's method: their interface, the direct solver, and the choice of one.
+"""Linear solvers of Newton's method: the direct solver, and the choice between it and multigrid.
 
 `AssembledSolver`, called direct, is any KSP and PC on the assembled Jacobian, by default MUMPS. The
 other solver, amg, is `multigrid.Multigrid`. The option ``linear_solver`` is auto, direct or amg.
@@ -13,7 +13,6 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -24,10 +23,10 @@ from dolfinx_contact._mpi import any_rank
 from dolfinx_contact._petsc import DEFAULTS, logged, reasons_of
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation
-from dolfinx_contact.equations.jacobian import Jacobian, JacobianSolver
-from dolfinx_contact.solvers.attempts import Step
+from dolfinx_contact.equations.jacobian import Jacobian
+from dolfinx_contact.solvers.newton import LinearSolver
 
-__all__ = ["AssembledSolver", "LinearSolver", "LinearSolverChoice"]
+__all__ = ["AssembledSolver", "LinearSolverChoice"]
 
 logger = logging.getLogger(__name__)
 
@@ -38,60 +37,6 @@ _LARGEST_DIRECT = {2: 100_000, 3: 5_000}
 #: Factor and power of the number of unknowns that predict the gigabytes of MUMPS, by dimension;
 #: measured with 9 10^3 and 7 10^4 unknowns in 2D, and with 4 10^3 and 10^4 in 3D.
 _DIRECT_MEMORY = {2: (6.5e-7, 1.1), 3: (3.8e-7, 4 / 3)}
-
-
-class LinearSolver(JacobianSolver):
-    """Interface of the linear solvers of Newton's method.
-
-    Attributes:
-        name: ``direct`` or ``amg``.
-        defaults: PETSc options of the KSP.
-        reduction: reduction of the residual by the last solve; 0 if unknown.
-        iterates_on_request: whether the user's options replace the factorisation by iterations.
-    """
-
-    name: str
-    reduction = 0.0
-    iterates_on_request = False
-    defaults: dict[str, Any]
-
-    def attach(self, ksp: PETSc.KSP, remainder: Callable[[PETSc.Vec], float]) -> None:
-        """Prepare a KSP before it reads its options.
-
-        Args:
-            ksp: linear solver of SNES.
-            remainder: function of a correction returning the norm of H after it, in the rows of
-                the contact conditions; collective.
-        """
-
-    def prepare(
-        self, ksp: PETSc.KSP, step: Step, target: float, state: Evaluation, *, warm: bool
-    ) -> None:
-        """Set tolerances and preconditioner for the step from an iterate. Collective.
-
-        Args:
-            ksp: linear solver of SNES.
-            step: iterate.
-            target: relative residual at which Newton's method ends.
-            state: evaluation at the iterate.
-            warm: whether Newton's method began from a state in contact.
-        """
-
-    def retry(self, state: Evaluation) -> bool:
-        """Return whether another preconditioner is available after a failed solve. Collective."""
-        return False
-
-    def explain(self, ksp: PETSc.KSP) -> str:
-        """Return the reason for a failed linear solve as text. Collective."""
-        raise NotImplementedError
-
-    def inaccuracy(self, ksp: PETSc.KSP) -> str:
-        """Return a message about an inaccurate solve that PETSc accepted, or "". Collective."""
-        return ""
-
-    def tighten(self) -> bool:
-        """Tighten the tolerances, and return whether this was possible; statuses may cycle."""
-        return False
 
 
 class AssembledSolver(LinearSolver):

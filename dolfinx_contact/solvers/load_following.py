@@ -22,8 +22,7 @@ from dolfinx_contact.equations.constraints import Ramp
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.parametric import ParametricEquations
 from dolfinx_contact.solvers.attempts import Attempt
-from dolfinx_contact.solvers.linear import LinearSolver
-from dolfinx_contact.solvers.newton import Newton
+from dolfinx_contact.solvers.newton import LinearSolver, Newton
 
 __all__ = ["Loaded", "follow_load"]
 

@@ -19,6 +19,20 @@ A Newton step from an iterate x:
    contact conditions after the step, a measure of the nonlinearity, exceeds the linear residual.
 6. After the full step, correct the surface unknowns for their own rows, with the body held
    (`_inexact`, `Multigrid.correct`).
+
+The constants were chosen by measurements, whose tables are in `benchmarks/README.md`:
+
+================================================  ================================================
+constants                                         study
+================================================  ================================================
+aggregates, W-cycles, costs of set-up and         `settings_study.py`: 18 bodies, and 9 others
+iterations (`hierarchy`)                          that were set aside until the end
+forcing terms; test of the linear model from a    `settings_study.py`
+reduction to 0.3; growth by 10 at most
+(`_inexact`)
+forcing terms in motion, polynomial instead of a  `motion_step.py`
+hierarchy up to a condition number of 30
+================================================  ================================================
 """
 
 from __future__ import annotations
@@ -37,8 +51,8 @@ from dolfinx_contact._mpi import any_rank
 from dolfinx_contact._petsc import destroy, has_package, logged, reasons_of
 from dolfinx_contact.solvers.closed_points import ClosedPoints
 from dolfinx_contact.solvers.hierarchy import PLAIN, SMOOTHED, Hierarchy
-from dolfinx_contact.solvers.linear import LinearSolver
 from dolfinx_contact.solvers.matrix_free import ContactOperator
+from dolfinx_contact.solvers.newton import LinearSolver
 from dolfinx_contact.solvers.surface_filter import SurfaceFilter
 
 if TYPE_CHECKING:

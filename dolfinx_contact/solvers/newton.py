@@ -28,12 +28,12 @@ from dolfinx_contact._mpi import any_rank, anywhere, count_of, sorted_rows
 from dolfinx_contact._petsc import as_raised, destroy, logged, options_in_database, reason_name
 from dolfinx_contact.equations.contact import ContactEquations
 from dolfinx_contact.equations.evaluation import Evaluation, Statuses, differs
+from dolfinx_contact.equations.jacobian import JacobianSolver
 from dolfinx_contact.equations.measures import Measures, Scales, without_normal
 from dolfinx_contact.equations.touching import touches_nothing, touching
 from dolfinx_contact.solvers.attempts import Attempt, FloatingBodyError, LinearSolverError, Step
-from dolfinx_contact.solvers.linear import LinearSolver
 
-__all__ = ["Newton"]
+__all__ = ["LinearSolver", "Newton"]
 
 logger = logging.getLogger(__name__)
 
@@ -50,6 +50,60 @@ _TOO_MANY_STEPS = int(PETSc.SNES.ConvergedReason.DIVERGED_MAX_IT)
 _STOPPED = int(PETSc.SNES.ConvergedReason.DIVERGED_LOCAL_MIN)
 _LINEAR = int(PETSc.SNES.ConvergedReason.DIVERGED_LINEAR_SOLVE)
 _NOT_A_NUMBER = -4  # DIVERGED_FNORM_NAN, since PETSc 3.24 DIVERGED_FUNCTION_NANORINF
+
+
+class LinearSolver(JacobianSolver):
+    """Interface of the linear solvers of Newton's method.
+
+    Attributes:
+        name: ``direct`` or ``amg``.
+        defaults: PETSc options of the KSP.
+        reduction: reduction of the residual by the last solve; 0 if unknown.
+        iterates_on_request: whether the user's options replace the factorisation by iterations.
+    """
+
+    name: str
+    reduction = 0.0
+    iterates_on_request = False
+    defaults: dict[str, Any]
+
+    def attach(self, ksp: PETSc.KSP, remainder: Callable[[PETSc.Vec], float]) -> None:
+        """Prepare a KSP before it reads its options.
+
+        Args:
+            ksp: linear solver of SNES.
+            remainder: function of a correction returning the norm of H after it, in the rows of
+                the contact conditions; collective.
+        """
+
+    def prepare(
+        self, ksp: PETSc.KSP, step: Step, target: float, state: Evaluation, *, warm: bool
+    ) -> None:
+        """Set tolerances and preconditioner for the step from an iterate. Collective.
+
+        Args:
+            ksp: linear solver of SNES.
+            step: iterate.
+            target: relative residual at which Newton's method ends.
+            state: evaluation at the iterate.
+            warm: whether Newton's method began from a state in contact.
+        """
+
+    def retry(self, state: Evaluation) -> bool:
+        """Return whether another preconditioner is available after a failed solve. Collective."""
+        return False
+
+    def explain(self, ksp: PETSc.KSP) -> str:
+        """Return the reason for a failed linear solve as text. Collective."""
+        raise NotImplementedError
+
+    def inaccuracy(self, ksp: PETSc.KSP) -> str:
+        """Return a message about an inaccurate solve that PETSc accepted, or "". Collective."""
+        return ""
+
+    def tighten(self) -> bool:
+        """Tighten the tolerances, and return whether this was possible; statuses may cycle."""
+        return False
 
 
 @dataclass(eq=False)
@@ -79,13 +133,13 @@ class _Run:
     floating: FloatingBodyError | None = None
 
     def known(self, x: PETSc.Vec) -> Evaluation | None:
-        """Return the latest evaluation if ``x`` are its unknowns; otherwise None. Collective."""
+        """Return the latest evaluation if it is at ``x``, otherwise None. Collective."""
         latest = self.latest
         same = latest is not None and np.array_equal(x.array_r, latest.unknowns)
         return None if any_rank(self.equations.comm, not same) else latest
 
     def at(self, x: PETSc.Vec) -> Evaluation:
-        """Return the evaluation of H at ``x``; H is evaluated if it is not known. Collective."""
+        """Return the evaluation of H at ``x``, repeated only if needed. Collective."""
         state = self.known(x)
         if state is None:
             with logged("ContactResidual"):
@@ -107,7 +161,12 @@ class Newton:
 
     Attributes:
         snes: SNES.
+        tolerance: relative residual at which a run ends.
+        max_iterations: largest number of steps of a run.
     """
+
+    tolerance: float
+    max_iterations: int
 
     def __init__(
         self,
@@ -150,6 +209,7 @@ class Newton:
         with options_in_database(prefix, self.options), as_raised():
             self.snes.setFromOptions()
         self.snes.setTolerances(atol=0.0, stol=0.0)
+        self.tolerance, _, _, self.max_iterations = self.snes.getTolerances()
         if self.linear.name != "direct" and self.snes.getType() != PETSc.SNES.Type.NEWTONLS:
             raise ValueError(
                 f"-{prefix}snes_type {self.snes.getType()} needs an assembled matrix; "
@@ -161,16 +221,6 @@ class Newton:
 
     def __exit__(self, *_: object) -> None:
         destroy(self.snes, self.b, *self._after)
-
-    @property
-    def tolerance(self) -> float:
-        """Relative tolerance of the residual."""
-        return float(self.snes.getTolerances()[0])
-
-    @property
-    def max_iterations(self) -> int:
-        """Largest number of steps of a run."""
-        return int(self.snes.getTolerances()[3])
 
     def run(
         self,

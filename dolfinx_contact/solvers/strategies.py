@@ -65,7 +65,6 @@ __all__ = ["Trial", "solve"]
 logger = logging.getLogger(__name__)
 
 _EXTRAPOLATED = "extrapolation"
-_EXPECTED = "expected statuses"
 _INCREMENTS = "load increments"
 _FOLLOWING = "load following"
 _SMALLEST = 1e-4  # smallest increment of the load, relative to the first one
@@ -306,7 +305,8 @@ def strategies(
         yield _Strategy(_EXTRAPOLATED, run, is_newton=True)
     for statuses in trial.expected:
         start = None
-        yield _Strategy(_EXPECTED, partial(Newton.run_holding, statuses=statuses))
+        run = partial(Newton.run_holding, statuses=statuses)
+        yield _Strategy("expected statuses", run)
     yield _Strategy("full steps", partial(Newton.run, start=start), is_newton=True)
     if trial.brief:
         return

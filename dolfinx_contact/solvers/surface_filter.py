@@ -128,7 +128,7 @@ class SurfaceFilter:
         z.array[s] += self.solve(rest)
 
     def is_on_surface(self, r: PETSc.Vec, share: float) -> bool:
-        """Return whether the norm of ``r`` on the surface exceeds a share of its norm. Collective.
+        """Return whether ``r`` on the surface exceeds a share of its norm. Collective.
 
         Args:
             r: residual; for NaN the result is False.
