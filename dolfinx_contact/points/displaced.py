@@ -67,6 +67,7 @@ from dolfinx_contact.points.contact_points import ContactPoints
 from dolfinx_contact.points.descriptions import SlidingKind
 from dolfinx_contact.points.evaluators import (
     Evaluator,
+    GapsAndNormals,
     Given,
     blocked_space,
     fields_of,
@@ -301,18 +302,18 @@ class DisplacedPoints:
         data = PointData(values["normal"] @ turn.T, none, none, fields_of(values))
         return data, values["seen"] @ turn.T
 
-    def gaps_and_normals(self, place: Array) -> tuple[Array, Array]:
-        """Return gaps (n,) and normals (n, dim) of the points, in the frame of the obstacle.
+    def gaps_and_normals(self, place: Array) -> GapsAndNormals:
+        """Return gaps and normals of the points, in the frame of the obstacle.
 
         Args:
             place: displacements of the points, shape (n, dim).
         """
         self._place(place, None)
         found = self._points.own(self._evaluate)
-        return found["gap"], found["normal"]
+        return GapsAndNormals(found["gap"], found["normal"])
 
-    def at_vertices(self, place: Array) -> tuple[Array, Array]:
-        """Return gaps (n,) and normals (n, dim) at the local vertices.
+    def at_vertices(self, place: Array) -> GapsAndNormals:
+        """Return gaps and normals at the local vertices, in the frame of the obstacle.
 
         Args:
             place: displacements of the local vertices, shape (n, dim).
@@ -330,7 +331,7 @@ class DisplacedPoints:
         moved, evaluate = self._at_vertices
         moved.x.array[:] = place.reshape(-1)
         values = evaluate()
-        return values["gap"], values["normal"]
+        return GapsAndNormals(values["gap"], values["normal"])
 
 
 def _removed(overlap: fem.Function | None) -> Any:

@@ -39,6 +39,7 @@ from dolfinx_contact.points.trace import owned_exterior
 
 __all__ = [
     "Evaluator",
+    "GapsAndNormals",
     "Given",
     "PointEvaluator",
     "ScatteredEvaluator",
@@ -240,7 +241,14 @@ def fields_of(values: Mapping[str, Array]) -> dict[str, Array]:
     return {name[1:]: v for name, v in values.items() if name.startswith(":")}
 
 
-def at_nodes(W: fem.FunctionSpace, surface: Obstacle) -> tuple[Array, Array]:
+class GapsAndNormals(NamedTuple):
+    """Gaps (n,) and unit normals (n, dim) of an obstacle at n places."""
+
+    gap: Array
+    normal: Array
+
+
+def at_nodes(W: fem.FunctionSpace, surface: Obstacle) -> GapsAndNormals:
     """Return gap and normal of an obstacle at the local nodes of a scalar P1 space. Collective."""
     gap, normal = surface.on(W.mesh)
     both = ufl.as_vector([gap, *(normal[i] for i in range(W.mesh.geometry.dim))])
@@ -248,7 +256,7 @@ def at_nodes(W: fem.FunctionSpace, surface: Obstacle) -> tuple[Array, Array]:
     f.interpolate(compiled_expression(both, interpolation_points(f.function_space)))
     f.x.scatter_forward()
     values = f.x.array.reshape(-1, len(both))
-    return values[:, 0].copy(), values[:, 1:].copy()
+    return GapsAndNormals(values[:, 0].copy(), values[:, 1:].copy())
 
 
 class ScatteredEvaluator:

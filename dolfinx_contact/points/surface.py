@@ -32,7 +32,7 @@ from dolfinx_contact.points.contact_points import (
 )
 from dolfinx_contact.points.descriptions import Contact, ContactMethod, Overlap, displacement_degree
 from dolfinx_contact.points.displaced import DisplacedPoints, TrueGaps, displaced_points, follows
-from dolfinx_contact.points.evaluators import Evaluator, Given, ScatteredEvaluator
+from dolfinx_contact.points.evaluators import Evaluator, GapsAndNormals, Given, ScatteredEvaluator
 from dolfinx_contact.points.jump_operators import ConstantOperator
 from dolfinx_contact.points.kinematics import Kinematics
 from dolfinx_contact.points.memory import Memory, with_memory
@@ -452,8 +452,8 @@ class DiscreteSurface(ReadOnly):
         """
         return with_memory(self.law_at_points.compiled, memory, self.points.data)
 
-    def at_vertices(self, jump: Array) -> tuple[Array, Array]:
-        """Return gaps (n,) and normals (n, dim) at local vertices after given jumps. Collective.
+    def at_vertices(self, jump: Array) -> GapsAndNormals:
+        """Return gaps and normals at the local vertices after given jumps. Collective.
 
         Args:
             jump: jumps at the local vertices, shape (n, dim).
@@ -462,9 +462,9 @@ class DiscreteSurface(ReadOnly):
             body = self.rigid_body
             frame = self.partner.rotation(None if body is None else body.values)
             gap, normal = self.displaced.at_vertices(jump)
-            return gap, normal if frame is None else normal @ frame.T
+            return GapsAndNormals(gap, normal if frame is None else normal @ frame.T)
         normal = self.points.vertex_normals
-        return self.points.vertex_gaps - dot(jump, normal), normal
+        return GapsAndNormals(self.points.vertex_gaps - dot(jump, normal), normal)
 
 
 _POINTS: dict[ContactMethod, type[ContactPoints]] = {
