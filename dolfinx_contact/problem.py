@@ -618,7 +618,6 @@ class ContactProblem(ReadOnly):
             ValueError: on every rank, if the mesh has moved or the state belongs to another
                 problem.
         """
-        self.equations.require_same_mesh()
         with self._shown(state) as problem:
             yield self._as_written() if problem is self else problem
 
